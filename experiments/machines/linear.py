@@ -13,6 +13,7 @@ import numpy as np
 from experiments.machines.count_noise import rounding_noise
 from experiments.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
 from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.linear.between_samples import hidden_acceleration
 from jcontour.plant import Plant
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
@@ -82,6 +83,11 @@ class LinearMachine(Machine):
     def resolution(self) -> float:
         """Of the position encoders."""
         return self.encoder_resolution
+
+    @property
+    def hidden_acceleration(self) -> np.ndarray:
+        """Of the model; its known delay has none."""
+        return hidden_acceleration(self.model, self.known_delay)
 
     @property
     def sensed(self) -> tuple[str, ...]:

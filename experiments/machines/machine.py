@@ -12,6 +12,7 @@ import numpy as np
 
 from experiments.video.film import FilmMaker
 from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.linear.between_samples import hidden_acceleration
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 
@@ -122,6 +123,11 @@ class Machine(abc.ABC):
     def doubt(self) -> Doubt | None:
         """How far off the response may be, beside the family; None where nothing is said."""
         return None
+
+    @property
+    def hidden_acceleration(self) -> np.ndarray:
+        """(m, p) acceleration between samples per unit of a control that alternates, see there."""
+        return hidden_acceleration(self.model)
 
     @property
     @abc.abstractmethod

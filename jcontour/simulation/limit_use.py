@@ -2,6 +2,8 @@
 
 Speed and acceleration are those of the tool, by differences of its samples:
     v(k) = (y(k+1) - y(k)) / dt,   a(k) = (v(k+1) - v(k)) / dt
+To the largest a is added the largest that its samples hide, `between_samples`. Both need not occur
+at once: what is used is at most this.
 """
 
 from typing import NamedTuple
@@ -23,12 +25,15 @@ class AxisLimits(NamedTuple):
         acceleration: (m,) [m/s^2].
         control: (p,) [control unit].
         increment: (p,) [control unit per sample].
+        hidden: (m, p) acceleration between samples per unit of a control that alternates
+            [m/s^2 per control unit], as `hidden_acceleration` gives it; None to leave it out.
     """
 
     speed: Float[Array | np.ndarray, " m"] | None = None
     acceleration: Float[Array | np.ndarray, " m"] | None = None
     control: Float[Array | np.ndarray, " p"] | None = None
     increment: Float[Array | np.ndarray, " p"] | None = None
+    hidden: Float[Array | np.ndarray, "m p"] | None = None
 
 
 class LimitUse(NamedTuple):
@@ -73,13 +78,27 @@ def limit_use(
     mask = reference.mask[: reference.steps]
     pairs = mask[1:] & mask[:-1]
     speed = jnp.diff(output, axis=0) / reference.dt
-    acceleration = jnp.diff(speed, axis=0) / reference.dt
+    triples = pairs[1:] & pairs[:-1]
     return LimitUse(
         _largest(speed, pairs, limits.speed),
-        _largest(acceleration, pairs[1:] & pairs[:-1], limits.acceleration),
+        _accelerated(jnp.diff(speed, axis=0) / reference.dt, control, triples, limits),
         _largest(control, mask, limits.control),
         _largest(jnp.diff(control, axis=0), pairs, limits.increment),
     )
+
+
+def _accelerated(
+    sampled: Float[Array, "s m"],
+    control: Float[Array, "T p"],
+    counted: Bool[Array, " s"],
+    limits: AxisLimits,
+) -> Float[Array, ""]:
+    """Use by what the samples show and, where it is looked at, by what they hide."""
+    if limits.acceleration is None or limits.hidden is None:
+        return _largest(sampled, counted, limits.acceleration)
+    hidden = jnp.abs(jnp.diff(control, n=2, axis=0)) / 4 @ limits.hidden.T
+    most = [largest(jnp.where(counted[:, None], jnp.abs(part), 0)) for part in (sampled, hidden)]
+    return largest(jnp.asarray(sum(most) / limits.acceleration))
 
 
 def _largest(

@@ -27,6 +27,7 @@ from experiments.reports.figures.shared.beside import drawn_by
 from experiments.reports.figures.shared.png import image
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
+from experiments.runs.checks.between_samples import swing_warnings
 from experiments.runs.checks.lost_numbers import lost_numbers
 from experiments.runs.checks.machine_limits import limits_met
 from experiments.runs.contour_summary import contour_read, peak_place
@@ -137,6 +138,7 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
         warnings=[
             *lost_numbers(replayed, scenarios),
             *limits_met(replayed, scenarios, machine),
+            *swing_warnings(replayed, scenarios, machine),
         ],
         motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
     )

@@ -9,11 +9,13 @@ from jaxtyping import Bool, Float
 from experiments.jobs.job import Job
 from experiments.jobs.replays import Replay, Scenarios, measured_speeds, scored
 from experiments.machines.machine import Machine
+from jcontour.linear.between_samples import alternating
 
 DRIVES = ("control", "control increment")
 MET = 1 - 1e-9  # of a limit: a plant holds its control there
 ROUNDING = 1 + 1e-6  # of what a reference asks for
 NEAR = 0.9  # of a limit, from which on there is a warning
+RINGING = 0.1  # of a limit, from which on what is between samples is told
 
 
 class Peak(NamedTuple):
@@ -26,6 +28,7 @@ class Peak(NamedTuple):
     contour: str
     plant: str
     limit: float
+    hidden: float = 0.0  # part of the value that is between the samples
 
     @property
     def is_near(self) -> bool:
@@ -36,6 +39,8 @@ class Peak(NamedTuple):
     def words(self) -> str:
         """Value, limit and place."""
         size = f"{self.value:.4g} of {self.limit:.4g} {self.unit}"
+        if self.hidden > RINGING * self.limit:
+            size += f", {self.hidden:.3g} of it between samples: the control alternates"
         return f"{size} ({self.contour}, {self.plant})"
 
 
@@ -201,7 +206,8 @@ def _rapid(scenarios: Scenarios) -> Bool[np.ndarray, "contours steps"]:
 def _peaks(seen: Signals, machine: Machine) -> Iterator[Peak]:
     """Peak of every limited quantity of every axis in the samples that are counted, and where.
 
-    A run that is not finite is left out: its numbers mean nothing.
+    A run that is not finite is left out: its numbers mean nothing. To the largest acceleration that
+    the samples show is added the largest that they hide.
     """
     lost = ~(_finite(seen.output) & _finite(seen.control))[..., None, None]
     output, control = (np.where(lost, 0.0, rows) for rows in (seen.output, seen.control))
@@ -217,13 +223,26 @@ def _peaks(seen: Signals, machine: Machine) -> Iterator[Peak]:
     ):
         if limit is None:
             continue
-        whole = _whole(seen.counted, values.shape[2])
-        peaks = np.where(whole[:, None, :, None], np.abs(values), 0.0).max(axis=2)
+        peaks = largest_counted(values, seen.counted)
+        hidden = 0.0 * peaks
+        if quantity == "acceleration":
+            unseen = alternating(control) @ machine.hidden_acceleration.T
+            hidden = largest_counted(unseen, seen.counted)
+        peaks += hidden
         for k, name in enumerate(names):
-            contour, plant = np.unravel_index(np.argmax(peaks[:, :, k]), peaks.shape[:2])
-            peak = float(peaks[contour, plant, k])
-            places = seen.contours[int(contour)], seen.plants[int(plant)]
-            yield Peak(name, quantity, shown, peak, *places, float(limit[k]))
+            place = np.unravel_index(np.argmax(peaks[:, :, k]), peaks.shape[:2])
+            where = seen.contours[int(place[0])], seen.plants[int(place[1])]
+            value, part = float(peaks[*place, k]), float(hidden[*place, k])
+            yield Peak(name, quantity, shown, value, *where, float(limit[k]), part)
+
+
+def largest_counted(
+    values: Float[np.ndarray, "contours plants rows axes"],
+    counted: Bool[np.ndarray, "contours steps"],
+) -> Float[np.ndarray, "contours plants axes"]:
+    """Largest magnitude of differences whose samples are all counted."""
+    whole = _whole(counted, values.shape[2])
+    return np.asarray(np.where(whole[:, None, :, None], np.abs(values), 0.0).max(axis=2))
 
 
 def _finite(rows: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ import numpy as np
 from experiments.files.results.tuned_result import PathMargins, Standstill
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.machine import Machine
+from experiments.runs.checks.between_samples import swing_warnings
 from experiments.runs.checks.machine_limits import drives_at_limits_in_rapids, limit_warnings
 from experiments.runs.tuning.problem import TuningRun
 from tuning.objectives import COUNT_NOISE
@@ -29,6 +30,7 @@ def run_warnings(
     asked = run.flags.min_delay_margin
     lines += margin_warnings(margins, run.machine.unknown_delay, asked)
     lines += limit_warnings(found, run.scenarios, run.machine)
+    lines += swing_warnings(found, run.scenarios, run.machine)
     lines += drives_at_limits_in_rapids(found, run.scenarios, run.machine)
     if run.machine.error == "contour":  # the tracking error itself is tuned and shown otherwise
         lines += lag_warnings(replays, run.scenarios)

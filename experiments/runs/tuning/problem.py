@@ -35,7 +35,7 @@ from jcontour.guarantees.disturbed_family import DisturbedFamily
 from jcontour.guarantees.disturbed_loop import check_linear
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants, stack_references
-from jcontour.simulation.limit_use import AxisLimits
+from jcontour.simulation.limit_use import AxisLimits, LimitUse
 from tuning.effort import Effort
 from tuning.objectives import (
     CERTIFIED_USE,
@@ -204,15 +204,15 @@ def _objective(flags: Tune, machine: Machine) -> Objective:
 
 
 def _stated_limits(machine: Machine) -> AxisLimits:
-    """Limits that the machine states."""
-    stated = machine.limits._asdict()
+    """Limits that the machine states, and what of its acceleration the samples hide."""
+    stated = machine.limits._asdict() | {"hidden": machine.hidden_acceleration}
     return AxisLimits(
         **{name: None if value is None else jnp.asarray(value) for name, value in stated.items()}
     )
 
 
 def _named(limits: AxisLimits) -> list[str]:
-    return [name for name, value in limits._asdict().items() if value is not None]
+    return [name for name in LimitUse._fields if getattr(limits, name) is not None]
 
 
 def _bounds(flags: Tune, machine: Machine) -> Bounds | None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
-from jcontour.simulation.limit_use import AxisLimits, limit_use
+from jcontour.simulation.limit_use import AxisLimits, LimitUse, limit_use
 
 
 def test_only_scored_samples_count_and_the_worst_axis_does():
@@ -20,7 +20,7 @@ def test_only_scored_samples_count_and_the_worst_axis_does():
     reference = along(path, np.linspace(0, 1, 12), dt, 0, at_rest=False, scored=scored)
     limits = AxisLimits(*(np.array([1.0, 4.0]) * k for k in (1.0, 2.0, 3.0, 5.0)))
     use = jax.jit(limit_use)(output, control, reference, limits)
-    wanted = dict.fromkeys(limits._fields, 0.0)
+    wanted = dict.fromkeys(LimitUse._fields, 0.0)
     for k in range(12):
         for axis in range(2):
             if scored[k]:
@@ -40,6 +40,25 @@ def test_only_scored_samples_count_and_the_worst_axis_does():
         np.testing.assert_allclose(getattr(use, name), value, rtol=1e-12)
 
 
+def test_what_the_samples_hide_is_added_to_what_they_show():
+    """A mass under a force that alternates: its samples stand still."""
+    dt, push, hidden = 0.1, 3.0, 0.5
+    force = push * (-1.0) ** np.arange(9)[:, None] * np.array([1.0, 0.0]) + [0.0, 2.0]
+    still = np.zeros((9, 1))
+    scored = np.arange(9) < 6
+    path = line([0.0], [1.0])
+    reference = along(path, np.linspace(0, 1, 9), dt, 0, at_rest=False, scored=scored)
+    force[7:] *= 100  # where nothing is scored
+    limits = AxisLimits(acceleration=np.array([4.0]), hidden=np.array([[hidden, 0.2]]))
+    use = limit_use(still, force, reference, limits)
+    np.testing.assert_allclose(use.acceleration, hidden * push / 4.0, rtol=1e-12)
+    moving = 0.5 * 1.5 * (dt * np.arange(9)[:, None]) ** 2
+    use = limit_use(moving, force, reference, limits)
+    np.testing.assert_allclose(use.acceleration, (1.5 + hidden * push) / 4.0, rtol=1e-12)
+    use = limit_use(moving, force, reference, limits._replace(hidden=None))
+    np.testing.assert_allclose(use.acceleration, 1.5 / 4.0, rtol=1e-12)
+
+
 def test_what_has_no_limit_is_not_used():
     path = line([0.0], [1.0])
     reference = along(path, np.linspace(0, 1, 5), 1.0, 0, at_rest=False)
@@ -52,7 +71,8 @@ def test_slopes_are_those_of_differences():
     path = line([0.0, 0.0], [1.0, 1.0])
     wanted = 1e-4 * np.cumsum(np.random.default_rng(0).normal(size=(20, 2)), axis=0)
     reference = along(path, np.linspace(0, 1, 20), 2e-3, 0, at_rest=False)
-    limits = AxisLimits(*(np.full(2, limit) for limit in (0.2, 3.7, 300.0, 90.0)))
+    stated = (np.full(2, limit) for limit in (0.2, 3.7, 300.0, 90.0))
+    limits = AxisLimits(*stated, hidden=np.array([[20.0, 0.0], [0.0, 30.0]]))
 
     def use(gain):
         def step(state, target):

@@ -28,7 +28,13 @@ LIMITS = SimpleNamespace(
 def machine_of(limits):
     """A machine of two axes with these limits."""
     model = SimpleNamespace(dt=1e-3, inputs=2)
-    found = SimpleNamespace(axes=("X", "Y"), control_unit="A", limits=limits, model=model)
+    found = SimpleNamespace(
+        axes=("X", "Y"),
+        control_unit="A",
+        limits=limits,
+        model=model,
+        hidden_acceleration=np.diag([0.5, 0.0]),
+    )
     return cast(Any, found)
 
 
@@ -68,6 +74,18 @@ def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
     seen.output[0, 1, 10:, 0] = 1.7e-4
     assert limit_warnings(seen, scenarios(), MACHINE) == []
     assert exceeded_limits(seen, scenarios(), MACHINE) == []
+
+
+def test_acceleration_between_samples_counts_beside_that_of_the_samples():
+    seen, machine = run(), machine_of(MachineLimits(acceleration=np.full(2, 3.0)))
+    seen.control[1, 1, 5:, :] = 4.0 * (-1.0) ** np.arange(SAMPLES - 5)[:, None]
+    seen.control[0, 0, :5] = 100.0 * (-1.0) ** np.arange(5)[:, None]  # not scored
+    assert limits_met(seen, scenarios(), machine) == []  # 2 of 3 m/s^2
+    seen.output[1, 1, :, 0] = 0.5 * 1.5 * (1e-3 * np.arange(SAMPLES)) ** 2
+    assert exceeded_limits(seen, scenarios(), machine) == [
+        "acceleration of X EXCEEDS its limit: 3.5 of 3 m/s^2, 2 of it between samples: the control "
+        "alternates (eight, late)"
+    ]
 
 
 def test_a_run_that_diverged_has_no_peaks_and_hides_none():
