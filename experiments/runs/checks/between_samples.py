@@ -4,30 +4,37 @@ import numpy as np
 
 from experiments.jobs.replays import Replay, Scenarios, scored
 from experiments.machines.machine import Machine
-from experiments.runs.checks.machine_limits import largest_counted
+from experiments.runs.checks.machine_limits import between_counted
 from jcontour.linear.between_samples import alternating
 
-MUCH = 0.1  # of the RMS error, from which on a swing is told
+MUCH = 0.2  # of the RMS error, from which on a swing is told
+PARABOLA = np.sqrt(8 / 15)  # RMS of an arc of it over its height
+LEAST = 1e-9  # error [m], below which nothing is measured
 
 
 def swing_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
     """A line where the tool swings between samples by much of the error that the samples show.
 
-    An acceleration a that alternates from sample to sample takes the tool a dt^2 / 8 aside.
+    An acceleration a that alternates from sample to sample takes the tool a dt^2 / 8 aside, on a
+    parabola.
     """
     lost = np.asarray(replay.metrics.diverged)
     control = np.where(lost[..., None, None], 0.0, replay.control)
-    hidden = alternating(control) @ machine.hidden_acceleration.T
-    swings = largest_counted(hidden, scored(scenarios)) * machine.model.dt**2 / 8
+    aside = alternating(control) @ machine.hidden_acceleration.T * machine.model.dt**2 / 8
+    counted = between_counted(scored(scenarios), aside.shape[2])[:, None, :, None]
+    squares = np.sum(aside**2, axis=2, where=counted) / np.maximum(counted.sum(axis=2), 1)
+    rms = PARABOLA * np.sqrt(squares)
     errors = np.asarray(getattr(replay.metrics, f"rms_{machine.error}_error"))
-    shares = np.where(lost[..., None], 0.0, swings / np.maximum(errors, 1e-12)[..., None])
-    contour, plant, axis = np.unravel_index(np.argmax(shares), shares.shape)
-    if shares[contour, plant, axis] <= MUCH:
+    shares = np.where(lost[..., None], 0.0, rms / np.maximum(errors, LEAST)[..., None])
+    place = np.unravel_index(np.argmax(shares), shares.shape)
+    if not shares[place] > MUCH:
         return []
-    swing, error = 1e6 * swings[contour, plant, axis], 1e6 * errors[contour, plant]
+    contour, plant, axis = (int(index) for index in place)
+    most = np.where(counted, aside, 0.0).max(axis=2)[place]
     return [
-        f"{machine.axes[axis]} swings by up to {swing:.3g} um between samples, beside an RMS "
-        f"{machine.error} error of {error:.3g} um at samples "
-        f"({scenarios.jobs[contour].name}, {scenarios.plants[plant]}): its control alternates; "
-        "more weight on the control (rho) calms it"
+        f"{machine.axes[axis]} swings by {1e6 * rms[place]:.3g} um RMS between samples, and by up "
+        f"to {1e6 * most:.3g} um, beside an RMS {machine.error} error of "
+        f"{1e6 * errors[contour, plant]:.3g} um at samples ({scenarios.jobs[contour].name}, "
+        f"{scenarios.plants[plant]}): its control alternates; a larger rho calms given weights, "
+        "--max-rms-increment tuned ones"
     ]

@@ -241,7 +241,7 @@ def largest_counted(
     counted: Bool[np.ndarray, "contours steps"],
 ) -> Float[np.ndarray, "contours plants axes"]:
     """Largest magnitude of differences whose samples are all counted."""
-    whole = _whole(counted, values.shape[2])
+    whole = between_counted(counted, values.shape[2])
     return np.asarray(np.where(whole[:, None, :, None], np.abs(values), 0.0).max(axis=2))
 
 
@@ -250,7 +250,9 @@ def _finite(rows: np.ndarray) -> np.ndarray:
     return np.asarray(np.isfinite(rows).all(axis=(2, 3)))
 
 
-def _whole(counted: np.ndarray, rows: int) -> np.ndarray:
+def between_counted(
+    counted: Bool[np.ndarray, "contours steps"], rows: int
+) -> Bool[np.ndarray, "contours rows"]:
     """Which of the `rows` differences (contour, row) are between counted samples alone."""
     apart = counted.shape[1] - rows
     windows = np.lib.stride_tricks.sliding_window_view(counted, apart + 1, axis=1)

@@ -213,7 +213,10 @@ def _what_helps(limit: str, allowing: str) -> list[str]:
 
 def _calmer(feed_law: str) -> list[str]:
     """What helps where a run exceeds a limit of the machine."""
-    lower = f"a motion that asks for less keeps the limit; {TRY_LESS}"
+    lower = (
+        "a motion that asks for less keeps the limit, and so may tuning on that contour as well; "
+        f"{TRY_LESS}"
+    )
     return [lower if feed_law == "jerk" else f"{lower}; or with a toolpath file --feed-law jerk"]
 
 

@@ -30,24 +30,36 @@ def seen(amplitude, lost=False):
     return Replay(cast(Any, metrics), np.zeros_like(control), control, control)
 
 
-def warnings(replay):
-    references = SimpleNamespace(mask=np.ones((1, SAMPLES), bool), steps=SAMPLES)
+EVERY = np.ones(SAMPLES, bool)
+
+
+def warnings(replay, counted=EVERY):
+    references = SimpleNamespace(mask=counted[None], steps=SAMPLES)
     jobs = (SimpleNamespace(name="ring"),)
     found = Scenarios(cast(Any, jobs), (True,), ("nominal", "late"), cast(Any, references), 0)
     return swing_warnings(replay, found, MACHINE)
 
 
 def test_a_swing_of_much_of_the_error_is_told():
-    aside = HIDDEN * DT**2 / 8  # [m] for each unit
-    [told] = warnings(seen(0.25 * ERROR / aside))
+    """RMS of the fine samples of a parabola, a quarter of the error."""
+    arc = 4 * (t := np.linspace(0, 1, 10_001)) * (1 - t)
+    height = 0.25 * ERROR / np.sqrt(np.mean(arc**2))
+    [told] = warnings(seen(height / (HIDDEN * DT**2 / 8)))
     assert told.startswith(
-        "Y swings by up to 0.25 um between samples, beside an RMS contour error of 1 um at samples "
-        "(ring, late)"
+        f"Y swings by 0.25 um RMS between samples, and by up to {1e6 * height:.3g} um, beside an "
+        "RMS contour error of 1 um at samples (ring, late)"
     )
 
 
 def test_a_small_one_is_not():
-    assert warnings(seen(0.09 * ERROR / (HIDDEN * DT**2 / 8))) == []
+    assert warnings(seen(0.2 * ERROR / (HIDDEN * DT**2 / 8))) == []
+
+
+def test_only_scored_samples_count():
+    replay = seen(0.5 * ERROR / (HIDDEN * DT**2 / 8))
+    assert warnings(replay, SCORED := np.arange(SAMPLES) >= 4)
+    replay.control[0, 1, SCORED] = 0.0
+    assert warnings(replay, np.arange(SAMPLES) >= 5) == []
 
 
 def test_a_run_that_diverged_has_none():
