@@ -4,13 +4,15 @@ The reference p(k) is shifted by c(k), zero at both ends and where it is held. W
 e_i(c) = p - y_i(p + c), the error of plant i,
     minimise over c the largest over i of  J_i(c) + size |c|^2 + roughness |c''|^2, all means
     J_i = mean of e_i' W e_i,   W = (1 - contouring) I + contouring (I - t t')
-over the samples that count, c'' the second difference, with no shift before and after. Of a linear
-loop e_i is affine in c. For
-weights lambda_i >= 0 of sum one, the minimum of sum_i lambda_i J_i solves
+over the samples that count, c'' the second difference, with no shift before and after. c'' may be
+bounded, so that the bent reference asks for no more acceleration than the machine has (`bends`).
+Of a linear loop e_i is affine in c. For weights lambda_i >= 0 of sum one, the minimum of
+sum_i lambda_i J_i solves
     (sum_i lambda_i G_i' W G_i + R) d = sum_i lambda_i G_i' W e_i - R c,   R = size + roughness D' D
 by conjugate gradients, G_i a run's derivative and G_i' the same backwards. Multiplicative weights
 (Arora, Hazan & Kale 2012) raise lambda of the plants that are worse off: with the right lambda the
-weighted minimum is that of the largest. Any other loop is linearised anew in every round.
+weighted minimum is that of the largest. Any other loop is linearised anew in every round, and
+every round takes one step towards the bounds.
 """
 
 from collections.abc import Callable
@@ -20,7 +22,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.lax.linalg import tridiagonal_solve
 from jax.scipy.sparse.linalg import cg
 from jaxtyping import Array, Bool, Float
 
@@ -30,9 +31,11 @@ from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import family_batching
+from tuning.bends import Bounds, Copy, bend_back, bend_of, eased
 
 TOLERANCE, ITERATIONS = 1e-8, 30  # of the conjugate gradients: the next round goes on from there
 ROUNDS = 8  # of weights: more change the largest error by a few per cent
+MORE = 5  # times as many, at most, until the bounds are kept
 RATE = 2.0  # of the weights: exp(2) from a plant without error to the worst, then ever less
 
 
@@ -61,6 +64,7 @@ def precompensate(
     roughness: float = 1e-2,
     rounds: int = ROUNDS,
     held: Bool[np.ndarray, " T"] | None = None,
+    bounds: Bounds | None = None,
     tell: Callable[[int], None] | None = None,
 ) -> Precompensated:
     """Correction that makes the largest error of a family small.
@@ -72,8 +76,10 @@ def precompensate(
         contouring: part of the weight that is on the contour error alone.
         size: price of the correction, relative to an error of the same size.
         roughness: price of its second difference, likewise.
-        rounds: of weights; one minimises the mean over the family.
+        rounds: of weights; one minimises the mean over the family. Where bounds are not kept by
+            then, there are more, up to `MORE` times as many.
         held: samples where the reference stays as it is, as where a program stops; None for none.
+        bounds: of the correction's second difference; None for none.
         tell: hears the number of every round that is done, from one; None for nobody.
 
     Raises:
@@ -91,22 +97,29 @@ def precompensate(
     errors = _weighted_errors(plants, controller, reference, contouring, free)
     still = jnp.zeros((reference.steps, reference.position.shape[-1]))
     prices = jnp.asarray([size, roughness])
+    bounds = bounds or Bounds.none(*still.shape)
+    within = jax.tree.map(jnp.asarray, bounds.inner)
     before = np.asarray(_sizes(errors(still)))
     weight = np.full(before.shape, 1 / before.size)
     best = Precompensated(np.asarray(still), before, before, weight)
-    least, correction = float(np.max(before) ** 2), still
-    for number in range(1, rounds + 1):
-        correction = _improved(errors, correction, jnp.asarray(weight), prices, free)
+    least, correction, copy = float(np.max(before) ** 2), still, Copy.of(bounds)
+    for number in range(1, MORE * rounds + 1):
+        correction, copy = _improved(
+            errors, correction, jnp.asarray(weight), prices, free, copy, within
+        )
         after = np.asarray(_sizes(errors(correction)))
         cost = float(np.max(after) ** 2 + _price(correction, prices, free))
-        if cost < least:
-            shown = np.asarray(free * correction)
+        shown = np.asarray(free * correction)
+        kept = bounds.keep(shown)
+        if cost < least and kept:
             best, least = Precompensated(shown, before, after, weight), cost
         shares = after**2 / max(float(np.max(after**2)), np.finfo(float).tiny)
         weight = weight * np.exp(RATE / np.sqrt(number) * (shares - 1))
         weight = weight / weight.sum()
         if tell is not None:
             tell(number)
+        if number >= rounds and kept:
+            break
     return best
 
 
@@ -158,56 +171,47 @@ def _price(
     """size |c|^2 + roughness |c''|^2, as means over the samples."""
     shown = free * correction
     size, rough = prices / correction.shape[0]
-    return jnp.sum(shown * (size * shown + rough * free * _bending(shown)))
+    return size * jnp.sum(shown**2) + rough * jnp.sum(bend_of(shown) ** 2)
 
 
 @eqx.filter_jit
 def _improved(
-    errors: Callable[[Array], Array], correction: Array, weight: Array, prices: Array, free: Array
-) -> Float[Array, "T m"]:
-    """Minimum of the weighted square sum, of the loops linearised at this correction."""
+    errors: Callable[[Array], Array],
+    correction: Array,
+    weight: Array,
+    prices: Array,
+    free: Array,
+    copy: Copy,
+    within: tuple[Array, Array],
+) -> tuple[Float[Array, "T m"], Copy]:
+    """Minimum of the weighted square sum beside a copy, of the loops linearised here."""
     found, slopes = jax.linearize(errors, correction)
     back = jax.linear_transpose(slopes, correction)
     each = weight[:, None, None]
     # prices count per sample, as the mean square does
-    size, rough = prices / correction.shape[0]
+    steps = correction.shape[0]
+    size, rough = (prices + jnp.array([0.0, 1.0]) * copy.penalty) / steps
 
     def priced(change: Array) -> Array:
-        return size * change + rough * free * _bending(free * change)
+        return size * change + rough * free * bend_back(bend_of(free * change))
 
     def normal(change: Array) -> Array:
         (pulled,) = back(each * slopes(change))
         return pulled + priced(change)
 
-    def eased(residual: Array) -> Array:
-        return free * _eased(free * residual, prices) + (1 - free) * residual
+    def preconditioned(residual: Array) -> Array:
+        # a loop's slopes are about one where it follows
+        inside = eased(free * residual, 1 / steps + size, rough)
+        return free * inside + (1 - free) * residual
 
     (pulled,) = back(each * found)
-    right = -pulled - priced(correction)
-    change, _ = cg(normal, right, tol=TOLERANCE, maxiter=ITERATIONS, M=eased)
-    return correction + change
-
-
-def _eased(residual: Float[Array, "T m"], prices: Float[Array, " two"]) -> Float[Array, "T m"]:
-    """Preconditioner (1 + size + sqrt(roughness) L)^-2 of the normal equations, L = -c''.
-
-    L'L is D'D but for the ends, and a loop's slopes are about one where it follows.
-    """
-    steps = residual.shape[0]
-    size, rough = jnp.sqrt(1.0 + prices[0]), jnp.sqrt(prices[1])
-    beside = jnp.full(steps, -rough)
-    middle = jnp.full(steps, size + 2 * rough)
-    lower, upper = beside.at[0].set(0.0), beside.at[-1].set(0.0)
-    once = tridiagonal_solve(lower, middle, upper, residual)
-    return steps * tridiagonal_solve(lower, middle, upper, once)
-
-
-def _bending(rows: Float[Array, "T m"]) -> Float[Array, "T m"]:
-    """D' D c of the second difference D; there is no shift before the first sample and after."""
-
-    def second(one: Array) -> Array:
-        whole = jnp.pad(one, ((2, 2), (0, 0)))
-        return whole[2:] - 2 * whole[1:-1] + whole[:-2]
-
-    bent, back = jax.vjp(second, rows)
-    return back(bent)[0]
+    wanted = free * bend_back(copy.place - copy.multiplier) * copy.penalty / steps
+    change, _ = cg(
+        normal,
+        wanted - pulled - priced(correction),
+        tol=TOLERANCE,
+        maxiter=ITERATIONS,
+        M=preconditioned,
+    )
+    correction = correction + change
+    return correction, copy.after(bend_of(free * correction), within)

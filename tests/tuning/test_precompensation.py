@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from qpsolvers import solve_qp
 from scipy.optimize import minimize
 
 from jcontour.geometry.contours import circle
@@ -10,6 +11,7 @@ from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along
 from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.evaluation import stack_plants
+from tuning.bends import INSIDE, Bounds
 from tuning.precompensation import precompensate
 
 DT, GAIN = 1e-3, 60.0
@@ -106,6 +108,50 @@ def test_where_it_is_held_the_reference_stays_and_the_rest_is_the_minimum(table,
     found = precompensate(plants, controller, reference, **PRICES, rounds=12, held=stays)
     assert np.all(found.correction[stays] == 0) and np.all(found.correction[[19, 24, 39, 41]] != 0)
     np.testing.assert_allclose(found.correction, wanted, atol=1e-4 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("share", [0.5, 0.05])  # of the largest bend that it would like
+def test_within_bounds_it_is_nearly_the_minimum_of_its_quadratic_program(table, controller, share):
+    reference = arc(40)
+    dense = Dense(table, reference)
+    scale = 1e5  # corrections in 10 um, which a solver likes better
+    quadratic, linear = dense.slope.T @ dense.slope + dense.price, dense.slope.T @ dense.error
+    free = np.flatnonzero(dense.slope.any(axis=0))  # the ends stay
+    bend = np.kron(np.diff(np.pad(np.eye(40), ((1, 1), (0, 0))), 2, axis=0), np.eye(2))
+    reach = share * np.abs(bend @ np.linalg.solve(quadratic, linear)).max() * np.ones((40, 2))
+    middle = 0.2 * reach * np.random.default_rng(0).uniform(-1, 1, reach.shape)
+    reach[30:] = np.inf
+
+    def cost(c):
+        return np.sum((dense.error + dense.slope @ c) ** 2) + c @ dense.price @ c
+
+    def least(inside):
+        """Of the corrections that keep a part of the reach."""
+        rows = np.flatnonzero(np.isfinite(reach.ravel()))
+        low, high = ((middle + sign * inside * reach).ravel()[rows] for sign in (-1, 1))
+        found = solve_qp(
+            quadratic[np.ix_(free, free)],
+            scale * linear[free],
+            np.vstack([bend[rows][:, free], -bend[rows][:, free]]),
+            scale * np.concatenate([high, -low]),
+            solver="daqp",
+        )
+        whole = np.zeros(80)
+        whole[free] = found / scale
+        return cost(whole)
+
+    bounds = Bounds(middle, reach)
+    found = precompensate(seen([table]), controller, reference, **PRICES, rounds=200, bounds=bounds)
+    assert bounds.keep(found.correction) and not bounds.keep(2 * found.correction)
+    assert least(1.0) <= cost(found.correction.ravel()) <= 1.02 * least(INSIDE)
+    assert least(INSIDE) < 0.9 * cost(np.zeros(80))
+
+
+def test_bounds_that_are_not_kept_in_time_leave_the_reference_as_it_is(table, controller):
+    bounds = Bounds(np.full((40, 2), 1e-3), np.full((40, 2), 1e-6))  # not even by a straight one
+    found = precompensate(seen([table]), controller, arc(40), **PRICES, rounds=1, bounds=bounds)
+    assert not found.correction.any()
+    np.testing.assert_array_equal(found.after, found.before)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The bent reference of a loop, as smooth as the machine's limits ask for, and its runs."""
+"""The bent reference of a loop, within the machine's limits, and its runs."""
 
 from typing import NamedTuple
 
@@ -27,11 +27,11 @@ from experiments.runs.loops.learned_machines import Setting, linear_family
 from jcontour.controllers.learning.laps import Learned
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants
-from tuning.precompensation import ROUNDS, Precompensated, precompensate
+from tuning.bends import Bounds
+from tuning.precompensation import MORE, ROUNDS, Precompensated, precompensate
 
-TRIES = 4  # of a roughness with all rounds, each ten times the last
-GLANCES = 12  # at a roughness with one round, each SMOOTHER times the last
-SMOOTHER = 10**0.5
+TRIES = 4  # of a roughness, each ten times the last
+MOST = MORE * ROUNDS
 CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
 
 
@@ -109,7 +109,7 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
     reference = job.reference(machine.model.dt, controller.preview)
     family = _family(loop, reference)
     scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
-    doing = f"{ROUNDS} rounds of bending, and as many more where a limit is exceeded"
+    doing = f"{ROUNDS} rounds of bending, up to {MOST} where limits bind"
     line = outline(job, machine.model.dt, len(machine.family_names), doing)
     tables.say(status.console, line)
     status.update("running the reference as it is")
@@ -119,20 +119,29 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
     wanted = np.asarray(reference.position)[: reference.steps]
     part = 0.0 if machine.error == "tracking" else CONTOURING
     held = halted(job)
+    bounds = _bounds(wanted, machine, at_rest)
 
     def asked_by(found: Precompensated) -> list[str]:
         return beyond_limits_asked(wanted + found.correction, wanted, machine, at_rest)
 
-    def glanced(price: float) -> list[str]:
-        status.update(f"looking for a smooth bend, roughness {price:.3g}")
-        return asked_by(
-            precompensate(family, controller, reference, part, roughness=price, rounds=1, held=held)
-        )
-
     def priced(price: float) -> Bent:
         steps = Steps(status, "round", ROUNDS)
+
+        def tell(number: int) -> None:
+            if number < ROUNDS:
+                steps.done(number)
+            else:
+                status.update(f"round {number + 1} of up to {MOST}, until the limits are kept")
+
         found = precompensate(
-            family, controller, reference, part, roughness=price, held=held, tell=steps.done
+            family,
+            controller,
+            reference,
+            part,
+            roughness=price,
+            held=held,
+            bounds=bounds,
+            tell=tell,
         )
         after = replay(Learned(controller, jnp.asarray(found.correction)), scenarios)
         exceeded = [*asked_by(found), *exceeded_limits(after, scenarios, machine)]
@@ -149,21 +158,33 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
             (float(speed.max()), float(acceleration.max())),
         )
 
-    prices = roughness * SMOOTHER ** np.arange(GLANCES)
-    first = next((float(price) for price in prices if not glanced(price)), float(prices[-1]))
-    if first > roughness:
-        tables.say(
-            status.console, f"The limits of the machine ask for a bend of roughness {first:.3g}."
-        )
-    one = priced(first)
+    one = priced(roughness)
     for attempt in range(1, TRIES):
         if _lost(before) or exceeded_before or not (one.exceeded or _lost(one.after)):
             break  # no smoother shift mends what is so without one
-        smoother = first * 10**attempt
+        smoother = roughness * 10**attempt
         more = f"{ROUNDS} more rounds, with roughness {smoother:.3g}"
         tables.say(status.console, f"A limit is exceeded or a plant does not follow: {more}.")
         one = priced(smoother)
     return one
+
+
+def _bounds(wanted: np.ndarray, machine: Machine, at_rest: bool) -> Bounds | None:
+    """Bends with which the reference (T, m) keeps the acceleration that the machine has.
+
+    Where it asks for more already, as much. A run that begins or ends in motion has no bend there.
+    """
+    stated = machine.limits.acceleration
+    if stated is None:
+        return None
+    dt = machine.model.dt
+    beyond = 1 if at_rest else 0
+    rows = np.pad(wanted, ((beyond, beyond), (0, 0)), mode="edge")
+    bends = np.diff(rows, 2, axis=0)
+    _, usual = largest_asked(wanted, dt, at_rest)
+    reach = np.broadcast_to(np.maximum(stated, usual) * dt**2, bends.shape)
+    ends = ((1 - beyond, 1 - beyond), (0, 0))
+    return Bounds(-np.pad(bends, ends), np.pad(reach, ends, constant_values=np.inf))
 
 
 def _lost(runs: Replay) -> bool:
