@@ -28,8 +28,8 @@ def bent(tmp_path_factory, machine_file, part_file):
 @pytest.mark.slow
 def test_the_nominal_and_the_worst_machine_come_nearer(bent):
     result = read_result(bent, BentResult)
-    assert result.nominal_gain > 3 and result.worst_gain > 2 and result.usable
-    assert result.asked[1] <= 4.0  # [m/s^2], the limit that keeps it from more
+    assert result.nominal_gain > 20 and result.worst_gain > 2 and result.usable
+    assert result.asked[1] <= 4.0  # [m/s^2], the limit of the machine
     assert list(result.before) == list(result.after) and not result.exceeded
     assert result.controller == "linear-cascade"  # unless another one is named
     rows = np.loadtxt(bent / "reference.csv", delimiter=",", skiprows=1)
