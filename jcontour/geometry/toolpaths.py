@@ -231,11 +231,11 @@ def _asks(stops: list[Stop], every: list[Stop], moves: list[Move], first: int) -
 
 
 def _ramps(moves: list[Move]) -> tuple[int, ...]:
-    """Numbers of cuts that go up or down along the third axis."""
+    """Numbers of cuts that go up or down along the third axis, be it to and fro."""
     return tuple(
         number
         for number, move in enumerate(moves)
-        if not move.rapid and abs(move.end[2] - move.start[2]) >= SHORTEST
+        if not move.rapid and (move.lifted or abs(move.end[2] - move.start[2]) >= SHORTEST)
     )
 
 
@@ -261,7 +261,7 @@ def _toolpath(
     ignored: tuple[str, ...],
 ) -> Toolpath:
     """Toolpath of all moves at once, without stops: a Contour per move would take minutes."""
-    start, end, centre, angle, normal, feed, rapid, line = (
+    start, end, centre, angle, normal, feed, rapid, line, _ = (
         np.array(column) for column in zip(*moves, strict=True)
     )
     axis = np.eye(3)[normal]

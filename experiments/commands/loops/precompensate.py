@@ -86,6 +86,8 @@ def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult
         asked=found.asked,
         halts=sum(bool(one.asked) for one in moves),
         ramps=0 if read is None else len(read.ramps),
+        weights=loop.weights,
+        doubts=job.doubts,
     )
 
 
@@ -105,6 +107,7 @@ def _head(source: str, result: BentResult) -> list[str]:
     return [
         f"bent by jcontour from {source}",
         f"for {result.machine.name} with the controller {result.controller}, and for no other one",
+        *result.weights,
         f"largest bend {tables.digits(1e6 * result.largest)} um",
     ]
 
@@ -118,6 +121,10 @@ def show(result: BentResult, console: Console) -> None:
     for line in result.exceeded:
         tables.say(console, line)
     tables.say(console, *sentences(result))
+    if result.weights:
+        tables.say(console, f"Bent for {result.controller} with these gains, and for no others:")
+        tables.say(console, *(f"  {line}" for line in result.weights))
+    tables.say(console, *result.doubts)
 
 
 def sentences(result: BentResult) -> list[str]:
@@ -130,7 +137,7 @@ def sentences(result: BentResult) -> list[str]:
         f"{tables.digits(result.asked[1])} m/s^2."
     )
     if result.usable:
-        return [gain]
+        return [gain, *_larger(result)]
     if result.exceeded_before:
         why = (
             f"{result.controller} exceeds a limit of the machine without any bend: choose calmer "
@@ -149,6 +156,22 @@ def sentences(result: BentResult) -> list[str]:
         )
     files = SAMPLES if result.chord is None else f"{SAMPLES} and {PROGRAM}"
     return [gain, f"DO NOT USE: {why}. Not written for that reason: {files}."]
+
+
+def _larger(result: BentResult) -> list[str]:
+    """The plant whose largest error grows most, where one does."""
+    peaks = {
+        name: (
+            float(getattr(result.before[name], f"peak_{result.error}_error")),
+            float(getattr(result.after[name], f"peak_{result.error}_error")),
+        )
+        for name in result.before
+    }
+    name, (before, after) = max(peaks.items(), key=lambda one: one[1][1] - one[1][0])
+    if after <= before * (1 + SAME):
+        return []
+    sizes = f"{tables.digits(1e6 * before)} to {tables.digits(1e6 * after)} um"
+    return [f"The largest {result.error} error grows on one plant: from {sizes} ({name})."]
 
 
 def _change(before: float, after: float) -> str:

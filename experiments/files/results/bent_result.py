@@ -22,6 +22,8 @@ class BentResult:
         exceeded: a line for every limit of the machine that the bent reference exceeds, or the tool
             along it.
         exceeded_before: the same of the tool along the reference as it is.
+        weights: of the controller, a line for each.
+        doubts: what of the program may be meant otherwise.
     """
 
     machine: MachineSummary
@@ -40,6 +42,8 @@ class BentResult:
     asked: tuple[float, float] = (0.0, 0.0)
     halts: int = 0
     ramps: int = 0
+    weights: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     def _rms(self, runs: dict[str, RunMetrics]) -> list[float]:
         return [float(getattr(run, f"rms_{self.error}_error")) for run in runs.values()]

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
-from experiments.designs.design import with_values
+from experiments.designs.design import plain_weights, with_values
 from experiments.files import run_folder
 from experiments.flags.loops import Simulate
 from experiments.flags.shared import Controlled
@@ -26,6 +26,7 @@ class StoredLoop:
         jobs: contours that it was simulated on, or trained on.
         parts: names or files of the contours.
         pace: that they are run at.
+        weights: a line for each, with its unit, as it is typed into a drive.
         tuned: whether the weights are those of a run of `tune`.
     """
 
@@ -36,6 +37,7 @@ class StoredLoop:
     jobs: tuple[Task, ...]
     parts: tuple[str, ...]
     pace: Pace
+    weights: tuple[str, ...] = ()
     tuned: bool = False
 
 
@@ -79,7 +81,10 @@ def _tuned(folder: Path) -> StoredLoop:
     design, jobs = run.design, tuple(run.scenarios.jobs_seen(True))
     controller, pace = run.controller(weights), Pace.of(flags, run.machine)
     parts = flags.parts or run.machine.usual.training
-    return StoredLoop(run.machine, design.name, controller, design.fed, jobs, parts, pace, True)
+    lines = tuple(design.weight_lines(plain_weights(weights)))
+    return StoredLoop(
+        run.machine, design.name, controller, design.fed, jobs, parts, pace, lines, True
+    )
 
 
 def _simulated(folder: Path) -> StoredLoop:
@@ -98,4 +103,5 @@ def loop_of(flags: Controlled, part: str | None) -> StoredLoop:
     job = job_named(part, pace)
     design = design_for(machine, seeing_all(flags, job))
     controller = design.build(design.start)
-    return StoredLoop(machine, design.name, controller, design.fed, (job,), (part,), pace)
+    lines = tuple(design.weight_lines(plain_weights(design.start)))
+    return StoredLoop(machine, design.name, controller, design.fed, (job,), (part,), pace, lines)

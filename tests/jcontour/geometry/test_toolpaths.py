@@ -276,3 +276,11 @@ def test_mutated_parts(traced, tmp_path_factory, data):
         assert len(str(error).splitlines()) == 1
     else:
         traced.assert_valid(toolpath)
+
+
+def test_cuts_along_which_z_moves_too_are_numbered_be_it_to_and_fro():
+    hop = "G21 F600 G0 X0 Y0 Z0\nG1 X10\nG18 G2 X30 Z0 I10 K0\nG1 X40\nG1 X50 Z-1\nG2 X50 I5\nG1 Y5"
+    flat = parse_gcode(hop, "XY")  # a full turn in X and Z goes to and fro: two lines
+    assert flat.ramps == (1, 3, 4, 5)
+    assert parse_gcode(hop, "XYZ").ramps == ()
+    assert parse_gcode("F600 G1 X10\nG2 X30 I10\nG1 Z-1\nG1 X40", "XY").ramps == ()

@@ -17,6 +17,7 @@ class Move(NamedTuple):
         feed: speed along the move [m/s], NaN for a rapid move.
         rapid: whether it is one (G0).
         line: of the program, from 1.
+        lifted: whether Z, which is not traced, moves along and comes back.
     """
 
     start: Point
@@ -27,6 +28,7 @@ class Move(NamedTuple):
     feed: float
     rapid: bool
     line: int
+    lifted: bool = False
 
 
 class Stop(NamedTuple):

@@ -29,7 +29,15 @@ class Tracer:
     moves: list[Move] = field(default_factory=list)
     stops: list[Stop] = field(default_factory=list)
 
-    def add(self, end: Point, centre: Point, angle: float, feed: float, plane: int) -> None:
+    def add(
+        self,
+        end: Point,
+        centre: Point,
+        angle: float,
+        feed: float,
+        plane: int,
+        lifted: bool = False,
+    ) -> None:
         """Add a move; one too short to see only moves the axes that are not traced, and stops.
 
         Raises:
@@ -45,14 +53,15 @@ class Tracer:
             return
         rapid = math.isnan(feed)
         normal = PLANES[plane][2]
-        self.moves.append(Move(self.at, end, centre, angle, normal, feed, rapid, self.line))
+        move = Move(self.at, end, centre, angle, normal, feed, rapid, self.line, lifted)
+        self.moves.append(move)
         self.at = end
         if len(self.moves) > MOST_MOVES:
             raise ToolpathError(f"more than {MOST_MOVES} moves")
 
-    def add_line(self, end: Point, feed: float, plane: int) -> None:
+    def add_line(self, end: Point, feed: float, plane: int, lifted: bool = False) -> None:
         """Add a straight move, rapid where it has no feed (NaN)."""
-        self.add(end, end, 0.0, feed, plane)
+        self.add(end, end, 0.0, feed, plane, lifted)
 
     def dwell(self, lasting: float, word: str) -> None:
         """Rest for a time [s], which `word` of the program gives.
@@ -103,7 +112,9 @@ class Tracer:
             target = point[0], point[1], point[2]
             length = radius * abs(stop - before)
             if length > 0:
-                self.add_line(target, feed * math.dist(self.at, target) / length, plane)
+                self.add_line(
+                    target, feed * math.dist(self.at, target) / length, plane, lifted=True
+                )
             before = stop
 
 

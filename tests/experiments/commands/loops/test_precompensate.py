@@ -36,6 +36,7 @@ def test_the_nominal_and_the_worst_machine_come_nearer(bent):
     assert len(rows) == result.samples
     program = (bent / "part.ngc").read_text()
     assert program.count("G1 ") == result.moves and result.chord <= 0.5e-6
+    assert len(result.weights) == 3 and all(f"({line})" in program for line in result.weights)
     assert (bent / "bent.png").exists()
 
 
@@ -94,6 +95,20 @@ def test_next_to_nothing_has_sizes_and_no_ratio():
     assert "nominal 0 -> 0 um, worst of the family 0 -> 0 um" in sentences(still)[0]
 
 
+def test_a_largest_error_that_grows_is_told():
+    """The RMS becomes smaller, and a peak larger."""
+    result = by_hand(before=[3e-6, 4e-6], after=[1e-6, 2e-6])
+    grown = {
+        name: replace(run, peak_contour_error=size)
+        for (name, run), size in zip(result.after.items(), (9e-6, 21e-6), strict=True)
+    }
+    small = {name: replace(run, peak_contour_error=1e-5) for name, run in result.before.items()}
+    told = sentences(replace(result, before=small, after=grown))
+    assert told[1:] == ["The largest contour error grows on one plant: from 10 to 21 um (plant 1)."]
+    calm = {name: replace(run, peak_contour_error=9e-6) for name, run in grown.items()}
+    assert len(sentences(replace(result, before=small, after=calm))) == 1
+
+
 def unbent(loop, roughness, status):
     """A correction of zero, so that nothing gets better."""
     job, machine, controller = loop.jobs[0], loop.machine, loop.controller
@@ -131,8 +146,9 @@ def test_a_program_with_rapid_moves_stops_around_them_and_says_so(
         "part.ngc moves X and Y alone and stops (M0) at 3 places: put the Z moves, spindle" in told
     )
     assert "Z moves along with X and Y in 1 move of your program" in told
-    head = (tmp_path / "run" / "part.ngc").read_text().splitlines()[:3]
-    assert head == [
+    head = (tmp_path / "run" / "part.ngc").read_text().splitlines()[:6]
+    assert [line.split()[0] for line in head[2:5]] == ["(position", "(velocity", "(integral_time"]
+    assert [*head[:2], head[5]] == [
         "(bent by jcontour from plate [2].ngc)",
         "(for tiny with the controller linear-cascade, and for no other one)",
         "(largest bend 0 um)",
