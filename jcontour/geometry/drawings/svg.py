@@ -1,9 +1,10 @@
 """Drawings in SVG: paths and basic shapes, with groups, transforms, viewports and `use`.
 
     taken      path, rect, circle, ellipse, line, polyline, polygon; g, a, svg, switch, symbol, use
-    left out   text, image, foreignObject, what is hidden by display or visibility; clipping and
-               masks are not looked at. All these are told with their count. Style sheets are not
-               read
+    left out   text, image, foreignObject; what is hidden by display or visibility; all of a switch
+               but the first child whose conditions hold, and other languages than English;
+               clipping and masks are not looked at. All these are told with their count. Style
+               sheets are not read
     unit       that of width and height with the viewBox, or the one that is given: the length of a
                user unit. It is asked for where the size is in px, of which programs have 72, 90
                or 96 in an inch
@@ -16,6 +17,7 @@ import math
 import re
 from dataclasses import dataclass, field
 from os import PathLike
+from typing import NamedTuple
 
 from jcontour.geometry.drawings.affine import Affine
 from jcontour.geometry.drawings.drawing import Drawing
@@ -26,6 +28,7 @@ from jcontour.geometry.drawings.svg_words import PX, length, numbers, transform
 from jcontour.geometry.toolpath_rules import MOST_MOVES, ToolpathError, shown
 from jcontour.geometry.toolpath_text import read_program
 
+LANGUAGE = "en"
 GROUPS = ("svg", "g", "a", "switch")
 LEFT_OUT = ("text", "flowRoot", "image", "foreignObject")  # flowRoot: text of Inkscape
 DEEPEST_USE = 32
@@ -61,10 +64,27 @@ def read_svg(path: str | PathLike[str], unit: float | None = None) -> Drawing:
     height = height if math.isfinite(height) else 0.0
     upright = Affine(0.0, unit, 1j * unit * height)
     reader = _Reader({e.attributes["id"]: e for e in root.all() if "id" in e.attributes})
-    whole = inner if box else size
+    place = upright.after(view).after(transform(root))
+    setting = _Setting(place, inner if box else size, _is_hidden(root, False))
     for child in root.children:
-        reader.draw(child, upright.after(view).after(transform(root)), whole, 0)
+        reader.draw(child, setting)
     return reader.drawing
+
+
+class _Setting(NamedTuple):
+    """What an element has from those around it.
+
+    Attributes:
+        place: map of its user units.
+        whole: size of its viewport in them.
+        hidden: its visibility, unless it has its own.
+        used: how many `use` deep it is.
+    """
+
+    place: Affine
+    whole: tuple[float, float]
+    hidden: bool
+    used: int = 0
 
 
 @dataclass
@@ -73,37 +93,52 @@ class _Reader:
     drawing: Drawing = field(default_factory=Drawing)
     visited: int = 0
 
-    def draw(self, element: Element, place: Affine, whole: tuple[float, float], used: int) -> None:
-        """Draw an element, in a viewport of a size in user units."""
+    def draw(self, element: Element, around: _Setting) -> None:
+        """Draw an element with all within it."""
         self.visited += 1
         if self.visited > MOST_MOVES:
             raise ToolpathError(f"line {element.line}: more than {MOST_MOVES} elements")
         name = element.name
+        if not _is_drawn(element):
+            return
+        if not _is_meant(element):
+            self.drawing.leave_out(f"{name} for another language or program")
+            return
         if name in LEFT_OUT:
             self.drawing.leave_out(name)
             return
-        if name not in GROUPS and name != "use" and name not in SHAPES:
-            return
-        hidden = element.text("display") == "none" or element.text("visibility") == "hidden"
-        if hidden:
+        hidden = _is_hidden(element, around.hidden)
+        if element.text("display") == "none" or (hidden and name in SHAPES):
             self.drawing.leave_out(f"hidden {name}")
             return
         for kind in ("clip-path", "mask"):
             if element.text(kind, "none") != "none":
                 self.drawing.leave_out(kind)
-        place = place.after(transform(element))
+        here = around._replace(place=around.place.after(transform(element)), hidden=hidden)
         if name in SHAPES:
-            for stroke in SHAPES[name](element, whole):
-                self.drawing.add([segment.placed(place) for segment in stroke], element.line)
+            for stroke in SHAPES[name](element, here.whole):
+                self.drawing.add([segment.placed(here.place) for segment in stroke], element.line)
         elif name == "use":
-            self._use(element, place, whole, used)
+            self._use(element, here)
+        elif name == "switch":
+            self._switch(element, here)
         else:
             if name == "svg":
-                place, whole = _nested(element, element, place, whole)
+                here = _nested(element, element, here)
             for child in element.children:
-                self.draw(child, place, whole, used)
+                self.draw(child, here)
 
-    def _use(self, element: Element, place: Affine, whole: tuple[float, float], used: int) -> None:
+    def _switch(self, element: Element, here: _Setting) -> None:
+        """Draw the first child whose conditions hold, be it hidden or not."""
+        choice = [child for child in element.children if _is_drawn(child)]
+        chosen = next((child for child in choice if _is_meant(child)), None)
+        for child in choice:
+            if child is chosen:
+                self.draw(child, here)
+            else:
+                self.drawing.leave_out(f"{child.name} not chosen by a switch")
+
+    def _use(self, element: Element, here: _Setting) -> None:
         link = element.text("href")
         if not link.startswith("#"):
             self.drawing.leave_out("use of another file")
@@ -112,31 +147,51 @@ class _Reader:
         if found is None:
             self.drawing.leave_out("use of a missing element")
             return
-        if used == DEEPEST_USE:
+        if here.used == DEEPEST_USE:
             raise ToolpathError(
                 f"line {element.line}: {shown(link)} uses itself, or {DEEPEST_USE} deep"
             )
+        here = here._replace(used=here.used + 1)
         if found.name != "symbol":
-            x, y = (length(element, n, 0.0, w) for n, w in zip("xy", whole, strict=True))
-            self.draw(found, place.after(Affine(shift=complex(x, y))), whole, used + 1)
+            x, y = (length(element, n, 0.0, w) for n, w in zip("xy", here.whole, strict=True))
+            moved = here.place.after(Affine(shift=complex(x, y)))
+            self.draw(found, here._replace(place=moved))
             return
-        place, whole = _nested(found, element, place.after(transform(found)), whole)
+        place, hidden = here.place.after(transform(found)), _is_hidden(found, here.hidden)
+        here = _nested(found, element, here._replace(place=place, hidden=hidden))
         for child in found.children:
-            self.draw(child, place, whole, used + 1)
+            self.draw(child, here)
 
 
-def _nested(
-    inner: Element, placed: Element, place: Affine, whole: tuple[float, float]
-) -> tuple[Affine, tuple[float, float]]:
+def _is_drawn(element: Element) -> bool:
+    """Whether it is anything to be seen; all else defines or describes."""
+    return element.name in (*GROUPS, *LEFT_OUT, "use", *SHAPES)
+
+
+def _is_hidden(element: Element, around: bool) -> bool:
+    """Its own visibility where it has one, else that of what is around it."""
+    own = element.text("visibility")
+    return own != "visible" and (around or own in ("hidden", "collapse"))
+
+
+def _is_meant(element: Element) -> bool:
+    """Whether its conditions hold: of the language, and no extension of SVG."""
+    if element.attributes.get("requiredExtensions", "").strip():
+        return False
+    languages = element.attributes.get("systemLanguage", LANGUAGE).lower().split(",")
+    return any(language.strip().split("-")[0] == LANGUAGE for language in languages)
+
+
+def _nested(inner: Element, placed: Element, here: _Setting) -> _Setting:
     """Viewport of an inner svg or a symbol, placed by its own attributes or those of a `use`."""
-    x, y = (length(placed, n, 0.0, w) for n, w in zip("xy", whole, strict=True))
+    x, y = (length(placed, n, 0.0, w) for n, w in zip("xy", here.whole, strict=True))
     width, height = (
         length(placed, n, length(inner, n, w, w), w)
-        for n, w in zip(("width", "height"), whole, strict=True)
+        for n, w in zip(("width", "height"), here.whole, strict=True)
     )
     box = _box(inner)
-    place = place.after(Affine(shift=complex(x, y))).after(_viewport(inner, width, height))
-    return place, (box[2], box[3]) if box else (width, height)
+    place = here.place.after(Affine(shift=complex(x, y))).after(_viewport(inner, width, height))
+    return here._replace(place=place, whole=(box[2], box[3]) if box else (width, height))
 
 
 def _viewport(element: Element, width: float, height: float) -> Affine:

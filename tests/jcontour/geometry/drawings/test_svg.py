@@ -168,6 +168,74 @@ def test_what_is_not_drawn_is_told(svg):
     assert found.ignored == ("1 clip-path", "1 flowRoot", "1 hidden g", "1 image", "1 text")
 
 
+def test_a_visible_child_of_a_hidden_group_is_cut(drawn, svg):
+    """Visibility is inherited until it is given anew; display hides all that is within."""
+    small, large = '<circle {} cx="5" cy="9" r="3"/>', '<circle {} cx="50" cy="20" r="10"/>'
+    seen, veiled = 'visibility="visible"', 'style="visibility:hidden"'
+    for body, radius, left_out in (
+        (f"<g {veiled}>{small}{large}</g>".format("", seen), 10, "1 hidden circle"),
+        (f"<g {veiled}><g>{small}</g></g>{large}".format("", ""), 10, "1 hidden circle"),
+        (f"<g {veiled}><g {seen}>{small}{large}</g></g>".format("", veiled), 3, "1 hidden circle"),
+        (f'<g visibility="collapse">{small}</g>{large}'.format("", ""), 10, "1 hidden circle"),
+        (f'<g display="none">{small}</g>{large}'.format(seen, ""), 10, "1 hidden g"),
+        (
+            f'<defs>{small}{large}</defs><use href="#a" {veiled}/><use href="#b" {veiled}/>'.format(
+                'id="a"', f'id="b" {seen}'
+            ),
+            10,
+            "1 hidden circle",
+        ),
+    ):
+        found = svg(body)
+        assert drawn.length(found) == pytest.approx(2 * np.pi * radius, abs=100 * NM)
+        assert found.ignored == (left_out,)
+    root = svg(f"{small}{large}".format("", seen), size=f'{SIZE} visibility="hidden"')
+    assert drawn.length(root) == pytest.approx(20 * np.pi, abs=100 * NM)
+
+
+def line_of(length, given=""):
+    return f'<line x2="{length}" {given}/>'
+
+
+@pytest.mark.parametrize(
+    ("children", "length", "left_out"),
+    [
+        (line_of(3, 'systemLanguage="xx"') + line_of(5) + line_of(7), 5, 2),
+        (line_of(3, 'systemLanguage="de, en-GB"') + line_of(5), 3, 1),
+        (line_of(3, 'systemLanguage="EN"') + line_of(5), 3, 1),
+        (line_of(3, 'systemLanguage="eng"') + line_of(5), 5, 1),
+        (line_of(3, 'systemLanguage=""') + line_of(5), 5, 1),
+        (line_of(3, 'requiredExtensions="http://x.org"') + line_of(5), 5, 1),
+        (line_of(3, 'requiredFeatures="http://x.org" requiredExtensions=""') + line_of(5), 3, 1),
+        ("<desc>a</desc>" + line_of(3) + line_of(5), 3, 1),
+    ],
+)
+def test_the_first_child_of_a_switch_whose_conditions_hold_is_cut(
+    drawn, svg, children, length, left_out
+):
+    found = svg(f"<switch>{children}</switch>")
+    assert drawn.length(found) == pytest.approx(length)
+    assert found.ignored == (f"{left_out} line not chosen by a switch",)
+
+
+def test_a_hidden_choice_stays_the_choice_and_conditions_hold_without_a_switch(drawn, svg):
+    veiled = line_of(3, 'display="none"')
+    hidden = svg(f"<switch>{veiled}{line_of(5)}</switch>{line_of(9)}")
+    assert drawn.length(hidden) == pytest.approx(9)
+    assert hidden.ignored == ("1 hidden line", "1 line not chosen by a switch")
+    french = svg(line_of(3, 'systemLanguage="fr"') + line_of(5))
+    assert drawn.length(french) == pytest.approx(5)
+    assert french.ignored == ("1 line for another language or program",)
+
+
+def test_a_program_s_own_copy_in_a_switch_is_left_for_the_drawing(drawn, svg):
+    """As Illustrator writes it."""
+    own = '<foreignObject requiredExtensions="http://ns.adobe.com/AdobeIllustrator/10.0/"/>'
+    found = svg(f"<switch>{own}<g>{line_of(4)}</g></switch>")
+    assert drawn.length(found) == pytest.approx(4)
+    assert found.ignored == ("1 foreignObject not chosen by a switch",)
+
+
 EXTERNAL = '<!DOCTYPE svg [<!ENTITY secret SYSTEM "file:///etc/hostname">]>\n'
 LAUGHS = "<!DOCTYPE svg [<!ENTITY a0 'ha'>{}]>\n".format(
     "".join(f"<!ENTITY a{k + 1} '{f'&a{k};' * 10}'>" for k in range(12))
