@@ -75,10 +75,21 @@ def show(result: FeedResult, console: Console) -> None:
             tables.say(console, f"{point.override:g} %: {line}")
         if point.diverged:
             tables.say(console, f"{point.override:g} %: DIVERGES on {', '.join(point.diverged)}")
+    tables.say(console, *_plan_warnings(result))
     if result.recommended is None:
         tables.say(console, f"NO FEED TO RECOMMEND: {result.reason}.")
     else:
         tables.say(console, f"Recommended: {result.recommended:g} % of the feed; {result.reason}.")
+
+
+def _plan_warnings(result: FeedResult) -> list[str]:
+    """What the motion itself exceeds, in numbers of the quickest feed at which it does."""
+    beyond = [point for point in result.points if point.planned]
+    if not beyond:
+        return []
+    feeds = ", ".join(f"{point.override:g}" for point in beyond)
+    last = f" (numbers of {beyond[-1].override:g} %)" if len(beyond) > 1 else ""
+    return [f"WARNING: {feeds} %{last}: {line}" for line in beyond[-1].planned]
 
 
 def _cells(point: FeedPoint, result: FeedResult) -> list[str]:
@@ -114,6 +125,8 @@ def _next_try(result: FeedResult) -> str:
             f"Next: --corner-tolerance-um {closer:.3g}, half of the tolerance, or less: at any "
             "feed the motion itself leaves the part. A run folder keeps its own; make another."
         )
+    if all(point.planned and not point.sound for point in result.points):
+        return "Next: a motion that keeps the limits of the machine, as the warning says."
     if result.tuned:
         return "Next: slower --overrides; the loop is a tuned one already."
     return "Next: slower --overrides, or `jcontour tune` for this part and machine first."

@@ -30,6 +30,7 @@ from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.checks.between_samples import swing_warnings
 from experiments.runs.checks.lost_numbers import lost_numbers
 from experiments.runs.checks.machine_limits import limits_met
+from experiments.runs.checks.planned_limits import limits_exceeded_by_plan
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.forecast import check_memory, forecast
 from experiments.runs.lifecycle import created, finished, tuning_words
@@ -137,6 +138,7 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
         peak=peak_place(scenarios, replayed, 0, machine.error),
         warnings=[
             *lost_numbers(replayed, scenarios),
+            *limits_exceeded_by_plan(scenarios, machine),
             *limits_met(replayed, scenarios, machine),
             *swing_warnings(replayed, scenarios, machine),
         ],

@@ -1,6 +1,6 @@
 """Result of `jcontour feed`: what `result.json` of its run folder holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary
 
@@ -16,6 +16,7 @@ class FeedPoint:
         diverged: plants that diverge.
         exceeded: a line for every limit of the machine that is exceeded.
         deviation: of the motion itself from the part, in blended corners, at most [m].
+        planned: a line for every limit that the motion itself exceeds.
     """
 
     override: float
@@ -24,6 +25,7 @@ class FeedPoint:
     diverged: list[str]
     exceeded: list[str]
     deviation: float = 0.0
+    planned: list[str] = field(default_factory=list)
 
     @property
     def sound(self) -> bool:

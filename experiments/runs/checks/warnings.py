@@ -7,6 +7,7 @@ from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.machine import Machine
 from experiments.runs.checks.between_samples import swing_warnings
 from experiments.runs.checks.machine_limits import drives_at_limits_in_rapids, limit_warnings
+from experiments.runs.checks.planned_limits import limits_exceeded_by_plan
 from experiments.runs.tuning.problem import TuningRun
 from tuning.objectives import COUNT_NOISE
 from tuning.tune import Tuned
@@ -29,6 +30,7 @@ def run_warnings(
     lines += family_warnings(run.machine)
     asked = run.flags.min_delay_margin
     lines += margin_warnings(margins, run.machine.unknown_delay, asked)
+    lines += limits_exceeded_by_plan(run.scenarios, run.machine)
     lines += limit_warnings(found, run.scenarios, run.machine)
     lines += swing_warnings(found, run.scenarios, run.machine)
     lines += drives_at_limits_in_rapids(found, run.scenarios, run.machine)

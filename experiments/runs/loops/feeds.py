@@ -11,6 +11,7 @@ from experiments.jobs.job import Job, Task
 from experiments.jobs.replays import Scenarios, replay
 from experiments.plain_numbers import WholePath
 from experiments.runs.checks.machine_limits import exceeded_limits
+from experiments.runs.checks.planned_limits import limits_exceeded_by_plan
 from experiments.runs.checks.stored_loops import StoredLoop, loop_named
 from experiments.runs.contour_summary import cycle_time
 from experiments.runs.tuning.results import family_metrics
@@ -65,6 +66,7 @@ def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
             diverged=[name for name, gone in zip(scenarios.plants, lost, strict=True) if gone],
             exceeded=[] if lost.any() else exceeded_limits(found, scenarios, loop.machine),
             deviation=_deviation(job),
+            planned=limits_exceeded_by_plan(scenarios, loop.machine),
         )
 
 

@@ -2,14 +2,19 @@
 
 import math
 import re
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import pytest
 
 from experiments.cli import main
-from experiments.files.results.feed_result import FeedResult
+from experiments.commands.loops.feed import next_steps, show
+from experiments.files.results.feed_result import FeedPoint, FeedResult
+from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
 from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import read_result
+from experiments.reports import tables
+
+METRICS = RunMetrics(*[1e-6] * 11, diverged=False)
 
 
 @pytest.mark.slow
@@ -51,6 +56,45 @@ def test_a_tolerance_that_no_feed_keeps_ends_with_code_1(tmp_path, machine_file,
     flags = ["--plant", str(machine_file), "--overrides", "100", "--tolerance-um", "1e-6"]
     assert main(["feed", str(part_file), *flags, "--out", str(tmp_path / "feed")]) == 1
     assert "NO FEED TO RECOMMEND" in capsys.readouterr().out
+
+
+def test_what_the_motion_itself_exceeds_is_told_once(capsys):
+    """With the feeds at which it does, in numbers of the quickest of them."""
+    points = [point(25, []), point(50, ["slow"]), point(100, ["quick"])]
+    show(result_of(points), tables.console_of())
+    said = capsys.readouterr().out
+    assert "WARNING: 50, 100 % (numbers of 100 %): quick" in said and "slow" not in said
+    show(result_of(points[:2]), tables.console_of())
+    assert "WARNING: 50 %: slow" in capsys.readouterr().out
+    show(result_of(points[:1]), tables.console_of())
+    assert "WARNING" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("planned", [["speed"], []])
+def test_slower_feeds_are_no_help_where_the_motion_itself_exceeds_a_limit(planned):
+    beyond = [replace(point(feed, planned), exceeded=["speed"]) for feed in (50, 100)]
+    [line] = next_steps(replace(result_of(beyond), recommended=None))
+    assert ("slower --overrides" in line) is not bool(planned)
+
+
+def point(feed, planned):
+    metrics = FamilyMetrics(METRICS, METRICS)
+    return FeedPoint(
+        override=feed, cycle_time=1.0, metrics=metrics, diverged=[], exceeded=[], planned=planned
+    )
+
+
+def result_of(points):
+    return FeedResult(
+        machine=MachineSummary("mill", "A", ("X", "Y"), "counts"),
+        controller="pd",
+        contour="part",
+        error="contour",
+        tolerance=None,
+        points=points,
+        recommended=points[-1].override,
+        reason="why not",
+    )
 
 
 @pytest.mark.parametrize(

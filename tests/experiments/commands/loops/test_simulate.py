@@ -8,6 +8,7 @@ import pytest
 from experiments.cli import main
 from experiments.commands.loops.simulate import next_steps
 from experiments.files.netcdf import load_dataset
+from experiments.files.results.feed_result import FeedResult
 from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import read_result
 from experiments.flags.loops import Simulate
@@ -118,6 +119,25 @@ def test_a_drive_at_its_limit_in_a_rapid_move_is_told(tmp_path, machine_fields, 
     assert f"WARNING: {told[0]}" in " ".join(capsys.readouterr().out.split())
     part.write_text("G21 G90 F600\nG1 X4\nG1 Y5\n")
     assert read_result(simulated(tmp_path / "cut", machine, part), SimulatedResult).warnings == []
+
+
+@pytest.mark.slow
+def test_a_motion_that_exceeds_a_limit_itself_is_told_before_its_tool(
+    tmp_path, machine_fields, part_file, capsys
+):
+    machine = tmp_path / "weak.json"
+    limits = machine_fields["limits"] | {"acceleration": 200.0}
+    machine.write_text(json.dumps(machine_fields | {"limits": limits}))
+    jumping = simulated(tmp_path / "a", machine, part_file, "--feed-law", "trapezoidal")
+    told = read_result(jumping, SimulatedResult).warnings
+    assert told[0].startswith("acceleration that the motion itself asks for EXCEEDS the limit: ")
+    assert f"WARNING: {told[0]}" in " ".join(capsys.readouterr().out.split())
+    limited = read_result(simulated(tmp_path / "b", machine, part_file), SimulatedResult)
+    assert not any("the motion itself" in line for line in limited.warnings)
+    flags = ["--plant", str(machine), "--overrides", "50", "--feed-law", "trapezoidal"]
+    main(["feed", str(part_file), *flags, "--out", str(tmp_path / "feed")])
+    [point] = read_result(tmp_path / "feed", FeedResult).points
+    assert "the motion itself" in point.planned[0]
 
 
 @pytest.mark.slow
