@@ -1,6 +1,7 @@
 """Names on a command line, checked before heavy imports: a slip is answered at once."""
 
 import math
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,10 @@ from experiments.files.checks import MachineError
 from experiments.plain_numbers import named_numbers
 
 DRAWINGS = (".dxf", ".svg")  # read as a whole
+OF_JERK_LAW = {  # flags of the jerk-limited law, and what the other one does
+    "jerk": "its acceleration changes at once",
+    "corner_tolerance_um": "it passes corners without leaving the path, and its speed jumps there",
+}
 FIRST_LINES = 1000  # of a toolpath file, checked at once: thousands more take longer than a moment
 
 
@@ -54,13 +59,14 @@ def check_controller(name: str) -> None:
 
 
 def check_flags(flags: Any) -> None:
-    """Check the numbers, the plant, the controller, the contour and the parts of any command.
+    """Check numbers, feed law, plant, controller, contour and parts of any command.
 
     Raises:
-        ValueError: a number or a weight that is not finite, an unknown name, a file that is not
-            there, or a toolpath file with a fault among its first lines.
+        ValueError: a number or a weight that is not finite, a flag of another feed law, an unknown
+            name, a file that is not there, or a toolpath file with a fault among its first lines.
     """
     _check_numbers(flags)
+    _check_feed_law(flags)
     plant, controller = getattr(flags, "plant", None), getattr(flags, "controller", None)
     contour, parts = getattr(flags, "contour", None), getattr(flags, "parts", ())
     if plant is not None:
@@ -85,6 +91,18 @@ def _check_numbers(flags: Any) -> None:
     for flag in ("weights", "vary"):
         for words in getattr(flags, flag, ()):
             named_numbers(flag, words)
+
+
+def _check_feed_law(flags: Any) -> None:
+    """Refuse what the feed law that is asked for does not look at."""
+    if getattr(flags, "feed_law", None) != "trapezoidal":
+        return
+    for one in fields(flags):
+        if one.name in OF_JERK_LAW and getattr(flags, one.name) != one.default:
+            raise ValueError(
+                f"{one.name.replace('_', '-')}: --feed-law trapezoidal has none, "
+                f"{OF_JERK_LAW[one.name]}; leave it out, or take --feed-law jerk"
+            )
 
 
 def _check_file(name: str, known: dict[str, Any]) -> None:

@@ -39,9 +39,10 @@ class MachineFlags(Common):
     feed_law: FeedLaw = "jerk"  # asks nothing of a machine that it cannot do
     """Law of toolpath files. jerk: the quickest motion under limits of speed, acceleration and jerk
     on every axis, with curves through short moves and blended corners. trapezoidal: neither, and
-    no limit on the jerk."""
+    no limit on the jerk; in corners the speed of an axis jumps, which asks for more acceleration
+    than the limit."""
     jerk: float | None = None
-    """Jerk limit of every axis [m/s^3].
+    """Jerk limit of every axis [m/s^3], for --feed-law jerk.
     When not given, the acceleration builds up in 20 ms."""
     drawing_unit: DrawingUnit | None = None
     """Unit of a drawing, whatever its file says. When not given, the file has to say.
@@ -50,7 +51,7 @@ class MachineFlags(Common):
     """Distance [um] within which ends of a drawing's lines and curves are joined."""
     corner_tolerance_um: float = 2.0  # takes 2 % longer than 5, and leaves the error to the loop
     """Distance [um] from the part within which curves run through short moves and corners are
-    blended, as far as the feed needs it; 0 stops in them."""
+    blended, as far as the feed needs it; 0 stops in them. For --feed-law jerk."""
 
 
 @dataclass(frozen=True)

@@ -106,6 +106,16 @@ def test_unknown_names_are_refused(flags, says):
         check_flags(flags)
 
 
+@pytest.mark.parametrize("kind", [Simulate, Feed, Precompensate, Learn, Tune, Front, Sweep])
+@pytest.mark.parametrize("given", [{"jerk": 50.0}, {"corner_tolerance_um": 0.0}])
+def test_flags_of_the_jerk_limited_law_are_refused_with_the_other_one(kind, given):
+    (name,) = given
+    check_flags(kind(**given))
+    check_flags(kind(feed_law="trapezoidal"))
+    with pytest.raises(ValueError, match=f"^{name.replace('_', '-')}: .*trapezoidal has none"):
+        check_flags(kind(feed_law="trapezoidal", **given))
+
+
 @pytest.mark.parametrize(
     ("flags", "says"),
     [
