@@ -1,5 +1,6 @@
 """Names on a command line, checked before heavy imports: a slip is answered at once."""
 
+import json
 import math
 from dataclasses import fields
 from pathlib import Path
@@ -35,11 +36,32 @@ def check_plant(name: str) -> None:
 
 def check_contour(name: str) -> None:
     """Raise ValueError unless a contour has this name, or it is that of a file."""
+    if name not in CONTOURS and Path(name).is_dir():
+        raise ValueError(f"contour: {name} is a folder, no contour; {_what_takes(Path(name))}")
     if name not in CONTOURS and not Path(name).suffix:
         raise ValueError(
             f"contour: there is none named {name!r}; {perhaps(name, CONTOURS)}"
             f"give one of {', '.join(CONTOURS)}, or a toolpath file"
         )
+
+
+def _what_takes(folder: Path) -> str:
+    """What may be done with a folder, a run or not."""
+    from experiments.files.run_folder import RESULT  # loads NumPy
+
+    try:
+        weights = json.loads((folder / RESULT).read_text())["weights"]
+        words = [f"{name}={_value(value)}" for name, value in weights.items() if value is not None]
+    except (OSError, ValueError, KeyError, AttributeError, TypeError):
+        return f"give one of {', '.join(CONTOURS)}, or a toolpath file"
+    return (
+        "`jcontour feed`, `precompensate`, `verify`, `certify`, `export` and `report` take the "
+        f"folder of a run; `simulate PART --weights {' '.join(words)}` runs its weights on a part"
+    )
+
+
+def _value(weight: float | list[float]) -> str:
+    return ",".join(map(repr, weight)) if isinstance(weight, list) else repr(weight)
 
 
 def check_controller(name: str) -> None:
