@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from jcontour.analysis.count_noise import count_noise
 from jcontour.analysis.frequency_response import Encoding
@@ -52,6 +53,11 @@ class Loops(eqx.Module):
         """
 
 
+def _fixed(count: float | Float[np.ndarray, " r"] | None) -> float | tuple[float, ...] | None:
+    """As a field that a program is compiled for."""
+    return tuple(count.tolist()) if isinstance(count, np.ndarray) else count
+
+
 class ProbedLoops(Loops):
     """Loops frozen at some probes of every contour.
 
@@ -70,14 +76,15 @@ class ProbedLoops(Loops):
         encoding: how the sensors of the family show positions.
         more: samples of delay that the loops are looked at with as well; none for 0.
         doubt: how far off the response of the plants may be; nothing is said of it for None.
-        count: length of a count of the encoders [m]; None where its noise is not looked at.
+        count: length of a count of the encoders [m], one number or one for each position (r,); None
+            where its noise is not looked at.
     """
 
     windows: Reference
     encoding: Encoding
     more: int = eqx.field(static=True, default=0)
     doubt: Doubt | None = None
-    count: float | None = eqx.field(static=True, default=None)
+    count: float | tuple[float, ...] | None = eqx.field(static=True, default=None, converter=_fixed)
 
     @classmethod
     def of(
@@ -87,7 +94,7 @@ class ProbedLoops(Loops):
         probes: int,
         more: int = 0,
         doubt: Doubt | None = None,
-        count: float | None = None,
+        count: float | Float[np.ndarray, " r"] | None = None,
     ) -> "ProbedLoops":
         """Some probes of each of the stacked references."""
         windows = probe_windows(references, probes)
@@ -116,7 +123,7 @@ class ProbedLoops(Loops):
             found[1], gradient = late_measures(matrices, self.more)
             moved[1] = _along(gradient, slopes, "...ij,...ijd->...d")
         if self.count is not None:
-            deviation = self.count / np.sqrt(12)
+            deviation = np.asarray(self.count) / np.sqrt(12)
             found[2], gradient = count_noise(matrices, self.encoding, deviation)
             moved[2] = _along(gradient, slopes, "...ij,...ijd->...d")
         return Looked(*found), Looked(*moved)

@@ -347,8 +347,9 @@ def _measured(machine: FlexibleMachine) -> tuple[Float[Array, "q n"], Float[np.n
     The motors' positions and speeds are the first states.
     """
     m = len(machine.axes)
-    rounding = machine.encoder_resolution / np.sqrt(12)
-    return jnp.eye(2 * m, machine.model.states), np.repeat([rounding, SPEED_NOISE], m)
+    rounding = np.broadcast_to(machine.encoder_resolution / np.sqrt(12), m)
+    deviations = np.concatenate([rounding, np.full(m, SPEED_NOISE)])
+    return jnp.eye(2 * m, machine.model.states), deviations
 
 
 def _link_frequency(machine: FlexibleMachine) -> float:

@@ -15,7 +15,7 @@ A JSON object, SI units; what is marked * is one number, or a list with one for 
     friction             coulomb* f_c [N], stribeck* f_s [N], stribeck_speed* v_s [m/s], viscous*
     b_v [N s/m] cogging_sine         S_j [N]: a list over the harmonics, or a list of such lists,
     one for each axis; [] for none cogging_cosine       C_j [N]: likewise
-    encoder_resolution   [m] per count of the motor's encoder; 1 um when not given
+    encoder_resolution*  [m] per count of the motor's encoder; 1 um when not given
     current_limit*       optional [A]
     electrical           optional: resistance* R [Ohm], inductance* L [H], back_emf* k_e [V s/m]
     notes                optional list of texts: what the numbers are not good for
@@ -72,7 +72,7 @@ class AxisFile:
         parameters: of the plant.
         dt: sample period of the controller [s].
         axes: names.
-        encoder_resolution: [m].
+        encoder_resolution: [m], of all axes or of each (m,).
         current_limit: (m,) [A], or None.
         electrical: of the motors, or None.
         notes: what the numbers are not good for.
@@ -82,7 +82,7 @@ class AxisFile:
     parameters: AxisParameters
     dt: float
     axes: tuple[str, ...]
-    encoder_resolution: float = ENCODER_RESOLUTION
+    encoder_resolution: float | np.ndarray = ENCODER_RESOLUTION
     current_limit: np.ndarray | None = None
     electrical: Electrical | None = None
     notes: tuple[str, ...] = ()
@@ -125,8 +125,8 @@ def axis_from(fields: Any, name: str = "axis") -> AxisFile:
         parameters=AxisParameters(friction=Friction(**rubbing), **values, **cogging),
         dt=checks.number("dt", fields["dt"], above=0.0),
         axes=checks.axis_names(fields.get("axes"), axes),
-        encoder_resolution=checks.number(
-            "encoder_resolution", fields.get("encoder_resolution", ENCODER_RESOLUTION), above=0.0
+        encoder_resolution=checks.one_or_each(
+            "encoder_resolution", fields.get("encoder_resolution", ENCODER_RESOLUTION), axes
         ),
         current_limit=limit,
         electrical=_electrical(fields.get("electrical"), axes),
@@ -146,7 +146,7 @@ def axis_fields(axis: AxisFile) -> dict[str, Any]:
     fields |= {key: _plain(getattr(p, key)) for key in NUMBERS}
     fields["friction"] = {key: _plain(getattr(p.friction, key)) for key in FRICTION}
     fields |= {key: _plain(getattr(p, key)) for key in ("cogging_sine", "cogging_cosine")}
-    fields["encoder_resolution"] = axis.encoder_resolution
+    fields["encoder_resolution"] = np.asarray(axis.encoder_resolution).tolist()
     if axis.current_limit is not None:
         fields["current_limit"] = _plain(axis.current_limit)
     if axis.electrical is not None:

@@ -67,6 +67,12 @@ def per_axis(name: str, value: Any, size: int) -> np.ndarray:
     return np.array([number(name, entry, above=0.0) for entry in values])
 
 
+def one_or_each(name: str, value: Any, size: int) -> float | np.ndarray:
+    """A positive number where it is that of every axis, else one for each."""
+    values = per_axis(name, value, size)
+    return float(values[0]) if (values == values[0]).all() else values
+
+
 def axis_names(value: Any, count: int) -> tuple[str, ...]:
     """Names of the axes; X, Y, Z when none are given."""
     if value is None:

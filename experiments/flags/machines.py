@@ -113,11 +113,11 @@ class Machine(Common):
     position, since its own encoder sees to it that the axis gets there."""
     delay_uncertainty: int = 1  # a bus
     """Most samples of delay beyond those given."""
-    encoder_um: float = 1.0  # usual for a linear encoder
+    encoder_um: tuple[float, ...] = (1.0,)  # usual for a linear encoder
     """Resolution of the encoders [um]."""
-    counts_per_turn: float | None = None
+    counts_per_turn: tuple[float, ...] = ()
     """Instead of --encoder-um: counts of a rotary encoder per turn of the screw, all edges."""
-    pitch_mm: float | None = None
+    pitch_mm: tuple[float, ...] = ()
     """Travel per turn of the screw [mm], with --counts-per-turn."""
     name: str = "machine"
     """Name of the machine."""

@@ -147,7 +147,7 @@ class Bounded(Common):
     """Largest disturbance on every control at every sample: friction, cutting [control unit].
     When not given, the friction or, where it is more, the control noise of the machine file."""
     encoder_um: float | None = None
-    """Largest error of every measured position [um]; half a count when not given."""
+    """Largest error of every measured position [um]; half a count of each when not given."""
 
 
 @dataclass(frozen=True)

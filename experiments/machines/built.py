@@ -81,7 +81,7 @@ def built_machine(flags: Machine) -> BuiltMachine:
         "limits": _limits(flags),
         "known_delay": shared,
         "uncertainty": {"gain": _gain_uncertainty(flags), "delay": flags.delay_uncertainty},
-        "encoder_resolution": _resolution(flags) / metre,
+        "encoder_resolution": _resolution(flags, metre),
     }
     return BuiltMachine(fields, words, warnings)
 
@@ -97,31 +97,39 @@ def _limits(flags: Machine) -> dict[str, float | list[float]]:
     """Limits of the file: one number where one is given, else one for each axis."""
     found: dict[str, float | list[float]] = {}
     for name in LIMITS:
-        flag = f"max_{name}"
-        given = getattr(flags, flag)
-        for value in _each(flag, given, len(flags.axes)) or ():
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{_flag(flag)}: needs to be above zero, received {value:g}")
-        if given:
-            found[name] = given[0] if len(given) == 1 else list(given)
+        given = _above_zero(f"max_{name}", getattr(flags, f"max_{name}"), len(flags.axes))
+        if given is not None:
+            found[name] = _short(given)
     return found
 
 
-def _resolution(flags: Machine) -> float:
-    """Way per count of the encoders [m]."""
-    turn = {"counts-per-turn": flags.counts_per_turn, "pitch-mm": flags.pitch_mm}
-    given = [name for name, value in turn.items() if value is not None]
+def _resolution(flags: Machine, metre: float) -> float | list[float]:
+    """Way per count of the encoders, of all or of each, in units of that many metres."""
+    count = len(flags.axes)
+    turn = {"counts_per_turn": flags.counts_per_turn, "pitch_mm": flags.pitch_mm}
+    given = [_flag(name) for name, values in turn.items() if values]
     if not given:
-        return flags.encoder_um * METRES["um"]
+        counts = _above_zero("encoder_um", flags.encoder_um, count)
+        if counts is None:
+            raise ValueError("encoder-um: needs one number or one for each axis, received none")
+        return _short([one * METRES["um"] / metre for one in counts])
     if flags.encoder_um != Machine.encoder_um:
         raise ValueError(f"encoder-um: the screw says it; leave it out, or --{given[0]}")
-    for name, value in turn.items():
-        if value is None:
-            raise ValueError(f"{name}: missing; --counts-per-turn and --pitch-mm go together")
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name}: needs to be above zero, received {value:g}")
-    assert flags.pitch_mm is not None and flags.counts_per_turn is not None
-    return flags.pitch_mm * METRES["mm"] / flags.counts_per_turn
+    each = {name: _above_zero(name, values, count) for name, values in turn.items()}
+    for name, values in each.items():
+        if values is None:
+            raise ValueError(
+                f"{_flag(name)}: missing; --counts-per-turn and --pitch-mm go together"
+            )
+    counts, pitches = each["counts_per_turn"], each["pitch_mm"]
+    assert counts is not None and pitches is not None
+    pairs = zip(pitches, counts, strict=True)
+    return _short([pitch * METRES["mm"] / counted / metre for pitch, counted in pairs])
+
+
+def _short(values: list[float]) -> float | list[float]:
+    """One number where it is that of every axis."""
+    return values[0] if len(set(values)) == 1 else values
 
 
 def _described(flags: Machine) -> tuple[list[ContinuousAxis], list[str], float]:
@@ -231,6 +239,15 @@ def _each(name: str, values: Sequence[float], count: int) -> list[float] | None:
     if len(values) not in (1, count):
         raise ValueError(f"{_flag(name)}: needs one number or {count}, received {len(values)}")
     return list(values) * (count // len(values))
+
+
+def _above_zero(name: str, values: Sequence[float], count: int) -> list[float] | None:
+    """As `_each`, of what needs to be above zero."""
+    each = _each(name, values, count)
+    for value in each or ():
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{_flag(name)}: needs to be above zero, received {value:g}")
+    return each
 
 
 def _check_period(axes: Sequence[ContinuousAxis], names: Sequence[str], dt: float) -> None:

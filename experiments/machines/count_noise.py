@@ -8,8 +8,8 @@ from jcontour.arrays import placed
 SAMPLES = 8192  # of a run that have noise of their own; the last one holds beyond
 
 
-def rounding_noise(positions: int, resolution: float) -> Float[Array, "T q"]:
-    """Noise of positions [m], even within half a count, the same in every run.
+def rounding_noise(positions: int, resolution: float | np.ndarray) -> Float[Array, "T q"]:
+    """Noise of positions [m], even within half a count of all or of each; the same in every run.
 
     >>> noise = rounding_noise(2, 1e-6)
     >>> noise.shape, bool(abs(noise).max() <= 0.5e-6)
@@ -17,3 +17,12 @@ def rounding_noise(positions: int, resolution: float) -> Float[Array, "T q"]:
     """
     counts = np.random.default_rng(0).uniform(-0.5, 0.5, (SAMPLES, positions))
     return placed(resolution * counts)
+
+
+def in_words(resolution: float | np.ndarray) -> str:
+    """Counts of all axes, or of each.
+
+    >>> in_words(1e-6), in_words(np.array([1e-6, 5e-6]))
+    ('1 um', '1, 5 um')
+    """
+    return ", ".join(f"{1e6 * count:g}" for count in np.atleast_1d(resolution)) + " um"

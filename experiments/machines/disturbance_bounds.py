@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from experiments.machines.count_noise import in_words
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Fed, Machine
 from jcontour.guarantees.disturbed_loop import Box
@@ -18,11 +19,11 @@ class Bounds(NamedTuple):
 
     Attributes:
         force: on every control [control unit].
-        encoder: on every measured number [m].
+        encoder: on every measured number, one or one for each [m].
     """
 
     force: float
-    encoder: float
+    encoder: float | tuple[float, ...]
 
 
 def linear_machine(machine: Machine) -> LinearMachine:
@@ -53,16 +54,17 @@ def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | N
     """Bounds as given; else the machine's control noise or its friction, and half a count.
 
     Raises:
-        ValueError: a bound is negative, or the encoder's error smaller than half a count.
+        ValueError: a bound is negative, or the encoders' error smaller than half a count.
     """
     for name, value in (("force", force), ("encoder-um", encoder_um)):
         if value is not None and not (np.isfinite(value) and value >= 0):
             raise ValueError(f"{name}: a bound needs to be finite and at least zero, is {value}")
     half = machine.resolution / 2
-    encoder = half if encoder_um is None else 1e-6 * encoder_um
-    if encoder < half * (1 - 1e-9):
+    rounding = tuple(half.tolist()) if isinstance(half, np.ndarray) else half
+    encoder = rounding if encoder_um is None else 1e-6 * encoder_um
+    if np.any(np.asarray(encoder) < half * (1 - 1e-9)):
         raise ValueError(
-            f"encoder-um: rounding alone errs by half a count, {1e6 * half:g} um, "
+            f"encoder-um: rounding alone errs by half a count, {in_words(half)}, "
             f"received {encoder_um}"
         )
     if force is None and machine.friction is None:

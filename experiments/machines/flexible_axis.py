@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from experiments.files.axis_file import ENCODER_RESOLUTION, AxisFile
-from experiments.machines.count_noise import rounding_noise
+from experiments.machines.count_noise import in_words, rounding_noise
 from experiments.machines.families import Member, MotorMeasuredMachine, late
 from experiments.machines.machine import Fed, MachineLimits, Usual
 from jcontour.plant import Plant
@@ -64,11 +65,11 @@ class FlexibleMachine(MotorMeasuredMachine):
 
     Attributes:
         parameters: of the axes.
-        encoder_resolution: [m] per count of the motors' encoders.
+        encoder_resolution: [m] per count of the motors' encoders, of all axes or of each (m,).
     """
 
     parameters: AxisParameters
-    encoder_resolution: float
+    encoder_resolution: float | np.ndarray
 
     @property
     def nonsmooth_effects(self) -> str:
@@ -76,7 +77,7 @@ class FlexibleMachine(MotorMeasuredMachine):
         return "stick, slip and encoder counts"
 
     @property
-    def resolution(self) -> float:
+    def resolution(self) -> float | np.ndarray:
         """Of the motors' encoders."""
         return self.encoder_resolution
 
@@ -126,7 +127,7 @@ class FlexibleMachine(MotorMeasuredMachine):
         masses = "; ".join(f"{motor:g} + {tool:g} kg" for motor, tool in pairs)
         kind = "flexible axis" if p.axes == 1 else "flexible axes"
         time = f"dt {1e3 * self.model.dt:g} ms"
-        encoders = f"encoders of {1e6 * self.encoder_resolution:g} um"
+        encoders = f"encoders of {in_words(self.encoder_resolution)}"
         return {
             "Machine": f"{self.name}: {kind} {', '.join(self.axes)}, "
             f"motor and end effector {masses}, {time}",

@@ -20,7 +20,7 @@ is nested), all lengths in `length_unit`:
                          further samples of delay), response: how far off the frequency response
                          may be, as {"hertz": [1, 10, 100], "relative": [[...], [...]]}, one row
                          |G_true / G - 1| per axis. Tuned loops stay stable for twice as much
-    encoder_resolution   [length] per count; 0.8 um when not given
+    encoder_resolution   [length] per count, one number or one per axis; 0.8 um when not given
     control_noise        [control unit] standard deviation that the Kalman filter assumes on each
     control;
                          5 % of the control limit, or 0.1, when not given: about what an input gain
@@ -175,10 +175,10 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
     if gain >= 1:
         raise MachineError(f"uncertainty.gain: needs a fraction below 1, received {gain:g}")
     resolution = (
-        checks.number(
+        checks.one_or_each(
             "encoder_resolution",
             fields.get("encoder_resolution", ENCODER_RESOLUTION / metre),
-            above=0.0,
+            plant.axes,
         )
         * metre
     )

@@ -15,6 +15,7 @@ from tuning.identification.linear.machine import LinearAxis, LinearMachineFound
 ROUGH = 4  # windows over which the largest acceleration is taken
 THINNED = 4  # frequencies of the intervals for one of the file
 UNKNOWN = 100.0  # |G_true / G - 1| that stands for more
+ALIKE = 1.01  # ratio of counts that a log does not tell apart
 HIGH = 99.9  # percentile that counts as the largest: encoders have outliers
 
 
@@ -36,7 +37,7 @@ def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> d
         "limits": largest(found),
         "known_delay": found.known_delay,
         "uncertainty": {"gain": found.gain, "delay": found.late, "response": _doubt(found)},
-        "encoder_resolution": min(one.resolution for one in found.axes),
+        "encoder_resolution": counts(found),
         "friction": _friction(found),
     }
 
@@ -75,6 +76,12 @@ def largest(found: LinearMachineFound) -> dict[str, list[float]]:
         "acceleration": np.percentile(np.abs(acceleration), HIGH, axis=0).tolist(),
         "control": np.abs(found.record.command).max(axis=0).tolist(),
     }
+
+
+def counts(found: LinearMachineFound) -> float | list[float]:
+    """Counts of the encoders by axis [m]; one number, the coarsest, where they hardly differ."""
+    each = [one.resolution for one in found.axes]
+    return max(each) if max(each) <= ALIKE * min(each) else each
 
 
 def axis_result(axis: LinearAxis) -> LinearAxisResult:

@@ -10,7 +10,7 @@ from functools import cached_property
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.machines.count_noise import rounding_noise
+from experiments.machines.count_noise import in_words, rounding_noise
 from experiments.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.linear.between_samples import hidden_acceleration
@@ -47,7 +47,7 @@ class LinearMachine(Machine):
         known_delay: samples of it in the model.
         gain: relative uncertainty of the input gains.
         delay: most samples of delay that the model does not know.
-        encoder_resolution: [m] per count.
+        encoder_resolution: [m] per count, of all axes or of each (m,).
         control_noise: standard deviation that the Kalman filter assumes on each control.
         published: weights of its publication by name; None where nothing is published.
         with_friction: the machine that a controller of a given period [s] meets on the host, where
@@ -61,7 +61,7 @@ class LinearMachine(Machine):
     known_delay: int
     gain: float
     delay: int
-    encoder_resolution: float
+    encoder_resolution: float | np.ndarray
     control_noise: float
     published: Mapping[str, float] | None = None
     with_friction: Callable[[float | None], Hosted] | None = None
@@ -80,7 +80,7 @@ class LinearMachine(Machine):
         return "quantised encoders and dry friction" if self.friction else "quantised encoders"
 
     @property
-    def resolution(self) -> float:
+    def resolution(self) -> float | np.ndarray:
         """Of the position encoders."""
         return self.encoder_resolution
 
@@ -183,7 +183,9 @@ class LinearMachine(Machine):
         return Gained(plant, jnp.asarray(gains))
 
     def _counted(self, plant: Plant, fed: Fed) -> Plant:
-        return plant if fed == "state" else Quantised(Encoders(plant), self.encoder_resolution)
+        if fed == "state":
+            return plant
+        return Quantised(Encoders(plant), resolution=self.encoder_resolution)
 
     @cached_property
     def _machine(self) -> Plant:
@@ -207,7 +209,7 @@ class LinearMachine(Machine):
         """States, delay, axes, sensors, friction where there is some."""
         states = f"{self.model.states} states (known delay {self.known_delay})"
         time = f"dt {1e3 * self.model.dt:g} ms"
-        sensors = f"positions only, encoder {1e6 * self.encoder_resolution:g} um"
+        sensors = f"positions only, encoder {in_words(self.encoder_resolution)}"
         friction = "not known, neither in the runs nor in what is proven"
         if self.friction is not None:
             friction = f"{self.friction:.3g} {self.control_unit}, in the runs and in what is proven"
@@ -218,8 +220,8 @@ class LinearMachine(Machine):
         }
 
     @property
-    def measurement_noise(self) -> float:
-        """Standard deviation of a rounded position [m]: resolution / sqrt(12)."""
+    def measurement_noise(self) -> float | np.ndarray:
+        """Standard deviation of rounded positions [m], all or each: resolution / sqrt(12)."""
         return self.encoder_resolution / np.sqrt(12)
 
 

@@ -110,8 +110,11 @@ class Machine(abc.ABC):
         return "contour" if len(self.axes) > 1 else "tracking"
 
     @property
-    def resolution(self) -> float | None:
-        """Length of a count of the encoders [m]; None where nothing is counted."""
+    def resolution(self) -> float | np.ndarray | None:
+        """Length of a count of the encoders [m], one number or one for each axis (m,).
+
+        None where nothing is counted.
+        """
         return None
 
     @property

@@ -3,7 +3,7 @@
 from rich.console import Console
 
 from experiments.files.results.certified_result import CertifiedResult, CertifiedRow
-from experiments.reports.tables import digits, of_inputs, peak_line, plain_table, say
+from experiments.reports.tables import digits, of_axes, of_inputs, peak_line, plain_table, say
 
 HEADINGS = (
     "contour",
@@ -37,7 +37,7 @@ def sentences(result: CertifiedResult) -> list[str]:
     place = peak_line(worst.place, result.error, result.machine.axes)
     return [
         f"Proven for every force of up to {digits(result.force)} {unit} on each control and every "
-        f"encoder error of up to {digits(1e6 * result.encoder)} um, at each sample,",
+        f"encoder error of up to {of_axes(result.encoder, result.machine.axes)}, at each sample,",
         _plants(result.gain),
         BOUNDS,
         f"An attack reaches {digits(100 * worst.reached / worst.bound)} % of the largest bound; "

@@ -85,6 +85,19 @@ def weight_digits(value: Weight) -> str:
     return ",".join(map(digits, value)) if isinstance(value, list) else digits(value)
 
 
+def of_axes(lengths: float | Sequence[float], axes: Sequence[str]) -> str:
+    """Lengths [m] in words: one of every axis, or one of each.
+
+    >>> of_axes(5e-7, "XY"), of_axes((5e-7, 2.5e-6), "XY")
+    ('0.5 um', '0.5 um on X, 2.5 um on Y')
+    """
+    if not isinstance(lengths, Sequence):
+        return f"{digits(1e6 * lengths)} um"
+    return ", ".join(
+        f"{digits(1e6 * length)} um on {name}" for length, name in zip(lengths, axes, strict=True)
+    )
+
+
 def of_inputs(values: Mapping[int, float], unit: str) -> str:
     """Controls in words; one value where it is that of every input.
 

@@ -3,7 +3,7 @@
 from rich.console import Console
 
 from experiments.files.results.tolerance_result import KeptRun, ToleranceResult
-from experiments.reports.tables import digits, of_inputs, plain_table, read_line, say
+from experiments.reports.tables import digits, of_axes, of_inputs, plain_table, read_line, say
 
 HEADINGS = (
     "plant",
@@ -40,7 +40,7 @@ def promise(result: ToleranceResult) -> list[str]:
     most = of_inputs(dict(enumerate(result.control_limit)), unit)
     return [
         f"Proven for every force of up to {digits(result.force)} {unit} on each control and every "
-        f"encoder error of up to {digits(1e6 * result.encoder)} um, at each sample,",
+        f"encoder error of up to {of_axes(result.encoder, result.machine.axes)}, at each sample,",
         f"on one plant, {result.plant}; no control above {most}. A disturbance is forgotten after "
         f"{result.length} samples. What decides: {why}.",
     ]

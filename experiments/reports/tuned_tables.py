@@ -15,7 +15,7 @@ from experiments.files.results.tuned_result import (
     TunedResult,
     rms_error,
 )
-from experiments.reports.tables import digits, peak_line, plain_table, position, say
+from experiments.reports.tables import digits, of_axes, peak_line, plain_table, position, say
 from tuning.objectives import COUNT_NOISE, LATE, RATIO
 
 SEEN, HELD_OUT = "training", "held out"
@@ -178,8 +178,9 @@ def certified_lines(result: TunedResult) -> list[str]:
     if one.error is None:
         return [f"No proven bound of the {result.error} error: {one.refused}"]
     force = f"force of up to {digits(one.force)} {result.machine.control_unit}"
+    encoder = of_axes(one.encoder, result.machine.axes)
     return [
-        f"Proven for every {force} and encoder error of up to {digits(1e6 * one.encoder)} um: "
+        f"Proven for every {force} and encoder error of up to {encoder}: "
         f"{result.error} error at most {digits(1e6 * one.error)} um ({one.contour}, {one.plant})"
     ]
 

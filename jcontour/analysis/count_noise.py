@@ -34,20 +34,23 @@ class _Signals(NamedTuple):
 
 
 def count_noise(
-    loop: FrozenLoop, encoding: Encoding, deviation: float
+    loop: FrozenLoop, encoding: Encoding, deviation: float | Float[np.ndarray, " r"]
 ) -> tuple[Float[np.ndarray, "*loops"], FrozenLoop]:
-    """RMS of the control vector by white noise on every position, and its slope.
+    """RMS of the control vector by independent white noises on all positions, and its slope.
 
     A loop that is not stable has an infinite RMS with slope 0.
 
     Args:
         loop: batched in front; plant and controller may have different batches that go together.
         encoding: how the sensors show positions.
-        deviation: standard deviation of the noise [m].
+        deviation: standard deviation of the noise [m], one number or one for each position.
 
     Returns:
         RMS [control unit], and its derivatives with respect to the matrices of the loop.
     """
+    largest = float(np.max(deviation))
+    share = deviation / largest  # of the noises, whose largest is the unit
+    encoding = encoding._replace(level=encoding.level * share, slope=encoding.slope * share)
     signals = _signals(loop, encoding)
     N = signals.after.shape[-2]
     stable = _stable(signals.after[..., :N])
@@ -62,9 +65,9 @@ def count_noise(
     spread = blocks([[P, np.zeros((N, r))], [np.zeros((r, N)), np.eye(r)]])
     rms = np.sqrt(np.trace(u @ spread @ turned(u), axis1=-2, axis2=-1))
     Q = _summed(turned(M), turned(u[..., :N]) @ u[..., :N])
-    part = deviation / np.where(rms > 0, rms, 1.0)
+    part = largest / np.where(rms > 0, rms, 1.0)
     slope = _slope(loop, signals, Q, part[..., None, None] * spread)
-    return np.where(stable, deviation * rms, np.inf), slope
+    return np.where(stable, largest * rms, np.inf), slope
 
 
 def _signals(loop: FrozenLoop, encoding: Encoding) -> _Signals:

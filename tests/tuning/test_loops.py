@@ -77,3 +77,24 @@ def test_probes_that_are_alike_count_as_each_alone(two_axes):
         jax.tree.leaves(loops.look(*repeated)), jax.tree.leaves(wanted), strict=True
     ):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-14)
+
+
+def test_every_encoder_has_its_own_count(two_axes):
+    """Mean squares are linear in the squares of the counts."""
+    family = stack_plants([Encoders(two_axes)])
+    run = along(circle(1e-3), 3e-4 * np.arange(12), 1e-3, 3, at_rest=False)
+    controller = FilterObserver(
+        ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3),
+        two_axes,
+        kalman_gain(two_axes, 0.01, 1e-6),
+    )
+
+    def variance(count):
+        loops = ProbedLoops.of(family, stack_references([run]), 2, count=count)
+        matrices = jax.device_get(loops.matrices(controller, family))
+        none = jax.tree.map(lambda leaf: np.zeros((*leaf.shape, 1)), matrices)
+        return np.asarray(loops.look(matrices, none)[0].count_noise) ** 2
+
+    mixed = variance(np.array([1e-6, 5e-6])) + variance(np.array([5e-6, 1e-6]))
+    np.testing.assert_allclose(mixed, variance(1e-6) + variance(5e-6), rtol=1e-9)
+    assert np.all(variance(np.array([1e-6, 5e-6])) > 1.5 * variance(1e-6))

@@ -13,9 +13,10 @@ from experiments.files.results.linear_result import LinearAxisResult, LinearMach
 from experiments.files.results.stored import write_result
 from experiments.flags.machines import Identify
 from experiments.machines.from_file import machine_from
-from experiments.machines.identified import axis_result, largest, machine_fields
+from experiments.machines.identified import axis_result, counts, largest, machine_fields
 from experiments.machines.machine_behaviour import GRAVITY
 from experiments.reports.identified_tables import show
+from experiments.reports.tables import of_axes
 from experiments.runs.lifecycle import finished
 from jcontour.export.code_text import heading
 from jcontour.linear.continuous_axes import speed_axis
@@ -169,7 +170,7 @@ def _result(
 ) -> LinearMachineResult:
     axes = [axis_result(one) for one in found.axes]
     limits = largest(found)
-    words = list(log.words)
+    words = [*log.words, f"Encoders: counts of {of_axes(counts(found), flags.axes)}"]
     if len(flags.axes) == 1:
         words.append(f"A contour needs two axes: the machine file has {flags.axes[0]} twice")
     return LinearMachineResult(

@@ -91,7 +91,7 @@ def _weights(machine: LinearMachine, bandwidth: float, start: LoopWeights) -> Lo
     found = start._replace(alpha=alpha, beta=CONTOUR_RATIO * alpha)
     if start.control_noise is None:
         return found
-    noise = machine.measurement_noise / _gain(machine, bandwidth)
+    noise = _reached(machine, machine.measurement_noise, bandwidth)
     if start.drift is None:
         return found._replace(control_noise=noise)
     return found._replace(control_noise=STATES * noise, drift=bandwidth * noise)
@@ -102,15 +102,25 @@ def _regulator(machine: LinearMachine) -> float:
     if machine.limits.control is None:
         return float(REGULATORS[0])
     error = COUNTS * machine.encoder_resolution
-    kept = [r for r in REGULATORS if error / _gain(machine, r) <= machine.largest_control]
+    kept = [r for r in REGULATORS if _reached(machine, error, r) <= machine.largest_control]
     return float(kept[0] if kept else REGULATORS[-1])
 
 
-def _gain(machine: LinearMachine, bandwidth: float) -> float:
-    """Smallest singular value of C (zI - A)^-1 B at exp(j w), w in rad per sample."""
+def _reached(machine: LinearMachine, errors: float | np.ndarray, bandwidth: float) -> float:
+    """Largest control that makes errors of these sizes [m], of all axes or of each, at exp(j w)."""
+    largest = np.max(errors)
+    return float(largest) / _gain(machine, bandwidth, largest / errors)
+
+
+def _gain(machine: LinearMachine, bandwidth: float, weights: float | np.ndarray = 1.0) -> float:
+    """Smallest singular value of C (zI - A)^-1 B at exp(j w), w in rad per sample.
+
+    Each axis in the weights.
+    """
     A, B, C = (np.asarray(matrix) for matrix in (machine.model.A, machine.model.B, machine.model.C))
     G = C @ np.linalg.solve(np.exp(1j * bandwidth) * np.eye(len(A)) - A, B)
-    return float(np.linalg.svd(G, compute_uv=False)[-1])
+    weighted = np.reshape(weights, (-1, 1)) * G
+    return float(np.linalg.svd(weighted, compute_uv=False)[-1])
 
 
 def straight_windows(machine: LinearMachine, preview: int) -> Reference:

@@ -35,7 +35,7 @@ class CertifiedBound:
 
     Attributes:
         force: bound on what adds to each control [control unit].
-        encoder: bound on the error of each measured number [m].
+        encoder: bound on the error of every measured number, one for all or each [m].
         error: largest error that the disturbances within the bounds can make; None where there is
             no proof, as the next two.
         contour: where it is.
@@ -44,7 +44,7 @@ class CertifiedBound:
     """
 
     force: float
-    encoder: float
+    encoder: float | tuple[float, ...]
     error: float | None = None
     contour: str | None = None
     plant: str | None = None
@@ -59,7 +59,7 @@ class CertifiedResult:
         certified: folder of the run whose loop it is.
         error: the error that counts, "contour" or "tracking".
         force: bound on what adds to each control [control unit].
-        encoder: bound on the error of each measured number [m].
+        encoder: bound on the error of every measured number, one for all or each [m].
         control_limit: of each control; None where the machine states none.
         gain: relative; rows hold for all gains within it; None where for the plants alone.
         rows: one per contour and plant.
@@ -70,7 +70,7 @@ class CertifiedResult:
     controller: str
     error: str
     force: float
-    encoder: float
+    encoder: float | tuple[float, ...]
     control_limit: tuple[float, ...] | None
     gain: float | None
     rows: list[CertifiedRow]

@@ -37,7 +37,7 @@ class ToleranceResult:
     Attributes:
         error: the error that is bounded, "contour" or "tracking".
         force: bound on what adds to each control [control unit].
-        encoder: bound on the error of each measured position [m].
+        encoder: bound on the error of every measured position, one for all or each [m].
         plant: that it is promised for.
         length: samples within which the tool has recovered.
         promised: largest error [m].
@@ -54,7 +54,7 @@ class ToleranceResult:
     samples: int
     error: str
     force: float
-    encoder: float
+    encoder: float | tuple[float, ...]
     plant: str
     length: int
     promised: float

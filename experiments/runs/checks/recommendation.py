@@ -55,7 +55,7 @@ def reasons_against(
         exceeded: limits of the machine that a run exceeds, one line each.
         error: the error that counts, "contour" or "tracking".
         delay: margin that is asked for [samples].
-        finest: difference of errors that the encoders can tell [m].
+        finest: difference of errors that the encoders of all axes can tell [m].
         limit: name of the one that the weights exceed most; empty where they exceed none.
         allowing: flag and value that allow what the weights reach, see `flag_allowing`.
         feed_law: of the motions.

@@ -33,8 +33,7 @@ def standstill(controller: Controller, machine: Machine, fed: Fed) -> Standstill
     )
 
 
-def _held(machine: Machine, offset: float, preview: int) -> Reference:
-    axes = len(machine.axes)
-    place = np.full(axes, offset)
+def _held(machine: Machine, offset: float | np.ndarray, preview: int) -> Reference:
+    place = np.broadcast_to(offset, len(machine.axes))
     path = line(place, place + 1e-3)
     return along(path, np.zeros(SAMPLES), machine.model.dt, preview, at_rest=True)

@@ -34,7 +34,7 @@ def kept_runs(keeper: Keeper, seed: int = 0) -> Iterator[Tried]:
     yield _tried(keeper, proven, "an attack", True, attacked(keeper, steps).on(model))
     random = at_random(keeper, steps, np.random.default_rng(seed))
     yield _tried(keeper, proven, "at random", True, random.on(model))
-    counted = Quantised(model, machine.resolution)
+    counted = Quantised(model, resolution=machine.resolution)
     yield _tried(keeper, proven, "encoder counts", True, counted)
     for name, plant in zip(machine.family_names, machine.true_family(), strict=True):
         if name != proven:

@@ -135,13 +135,13 @@ def noise_limit(flags: Limited, machine: Machine, design: Design) -> dict[str, f
     return {COUNT_NOISE: share * float(np.min(largest))}
 
 
-def counted(limits: dict[str, float], machine: Machine) -> float | None:
-    """A count of the encoders [m] where its noise is limited."""
+def counted(limits: dict[str, float], machine: Machine) -> float | np.ndarray | None:
+    """Counts of the encoders [m], of all or of each, where their noise is limited."""
     return machine.resolution if COUNT_NOISE in limits else None
 
 
 def probed_loops(
-    flags: Limited, problem: Problem, doubt: Doubt | None, count: float | None
+    flags: Limited, problem: Problem, doubt: Doubt | None, count: float | np.ndarray | None
 ) -> ProbedLoops | None:
     """The frozen loops that the limits look at; None where none does.
 

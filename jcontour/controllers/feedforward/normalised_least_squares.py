@@ -40,7 +40,8 @@ class NormalisedLeastSquares(eqx.Module):
     Args:
         trace: tr F, which is kept.
         floor: n_0, in the unit of phi: below it phi is not scaled up.
-        dead_zone: size of the error y - theta . phi up to which nothing is learned.
+        dead_zone: size of the error y - theta . phi up to which nothing is learned, one number or
+            one for each y.
 
     Raises:
         ValueError: the trace or the floor is not above zero, or the dead zone is negative.
@@ -48,7 +49,7 @@ class NormalisedLeastSquares(eqx.Module):
 
     trace: Float[Array, ""]
     floor: Float[Array, ""]
-    dead_zone: Float[Array, ""]
+    dead_zone: Float[Array, "*#m"]
 
     def __init__(self, trace: ArrayLike, floor: ArrayLike = 1.0, dead_zone: ArrayLike = 0.0):
         for name, value in (("trace", trace), ("floor", floor)):

@@ -25,11 +25,11 @@ class Surroundings(NamedTuple):
 
     Attributes:
         force: on every control, one number or (p,) [control unit].
-        encoder: error of every measured position [m].
+        encoder: error of every measured position, one number or (m,) [m].
     """
 
     force: Numbers
-    encoder: float
+    encoder: Numbers
 
 
 class FilteredResponse(NamedTuple):

@@ -40,7 +40,7 @@ def state_known(plant: LinearPlant, force: Numbers) -> Knowledge:
 
 
 def state_bounded_by_filter(
-    plant: LinearPlant, gain: Numbers, force: Numbers, encoder: float
+    plant: LinearPlant, gain: Numbers, force: Numbers, encoder: Numbers
 ) -> Knowledge:
     """The state is the estimate of a filter that starts without error; every size from above.
 
@@ -52,7 +52,7 @@ def state_bounded_by_filter(
         plant: the machine.
         gain: filter gain L (n, m).
         force: largest force, one or one for each control [control unit].
-        encoder: largest error of every measured position [m].
+        encoder: largest error of the measured positions, one or one for each [m].
 
     Raises:
         ValueError: the filter is not stable, its gain does not fit, or a size is negative.
@@ -63,7 +63,8 @@ def state_bounded_by_filter(
             f"gain: needs finite numbers of shape {C.T.shape}, received "
             f"{'NaN or inf' if L.shape == C.T.shape else L.shape}"
         )
-    if not (np.isfinite(encoder) and encoder >= 0):
+    encoder = np.asarray(encoder, float)
+    if not (np.isfinite(encoder) & (encoder >= 0)).all():
         raise ValueError(f"encoder: needs an error of at least zero [m], received {encoder}")
     radius = float(spectral_radius(A @ (np.eye(plant.states) - L @ C)))
     if not radius < 1 - ROUNDING:

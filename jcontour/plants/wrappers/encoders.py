@@ -6,11 +6,18 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from jcontour.plant import State
 from jcontour.plants.wrappers.wrapper import Remembering, Wrapper
 from jcontour.sensors import Sensors
+
+
+def _fixed(resolution: ArrayLike | tuple[float, ...]) -> float | tuple[float, ...]:
+    """As the field of a plant that is compiled once for each."""
+    found = np.asarray(resolution, float)
+    return float(found) if found.ndim == 0 else tuple(found.tolist())
 
 
 class Encoders(Wrapper):
@@ -39,11 +46,15 @@ class Quantised(Wrapper):
 
     It is not smooth: tune on the wrapped plant.
 
+    Args:
+        plant: what is measured.
+        resolution: length of a count, one number or one for each number of the measurement.
+
     Raises:
-        ValueError: the resolution is not positive.
+        ValueError: a resolution is not positive.
     """
 
-    resolution: float = eqx.field(static=True)
+    resolution: float | tuple[float, ...] = eqx.field(static=True, converter=_fixed)
 
     def __check_init__(self):
         _check_resolution(self.resolution)
@@ -106,13 +117,13 @@ class CountingEncoders(_SpeedsByDifference):
     ([3, 0], [0.0, 0.0])
 
     Args:
-        resolution: [m] per count.
+        resolution: [m] per count, one number or one for each position.
 
     Raises:
-        ValueError: the resolution is not positive.
+        ValueError: a resolution is not positive.
     """
 
-    resolution: float = eqx.field(static=True)
+    resolution: float | tuple[float, ...] = eqx.field(static=True, converter=_fixed)
 
     def __check_init__(self):
         _check_resolution(self.resolution)
@@ -121,10 +132,11 @@ class CountingEncoders(_SpeedsByDifference):
         return _counted(self.sensors.positions(self.plant.measure(inner)), self.resolution)
 
 
-def _counted(values: Array, resolution: float) -> Array:
-    return resolution * jnp.round(values / resolution)
+def _counted(values: Array, resolution: float | tuple[float, ...]) -> Array:
+    count = resolution if isinstance(resolution, float) else jnp.asarray(resolution, values.dtype)
+    return count * jnp.round(values / count)
 
 
-def _check_resolution(resolution: float) -> None:
-    if not resolution > 0:
+def _check_resolution(resolution: float | tuple[float, ...]) -> None:
+    if not (np.asarray(resolution) > 0).all():
         raise ValueError(f"resolution: needs to be positive, received {resolution}")

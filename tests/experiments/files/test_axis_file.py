@@ -109,6 +109,7 @@ def test_no_cogging():
         ({"axes": ["X", "Y", "Z", "W"]}, "axes: needs one to 3"),
         ({"dt": 0}, "dt: needs a finite number above 0"),
         ({"encoder_resolution": 0}, "encoder_resolution: needs a finite number above 0"),
+        ({"encoder_resolution": [1e-6] * 2}, "encoder_resolution: needs one number or 1"),
         ({"electrical": {"resistance": 1.0}}, "electrical.inductance: missing"),
         ({"notes": "careful"}, "notes: needs a list"),
         ({"mass": 40.0}, "there is no field 'mass'"),
@@ -118,6 +119,14 @@ def test_one_clear_line(change, says):
     with pytest.raises(MachineError) as error:
         axis_from(FIELDS | change)
     assert says in str(error.value) and "\n" not in str(error.value)
+
+
+def test_every_axis_may_have_an_encoder_of_its_own():
+    pair = axis_from(TWO | {"encoder_resolution": [1e-6, 5e-6]})
+    np.testing.assert_array_equal(pair.encoder_resolution, [1e-6, 5e-6])
+    again = json.loads(json.dumps(axis_fields(pair)))
+    assert again["encoder_resolution"] == [1e-6, 5e-6]
+    assert axis_from(TWO | {"encoder_resolution": [2e-6, 2e-6]}).encoder_resolution == 2e-6
 
 
 @pytest.mark.parametrize("missing", ["dt", "motor_mass", "friction", "cogging_cosine"])

@@ -1,6 +1,7 @@
 """Noise in the place of counts."""
 
 import numpy as np
+import pytest
 
 from experiments.machines.count_noise import SAMPLES, rounding_noise
 
@@ -14,3 +15,11 @@ def test_it_is_what_rounding_leaves_of_a_position_that_moves():
     correlation = np.mean(noise[1:] * noise[:-1], axis=0) * 12
     assert np.abs(correlation).max() < 4 / np.sqrt(SAMPLES)
     assert abs(np.mean(noise[:, 0] * noise[:, 1])) * 12 < 4 / np.sqrt(SAMPLES)
+
+
+def test_every_position_has_its_own_count():
+    mixed, fine, coarse = (
+        np.asarray(rounding_noise(2, counts)) for counts in (np.array([1e-6, 5e-6]), 1e-6, 5e-6)
+    )
+    np.testing.assert_array_equal(mixed, np.stack([fine[:, 0], coarse[:, 1]], axis=1))
+    assert mixed.std(axis=0) == pytest.approx(np.array([1e-6, 5e-6]) / np.sqrt(12), rel=0.03)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import machine_named
-from experiments.machines.disturbance_bounds import bounds_of, linear_machine, warn_of_doubt
+from experiments.machines.disturbance_bounds import bounds_of, box_of, linear_machine, warn_of_doubt
 from jcontour.analysis.uncertain_loops import Doubt
 
 
@@ -17,6 +17,18 @@ def test_bounds_come_from_the_machine_where_none_is_given():
     assert bounds_of(rough, None, None) == pytest.approx((0.02, 0.5e-6), rel=1e-12)
     assert bounds_of(replace(table, friction=0.001), None, None).force == pytest.approx(0.005)
     assert bounds_of(table, 0.0, 2.0) == pytest.approx((0.0, 2e-6), rel=1e-12)
+
+
+def test_every_encoder_errs_by_half_a_count_of_its_own():
+    table = linear_machine(machine_named("xy-table"))
+    mixed = replace(table, encoder_resolution=np.array([1e-6, 5e-6]))
+    bounds = bounds_of(mixed, None, None)
+    assert bounds.encoder == pytest.approx((0.5e-6, 2.5e-6))
+    box = box_of(mixed.exact_family()[0], bounds, mixed, "outputs")
+    assert box.noise == pytest.approx(np.array([0.5e-6, 2.5e-6]))
+    assert bounds_of(mixed, None, 3.0).encoder == pytest.approx(3e-6)
+    with pytest.raises(ValueError, match="half a count, 0.5, 2.5 um, received 1"):
+        bounds_of(mixed, None, 1.0)
 
 
 def test_friction_that_is_not_known_is_told_where_no_force_is_given():

@@ -180,3 +180,22 @@ def test_random_members_lie_within_the_intervals_with_parts_of_a_sample(machine)
     np.testing.assert_array_equal(again.plant.samples, samples)
     with pytest.raises(ValueError, match="measures its motors"):
         machine.random_family(2, 0, "state")
+
+
+def test_motors_of_different_encoders_are_those_of_two_machines_of_equal_ones():
+    position, still = jnp.array([0.0100123, -0.0200123]), jnp.zeros(2)
+    counts = np.array([1e-6, 5e-6])
+
+    def seen(resolution):
+        pair = replace(biaxial_machine(), encoder_resolution=resolution)
+        plants = [pair.true_family()[0], pair.smooth_family()[0]]
+        starts = [plant.initial_state(position, still) for plant in plants]
+        pairs = zip(plants, starts, strict=True)
+        return np.array([np.asarray(plant.measure(start)[0]) for plant, start in pairs])
+
+    mixed = seen(counts)
+    for axis, count in enumerate(counts):
+        np.testing.assert_array_equal(mixed[:, axis], seen(count)[:, axis])
+    np.testing.assert_allclose(mixed[0], [0.010012, -0.02001])
+    pair = replace(biaxial_machine(), encoder_resolution=counts)
+    assert "encoders of 1, 5 um" in pair.description()["Measured"]

@@ -39,6 +39,17 @@ def test_example_in_metres():
     assert machine.encoder_resolution == pytest.approx(1e-6)
 
 
+def test_encoders_count_alike_or_each_by_its_own():
+    mixed, alike = (
+        machine_from(json.dumps({**FIELDS, "encoder_resolution": counts}).encode())
+        for counts in ([0.001, 0.005], [0.005, 0.005])
+    )
+    assert mixed.resolution == pytest.approx(np.array([1e-6, 5e-6]))
+    assert mixed.description()["Measured"].endswith("encoder 1, 5 um")
+    assert alike.resolution == 0.005 * 1e-3  # one number
+    assert alike.description()["Measured"].endswith("encoder 5 um")
+
+
 def test_friction_is_told_and_nothing_is_told_without():
     rough, plain = (
         machine_from(json.dumps({**FIELDS, **more}).encode()) for more in ({"friction": 0.25}, {})
@@ -106,6 +117,11 @@ def test_an_npz_that_says_a_thing_twice_is_refused(names):
         ({"limits": {"jerk": 1.0}}, "limits: there is no field 'jerk'"),
         ({"limits": {"speed": [1.0, 2.0, 3.0]}}, "limits.speed: needs one number or 2"),
         ({"limits": {"control": -1.0}}, "limits.control: needs a finite number above 0"),
+        (
+            {"encoder_resolution": [0.001, 0.005, 0.001]},
+            "encoder_resolution: needs one number or 2, received 3",
+        ),
+        ({"encoder_resolution": [0.001, 0.0]}, "encoder_resolution: needs a finite number above 0"),
         ({"length_unit": "furlong"}, "length_unit: needs one of"),
         ({"known_delay": 1.5}, "known_delay: needs a whole number"),
         ({"friction": -0.1}, "friction: needs a finite number of at least 0"),

@@ -1,10 +1,11 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from experiments.machines.from_file import machine_from
-from experiments.machines.identified import axis_result, largest, machine_fields
+from experiments.machines.identified import axis_result, counts, largest, machine_fields
 from jcontour.linear.continuous_axes import position_axis, speed_axis, with_resonance
 from tuning.identification.linear.machine import MachineRecord, identify_machine
 from tuning.identification.linear.recording import RecordedAxis, recorded
@@ -52,6 +53,17 @@ def test_the_file_is_read_by_the_other_commands(found):
     assert machine.name == "mine" and machine.control_unit == "V"
     assert fields["known_delay"] == 2 and fields["uncertainty"]["gain"] >= 0.02
     assert fields["encoder_resolution"] == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_the_file_has_the_count_of_every_axis_where_they_differ(found):
+    x, y = found.axes
+    mixed = replace(found, axes=[x, replace(y, resolution=5e-6)])
+    each = machine_fields(mixed, "mine", "V")["encoder_resolution"]
+    assert each == [x.resolution, 5e-6]
+    machine = machine_from(json.dumps(machine_fields(mixed, "mine", "V")).encode())
+    assert machine.resolution == pytest.approx(np.array([1e-6, 5e-6]), rel=1e-3)
+    alike = replace(found, axes=[replace(x, resolution=1e-6), replace(y, resolution=1.005e-6)])
+    assert counts(alike) == 1.005e-6
 
 
 def test_the_file_doubts_the_response_where_the_intervals_are_wide(found):

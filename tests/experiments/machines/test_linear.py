@@ -83,3 +83,21 @@ def coasted(plant, increment):
     for _ in range(500):
         state = step(plant, state)
     return np.asarray(plant.output(state))
+
+
+def test_encoders_of_different_counts_are_those_of_two_machines_of_equal_ones():
+    """Axis by axis: what is measured, the noise in its place, and what a filter takes for it."""
+    place, still = np.array([1.23e-5, 1.23e-5]), np.zeros(2)
+    counts = np.array([1e-6, 5e-6])
+
+    def seen(resolution):
+        machine = slides(0, encoder_resolution=resolution)
+        drawn = member(machine.random_family(1, 0), 0)
+        plants = [*machine.true_family(), *machine.smooth_family(), drawn]
+        read = [np.asarray(plant.measure(plant.initial_state(place, still))) for plant in plants]
+        return np.array([*read, np.broadcast_to(machine.measurement_noise, 2)])
+
+    mixed = seen(counts)
+    for axis, count in enumerate(counts):
+        np.testing.assert_array_equal(mixed[:, axis], seen(count)[:, axis])
+    np.testing.assert_allclose(mixed[0], [1.2e-5, 1.0e-5])

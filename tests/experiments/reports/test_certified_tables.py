@@ -42,6 +42,11 @@ def test_assumptions_attack_place_and_controls_are_said():
     assert f"{controls}10 A on input 1, 3 A on input 2." in text
 
 
+def test_every_encoder_has_its_own_bound():
+    text = "\n".join(sentences(replace(RESULT, encoder=(4e-7, 2e-6))))
+    assert "encoder error of up to 0.4 um on X, 2 um on Y, at each sample" in text
+
+
 def test_the_plants_of_the_proof_are_said():
     assert "Not for plants between them" in " ".join(sentences(RESULT))
     every = " ".join(sentences(replace(RESULT, gain=0.1)))

@@ -104,10 +104,27 @@ def test_two_axes_and_differences_by_another_solver(encoding):
         assert found**2 == pytest.approx(variance_by_another_solver(one, encoding), rel=1e-10)
 
 
-@pytest.mark.parametrize("encoding", [POSITIONS, WITH_SPEEDS], ids=["positions", "with speeds"])
-def test_the_slope_is_that_of_differences(encoding):
+def test_every_position_has_noise_of_its_own():
+    """Independent noises: their mean squares add up, each as its own axis makes it."""
+    loops, deviations = random_loops(q=2), np.array([1.0, 5.0])
+    rms, _ = count_noise(loops, POSITIONS, deviations)
+    for k, found in enumerate(rms):
+        one = jax.tree.map(lambda leaf, k=k: leaf[k], loops)
+        alone = [
+            variance_by_another_solver(one, POSITIONS._replace(level=np.diag(unit)))
+            for unit in np.eye(2)
+        ]
+        assert found**2 == pytest.approx(deviations**2 @ alone, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "deviation"),
+    [(POSITIONS, 2.0), (WITH_SPEEDS, 2.0), (POSITIONS, np.array([1.0, 5.0]))],
+    ids=["positions", "with speeds", "each its own"],
+)
+def test_the_slope_is_that_of_differences(encoding, deviation):
     loops = random_loops(q=2)
-    _, slope = count_noise(loops, encoding, 2.0)
+    _, slope = count_noise(loops, encoding, deviation)
     leaves, structure = jax.tree.flatten(loops)
     for number, gradient in enumerate(jax.tree.leaves(slope)):
         for place in np.ndindex(gradient.shape[1:]):
@@ -115,7 +132,8 @@ def test_the_slope_is_that_of_differences(encoding):
             for step in (1e-6, -1e-6):
                 moved = [leaf.copy() for leaf in leaves]
                 moved[number][(slice(None), *place)] += step
-                ends.append(count_noise(jax.tree.unflatten(structure, moved), encoding, 2.0)[0])
+                other = jax.tree.unflatten(structure, moved)
+                ends.append(count_noise(other, encoding, deviation)[0])
             wanted = (ends[0] - ends[1]) / 2e-6
             np.testing.assert_allclose(
                 gradient[(slice(None), *place)], wanted, rtol=1e-5, atol=1e-7

@@ -44,6 +44,9 @@ BLOCK = 500  # samples in which noise pulls by itself
 CHANCE = 5.0  # standard deviations of the mean square of a Gaussian
 SPECTRUM = 2048  # samples of one spectrum of many
 TAKEN = 5.0  # of 6 axes with dry friction fitted without it: what the widest needs is 4.6
+FEW = 20.5  # counts between neighbouring positions; of a continuous record they are thousands
+WHOLE = 0.1  # of a count that printed digits may round
+MOSTLY = 0.9  # of the steps
 WINDOW = 10  # samples over which a speed is taken
 
 
@@ -217,12 +220,17 @@ def noise_of(position: Float[np.ndarray, " T"]) -> float:
 def resolution_of(position: Float[np.ndarray, " T"]) -> float:
     """Smallest step between any two positions [m], the count of the encoder.
 
-    Where they are not counted it is a tenth of what noise as large would count.
+    Where they are not counted, most steps no few of it, it is at least a tenth of what noise as
+    large would count.
     """
     places = np.unique(position)
     steps = np.diff(places)
     steps = steps[steps > 1e-9 * max(float(np.ptp(position)), 1e-300)]
     least = float(steps.min()) if steps.size else 0.0
+    if steps.size and np.median(steps) < FEW * least:
+        counts = steps / least
+        if np.mean(np.abs(counts - np.round(counts)) < WHOLE) > MOSTLY:
+            return least
     return max(least, 0.1 * np.sqrt(12) * noise_of(position))
 
 

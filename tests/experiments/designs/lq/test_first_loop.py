@@ -106,6 +106,15 @@ def test_a_few_counts_do_not_take_the_controls_to_their_limit():
     assert module._regulator(integrators(1e-9)) == module.REGULATORS[-1]
 
 
+def test_the_control_that_counts_cost_is_that_of_the_worst_axis():
+    """e_i / |G_i(r)|: for integrators e_i / b_i * 2 sin(r / 2), gains 2e-3 and 3e-3."""
+    machine, r = integrators(1.0), 0.3
+    for errors in ((1e-6, 5e-6), (5e-6, 1e-6), (1e-6, 1.2e-6)):
+        wanted = max(errors[0] / 2e-3, errors[1] / 3e-3) * 2 * np.sin(r / 2)
+        assert module._reached(machine, np.array(errors), r) == pytest.approx(wanted, rel=1e-9)
+    assert module._reached(machine, 1e-6, r) == pytest.approx(1e-6 / 2e-3 * 2 * np.sin(r / 2))
+
+
 @pytest.mark.slow
 def test_a_drive_that_takes_positions_comes_to_its_place(tmp_path):
     """100 mm away it stays a millionth behind; the encoder counts in micrometres."""

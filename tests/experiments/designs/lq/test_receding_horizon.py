@@ -1,5 +1,7 @@
 """LQ designs: the observer, the delay of the model, and which weights are free."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -85,3 +87,20 @@ def test_an_unknown_weight_is_told_with_the_known_ones(machine):
     design = design_for(machine, Simulate(preview=3))
     with pytest.raises(ValueError, match="no weight 'gamma'; known are alpha, beta"):
         design.freed(["gamma"])
+
+
+@pytest.mark.parametrize("name", ["contouring-lq", "contouring-lq-kalman"])
+def test_the_filter_of_each_axis_has_the_noise_of_its_own_encoder(name):
+    """On a table whose axes are not coupled its gains are those of tables with equal encoders."""
+    table, flags = machine_named("xy-table"), Simulate(controller=name, preview=3)
+    start = design_for(table, flags).start._replace(control_noise=0.01)
+
+    def gain(resolution):
+        machine = replace(table, encoder_resolution=resolution)
+        return np.asarray(design_for(machine, flags).gain(start))
+
+    mixed = gain(np.array([1e-6, 5e-6]))
+    for axis, count in enumerate((1e-6, 5e-6)):
+        alike = gain(count)[:, axis]
+        np.testing.assert_allclose(mixed[:, axis], alike, rtol=1e-6, atol=1e-9 * alike.max())
+    assert np.abs(mixed - gain(1e-6)).max() > 0.01 * np.abs(mixed).max()

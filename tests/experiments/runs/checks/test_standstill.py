@@ -9,7 +9,13 @@ from experiments.catalogue.choices import design_for
 from experiments.flags.loops import Simulate
 from experiments.machines.linear import bridgeport_machine
 from experiments.machines.own_plant import machine_of
-from experiments.runs.checks.standstill import BETWEEN, SAMPLES, SETTLED, standstill
+from experiments.runs.checks.standstill import (
+    BETWEEN,
+    SAMPLES,
+    SETTLED,
+    _held,
+    standstill,
+)
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
 from jcontour.plants import bridgeport
@@ -58,3 +64,9 @@ def test_nothing_is_said_where_nothing_is_counted(machine):
     controller = controller_of(machine)
     assert standstill(controller, machine, "state") is None
     assert standstill(controller, machine_of(bridgeport(), "own"), "outputs") is None
+
+
+def test_each_axis_is_held_between_counts_of_its_own(machine):
+    counts = np.array([1e-6, 5e-6])
+    assert _held(machine, 0.3 * counts, 3).position[0] == pytest.approx(0.3 * counts)
+    assert _held(machine, 0.3e-6, 3).position[0] == pytest.approx(np.full(2, 0.3e-6))

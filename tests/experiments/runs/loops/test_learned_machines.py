@@ -121,3 +121,14 @@ def test_a_machine_without_linear_models_is_refused(axis):
     job = job_named("task-a", Pace(thesis_machine(), None, None))
     with pytest.raises(ValueError, match="flexible axes or a gantry, mine is none of them"):
         setting(design, job)
+
+
+def test_noise_of_every_axis_is_within_half_a_count_of_its_own():
+    machine = replace(bridgeport_machine(), encoder_resolution=np.array([1e-6, 5e-6]))
+    design = design_for(machine, Simulate(preview=3))
+    path = line(np.zeros(2), np.ones(2))
+    reference = along(path, np.zeros(200), machine.model.dt, design.preview, at_rest=True)
+    one = Setting(machine, design.build(design.start), "outputs", reference)
+    largest = np.abs(np.asarray(noisy(one, 0)(jnp.asarray(0)).noise)).max(axis=0)
+    halves = np.array([0.5e-6, 2.5e-6])
+    assert np.all(largest <= halves) and np.all(largest > 0.9 * halves)

@@ -72,3 +72,10 @@ def test_bad_input():
         NormalisedLeastSquares(1.0, floor=-1.0)
     with pytest.raises(ValueError, match="dead_zone"):
         NormalisedLeastSquares(1.0, dead_zone=-1.0)
+
+
+def test_every_output_has_a_dead_zone_of_its_own():
+    estimator = NormalisedLeastSquares(trace=2.0, floor=1e-3, dead_zone=np.array([0.1, 0.5]))
+    begin = start(estimator, np.zeros((2, 2)))
+    found = update(estimator, begin, np.tile([2.0, 0.0], (2, 1)), np.array([0.3, 0.3]))
+    assert np.asarray(found.theta)[0, 0] > 0 and not np.any(np.asarray(found.theta)[1])

@@ -65,3 +65,18 @@ def test_numbers_that_are_no_proof_are_refused(slide, gain):
         state_bounded_by_filter(slide, gain * np.nan, 1.0, COUNT)
     with pytest.raises(ValueError, match="gain: the filter is not stable"):
         state_bounded_by_filter(slide, 0 * gain, 1.0, COUNT)
+
+
+def test_every_encoder_errs_by_its_own(slide, gain):
+    """Two slides that are not coupled, each as if it were alone."""
+    A, B, C = (np.kron(np.eye(2), np.asarray(one)) for one in (slide.A, slide.B, slide.C))
+    pair = LinearPlant(A, B, C, DT)
+    both = state_bounded_by_filter(pair, np.kron(np.eye(2), gain), 1.0, np.array([COUNT, 5e-6]))
+    for axis, count in enumerate((COUNT, 5e-6)):
+        alone = state_bounded_by_filter(slide, gain, 1.0, count)
+        part = slice(2 * axis, 2 * axis + 2)
+        np.testing.assert_allclose(both.E[part, axis], alone.E[:, 0], rtol=1e-9)
+        assert both.tool[axis] == pytest.approx(alone.tool.item(), rel=1e-9)
+        assert both.speed[axis] == pytest.approx(alone.speed.item(), rel=1e-9)
+    with pytest.raises(ValueError, match="encoder: needs an error of at least zero"):
+        state_bounded_by_filter(pair, np.kron(np.eye(2), gain), 1.0, np.array([COUNT, -COUNT]))

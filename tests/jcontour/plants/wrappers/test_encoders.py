@@ -29,6 +29,24 @@ def test_quantised_measures_whole_counts_and_moves_as_before(two_axes, start, co
             Quantised(two_axes, bad)
 
 
+def test_every_position_has_its_own_count(two_axes, start, controls, plain, run, run_any):
+    counts = np.array([0.8e-6, 5e-6])
+    _, measurements, _ = run(Quantised(Encoders(two_axes), counts), start, controls)
+    pair = CountingEncoders(two_axes, Sensors((0, 2)), (0.8e-6, 5e-6))
+    first = pair.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
+    _, (position, speed), _ = run_any(pair, first, controls)
+    for axis, count in enumerate(counts):
+        _, alike, _ = run(Quantised(Encoders(two_axes), count), start, controls)
+        np.testing.assert_array_equal(measurements[:, axis], alike[:, axis])
+        one = CountingEncoders(two_axes, Sensors((0, 2)), count)
+        _, (place, moved), _ = run_any(one, first, controls)
+        np.testing.assert_array_equal(position[:, axis], place[:, axis])
+        np.testing.assert_array_equal(speed[:, axis], moved[:, axis])
+    assert not np.array_equal(measurements, alike)
+    with pytest.raises(ValueError, match="^resolution"):
+        Quantised(Encoders(two_axes), (1e-6, 0.0))
+
+
 def test_counting_encoders_count_and_difference(two_axes, start, controls, plain, run_any):
     count = 0.8e-6
     plant = CountingEncoders(two_axes, Sensors((0, 2)), count)

@@ -68,6 +68,17 @@ def test_signs_and_counts():
     assert evidence.resolution_of(smooth) == pytest.approx(0.35, rel=0.1)
 
 
+def test_the_count_is_told_whatever_noise_and_motion_are():
+    """Noise of six counts, a swing of 100 samples, and digits that are cut off."""
+    random, time = np.random.default_rng(0), np.arange(4000)
+    place = 2e-3 * np.sin(2 * np.pi * time / 100) + 6e-6 * random.standard_normal(time.size)
+    assert evidence.resolution_of(1e-6 * np.round(place / 1e-6)) == pytest.approx(1e-6)
+    screw = 1.25e-6 * np.round(place / 1.25e-6)
+    assert evidence.resolution_of(np.round(screw, 8)) == pytest.approx(1.25e-6, rel=0.01)
+    printed = evidence.resolution_of(np.round(place, 9))  # digits of a nanometre are no counts
+    assert printed > 0.3 * 6e-6
+
+
 def test_another_axis_in_the_errors():
     random = np.random.default_rng(5)
     u, other = (np.repeat(random.standard_normal(ROWS // 8), 8) for _ in range(2))
