@@ -47,7 +47,7 @@ def alternating(control: Float[np.ndarray, "*runs T p"]) -> Float[np.ndarray, "*
     """Part of a control that alternates: |u(k+1) - 2 u(k) + u(k-1)| / 4.
 
     >>> alternating(np.array([[1.0], [-1.0], [1.0], [3.0], [5.0]])).ravel().tolist()
-    [1.0, 1.0, 0.0]
+    [1.0, 0.0, 0.0]
     """
     return np.abs(np.diff(control, n=2, axis=-2)) / 4
 
