@@ -38,7 +38,7 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("guarantees",),
         ("analysis", "host", "controllers"),
         ("simulation", "riccati", "qp"),
-        ("plants", "kernels", "sets", "controller"),
+        ("plants", "kernels", "sets", "controller", "wrapper"),
         ("linear", "motion"),
         ("geometry", "native", "plant", "sensors"),
         ("tracing", "devices", "compiled", "told_values", "largest", "arrays"),

@@ -73,6 +73,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/results/machine_result.py": "experiments/commands/machines/test_machine.py",
     "experiments/files/results/bent_result.py": "experiments/commands/loops/test_precompensate.py",
     "experiments/runs/loops/bending.py": "experiments/commands/loops/test_precompensate.py",
+    "jcontour/wrapper.py": "jcontour/plants/wrappers/test_wrapper.py",
     "experiments/files/results/feed_result.py": "experiments/runs/loops/test_feeds.py",
     "experiments/designs/predictive/bounded.py": "experiments/commands/loops/test_tolerance.py",
     "experiments/runs/loops/kept_runs.py": "experiments/commands/loops/test_tolerance.py",

@@ -16,7 +16,7 @@ from experiments.video.film import Film, VideoError
 from experiments.video.frames import PICTURE, SIZE, Frames, error_factor, least_round, twist_factor
 from jcontour.plant import Plant, State
 from jcontour.plants.gantry.parameters import GantryParameters
-from jcontour.plants.wrappers.wrapper import unwrapped
+from jcontour.wrapper import unwrapped
 
 FPS = 25
 SHORTEST, LONGEST = 5.0, 14.0  # [s] of the video

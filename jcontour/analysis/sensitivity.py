@@ -45,10 +45,10 @@ from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.plants.friction import without_dry_friction
 from jcontour.plants.wrappers.encoders import CountingEncoders, FineEncoders, Sensed
-from jcontour.plants.wrappers.wrapper import Wrapper
 from jcontour.sensors import row
 from jcontour.simulation.closed_loop import check_run, start_state
 from jcontour.simulation.evaluation import member
+from jcontour.wrapper import Wrapper
 
 
 class LoopPeaks(NamedTuple):

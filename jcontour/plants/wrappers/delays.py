@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jcontour.plant import State
-from jcontour.plants.wrappers.wrapper import Remembering
 from jcontour.tracing import is_concrete
+from jcontour.wrapper import Remembering
 
 
 class LateSensors(Remembering):

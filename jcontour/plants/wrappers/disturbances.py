@@ -7,7 +7,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
 from jcontour.plant import State
-from jcontour.plants.wrappers.wrapper import Remembering
+from jcontour.wrapper import Remembering
 
 
 class Disturbed(Remembering):

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.small_products import small_product
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.wrapper import Wrapper
+from jcontour.wrapper import Wrapper
 
 SLOWEST = 2e-4  # [m/s] within which friction turns, at least
 SAMPLES = 4.0  # times what it changes the speed in a sample

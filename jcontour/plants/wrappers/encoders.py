@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from jcontour.plant import State
-from jcontour.plants.wrappers.wrapper import Remembering, Wrapper
 from jcontour.sensors import Sensors
+from jcontour.wrapper import Remembering, Wrapper
 
 
 def _fixed(resolution: ArrayLike | tuple[float, ...]) -> float | tuple[float, ...]:

@@ -7,8 +7,8 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jcontour.plant import State
-from jcontour.plants.wrappers.wrapper import Remembering
 from jcontour.tracing import is_concrete
+from jcontour.wrapper import Remembering
 
 
 class Gained(Remembering):

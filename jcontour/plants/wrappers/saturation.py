@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.plant import State
-from jcontour.plants.wrappers.wrapper import Wrapper
 from jcontour.tracing import is_concrete
+from jcontour.wrapper import Wrapper
 
 
 class Saturated(Wrapper):

@@ -5,8 +5,8 @@ from jcontour.plants.wrappers.delays import Delayed, LateSensors
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import CountingEncoders, Encoders
 from jcontour.plants.wrappers.saturation import Saturated
-from jcontour.plants.wrappers.wrapper import unwrapped
 from jcontour.sensors import Sensors
+from jcontour.wrapper import unwrapped
 
 
 def test_wrappers_nest(two_axes, start, controls, run):
