@@ -58,7 +58,8 @@ class Feed(Controlled):
 class Precompensate(Controlled):
     """Bend the reference of a part beforehand, so that the tool of the whole family runs on it.
 
-    The controller stays as it is: any control runs the bent reference, as samples or as G-code.
+    The controller stays as it is: its drive runs the bent reference, as samples or as G-code. The
+    bend is for its gains, which are printed.
     """
 
     controller: str | None = "cascade"  # what a drive has whose control cannot be changed
