@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.reports.figures.shared.axes import START, TUNED, grid, legend_below
+from experiments.reports.figures.shared.axes import CYCLE, START, TUNED, grid, legend_below
+
+SHIFTS = tuple(colour for colour in CYCLE if colour not in (START, TUNED))  # of axes
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,9 @@ def bent_figure(runs: BentRuns) -> Figure:
     """Errors of the nominal plant thick, of the family thin."""
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    for axis, shift in zip(runs.axes, runs.correction.T, strict=False):
-        upper.plot(runs.time, 1e6 * shift, linewidth=1.0, label=f"shift of {axis}")
+    for axis, shift, colour in zip(runs.axes, runs.correction.T, SHIFTS, strict=False):
+        label = f"shift of {axis}"
+        upper.plot(runs.time, 1e6 * shift, color=colour, linewidth=1.0, label=label)
     grid(upper, runs.name, "", "correction [um]")
     shown: Mapping[str, tuple[np.ndarray, str]] = {
         "reference as it is": (runs.before, START),
