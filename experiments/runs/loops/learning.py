@@ -133,12 +133,11 @@ class Learner:
 
     def noise(self) -> float:
         """RMS error of the tool that noise makes in the first lap, by the linear model [m]."""
-        still = jnp.zeros(self.one.shape)
-        with_noise, without = (
-            self.one.laps(plant)(still, jnp.zeros((), int)).output for plant in self.singles[::-1]
-        )
+        still, first = jnp.zeros(self.one.shape), jnp.asarray(0)
+        without, with_noise = (advance(still, first)[2] for advance in (self._first, self._second))
         shift = with_noise - without + self.one.reference.position[: self.one.reference.steps]
-        metrics = score_signals(shift, jnp.zeros_like(shift), self.one.reference)
+        scored = eqx.filter_jit(score_signals)
+        metrics = scored(shift, jnp.zeros_like(shift), self.one.reference)
         return float(self._error(metrics))
 
     def run(self, laps: int, tell: Callable[[int, LapScores], None]) -> list[LearnedMachine]:
@@ -155,7 +154,7 @@ class Learner:
         for lap in range(laps):
             number, found = jnp.asarray(lap), []
             for k, advance in enumerate((self._first, self._second)):
-                corrections[k], scores = advance(corrections[k], number)
+                corrections[k], scores, _ = advance(corrections[k], number)
                 found.append(jax.tree.map(lambda x: np.asarray(x)[None], scores))
             stacked, scores = self._together(self.family, stacked)
             found.append(jax.tree.map(np.asarray, scores))
@@ -180,21 +179,21 @@ class Learner:
         def on_family(family, corrections):
             def on_plant(pair):
                 plant, correction = pair
-                return self._lap(lambda lap: plant, correction, zero)
+                return self._lap(lambda lap: plant, correction, zero)[:2]
 
             return family_batching(family)(on_plant, (family, corrections))
 
         return eqx.filter_jit(on_family)
 
     def _lap(self, plant: Callable[[Any], Plant], correction: Array, number: Array):
-        """Correction of the next lap, and the scores of this one."""
+        """Correction of the next lap, the scores of this one, and its output."""
         found, reference = self.one.laps(plant)(correction, number), self.one.reference
         measured = reference.position[: reference.steps] - found.error
         tool, seen = (
             score_signals(signal, found.control, reference) for signal in (found.output, measured)
         )
         scores = LapScores(self._error(tool), self._error(seen), tool.rms_control)
-        return self.law.update(correction, found.error), scores
+        return self.law.update(correction, found.error), scores, found.output
 
     def _error(self, metrics: Metrics) -> Array:
         return getattr(metrics, f"rms_{self.one.machine.error}_error")

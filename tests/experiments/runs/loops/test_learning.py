@@ -8,7 +8,7 @@ import pytest
 from experiments.flags.loops import Learn
 from experiments.machines.flexible_axis import scaled, thesis_machine
 from experiments.runs.loops.learned_machines import Setting, noisy, positions_of
-from experiments.runs.loops.learning import prepared_law
+from experiments.runs.loops.learning import Learner, prepared_law
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.learning.convergence import convergence
 from jcontour.controllers.learning.laps import diverged_lap, laps_of, learn
@@ -87,6 +87,7 @@ def test_the_nominal_machine_falls_to_the_noise_within_eight_laps(axis):
     first = still(jnp.zeros(axis.shape), jnp.zeros((), int)).output
     noise = float(jnp.sqrt(jnp.mean((laps.output[0] - first) ** 2)))
     assert noise > 0
+    assert Learner(axis, law, seed=3).noise() == pytest.approx(noise, rel=1e-6)
     # of the motor, which is measured; the tool swings on its spring
     found = np.sqrt(np.mean(np.asarray(laps.error) ** 2, axis=(1, 2)))
     read = axis.machine.encoder_resolution / np.sqrt(12)
