@@ -5,8 +5,8 @@ by the alternating direction method of multipliers (Boyd, Parikh, Chu, Peleato &
 sections 3.1 to 3.4). c'' has a copy z within the bounds, with the scaled multiplier u:
     c <- argmin of f(c) + penalty mean |c'' - z + u|^2
     h <- RELAXED c'' + (1 - RELAXED) z,    z <- clip(h + u),    u <- u + h - z
-The penalty doubles while the distance of c'' to z is large beside the change of z: they double or
-halve it. Here the cost is flat and the bounds count, so that halving only leaves them later.
+They balance two residuals by the penalty. Here the cost is flat and the bounds count: the penalty
+doubles for as long as c'' is outside.
 """
 
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 RELAXED = 1.6
 INSIDE = 0.97  # of the bounds, that z keeps: c'' comes near it, from both sides
 FIRST = 10.0  # penalty beside errors of weight one
-APART = 0.3  # distance of c'' to z over the change of z, beyond which the penalty doubles
+OUTSIDE = 0.01  # of the way between the bounds, beyond which the penalty doubles
 
 
 class Bounds(NamedTuple):
@@ -82,9 +82,9 @@ class Copy(NamedTuple):
         passed = RELAXED * bend + (1 - RELAXED) * self.place
         place = jnp.clip(passed + self.multiplier, *within)
         multiplier = self.multiplier + passed - place
-        apart = jnp.linalg.norm(bend - place)
-        change = self.penalty * jnp.linalg.norm(bend_back(place - self.place))
-        factor = jnp.where(apart > APART * change, 2.0, 1.0)
+        least, most = within
+        beyond = jnp.maximum(least - bend, bend - most)
+        factor = jnp.where(jnp.any(beyond > OUTSIDE * (most - least)), 2.0, 1.0)
         return Copy(place, multiplier / factor, factor * self.penalty)
 
 
