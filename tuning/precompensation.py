@@ -35,7 +35,7 @@ from tuning.bends import Bounds, Copy, bend_back, bend_of, eased
 
 TOLERANCE, ITERATIONS = 1e-8, 30  # of the conjugate gradients: the next round goes on from there
 ROUNDS = 8  # of weights: more change the largest error by a few per cent
-MORE = 3  # times as many, at most, until the bounds are kept
+MORE = 4  # times as many, at most, until the bounds are kept
 RATE = 2.0  # of the weights: exp(2) from a plant without error to the worst, then ever less
 
 

@@ -2,8 +2,9 @@
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
-from tuning.bends import FIRST, INSIDE, Bounds, Copy, bend_back, bend_of, eased
+from tuning.bends import FIRST, GROWTH, INSIDE, Bounds, Copy, bend_back, bend_of, eased
 
 STEPS, AXES = 9, 2
 
@@ -65,6 +66,6 @@ def test_a_bend_that_stays_outside_pushes_ever_more():
         copy = copy.after(jnp.full((1, 1), 2.0), within)
         assert abs(float(copy.place[0, 0])) <= INSIDE
         pushes.append(float(copy.penalty * copy.multiplier[0, 0]))
-    assert np.all(np.diff(pushes) > 0) and float(copy.penalty) == 2.0**5 * FIRST
+    assert np.all(np.diff(pushes) > 0) and float(copy.penalty) == pytest.approx(GROWTH**5 * FIRST)
     inside = copy.after(jnp.full((1, 1), 0.98), within)  # between those of the copy and its own
     assert float(inside.penalty) == float(copy.penalty)
