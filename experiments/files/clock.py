@@ -60,7 +60,13 @@ def longest_even_part(time: Float[np.ndarray, " T"]) -> EvenPart:
             )
         else:
             words += ":"
-        raise ValueError(f"{words} let the drive record by its own clock")
+        words += " let the drive record by its own clock"
+        if odd.size >= RARE * len(time):
+            words += (
+                ". If only the stamps jitter, and the drive samples evenly without a gap, leave "
+                "out the column of time and give --period-ms"
+            )
+        raise ValueError(words)
     restarts = int((np.diff(time)[odd] <= 0).sum())
     words = (
         f"time: {odd.size - restarts} gaps and {restarts} restarts of the clock, the first after "

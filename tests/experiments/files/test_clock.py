@@ -37,6 +37,17 @@ def test_many_gaps_are_counted_and_the_longest_part_is_named():
         longest_even_part(jittered)
 
 
+def test_stamps_that_jitter_may_be_left_out_and_gaps_may_not():
+    """By a tenth of a sample from one to the next; and three even parts, each a fifth."""
+    jittered = np.cumsum(0.004 * np.where(np.arange(50) % 2, 0.9, 1.1))
+    with pytest.raises(ValueError, match="leave out the column of time and give --period-ms"):
+        longest_even_part(jittered)
+    gaps = np.concatenate([1.0 * k + 0.004 * np.arange(60) for k in range(5)])
+    with pytest.raises(ValueError, match="keep that part alone") as raised:
+        longest_even_part(gaps)
+    assert "--period-ms" not in str(raised.value)
+
+
 @pytest.mark.parametrize("read", [even_period, longest_even_part])
 @pytest.mark.parametrize(
     ("time", "says"),
