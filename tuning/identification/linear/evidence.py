@@ -94,10 +94,16 @@ def estimate_of(fit: AxisFit) -> Estimate:
     return Estimate(names, values, covariance[:size, :size])
 
 
-def response_of(fit: AxisFit, estimate: Estimate) -> Response:
-    """Frequency response of a fit, up to `HIGHEST` of half the sampling rate."""
+def response_of(
+    fit: AxisFit, estimate: Estimate, frequency: Float[np.ndarray, " F"] | None = None
+) -> Response:
+    """Frequency response of a fit; where no frequencies [Hz] are given, at those of its record.
+
+    They go from three periods in it up to `HIGHEST` of half the sampling rate.
+    """
     rows, dt = len(fit.residual), fit.model.dt
-    frequency = np.geomspace(3 / (rows * dt), HIGHEST / (2 * dt), POINTS)
+    if frequency is None:
+        frequency = np.geomspace(3 / (rows * dt), HIGHEST / (2 * dt), POINTS)
     value, slopes = fit.model.log_terms(2 * np.pi * frequency)
     size = slopes.shape[1]
     covariance = estimate.covariance[:size, :size]

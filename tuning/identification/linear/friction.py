@@ -8,9 +8,12 @@ linear model for a few steps. Where it is surely above zero and leaves less, all
 tried again with it.
 
 Where pieces of the record move one way, friction is one number in each (`pieces`), and whatever
-happens at a reversal is left out. Where there are few such pieces, two forms are tried. An axis
-that turns at once has a soft sign, over spans as long as counts ask; one that is held at times has
-none while it stands, as friction takes all of the command then.
+happens at a reversal is left out. Near a standstill it falls with the speed (Stribeck): where
+what is fast surely says another value than all of it, as beside small sines, or surely leaves
+less, it alone counts if a linear model is poor.
+Where there are few such pieces, two forms are tried. An axis that turns at once has a soft sign,
+over spans as long as counts ask; one that is held at times has none while it stands, as friction
+takes all of the command then.
 """
 
 from collections.abc import Iterator
@@ -21,7 +24,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tuning.identification.linear import evidence
-from tuning.identification.linear.moving import moving
+from tuning.identification.linear.moving import moving, quick
 from tuning.identification.linear.order_search import (
     Candidate,
     Choice,
@@ -44,6 +47,7 @@ FAIR = 0.99  # part of the variance explained on held-out data below which a mod
 SURE = 5.0  # standard deviations
 FEWEST = 6  # pieces
 GLANCES = 3  # steps of Gauss-Newton
+APART = 3.0  # standard deviations between two values of friction that differ
 COLOURED = 0.1  # correlation of the errors that asks for a longer noise filter
 
 
@@ -102,16 +106,43 @@ def _apart(record: AxisRecord, plain: Choice, resolution: float) -> AxisRecord |
         return None
     signs, ends = moving(record.position, resolution)
     drags, found = (signs, np.ones(len(signs))), None
+    poor = held_out(record, plain)[1] < FAIR
     for terms in (SHORT, LONG):
-        apart = replace(record, drags=drags, pieces=Pieces.of(ends, terms))
-        training = apart.part(0, len(plain.best.fit.residual))
-        if len(training.pieces.ends) < FEWEST:
+        pieces = Pieces.of(ends, terms)
+        apart = replace(record, drags=drags, pieces=pieces)
+        fit = _glanced(apart, plain)
+        if fit is None:
             break
-        fit = _looked(training, plain.best.fit.model.delay)
+        fast = replace(apart, pieces=Pieces.of(quick(record.position, signs), terms))
+        other = _glanced(fast, plain) if poor else None
+        if other is not None and _differ(fit, other):
+            apart, fit = fast, other
         found = apart if friction_of(fit) is not None else None
         if np.abs(evidence.correlations(fit)).max() < COLOURED:
             break
     return found
+
+
+def _differ(one: AxisFit, quicker: AxisFit) -> bool:
+    """Whether fast motion surely says another friction than all of it, or surely leaves less.
+
+    By the chance of a variance of white noise, a relative deviation of sqrt(2 / R).
+    """
+    all_of, fast = friction_of(one), friction_of(quicker)
+    if all_of is None or fast is None:
+        return fast is not None
+    chance = SURE * np.sqrt(2 / len(quicker.rows))
+    if left_of(quicker) < (1 - chance) * left_of(one):
+        return True
+    return abs(all_of[0] - fast[0]) > APART * float(np.hypot(all_of[1], fast[1]))
+
+
+def _glanced(apart: AxisRecord, plain: Choice) -> AxisFit | None:
+    """A model of the first part of a record in pieces; None where there are few."""
+    training = apart.part(0, len(plain.best.fit.residual))
+    if len(training.pieces.ends) < FEWEST:
+        return None
+    return _looked(training, plain.best.fit.model.delay)
 
 
 def _looked(record: AxisRecord, delay: int) -> AxisFit:

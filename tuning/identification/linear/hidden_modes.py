@@ -42,6 +42,16 @@ def hidden_modes(fit: AxisFit) -> Complex[np.ndarray, " h"]:
     return poles[np.abs(value) < factor * np.sqrt(known)]
 
 
+def lasting_hidden_mode(fit: AxisFit) -> bool:
+    """Whether a hidden mode lasts as long as the longest part that is fitted in one.
+
+    It may stand for what that part begins with, and no controller reaches it.
+    """
+    ends = np.flatnonzero(np.diff(fit.rows) > 1) + 1
+    longest = np.diff(np.concatenate([[0], ends, [len(fit.rows)]])).max()
+    return bool((1 - np.abs(hidden_modes(fit)) < 1 / longest).any())
+
+
 def _slope(polynomial: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Derivative of a polynomial, as a column."""
     return np.polyval(np.polyder(polynomial), at)[:, None]

@@ -21,10 +21,13 @@ from jcontour.linear.plant import LinearPlant
 from tuning.identification.estimates import Estimate
 from tuning.identification.linear import evidence
 from tuning.identification.linear.friction import FAIR, friction_of, with_or_without_friction
+from tuning.identification.linear.hidden_modes import lasting_hidden_mode
 from tuning.identification.linear.order_search import (
     TELLS,
     Choice,
+    Settled,
     held_out,
+    of_fewer_poles,
     settled,
 )
 from tuning.identification.linear.output_error import (
@@ -43,6 +46,7 @@ LEVEL = 1e-6  # of the F test for coupling
 SATURATED = 1e-3  # part of the samples
 UNKNOWN_GAIN = 0.99  # uncertainty of a gain that stands for any
 POOR = 0.9  # part of the variance explained on held-out data below which nothing is said
+STANDS = 0.1  # part of a record at rest beside which dry friction is thought of
 RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
 
 
@@ -86,6 +90,7 @@ class LinearAxis:
         dispersion: by how much more than noise the errors pull at the model; 1 if by chance.
         late: further samples of delay that the data allow.
         resolution: of the encoder [m].
+        cancelled: poles of a likelier model that has one which a zero cancels; None if none.
     """
 
     name: str
@@ -105,6 +110,7 @@ class LinearAxis:
     dispersion: float
     late: int
     resolution: float
+    cancelled: int | None = None
 
     @property
     def hides_friction(self) -> bool:
@@ -220,7 +226,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         used, choice = with_or_without_friction(
             AxisRecord(record.dt, command, position), resolution, most_poles, most_delay
         )
-        found = settled(used, choice.best.fit, most_delay)
+        choice, found, cancelled = _settled(used, choice, most_delay)
         rivals = rivals_of(used, found, choice, most_delay)
     except (ValueError, np.linalg.LinAlgError) as error:
         raise ValueError(f"{name}: {error}") from None
@@ -241,12 +247,9 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
             "friction takes much of the command, its long moves (G-code) tell more than its sines"
         )
     dispersion = evidence.dispersion(fit)
-    if explained < POOR and dispersion > 1:
-        raise ValueError(
-            f"{name}: DO NOT USE: the model explains {100 * explained:.3g} % of the speed that it "
-            "was not fitted to, and noise is not the reason. Does dry friction hold the axis? Its "
-            "sines then tell little: record long moves (G-code) of jcontour identify --excite"
-        )
+    stands = float(np.mean(evidence.speed_signs(position, resolution) == 0))
+    if doubt := _doubt(explained, dispersion, stands, friction_of(fit) is not None):
+        raise ValueError(f"{name}: {doubt}")
     rivals = {d: value / dispersion for d, value in rivals.items()}
     late = sum(found.rivals[d] / dispersion < TELLS for d in found.rivals if d > fit.model.delay)
     response = evidence.widened(
@@ -273,7 +276,38 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         dispersion=dispersion,
         late=min(late, 1),
         resolution=resolution,
+        cancelled=cancelled,
     )
+
+
+def _doubt(explained: float, dispersion: float, stands: float, friction: bool) -> str:
+    """Why a model that explains little of the speed is no use; empty where noise may be why."""
+    held = stands > STANDS and not friction
+    if explained >= POOR or not (dispersion > 1 or held):
+        return ""
+    why = f"the axis stands still for {100 * stands:.3g} % of the record"
+    why = "noise is not the reason" if dispersion > 1 else why
+    return (
+        f"DO NOT USE: the model explains {100 * explained:.3g} % of the speed that it was not "
+        f"fitted to, and {why}. Does dry (Coulomb) friction hold it? Its sines then tell little: "
+        "record the long moves (G-code) of jcontour identify --excite alone, or moves that hardly "
+        "rest, or try --most-order 2. Or does the drive clip the command at a limit that the log "
+        "does not have? Then give what is left of it"
+    )
+
+
+def _settled(
+    record: AxisRecord, choice: Choice, most_delay: int
+) -> tuple[Choice, Settled, int | None]:
+    """Model on the whole record, without a hidden mode that lasts where fewer poles have none.
+
+    With the poles of the first that had one.
+    """
+    found, cancelled = settled(record, choice.best.fit, most_delay), None
+    while lasting_hidden_mode(found.fit) and (fewer := of_fewer_poles(choice)) is not None:
+        cancelled = cancelled or choice.best.structure.poles
+        choice, found = fewer, settled(record, fewer.best.fit, most_delay)
+    return choice, found, cancelled
 
 
 def _gain(record: AxisRecord, fit: AxisFit, response: evidence.Response) -> tuple[float, str]:
@@ -287,14 +321,16 @@ def _gain(record: AxisRecord, fit: AxisFit, response: evidence.Response) -> tupl
     inner = (response.frequency >= low) & (response.frequency <= max(high / 2, low))
     width = float(response.half_width[inner].max())
     widest = response.frequency[inner][int(np.argmax(response.half_width[inner]))]
-    middle = len(record.position) // 2
+    # parts of as many samples that are fitted
+    middle = int(np.median(fit.rows)) if record.pieces else len(record.position) // 2
     halves = []
     for part in (record.part(0, middle), record.part(middle, len(record.position))):
         try:
             half = fitted(part, structure_of(fit.model), fit.filter, fit.model, drag=fit.drag)
         except (ValueError, np.linalg.LinAlgError):
             continue
-        halves.append(evidence.response_of(half, evidence.estimate_of(half)))
+        common = halves[0].frequency if halves else None
+        halves.append(evidence.response_of(half, evidence.estimate_of(half), common))
     apart = evidence.halves_apart(halves[0], halves[1], high / 2) if len(halves) == 2 else 0.0
     found = [
         (width, f"the interval of the response at {widest:.3g} Hz"),
@@ -329,6 +365,11 @@ def _notes(axis: LinearAxis) -> list[str]:
         notes.append(
             f"{name}: simulated from the command alone, explains {100 * axis.explained:.1f} % of "
             "the speed that it was not fitted to; of a quiet drive more than 99 %"
+        )
+    if axis.cancelled is not None:
+        notes.append(
+            f"{name}: a zero cancels one of the {axis.cancelled} poles of a likelier model, which "
+            "the record does not show: this one has fewer"
         )
     if axis.unseen:
         shown = _up_to(axis.response.band[1])

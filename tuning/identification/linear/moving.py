@@ -8,6 +8,8 @@ from jaxtyping import Float
 
 from tuning.identification.linear import evidence
 
+SLOWEST, FASTEST = 0.1, 99  # of the fast speed; percentile of the speeds that is fast
+
 
 def moving(
     position: Float[np.ndarray, " T"], resolution: float
@@ -27,6 +29,22 @@ def moving(
             inner = slice(start + half, end - half)
             signs[inner] = np.where(signs[inner] == 0, sure[inner], signs[inner])
     return -signs, list(_runs(signs))
+
+
+def quick(
+    position: Float[np.ndarray, " T"], signs: Float[np.ndarray, " T"]
+) -> list[tuple[int, int]]:
+    """Pieces with a tenth at least of the record's fast speed: slower, dry friction may be another.
+
+    By the motion over 16 samples [m], where the axis surely moves one way.
+    """
+    half = evidence.HALVES[-1]
+    padded = np.pad(position, half, mode="edge")
+    moved = np.abs(padded[2 * half :] - padded[: len(position)])
+    sure = moved[signs != 0]
+    if not sure.size:
+        return []
+    return list(_runs(np.where(moved >= SLOWEST * np.percentile(sure, FASTEST), signs, 0.0)))
 
 
 def _runs(signs: Float[np.ndarray, " T"]) -> Iterator[tuple[int, int]]:

@@ -149,6 +149,13 @@ def chosen(
     return Choice(Candidate(fit, predicted(rest, fit, fit.filter)), found)
 
 
+def of_fewer_poles(choice: Choice) -> Choice | None:
+    """The choice among structures of fewer poles than the best; None where there are none."""
+    poles = choice.best.structure.poles
+    fewer = [one for one in choice.all if one.structure.poles < poles]
+    return replace(choice, best=_smallest(fewer)) if fewer else None
+
+
 @dataclass(frozen=True)
 class Settled:
     """A structure on a whole record, with the noise filter of its own residual.
@@ -295,11 +302,15 @@ def _judged(fit: AxisFit) -> Float[np.ndarray, " J"]:
 
 
 def _smallest(found: list[Candidate]) -> Candidate:
-    """Fewest parameters among those that the best without a hidden mode does not clearly beat."""
-    best = next((one for one in found if not hidden_modes(one.fit).size), found[0])
-    good = [one for one in found if not _clearly_better(best, one)]
-    fewest = min(_size(one) for one in good)
-    return next(one for one in good if _size(one) == fewest)
+    """Fewest parameters among those that the best without a hidden mode does not clearly beat.
+
+    In pieces such a mode hides friction, as each has a start of its own: there, where a candidate
+    has none, only such ones count.
+    """
+    seen = [one for one in found if not hidden_modes(one.fit).size] or found
+    apart = bool((np.diff(seen[0].fit.rows) > 1).any())
+    good = [one for one in (seen if apart else found) if not _clearly_better(seen[0], one)]
+    return min(good, key=_size)
 
 
 def _likelier(one: Candidate, other: Candidate) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tuning.identification.linear import evidence
+from tuning.identification.linear import evidence, machine
 from tuning.identification.linear.friction import friction_of, with_or_without_friction
 from tuning.identification.linear.output_error import AxisRecord
 
@@ -25,14 +25,26 @@ def asked(random):
     return r
 
 
-def record(friction, seed):
-    """Under loops of the position and the speed; in each of ten parts of a sample it may stick."""
+def sines_then_moves(random):
+    """Small sines that reverse at a crawl, then moves [m]."""
+    time = DT * np.arange(ROWS)
+    tones = ((1.1, 4e-4), (3.7, 1e-4), (9.0, 4e-5))
+    parts = [a * np.sin(2 * np.pi * f * time + random.uniform(0, 6)) for f, a in tones]
+    sines = np.sum(parts, axis=0)
+    return np.concatenate([sines, sines[-1] + asked(random)])
+
+
+def record(friction, seed, reference=asked, breakaway=0.0):
+    """Under loops of the position and the speed; in each of ten parts of a sample it may stick.
+
+    At rest friction is larger by the part `breakaway`, which falls by 1/e in 5 mm/s (Stribeck).
+    """
     random = np.random.default_rng(seed)
-    r, h = asked(random), DT / 10
+    r, h = reference(random), DT / 10
     p, gain = np.exp(-B / M * h), K / B
-    u, y = np.zeros(ROWS), np.zeros(ROWS)
+    u, y = np.zeros(len(r)), np.zeros(len(r))
     x = v = seen = total = 0.0
-    for k in range(ROWS):
+    for k in range(len(r)):
         y[k] = COUNT * np.round((x + 0.3e-6 * random.standard_normal()) / COUNT)
         seen = 0.7 * seen + 0.3 * ((y[k] - y[k - 1]) / DT if k else 0.0)
         error = 12 * (r[k] - y[k]) - seen
@@ -43,7 +55,8 @@ def record(friction, seed):
             net = gain * acting
             free = net + (v - net) * p
             stops = free / (gain * (1 - p))  # command that would end the motion in this part
-            net -= gain * np.clip(stops, -friction, friction)
+            most = friction * (1 + breakaway * np.exp(-((v / 5e-3) ** 2)))
+            net -= gain * np.clip(stops, -most, most)
             x += (v - net) * M / B * (1 - p) + net * h
             v = net + (v - net) * p
     return AxisRecord(DT, u, y)
@@ -78,3 +91,18 @@ def test_friction_of_much_of_the_command_leaves_the_model_as_it_is(share):
 def test_a_mass_without_friction_has_no_pieces():
     used, choice = with_or_without_friction(record(0.0, 2), COUNT, 1, 3)
     assert not used.pieces and not used.drags and choice.best.fit.model.delay == LATE
+
+
+def test_friction_that_falls_with_the_speed_is_told_by_what_is_fast():
+    """Half of the record are small sines, where friction is up to half as much again."""
+    friction = 0.4 * float(np.std(record(0.0, 1).command))
+    one = record(friction, 3, sines_then_moves, breakaway=0.5)
+    used, choice = with_or_without_friction(one, COUNT, 1, 3)
+    fit = choice.best.fit
+    assert min(start for start, _ in used.pieces) >= ROWS
+    found = friction_of(fit)
+    assert found is not None and found[0] == pytest.approx(friction, rel=2e-3)
+    answer = evidence.response_of(fit, evidence.estimate_of(fit))
+    some = (answer.frequency > 0.5) & (answer.frequency < 30)
+    assert np.abs(response(answer.frequency[some]) / answer.value[some] - 1).max() < 5e-3
+    assert machine._gain(used.part(0, len(fit.residual)), fit, answer)[0] < 0.05  # by halves too

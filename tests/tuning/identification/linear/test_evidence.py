@@ -49,6 +49,23 @@ def test_the_band_ends_where_intervals_widen():
     assert np.isnan(none.band).all()
 
 
+def test_a_response_at_given_frequencies():
+    """Of two records of other lengths, which by themselves begin at other ones."""
+    u = np.random.default_rng(2).standard_normal(ROWS)
+    y = np.asarray(lfilter([0.0, 0.1], [1.0, -0.9], u))
+    at, found = np.array([3.0, 30.0]), []
+    for rows in (ROWS, ROWS // 2):
+        fit = fitted(AxisRecord(DT, u[:rows], y[:rows]), Structure(1, 1, 0, 0))
+        one = evidence.response_of(fit, evidence.estimate_of(fit), at)
+        assert np.array_equal(one.frequency, at)
+        found.append(one.value)
+        own = evidence.response_of(fit, evidence.estimate_of(fit))
+        assert own.frequency[0] == pytest.approx(3 / (rows * DT))
+    back = np.exp(-2j * np.pi * at * DT)
+    for value in found:
+        assert value == pytest.approx(0.1 * back / (1 - 0.9 * back), rel=1e-6)
+
+
 def test_a_command_at_its_limit_is_counted():
     u = np.sin(np.arange(1000) * 0.02)
     assert evidence.saturated(u) == 0

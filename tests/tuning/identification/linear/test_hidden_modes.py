@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.hidden_modes import hidden_modes
+from tuning.identification.linear.hidden_modes import hidden_modes, lasting_hidden_mode
 from tuning.identification.linear.output_error import AxisRecord, Structure, fitted
 
 DT, ROWS, POLE = 1e-3, 4000, 0.9
@@ -62,3 +64,24 @@ def test_a_pair_that_is_seen_is_not_hidden():
 def test_a_model_without_poles_has_none():
     one = record(0.4, 0.4)
     assert hidden_modes(fitted(one, Structure(0, 1, 0, 0))).size == 0
+
+
+@pytest.mark.parametrize(("second", "lasts"), [(0.4, False), (0.99, False), (1 - 1e-4, True)])
+def test_a_hidden_mode_lasts_where_its_pole_is_1_to_less_than_the_record(second, lasts):
+    """A zero on the second pole, which dies out in 10^4 of 4000 samples; or in 100, or in two."""
+    one = record(second, second)
+    start = AxisModel(np.poly([POLE, second])[1:], np.array([1.0, -second]), 0, 0, DT)
+    fit = fitted(one, Structure(2, 2, 0, 0), start=start, iterations=0)
+    assert np.abs(hidden_modes(fit) - second).min() < 1e-6
+    assert lasting_hidden_mode(fit) is lasts
+
+
+def test_in_pieces_a_mode_lasts_that_outlives_the_longest():
+    """The pole 0.99 dies out in 100 samples: not within pieces of 60 and 80."""
+    one, pole = record(0.99, 0.99), np.array([1.0, -0.99])
+    start = AxisModel(np.poly([POLE, 0.99])[1:], pole, 0, 0, DT)
+    fit = fitted(one, Structure(2, 2, 0, 0), start=start, iterations=0)
+    rows = np.concatenate([np.arange(100, 160), np.arange(200, 280)])
+    cut = replace(fit, rows=rows, errors=fit.errors[rows], jacobian=fit.jacobian[rows])
+    assert np.abs(hidden_modes(cut) - 0.99).min() < 1e-6
+    assert lasting_hidden_mode(cut)

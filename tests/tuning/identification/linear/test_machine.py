@@ -6,6 +6,8 @@ import pytest
 from jcontour.linear.continuous_axes import speed_axis
 from tuning.identification.linear import evidence, machine
 from tuning.identification.linear.machine import MachineRecord, identify_machine
+from tuning.identification.linear.order_search import chosen
+from tuning.identification.linear.output_error import AxisRecord
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
 DT, ROWS = 1e-3, 8000
@@ -99,6 +101,41 @@ def test_what_hides_much_and_is_no_noise_is_refused(record, monkeypatch):
     monkeypatch.setattr(evidence, "dispersion", lambda fit: 9.0)
     with pytest.raises(ValueError, match="X: DO NOT USE: the model explains 7"):
         _found(lost)
+
+
+@pytest.mark.parametrize(
+    ("explained", "dispersion", "stands", "friction", "words"),
+    [
+        (0.84, 1.0, 0.3, False, "the axis stands still for 30 % of the record"),
+        (0.84, 9.0, 0.0, True, "noise is not the reason"),
+        (0.84, 1.0, 0.3, True, None),  # friction is known
+        (0.84, 1.0, 0.05, False, None),  # noise may be why
+        (0.95, 9.0, 0.3, False, None),
+    ],
+)
+def test_little_is_explained_and_the_axis_rests_or_noise_is_not_why(
+    explained, dispersion, stands, friction, words
+):
+    told = machine._doubt(explained, dispersion, stands, friction)
+    if words is None:
+        assert told == ""
+        return
+    for one in (words, "explains 84 %", "dry (Coulomb) friction", "clip", "--most-order 2"):
+        assert one in told
+
+
+def test_a_mode_that_lasts_and_is_hidden_gives_way_to_fewer_poles(found, record, monkeypatch):
+    """Said of every model with more than one pole: one pole is left, with a note."""
+    one = AxisRecord(DT, record.command[:, 0], record.position[:, 0])
+    choice = chosen(one, (1,), 2, 3)
+    rich = next(other for other in choice.all if other.structure.poles == 2)
+    monkeypatch.setattr(machine, "lasting_hidden_mode", lambda fit: len(fit.model.denominator) > 1)
+    left, settled, cancelled = machine._settled(one, replace(choice, best=rich), 3)
+    assert cancelled == 2 and left.best.structure.poles <= 1
+    assert len(settled.fit.model.denominator) <= 1
+    notes = machine._notes(replace(found.axes[0], cancelled=2))
+    assert any("cancels one of the 2 poles" in note for note in notes)
+    assert machine._settled(one, left, 3)[2] is None
 
 
 def _found(record):

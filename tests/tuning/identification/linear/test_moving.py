@@ -1,6 +1,7 @@
 import numpy as np
+import pytest
 
-from tuning.identification.linear.moving import moving
+from tuning.identification.linear.moving import moving, quick
 
 
 def test_turns_and_rests_are_in_no_piece():
@@ -18,3 +19,21 @@ def test_turns_and_rests_are_in_no_piece():
 def test_a_crawl_below_the_counts_has_no_sign():
     """0.1 mm/s is 1.6 um in the widest window, of counts of 1 um."""
     assert not moving(1e-6 * np.round(0.1 * np.arange(2000)), 1e-6)[1]
+
+
+def test_what_is_slow_is_in_no_quick_piece():
+    """Ramps of the speed to 20 mm/s in 400 samples, and a crawl at 1 mm/s: above 2 mm/s it counts.
+
+    By the motion over 16 samples, so that a piece may begin a few samples before or after.
+    """
+    up = np.linspace(0.0, 2e-5, 400)
+    speed = np.concatenate([up, np.full(400, 2e-5), up[::-1], np.full(600, 1e-6)])
+    y = np.cumsum(speed)
+    signs, pieces = moving(y, 1e-8)
+    (start, end), *more = quick(y, signs)
+    assert not more and len(pieces) == 1 and pieces[0][1] > 1750
+    assert start == pytest.approx(40, abs=3) and end == pytest.approx(1160, abs=3)
+
+
+def test_a_record_at_rest_has_no_quick_piece():
+    assert quick(np.zeros(100), np.zeros(100)) == []

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -8,8 +10,16 @@ from jcontour.linear.continuous_axes import (
     speed_axis,
     with_resonance,
 )
+from tuning.identification.linear import order_search
 from tuning.identification.linear.noise_model import whitening
-from tuning.identification.linear.order_search import TELLS, Candidate, Choice, chosen, settled
+from tuning.identification.linear.order_search import (
+    TELLS,
+    Candidate,
+    Choice,
+    chosen,
+    of_fewer_poles,
+    settled,
+)
 from tuning.identification.linear.output_error import (
     AxisRecord,
     Structure,
@@ -88,3 +98,39 @@ def test_models_of_the_delays_that_are_not_told_apart_are_kept():
     at = np.array([2 * np.pi * 0.8])
     for one in found.equals:  # all say the same where the motion was
         assert np.abs(one.response(at) / found.fit.model.response(at) - 1) < 0.01
+
+
+def one_pole_fits(*all_poles):
+    """Of an axis of one pole at 0.9 with white commands: fits with so many poles each."""
+    random = np.random.default_rng(7)
+    u = random.standard_normal(6000)
+    y = np.asarray(lfilter([0.0, 1.0], [1.0, -0.9], u)) + 0.1 * random.standard_normal(6000)
+    record = AxisRecord(DT, u, y)
+    training, rest = record.part(0, 4200), record.part(4200, 6000)
+    fits = [fitted(training, Structure(n, n, 0, 0)) for n in all_poles]
+    return [Candidate(fit, predicted(rest, fit, fit.filter)) for fit in fits]
+
+
+def test_fewer_poles_than_the_best():
+    one, two = one_pole_fits(1, 2)
+    choice = Choice(two, [two, one])
+    fewer = of_fewer_poles(choice)
+    assert fewer is not None and fewer.best is one and fewer.all == choice.all
+    assert of_fewer_poles(fewer) is None
+
+
+def test_in_pieces_a_small_structure_with_a_hidden_mode_is_not_taken(monkeypatch):
+    """Of two, three and four poles the first is the likeliest by name, and hides a mode."""
+    found = one_pole_fits(2, 3, 4)
+    hides = {2}
+    monkeypatch.setattr(
+        order_search,
+        "hidden_modes",
+        lambda fit: np.ones(int(len(fit.model.denominator) in hides)),
+    )
+    assert order_search._smallest(found) is found[0]
+    rows = found[0].fit.rows
+    cut = [replace(one, fit=replace(one.fit, rows=np.delete(rows, 500))) for one in found]
+    assert order_search._smallest(cut) is cut[1]
+    hides |= {3, 4}
+    assert order_search._smallest(cut) is cut[0]
