@@ -43,13 +43,13 @@ def hidden_modes(fit: AxisFit) -> Complex[np.ndarray, " h"]:
 
 
 def lasting_hidden_mode(fit: AxisFit) -> bool:
-    """Whether a hidden mode lasts as long as the longest part that is fitted in one.
+    """Whether a hidden mode lasts as long as the mean part that is fitted in one.
 
     It may stand for what that part begins with, and no controller reaches it.
     """
     ends = np.flatnonzero(np.diff(fit.rows) > 1) + 1
-    longest = np.diff(np.concatenate([[0], ends, [len(fit.rows)]])).max()
-    return bool((1 - np.abs(hidden_modes(fit)) < 1 / longest).any())
+    usual = len(fit.rows) / (len(ends) + 1)
+    return bool((1 - np.abs(hidden_modes(fit)) < 1 / usual).any())
 
 
 def _slope(polynomial: np.ndarray, at: np.ndarray) -> np.ndarray:

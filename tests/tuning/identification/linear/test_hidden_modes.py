@@ -76,7 +76,7 @@ def test_a_hidden_mode_lasts_where_its_pole_is_1_to_less_than_the_record(second,
     assert lasting_hidden_mode(fit) is lasts
 
 
-def test_in_pieces_a_mode_lasts_that_outlives_the_longest():
+def test_in_pieces_a_mode_lasts_that_outlives_their_mean():
     """The pole 0.99 dies out in 100 samples: not within pieces of 60 and 80."""
     one, pole = record(0.99, 0.99), np.array([1.0, -0.99])
     start = AxisModel(np.poly([POLE, 0.99])[1:], pole, 0, 0, DT)
