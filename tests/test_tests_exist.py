@@ -44,7 +44,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/flags": "experiments/test_cli.py",
     "experiments/plain_numbers.py": "experiments/test_cli.py",
     "experiments/reports": "experiments/runs/tuning/test_problem.py",
-    "experiments/reports/figures/loops/bent.py": "experiments/commands/loops/test_precompensate.py",
     "experiments/reports/figures/loops/feeds.py": "experiments/commands/loops/test_feed.py",
     "experiments/reports/figures/tuning/learning.py": "experiments/commands/loops/test_learn.py",
     "experiments/reports/figures/machines/machine.py": (
