@@ -15,6 +15,8 @@ LEAST = 1e-9  # error [m], below which nothing is measured
 def swing_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
     """A line where the tool swings between samples by much of the error that the samples show.
 
+    Swings within a count of the encoders are not told.
+
     An acceleration a that alternates from sample to sample takes the tool a dt^2 / 8 aside, on a
     parabola.
     """
@@ -25,15 +27,16 @@ def swing_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> li
     squares = np.sum(aside**2, axis=2, where=counted) / np.maximum(counted.sum(axis=2), 1)
     rms = PARABOLA * np.sqrt(squares)
     errors = np.asarray(getattr(replay.metrics, f"rms_{machine.error}_error"))
-    shares = np.where(lost[..., None], 0.0, rms / np.maximum(errors, LEAST)[..., None])
+    most = np.where(counted, aside, 0.0).max(axis=2)
+    told = ~lost[..., None] & (most > (0.0 if machine.resolution is None else machine.resolution))
+    shares = np.where(told, rms / np.maximum(errors, LEAST)[..., None], 0.0)
     place = np.unravel_index(np.argmax(shares), shares.shape)
     if not shares[place] > MUCH:
         return []
     contour, plant, axis = (int(index) for index in place)
-    most = np.where(counted, aside, 0.0).max(axis=2)[place]
     return [
         f"{machine.axes[axis]} swings by {1e6 * rms[place]:.3g} um RMS between samples, and by up "
-        f"to {1e6 * most:.3g} um, beside an RMS {machine.error} error of "
+        f"to {1e6 * most[place]:.3g} um, beside an RMS {machine.error} error of "
         f"{1e6 * errors[contour, plant]:.3g} um at samples ({scenarios.jobs[contour].name}, "
         f"{scenarios.plants[plant]}): its control alternates; a larger rho calms given weights, "
         "--max-rms-increment tuned ones"

@@ -14,6 +14,7 @@ MACHINE = cast(
     SimpleNamespace(
         axes=("X", "Y"),
         error="contour",
+        resolution=0.2 * ERROR,
         model=SimpleNamespace(dt=DT),
         hidden_acceleration=np.diag([0.0, HIDDEN]),
     ),
@@ -33,11 +34,11 @@ def seen(amplitude, lost=False):
 EVERY = np.ones(SAMPLES, bool)
 
 
-def warnings(replay, counted=EVERY):
+def warnings(replay, counted=EVERY, machine=MACHINE):
     references = SimpleNamespace(mask=counted[None], steps=SAMPLES)
     jobs = (SimpleNamespace(name="ring"),)
     found = Scenarios(cast(Any, jobs), (True,), ("nominal", "late"), cast(Any, references), 0)
-    return swing_warnings(replay, found, MACHINE)
+    return swing_warnings(replay, found, machine)
 
 
 def test_a_swing_of_much_of_the_error_is_told():
@@ -53,6 +54,12 @@ def test_a_swing_of_much_of_the_error_is_told():
 
 def test_a_small_one_is_not():
     assert warnings(seen(0.2 * ERROR / (HIDDEN * DT**2 / 8))) == []
+
+
+def test_one_within_a_count_is_not():
+    coarse = SimpleNamespace(**vars(MACHINE) | {"resolution": np.array([1e-9, 0.6 * ERROR])})
+    replay = seen(0.5 * ERROR / (HIDDEN * DT**2 / 8))
+    assert warnings(replay) and not warnings(replay, machine=cast(Any, coarse))
 
 
 def test_only_scored_samples_count():
