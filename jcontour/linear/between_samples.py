@@ -54,13 +54,10 @@ def alternating(control: Float[np.ndarray, "*runs T p"]) -> Float[np.ndarray, "*
 
 def _rate(A: Float[np.ndarray, "n n"], dt: float) -> np.ndarray:
     """Generator log(A) / dt of the motion; complex where a pole is negative."""
-    sorted_form = schur(A.astype(complex), output="complex", sort=_is_alive)
-    upper, basis, alive = cast(tuple[np.ndarray, np.ndarray, int], sorted_form)
+    # a lambda: SciPy counts the arguments of the function, and sees none of a decorated one
+    alive_first = schur(A.astype(complex), output="complex", sort=lambda pole: abs(pole) > DEAD)
+    upper, basis, alive = cast(tuple[np.ndarray, np.ndarray, int], alive_first)
     motion, mixed, dead = upper[:alive, :alive], upper[:alive, alive:], upper[alive:, alive:]
     apart = solve_sylvester(motion, -dead, -mixed) if mixed.size else mixed
     back = np.hstack([np.eye(alive), -apart]) @ basis.conj().T  # onto the coordinates of the motion
     return basis[:, :alive] @ logm(motion) @ back / dt
-
-
-def _is_alive(pole: complex) -> bool:
-    return abs(pole) > DEAD
