@@ -10,8 +10,11 @@ from experiments.files.results.exported_result import ExportedResult
 from experiments.files.results.stored import read_result
 
 
+SHORT = ("--preview", "4")  # of controllers that see ahead
+
+
 def simulated(folder, machine_file, part_file, *flags):
-    words = ["--plant", str(machine_file), "--preview", "4", "--json", "--out", str(folder)]
+    words = ["--plant", str(machine_file), "--json", "--out", str(folder)]
     assert main(["simulate", str(part_file), *words, *flags]) == 0
     return folder
 
@@ -20,7 +23,7 @@ def simulated(folder, machine_file, part_file, *flags):
 def test_a_simulated_run_becomes_code_that_gives_its_controls(
     tmp_path, machine_file, part_file, capsys
 ):
-    run = simulated(tmp_path / "run", machine_file, part_file)
+    run = simulated(tmp_path / "run", machine_file, part_file, *SHORT)
     capsys.readouterr()
     out = tmp_path / "exported"
     assert main(["export", str(run), "--c", "--st", "--python", "--json", "--out", str(out)]) == 0
@@ -42,9 +45,14 @@ def test_a_simulated_run_becomes_code_that_gives_its_controls(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["preview-lq", "contouring-lq-state", "linear-cascade"])
-def test_other_controllers_have_a_linear_form(tmp_path, machine_file, part_file, name, capsys):
-    run = simulated(tmp_path / "run", machine_file, part_file, "--controller", name)
+@pytest.mark.parametrize(
+    ("name", "flags"),
+    [("preview-lq", SHORT), ("contouring-lq-state", SHORT), ("linear-cascade", ())],
+)
+def test_other_controllers_have_a_linear_form(
+    tmp_path, machine_file, part_file, name, flags, capsys
+):
+    run = simulated(tmp_path / "run", machine_file, part_file, "--controller", name, *flags)
     out = tmp_path / "exported"
     assert main(["export", str(run), "--single", "--out", str(out)]) == 0
     told = capsys.readouterr().out
