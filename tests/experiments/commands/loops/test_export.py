@@ -9,7 +9,6 @@ from experiments.cli import main
 from experiments.files.results.exported_result import ExportedResult
 from experiments.files.results.stored import read_result
 
-
 SHORT = ("--preview", "4")  # of controllers that see ahead
 
 
