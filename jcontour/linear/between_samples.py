@@ -57,6 +57,8 @@ def _rate(A: Float[np.ndarray, "n n"], dt: float) -> np.ndarray:
     # a lambda: SciPy counts the arguments of the function, and sees none of a decorated one
     alive_first = schur(A.astype(complex), output="complex", sort=lambda pole: abs(pole) > DEAD)
     upper, basis, alive = cast(tuple[np.ndarray, np.ndarray, int], alive_first)
+    if not alive:
+        return np.zeros_like(A)
     motion, mixed, dead = upper[:alive, :alive], upper[:alive, alive:], upper[alive:, alive:]
     apart = solve_sylvester(motion, -dead, -mixed) if mixed.size else mixed
     back = np.hstack([np.eye(alive), -apart]) @ basis.conj().T  # onto the coordinates of the motion

@@ -88,6 +88,11 @@ def test_a_control_that_changes_within_the_sample():
     np.testing.assert_allclose(found, within - shown, rtol=1e-9)
 
 
+def test_a_pure_delay_hides_nothing():
+    late = LinearPlant([[0.0, 0.0], [1.0, 0.0]], [[1.0], [0.0]], [[0.0, 1.0]], DT)
+    assert hidden_acceleration(late).tolist() == [[0.0]]
+
+
 def test_axes_keep_apart_and_negative_poles_do_not_fail():
     A = np.diag([-0.3, 0.5])
     found = hidden_acceleration(LinearPlant(A, np.eye(2), np.eye(2), DT))
