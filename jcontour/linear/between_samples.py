@@ -9,8 +9,7 @@ and its samples look fine.
 from typing import cast
 
 import numpy as np
-from jaxtyping import Float
-from scipy.linalg import logm, schur, solve_sylvester
+from jaxtyping import Array, Float
 
 from jcontour.linear.plant import LinearPlant
 
@@ -43,17 +42,22 @@ def hidden_acceleration(plant: LinearPlant, delay: int = 0) -> Float[np.ndarray,
     return np.maximum(within - shown, 0.0)
 
 
-def alternating(control: Float[np.ndarray, "*runs T p"]) -> Float[np.ndarray, "*runs T-2 p"]:
+def alternating(
+    control: Float[Array | np.ndarray, "*runs T p"],
+) -> Float[Array | np.ndarray, "*runs T-2 p"]:
     """Part of a control that alternates: |u(k+1) - 2 u(k) + u(k-1)| / 4.
 
     >>> alternating(np.array([[1.0], [-1.0], [1.0], [3.0], [5.0]])).ravel().tolist()
     [1.0, 0.0, 0.0]
     """
-    return np.abs(np.diff(control, n=2, axis=-2)) / 4
+    before, now, after = control[..., :-2, :], control[..., 1:-1, :], control[..., 2:, :]
+    return abs(after - 2 * now + before) / 4
 
 
 def _rate(A: Float[np.ndarray, "n n"], dt: float) -> np.ndarray:
     """Generator log(A) / dt of the motion; complex where a pole is negative."""
+    from scipy.linalg import logm, schur, solve_sylvester  # takes a while to load
+
     # a lambda: SciPy counts the arguments of the function, and sees none of a decorated one
     alive_first = schur(A.astype(complex), output="complex", sort=lambda pole: abs(pole) > DEAD)
     upper, basis, alive = cast(tuple[np.ndarray, np.ndarray, int], alive_first)

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jcontour.largest import largest
+from jcontour.linear.between_samples import alternating
 from jcontour.motion.references import Reference
 
 
@@ -96,7 +97,7 @@ def _accelerated(
     """Use by what the samples show and, where it is looked at, by what they hide."""
     if limits.acceleration is None or limits.hidden is None:
         return _largest(sampled, counted, limits.acceleration)
-    hidden = jnp.abs(jnp.diff(control, n=2, axis=0)) / 4 @ limits.hidden.T
+    hidden = alternating(control) @ limits.hidden.T
     most = [largest(jnp.where(counted[:, None], jnp.abs(part), 0)) for part in (sampled, hidden)]
     return largest(jnp.asarray(sum(most) / limits.acceleration))
 

@@ -227,7 +227,7 @@ def _peaks(seen: Signals, machine: Machine) -> Iterator[Peak]:
         hidden = 0.0 * peaks
         if quantity == "acceleration":
             unseen = alternating(control) @ machine.hidden_acceleration.T
-            hidden = largest_counted(unseen, seen.counted)
+            hidden = largest_counted(np.asarray(unseen), seen.counted)
         peaks += hidden
         for k, name in enumerate(names):
             place = np.unravel_index(np.argmax(peaks[:, :, k]), peaks.shape[:2])
