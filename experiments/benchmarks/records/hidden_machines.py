@@ -1,5 +1,7 @@
 """Random axes whose records are all that an identification sees, and which then tell the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 
@@ -48,6 +50,12 @@ def hidden_axis(random: np.random.Generator, dt: float, takes: Takes | None = No
         axis = _resonant(axis, kind, random)
     count = float(np.exp(random.uniform(*np.log(COUNTS))))
     return RecordedAxis(axis, kind, count, 0.5 * count, float(random.uniform(0, 0.003)), loop)
+
+
+def late_by_a_part(one: RecordedAxis, dt: float, random: np.random.Generator) -> RecordedAxis:
+    """The axis with a delay of a part of a sample more, as drives have it."""
+    part = dt * float(random.uniform(0.1, 0.9))
+    return replace(one, axis=replace(one.axis, delay=one.axis.delay + part))
 
 
 def _resonant(axis: ContinuousAxis, takes: Takes, random: np.random.Generator) -> ContinuousAxis:

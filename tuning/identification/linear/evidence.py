@@ -125,6 +125,12 @@ def widened(response: Response, models: Sequence[AxisModel]) -> Response:
     return replace(response, half_width=np.max([response.half_width, *off], axis=0))
 
 
+def holding(response: Response, other: Response) -> Response:
+    """The response with an interval that holds all of another's, of the same frequencies."""
+    off = np.abs(other.value / response.value - 1)
+    return replace(response, half_width=np.maximum(response.half_width, off + other.half_width))
+
+
 def doubted(
     response: Response, position: Float[np.ndarray, " T"], residual: Float[np.ndarray, " T"]
 ) -> Response:

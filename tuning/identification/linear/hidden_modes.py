@@ -1,4 +1,6 @@
-"""Modes of a model that its record does not tell from none, as a zero cancels their pole.
+"""Modes of a model that its record does not tell from none, or that no machine has.
+
+A zero may cancel their pole.
 
 The pole p adds r p^k to the impulse response, with a residue r in proportion to
 
@@ -8,6 +10,9 @@ A model with B(p) = 0 has a pole too many. Where that lies inside the 95 % inter
 order is too high, and what a larger likelihood then describes is noise: regions of a pole and a
 zero that overlap (Ljung, System Identification Toolbox, "Reducing Model Order Using Pole-Zero
 Plots").
+
+A pair of poles without damping describes noise as well: in pieces every start then has a vibration
+of its own that never ends.
 """
 
 import numpy as np
@@ -18,9 +23,11 @@ from tuning.identification.estimates import CONFIDENCE
 from tuning.identification.linear.evidence import estimate_of
 from tuning.identification.linear.output_error import AxisFit
 
+UNDAMPED = 1e-3  # damping: that of a bar of steel; of machines it is a hundredth and more
+
 
 def hidden_modes(fit: AxisFit) -> Complex[np.ndarray, " h"]:
-    """Poles of a fit, integrators apart, whose residue is nought within 95 %.
+    """Poles of a fit, integrators apart, whose residue is nought within 95 %, or without damping.
 
     By the first-order slopes of B(p) over a and b, with p moving as dp/da_i = -p^(n-i) / A'(p).
     B(p) of a complex pole is taken along its own phase: there the interval holds 85 % at least, as
@@ -39,7 +46,10 @@ def hidden_modes(fit: AxisFit) -> Complex[np.ndarray, " h"]:
     variance = np.einsum("pi,ij,pj->p", along, covariance, along)
     factor = float(norm.ppf((1 + CONFIDENCE) / 2))
     known = np.where(variance > 0, variance, np.inf)  # nan and rounding below zero: not seen
-    return poles[np.abs(value) < factor * np.sqrt(known)]
+    with np.errstate(divide="ignore"):
+        rate = np.log(poles)  # s dt, of a pole at zero -inf
+    undamped = (poles.imag != 0) & (-rate.real < UNDAMPED * np.abs(rate))
+    return poles[(np.abs(value) < factor * np.sqrt(known)) | undamped]
 
 
 def lasting_hidden_mode(fit: AxisFit) -> bool:

@@ -29,6 +29,7 @@ from tuning.identification.linear.order_search import (
     held_out,
     of_fewer_poles,
     settled,
+    with_part,
 )
 from tuning.identification.linear.output_error import (
     AxisFit,
@@ -255,6 +256,10 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     response = evidence.widened(
         response, [*found.equals, *(one.fit.model for one in choice.richer)]
     )
+    if (other := with_part(used, fit)) is not None:
+        response = evidence.holding(
+            response, evidence.response_of(other, evidence.estimate_of(other), response.frequency)
+        )
     if dispersion > 1:
         response = evidence.doubted(response, position, fit.residual)
     gain, gain_by = _gain(used, fit, response if dispersion > 1 else own)

@@ -57,7 +57,8 @@ class Candidate:
 
     Attributes:
         fit: on the first part.
-        held_out: one-step errors on the rest, with the noise filter of the first part (R,) [m].
+        held_out: one-step errors on the rest, with the noise filter of the first part, as large as
+            they are where no start of a piece is fitted to them (R,) [m].
     """
 
     fit: AxisFit
@@ -133,20 +134,25 @@ def chosen(
             glances = [one for s in structures if (one := _glance(training, s, first)) is not None]
             if not glances:
                 continue
-            tried.append(_walked(training, min(glances, key=left_of), most_delay))
+            tried += _with_or_without_part(training, min(glances, key=left_of), most_delay)
             if n > 0:  # with one pole more the delay is less, or hardly more
-                latest = min(tried[-1].model.delay + MORE, most_delay)
+                latest = min(tried[-2].model.delay + MORE, most_delay)
     if not tried:
         raise ValueError("no stable model explains the record")
-    tried += [
-        _walked(training, replace(one, model=with_resonance(training, one)), most_delay)
-        for one in tried
-        if len(one.model.denominator) + 2 <= most_poles
-    ]
-    found = [Candidate(fit, predicted(rest, fit, fit.filter)) for fit in tried]
+    for one in tried[::2]:
+        if len(one.model.denominator) + 2 <= most_poles:
+            ringing = replace(one, model=with_resonance(training, one))
+            tried += _with_or_without_part(training, ringing, most_delay)
+    found = [_judged_on(rest, fit) for fit in tried]
     found.sort(key=lambda one: one.loss)
     fit = _alternated(training, _smallest(found).fit)
-    return Choice(Candidate(fit, predicted(rest, fit, fit.filter)), found)
+    return Choice(_judged_on(rest, fit), found)
+
+
+def _judged_on(rest: AxisRecord, fit: AxisFit) -> Candidate:
+    """A fit and its errors on the rest of the record."""
+    errors = predicted(rest, fit, fit.filter)
+    return Candidate(fit, errors * np.sqrt(_freed(fit, len(errors), len(rest.pieces.ends))))
 
 
 def of_fewer_poles(choice: Choice) -> Choice | None:
@@ -265,6 +271,28 @@ def _walked(record: AxisRecord, start: AxisFit, most_delay: int) -> AxisFit:
     return best
 
 
+def _with_or_without_part(record: AxisRecord, start: AxisFit, most_delay: int) -> list[AxisFit]:
+    """Model refined, and the one with a delay of a part of a sample more."""
+    whole = _walked(record, start, most_delay)
+    return [whole, _walked(record, replace(whole, model=_longer(whole.model)), most_delay)]
+
+
+def with_part(record: AxisRecord, fit: AxisFit) -> AxisFit | None:
+    """The model with a delay of a part of a sample more; None where it has room for that."""
+    model, i = _longer(fit.model), fit.model.integrators
+    if len(model.numerator) > len(model.denominator) + i + 1:
+        return None
+    return fitted(record, structure_of(model), fit.filter, model, drag=fit.drag)
+
+
+def _longer(model: AxisModel) -> AxisModel:
+    """The model with room for a part of a sample: n + i + 1 coefficients in the numerator.
+
+    An axis of n + i states answers a held command that comes late by such a part with as many.
+    """
+    return replace(model, numerator=np.append(model.numerator, 0.0))
+
+
 def refined_a_little(record: AxisRecord, start: AxisFit) -> AxisFit:
     """A few steps of Gauss-Newton; then the noise filter of what they leave."""
     structure = structure_of(start.model)
@@ -274,7 +302,17 @@ def refined_a_little(record: AxisRecord, start: AxisFit) -> AxisFit:
 
 def left_of(fit: AxisFit) -> float:
     """Variance of what neither the model nor the past explains [m^2]."""
-    return float(np.var(_judged(fit)))
+    errors = _judged(fit)
+    pieces = int((np.diff(fit.rows) > 1).sum()) + 1
+    return float(np.var(errors)) * _freed(fit, len(errors), pieces)
+
+
+def _freed(fit: AxisFit, rows: int, pieces: int) -> float:
+    """By how much a variance grows without the starts of pieces, one number for every state each.
+
+    More poles would otherwise leave less, whether they are there or not.
+    """
+    return rows / max(rows - pieces * fit.model.order, 1)
 
 
 def filter_of(record: AxisRecord, fit: AxisFit) -> Float[np.ndarray, " w"]:
