@@ -253,13 +253,13 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         raise ValueError(f"{name}: {doubt}")
     rivals = {d: value / dispersion for d, value in rivals.items()}
     late = sum(found.rivals[d] / dispersion < TELLS for d in found.rivals if d > fit.model.delay)
-    response = evidence.widened(
-        response, [*found.equals, *(one.fit.model for one in choice.richer)]
-    )
-    if (other := with_part(used, fit)) is not None:
-        response = evidence.holding(
-            response, evidence.response_of(other, evidence.estimate_of(other), response.frequency)
-        )
+    response = evidence.widened(response, found.equals)
+    others = [one.fit for one in choice.richer]
+    if (longer := with_part(used, fit)) is not None:
+        others.append(longer)
+    for one in others:
+        beside = evidence.response_of(one, evidence.estimate_of(one), response.frequency)
+        response = evidence.holding(response, beside)
     if dispersion > 1:
         response = evidence.doubted(response, position, fit.residual)
     gain, gain_by = _gain(used, fit, response if dispersion > 1 else own)

@@ -32,7 +32,12 @@ from tuning.identification.linear.output_error import (
     started,
     structure_of,
 )
-from tuning.identification.linear.pieces import SHORT, short_whitening
+from tuning.identification.linear.pieces import (
+    SHORT,
+    free_start,
+    short_whitening,
+    started_apart,
+)
 from tuning.identification.linear.resonance import with_resonance
 
 TRAINING = 0.7  # of the record
@@ -278,11 +283,19 @@ def _with_or_without_part(record: AxisRecord, start: AxisFit, most_delay: int) -
 
 
 def with_part(record: AxisRecord, fit: AxisFit) -> AxisFit | None:
-    """The model with a delay of a part of a sample more; None where it has room for that."""
-    model, i = _longer(fit.model), fit.model.integrators
-    if len(model.numerator) > len(model.denominator) + i + 1:
+    """The model with a delay of a part of a sample more, or less; None where it has room for one.
+
+    Whichever leaves less.
+    """
+    later, i = _longer(fit.model), fit.model.integrators
+    if len(later.numerator) > len(later.denominator) + i + 1:
         return None
-    return fitted(record, structure_of(model), fit.filter, model, drag=fit.drag)
+    tried = [later]
+    if later.delay > 0:
+        sooner = np.append(0.0, fit.model.numerator)
+        tried.append(replace(later, numerator=sooner, delay=later.delay - 1))
+    found = [fitted(record, structure_of(one), fit.filter, one, drag=fit.drag) for one in tried]
+    return min(found, key=lambda one: one.loss)
 
 
 def _longer(model: AxisModel) -> AxisModel:
@@ -303,8 +316,7 @@ def refined_a_little(record: AxisRecord, start: AxisFit) -> AxisFit:
 def left_of(fit: AxisFit) -> float:
     """Variance of what neither the model nor the past explains [m^2]."""
     errors = _judged(fit)
-    pieces = int((np.diff(fit.rows) > 1).sum()) + 1
-    return float(np.var(errors)) * _freed(fit, len(errors), pieces)
+    return float(np.var(errors)) * _freed(fit, len(errors), len(fit.pieces.ends))
 
 
 def _freed(fit: AxisFit, rows: int, pieces: int) -> float:
@@ -334,9 +346,18 @@ def _none(record: AxisRecord) -> Float[np.ndarray, " w"]:
 
 
 def _judged(fit: AxisFit) -> Float[np.ndarray, " J"]:
-    """What neither the model nor the past explains, without the first rows [m]."""
+    """What neither the model nor the past explains, without the first rows [m].
+
+    In pieces the starts are fitted behind the filter, as the errors are.
+    """
     first = min(BEGIN, len(fit.residual) // 3)  # a short record has a short filter
-    return whitened(fit.residual, fit.filter)[fit.rows[fit.rows >= first]]
+    left = whitened(fit.residual, fit.filter)
+    if not fit.pieces:
+        return left[fit.rows[fit.rows >= first]]
+    below = np.concatenate([[1.0], fit.model.denominator])
+    free = free_start(below, fit.model.integrators, fit.filter, fit.pieces)
+    errors = started_apart(left[:, None], free, fit.pieces, len(fit.filter) - 1)[:, 0]
+    return errors[fit.rows >= first]
 
 
 def _smallest(found: list[Candidate]) -> Candidate:

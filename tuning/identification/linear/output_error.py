@@ -124,6 +124,7 @@ class AxisFit:
         errors: the residual behind W, without its first rows.
         jacobian: slopes of the errors over (a, b, f, c, p); over (a, b, f) in pieces.
         rows: samples that the errors belong to.
+        pieces: in which alone it was fitted.
     """
 
     model: AxisModel
@@ -135,6 +136,7 @@ class AxisFit:
     errors: Float[np.ndarray, " R"]
     jacobian: Float[np.ndarray, "R p"]
     rows: Int[np.ndarray, " R"]
+    pieces: Pieces = Pieces()
 
     @property
     def loss(self) -> float:
@@ -380,6 +382,7 @@ def _finished(record: AxisRecord, filter_: np.ndarray, trial: _Trial) -> AxisFit
         trial.errors,
         trial.jacobian,
         rows,
+        record.pieces,
     )
 
 

@@ -10,6 +10,7 @@ from experiments.benchmarks.records.hidden_machines import (
     PROGRAMS,
     hidden_axis,
     hidden_record,
+    late_by_a_part,
     true_model,
 )
 from experiments.benchmarks.records.identify import (
@@ -24,6 +25,7 @@ from experiments.benchmarks.records.identify import (
 from experiments.flags.others import Bench
 from experiments.reports.tables import console_of
 from jcontour.linear.continuous_axes import force_axis, position_axis, speed_axis, with_resonance
+from tuning.identification.linear.evidence import Response
 from tuning.identification.linear.machine import MachineRecord, identify_machine
 from tuning.identification.linear.recording import RecordedAxis
 
@@ -52,7 +54,7 @@ def test_the_bandwidth_of_a_first_order_loop():
     assert bandwidth(one) == pytest.approx(10 / (2 * np.pi), rel=0.02)
 
 
-ROW = HiddenResult("contour", 0, "speed", 2, 1, 2, True, 3.0, 0.01, 0.9, 1.02, 1.0)
+ROW = HiddenResult("contour", 0, "speed", 2, 1.0, 2, True, 3.0, 0.01, 0.9, 0.8, 1.02, 1.0)
 
 
 def test_axes_that_are_kept_are_not_identified_again(monkeypatch, tmp_path):
@@ -77,10 +79,27 @@ def test_axes_that_are_kept_are_not_identified_again(monkeypatch, tmp_path):
 
 
 def test_what_is_printed(capsys):
-    rows = [ROW, ROW._replace(seed=2, seconds=3.0)]
+    rows = [ROW, ROW._replace(seed=2, delay=2.7, seconds=3.0)]
     show(console_of(), IdentifyBench(rows, 60.0))
     printed = capsys.readouterr().out
     assert "1.02" in printed and "2 s for 60 s" in printed
+    whole, parted = (line.split() for line in printed.splitlines() if "contour " in line)
+    assert whole[1:5] == ["without", "1", "0", "1"]
+    assert parted[1:5] == ["without,", "1", "1", "1"]  # 2 is exact of 2.7
+
+
+def test_a_part_of_a_sample_is_all_that_is_added():
+    one = axis(speed_axis(1.0, 0.01, 2 * DT), "speed", 5.0)
+    late = late_by_a_part(one, DT, np.random.default_rng(0))
+    assert 2.1 < late.axis.delay / DT < 2.9
+    assert replace(late, axis=replace(late.axis, delay=one.axis.delay)) == one
+
+
+def test_an_interval_that_holds_the_truth_at_half_of_the_frequencies():
+    one = axis(speed_axis(1.0, 0.01), "speed", 5.0)
+    truth = response(one, HERTZ)
+    stated = Response(HERTZ, truth * np.array([1.0, 1.1, 1.0]), np.array([0.01, 0.01, 0.01]))
+    assert identify._holds(one, stated) == pytest.approx(2 / 3)
 
 
 def excited(seed, k):

@@ -49,6 +49,14 @@ def test_the_band_ends_where_intervals_widen():
     assert np.isnan(none.band).all()
 
 
+def test_an_interval_that_holds_another():
+    """1 +- 0.01 beside 1.05 +- 0.02, which ends at 1.07; of 1 +- 0.5 both ends are further."""
+    frequency = np.array([1.0, 2.0])
+    one = evidence.Response(frequency, np.ones(2, complex), np.array([0.01, 0.5]))
+    other = evidence.Response(frequency, np.full(2, 1.05 + 0j), np.full(2, 0.02))
+    assert evidence.holding(one, other).half_width == pytest.approx([0.07, 0.5])
+
+
 def test_a_response_at_given_frequencies():
     """Of two records of other lengths, which by themselves begin at other ones."""
     u = np.random.default_rng(2).standard_normal(ROWS)

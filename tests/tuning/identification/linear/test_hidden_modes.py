@@ -61,6 +61,19 @@ def test_a_pair_that_is_seen_is_not_hidden():
     assert np.iscomplex(fit.model.poles).any() and hidden_modes(fit).size == 0
 
 
+@pytest.mark.parametrize(("damping", "seen"), [(1e-2, True), (1e-4, False)])
+def test_a_pair_without_damping_is_none_of_a_machine(damping, seen):
+    """A pair of 80 Hz, s = -z w +- i w sqrt(1 - z^2), however well its record shows it."""
+    w = 2 * np.pi * 80 * DT
+    pair = np.exp(w * (-damping + np.array([1j, -1j]) * np.sqrt(1 - damping**2)))
+    a, random = np.real(np.poly(pair)), np.random.default_rng(1)
+    u = random.standard_normal(ROWS)
+    y = np.asarray(lfilter([0.0, 1.0, 0.5], a, u)) + 0.1 * random.standard_normal(ROWS)
+    start = AxisModel(a[1:], np.array([1.0, 0.5]), 0, 0, DT)
+    fit = fitted(AxisRecord(DT, u, y), Structure(2, 2, 0, 0), start=start, iterations=0)
+    assert (hidden_modes(fit).size == 0) is seen
+
+
 def test_a_model_without_poles_has_none():
     one = record(0.4, 0.4)
     assert hidden_modes(fitted(one, Structure(0, 1, 0, 0))).size == 0

@@ -5,28 +5,34 @@ import pytest
 from scipy.signal import lfilter
 
 from jcontour.linear.continuous_axes import (
+    force_axis,
     position_axis,
     sampled_axis,
     speed_axis,
     with_resonance,
 )
 from tuning.identification.linear import order_search
+from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.noise_model import whitening
 from tuning.identification.linear.order_search import (
     TELLS,
     Candidate,
     Choice,
     chosen,
+    left_of,
     of_fewer_poles,
     settled,
+    with_part,
 )
 from tuning.identification.linear.output_error import (
     AxisRecord,
     Structure,
     fitted,
     predicted,
+    simulated,
     structure_of,
 )
+from tuning.identification.linear.pieces import Pieces
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
 DT = 1e-3
@@ -57,6 +63,48 @@ def test_order_and_delay_of_a_drive_in_closed_loop(takes, delay, rows):
     z = np.exp(1j * w * DT)
     truth = [(C @ np.linalg.solve(v * np.eye(len(A)) - A, B)).item() * v**-late for v in z]
     assert np.abs(found.fit.model.response(w) / truth - 1).max() < 0.01
+
+
+def test_a_delay_of_a_part_of_a_sample_is_found():
+    """A pole of 15 ms behind 2.4 samples; with whole ones alone it takes a second pole."""
+    axis = position_axis(0.8, 0.015, 2.4 * DT)
+    best = chosen(logged(axis, "position", 1.2, 4000), (0,), 2, 4).best
+    assert best.structure == Structure(1, 2, 0, 2)
+    first, second = best.fit.model.numerator
+    p = np.exp(-1 / 15)
+    share = (1 - p ** (1 - 0.4)) / (1 - p)  # of the answer to a step, before the next sample
+    assert first / (first + second) == pytest.approx(share, abs=0.02)
+
+
+@pytest.mark.parametrize("begun", [1, 2])
+def test_the_numerator_that_a_part_of_a_sample_adds(begun):
+    """Of a mass with viscous friction behind 1.3 samples, by its Markov parameters; no noise.
+
+    From one sample it is some more, from two some less.
+    """
+    A, B, C, late = sampled_axis(force_axis(40.0, 80.0, 300.0, 1.3 * DT), DT)
+    u = np.repeat(np.random.default_rng(0).standard_normal(300), 10)
+    x, y = np.zeros(len(A)), np.zeros(len(u))
+    for k in range(1, len(u)):
+        x = A @ x + B[:, 0] * (u[k - 1 - late] if k > late else 0.0)
+        y[k] = (C @ x).item()
+    record = AxisRecord(DT, u, y)
+    longer = with_part(record, fitted(record, Structure(1, 2, 1, begun)))
+    assert longer is not None and with_part(record, longer) is None
+    assert longer.model.delay == late == 1
+    markov = [(C @ np.linalg.matrix_power(A, k) @ B).item() for k in range(3)]
+    wanted = np.convolve(np.poly([1.0, np.exp(-300 / 80 * DT)]), markov)[:3]
+    assert longer.model.numerator == pytest.approx(wanted, rel=1e-4)
+
+
+@pytest.mark.parametrize("poles", [1, 4])
+def test_starts_of_pieces_leave_no_less_of_white_noise(poles):
+    """Variance 1, whatever the number of free states in each of 100 short pieces."""
+    noise = np.random.default_rng(5).standard_normal(4000)
+    pieces = Pieces(tuple((start, start + 40) for start in range(0, 4000, 40)))
+    record = AxisRecord(DT, np.zeros(4000), np.where(np.arange(4000) > 0, noise, 0.0), (), pieces)
+    model = AxisModel(np.poly(np.linspace(0.3, 0.8, poles))[1:], np.zeros(poles), 0, 0, DT)
+    assert left_of(simulated(record, model, pieces.none)) == pytest.approx(1.0, abs=0.08)
 
 
 def test_noise_alone_has_no_model_of_order():
