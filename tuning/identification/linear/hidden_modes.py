@@ -46,10 +46,13 @@ def hidden_modes(fit: AxisFit) -> Complex[np.ndarray, " h"]:
     variance = np.einsum("pi,ij,pj->p", along, covariance, along)
     factor = float(norm.ppf((1 + CONFIDENCE) / 2))
     known = np.where(variance > 0, variance, np.inf)  # nan and rounding below zero: not seen
-    with np.errstate(divide="ignore"):
-        rate = np.log(poles)  # s dt, of a pole at zero -inf
-    undamped = (poles.imag != 0) & (-rate.real < UNDAMPED * np.abs(rate))
-    return poles[(np.abs(value) < factor * np.sqrt(known)) | undamped]
+    return poles[(np.abs(value) < factor * np.sqrt(known)) | _undamped(poles)]
+
+
+def _undamped(poles: Complex[np.ndarray, " n"]) -> np.ndarray:
+    """Whether a pole z = exp(s dt) belongs to a pair whose damping is next to nothing."""
+    decay, angle = -np.log(np.maximum(np.abs(poles), 1e-300)), np.angle(poles)
+    return (np.imag(poles) != 0) & (decay < UNDAMPED * np.hypot(decay, angle))
 
 
 def lasting_hidden_mode(fit: AxisFit) -> bool:

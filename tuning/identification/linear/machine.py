@@ -5,8 +5,9 @@ friction where it is seen (`friction`). Then what the record cannot answer, in w
 family: every gain within the largest of what the intervals say, what two halves of the record
 disagree by, and what drives repeat to; and one sample of delay more where the data do not tell two
 delays apart. The intervals of the response hold the models of all delays that are not told
-apart, each fitted by itself, and the richer models that the record makes likelier without showing
-them clearly; the gain does not, as it is one number for all frequencies.
+apart, each fitted by itself; those of the richer models that the record makes likelier without
+showing them clearly; and those of a model that is late by a part of a sample, as no delay is known
+to be of whole ones. The gain does not, as it is one number for all frequencies.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -91,7 +92,7 @@ class LinearAxis:
         dispersion: by how much more than noise the errors pull at the model; 1 if by chance.
         late: further samples of delay that the data allow.
         resolution: of the encoder [m].
-        cancelled: poles of a likelier model that has one which a zero cancels; None if none.
+        cancelled: poles of a likelier model that has a hidden mode; None if none.
     """
 
     name: str
@@ -373,8 +374,8 @@ def _notes(axis: LinearAxis) -> list[str]:
         )
     if axis.cancelled is not None:
         notes.append(
-            f"{name}: a zero cancels one of the {axis.cancelled} poles of a likelier model, which "
-            "the record does not show: this one has fewer"
+            f"{name}: a zero cancels one of the {axis.cancelled} poles of a likelier model, or a "
+            "pair rings longer than any machine: the record does not show them, this one has fewer"
         )
     if axis.unseen:
         shown = _up_to(axis.response.band[1])
