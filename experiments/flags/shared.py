@@ -85,7 +85,7 @@ class Controlled(MachineFlags):
 
 @dataclass(frozen=True)
 class Limited(Controlled):
-    """Limits on the tuned controller, for every contour and every plant of the family."""
+    """Limits on the controller that is found, for every contour and every plant of the family."""
 
     max_sensitivity: float | None = 2.0  # 6 dB, the usual bound on the peak sensitivity
     """Limit on the peak sensitivity Ms of the loops along the path; None for no limit.
@@ -103,9 +103,6 @@ class Limited(Controlled):
     """Limit on the peak contour error [um]."""
     max_rms_control: float | None = None
     """Limit on the RMS of the control vector [control unit]."""
-    max_effort: float | None = None
-    """Limit on the RMS of the control vector as a multiple of what the start weights need.
-    1.2 on flexible axes and gantries when neither limit is given."""
     max_peak_control: float | None = None
     """Limit on the peak of the control vector [control unit]."""
     max_rms_increment: float | None = None
@@ -160,6 +157,9 @@ class Aimed(Bounded, Spreading):
     worst: the largest error of all. mean: the mean over contours and plants.
     regret: the largest ratio to the best that each contour allows alone, which is found first.
     certified: typical, of the largest error under every force and encoder error within bounds."""
+    max_effort: float | None = None
+    """Limit on the RMS of the control vector as a multiple of what the start weights need.
+    1.2 on flexible axes and gantries when neither this nor --max-rms-control is given."""
     nominal_only: bool = False  # the machine is not known better than its family
     """Tune on the nominal plant alone instead of its family; the family is still in the tables."""
     free: str | None = None

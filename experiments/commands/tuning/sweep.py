@@ -1,6 +1,6 @@
 """`jcontour sweep`: metrics over weights x preview x contours x plants, on the true machines."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,24 +20,30 @@ from experiments.files import run_folder
 from experiments.files.netcdf import metric_unit, save_dataset
 from experiments.files.results.stored import BESIDE_OTHERS, write_result
 from experiments.files.sweep_chunks import SweepChunks
+from experiments.flags.shared import Limited
 from experiments.flags.tuning import Sweep
 from experiments.jobs.job import Pace, Task
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.figures.shared.png import save_figures
-from experiments.reports.figures.tuning.sweep import (
+from experiments.reports.figures.tuning.sweep import sweep_figure, worst_errors
+from experiments.runs.lifecycle import finished, opened, task_words
+from experiments.runs.spread.best_designs import (
     ALIKE,
-    best_design,
-    largest_increments,
-    sweep_figure,
-    worst_errors,
+    Beyond,
+    Chosen,
+    DesignLoops,
+    chosen,
+    largest_of,
+    within_limits,
 )
-from experiments.runs.lifecycle import finished, opened, tuning_words
 from experiments.runs.spread.spreading import batching_of
 from experiments.runs.spread.varied_weights import listed_values, sampled_designs
+from experiments.runs.tuning.limits import loop_limits, named_limits, noise_limit
 from jcontour.simulation.devices import Spread
 from jcontour.simulation.evaluation import Batching
+from tuning.objectives import COUNT_NOISE, LATE
 from tuning.sweep import sweep
 
 CHUNKS = "parts"  # folder of the chunks inside a run folder
@@ -47,12 +53,18 @@ FACTORS, VARIED = (0.1, 0.3, 1.0, 3.0, 10.0), 2  # of the first weights, where n
 COST_FACTORS = (1e-2, 0.1, 1.0, 10.0, 1e2, 1e3, 1e4)
 STEPS_ON_CPU = 2_000_000  # of one core at once: a few seconds, which a kill costs at most
 BYTES_PER_STEP = 2_000  # of a run on an accelerator, with room to spare
+BEYOND = {  # limit on loops -> what is said of a design that breaks it, with its value
+    "peak_sensitivity": "its Ms is {:.3g}",
+    LATE: "a loop does not bear the delay that --min-delay-margin asks for",
+    COUNT_NOISE: "the rounding of encoders causes {:.3g} RMS control",
+    "spectral_radius": "with its gains frozen a loop is unstable",
+}
 NAMED = 5  # diverged designs that are printed; all of them are in the figure and in the netCDF file
 
 
 @dataclass(frozen=True)
 class BestDesign:
-    """The best weights with one preview, by the worst error over contours and plants.
+    """The best weights with one preview within the limits, by the worst error of all runs.
 
     Of errors that are alike, those of the calmest control are the best.
 
@@ -61,12 +73,20 @@ class BestDesign:
         weights: those that vary, by name.
         worst_um: worst RMS error [um].
         nominal_um: worst RMS error over the contours on the nominal plant [um].
+        sensitivity: peak Ms of the frozen loops over the family; None where one is unstable.
+        delay_samples: extra delay that the nominal loops bear; -1 where one is unstable as it is.
+        looked: designs whose loops were looked at, the best first, until one kept the limits.
+        beyond: limits on loops that it breaks, with its values, SI; none did better.
     """
 
     preview: int
     weights: dict[str, float] = field(metadata=BESIDE_OTHERS)
     worst_um: float
     nominal_um: float
+    sensitivity: float | None
+    delay_samples: int
+    looked: int = 1
+    beyond: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -76,11 +96,13 @@ class SweepResult:
     Attributes:
         points: designs with their previews.
         diverged: points that diverge on any plant along any contour.
-        best: one design for every preview with which any design does not diverge.
+        within: points that do not, and whose runs keep the limits of the flags.
+        best: one design for every preview with which any is within the limits.
     """
 
     points: int
     diverged: int
+    within: int
     best: list[BestDesign]
 
 
@@ -102,6 +124,11 @@ class Swept:
         """The controller with a preview, its weights open."""
         return _design(self.flags, self.machine, preview)
 
+    def scenarios(self, design: Design) -> Scenarios:
+        """The contours and the true machines, for a controller with its preview."""
+        seen = [True] * len(self.jobs)
+        return Scenarios.of(self.jobs, seen, self.machine, design.fed, design.preview)
+
     @property
     def count(self) -> int:
         """Designs for every preview."""
@@ -113,15 +140,15 @@ def command(flags: Sweep) -> int:
     if _controller(flags) in PREDICTIVE:
         return sweep_predictive.command(flags)
     with opened(flags, "sweep", swept_of) as (folder, asked):
-        dataset = found_along(asked, folder)
+        dataset, picks = judged(asked, found_along(asked, folder))
         names, error = list(asked.values), asked.machine.error
         save_dataset(dataset, folder / "sweep.nc")
         figures = {"sweep": lambda found: sweep_figure(found, names, error)}
         save_figures(figures, dataset, folder)
-        result = summary_of(dataset, names, error)
+        result = summary_of(dataset, error, picks)
         write_result(folder, result)
-    lost = _diverged_lines(dataset, names, error)
-    then = [*lost, *_edge_of(asked, result, dataset), *_next_steps(asked, result)]
+    lines = [*_diverged_lines(dataset, names, error), *_limit_lines(asked, dataset, result)]
+    then = [*lines, *_edge_of(asked, result, dataset), *_next_steps(asked, result)]
     return finished(folder, result, flags, _shown(names, error), then)
 
 
@@ -132,11 +159,14 @@ def swept_of(flags: Sweep) -> Swept:
         ValueError: a flag, a file or their combination is wrong.
     """
     _check_flags(flags)
+    for limits in (named_limits, loop_limits):  # they refuse what is no limit
+        limits(flags)
     machine = machine_named(flags.plant)
     pace = Pace.of(flags, machine)
     jobs = [job_named(name, pace) for name in flags.parts or machine.usual.swept]
     values = sampled_values(flags, _design(flags, machine, flags.preview))
     asked = Swept(replace(flags, previews=horizons(flags, machine)), machine, jobs, values)
+    noise_limit(flags, machine, asked.design(flags.previews[0]))
     _check(asked)
     return asked
 
@@ -236,8 +266,7 @@ def _sweep_preview(
 ) -> None:
     """Add the rows of one preview, which has so many rows before it."""
     design, count = asked.design(preview), asked.count
-    unseen = [False] * len(asked.jobs)
-    scenarios = Scenarios.of(asked.jobs, unseen, asked.machine, design.fed, design.preview)
+    scenarios = asked.scenarios(design)
     family, references = scenarios.family, scenarios.references
     steps = len(asked.jobs) * len(scenarios.plants) * references.steps
     at_once = min(count, designs_at_once(steps, batching))
@@ -290,25 +319,61 @@ def _dataset(asked: Swept, found: dict[str, Any]) -> xr.Dataset:
     return xr.Dataset(data, coordinates, {"title": title, **kept, **run_folder.versions()})
 
 
-def summary_of(dataset: xr.Dataset, names: Iterable[str], error: str) -> SweepResult:
-    """Counts, and the best weights for every preview."""
-    worst, diverged = worst_errors(dataset, error)
-    errors = 1e6 * dataset[f"rms_{error}_error"].values
-    increments = largest_increments(dataset)
-    best = []
-    for p, preview in enumerate(dataset.preview.values):
-        if not np.isfinite(worst[p]).any():
+def judged(asked: Swept, dataset: xr.Dataset) -> tuple[xr.Dataset, list[BestDesign]]:
+    """The metrics with what keeps the limits, and the best design of every preview that has one."""
+    kept, error = within_limits(dataset, named_limits(asked.flags)), asked.machine.error
+    worst = np.where(kept, worst_errors(dataset, error)[0], np.inf)
+    increments = largest_of(dataset, "rms_increment")
+    samples, best = np.full(len(dataset.preview), -1), []
+    for p, preview in enumerate(asked.flags.previews):
+        if not kept[p].any():
             continue
-        i = best_design(worst[p], increments[p])
-        best.append(
-            BestDesign(
-                preview=int(preview),
-                weights={name: float(dataset[name][i]) for name in names},
-                worst_um=float(worst[p, i]),
-                nominal_um=float(errors[p, i, :, 0].max()),
-            )
-        )
-    return SweepResult(points=diverged.size, diverged=int(diverged.sum()), best=best)
+        design = asked.design(preview)
+        loops = DesignLoops(asked.flags, design, asked.machine, asked.scenarios(design))
+
+        def beyond(sample: int, loops: DesignLoops = loops) -> Beyond:
+            return loops.beyond(_weights(dataset, asked.values, sample))
+
+        found = chosen(worst[p], increments[p], beyond)
+        assert found is not None  # one is kept
+        samples[p] = found.sample
+        best.append(_best(asked, dataset, p, found, loops))
+    told = {
+        "within_limits": (("preview", "sample"), kept.astype("i1")),
+        "best": ("preview", samples, {"long_name": "best sample within the limits; -1: none"}),
+    }
+    return dataset.assign(told), best
+
+
+def _best(
+    asked: Swept, dataset: xr.Dataset, place: int, found: Chosen, loops: DesignLoops
+) -> BestDesign:
+    """What is told of a design, by the place of its preview."""
+    weights = _weights(dataset, asked.values, found.sample)
+    margins = loops.margins(weights)
+    here = dataset.isel(preview=place, sample=found.sample)
+    errors = 1e6 * here[f"rms_{asked.machine.error}_error"].values
+    return BestDesign(
+        preview=int(here.preview),
+        weights=weights,
+        worst_um=float(errors.max()),
+        nominal_um=float(errors[:, 0].max()),
+        sensitivity=margins.sensitivity,
+        delay_samples=margins.delay_samples,
+        looked=found.looked,
+        beyond=found.beyond,
+    )
+
+
+def _weights(dataset: xr.Dataset, names: Iterable[str], sample: int) -> dict[str, float]:
+    return {name: float(dataset[name][sample]) for name in names}
+
+
+def summary_of(dataset: xr.Dataset, error: str, best: list[BestDesign]) -> SweepResult:
+    """Counts, beside the best designs of a judged sweep."""
+    _, diverged = worst_errors(dataset, error)
+    within = int(dataset.within_limits.values.sum())
+    return SweepResult(diverged.size, int(diverged.sum()), within, best)
 
 
 def _shown(names: list[str], error: str):
@@ -318,14 +383,19 @@ def _shown(names: list[str], error: str):
         rows = []
         for row in result.best:
             numbers = [*(row.weights[name] for name in names), row.worst_um, row.nominal_um]
-            rows.append([str(row.preview), *(f"{number:.4g}" for number in numbers)])
-        title = "Best weights for every preview (worst over contours and plants)"
-        columns = ["preview", *names, f"worst RMS {error} um", "nominal um"]
-        console.print(tables.plain_table(title, columns, rows))
+            peak = "unstable" if row.sensitivity is None else f"{row.sensitivity:.3g}"
+            words = [*(f"{number:.4g}" for number in numbers), peak, str(row.delay_samples)]
+            rows.append([str(row.preview), *words])
+        title = "Best weights within the limits for every preview (worst over contours and plants)"
+        errors = [f"worst RMS\n{error} um", "nominal\num"]
+        columns = ["preview", *names, *errors, "Ms", "delay margin\nsamples"]
+        if rows:
+            console.print(tables.plain_table(title, columns, rows))
         tables.say(
             console,
-            f"{result.points} points, {result.diverged} diverged. Of errors within "
-            f"{100 * ALIKE:g} % those of the calmest control are the best.",
+            f"{result.points} points, {result.diverged} diverged, {result.within} within the "
+            f"limits on their runs. Of errors within {100 * ALIKE:g} % those of the calmest "
+            "control are the best.",
         )
 
     return show
@@ -344,26 +414,75 @@ def _diverged_lines(dataset: xr.Dataset, names: list[str], error: str) -> list[s
     return lines
 
 
+def _limit_lines(asked: Swept, dataset: xr.Dataset, result: SweepResult) -> list[str]:
+    """What keeps a limit nowhere, and what was passed over for limits on loops."""
+    lines = []
+    for place in np.flatnonzero(dataset.best.values < 0).tolist():
+        lines += _none_within(asked, dataset.isel(preview=[place]))
+    for row in result.best:
+        where, better = f"preview {row.preview}", row.looked - 1
+        if row.beyond:
+            what = ", ".join(BEYOND[name].format(value) for name, value in row.beyond.items())
+            also = f", and {better} next best ones break a limit as well" if better else ""
+            lines.append(f"WARNING: {where}: the best design breaks a limit: {what}{also}")
+        elif better:
+            lines.append(
+                f"With {where}, {better} design{'s' if better > 1 else ''} with less error or a "
+                "calmer control break a limit on the loops: Ms, delay margin or noise of counts"
+            )
+    return lines
+
+
+def _none_within(asked: Swept, one: xr.Dataset) -> list[str]:
+    """A line for a preview with which no design is within the limits, and what comes nearest."""
+    lost = worst_errors(one, asked.machine.error)[1][0]
+    limits = named_limits(asked.flags)
+    if lost.all():
+        return []
+    least = []
+    for metric, bound in limits.items():
+        factor = 1e6 if metric.endswith("_error") else 1.0
+        unit = "um" if metric.endswith("_error") else asked.machine.control_unit
+        value = factor * float(largest_of(one, metric)[0, ~lost].min())
+        least.append(
+            f"{metric.replace('_', ' ').replace('rms', 'RMS')} {value:.4g} {unit} "
+            f"(limit {factor * bound:.4g})"
+        )
+    return [
+        f"WARNING: preview {int(one.preview[0])}: none of {lost.size} designs keeps the limits; "
+        f"the least of each: {', '.join(least)}"
+    ]
+
+
+def _leading(best: Sequence[BestDesign]) -> BestDesign:
+    """The design with the least error, of those that break no limit if there are any."""
+    return min(best, key=lambda row: (bool(row.beyond), row.worst_um))
+
+
 def _next_steps(asked: Swept, result: SweepResult) -> list[str]:
+    if not result.best and result.diverged < result.points:
+        return ["Next: no design keeps the limits; allow more, or sweep other weights with --vary."]
     if not result.best:
         return ["Next: every design diverges; sweep smaller weights with --vary."]
-    best = min(result.best, key=lambda row: row.worst_um)
+    best = _leading(result.best)
     given = dict(words.split("=", 1) for words in asked.flags.weights)
     weights = given | {name: f"{value:.6g}" for name, value in best.weights.items()}
     flags = vars(asked.flags) | {name: None for name in weights if name in vars(asked.flags)}
     flags |= {"weights": [f"{name}={value}" for name, value in weights.items()]}
     if len(asked.flags.previews) > 1 or asked.design(best.preview).settings().get("terminal"):
         flags |= {"preview": best.preview}
-    words = tuning_words(asked.flags.parts, flags)
+    words = task_words(asked.flags.parts, flags, Limited)
     return [f"Next: tune from the best point with jcontour tune{words}"]
 
 
 def _edge_of(asked: Swept, result: SweepResult, dataset: xr.Dataset) -> list[str]:
     if asked.flags.samples or not result.best:  # a random sample has no edge
         return []
-    best = min(result.best, key=lambda row: row.worst_um)
-    worst, _ = worst_errors(dataset.sel(preview=[best.preview]), asked.machine.error)
-    return edge_lines(best.weights, asked.values, worst[0])
+    best = _leading(result.best)
+    here = dataset.sel(preview=[best.preview])
+    worst, _ = worst_errors(here, asked.machine.error)
+    kept = here.within_limits.values[0].astype(bool)
+    return edge_lines(best.weights, asked.values, np.where(kept, worst[0], np.inf))
 
 
 def edge_lines(

@@ -12,7 +12,7 @@ from experiments.files.results.tuned_result import (
     TunedContour,
     rms_error,
 )
-from experiments.flags.shared import Limited
+from experiments.flags.shared import Aimed
 from experiments.runs.tuning.limits import LIMITS
 from tuning.objectives import COUNT_NOISE, LATE, RATIO, USE_LIMITS
 from tuning.problem import Problem
@@ -79,7 +79,7 @@ def exceeded_most(problem: Problem, tuned: Tuned) -> str:
     return entries[int(np.argmax(problem.limits(tuned.outcome)))].name
 
 
-def flag_allowing(limit: str, violation: float, flags: Limited, limits: Mapping[str, float]) -> str:
+def flag_allowing(limit: str, violation: float, flags: Aimed, limits: Mapping[str, float]) -> str:
     """Flag and value that allow what weights beyond a limit reach; empty where no flag does.
 
     The value is (bound) exp(violation), rounded up to three digits.

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.designs.design import Design
-from experiments.flags.shared import Limited
+from experiments.flags.shared import Aimed, Limited
 from experiments.flags.tuning import Tune
 from experiments.machines.machine import Machine, Usual
 from experiments.runs.tuning.family_loops import WINDOWS
@@ -77,9 +77,7 @@ def lag_limit(machine: Machine, design: Design, references: Reference) -> dict[s
     return {"rms_tracking_error": design.lag * float(jnp.max(steps))}
 
 
-def effort_limit(
-    flags: Limited, usual: Usual, problem: Problem, start: Weights
-) -> dict[str, float]:
+def effort_limit(flags: Aimed, usual: Usual, problem: Problem, start: Weights) -> dict[str, float]:
     """Bound on the RMS control, as a multiple of what the start needs.
 
     None where the RMS control is bounded otherwise, or neither flags nor machine ask for it.

@@ -12,11 +12,10 @@ from matplotlib.figure import Figure
 
 from experiments.reports.figures.shared.axes import legend_below
 
-LOST, BEST = "tab:red", "white"
+LOST, BEST, BEYOND = "tab:red", "white", "0.4"
 COLUMNS = 3  # panels side by side
 TICKS = 8  # values of a weight that are all written at the axis
 LETTERS = 20  # of labels that fit side by side under a panel
-ALIKE = 0.01  # of the least error: what counts of encoders and the places of a grid decide
 LEVELS = 5  # errors written at the colours
 MANY, CELLS = 5_000, 100  # designs, beyond which only the best of each cell of the map is drawn
 
@@ -33,27 +32,15 @@ def worst_errors(
     return np.where(diverged, np.inf, found), diverged
 
 
-def best_design(worst: Float[np.ndarray, " D"], increments: Float[np.ndarray, " D"]) -> int:
-    """The design with the calmest control of those whose error is as good as the least.
-
-    Beyond some weights an error hardly falls, and the controls grow.
-
-    >>> best_design(np.array([9.0, 5.04, 5.0, np.inf]), np.array([0.1, 0.5, 0.9, 0.2]))
-    1
-    """
-    alike = worst <= (1 + ALIKE) * worst.min()
-    return int(np.argmin(np.where(alike, increments, np.inf)))
-
-
-def largest_increments(dataset: xr.Dataset) -> Float[np.ndarray, "P D"]:
-    """Largest RMS change of the control over contours and plants of every preview and design."""
-    return dataset.rms_increment.values.max(axis=(2, 3))
-
-
 def sweep_figure(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
     """A map over the first two weights for each preview; a curve where one weight varies.
 
     Where more weights vary, the other designs lie behind the best at the same place.
+
+    Args:
+        dataset: of a sweep, with `within_limits` and the sample that is the `best` (-1 for none).
+        names: of the weights that vary.
+        error: that counts, "contour" or "tracking".
     """
     if len(names) == 1:
         return _curves(dataset, names[0], error)
@@ -62,25 +49,28 @@ def sweep_figure(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figur
 
 def _curves(dataset: xr.Dataset, name: str, error: str) -> Figure:
     worst, diverged = worst_errors(dataset, error)
-    increments = largest_increments(dataset)
     order = np.argsort(dataset[name].values)
     values = dataset[name].values[order]
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     axes = figure.subplots()
     for k, preview in enumerate(dataset.preview.values):
         height, lost = worst[k, order], diverged[k, order]
-        label = f"preview {preview}: {_counted(lost)}"
+        beyond = ~dataset.within_limits.values[k, order].astype(bool) & ~lost
+        label = f"preview {preview}: {_counted(lost, beyond)}"
         (line,) = axes.plot(values, np.where(lost, np.nan, height), ".-", label=label)
-        if not lost.all():
-            best = best_design(height, increments[k, order])
-            axes.plot(values[best], height[best], "*", color=line.get_color(), markersize=14)
+        if beyond.any():
+            axes.plot(values[beyond], height[beyond], "o", color=BEYOND, zorder=3)
+        best = int(dataset.best.values[k])
+        if best >= 0:
+            star = dataset[name].values[best], worst[k, best]
+            axes.plot(*star, "*", color=line.get_color(), markersize=14)
         if lost.any():  # at the upper edge, for they have no height
             edge = axes.get_xaxis_transform()
             axes.plot(values[lost], np.full(lost.sum(), 0.98), "x", color=LOST, transform=edge)
     axes.set(xlabel=named(dataset, name), ylabel=f"worst RMS {error} error [um]", yscale="log")
     if values.min() > 0:
         axes.set_xscale("log")
-    axes.set_title("Star: best; red cross: diverged", fontsize=10)
+    axes.set_title(_marks(dataset), fontsize=10)
     axes.grid(color="0.9")
     legend_below(figure)
     return figure
@@ -88,7 +78,6 @@ def _curves(dataset: xr.Dataset, name: str, error: str) -> Figure:
 
 def _maps(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
     worst, diverged = worst_errors(dataset, error)
-    increments = largest_increments(dataset)
     count = len(dataset.preview)
     columns = min(count, COLUMNS)
     rows = -(-count // columns)
@@ -101,8 +90,11 @@ def _maps(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
     norm = LogNorm(*ends)
     shown = None
     for k, preview in enumerate(dataset.preview.values):
-        shown = _map(panels[k], dataset, names, worst[k], increments[k], norm)
-        panels[k].set_title(f"preview {preview}: {_counted(diverged[k])}", fontsize=10)
+        beyond = ~dataset.within_limits.values[k].astype(bool) & ~diverged[k]
+        best = int(dataset.best.values[k])
+        shown = _map(panels[k], dataset, names, worst[k], beyond, best, norm)
+        title = f"preview {preview}: {_counted(diverged[k], beyond)}"
+        panels[k].set_title(title, fontsize=10)
     for unused in panels[count:]:
         unused.set_axis_off()
     if shown is not None:
@@ -110,7 +102,7 @@ def _maps(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
         ticks = np.geomspace(*ends, LEVELS)  # those of a decade would collide
         bar = figure.colorbar(shown, ax=list(panels), label=label, ticks=ticks, format="{x:.3g}")
         bar.ax.yaxis.set_ticks([], minor=True)
-    figure.suptitle("Star: best; red cross: diverged", fontsize=10)
+    figure.suptitle(_marks(dataset), fontsize=10)
     return figure
 
 
@@ -119,22 +111,24 @@ def _map(
     dataset: xr.Dataset,
     names: Sequence[str],
     worst: np.ndarray,
-    increments: np.ndarray,
+    beyond: np.ndarray,
+    best: int,
     norm: LogNorm,
 ) -> Collection:
     """One preview: every design a coloured mark, the best drawn over the others at its place."""
     x, y = (dataset[name].values for name in names[:2])
-    best = best_design(worst, increments)
     star = x[best], y[best]
     kept = _best_of_cells(x, y, worst)
-    x, y, worst = x[kept], y[kept], worst[kept]
+    x, y, worst, beyond = x[kept], y[kept], worst[kept], beyond[kept]
     lost = ~np.isfinite(worst)
     above = np.argsort(-worst[~lost], kind="stable")
     marks = axes.scatter(
         x[~lost][above], y[~lost][above], c=worst[~lost][above], norm=norm, s=160, marker="s"
     )
     axes.plot(x[lost], y[lost], "x", color=LOST, label="diverged")
-    if not lost.all():
+    if beyond.any():
+        axes.plot(x[beyond], y[beyond], "o", color=BEYOND, markersize=4, label="beyond a limit")
+    if best >= 0:
         axes.plot(*star, "*", color=BEST, mec="black", markersize=15, label="best")
     axes.set(xlabel=named(dataset, names[0]), ylabel=named(dataset, names[1]))
     scaled(axes, x, y)
@@ -172,8 +166,15 @@ def scaled(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
                 axis.set_tick_params(rotation=45)
 
 
-def _counted(lost: np.ndarray) -> str:
-    return f"{int(lost.sum())} of {lost.size} diverged"
+def _marks(dataset: xr.Dataset) -> str:
+    """What the marks mean."""
+    beyond = "" if dataset.within_limits.values.all() else "; grey dot: beyond a limit on its runs"
+    return f"Star: best; red cross: diverged{beyond}"
+
+
+def _counted(lost: np.ndarray, beyond: np.ndarray) -> str:
+    more = f", {int(beyond.sum())} beyond a limit" if beyond.any() else ""
+    return f"{int(lost.sum())} of {lost.size} diverged{more}"
 
 
 def named(dataset: xr.Dataset, name: str) -> str:

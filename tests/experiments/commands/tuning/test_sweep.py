@@ -6,6 +6,7 @@ import shlex
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray as xr
 
 from experiments.catalogue.choices import design_for, machine_named
 from experiments.cli import _chosen, main
@@ -13,10 +14,12 @@ from experiments.commands.tuning.sweep import (
     BestDesign,
     SweepResult,
     Swept,
+    _limit_lines,
     _next_steps,
     edge_lines,
     horizons,
     sampled_values,
+    swept_of,
 )
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.stored import read_result
@@ -121,22 +124,99 @@ def test_what_is_tuned_next_is_the_controller_that_was_swept(tmp_path):
         controller=f"{tmp_path / 'mine.py'}:Proportional",
         weights=("feedforward=2",),
         previews=(0,),
+        max_sensitivity=1.5,
+        max_peak_control=5.0,
     )
     asked = Swept(flags, machine_named(flags.plant), [], {})
-    best = BestDesign(preview=0, weights={"gain": 15000.0}, worst_um=1.0, nominal_um=1.0)
-    [line] = _next_steps(asked, SweepResult(points=1, diverged=0, best=[best]))
+    broken = _best(worst_um=0.5, weights={"gain": 1e9}, beyond={"peak_sensitivity": 41.0})
+    best = _best(weights={"gain": 15000.0})
+    [line] = _next_steps(asked, SweepResult(points=2, diverged=0, within=2, best=[broken, best]))
     words = line[line.index("jcontour ") :]
     assert _chosen(shlex.split(words)[1:])[0] == Tune(
         parts=("circle",),
         controller=flags.controller,
         weights=("feedforward=2", "gain=15000"),
+        max_sensitivity=1.5,
+        max_peak_control=5.0,
     )
+
+
+def _best(**other):
+    given = {"preview": 0, "weights": {"gain": 1.0}, "worst_um": 1.0, "nominal_um": 1.0}
+    return BestDesign(**{**given, "sensitivity": 1.4, "delay_samples": 3, **other})
+
+
+LIMITED = Swept(Sweep(max_peak_contour_error_um=1.0), machine_named("bridgeport"), [], {})
+
+
+def judged_as(best, peaks_um=(3.0, 2.0)):
+    """Peak errors of two designs with one preview."""
+    errors = 1e-6 * np.reshape(peaks_um, (1, 2, 1, 1))
+    names = ("preview", "sample", "contour", "plant")
+    metrics = ("rms_contour_error", "peak_contour_error", "diverged")
+    data = {name: (names, errors) for name in metrics} | {"diverged": (names, 0 * errors)}
+    return xr.Dataset(data | {"best": ("preview", [best])}, {"preview": [5]})
+
+
+def test_where_no_design_keeps_the_limits_it_is_said_and_how_near_they_come():
+    nothing = SweepResult(points=2, diverged=0, within=0, best=[])
+    (line,) = _limit_lines(LIMITED, judged_as(-1), nothing)
+    assert line == (
+        "WARNING: preview 5: none of 2 designs keeps the limits; the least of each: "
+        "peak contour error 2 um (limit 1)"
+    )
+    assert _next_steps(LIMITED, nothing)[0].startswith("Next: no design keeps the limits; allow")
+    lost = SweepResult(points=2, diverged=2, within=0, best=[])
+    assert _next_steps(LIMITED, lost)[0].startswith("Next: every design diverges")
+
+
+def test_a_best_design_beyond_a_limit_of_its_loops_has_a_warning():
+    found = _best(looked=3, beyond={"peak_sensitivity": 41.2, "late_radius": 1.1})
+    result = SweepResult(points=3, diverged=0, within=3, best=[found])
+    (line,) = _limit_lines(LIMITED, judged_as(0), result)
+    assert line.startswith("WARNING: preview 0: the best design breaks a limit: its Ms is 41.2, a ")
+    assert line.endswith("--min-delay-margin asks for, and 2 next best ones break a limit as well")
+    passed = SweepResult(points=3, diverged=0, within=3, best=[_best(looked=2)])
+    (line,) = _limit_lines(LIMITED, judged_as(0), passed)
+    assert line.startswith("With preview 0, 1 design with less error")
+    kept = SweepResult(points=3, diverged=0, within=3, best=[_best()])
+    assert _limit_lines(LIMITED, judged_as(0), kept) == []
+
+
+@pytest.mark.slow
+def test_limits_on_runs_decide_which_design_is_the_best(swept, dataset, flags, tmp_path):
+    """A peak control between those of the two designs that do not diverge leaves one of them."""
+    peaks = dataset.peak_control.values[0].max(axis=(1, 2))[:2]
+    words = ["--max-peak-control", str(float(np.mean(peaks))), "--max-sensitivity", "1.0001"]
+    folder = tmp_path / "limited"
+    assert main(["sweep", *flags, *words, "--devices", "1", "--out", str(folder)]) == 0
+    result, found = read_result(folder, SweepResult), load_dataset(folder / "sweep.nc")
+    assert found.within_limits.values.tolist() == [[*(peaks < peaks.mean()).tolist(), 0, 0]]
+    assert (result.within, result.best[0].looked) == (1, 1)
+    assert result.best[0].beyond["peak_sensitivity"] == pytest.approx(result.best[0].sensitivity)
+    assert found.best.values.tolist() == [int(np.argmin(peaks))]
+
+
+@pytest.mark.parametrize(
+    ("word", "value"),
+    [("max_sensitivity", 0.9), ("max_count_noise", 0.0), ("max_peak_control", -1.0)],
+)
+def test_what_is_no_limit_is_refused(word, value):
+    with pytest.raises(ValueError, match=word.replace("_", "-")):
+        swept_of(Sweep(parts=("circle",), **{word: value}))
+
+
+def test_a_limit_that_a_sweep_does_not_look_at_is_no_flag_of_it(capsys):
+    with pytest.raises(SystemExit):
+        main(["sweep", "circle", "--max-effort", "1.2"])
+    assert "--max-effort" in capsys.readouterr().err
 
 
 @pytest.mark.slow
 def test_weights_stand_beside_the_errors_in_json(swept):
     (best,) = json.loads((swept / "result.json").read_text())["best"]
-    assert list(best) == ["preview", "alpha", "beta", "worst_um", "nominal_um"]
+    names = ["preview", "alpha", "beta", "worst_um", "nominal_um", "sensitivity", "delay_samples"]
+    assert list(best)[:7] == names
 
 
 @pytest.mark.slow

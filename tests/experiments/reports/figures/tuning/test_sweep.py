@@ -9,8 +9,11 @@ from experiments.reports.figures.tuning.sweep import LEVELS, MANY, named, sweep_
 DIMENSIONS = ("preview", "sample", "contour", "plant")
 
 
-def swept(errors_um, **weights):
-    """Dataset of errors (preview, sample) on the second of two plants; NaN diverges."""
+def swept(errors_um, within=None, best=None, **weights):
+    """Dataset of errors (preview, sample) on the second of two plants; NaN diverges.
+
+    The best has the least error where none is given.
+    """
     worst = np.asarray(errors_um, float)[..., None, None]
     errors = 1e-6 * np.concatenate([0.1 * worst, worst], axis=-1)
     data = {
@@ -18,6 +21,11 @@ def swept(errors_um, **weights):
         "rms_increment": (DIMENSIONS, np.ones_like(errors)),
         "diverged": (DIMENSIONS, np.isnan(errors).astype("i1")),
     }
+    least = np.where(np.isnan(worst), np.inf, worst)[..., 0, 0]
+    lost = np.isinf(least)
+    best = np.where(lost.all(axis=1), -1, least.argmin(axis=1)) if best is None else best
+    kept = ~lost if within is None else np.asarray(within)
+    data |= {"best": ("preview", best), "within_limits": (DIMENSIONS[:2], kept.astype("i1"))}
     coordinates = {name: ("sample", np.asarray(row, float)) for name, row in weights.items()}
     previews = {"preview": 10 * (1 + np.arange(len(worst)))}
     return xr.Dataset(data, previews | coordinates)
@@ -67,14 +75,24 @@ def test_one_weight_is_a_curve_for_every_preview():
     assert crosses.get_xdata().tolist() == [2]
 
 
-@pytest.mark.parametrize(("error", "star"), [(2.01, [3, 2.01]), (2.03, [2, 2])])
-def test_of_errors_that_are_alike_the_calmest_design_is_the_best(error, star):
-    one = swept([[9, 2, error]], alpha=[1, 2, 3])
-    one["rms_increment"] = one.rms_increment * xr.DataArray([1.0, 5.0, 4.0], dims="sample")
-    one["rms_increment"] = one.rms_increment.transpose(*DIMENSIONS)
-    (axes,) = sweep_figure(one, ["alpha"], "contour").axes
-    (found,) = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "*"]
-    np.testing.assert_allclose(found, star)
+def test_the_star_is_at_the_best_and_what_is_beyond_a_limit_is_marked():
+    within = [[False, True, True, False], [False] * 4]
+    limited = swept([[1, 3, 4, np.nan], [5, 6, 7, 8]], within, [1, -1], **GRID)
+    figure = sweep_figure(limited, ["alpha", "beta"], "contour")
+    first, second = figure.axes[:2]
+    lines = {line.get_label(): line.get_xydata().tolist() for line in first.lines}
+    assert lines == {"best": [[1, 5]], "beyond a limit": [[1, 0]], "diverged": [[2, 5]]}
+    assert first.get_title() == "preview 10: 1 of 4 diverged, 1 beyond a limit"
+    assert "best" not in [line.get_label() for line in second.lines]
+    assert figure.get_suptitle().endswith("grey dot: beyond a limit on its runs")
+
+
+def test_along_a_curve_too():
+    limited = swept([[1, 3, 4]], [[False, True, True]], [1], alpha=[3, 2, 1])
+    (axes,) = sweep_figure(limited, ["alpha"], "contour").axes
+    marks = {line.get_marker(): line.get_xydata() for line in axes.lines}
+    np.testing.assert_allclose(marks["*"], [[2, 3]])
+    np.testing.assert_allclose(marks["o"], [[3, 1]])
 
 
 def test_of_very_many_designs_the_best_of_each_cell_is_drawn():
