@@ -114,7 +114,8 @@ class Sweep(Spreading):
     """Predictive control: speeds along the path [mm/s]; of mpcc the highest ones.
     The paper's when not given."""
     samples: int = 0  # the grid
-    """Random weights between the smallest value above zero and the largest; 0 takes the grid."""
+    """Random weights between the smallest and the largest value, even in the logarithm, so that
+    all values are above zero; 0 takes the grid."""
     devices: str = "all"  # every design is computed by itself: no digit depends on it
     """Devices of every host that designs are spread over: `all`, or a number.
     Devices are GPUs, or else cores of the CPU."""

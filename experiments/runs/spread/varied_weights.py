@@ -24,17 +24,22 @@ def sampled_designs(
 ) -> dict[str, Float[Array, " D"]]:
     """The grid of all values, or so many random designs where `samples` is above zero.
 
-    A random sample lies between the least value above zero and the largest, even in the logarithm.
+    A random sample lies between the least value and the largest, even in the logarithm.
 
     Raises:
-        ValueError: fewer than zero samples, or values between which nothing can be drawn.
+        ValueError: fewer than zero samples, or a random sample from values that are not all above
+            zero.
     """
     if samples < 0:
         raise ValueError(f"samples: needs at least 0, received {samples}")
     if not samples:
         return grid(**varied)
-    ends = {}
     for name, values in varied.items():
-        positive = [value for value in values if value > 0]
-        ends[name] = (min(positive, default=0.0), max(values))
+        if min(values) <= 0:
+            raise ValueError(
+                f"vary: a random sample needs values above zero, for it is even in the logarithm; "
+                f"received {min(values):g} for {name}: give a lower end above zero, or a grid "
+                "without --samples"
+            )
+    ends = {name: (min(values), max(values)) for name, values in varied.items()}
     return random_sample(samples, seed, **ends)
