@@ -59,17 +59,18 @@ def whole(name: str, value: Any, most: int) -> int:
     return int(samples)
 
 
-def per_axis(name: str, value: Any, size: int) -> np.ndarray:
-    """One positive number for every axis, given once or each."""
+def per_axis(name: str, value: Any, size: int, zero: bool = False) -> np.ndarray:
+    """One positive number for every axis, given once or each; it may be `zero`."""
     values = value if isinstance(value, list) else [value] * size
     if len(values) != size:
         raise MachineError(f"{name}: needs one number or {size}, received {len(values)}")
-    return np.array([number(name, entry, above=0.0) for entry in values])
+    above = None if zero else 0.0
+    return np.array([number(name, entry, least=0.0, above=above) for entry in values])
 
 
-def one_or_each(name: str, value: Any, size: int) -> float | np.ndarray:
-    """A positive number where it is that of every axis, else one for each."""
-    values = per_axis(name, value, size)
+def one_or_each(name: str, value: Any, size: int, zero: bool = False) -> float | np.ndarray:
+    """A positive number where it is that of every axis, else one for each; it may be `zero`."""
+    values = per_axis(name, value, size, zero)
     return float(values[0]) if (values == values[0]).all() else values
 
 

@@ -1,4 +1,4 @@
-"""Noise that stands for the counts of an encoder where a smooth machine is needed."""
+"""Noise of encoders: in place of counts where a smooth machine is needed, and beside them."""
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -6,6 +6,7 @@ from jaxtyping import Array, Float
 from jcontour.arrays import placed
 
 SAMPLES = 8192  # of a run that have noise of their own; the last one holds beyond
+FARTHEST = 3.0  # deviations that noise never exceeds, so that it has a bound
 
 
 def rounding_noise(positions: int, resolution: float | np.ndarray) -> Float[Array, "T q"]:
@@ -17,6 +18,17 @@ def rounding_noise(positions: int, resolution: float | np.ndarray) -> Float[Arra
     """
     counts = np.random.default_rng(0).uniform(-0.5, 0.5, (SAMPLES, positions))
     return placed(resolution * counts)
+
+
+def sensor_noise(positions: int, deviation: float | np.ndarray) -> Float[Array, "T q"]:
+    """Gaussian noise of positions [m], within three deviations; the same in every run.
+
+    Args:
+        positions: how many.
+        deviation: standard deviation [m], of all or of each.
+    """
+    drawn = np.random.default_rng(1).standard_normal((SAMPLES, positions))
+    return placed(deviation * np.clip(drawn, -FARTHEST, FARTHEST))
 
 
 def in_words(resolution: float | np.ndarray) -> str:

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.machines.count_noise import in_words
+from experiments.machines.count_noise import FARTHEST, in_words
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Fed, Machine
 from jcontour.guarantees.disturbed_loop import Box
@@ -51,7 +51,9 @@ def warn_of_doubt(machine: LinearMachine) -> None:
 
 
 def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | None) -> Bounds:
-    """Bounds as given; else the machine's control noise or its friction, and half a count.
+    """Bounds as given; else the machine's control noise or its friction, and what encoders err.
+
+    That is half a count, and three deviations of their noise.
 
     Raises:
         ValueError: a bound is negative, or the encoders' error smaller than half a count.
@@ -59,14 +61,14 @@ def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | N
     for name, value in (("force", force), ("encoder-um", encoder_um)):
         if value is not None and not (np.isfinite(value) and value >= 0):
             raise ValueError(f"{name}: a bound needs to be finite and at least zero, is {value}")
-    half = machine.resolution / 2
+    half = machine.resolution / 2 + FARTHEST * machine.encoder_noise
     rounding = tuple(half.tolist()) if isinstance(half, np.ndarray) else half
     encoder = rounding if encoder_um is None else 1e-6 * encoder_um
     if np.any(np.asarray(encoder) < half * (1 - 1e-9)):
-        raise ValueError(
-            f"encoder-um: rounding alone errs by half a count, {in_words(half)}, "
-            f"received {encoder_um}"
-        )
+        why = "rounding alone errs by half a count"
+        if np.any(machine.encoder_noise):
+            why = f"half a count and {FARTHEST:g} deviations of noise"
+        raise ValueError(f"encoder-um: {why}, {in_words(half)}, received {encoder_um}")
     if force is None and machine.friction is None:
         warnings.warn(
             f"{machine.name}: its dry friction is not known (friction is null), and not in what is "

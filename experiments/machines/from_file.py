@@ -21,6 +21,8 @@ is nested), all lengths in `length_unit`:
                          may be, as {"hertz": [1, 10, 100], "relative": [[...], [...]]}, one row
                          |G_true / G - 1| per axis. Tuned loops stay stable for twice as much
     encoder_resolution   [length] per count, one number or one per axis; 0.8 um when not given
+    encoder_noise        [length] standard deviation of the noise of the encoders beside their
+                         rounding, one number or one per axis; 0 when not given
     control_noise        [control unit] standard deviation that the Kalman filter assumes on each
     control;
                          5 % of the control limit, or 0.1, when not given: about what an input gain
@@ -73,6 +75,7 @@ FIELDS = {
     "known_delay",
     "uncertainty",
     "encoder_resolution",
+    "encoder_noise",
     "control_noise",
     "friction",
 }
@@ -182,6 +185,9 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         )
         * metre
     )
+    noise = checks.one_or_each(
+        "encoder_noise", fields.get("encoder_noise", 0.0), plant.axes, zero=True
+    )
     assumed = CONTROL_NOISE if limits.control is None else 0.05 * float(limits.control.min())
     return LinearMachine(
         checks.text("name", fields.get("name", name)),
@@ -194,6 +200,7 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         checks.whole("uncertainty.delay", uncertainty.get("delay", 0), MOST_DELAY),
         resolution,
         checks.number("control_noise", fields.get("control_noise", assumed), above=0.0),
+        encoder_noise=noise * metre,
         response_doubt=_doubt(uncertainty.get("response"), plant),
         friction=_friction(fields.get("friction", 0.0)),
     )

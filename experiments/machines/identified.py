@@ -38,6 +38,7 @@ def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> d
         "known_delay": found.known_delay,
         "uncertainty": {"gain": found.gain, "delay": found.late, "response": _doubt(found)},
         "encoder_resolution": counts(found),
+        "encoder_noise": noises(found),
         "friction": _friction(found),
     }
 
@@ -82,6 +83,12 @@ def counts(found: LinearMachineFound) -> float | list[float]:
     """Counts of the encoders by axis [m]; one number, the coarsest, where they hardly differ."""
     each = [one.resolution for one in found.axes]
     return max(each) if max(each) <= ALIKE * min(each) else each
+
+
+def noises(found: LinearMachineFound) -> float | list[float]:
+    """Noise of the encoders beside their counts, by axis [m]; one number where all have none."""
+    each = [one.encoder_noise for one in found.axes]
+    return each if any(each) else 0.0
 
 
 def axis_result(axis: LinearAxis) -> LinearAxisResult:

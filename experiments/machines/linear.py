@@ -10,7 +10,7 @@ from functools import cached_property
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.machines.count_noise import in_words, rounding_noise
+from experiments.machines.count_noise import in_words, rounding_noise, sensor_noise
 from experiments.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.linear.between_samples import hidden_acceleration
@@ -49,6 +49,8 @@ class LinearMachine(Machine):
         delay: most samples of delay that the model does not know.
         encoder_resolution: [m] per count, of all axes or of each (m,).
         control_noise: standard deviation that the Kalman filter assumes on each control.
+        encoder_noise: standard deviation of the encoders beside their rounding [m], of all axes or
+            of each (m,).
         published: weights of its publication by name; None where nothing is published.
         with_friction: the machine that a controller of a given period [s] meets on the host, where
             that is another than the model.
@@ -63,6 +65,7 @@ class LinearMachine(Machine):
     delay: int
     encoder_resolution: float | np.ndarray
     control_noise: float
+    encoder_noise: float | np.ndarray = 0.0
     published: Mapping[str, float] | None = None
     with_friction: Callable[[float | None], Hosted] | None = None
     contours: Usual = USUAL
@@ -76,13 +79,25 @@ class LinearMachine(Machine):
 
     @property
     def nonsmooth_effects(self) -> str:
-        """Encoder counts, and friction where there is some."""
-        return "quantised encoders and dry friction" if self.friction else "quantised encoders"
+        """Encoder counts and noise, and friction, where there is some."""
+        encoders = "quantised, noisy encoders" if self._noisy else "quantised encoders"
+        return f"{encoders} and dry friction" if self.friction else encoders
 
     @property
     def resolution(self) -> float | np.ndarray:
         """Of the position encoders."""
         return self.encoder_resolution
+
+    @property
+    def noisy_count(self) -> float | np.ndarray:
+        """Rounding has a variance of a twelfth of its square."""
+        if not self._noisy:
+            return self.encoder_resolution
+        return np.sqrt(self.encoder_resolution**2 + 12 * self.encoder_noise**2)
+
+    @property
+    def _noisy(self) -> bool:
+        return bool(np.any(self.encoder_noise))
 
     @property
     def hidden_acceleration(self) -> np.ndarray:
@@ -139,14 +154,14 @@ class LinearMachine(Machine):
         return replace(self, friction=0.0)
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The members behind encoders with the noise that counts make, or their state measured.
+        """The members behind encoders with noise in place of counts, or their state measured.
 
         Without the noise a loop that amplifies it would pass for a good one.
         """
         members = [self._member(Delayed, gains, late) for _, gains, late in self.members]
         if fed == "state":
             return members
-        noise = rounding_noise(self.model.axes, self.encoder_resolution)
+        noise = rounding_noise(self.model.axes, self.noisy_count)
         return [Disturbed(Encoders(plant), noise=noise) for plant in members]
 
     def exact_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
@@ -164,7 +179,7 @@ class LinearMachine(Machine):
 
     def true_plant(self, gains: np.ndarray, late: int, fed: Fed = "outputs") -> Plant:
         """The machine with other input gains and more delay, with friction and whole counts."""
-        return self._counted(self._member(Delayed, gains, late), fed)
+        return self.counted(self._member(Delayed, gains, late), fed)
 
     def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
         """Gains and delays drawn evenly from their intervals, a delay with parts of a sample."""
@@ -175,17 +190,21 @@ class LinearMachine(Machine):
         delays = random.uniform(0, self.delay, count)
         drawn = zip(gains, delays, strict=True)
         late = [self._member(PartlyDelayed, gain, delay) for gain, delay in drawn]
-        return stack_plants([self._counted(plant, fed) for plant in late])
+        return stack_plants([self.counted(plant, fed) for plant in late])
 
     def _member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
         """The machine behind a delay line, with friction, its state measured."""
         plant = line(self._machine, jnp.asarray(late), max(self.delay, 1), self.model.inputs)
         return Gained(plant, jnp.asarray(gains))
 
-    def _counted(self, plant: Plant, fed: Fed) -> Plant:
+    def counted(self, plant: Plant, fed: Fed = "outputs") -> Plant:
+        """A plant behind the encoders, with their noise and whole counts, or its state measured."""
         if fed == "state":
             return plant
-        return Quantised(Encoders(plant), resolution=self.encoder_resolution)
+        read = Encoders(plant)
+        if self._noisy:
+            read = Disturbed(read, noise=sensor_noise(self.model.axes, self.encoder_noise))
+        return Quantised(read, resolution=self.encoder_resolution)
 
     @cached_property
     def _machine(self) -> Plant:
@@ -210,6 +229,8 @@ class LinearMachine(Machine):
         states = f"{self.model.states} states (known delay {self.known_delay})"
         time = f"dt {1e3 * self.model.dt:g} ms"
         sensors = f"positions only, encoder {in_words(self.encoder_resolution)}"
+        if self._noisy:
+            sensors += f", noise {in_words(self.encoder_noise)}"
         friction = "not known, neither in the runs nor in what is proven"
         if self.friction is not None:
             friction = f"{self.friction:.3g} {self.control_unit}, in the runs and in what is proven"
@@ -221,8 +242,8 @@ class LinearMachine(Machine):
 
     @property
     def measurement_noise(self) -> float | np.ndarray:
-        """Standard deviation of rounded positions [m], all or each: resolution / sqrt(12)."""
-        return self.encoder_resolution / np.sqrt(12)
+        """Standard deviation of measured positions [m], all or each: noisy_count / sqrt(12)."""
+        return self.noisy_count / np.sqrt(12)
 
 
 def bridgeport_machine() -> LinearMachine:

@@ -118,6 +118,14 @@ class Machine(abc.ABC):
         return None
 
     @property
+    def noisy_count(self) -> float | np.ndarray | None:
+        """Length of a count whose rounding alone is as noisy as the encoders [m], as `resolution`.
+
+        That itself where nothing but their counts is known.
+        """
+        return self.resolution
+
+    @property
     def sensed(self) -> tuple[str, ...]:
         """Units of what the sensors give, in their order; empty where only the plant knows."""
         return ()

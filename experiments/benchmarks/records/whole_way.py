@@ -259,7 +259,11 @@ def true_fields(axes: Sequence[RecordedAxis], fields: dict[str, Any]) -> dict[st
     A, B, C = (np.asarray(block_diag(*three)).tolist() for three in zip(*parts, strict=True))
     model = {"A": A, "B": B, "C": C, "known_delay": shared}
     model["uncertainty"] = {name: fields["uncertainty"][name] for name in ("gain", "delay")}
-    return fields | model | {"encoder_resolution": [one.count for one in axes]}
+    encoders = {
+        "encoder_resolution": [one.count for one in axes],
+        "encoder_noise": [one.noise for one in axes],
+    }
+    return fields | model | encoders
 
 
 def _tuned_on(fields: dict[str, Any], truth: dict[str, Any], evaluations: int) -> OnTheMachine:

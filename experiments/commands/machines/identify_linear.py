@@ -13,7 +13,13 @@ from experiments.files.results.linear_result import LinearAxisResult, LinearMach
 from experiments.files.results.stored import write_result
 from experiments.flags.machines import Identify
 from experiments.machines.from_file import machine_from
-from experiments.machines.identified import axis_result, counts, largest, machine_fields
+from experiments.machines.identified import (
+    axis_result,
+    counts,
+    largest,
+    machine_fields,
+    noises,
+)
 from experiments.machines.machine_behaviour import GRAVITY
 from experiments.reports.identified_tables import show
 from experiments.reports.tables import of_axes
@@ -170,7 +176,10 @@ def _result(
 ) -> LinearMachineResult:
     axes = [axis_result(one) for one in found.axes]
     limits = largest(found)
-    words = [*log.words, f"Encoders: counts of {of_axes(counts(found), flags.axes)}"]
+    encoders = f"Encoders: counts of {of_axes(counts(found), flags.axes)}"
+    if noise := noises(found):
+        encoders += f"; noise beside them of {of_axes(noise, flags.axes)} RMS"
+    words = [*log.words, encoders]
     if len(flags.axes) == 1:
         words.append(f"A contour needs two axes: the machine file has {flags.axes[0]} twice")
     return LinearMachineResult(

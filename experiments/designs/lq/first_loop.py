@@ -101,7 +101,7 @@ def _regulator(machine: LinearMachine) -> float:
     """Fastest regulator [rad per sample] whose controls bear some counts within their limit."""
     if machine.limits.control is None:
         return float(REGULATORS[0])
-    error = COUNTS * machine.encoder_resolution
+    error = COUNTS * machine.noisy_count
     kept = [r for r in REGULATORS if _reached(machine, error, r) <= machine.largest_control]
     return float(kept[0] if kept else REGULATORS[-1])
 

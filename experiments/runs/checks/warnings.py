@@ -103,7 +103,7 @@ def margin_warnings(margins: PathMargins, unknown_delay: int, asked: int = 0) ->
 
 
 def standstill_warnings(rest: Standstill | None, run: TuningRun) -> list[str]:
-    """A control that counts move more at rest than the limit on their noise has it.
+    """A control that encoders move more at rest than the limit on their noise has it.
 
     The limit takes their rounding for white noise; at rest it hardly changes between samples.
     """
@@ -112,8 +112,8 @@ def standstill_warnings(rest: Standstill | None, run: TuningRun) -> list[str]:
         return []
     unit, less = run.machine.control_unit, _down(share * allowed / rest.rms_control)
     return [
-        f"at rest the counts alone drive the control with {rest.rms_control:.4g} {unit} RMS, "
-        f"more than the {allowed:.4g} {unit} that counts may cause: the machine may hum; "
+        f"at rest the encoders alone drive the control with {rest.rms_control:.4g} {unit} RMS, "
+        f"more than the {allowed:.4g} {unit} that they may cause: the machine may hum; "
         f"--max-count-noise {less} makes it calmer"
     ]
 

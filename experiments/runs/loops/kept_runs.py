@@ -12,7 +12,7 @@ from experiments.machines.machine import Machine
 from jcontour.guarantees.attacks import Attack
 from jcontour.host.loop import HostRun, reported_loop
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.metrics import contour_error, tracking_error
 
 FORGOTTEN = 8  # times the length of the responses: an attack of the filter and them
@@ -34,8 +34,7 @@ def kept_runs(keeper: Keeper, seed: int = 0) -> Iterator[Tried]:
     yield _tried(keeper, proven, "an attack", True, attacked(keeper, steps).on(model))
     random = at_random(keeper, steps, np.random.default_rng(seed))
     yield _tried(keeper, proven, "at random", True, random.on(model))
-    counted = Quantised(model, resolution=machine.resolution)
-    yield _tried(keeper, proven, "encoder counts", True, counted)
+    yield _tried(keeper, proven, "encoder counts", True, machine.counted(keeper.model))
     for name, plant in zip(machine.family_names, machine.true_family(), strict=True):
         if name != proven:
             yield _tried(keeper, name, "encoder counts", False, plant)

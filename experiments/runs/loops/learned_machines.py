@@ -109,11 +109,11 @@ def linear_family(one: Setting) -> list[Plant]:
 
 
 def noisy(one: Setting, seed: int) -> Callable[[Any], Plant]:
-    """Linear model behind encoders with the noise that counts make, anew in every lap."""
+    """Linear model behind encoders with noise in place of counts, anew in every lap."""
     machine, steps = one.machine, one.shape[0]
     assert isinstance(machine, LinearMachine | MotorMeasured)
     read = machine.model.axes if isinstance(machine, LinearMachine) else machine.model.inputs
-    half = machine.resolution / 2
+    half = machine.noisy_count / 2
 
     def of_lap(lap) -> Plant:
         key = jax.random.fold_in(jax.random.key(seed), lap)

@@ -134,8 +134,8 @@ def noise_limit(flags: Limited, machine: Machine, design: Design) -> dict[str, f
 
 
 def counted(limits: dict[str, float], machine: Machine) -> float | np.ndarray | None:
-    """Counts of the encoders [m], of all or of each, where their noise is limited."""
-    return machine.resolution if COUNT_NOISE in limits else None
+    """Counts as noisy as the encoders [m], of all or of each, where their noise is limited."""
+    return machine.noisy_count if COUNT_NOISE in limits else None
 
 
 def probed_loops(

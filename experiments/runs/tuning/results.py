@@ -124,7 +124,7 @@ def tuned_result(
     error = run.machine.error
     exceeded = exceeded_limits(found, run.scenarios, run.machine)
     delay = run.flags.min_delay_margin
-    counts = 0.0 if run.machine.resolution is None else run.machine.resolution
+    counts = 0.0 if run.machine.noisy_count is None else run.machine.noisy_count
     finest = float(np.max(counts)) / np.sqrt(12)  # noise of a position, of the coarsest axis
     limit = exceeded_most(run.problem, tuned)
     allowing = flag_allowing(limit, tuned.violation, run.flags, run.limits)

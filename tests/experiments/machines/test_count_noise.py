@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.machines.count_noise import SAMPLES, rounding_noise
+from experiments.machines.count_noise import FARTHEST, SAMPLES, rounding_noise, sensor_noise
 
 
 def test_it_is_what_rounding_leaves_of_a_position_that_moves():
@@ -23,3 +23,12 @@ def test_every_position_has_its_own_count():
     )
     np.testing.assert_array_equal(mixed, np.stack([fine[:, 0], coarse[:, 1]], axis=1))
     assert mixed.std(axis=0) == pytest.approx(np.array([1e-6, 5e-6]) / np.sqrt(12), rel=0.03)
+
+
+def test_sensors_have_white_noise_with_a_bound():
+    noise = np.asarray(sensor_noise(2, np.array([3e-7, 0.0])))
+    assert noise.shape == (SAMPLES, 2) and not noise[:, 1].any()
+    scaled = noise[:, 0] / 3e-7
+    assert np.abs(scaled).max() == pytest.approx(FARTHEST)  # of 8192 some 22 are beyond
+    assert scaled.std() == pytest.approx(1.0, rel=0.03)
+    assert abs(np.mean(scaled[1:] * scaled[:-1])) < 4 / np.sqrt(SAMPLES)

@@ -31,6 +31,13 @@ def test_every_encoder_errs_by_half_a_count_of_its_own():
         bounds_of(mixed, None, 1.0)
 
 
+def test_noise_errs_by_three_deviations_beside_half_a_count():
+    noisy = replace(linear_machine(machine_named("xy-table")), encoder_noise=np.array([2e-6, 0.0]))
+    assert bounds_of(noisy, None, None).encoder == pytest.approx((6.5e-6, 0.5e-6))
+    with pytest.raises(ValueError, match="half a count and 3 deviations of noise, 6.5, 0.5 um"):
+        bounds_of(noisy, None, 1.0)
+
+
 def test_friction_that_is_not_known_is_told_where_no_force_is_given():
     rough = replace(linear_machine(machine_named("xy-table")), friction=None)
     assert bounds_of(rough, 0.1, None).force == 0.1  # warnings are errors here

@@ -50,6 +50,13 @@ def test_encoders_count_alike_or_each_by_its_own():
     assert alike.description()["Measured"].endswith("encoder 5 um")
 
 
+def test_noise_of_encoders_is_one_or_each_and_may_be_none():
+    for stated, wanted in ((0.0002, 2e-7), ([0.0002, 0.0], [2e-7, 0.0]), (0.0, 0.0)):
+        machine = machine_from(json.dumps({**FIELDS, "encoder_noise": stated}).encode())
+        assert machine.encoder_noise == pytest.approx(np.array(wanted))
+        assert machine.noisy_count == pytest.approx(np.sqrt(1e-12 + 12 * np.square(wanted)))
+
+
 def test_friction_is_told_and_nothing_is_told_without():
     rough, plain = (
         machine_from(json.dumps({**FIELDS, **more}).encode()) for more in ({"friction": 0.25}, {})
@@ -122,6 +129,8 @@ def test_an_npz_that_says_a_thing_twice_is_refused(names):
             "encoder_resolution: needs one number or 2, received 3",
         ),
         ({"encoder_resolution": [0.001, 0.0]}, "encoder_resolution: needs a finite number above 0"),
+        ({"encoder_noise": -1e-4}, "encoder_noise: needs a finite number of at least 0"),
+        ({"encoder_noise": [0.0]}, "encoder_noise: needs one number or 2, received 1"),
         ({"length_unit": "furlong"}, "length_unit: needs one of"),
         ({"known_delay": 1.5}, "known_delay: needs a whole number"),
         ({"friction": -0.1}, "friction: needs a finite number of at least 0"),

@@ -66,6 +66,16 @@ def test_the_file_has_the_count_of_every_axis_where_they_differ(found):
     assert counts(alike) == 1.005e-6
 
 
+def test_the_file_has_the_noise_of_every_encoder(found):
+    """Half a count in the records; none where none was sure."""
+    each = machine_fields(found, "mine", "V")["encoder_noise"]
+    assert each == pytest.approx([0.5e-6, 0.5e-6], rel=0.1)
+    machine = machine_from(json.dumps(machine_fields(found, "mine", "V")).encode())
+    assert machine.encoder_noise == pytest.approx(np.array(each))
+    quiet = replace(found, axes=[replace(one, encoder_noise=0.0) for one in found.axes])
+    assert machine_fields(quiet, "mine", "V")["encoder_noise"] == 0.0
+
+
 def test_the_file_doubts_the_response_where_the_intervals_are_wide(found):
     fields = machine_fields(found, "mine", "V")
     machine, given = machine_from(json.dumps(fields).encode()), fields["uncertainty"]["response"]

@@ -101,3 +101,26 @@ def test_encoders_of_different_counts_are_those_of_two_machines_of_equal_ones():
     for axis, count in enumerate(counts):
         np.testing.assert_array_equal(mixed[:, axis], seen(count)[:, axis])
     np.testing.assert_allclose(mixed[0], [1.2e-5, 1.0e-5])
+
+
+def test_noise_of_encoders_comes_before_their_counts():
+    """As much as is stated, in every plant that counts; a smooth one has as much in all."""
+    noise, samples = np.array([3e-7, 0.0]), 4000
+    machine = slides(0, encoder_resolution=1e-7, encoder_noise=noise)
+    place, still = jnp.array([1.2e-5, 1.2e-5]), jnp.zeros(2)
+
+    def read(plant):
+        """At a standstill, sample by sample."""
+        state, found = plant.initial_state(place, still), []
+        for _ in range(samples // 20):
+            found.append(plant.measure(state))
+            state = plant.step(state, still)
+        return np.array(found) - np.asarray(place)
+
+    counted = read(machine.true_family()[0])
+    assert counted.std(axis=0) == pytest.approx([np.sqrt(3e-7**2 + 1e-14 / 12), 0.0], rel=0.15)
+    assert np.allclose(counted / 1e-7, np.round(counted / 1e-7), atol=1e-6)
+    smooth = read(machine.smooth_family()[0]).std(axis=0)
+    assert smooth == pytest.approx(machine.measurement_noise, rel=0.15)
+    assert machine.measurement_noise**2 == pytest.approx(noise**2 + 1e-14 / 12)
+    assert "noise 0.3, 0 um" in machine.description()["Measured"]

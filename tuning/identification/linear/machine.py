@@ -21,6 +21,7 @@ from scipy.stats import f as f_distribution
 from jcontour.linear.plant import LinearPlant
 from tuning.identification.estimates import Estimate
 from tuning.identification.linear import evidence
+from tuning.identification.linear.encoder_noise import encoder_noise
 from tuning.identification.linear.friction import FAIR, friction_of, with_or_without_friction
 from tuning.identification.linear.hidden_modes import lasting_hidden_mode
 from tuning.identification.linear.order_search import (
@@ -92,6 +93,7 @@ class LinearAxis:
         dispersion: by how much more than noise the errors pull at the model; 1 if by chance.
         late: further samples of delay that the data allow.
         resolution: of the encoder [m].
+        encoder_noise: standard deviation of the encoder beside its rounding [m]; 0 if not sure.
         cancelled: poles of a likelier model that has a hidden mode; None if none.
     """
 
@@ -112,6 +114,7 @@ class LinearAxis:
     dispersion: float
     late: int
     resolution: float
+    encoder_noise: float
     cancelled: int | None = None
 
     @property
@@ -282,6 +285,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         dispersion=dispersion,
         late=min(late, 1),
         resolution=resolution,
+        encoder_noise=encoder_noise(fit, resolution),
         cancelled=cancelled,
     )
 

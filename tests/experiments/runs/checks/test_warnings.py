@@ -140,7 +140,7 @@ def at_rest(control, share=0.01, allowed=0.1):
 
 def test_a_control_that_counts_drive_at_rest_is_told_with_a_share_that_is_calmer():
     (line,) = at_rest(0.2622)
-    assert "0.2622 A RMS" in line and "the 0.1 A that counts may cause" in line
+    assert "0.2622 A RMS" in line and "the 0.1 A that they may cause" in line
     assert "--max-count-noise 0.0038 makes" in line  # 0.01 * 0.1 / 0.2622 = 0.003814
     (line,) = at_rest(0.2)
     assert "--max-count-noise 0.005 makes" in line
