@@ -38,7 +38,9 @@ from tuning.tune import Evaluated, Tuned
 __all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
 
 SOURCE = (
-    "M. Yuan: doctoral thesis, section 2.3, after Y. Koren (1980), Y. Koren & C.-C. Lo (1991), "
+    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
+    "Doctoral thesis, The University of Melbourne (2020), section 2.3, "
+    "after Y. Koren (1980), Y. Koren & C.-C. Lo (1991), "
     "J.-H. Chin & T.-C. Lin (1997), C.-C. Lo & C. Y. Chung (1999), "
     "G. T.-C. Chiu & M. Tomizuka (2001), C. S. Chen & L. Y. Chen (2011)"
 )

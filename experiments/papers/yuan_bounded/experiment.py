@@ -24,7 +24,8 @@ from experiments.papers.yuan_bounded.tables import show
 __all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
 
 SOURCE = (
-    "M. Yuan: Contouring control of machines with structural flexibility, PhD thesis, chapter 4 "
+    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
+    "Doctoral thesis, The University of Melbourne (2020), chapter 4 "
     "(error-bounded tracking control)"
 )
 PUBLISHED = ()  # its sets have no numbers in print

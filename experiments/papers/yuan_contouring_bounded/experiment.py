@@ -17,8 +17,8 @@ from experiments.papers.yuan_contouring_bounded.tables import show
 __all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
 
 SOURCE = (
-    "M. Yuan: Modelling and contouring control of industrial machine tools. Doctoral thesis, "
-    "The University of Melbourne (2020), sections 5.3 to 5.5"
+    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
+    "Doctoral thesis, The University of Melbourne (2020), sections 5.3 to 5.5"
 )
 PUBLISHED = ()  # of the same machine: its masses, bounds and disturbances are not printed
 QUICK_STEPS = 700  # of 3,384: the first line and a tenth of the circle

@@ -21,8 +21,8 @@ from experiments.papers.yuan_gantry.tables import show
 __all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
 
 SOURCE = (
-    "M. Yuan: Modelling and contouring control of industrial machine tools. Doctoral thesis, "
-    "The University of Melbourne (2020), ch. 5"
+    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
+    "Doctoral thesis, The University of Melbourne (2020), ch. 5"
 )
 PUBLISHED = ("antiresonance_hz", "largest_twist_rad")
 

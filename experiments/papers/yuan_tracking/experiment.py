@@ -36,7 +36,8 @@ from jcontour.controller import Controller
 __all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
 
 SOURCE = (
-    "M. Yuan: Contouring control of machines with structural flexibility, PhD thesis, chapter 3 "
+    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
+    "Doctoral thesis, The University of Melbourne (2020), chapter 3 "
     "(performance of tracking control)"
 )
 PI, FILTERED, OBSERVED = "Cascaded PI", "Cascaded PI with filter", "Cascaded PI with LESO"
