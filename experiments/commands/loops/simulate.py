@@ -28,7 +28,7 @@ from experiments.reports.figures.shared.png import image
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.checks.between_samples import swing_warnings
-from experiments.runs.checks.lost_numbers import lost_numbers
+from experiments.runs.checks.lost_numbers import NAN, lost_numbers
 from experiments.runs.checks.machine_limits import limits_met
 from experiments.runs.checks.planned_limits import limits_exceeded_by_plan
 from experiments.runs.contour_summary import contour_read, peak_place
@@ -48,7 +48,8 @@ def command(flags: Simulate) -> int:
         found, folder, line = run(flags, status)
     video = found.video or VideoResult()
     told = lines(vars(video), folder) if video.file else []
-    then = next_steps(flags, next(iter(found.plants.values())).diverged)
+    nominal = next(iter(found.plants.values()))
+    then = next_steps(flags, nominal.diverged, any(NAN in one for one in found.warnings))
     code = finished(folder, found, flags, show_simulated, [*told, line, *then])
     if video.failure:
         raise ValueError(f"{video.failure}; the rest of the run is in {folder}")
@@ -146,8 +147,16 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
     )
 
 
-def next_steps(flags: Simulate, lost: bool = False) -> list[str]:
-    """What to do after a simulation, or after one that is lost on the nominal plant."""
+def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> list[str]:
+    """What to do after a simulation, or after one that is lost on the nominal plant.
+
+    Args:
+        flags: of the simulation.
+        lost: whether the nominal plant diverges.
+        undefined: whether it meets NaN: no weights help then.
+    """
+    if lost and undefined:
+        return ["Next: mend what is NaN (not a number), see the warning; other weights do not help"]
     if lost:
         return [
             "Next: other weights, or another controller, with which the nominal plant does not "

@@ -27,6 +27,7 @@ from experiments.reports.rollouts import save_rollouts
 from experiments.reports.sensitivity_curves import save_sensitivity
 from experiments.reports.tuned_tables import limit_words, show_tuned
 from experiments.runs.checks.certified_bound import certified_bound
+from experiments.runs.checks.lost_numbers import lost_at_start
 from experiments.runs.contour_summary import contour_read
 from experiments.runs.lifecycle import finished, opened, ranked_words
 from experiments.runs.runs_drawn import contour_runs
@@ -98,7 +99,9 @@ def _descended(run: TuningRun, folder: Path, console: Console) -> Searched:
         try:
             return searched(run, folder, show, console)
         except NothingSound as error:
-            reason = f"no result: {error}; the points tried are kept in {folder}"
+            lost = lost_at_start(run)  # what helps a loop that is unstable does not help then
+            why = f"with the start, {lost[0]}" if lost else error
+            reason = f"no result: {why}; the points tried are kept in {folder}"
             raise RuntimeError(reason) from None
 
 

@@ -3,20 +3,31 @@
 import numpy as np
 
 from experiments.files.checks import LARGEST
-from experiments.jobs.replays import Replay, Scenarios
+from experiments.jobs.replays import Replay, Scenarios, replay
+from experiments.runs.tuning.problem import TuningRun
+from jcontour.simulation.evaluation import stack_plants
 
 SOUGHT = "look for 0 / 0, inf - inf, and roots and logarithms of negative numbers in"
+NAN = "is NaN (not a number)"
 PLACES = {"output": "the plant", "control": "the controller and in what it measures"}
 
 
-def lost_numbers(replay: Replay, scenarios: Scenarios) -> list[str]:
+def lost_at_start(run: TuningRun) -> list[str]:
+    """A line where the start of a search meets NaN so, on the smooth machines that it sees."""
+    machine, design = run.machine, run.design
+    family = stack_plants(machine.smooth_family(design.fed))
+    smooth = run.scenarios._replace(family=family)
+    return lost_numbers(replay(design.build(design.start), smooth), smooth)[:1]
+
+
+def lost_numbers(found: Replay, scenarios: Scenarios) -> list[str]:
     """One line where the nominal plant's run on a contour meets NaN out of moderate numbers.
 
     The output is known before the control of the same sample.
     """
     lines = []
     for k, job in enumerate(scenarios.jobs):
-        signals = {"output": replay.output[k, 0], "control": replay.control[k, 0]}
+        signals = {"output": found.output[k, 0], "control": found.control[k, 0]}
         first = {name: _first_lost(rows) for name, rows in signals.items()}
         name = min(first, key=lambda name: first[name])
         sample = first[name]
@@ -24,7 +35,7 @@ def lost_numbers(replay: Replay, scenarios: Scenarios) -> list[str]:
         if sample == len(signals[name]) or any(np.any(rows > LARGEST) for rows in before):
             continue
         lines.append(
-            f"the {name} is NaN from sample {sample} ({job.name}, {scenarios.plants[0]}): "
+            f"the {name} {NAN} from sample {sample} ({job.name}, {scenarios.plants[0]}): "
             f"{SOUGHT} {PLACES[name]}"
         )
     return lines

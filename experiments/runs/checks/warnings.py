@@ -6,6 +6,7 @@ from experiments.files.results.tuned_result import PathMargins, Standstill
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.machine import Machine
 from experiments.runs.checks.between_samples import swing_warnings
+from experiments.runs.checks.lost_numbers import lost_at_start
 from experiments.runs.checks.machine_limits import drives_at_limits_in_rapids, limit_warnings
 from experiments.runs.checks.planned_limits import limits_exceeded_by_plan
 from experiments.runs.tuning.problem import TuningRun
@@ -22,6 +23,8 @@ def run_warnings(
     """All warnings, one line each; `replays` are those of start and tuned weights."""
     found = replays["tuned"]
     lines = search_warnings(tuned)
+    if tuned.stabilised:
+        lines += [f"with the start, {line}" for line in lost_at_start(run)]
     if run.design.learns:
         lines.append(
             "the controller learns while it runs: its margins are those of the loop that it begins "

@@ -65,6 +65,7 @@ def test_what_comes_next_has_the_part_the_machine_and_the_pace():
     assert next_steps(Simulate()) == ["Next: jcontour tune"]
     [line] = next_steps(Simulate(), lost=True)
     assert "jcontour tune" not in line and "nominal plant does not diverge" in line
+    assert next_steps(Simulate(), lost=False, undefined=True) == ["Next: jcontour tune"]
 
 
 NAN = """
@@ -93,8 +94,8 @@ def test_a_control_that_is_no_number_is_told(tmp_path, machine_file, part_file, 
     named = [str(part_file), "--plant", str(machine_file), "--controller", own]
     assert main(["simulate", *named, "--out", str(run)]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "WARNING: the control is NaN from sample 0 (part, nominal): look for" in said
-    assert "Next: jcontour tune" not in said and "does not diverge" in said
+    assert "control is NaN (not a number) from sample 0 (part, nominal): look for" in said
+    assert "Next: mend what is NaN (not a number), see the warning" in said
     assert len(read_result(run, SimulatedResult).warnings) == 1
 
 

@@ -132,3 +132,38 @@ def test_held_out_contours_that_are_sized_like_the_parts_are_told(flags, resized
     words = held_out_words(flags, scenarios)
     assert words.startswith(f"square ({jobs[False][0].samples} samples)")
     assert ("the size, place and feed of the parts" in words) is resized
+
+
+NAN = """
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jcontour.controller import Controller
+
+class Rooted(Controller):
+    gain: float | jax.Array = 2.0
+    preview: int = eqx.field(static=True, default=0)
+
+    def prepare(self, reference):
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return memory, self.gain * jnp.sqrt(-1 - (plan - measurement[:2]) ** 2)
+"""
+
+
+@pytest.mark.slow
+def test_a_start_whose_control_is_no_number_is_told_as_such(
+    tmp_path, machine_file, part_file, capsys
+):
+    """Not as a loop that is unstable: other weights do not help."""
+    (tmp_path / "own.py").write_text(NAN)
+    own = ["--controller", f"{tmp_path}/own.py:Rooted", "--scatter", "1", "--starts", "1"]
+    words = [str(part_file), "--plant", str(machine_file), *own, "--out", str(tmp_path / "run")]
+    assert main(["tune", *words]) != 0
+    said = " ".join(capsys.readouterr().err.split())
+    told = "no result: with the start, the control is NaN (not a number) from sample 0 (part, "
+    assert told in said and "stabilising" not in said

@@ -26,10 +26,22 @@ def run(**lost):
 @pytest.mark.parametrize(
     ("lost", "says"),
     [
-        ({"control": (0, 0, 1, np.nan)}, "the control is NaN from sample 0 (ring, nominal): look"),
-        ({"control": (0, 7, 0, np.nan), "output": (0, 8, 0, np.nan)}, "the control is NaN from s"),
-        ({"control": (0, 7, 0, np.nan), "output": (0, 7, 0, np.nan)}, "the output is NaN from s"),
-        ({"output": (0, SAMPLES - 1, 1, np.nan)}, f"the output is NaN from sample {SAMPLES - 1} "),
+        (
+            {"control": (0, 0, 1, np.nan)},
+            "the control is NaN (not a number) from sample 0 (ring, nominal): look",
+        ),
+        (
+            {"control": (0, 7, 0, np.nan), "output": (0, 8, 0, np.nan)},
+            "the control is NaN (not a number) from s",
+        ),
+        (
+            {"control": (0, 7, 0, np.nan), "output": (0, 7, 0, np.nan)},
+            "the output is NaN (not a number) from s",
+        ),
+        (
+            {"output": (0, SAMPLES - 1, 1, np.nan)},
+            f"the output is NaN (not a number) from sample {SAMPLES - 1} ",
+        ),
     ],
 )
 def test_what_is_lost_first_is_named(lost, says):
