@@ -75,9 +75,9 @@ def claims(result: Result, confirmed: Sequence[str]) -> tuple[Claim, ...]:
     return (
         _tool_vibrates_more(result),
         _filter_is_marginal(ranking),
-        _filter_relieves_the_link(ranking),
+        _filter_relieves_the_link(result),
         _observer_on_task_a(result),
-        _observer_on_task_b(ranking),
+        _observer_on_task_b(result),
         _twin(result.gap),
         *(_target(ranking, name) for name in confirmed if name in tuned),
     )
@@ -96,8 +96,11 @@ def _ordered(holds: bool, pairs: Iterable[tuple[float, float]]) -> Verdict:
     return Verdict.REPRODUCED if sized else Verdict.SAME_ORDERING
 
 
-def _printed(result: Result, name: str, task: str) -> Columns:
-    return next(row.paper for row in result.tables if (row.name, row.task) == (name, task))
+def _in_print(result: Result, name: str, task: str) -> dict[str, float]:
+    """Printed relative change of every column against the plain cascade."""
+    rows = {(row.name, row.task): row.paper for row in result.tables}
+    found, plain = rows[name, task], rows["Cascaded PI", task]
+    return {column: getattr(found, column) / getattr(plain, column) - 1 for column in COLUMNS}
 
 
 def _excess(found: Columns) -> float:
@@ -137,18 +140,18 @@ def _filter_is_marginal(rows: Sequence[RankingRow]) -> Claim:
     return Claim(SECTION, "the notch changes most metrics marginally", words, verdict(holds))
 
 
-def _filter_relieves_the_link(rows: Sequence[RankingRow]) -> Claim:
-    found = {task: _changes(rows, "cascade-notch", task)["def_max"] for task in TASKS}
+def _filter_relieves_the_link(result: Result) -> Claim:
+    found = {task: _changes(result.ranking, "cascade-notch", task)["def_max"] for task in TASKS}
+    wanted = {task: _in_print(result, "Cascaded PI with filter", task)["def_max"] for task in TASKS}
     words = ", ".join(f"{100 * change:+.2f} % on task {task}" for task, change in found.items())
     claim = "the notch lowers the largest deformation by 11 % on task A, 33 % on task B"
-    holds = all(change < -MARGINAL for change in found.values())
-    return Claim(SECTION, claim, words, verdict(holds))
+    pairs = [(found[task], wanted[task]) for task in TASKS]
+    fares = _ordered(all(change < 0 for change in found.values()), pairs)
+    return Claim(SECTION, claim, words, fares)
 
 
 def _observer_on_task_a(result: Result) -> Claim:
-    columns = ("em_max", "em_mean")
-    plain, observed = (_printed(result, name, "A") for name in ("Cascaded PI", LESO))
-    wanted = {one: getattr(observed, one) / getattr(plain, one) - 1 for one in columns}
+    columns, wanted = ("em_max", "em_mean"), _in_print(result, LESO, "A")
     found = {name: _changes(result.ranking, name, "A") for name in OBSERVERS}
     words = "; ".join(
         f"{name}: {100 * change['em_max']:+.1f} % largest, {100 * change['em_mean']:+.1f} % mean"
@@ -159,15 +162,20 @@ def _observer_on_task_a(result: Result) -> Claim:
     return Claim(SECTION, claim, words, _ordered(all(ours < 0 for ours, _ in pairs), pairs))
 
 
-def _observer_on_task_b(rows: Sequence[RankingRow]) -> Claim:
-    found = {name: _changes(rows, name, "B") for name in OBSERVERS}
+def _observer_on_task_b(result: Result) -> Claim:
+    columns, wanted = ("em_max", "ee_max", "ee_mean"), _in_print(result, LESO, "B")
+    found = {name: _changes(result.ranking, name, "B") for name in OBSERVERS}
     words = "; ".join(
-        f"{name}: motor {100 * change['em_mean']:+.1f} %, "
-        f"tool {100 * change['ee_mean']:+.1f} % (mean)"
-        for name, change in found.items()
+        f"{name}: motor {100 * change['em_max']:+.1f} %, tool {100 * change['ee_max']:+.1f} % "
+        f"largest, {100 * change['ee_mean']:+.1f} % mean"
+        for name, change in {**found, "in print": wanted}.items()
     )
     claim = "the LESO worsens motor and end effector on task B"
-    return Claim(SECTION, claim, words, Verdict.EXPERIMENTAL)
+    pairs = [(change[one], wanted[one]) for change in found.values() for one in columns]
+    fares = _ordered(all(ours > 0 for ours, _ in pairs), pairs)
+    if fares is Verdict.NOT_REPRODUCED:
+        words += "; the tool of the model hardly vibrates, that of the bench does"
+    return Claim(SECTION, claim, words, fares)
 
 
 def _twin(gap: Sequence[GapRow]) -> Claim:
