@@ -88,7 +88,11 @@ class Machine(Common):
     resonance_hz: tuple[float, ...] = ()
     """Frequency of a resonance of the axis [Hz]; 0 for an axis without one."""
     damping: float = 0.03  # of a welded frame
-    """Damping of the resonances."""
+    """Damping of the resonances; half of it is counted with, beside --resonance-uncertainty."""
+    resonance_uncertainty: float = 0.05  # it moves with the place of the table and with the part
+    """Part by which the frequencies of the resonances may be off: tuned loops stay stable, also if
+    the response is off by twice as much as that makes it.
+    0 takes frequency and damping for exact."""
     mass_kg: tuple[float, ...] = ()
     """Moving mass M [kg], where the drive takes a force."""
     viscous: tuple[float, ...] = ()

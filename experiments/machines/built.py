@@ -10,6 +10,7 @@ from experiments.files.checks import METRES
 from experiments.files.step_file import read_step
 from experiments.flags.machines import Machine
 from experiments.machines.from_file import MOST_DELAY
+from experiments.machines.unsure_resonances import LESS_DAMPED, unsure_resonances
 from jcontour.linear.continuous_axes import (
     ContinuousAxis,
     force_axis,
@@ -80,7 +81,11 @@ def built_machine(flags: Machine) -> BuiltMachine:
         "C": (np.asarray(plant.C) / metre).tolist(),
         "limits": _limits(flags),
         "known_delay": shared,
-        "uncertainty": {"gain": _gain_uncertainty(flags), "delay": flags.delay_uncertainty},
+        "uncertainty": {
+            "gain": _gain_uncertainty(flags),
+            "delay": flags.delay_uncertainty,
+            **_resonance_uncertainty(flags, dt),
+        },
         "encoder_resolution": _resolution(flags, metre),
     }
     return BuiltMachine(fields, words, warnings)
@@ -91,6 +96,22 @@ def _gain_uncertainty(flags: Machine) -> float:
     if flags.gain_uncertainty is not None:
         return flags.gain_uncertainty
     return GAIN_KNOWN_TO[flags.takes]
+
+
+def _resonance_uncertainty(flags: Machine, dt: float) -> dict[str, Any]:
+    """How far off the response may be beside resonances; nothing without one.
+
+    Raises:
+        ValueError: the fraction is none.
+    """
+    part = flags.resonance_uncertainty
+    if not 0 <= part < 1:
+        raise ValueError(f"resonance-uncertainty: needs a fraction below 1, received {part:g}")
+    hertz = _each("resonance_hz", flags.resonance_hz, len(flags.axes))
+    if part == 0 or not any(hertz or ()):
+        return {}
+    assert hertz is not None
+    return {"response": unsure_resonances(hertz, flags.damping, part, dt)}
 
 
 def _limits(flags: Machine) -> dict[str, float | list[float]]:
@@ -182,8 +203,17 @@ def _formula(flags: Machine, one: dict[str, float]) -> str:
         "position": constant,
         "force": f"({one['mass_kg']:g} kg s^2 + {one['viscous']:g} N s/m s)",
     }[flags.takes]
-    soft = f", resonance at {one['resonance_hz']:g} Hz" if one["resonance_hz"] else ""
+    soft = _soft(flags, one["resonance_hz"]) if one["resonance_hz"] else ""
     return f"{one['gain']:g}{late} / {below}{soft}"
+
+
+def _soft(flags: Machine, hertz: float) -> str:
+    """A resonance, and what of it is not known."""
+    part, z = flags.resonance_uncertainty, flags.damping
+    if part == 0:
+        return f", resonance at {hertz:g} Hz, damping {z:g}"
+    unsure = f"+- {100 * part:g} %, damping {LESS_DAMPED * z:g} to {z:g}"
+    return f", resonance at {hertz:g} Hz ({unsure}: tuned loops stay stable)"
 
 
 def _stepped(flags: Machine, warnings: list[str]) -> tuple[list[ContinuousAxis], list[str], float]:

@@ -113,7 +113,9 @@ def noisy(one: Setting, seed: int) -> Callable[[Any], Plant]:
     machine, steps = one.machine, one.shape[0]
     assert isinstance(machine, LinearMachine | MotorMeasured)
     read = machine.model.axes if isinstance(machine, LinearMachine) else machine.model.inputs
-    half = machine.noisy_count / 2
+    count = machine.noisy_count
+    assert count is not None
+    half = count / 2
 
     def of_lap(lap) -> Plant:
         key = jax.random.fold_in(jax.random.key(seed), lap)

@@ -66,6 +66,19 @@ def test_a_drive_that_takes_a_position_gets_there():
         assert asked["uncertainty"]["gain"] == 0.03
 
 
+def test_a_resonance_is_not_taken_for_exact_unless_that_is_asked_for():
+    soft = replace(MILL, resonance_hz=(80.0, 0.0))
+    built = built_machine(soft)
+    assert "resonance at 80 Hz (+- 5 %, damping 0.015 to 0.03" in built.words[0]
+    doubt = loaded(soft).doubt
+    assert doubt is not None
+    off, none = doubt.at(np.array([2 * np.pi * 80.0 * 1e-3]))[0]
+    assert off > 0.9 and none == 0  # with half the damping the peak is twice as high
+    exact = replace(soft, resonance_uncertainty=0.0)
+    assert loaded(exact).doubt is None
+    assert "80 Hz, damping 0.03" in built_machine(exact).words[0]
+
+
 def test_limits_are_of_all_axes_or_of_each():
     flags = replace(
         MILL, max_control=(300.0, 12.0), max_speed=(200.0,), max_acceleration=(2e3, 5e2)
@@ -113,6 +126,7 @@ def test_bad_flags_are_told():
         ({"encoder_um": (1.0, 2.0, 3.0)}, "^encoder-um: needs one number or 2, received 3$"),
         ({"encoder_um": (1.0, 0.0)}, "^encoder-um: needs to be above zero, received 0$"),
         ({"encoder_um": ()}, "^encoder-um: needs one number or one for each axis"),
+        ({"resonance_uncertainty": 1.0}, "resonance-uncertainty: needs a fraction below 1"),
         ({"takes": "force"}, "mass-kg: missing"),
         ({"delay_ms": (150.0,)}, "delay-ms: 150 samples of 1 ms, known delays are of at most 50"),
         ({"mass_kg": (5.0,)}, "mass-kg: says nothing of a drive that takes a speed"),
