@@ -1,5 +1,6 @@
 """`jcontour sweep`: metrics over weights x preview x contours x plants, on the true machines."""
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import xarray as xr
 from jaxtyping import Array, Float
 from rich.console import Console
 
-from experiments.catalogue.choices import design_for, job_named, machine_named
+from experiments.catalogue.choices import UnreadFlagWarning, design_for, job_named, machine_named
 from experiments.catalogue.own_classes import own_name
 from experiments.commands.tuning import sweep_predictive
 from experiments.designs.design import Design, by_name, plain_weights, with_values
@@ -164,7 +165,7 @@ def swept_of(flags: Sweep) -> Swept:
     machine = machine_named(flags.plant)
     pace = Pace.of(flags, machine)
     jobs = [job_named(name, pace) for name in flags.parts or machine.usual.swept]
-    values = sampled_values(flags, _design(flags, machine, flags.preview))
+    values = sampled_values(flags, design_for(machine, flags).tunable())
     asked = Swept(replace(flags, previews=horizons(flags, machine)), machine, jobs, values)
     noise_limit(flags, machine, asked.design(flags.previews[0]))
     _check(asked)
@@ -224,6 +225,8 @@ def horizons(flags: Sweep, machine: Machine) -> tuple[int, ...]:
 
 
 def _check_flags(flags: Sweep) -> None:
+    if flags.preview != Sweep.preview:
+        raise ValueError("preview: a sweep has --previews, for one or several")
     for name in ("speeds_mm_s", "workers", "scheduler"):
         if getattr(flags, name) != getattr(Sweep, name):
             others = ", ".join(PREDICTIVE)
@@ -247,9 +250,12 @@ def _check(asked: Swept) -> None:
 
 
 def _design(flags: Sweep, machine: Machine, preview: int) -> Design:
+    """The controller with a preview; without a word where it has none: nobody gave it one."""
     if flags.controller is None or own_name(flags.controller) is None:  # another has its own
         flags = replace(flags, preview=preview)
-    return design_for(machine, flags).tunable()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnreadFlagWarning)
+        return design_for(machine, flags).tunable()
 
 
 def found_along(asked: Swept, folder: Path) -> xr.Dataset:

@@ -110,7 +110,7 @@ class Proportional(Controller):
 def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept, capsys):
     assert main(["sweep", "--resume", str(swept)]) == 0
     printed = capsys.readouterr().out
-    assert "4 points, 2 diverged." in printed
+    assert "4 points, 2 diverged, 2 within the limits" in printed
     assert "Diverged: preview 4, alpha 2e+06, beta 0.5\n" in printed
     assert "Drawn: sweep.png" in printed
     assert "Next: tune from the best point with jcontour tune " in printed
@@ -204,6 +204,11 @@ def test_limits_on_runs_decide_which_design_is_the_best(swept, dataset, flags, t
 def test_what_is_no_limit_is_refused(word, value):
     with pytest.raises(ValueError, match=word.replace("_", "-")):
         swept_of(Sweep(parts=("circle",), **{word: value}))
+
+
+def test_previews_have_one_flag():
+    with pytest.raises(ValueError, match="preview: a sweep has --previews"):
+        swept_of(Sweep(parts=("circle",), preview=5))
 
 
 def test_a_limit_that_a_sweep_does_not_look_at_is_no_flag_of_it(capsys):
