@@ -30,6 +30,7 @@ TRY_LESS = (  # a loop overshoots: the number that is enough is found by trying
     "this reason is gone"
 )
 CHEAP = 1e-3  # price below which a limit does not stop anything
+SLOWEST = 10.0  # longest contours that an error may take to die out to a third
 
 
 def reasons_against(
@@ -40,6 +41,7 @@ def reasons_against(
     exceeded: Sequence[str],
     error: str,
     delay: int = 0,
+    alone: bool = False,
     finest: float = 0.0,
     limit: str = "",
     allowing: str = "",
@@ -55,6 +57,7 @@ def reasons_against(
         exceeded: limits of the machine that a run exceeds, one line each.
         error: the error that counts, "contour" or "tracking".
         delay: margin that is asked for [samples].
+        alone: whether the family is one plant, of which nothing says how late it may be.
         finest: difference of errors that the encoders of all axes can tell [m].
         limit: name of the one that the weights exceed most; empty where they exceed none.
         allowing: flag and value that allow what the weights reach, see `flag_allowing`.
@@ -62,7 +65,8 @@ def reasons_against(
     """
     return [
         *_unstable(contours, margins, robust),
-        *_late(margins, delay),
+        *_adrift(margins, contours),
+        *_late(margins, delay, alone),
         *_infeasible(tuned, limit, allowing),
         *exceeded,
         *(_calmer(feed_law) if exceeded else []),
@@ -165,9 +169,27 @@ def _more_margin(margins: PathMargins) -> str:
     return f"--max-sensitivity {max(1.1, min(1.7, round(0.85 * there, 1))):g}"
 
 
-def _late(margins: PathMargins, delay: int) -> list[str]:
-    if not margins.stable or margins.delay_samples >= delay:
+def _adrift(margins: PathMargins, contours: Sequence[TunedContour]) -> list[str]:
+    """A loop whose feedback does next to nothing: stable by a hair, and the tool drifts."""
+    longest = max(one.samples for one in contours)
+    left = 1 - margins.spectral_radius
+    if not margins.stable or left * SLOWEST * longest > 1:
         return []
+    return [
+        "the feedback does next to nothing: with its gains frozen at a point of the training "
+        f"paths, an error takes {1 / left:.2g} samples to die out, the longest contour has "
+        f"{longest}: begin at larger gains (--weights)"
+    ]
+
+
+def _late(margins: PathMargins, delay: int, alone: bool) -> list[str]:
+    if not margins.stable or margins.delay_samples >= max(delay, int(alone)):
+        return []
+    if delay == 0:
+        return [
+            "one more sample of delay makes the loop unstable, and nothing says how late this "
+            "machine may be: --min-delay-margin 1 keeps it from that"
+        ]
     return [
         f"the nominal loop bears {margins.delay_samples} samples of delay at a point of the "
         f"training paths, {delay} are asked for: keep a margin, --max-sensitivity 2"

@@ -32,7 +32,8 @@ def run_warnings(
         )
     lines += family_warnings(run.machine)
     asked = run.flags.min_delay_margin
-    lines += margin_warnings(margins, run.machine.unknown_delay, asked)
+    alone = len(run.machine.family_names) == 1  # then it is a reason against the weights
+    lines += margin_warnings(margins, run.machine.unknown_delay, max(asked, int(alone)))
     lines += limits_exceeded_by_plan(run.scenarios, run.machine)
     lines += limit_warnings(found, run.scenarios, run.machine)
     lines += swing_warnings(found, run.scenarios, run.machine)

@@ -129,9 +129,9 @@ def tuned_result(
     limit = exceeded_most(run.problem, tuned)
     allowing = flag_allowing(limit, tuned.violation, run.flags, run.limits)
     law = run.flags.feed_law
-    reasons = reasons_against(
-        tuned, contours, margins, robust, exceeded, error, delay, finest, limit, allowing, law
-    )
+    alone = len(run.machine.family_names) == 1
+    told = tuned, contours, margins, robust, exceeded, error
+    reasons = reasons_against(*told, delay, alone, finest, limit, allowing, law)
     warnings = run_warnings(run, tuned, margins, replays)
     warnings += standstill_warnings(trials["tuned"].standstill, run)
     warnings += hardly_worse(contours, error, finest)

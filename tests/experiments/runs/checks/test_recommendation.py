@@ -97,6 +97,23 @@ def test_each_fault_is_one_line(changes, words):
     assert words in line
 
 
+def test_a_loop_that_drifts_is_no_loop():
+    """Contours of 10 samples: ten times as long are 100, and the radius for that is 0.99."""
+    assert reasons(margins=margins(0.9899)) == []
+    (line,) = reasons(margins=margins(1 - 1e-7))
+    assert "the feedback does next to nothing" in line and "takes 1e+07 samples" in line
+
+
+def test_one_plant_alone_needs_a_sample_of_delay():
+    """Nothing says how late it may be; a family does, and then it is a warning."""
+    none = replace(margins(), delay_samples=0)
+    assert reasons(margins=none) == [] and reasons(alone=True) == []
+    (line,) = reasons(margins=none, alone=True)
+    assert "one more sample of delay" in line and "--min-delay-margin 1" in line
+    (asked,) = reasons(margins=none, alone=True, delay=2)
+    assert "2 are asked for" in asked
+
+
 @pytest.mark.parametrize(("law", "calmer"), [("trapezoidal", True), ("jerk", False)])
 def test_what_asks_for_less_is_told_where_a_limit_is_exceeded(law, calmer):
     first, second = reasons(exceeded=["speed of X EXCEEDS its limit"], feed_law=law)
