@@ -1,5 +1,7 @@
 """Warnings of `jcontour tune`: what to know of a run before trusting its weights."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from experiments.files.results.tuned_result import PathMargins, Standstill
@@ -61,6 +63,17 @@ def search_warnings(tuned: Tuned) -> list[str]:
             f"{tuned.diverged_starts} descents could not begin because their start diverges"
         )
     return lines
+
+
+def idle_warnings(names: Sequence[str]) -> list[str]:
+    """Weights without any effect on the runs."""
+    if not names:
+        return []
+    have, are = ("has", "is") if len(names) == 1 else ("have", "are")
+    return [
+        f"{', '.join(names)} {have} no effect on these runs and {are} left at the start: does the "
+        "controller read it?"
+    ]
 
 
 def family_warnings(machine: Machine) -> list[str]:

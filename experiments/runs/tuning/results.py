@@ -34,7 +34,7 @@ from experiments.runs.checks.recommendation import (
 )
 from experiments.runs.checks.robustness import robust_test
 from experiments.runs.checks.standstill import standstill
-from experiments.runs.checks.warnings import run_warnings, standstill_warnings
+from experiments.runs.checks.warnings import idle_warnings, run_warnings, standstill_warnings
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.tuning.family_loops import family_curves, family_peaks
 from experiments.runs.tuning.problem import TuningRun
@@ -133,6 +133,7 @@ def tuned_result(
     told = tuned, contours, margins, robust, exceeded, error
     reasons = reasons_against(*told, delay, alone, finest, limit, allowing, law)
     warnings = run_warnings(run, tuned, margins, replays)
+    warnings += idle_warnings(searched.idle)
     warnings += standstill_warnings(trials["tuned"].standstill, run)
     warnings += hardly_worse(contours, error, finest)
     weights = plain_weights(tuned.weights)

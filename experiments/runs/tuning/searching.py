@@ -6,18 +6,21 @@ Every round has a folder of its own, so that an interrupted run goes on where it
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
 
+from experiments.designs.design import by_name
 from experiments.files.checkpoints import load_state, save_state
 from experiments.reports.tables import say
 from experiments.runs.tuning.family_loops import WINDOWS
 from experiments.runs.tuning.problem import TuningRun
 from tuning.exchange import STABLE, Exchanged, exchanged
 from tuning.history import Evaluated
+from tuning.idle import put_back, without_slope
 from tuning.parameters import Chart
 from tuning.tune import Tuned, TuneState, advance, result
 
@@ -37,11 +40,15 @@ class Searched:
         run: with the loops and limits that it ended with.
         tuned: what was found, with the points of all rounds.
         descents: of all rounds.
+        flat: coordinates that had no slope where the last descent ended.
+        idle: names of the weights without any effect on the runs, which are left at their start.
     """
 
     run: TuningRun
     tuned: Tuned
     descents: int
+    flat: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    idle: tuple[str, ...] = ()
 
 
 def searched(
@@ -50,11 +57,17 @@ def searched(
     """Search, and exchange probes where a loop between them is worse.
 
     What is stored in the run folder counts. A later round that finds nothing sound leaves the
-    result of the one before.
+    result of the one before. Weights without any effect are left at their start.
 
     Raises:
         NothingSound: every point of the first round diverged.
     """
+    return _put_back(_rounds(run, folder, show, console))
+
+
+def _rounds(
+    run: TuningRun, folder: Path, show: Callable[[TuneState], None], console: Console
+) -> Searched:
     found = _round(run, folder, show, TuneState())
     for number in range(1, ROUNDS + 1):
         more = exchanged(found.run.problem, found.run.start, found.tuned, WINDOWS)
@@ -89,7 +102,8 @@ def _round(
         save_state(folder, state)
         show(state)
     try:
-        return Searched(run, result(run.problem, run.start, state), state.start + 1)
+        tuned = result(run.problem, run.start, state)
+        return Searched(run, tuned, state.start + 1, without_slope(state.descent))
     except ValueError as error:
         raise NothingSound(str(error)) from None
 
@@ -116,7 +130,20 @@ def _after(before: Searched, found: Searched) -> Searched:
         diverged_starts=before.tuned.diverged_starts + found.tuned.diverged_starts,
         stabilised=before.tuned.stabilised,
     )
-    return Searched(found.run, tuned, before.descents + found.descents)
+    return Searched(found.run, tuned, before.descents + found.descents, found.flat)
+
+
+def _put_back(found: Searched) -> Searched:
+    """The same, with weights that have no effect where they started."""
+    problem, start = found.run.problem, found.run.start
+    weights, idle = put_back(problem, start, found.tuned.weights, found.flat)
+    if not idle.any():
+        return found
+    z = Chart(problem.space, start).coordinates()
+    beside = jnp.where(idle, z + 1, z)
+    first, moved = (by_name(Chart(problem.space, start).weights(at)) for at in (z, beside))
+    names = tuple(name for name in first if not np.array_equal(first[name], moved[name]))
+    return replace(found, tuned=found.tuned._replace(weights=weights), idle=names)
 
 
 def _renumbered(row: Evaluated, descents: int) -> Evaluated:

@@ -9,6 +9,7 @@ from experiments.files.results.tuned_result import PathMargins, Standstill
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.checks.warnings import (
     family_warnings,
+    idle_warnings,
     lag_warnings,
     margin_warnings,
     search_warnings,
@@ -59,6 +60,14 @@ def test_a_search_that_has_not_ended_is_told():
     assert search_warnings(FOUND) == []
     (line,) = search_warnings(FOUND._replace(stationary=False))
     assert "--steps" in line and "--every-start" in line
+
+
+def test_weights_without_effect_are_named():
+    assert idle_warnings(()) == []
+    (line,) = idle_warnings(("ff",))
+    assert line.startswith("ff has no effect on these runs and is left at the start")
+    (line,) = idle_warnings(("ff", "lead"))
+    assert line.startswith("ff, lead have no effect on these runs and are left")
 
 
 def scenarios(samples=20):

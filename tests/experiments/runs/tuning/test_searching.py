@@ -136,3 +136,22 @@ def test_an_exchange_is_told_in_a_line(found):
     problem = found.run.problem
     assert "is unstable: 1 more loop is looked" in exchange_words(Exchanged(problem, 1, True))
     assert "limit on loops: 3 more loops are" in exchange_words(Exchanged(problem, 3, False))
+
+
+def test_a_weight_without_effect_stays_at_its_start(tmp_path):
+    run = run_from(0.4)
+    space = {"gain": Positive(), "spare": Positive()}
+    start = {**run.start, "spare": jnp.asarray(30.0)}
+    effort = replace(run.settings, starts=2, scatter=2, every_start=True, steps=2)
+    run = replace(
+        run,
+        problem=replace(run.problem, space=space),
+        design=cast(Any, SimpleNamespace(start=start)),
+        settings=effort,
+    )
+    found = searched(run, tmp_path, lambda state: None, Console(quiet=True))
+    assert found.idle == ("spare",)
+    assert float(found.tuned.weights["spare"]) == pytest.approx(30.0)
+    assert float(found.tuned.weights["gain"]) > 0.4
+    scattered = [row.z[1] for row in found.tuned.history if row.start == 1]
+    assert np.exp(scattered[0]) != pytest.approx(30.0)  # where a search may end
