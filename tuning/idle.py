@@ -55,6 +55,6 @@ def put_back(
     return Chart(problem.space, start).weights(jnp.asarray(back)), flat
 
 
-def _flat(*slopes: Float[Array | np.ndarray, "*rows d"]) -> Bool[np.ndarray, " d"]:
+def _flat(*slopes: Float[Array | np.ndarray, "... d"]) -> Bool[np.ndarray, " d"]:
     """Coordinates in which every slope is zero, to the last bit."""
     return np.all([np.all(np.reshape(one, (-1, one.shape[-1])) == 0, axis=0) for one in slopes], 0)
