@@ -1,7 +1,6 @@
 """Weights without effect, beside one that has some, on an integrator."""
 
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,6 +12,7 @@ from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from tuning import idle
 from tuning.idle import put_back, without_slope
 from tuning.objectives import AtMost, mean_tracking_error
 from tuning.parameters import Positive
@@ -52,8 +52,8 @@ ALL = np.ones(4, bool)
 
 
 def test_what_has_no_effect_is_put_back():
-    weights, idle = put_back(PROBLEM, START, FOUND, ALL)
-    assert idle.tolist() == [False, True, True, True]
+    weights, none = put_back(PROBLEM, START, FOUND, ALL)
+    assert none.tolist() == [False, True, True, True]
     assert float(weights["gain"]) == pytest.approx(0.5)
     assert float(weights["late"]) == pytest.approx(2.0)
     np.testing.assert_allclose(weights["spare"], [5.0, 6.0])
@@ -61,19 +61,18 @@ def test_what_has_no_effect_is_put_back():
 
 def test_a_weight_that_acts_at_the_start_is_none():
     begun = {**START, "late": jnp.asarray(4.5)}
-    weights, idle = put_back(PROBLEM, begun, FOUND, ALL)
-    assert idle.tolist() == [False, False, True, True]
+    weights, none = put_back(PROBLEM, begun, FOUND, ALL)
+    assert none.tolist() == [False, False, True, True]
     assert float(weights["late"]) == pytest.approx(3.0)
 
 
 def test_nothing_is_looked_at_where_everything_has_a_slope():
-    weights, idle = put_back(cast(Any, None), START, FOUND, np.zeros(4, bool))
-    assert weights is FOUND and not idle.any()
+    weights, none = put_back(PROBLEM, START, FOUND, np.zeros(4, bool))
+    assert weights is FOUND and not none.any()
 
 
 def test_no_slope_of_errors_and_limits():
     errors, limits = np.zeros((1, 2, 3)), np.zeros((1, 3))
     errors[0, 1, 0], limits[0, 2] = 1e-30, -1.0
-    model = SimpleNamespace(error_slopes=errors, limit_slopes=limits)
-    assert without_slope(cast(Any, SimpleNamespace(model=model))).tolist() == [False, True, False]
+    assert idle._flat(errors, limits).tolist() == [False, True, False]
     assert without_slope(None).size == 0
