@@ -131,7 +131,7 @@ def chosen(
     cut = int(TRAINING * len(record.position))
     training, rest = record.part(0, cut), record.part(cut, len(record.position))
     first = _first_filter(training)
-    tried: list[AxisFit] = []
+    pairs: list[tuple[AxisFit, AxisFit]] = []
     for i in integrators:
         latest = most_delay
         for n in range(1 - min(i, 1), most_poles + 1):
@@ -139,19 +139,22 @@ def chosen(
             glances = [one for s in structures if (one := _glance(training, s, first)) is not None]
             if not glances:
                 continue
-            tried += _with_or_without_part(training, min(glances, key=left_of), most_delay)
+            found = _without_and_with_part(training, min(glances, key=left_of), most_delay)
+            pairs.append(found)
             if n > 0:  # with one pole more the delay is less, or hardly more
-                latest = min(tried[-2].model.delay + MORE, most_delay)
-    if not tried:
+                latest = min(found[0].model.delay + MORE, most_delay)
+    if not pairs:
         raise ValueError("no stable model explains the record")
-    for one in tried[::2]:
-        if len(one.model.denominator) + 2 <= most_poles:
-            ringing = replace(one, model=with_resonance(training, one))
-            tried += _with_or_without_part(training, ringing, most_delay)
-    found = [_judged_on(rest, fit) for fit in tried]
-    found.sort(key=lambda one: one.loss)
-    fit = _alternated(training, _smallest(found).fit)
-    return Choice(_judged_on(rest, fit), found)
+    ringing = [
+        replace(one, model=with_resonance(training, one))
+        for one, _ in pairs
+        if len(one.model.denominator) + 2 <= most_poles
+    ]
+    pairs += [_without_and_with_part(training, one, most_delay) for one in ringing]
+    tried = [_judged_on(rest, fit) for pair in pairs for fit in pair]
+    tried.sort(key=lambda one: one.loss)
+    fit = _alternated(training, _smallest(tried).fit)
+    return Choice(_judged_on(rest, fit), tried)
 
 
 def _judged_on(rest: AxisRecord, fit: AxisFit) -> Candidate:
@@ -276,10 +279,12 @@ def _walked(record: AxisRecord, start: AxisFit, most_delay: int) -> AxisFit:
     return best
 
 
-def _with_or_without_part(record: AxisRecord, start: AxisFit, most_delay: int) -> list[AxisFit]:
+def _without_and_with_part(
+    record: AxisRecord, start: AxisFit, most_delay: int
+) -> tuple[AxisFit, AxisFit]:
     """Model refined, and the one with a delay of a part of a sample more."""
     whole = _walked(record, start, most_delay)
-    return [whole, _walked(record, replace(whole, model=_longer(whole.model)), most_delay)]
+    return whole, _walked(record, replace(whole, model=_longer(whole.model)), most_delay)
 
 
 def with_part(record: AxisRecord, fit: AxisFit) -> AxisFit | None:
