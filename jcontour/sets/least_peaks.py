@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.optimize import OptimizeResult
 
 from jcontour.sets.disturbed_model import DisturbedModel, Numbers, Signal
 from jcontour.sets.finite_responses import FiniteResponse, brought_to_rest
@@ -85,17 +86,9 @@ def least_peak(
     _check(model, small, limited, length)
     still = _vanishing(model, vanishing)
     program = PeakProgram(model, [*small, *limited], len(small), length, still)
+    rough, sizes = _rough(program)
     # every state and the optimum itself are scaled to one: the solver's tolerances are absolute
-    sizes = np.ones(model.states)
-    rough = program.solved(sizes, 1.0)
-    if rough is None:
-        sizes = _sizes(model)
-        rough = program.solved(sizes, 1.0)
-    if rough is None:
-        raise _impossible(program, sizes)
-    states, controls = program.responses(rough, sizes)
-    scales = np.abs(states).max(axis=(0, 2))
-    scales = np.where(scales > 0, scales, 1.0)
+    scales = _scales(program, rough, sizes)
     size = max(float(rough.x[program.optimum]), np.finfo(float).tiny ** 0.25)
     fine = program.solved(scales, size)
     if fine is None:
@@ -107,16 +100,39 @@ def least_peak(
     return LeastPeak(response, tolerance, peaks, program.limiting(fine))
 
 
-def _sizes(model: DisturbedModel) -> Float[np.ndarray, " n"]:
-    """Second try of scales of the states: the largest push of a disturbance, one without any."""
-    found = np.abs(model.E).max(axis=1)
-    return np.where(found > 0, found, 1.0)
+def _rough(program: PeakProgram) -> tuple[OptimizeResult, Float[np.ndarray, " n"]]:
+    """First optimum and its scales of the states, by which the solver finds an answer.
+
+    Tried are states of one, those of the largest push of a disturbance, and those of a response
+    that keeps the limits, which is found even where the numbers are of very different sizes.
+    """
+    sizes = np.abs(program.model.E).max(axis=1)
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    for scales in (np.ones(program.model.states), sizes):
+        if found := program.solved(scales, 1.0):
+            return found, scales
+    keeping = program.solved(sizes, 1.0, soft=True) if program.bounded else None
+    if keeping is not None and program.excess(keeping).max() <= EXCESS:
+        scales = _scales(program, keeping, sizes)
+        if found := program.solved(scales, 1.0):
+            return found, scales
+    raise _impossible(program, keeping, sizes)
 
 
-def _impossible(program: PeakProgram, sizes: Float[np.ndarray, " n"]) -> NoResponse:
-    """The exception, with the limits that are too small."""
+def _scales(
+    program: PeakProgram, found: OptimizeResult, sizes: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Largest state of a response, one where it is always zero."""
+    states, _ = program.responses(found, sizes)
+    largest = np.abs(states).max(axis=(0, 2))
+    return np.where(largest > 0, largest, 1.0)
+
+
+def _impossible(
+    program: PeakProgram, found: OptimizeResult | None, sizes: Float[np.ndarray, " n"]
+) -> NoResponse:
+    """The exception, with the limits that are too small in the response of least excess."""
     N = program.length
-    found = program.solved(sizes, 1.0, soft=True) if program.bounded else None
     if found is None:
         return NoResponse(
             f"length: no response of {N} samples comes to rest; a longer one may, "

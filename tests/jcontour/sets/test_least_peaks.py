@@ -127,6 +127,22 @@ def test_units_of_the_states_change_nothing():
     assert found[1] == pytest.approx(found[0], rel=1e-8)
 
 
+def test_scales_of_a_response_that_keeps_the_limits_help_the_solver(slide, monkeypatch):
+    """The first two scales find nothing: the answer is that of the program solved as ever."""
+    small, limits = slide.state_signals(["x"], [1, 0]), slide.control_signals(0.5)
+    wanted = least_peak(slide, small, limits, 10).tolerance
+    solved, given_up = PeakProgram.solved, []
+
+    def gives_up_twice(self, scales, size, soft=False):
+        if not soft and len(given_up) < 2:
+            return given_up.append(scales)
+        return solved(self, scales, size, soft)
+
+    monkeypatch.setattr(PeakProgram, "solved", gives_up_twice)
+    assert least_peak(slide, small, limits, 10).tolerance == pytest.approx(wanted, rel=1e-9)
+    assert len(given_up) == 2
+
+
 def test_a_program_that_the_solver_gives_up_is_said(slide, monkeypatch):
     """No limit is too small, so none can be named: the sizes of the disturbances are."""
     model = slide.with_disturbance(1e-6 * slide.E)
