@@ -184,6 +184,7 @@ def readable_plan(
     `kernels.sweeps.window_sweep` is tested equal to it.
     """
     steps, preview = terminal.g.shape[0], stage.shape[0]
+    Q, y_d, stage = jnp.asarray(Q), jnp.asarray(y_d), jnp.asarray(stage)  # NumPy has no index j
 
     def sweep(cost, j):
         Q_j = stage[j - 1] * jax.lax.dynamic_slice_in_dim(Q, j, steps)

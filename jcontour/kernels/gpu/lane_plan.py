@@ -48,7 +48,7 @@ def _plan_bwd(pattern: Pattern, kept, cotangent):
     if moves is not None:
         _, pull = jax.vjp(partial(_swept, pattern), *arguments)
         return pull((F_bar, f_bar))
-    sizes = _sizes(A, B, C, Q, stage, end)
+    sizes, stage = _sizes(A, B, C, Q, stage, end), jnp.asarray(stage)
     cost, pull = jax.vjp(cost_entries, Q, y_d)
     bars = jnp.transpose(F_bar, (1, 2, 0)), f_bar.T
     rows, R_bar, ends = cotangents(pattern, sizes)(A, B, C, cost, stage, R, *_ends(end), *bars)
