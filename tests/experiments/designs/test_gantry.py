@@ -38,6 +38,7 @@ def test_a_machines_own_controller_goes_first(machine):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.filterwarnings("ignore:gantry-zpetc does not read --preview")
 def test_gains_start_where_the_tuner_may_go_and_have_units(machine, name):
     design = design_for(machine, Simulate(controller=name, preview=7))
     design.check_start()
@@ -83,6 +84,7 @@ def test_the_weight_on_the_difference_keeps_the_drives_together(machine):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.filterwarnings("ignore:gantry-zpetc does not read --preview")
 def test_starts_follow_on_every_plant_of_the_true_family(machine, name):
     design = design_for(machine, Simulate(controller=name, preview=20))
     reference = job_named("cushion-right", Pace(machine, None, None)).reference(

@@ -92,7 +92,10 @@ def test_a_part_of_a_sample_is_all_that_is_added():
     one = axis(speed_axis(1.0, 0.01, 2 * DT), "speed", 5.0)
     late = late_by_a_part(one, DT, np.random.default_rng(0))
     assert 2.1 < late.axis.delay / DT < 2.9
-    assert replace(late, axis=replace(late.axis, delay=one.axis.delay)) == one
+    for name, value in vars(one.axis).items():
+        if name != "delay":
+            np.testing.assert_array_equal(getattr(late.axis, name), value)
+    assert {**vars(late), "axis": None} == {**vars(one), "axis": None}
 
 
 def test_an_interval_that_holds_the_truth_at_half_of_the_frequencies():
