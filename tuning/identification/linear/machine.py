@@ -3,11 +3,12 @@
 Each axis by itself: structure by `order_search`, numbers and intervals on the whole record,
 friction where it is seen (`friction`). Then what the record cannot answer, in words, and the
 family: every gain within the largest of what the intervals say, what two halves of the record
-disagree by, and what drives repeat to; and one sample of delay more where the data do not tell two
-delays apart. The intervals of the response hold the models of all delays that are not told
-apart, each fitted by itself; those of the richer models that the record makes likelier without
-showing them clearly; and those of a model that is late by a part of a sample, as no delay is known
-to be of whole ones. The gain does not, as it is one number for all frequencies.
+disagree by, and what drives repeat to; and one sample of delay more where the data do not tell the
+model from one that answers half a sample later. The intervals of the response hold the models of
+all delays that are not told apart, each fitted by itself; those of the richer models that the
+record makes likelier without showing them clearly; and those of a model that is late by a part of a
+sample, as no delay is known to be of whole ones. The gain does not, as it is one number for all
+frequencies; it is taken where these intervals are narrow.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -39,7 +40,7 @@ from tuning.identification.linear.output_error import (
     fitted,
     structure_of,
 )
-from tuning.identification.linear.rivals import may_ring_to, rivals_of
+from tuning.identification.linear.rivals import lag, may_ring_to, rivals_of
 
 FEWEST = 500  # samples
 LEAST_GAIN = 0.02  # uncertainty of a gain: no drive repeats better from day to day
@@ -50,6 +51,7 @@ SATURATED = 1e-3  # part of the samples
 UNKNOWN_GAIN = 0.99  # uncertainty of a gain that stands for any
 POOR = 0.9  # part of the variance explained on held-out data below which nothing is said
 STANDS = 0.1  # part of a record at rest beside which dry friction is thought of
+LATE = 0.5  # samples: half of the one that the family has more
 RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
 
 
@@ -91,7 +93,7 @@ class LinearAxis:
         gain: relative uncertainty.
         gain_by: what it comes from, in words.
         dispersion: by how much more than noise the errors pull at the model; 1 if by chance.
-        late: further samples of delay that the data allow.
+        late: further samples of delay that the data allow, 0 or 1.
         resolution: of the encoder [m].
         encoder_noise: standard deviation of the encoder beside its rounding [m]; 0 if not sure.
         cancelled: poles of a likelier model that has a hidden mode; None if none.
@@ -255,9 +257,8 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     stands = float(np.mean(evidence.speed_signs(position, resolution) == 0))
     if doubt := _doubt(explained, dispersion, stands, friction_of(fit) is not None):
         raise ValueError(f"{name}: {doubt}")
-    rivals = {d: value / dispersion for d, value in rivals.items()}
-    late = sum(found.rivals[d] / dispersion < TELLS for d in found.rivals if d > fit.model.delay)
-    response = evidence.widened(response, found.equals)
+    rivals, equals = {d: one / dispersion for d, one in rivals.items()}, found.equals(dispersion)
+    response = evidence.widened(response, equals)
     others = [one.fit for one in choice.richer]
     if (longer := with_part(used, fit)) is not None:
         others.append(longer)
@@ -266,7 +267,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         response = evidence.holding(response, beside)
     if dispersion > 1:
         response = evidence.doubted(response, position, fit.residual)
-    gain, gain_by = _gain(used, fit, response if dispersion > 1 else own)
+    gain, gain_by = _gain(used, fit, response if dispersion > 1 else own, response.band)
     return LinearAxis(
         name=name,
         fit=fit,
@@ -283,7 +284,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         gain=gain,
         gain_by=gain_by,
         dispersion=dispersion,
-        late=min(late, 1),
+        late=int(any(lag(fit.model, one) > LATE for one in equals)),
         resolution=resolution,
         encoder_noise=encoder_noise(fit, resolution),
         cancelled=cancelled,
@@ -320,12 +321,20 @@ def _settled(
     return choice, found, cancelled
 
 
-def _gain(record: AxisRecord, fit: AxisFit, response: evidence.Response) -> tuple[float, str]:
+def _gain(
+    record: AxisRecord, fit: AxisFit, response: evidence.Response, band: tuple[float, float]
+) -> tuple[float, str]:
     """Relative uncertainty: what the intervals say, and what two halves of the record disagree.
 
     With what it comes from.
+
+    Args:
+        record: that was fitted.
+        fit: model on all of it.
+        response: with the intervals of one number for all frequencies.
+        band: where the response is known to 10 % [Hz].
     """
-    low, high = response.band
+    low, high = band
     if not np.isfinite(high):
         return UNKNOWN_GAIN, "the response is nowhere known to 10 %"
     inner = (response.frequency >= low) & (response.frequency <= max(high / 2, low))

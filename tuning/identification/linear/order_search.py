@@ -7,7 +7,7 @@ the rest, and not in one place alone. The best is one of those whose modes are a
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -177,12 +177,20 @@ class Settled:
     Attributes:
         fit: the model.
         rivals: by how much the logarithm of the likelihood is less with another delay, by delay.
-        equals: models of the other delays that the data do not tell from it.
+        models: those of the other delays, by delay.
     """
 
     fit: AxisFit
     rivals: dict[int, float]
-    equals: tuple[AxisModel, ...] = ()  # a lively record tells all others apart
+    models: dict[int, AxisModel] = field(default_factory=dict)
+
+    def equals(self, dispersion: float = 1.0) -> list[AxisModel]:
+        """Models of the other delays that the data do not tell from it.
+
+        Args:
+            dispersion: by how much more than noise the errors pull at the model.
+        """
+        return [self.models[d] for d, less in self.rivals.items() if less / dispersion < TELLS]
 
     def less_likely(self, other: "Settled") -> float:
         """By how much the logarithm of the likelihood is less than another's."""
@@ -207,7 +215,7 @@ def settled(record: AxisRecord, start: AxisFit, most_delay: int) -> Settled:
     best = min(_equal(found), key=lambda d: float(np.linalg.norm(found[d].model.numerator)))
     least = _likelihood(found[best])
     rivals = {d: _likelihood(v) - least for d, v in found.items() if d != best}
-    return Settled(found[best], rivals, tuple(found[d].model for d in rivals if rivals[d] < TELLS))
+    return Settled(found[best], rivals, {d: found[d].model for d in rivals})
 
 
 def _equal(found: dict[int, AxisFit]) -> list[int]:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from tuning.identification.linear import evidence
+from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.order_search import Choice, Settled, settled
 from tuning.identification.linear.output_error import AxisRecord
 
@@ -34,6 +35,20 @@ def rivals_of(
             rivals[d] = min(rivals.get(d, np.inf), behind + value)
     rivals.pop(model.delay, None)
     return rivals
+
+
+def lag(model: AxisModel, other: AxisModel) -> float:
+    """By how much another model answers later, at most [samples]; below zero where it is sooner.
+
+        tau(omega) = -arg(G'(omega) / G(omega)) / (omega dt)
+
+    over the decade up to the highest resonance: there loops are closed, and below it the smallest
+    error of a gain or of friction counts as many samples. A numerator may make up for a delay.
+    """
+    highest = may_ring_to(model.dt)
+    frequency = 2 * np.pi * np.geomspace(highest / 10, highest, PLACES)
+    turned = np.angle(other.response(frequency) / model.response(frequency))
+    return float(np.max(-turned / (frequency * model.dt)))
 
 
 def may_ring_to(dt: float) -> float:

@@ -105,4 +105,5 @@ def test_friction_that_falls_with_the_speed_is_told_by_what_is_fast():
     answer = evidence.response_of(fit, evidence.estimate_of(fit))
     some = (answer.frequency > 0.5) & (answer.frequency < 30)
     assert np.abs(response(answer.frequency[some]) / answer.value[some] - 1).max() < 5e-3
-    assert machine._gain(used.part(0, len(fit.residual)), fit, answer)[0] < 0.05  # by halves too
+    part = used.part(0, len(fit.residual))
+    assert machine._gain(part, fit, answer, answer.band)[0] < 0.05  # by halves too

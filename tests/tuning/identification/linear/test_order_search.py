@@ -142,9 +142,9 @@ def test_models_of_the_delays_that_are_not_told_apart_are_kept():
     record = AxisRecord(1e-3, u, y)
     found = settled(record, fitted(record, Structure(1, 1, 0, 2)), 5)
     near = {d for d, value in found.rivals.items() if value < TELLS}
-    assert near and {one.delay for one in found.equals} == near
+    assert near and {one.delay for one in found.equals()} == near
     at = np.array([2 * np.pi * 0.8])
-    for one in found.equals:  # all say the same where the motion was
+    for one in found.equals():  # all say the same where the motion was
         assert np.abs(one.response(at) / found.fit.model.response(at) - 1) < 0.01
 
 

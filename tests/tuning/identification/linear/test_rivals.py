@@ -9,7 +9,7 @@ from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.order_search import Candidate, Choice, Settled, settled
 from tuning.identification.linear.output_error import AxisFit, AxisRecord, Structure, fitted
 from tuning.identification.linear.recording import RecordedAxis, recorded
-from tuning.identification.linear.rivals import may_ring_to, rivals_of
+from tuning.identification.linear.rivals import lag, may_ring_to, rivals_of
 
 DT, ROWS = 1e-3, 6000
 
@@ -114,6 +114,22 @@ def test_what_a_richer_model_adds(richer, wanted, monkeypatch):
     record = AxisRecord(DT, np.zeros(9), np.zeros(9))
     said = rivals_of(record, found, choice, 6)
     assert said == wanted and found.rivals == {1: 6.0, 4: 9.0}
+
+
+@pytest.mark.parametrize(
+    ("numerator", "delay", "wanted"),
+    [
+        ([0.1], 2, 1.0),
+        ([0.0, 0.1], 0, 0.0),  # the numerator makes up for the delay
+        ([0.05, 0.05], 1, 0.5),  # a mean of two samples has the phase of half of one
+        ([0.13], 1, 0.0),  # a gain turns nothing
+        ([0.1], 0, -1.0),
+    ],
+)
+def test_a_lag_is_of_the_whole_response(numerator, delay, wanted):
+    one = AxisModel(np.array([-0.9]), np.array([0.1]), 1, 1, DT)
+    other = AxisModel(np.array([-0.9]), np.array(numerator), 1, delay, DT)
+    assert lag(one, other) == pytest.approx(wanted, abs=1e-9)
 
 
 def test_a_slow_clock_rings_less_high():
