@@ -46,6 +46,7 @@ def reasons_against(
     limit: str = "",
     allowing: str = "",
     feed_law: str = "jerk",
+    lasting: float = 0.0,
 ) -> list[str]:
     """Reasons against loading the weights, the gravest first; none where they may be loaded.
 
@@ -62,10 +63,11 @@ def reasons_against(
         limit: name of the one that the weights exceed most; empty where they exceed none.
         allowing: flag and value that allow what the weights reach, see `flag_allowing`.
         feed_law: of the motions.
+        lasting: samples in which an offset of the tool dies out to a third.
     """
     return [
         *_unstable(contours, margins, robust),
-        *_adrift(margins, contours),
+        *_adrift(lasting, contours),
         *_late(margins, delay, alone),
         *_infeasible(tuned, limit, allowing),
         *exceeded,
@@ -169,17 +171,26 @@ def _more_margin(margins: PathMargins) -> str:
     return f"--max-sensitivity {max(1.1, min(1.7, round(0.85 * there, 1))):g}"
 
 
-def _adrift(margins: PathMargins, contours: Sequence[TunedContour]) -> list[str]:
+def may_drift(margins: PathMargins, contours: Sequence[TunedContour]) -> bool:
+    """Whether something in the frozen loops lasts longer than any path: the tool, or not."""
+    slow = (1 - margins.spectral_radius) * SLOWEST * _longest(contours) <= 1
+    return margins.stable and slow
+
+
+def _adrift(lasting: float, contours: Sequence[TunedContour]) -> list[str]:
     """A loop whose feedback does next to nothing: stable by a hair, and the tool drifts."""
-    longest = max(one.samples for one in contours)
-    left = 1 - margins.spectral_radius
-    if not margins.stable or left * SLOWEST * longest > 1:
+    longest = _longest(contours)
+    if lasting < SLOWEST * longest:
         return []
+    took = f"takes {lasting:.2g} samples to come back" if np.isfinite(lasting) else "stays there"
     return [
-        "the feedback does next to nothing: with its gains frozen at a point of the training "
-        f"paths, an error takes {1 / left:.2g} samples to die out, the longest contour has "
-        f"{longest}: begin at larger gains (--weights)"
+        f"the feedback does next to nothing: a tool off its path {took}, the longest contour has "
+        f"{longest} samples: begin at larger gains (--weights)"
     ]
+
+
+def _longest(contours: Sequence[TunedContour]) -> int:
+    return max(one.samples for one in contours)
 
 
 def _late(margins: PathMargins, delay: int, alone: bool) -> list[str]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -23,6 +24,7 @@ from experiments.files.results.tuned_result import (
 from experiments.jobs.replays import Replay, Scenarios, replay, scored
 from experiments.machines.machine import Fed, Machine
 from experiments.reports.figures.tuning.sensitivity import FamilyCurves
+from experiments.runs.checks.drift import offset_lasts
 from experiments.runs.checks.machine_limits import exceeded_limits
 from experiments.runs.checks.path_margins import path_margins
 from experiments.runs.checks.recommendation import (
@@ -30,6 +32,7 @@ from experiments.runs.checks.recommendation import (
     exceeded_most,
     flag_allowing,
     hardly_worse,
+    may_drift,
     reasons_against,
 )
 from experiments.runs.checks.robustness import robust_test
@@ -41,7 +44,7 @@ from experiments.runs.tuning.problem import TuningRun
 from experiments.runs.tuning.searching import Searched
 from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.controller import Controller
-from jcontour.simulation.evaluation import stack_plants
+from jcontour.simulation.evaluation import member, stack_plants
 from tuning.objectives import LEAST
 from tuning.parameters import Chart
 from tuning.tune import Tuned
@@ -131,7 +134,8 @@ def tuned_result(
     law = run.flags.feed_law
     alone = len(run.machine.family_names) == 1
     told = tuned, contours, margins, robust, exceeded, error
-    reasons = reasons_against(*told, delay, alone, finest, limit, allowing, law)
+    lasting = _offset_lasts(run, tuned) if may_drift(margins, contours) else 0.0
+    reasons = reasons_against(*told, delay, alone, finest, limit, allowing, law, lasting)
     warnings = run_warnings(run, tuned, margins, replays)
     warnings += idle_warnings(searched.idle)
     warnings += standstill_warnings(trials["tuned"].standstill, run)
@@ -170,6 +174,14 @@ def tuned_result(
         seconds=seconds,
         certified=certified,
     )
+
+
+def _offset_lasts(run: TuningRun, tuned: Tuned) -> float:
+    """Samples in which the tool comes back to the training paths, on the slowest of them."""
+    plant, controller = run.machine.nominal(run.design.fed), run.controller(tuned.weights)
+    references = jax.device_get(run.scenarios.references)
+    trained = np.flatnonzero(run.scenarios.training).tolist()
+    return max(offset_lasts(plant, controller, member(references, k)) for k in trained)
 
 
 def shown_contours(run: TuningRun, replays: Mapping[str, Replay]) -> list[int]:

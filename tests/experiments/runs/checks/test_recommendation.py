@@ -15,6 +15,7 @@ from experiments.runs.checks.recommendation import (
     exceeded_most,
     flag_allowing,
     hardly_worse,
+    may_drift,
     reasons_against,
 )
 from jcontour.simulation.limit_use import LimitUse
@@ -99,9 +100,13 @@ def test_each_fault_is_one_line(changes, words):
 
 def test_a_loop_that_drifts_is_no_loop():
     """Contours of 10 samples: ten times as long are 100, and the radius for that is 0.99."""
-    assert reasons(margins=margins(0.9899)) == []
-    (line,) = reasons(margins=margins(1 - 1e-7))
+    assert not may_drift(margins(0.9899), GOOD) and may_drift(margins(0.9901), GOOD)
+    assert not may_drift(margins(1.0), GOOD)  # unstable: told as that
+    assert reasons(margins=margins(1 - 1e-7), lasting=99.0) == []
+    (line,) = reasons(lasting=1e7)
     assert "the feedback does next to nothing" in line and "takes 1e+07 samples" in line
+    (line,) = reasons(lasting=np.inf)
+    assert "stays there" in line
 
 
 def test_one_plant_alone_needs_a_sample_of_delay():
