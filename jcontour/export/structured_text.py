@@ -1,7 +1,8 @@
 """A drive's law as a function block in IEC 61131-3 structured text.
 
 The plan stays outside of the block: a PLC hands it one line of `plan.csv` every sample, from a
-recipe or from its host.
+recipe or from its host. Names differ by more than their case, which compilers do not see, and
+matrices have no single letters, which are addresses or qualifiers in some.
 """
 
 from collections.abc import Sequence
@@ -32,10 +33,10 @@ def structured_text(
     ]
     constants = []
     if law.correction is not None:
-        constants += [("L", law.correction.L), ("C", law.correction.C)]
-    constants += [("A", law.A), ("B", law.B), ("E", law.E)]
+        constants += [("matrix_L", law.correction.L), ("matrix_C", law.correction.C)]
+    constants += [("matrix_A", law.A), ("matrix_B", law.B), ("matrix_E", law.E)]
     if np.isfinite(law.limit).any():
-        constants.append(("MOST", np.where(np.isfinite(law.limit), law.limit, 3.4e38)))
+        constants.append(("most", np.where(np.isfinite(law.limit), law.limit, 3.4e38)))
     return _BLOCK.substitute(
         notes="\n".join(plain(line) for line in notes),
         kind=kind,
@@ -76,9 +77,9 @@ def _start(law: DriveLaw) -> list[str]:
     q, n = law.measured, law.states
     lines = []
     if n:
-        lines = ["IF restart THEN", *_each(n, "    ", "e[i] := 0.0;"), "END_IF;"]
-    told = "(* departure from the planned run: z := y - r *)"
-    return [*lines, told, *_each(q, "", "z[i] := measured[i] - expected[i];")]
+        lines = ["IF restart THEN", *_each(n, "    ", "memory[i] := 0.0;"), "END_IF;"]
+    told = "(* departure from the planned run: z = y - r *)"
+    return [*lines, told, *_each(q, "", "departure[i] := measured[i] - expected[i];")]
 
 
 def _each(count: int, indent: str, statement: str) -> list[str]:
@@ -92,17 +93,17 @@ def _correction(law: DriveLaw) -> list[str]:
         return []
     n, q = law.states, law.measured
     return [
-        "(* correction: e := e + L (z - C e) *)",
-        *_sum(q, "miss", "z[i]", [("-", "C", n, "e")]),
-        *_sum(n, "e", "e[i]", [("+", "L", q, "miss")]),
+        "(* correction of the memory: e + L (z - C e) *)",
+        *_sum(q, "miss", "departure[i]", [("-", "matrix_C", n, "memory")]),
+        *_sum(n, "memory", "memory[i]", [("+", "matrix_L", q, "miss")]),
     ]
 
 
 def _control(law: DriveLaw, plan: DrivePlan) -> list[str]:
     n, p, q = law.states, law.inputs, law.measured
-    terms = [("-", "feedback", n, "e")] if _there(plan.F) else []
-    terms += [("-", "direct", q, "z")] if _there(plan.D) else []
-    lines = ["(* control: u := f - F e - D z *)", *_sum(p, "control", "planned[i]", terms)]
+    terms = [("-", "feedback", n, "memory")] if _there(plan.F) else []
+    terms += [("-", "direct", q, "departure")] if _there(plan.D) else []
+    lines = ["(* control: u = f - F e - D z *)", *_sum(p, "control", "planned[i]", terms)]
     if np.isfinite(law.limit).any():
         lines += _each(p, "", f"control[i] := {_kept(law, 'control[i]')};")
     return lines
@@ -110,7 +111,7 @@ def _control(law: DriveLaw, plan: DrivePlan) -> list[str]:
 
 def _kept(law: DriveLaw, signal: str) -> str:
     """A control within its limit."""
-    return f"LIMIT(-MOST[i], {signal}, MOST[i])" if np.isfinite(law.limit).any() else signal
+    return f"LIMIT(-most[i], {signal}, most[i])" if np.isfinite(law.limit).any() else signal
 
 
 def _memory(law: DriveLaw) -> list[str]:
@@ -124,13 +125,13 @@ def _memory(law: DriveLaw) -> list[str]:
     terms = [
         ("+", name, size, signal)
         for name, matrix, size, signal in (
-            ("A", law.A, n, "e"),
-            ("B", law.B, law.inputs, "change"),
-            ("E", law.E, law.measured, "z"),
+            ("matrix_A", law.A, n, "memory"),
+            ("matrix_B", law.B, law.inputs, "change"),
+            ("matrix_E", law.E, law.measured, "departure"),
         )
         if matrix is not None
     ]
-    return [*lines, *_sum(n, "after", "0.0", terms), *_each(n, "", "e[i] := after[i];")]
+    return [*lines, *_sum(n, "after", "0.0", terms), *_each(n, "", "memory[i] := after[i];")]
 
 
 def _sum(rows: int, name: str, first: str, terms: Sequence[tuple[str, str, int, str]]) -> list[str]:
@@ -162,8 +163,8 @@ VAR_OUTPUT
     control : ARRAY[1..$p] OF $kind; (* u *)
 END_VAR
 ${constants}VAR
-    e : ARRAY[1..$n] OF $kind; (* memory, less that of the planned run *)
-    z : ARRAY[1..$q] OF $kind; (* measured, less that of the planned run *)
+    memory : ARRAY[1..$n] OF $kind; (* e: less that of the planned run *)
+    departure : ARRAY[1..$q] OF $kind; (* z: measured, less that of the planned run *)
     after : ARRAY[1..$n] OF $kind;
     change : ARRAY[1..$p] OF $kind;
     miss : ARRAY[1..$q] OF $kind;

@@ -14,6 +14,33 @@ import pytest
 
 from jcontour.export.structured_text import structured_text
 
+# IEC 61131-3: keywords, elementary and generic types, standard functions and blocks, operators and
+# action qualifiers
+RESERVED = set(
+    """
+    ABSTRACT ACTION ARRAY AT BY CASE CLASS CONFIGURATION CONSTANT CONTINUE DO ELSE ELSIF EN ENO
+    END_ACTION END_CASE END_CLASS END_CONFIGURATION END_FOR END_FUNCTION END_FUNCTION_BLOCK END_IF
+    END_INTERFACE END_METHOD END_NAMESPACE END_PROGRAM END_REPEAT END_RESOURCE END_STEP END_STRUCT
+    END_TRANSITION END_TYPE END_VAR END_WHILE EXIT EXTENDS FALSE FINAL FOR FROM FUNCTION
+    FUNCTION_BLOCK F_EDGE IF IMPLEMENTS INITIAL_STEP INTERFACE INTERNAL INTERVAL METHOD NAMESPACE
+    NON_RETAIN NULL OF ON OVERLAP OVERRIDE PRIORITY PRIVATE PROGRAM PROTECTED PUBLIC READ_ONLY
+    READ_WRITE REF REF_TO REPEAT RESOURCE RETAIN RETURN R_EDGE SINGLE STEP STRUCT SUPER TASK THEN
+    THIS TO TRANSITION TRUE TYPE UNTIL USING VAR VAR_ACCESS VAR_CONFIG VAR_EXTERNAL VAR_GLOBAL
+    VAR_INPUT VAR_IN_OUT VAR_OUTPUT VAR_TEMP WHILE WITH
+    ANY ANY_BIT ANY_DATE ANY_DERIVED ANY_ELEMENTARY ANY_INT ANY_MAGNITUDE ANY_NUM ANY_REAL
+    ANY_STRING BOOL BYTE CHAR DATE DATE_AND_TIME DINT DT DWORD INT LDATE LDT LINT LREAL LTIME LTOD
+    LWORD REAL SINT STRING TIME TIME_OF_DAY TOD UDINT UINT ULINT USINT WCHAR WORD WSTRING
+    ABS ACOS ADD ASIN ATAN ATAN2 CONCAT COS DELETE DIV EQ EXP EXPT FIND GE GT INSERT LE LEFT LEN
+    LIMIT LN LOG LT MAX MID MIN MOD MOVE MUL MUX NE REPLACE RIGHT ROL ROR SEL SHL SHR SIN SQRT SUB
+    TAN TRUNC AND NOT OR XOR
+    CTD CTU CTUD F_TRIG RS RTC R_TRIG SEMA SR TOF TON TP
+    ANDN CAL CALC CALCN D DS JMP JMPC JMPCN L LD LDN N ORN P R RET RETC RETCN S SD SL ST STN XORN
+    """.split()
+)
+USED = {"FUNCTION_BLOCK", "END_FUNCTION_BLOCK", "VAR_INPUT", "VAR_OUTPUT", "VAR", "CONSTANT"}
+USED |= {"END_VAR", "ARRAY", "OF", "BOOL", "INT", "LREAL", "REAL", "FOR", "TO", "DO", "END_FOR"}
+USED |= {"IF", "THEN", "ELSE", "END_IF", "AND", "TRUE", "FALSE", "LIMIT"}  # of the reserved ones
+
 
 def as_python(text):
     """Statements and constants of a block: FOR, IF and := are all that it has."""
@@ -50,9 +77,9 @@ def test_the_block_gives_the_controls_of_the_law(law_and_plan, recorded):
     assert "VAR CONSTANT\nEND_VAR" not in text  # no compiler takes a part without variables
     code, names = as_python(text)
     one = np.zeros(1)
-    names |= {"e": np.full(law.states + 1, 9.0), "after": np.zeros(law.states + 1)}
+    names |= {"memory": np.full(law.states + 1, 9.0), "after": np.zeros(law.states + 1)}
     names |= {"miss": np.zeros(law.measured + 1), "control": np.zeros(law.inputs + 1)}
-    names |= {"z": np.zeros(law.measured + 1), "change": np.zeros(law.inputs + 1)}
+    names |= {"departure": np.zeros(law.measured + 1), "change": np.zeros(law.inputs + 1)}
     names["LIMIT"] = lambda least, value, most: min(max(value, least), most)
     program = compile(code, "controller.st", "exec")
     for k in range(plan.steps):
@@ -72,6 +99,22 @@ def test_the_declared_sizes_are_those_of_the_numbers(law_and_plan):
     for size, values in re.findall(r"ARRAY\[1\.\.(\d+)\] OF REAL := \[([^\]]*)\]", text):
         assert len(values.split(",")) == int(size)
     assert "LREAL" not in text
+
+
+def test_a_compiler_that_sees_no_case_finds_every_name_declared_once(law_and_plan):
+    """All words of the block: keywords, or names that are declared; none of them is both."""
+    text = structured_text(*law_and_plan, ["machine *) e : INT; (*"], "double")
+    bare = re.sub(r"\(\*.*?\*\)", " ", text, flags=re.DOTALL)
+    declared = [
+        name.upper() for name in re.findall(r"^\s*(\w+)\s*:(?!=)", bare, flags=re.MULTILINE)
+    ]
+    declared += [name.upper() for name in re.findall(r"FUNCTION_BLOCK (\w+)", bare)]
+    assert len(declared) > 8 and len(set(declared)) == len(declared)
+    assert not RESERVED & set(declared)
+    assert not {name for name in declared if len(name) == 1} & set("ABCDELMPQT")  # addresses in SCL
+    numbers = r"(?<![\w.])\d[\d.]*(?:[eE][+-]?\d+)?"
+    words = {word.upper() for word in re.findall(r"[A-Za-z_]\w*", re.sub(numbers, " ", bare))}
+    assert words <= set(declared) | USED and USED <= RESERVED
 
 
 @pytest.mark.skipif(
