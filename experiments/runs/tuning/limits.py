@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from experiments.designs.design import Design
 from experiments.flags.shared import Aimed, Limited
@@ -27,6 +28,7 @@ LIMITS = {  # flag -> metric, factor to SI
     "max_rms_increment": ("rms_increment", 1.0),
     "max_peak_increment": ("peak_increment", 1.0),
 }
+MOVING = 0.5  # of the error of a tool that stands still: most that one may lag
 LATE_RADIUS = 0.999  # of a loop at its delay margin: a ring has decayed after a few 1000 samples
 
 
@@ -69,12 +71,21 @@ def ratio_limit(flags: Tune) -> dict[str, float]:
 def lag_limit(machine: Machine, design: Design, references: Reference) -> dict[str, float]:
     """Bound on the RMS tracking error along contours: some samples of travel at the fastest feed.
 
-    Contour error alone is also small for a tool that lags, or hardly moves.
+    Contour error alone is also small for a tool that lags, or hardly moves. The bound is at most
+    `MOVING` of the error of a tool that stands still on the contour where that is largest.
     """
     if machine.error != "contour":
         return {}
     steps = jnp.linalg.norm(jnp.diff(references.position, axis=1), axis=-1)
-    return {"rms_tracking_error": design.lag * float(jnp.max(steps))}
+    travel, still = design.lag * float(jnp.max(steps)), float(_standing(references).max())
+    return {"rms_tracking_error": min(travel, MOVING * still) if still > 0 else travel}
+
+
+def _standing(references: Reference) -> Float[np.ndarray, " c"]:
+    """RMS tracking error of a tool that stands still where each contour begins [m]."""
+    position, counted = np.asarray(references.position), np.asarray(references.mask)
+    squares = ((position - position[:, :1]) ** 2).sum(axis=-1) * counted
+    return np.sqrt(squares.sum(axis=1) / np.maximum(counted.sum(axis=1), 1))
 
 
 def effort_limit(flags: Aimed, usual: Usual, problem: Problem, start: Weights) -> dict[str, float]:
