@@ -56,6 +56,11 @@ def worst_contour_error(outcome: Outcome) -> Float[Array, "1 v"]:
     return jnp.ravel(outcome.metrics.rms_contour_error)[None]
 
 
+def worst_increment(outcome: Outcome) -> Float[Array, "1 v"]:
+    """RMS control increment du of every contour c and plant p in one row: f is the largest."""
+    return jnp.ravel(outcome.metrics.rms_increment)[None]
+
+
 def mean_contour_error(outcome: Outcome) -> Float[Array, "1 1"]:
     """Mean over contours and plants of the RMS contour error [m]: f = mean over c, p of e."""
     return jnp.mean(outcome.metrics.rms_contour_error)[None, None]

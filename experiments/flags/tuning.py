@@ -59,7 +59,7 @@ class Front(Aimed):
     """Number of budgets along the front."""
     least: Annotated[float | None, arg(aliases=["--least-increment"])] = None
     """Smallest budget: an RMS increment [control unit per sample], or Ms.
-    When not given, the increment of the first weights, or Ms = 1.4."""
+    When not given, 1 % above the least increment within all other limits, or Ms = 1.4."""
     most: Annotated[float | None, arg(aliases=["--most-increment"])] = None
     """Largest budget, likewise.
     When not given, the increment of the best weights without a budget, or Ms = 3."""

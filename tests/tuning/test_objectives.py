@@ -18,6 +18,7 @@ from tuning.objectives import (
     typical_contour_error,
     typical_tracking_error,
     worst_contour_error,
+    worst_increment,
     worst_tracking_error,
 )
 from tuning.outcome import LoopPeaks, Outcome
@@ -57,6 +58,11 @@ def test_objectives_return_rows(error, mean, worst, typical):
 def test_bad_best_errors_are_named(best):
     with pytest.raises(ValueError, match="best: needs one finite error above zero"):
         Regret(best)
+
+
+def test_the_largest_increment_is_an_objective():
+    there = Outcome(metrics(rms_increment=ERRORS))
+    np.testing.assert_allclose(worst_increment(there), ERRORS.reshape(1, 4))
 
 
 def test_regret_needs_a_best_for_every_contour():

@@ -91,7 +91,7 @@ def next_steps(result: FrontResult, task: str) -> list[str]:
     if result.tracking_cap is not None:
         lines.append(
             f"The RMS tracking error is held below {1e6 * result.tracking_cap:.4g} um, "
-            "a few samples of travel: a machine that stands still has no contour error. "
+            "so that the tool does not lag too far: one that stands still has no contour error. "
             "Another cap: --max-tracking-error-um."
         )
     if result.slack:

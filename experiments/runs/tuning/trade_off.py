@@ -4,12 +4,12 @@ All other limits hold at every point. The search is `tuning.pareto`. Where no la
 increment is given, it first tunes within the increment of the first weights, a calm loop, and goes
 on from there without a budget: the increment that those weights need is the largest budget that can
 bite. (A search that begins without a budget ends in rough weights more often than in good ones.)
-Where no smallest is given, it is the increment of the first weights. Every search has a folder of
-its own inside the run folder, with the state of its tuner, so that an interrupted front goes on
-where it was.
+Where no smallest is given, the least increment that all other limits allow is searched for: it is
+that, and a little room. Every search has a folder of its own inside the run folder, with the state
+of its tuner, so that an interrupted front goes on where it was.
 
 A machine that stands still at the start of its contour has no contour error. So the tracking error
-is limited too, as in `jcontour tune`: as the flags say, or to a few samples of travel.
+is limited too, as in `jcontour tune`: as the flags say, or to some samples of travel.
 """
 
 import json
@@ -34,20 +34,22 @@ from experiments.runs.tuning.regret import with_regret
 from jcontour.analysis.probes import probe_windows
 from jcontour.simulation.metrics import Metrics
 from tuning.effort import QUICK
-from tuning.objectives import AtMost
+from tuning.history import FEASIBLE, Evaluated, sound
+from tuning.objectives import AtMost, worst_increment
 from tuning.parameters import Chart
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
-from tuning.point import evaluate_values
+from tuning.point import evaluate_values, objective_value
 from tuning.problem import Problem
-from tuning.tune import TuneState
+from tuning.tune import TuneState, advance
 
 # a budget begins where the one before ended, which may be a local optimum: several others help
 EFFORT = replace(QUICK, starts=4, scatter=16, steps=40, tolerance=1e-4, every_start=True)
 NO_BUDGET = 1e30  # control units: the search without a budget is the same program as with one
-LEAST = 3 / 4  # smallest budget over the largest, at most, where none is given
+ROOM = 1.01  # smallest budget over the least increment: room to search in
+LEAST = 3 / 4  # smallest budget over the largest, where no weights keep the other limits
 SENSITIVITIES = (1.4, 3.0)  # smallest and largest: very robust, and the most that should run
 SLACK = 0.99  # part of a budget below which it is not used up
-CALM, FREE, BUDGETS = "first-weights", "without-budget", "budgets.json"
+CALM, FREE, CALMEST, BUDGETS = "first-weights", "without-budget", "least-increment", "budgets.json"
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
     flags, run = search.flags, search.run
     problems: list[Problem] = []
     places: list[Path] = []
-    calm, needed = None, None
+    needed, least, state = None, None, FrontState()
     with progress_of(console, run.settings, run.machine.error) as show_progress:
         if flags.objective == "regret":
             run = with_regret(run, folder, show_progress)
@@ -124,10 +126,14 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
             needed = _worst(
                 front_points(problems, run.start, state)[-1].outcome.metrics, "increment"
             )
-        budgets = _budgets(flags, calm, needed, folder)
+        if _least_needed(flags, folder):
+            least, calmest = _calmest(search, state, folder / CALMEST, show_progress)
+            state = replace(state, histories=[*state.histories, calmest])
+            problems = [*problems, search.within(NO_BUDGET)]
+        budgets = _budgets(flags, least, needed, folder)
         problems += [search.within(budget) for budget in budgets]
-        places += [folder / f"budget-{k}" for k in range(len(budgets))]
-        state = _searched(problems, places, run, show_progress)
+        places = [folder / f"budget-{k}" for k in range(len(budgets))]
+        state = _searched(problems, places, run, show_progress, state.histories)
     found = front_points(problems, run.start, state)[-len(budgets) :]
     return FrontResult(
         machine=MachineUnits(run.machine.control_unit),
@@ -146,12 +152,21 @@ def _searched(
     places: Sequence[Path],
     run: TuningRun,
     show_progress: Callable[[TuneState], None],
+    before: Sequence[list[Evaluated]] = (),
 ) -> FrontState:
-    """The search through all problems; it goes on from the states that are stored in the places."""
-    state = _load(places)
+    """The search through all problems; it goes on from the states that are stored in the places.
+
+    Args:
+        problems: all.
+        places: folders of those that are not in `before`.
+        run: that is tuned.
+        show_progress: is told every state.
+        before: histories of the first problems.
+    """
+    state = _load(places, before)
     while not done(problems, state):
         state = advance_front(problems, run.start, run.settings, state)
-        k = len(state.histories)
+        k = len(state.histories) - len(before)
         if k < len(places) and state.run.history:
             places[k].mkdir(exist_ok=True)
             save_state(places[k], state.run)
@@ -159,9 +174,9 @@ def _searched(
     return state
 
 
-def _load(places: Sequence[Path]) -> FrontState:
+def _load(places: Sequence[Path], before: Sequence[list[Evaluated]]) -> FrontState:
     """State of the search that the stored states of its problems add up to."""
-    histories = []
+    histories = [*before]
     for place in places:
         run = load_state(place)
         if not run.done:
@@ -176,6 +191,50 @@ def _optimum_needed(flags: Front, folder: Path) -> bool:
     return flags.against == "increment" and flags.most is None and not chosen_before
 
 
+def _least_needed(flags: Front, folder: Path) -> bool:
+    """Whether the smallest budget comes from a search for it; older runs have none."""
+    chosen_before = (folder / BUDGETS).exists() and not (folder / CALMEST).exists()
+    return flags.against == "increment" and flags.least is None and not chosen_before
+
+
+def _calmest(
+    search: Search, before: FrontState, place: Path, show_progress: Callable[[TuneState], None]
+) -> tuple[float | None, list[Evaluated]]:
+    """The least increment within all other limits, and the points that were tried.
+
+    None where no point keeps them. The objective of the points is that of the front.
+
+    Args:
+        search: the front.
+        before: searches that are done; the calmest of their points is the first.
+        place: folder of this search.
+        show_progress: is told every state.
+    """
+    run, problem, state = search.run, search.within(NO_BUDGET), load_state(place)
+    known = sound([row for history in before.histories for row in history])
+    if state.start < 0 and known:
+        state = replace(state, begin=min(known, key=_calmness).z)
+    asked = replace(problem, objective=worst_increment)
+    while not state.done:
+        state = advance(asked, run.start, QUICK, state)
+        place.mkdir(exist_ok=True)
+        save_state(place, state)
+        show_progress(state)
+    kept = [row for row in sound(state.history) if row.violation <= FEASIBLE]
+    least = min((_worst(row.outcome.metrics, "increment") for row in kept), default=None)
+    rows = [row._replace(objective=_objective(problem, row)) for row in state.history]
+    return least, rows
+
+
+def _objective(problem: Problem, row: Evaluated) -> float:
+    return objective_value(np.asarray(problem.objective(row.outcome)))
+
+
+def _calmness(row: Evaluated) -> tuple[float, float]:
+    """Order of points: the least violation, and of the feasible ones the least increment."""
+    return max(row.violation, FEASIBLE), _worst(row.outcome.metrics, "increment")
+
+
 def _calm(search: Search) -> float | None:
     """RMS increment of the first weights; None where they diverge."""
     problem, start = search.run.problem, search.run.start
@@ -183,14 +242,16 @@ def _calm(search: Search) -> float | None:
     return None if point.diverged else _worst(point.outcome.metrics, "increment")
 
 
-def _budgets(flags: Front, calm: float | None, needed: float | None, folder: Path) -> list[float]:
+def _budgets(
+    flags: Front, least_kept: float | None, needed: float | None, folder: Path
+) -> list[float]:
     """Budgets from the smallest to the largest, even in the logarithm.
 
     They are kept in the run folder once they are chosen.
 
     Args:
         flags: may give the smallest and the largest.
-        calm: increment of the first weights.
+        least_kept: least increment within the other limits.
         needed: increment of the best weights without a budget.
         folder: of the run.
 
@@ -199,23 +260,28 @@ def _budgets(flags: Front, calm: float | None, needed: float | None, folder: Pat
     """
     path = folder / BUDGETS
     if not path.exists():
-        least, most = _ends(flags, calm, needed)
+        least, most = _ends(flags, least_kept, needed)
         if least > most:
+            least_words = "" if flags.least else ", the least that the other limits allow,"
+            most_words = "" if flags.most else ", which the best weights need without"
             raise ValueError(
-                f"least: {least:.4g} is above the largest budget, {most:.4g}"
-                + ("" if flags.most or needed is None else ", which the best weights need without")
+                f"least: {least:.4g}{least_words} is above the largest budget, "
+                f"{most:.4g}{most_words}"
             )
         budgets = np.geomspace(least, most, flags.points) if flags.points > 1 else [most]
         run_folder.write_json(path, {"budgets": budgets})
     return json.loads(path.read_text())["budgets"]
 
 
-def _ends(flags: Front, calm: float | None, needed: float | None) -> tuple[float, float]:
+def _ends(flags: Front, least_kept: float | None, needed: float | None) -> tuple[float, float]:
     if flags.against == "sensitivity":
         return flags.least or SENSITIVITIES[0], flags.most or SENSITIVITIES[1]
     most = flags.most or needed
     assert most is not None
-    return flags.least or min(LEAST * most, calm or np.inf), most
+    if flags.least:
+        return flags.least, most
+    least = LEAST * most if least_kept is None else ROOM * least_kept
+    return (least if flags.most else min(least, most)), most
 
 
 def _worst(metrics: Metrics, name: str) -> float:
