@@ -122,16 +122,18 @@ class Trace(Common):
     """Weight on the contour error [1/mm^2]."""
     q_lag: float = 200.0  # the paper's
     """Weight on the lag error [1/mm^2]; large, or progress is not what it says."""
-    r_control: float = 60.0  # the paper's
-    """Weight on the change of every control from step to step [1/control unit^2]."""
+    r_control: float | None = None
+    """Weight on the change of every control from step to step [1/control unit^2].
+    15 / limit^2 when not given, of the limit on that control: 60 on the table, as in the paper."""
     r_speed: float = 200.0  # the paper's
     """Weight on the change of the path speed from step to step [1/(mm per step)^2]."""
     horizon: int = 7  # the paper's, section 5
     """Steps that the controller looks ahead, at most 100."""
     period_ms: float | None = None
     """Period of the controller [ms]; 4 for the table, that of the machine otherwise."""
-    max_speed_mm_s: float = 250.0  # the paper's 1 mm per 4 ms
-    """Highest path speed [mm/s]."""
+    max_speed_mm_s: float | None = None
+    """Highest path speed [mm/s].
+    250 when not given, or the least speed limit of the machine's axes where that is lower."""
     max_control: float | None = None
     """Limit on every control; the machine's own when not given."""
     fallback: Fallback = FALLBACK

@@ -11,6 +11,8 @@ from jcontour.geometry.contour import Contour
 
 # times step and error: where a tool cuts a corner of 28 degrees, its nearest point jumps so far
 REACH = 8.0
+RETURN = 0.02  # [rad] a corner as sharp as this is a way back along the same line
+TIE = 1e-12  # of the path's length: points as near as this differ by rounding, the one ahead counts
 BLOCK = 1024  # samples: runs end at different ones, and share programs of whole blocks
 END_MARGIN = 0.5e-3  # [m] before the end of the path: there the run counts as done
 
@@ -41,9 +43,10 @@ def traversal_score(
     dt: float,
     start: float = 0.0,
     margin: float = END_MARGIN,
-    progress: Float[ArrayLike, " T"] | None = None,
 ) -> Score:
     """Time and contour error of a tool path.
+
+    The tool is followed from sample to sample; where its controller holds it to be does not count.
 
     Args:
         contour: the path.
@@ -51,21 +54,34 @@ def traversal_score(
         dt: sample period [s].
         start: arc length at which it begins [m].
         margin: before the end of the path [m]: there the run counts as done.
-        progress: (T,) where the controller holds the tool to be [m]. The nearest point is then
-            sought around it, which finds its way around sharp corners; without it, it is sought
-            around the one before.
     """
     steps = np.shape(output)[0]
-    if progress is None:
-        found = _followed(contour, _whole_blocks(output), jnp.asarray(float(start)))
-    else:
-        found = _around(contour, _whole_blocks(output), _whole_blocks(progress))
+    times = jnp.asarray(_times(contour))
+    found = _followed(contour, _whole_blocks(output), jnp.asarray(float(start)), times)
     arc, error = (np.asarray(values)[:steps] for values in found)
     there = np.flatnonzero(arc >= float(contour.length) - margin)
     last = int(there[0]) if there.size else len(arc) - 1
     counted = error[1 : last + 1]
     time = last * dt if there.size else np.nan
     return Score(time, float(np.sqrt(np.mean(counted**2))), float(counted.max()), arc, error)
+
+
+def outrun(
+    contour: Contour,
+    score: Score,
+    progress: Float[ArrayLike, " T"],
+    margin: float = END_MARGIN,
+) -> bool:
+    """Whether the controller's progress came to the end of a path whose end its tool never reached.
+
+    Args:
+        contour: the path.
+        score: of the run, found with this margin.
+        progress: arc length at which the controller holds the tool to be [m].
+        margin: before the end of the path [m].
+    """
+    there = float(np.max(np.asarray(progress))) >= float(contour.length) - margin
+    return there and not np.isfinite(score.time)
 
 
 def _whole_blocks(rows: ArrayLike) -> Float[Array, "..."]:
@@ -76,37 +92,59 @@ def _whole_blocks(rows: ArrayLike) -> Float[Array, "..."]:
 
 
 @jax.jit
-def _followed(contour: Contour, output, start):
-    """Nearest point of every sample, each sought around the one before.
+def _followed(contour: Contour, output, start, times):
+    """Nearest point of every sample, each sought around the one before, and the distance to it.
 
-    Start and end of a closed path coincide, laps unroll.
+    It goes no further than the tool may have moved, and on a closed path no further than half a
+    lap: start and end coincide there, laps unroll.
     """
-    length = contour.length
 
     def advance(carry, samples):
         arc, error = carry
         before, here = samples
-        reach = REACH * (jnp.linalg.norm(here - before) + error) + 1e-6 * length
-        nearest = contour.nearest(here, arc, reach)
-        arc = _unrolled(contour, arc, nearest)
-        error = jnp.linalg.norm(here - contour.position(arc))
-        return (arc, error), (arc, error)
+        reach = times * (jnp.linalg.norm(here - before) + error) + 1e-6 * contour.length
+        (ahead, off), (behind, apart) = (
+            _foot(contour, here, arc, reach, sense) for sense in (1.0, -1.0)
+        )
+        back = apart < off - TIE * contour.length  # a path may return along itself
+        found = jnp.where(back, behind, ahead), jnp.where(back, apart, off)
+        return found, found
 
     first = jnp.linalg.norm(output[0] - contour.position(start))
     before = jnp.concatenate([output[:1], output[:-1]])
     return jax.lax.scan(advance, (start, first), (before, output))[1]
 
 
-@jax.jit
-def _around(contour: Contour, output, progress):
-    """Nearest point of every sample around a known progress."""
-    gap = jnp.linalg.norm(output - contour.position(progress), axis=-1)
-    nearest = contour.nearest(output, progress, REACH * gap + 1e-6 * contour.length)
-    arc = _unrolled(contour, progress, nearest)
-    return arc, jnp.linalg.norm(output - contour.position(arc), axis=-1)
+def _foot(contour: Contour, here, arc, reach, sense):
+    """Nearest point within reach to one side of `arc`, and the distance to it.
+
+    `sense` is 1 for the way ahead and -1 for the way behind.
+    """
+    left = contour.length - arc if sense > 0 else arc
+    half = 0.5 * jnp.minimum(reach, jnp.where(contour.closed, 0.5 * contour.length, left))
+    middle = arc + sense * half
+    foot = _unrolled(contour, middle, contour.nearest(here, middle, half))
+    return foot, jnp.linalg.norm(here - contour.position(foot))
+
+
+def _times(contour: Contour) -> float:
+    """How many times step and error a nearest point may jump: at the sharpest corner of the path.
+
+    Where a tool leaves a leg of a corner of the angle a by e, the point of the other leg that is as
+    near is 2 e / tan(a / 2) further. Below `RETURN` both legs count as one line.
+    """
+    mask = np.asarray(contour.mask)
+    pieces = jax.tree.map(lambda rows: rows[mask], contour.pieces)
+    ends = [np.asarray(pieces.jet(at)[1]) for at in (pieces.extent, 0.0 * pieces.extent)]
+    before, after = (rows / np.linalg.norm(rows, axis=-1, keepdims=True) for rows in ends)
+    turn = np.sum(before * np.roll(after, -1, axis=0), axis=-1)
+    angle = np.pi - np.arccos(np.clip(turn, -1.0, 1.0))
+    corners = angle if bool(contour.closed) else angle[:-1]
+    sharpest = float(np.min(corners[corners > RETURN], initial=np.pi))
+    return max(REACH, 2.0 / np.tan(0.5 * sharpest))
 
 
 def _unrolled(contour: Contour, arc, nearest):
     """The nearest point as an arc length on the lap that `arc` is on."""
     moved, length = nearest - contour.within(arc), contour.length
-    return arc + jnp.where(contour.closed, moved - length * jnp.round(moved / length), moved)
+    return jnp.where(contour.closed, arc + moved - length * jnp.round(moved / length), nearest)

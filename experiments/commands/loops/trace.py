@@ -1,12 +1,11 @@
 """`jcontour trace`: model predictive contouring control, which chooses its own speed."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike
-from rich.console import Console
 
 from experiments.catalogue.choices import job_named, machine_named
 from experiments.designs.predictive.constrained import (
@@ -15,8 +14,8 @@ from experiments.designs.predictive.constrained import (
     traverser,
     waiting_reference,
 )
-from experiments.files.results.run_metrics import ContourRead
 from experiments.files.results.stored import write_result
+from experiments.files.results.traversed_result import Asked, Signals, Traversed
 from experiments.flags.loops import Trace
 from experiments.flags.shared import MachineFlags
 from experiments.jobs.job import Job, Pace, Task
@@ -24,84 +23,31 @@ from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.figures.loops.traversal import path_figure, signals_figure
 from experiments.reports.figures.shared.png import save_figures
+from experiments.reports.traversed_tables import next_steps, show
+from experiments.runs.checks.machine_limits import Signals as Seen
+from experiments.runs.checks.machine_limits import limits_not_kept
 from experiments.runs.contour_summary import read_of
 from experiments.runs.lifecycle import created, finished
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
+from jcontour.geometry.outlines import outline
 from jcontour.geometry.toolpaths import Toolpath
 from jcontour.host.held import Held
 from jcontour.host.loop import HostRun, Stopped, reported_loop
 from jcontour.motion.references import Reference
 from jcontour.mpc.contouring.mpcc import ARRIVAL
-from jcontour.simulation.traversal import END_MARGIN, Score, traversal_score
+from jcontour.simulation.traversal import Score, outrun, traversal_score
 
 # [m] from the end at the last sample: the controller ends a run once it has measured the tool
 # within ARRIVAL, and the tool moves on for up to two of its periods until it acts on that
 AT_END = 10 * ARRIVAL
-FULL = 0.9  # of its limit: a control that has come so far is short of it
-
-
-@dataclass(frozen=True)
-class Signals:
-    """Signals of a run, one row per sample of the plant."""
-
-    arc_mm: np.ndarray
-    contour_error_um: np.ndarray
-    speed_mm_s: np.ndarray
-    tool_mm: np.ndarray
-    control: np.ndarray
-
-
-@dataclass(frozen=True)
-class Traversed:
-    """Result of `trace`.
-
-    Attributes:
-        failure: why it stopped, in one line; empty when it went through.
-        steps: samples that were simulated.
-        fallbacks: of these, those that the fallback made.
-        limited: of these, the fraction with a limit active in the plan.
-        residual: the worst of any QP.
-        arrived: the tool came to the end of the path, and was there at the last sample.
-        time_s: until the margin of `traversal_score` before the end; None where it did not arrive.
-        came_mm: farthest along the path.
-        end_mm: distance of the tool from the end of the path at the last sample.
-        rms_um: contour error of the whole path; None where the tool did not come to its end.
-        peak_um: its largest, likewise.
-        control_used: largest size of every control.
-        control_limit: of every control.
-        read: file behind the contour; None where there is none.
-        axes: names.
-        lost: what of the file is not kept, in words.
-    """
-
-    plant: str
-    contour: str
-    control_unit: str
-    length_mm: float
-    failure: str
-    steps: int
-    fallbacks: int
-    limited: float
-    residual: float
-    arrived: bool
-    time_s: float | None
-    came_mm: float | None = None
-    end_mm: float | None = None
-    rms_um: float | None = None
-    peak_um: float | None = None
-    control_used: tuple[float, ...] = ()
-    control_limit: tuple[float, ...] = ()
-    signals: Signals | None = None
-    read: ContourRead | None = None
-    axes: tuple[str, ...] = ()
-    lost: str = ""
 
 
 class Drawn(NamedTuple):
-    """Content of the figures: the result, and its path in mm nearest to the tool."""
+    """Content of the figures: the result, its path, and the points of it nearest to the tool."""
 
     result: Traversed
+    path_mm: np.ndarray
     foot_mm: np.ndarray
 
 
@@ -110,7 +56,7 @@ def command(flags: Trace) -> int:
     machine = machine_named(flags.plant)
     job = job_of(flags)
     asked = traverser(machine, job.contour, flags)
-    reference, controller = waiting_reference(asked, 1e-3 * flags.max_speed_mm_s), asked.controller
+    reference, controller = waiting_reference(asked), asked.controller
     controller.initial_memory(reference)  # raises what does not fit before anything is written
     folder = created(flags, "trace")
     with tables.console_of(quiet=flags.json).status("solving a QP at every step"):
@@ -119,9 +65,9 @@ def command(flags: Trace) -> int:
     if result.signals is not None:
         foot = np.asarray(asked.contour.position(1e-3 * result.signals.arc_mm))
         figures = {"trace": _signals, "path": _path}
-        save_figures(figures, Drawn(result, 1e3 * foot), folder)
+        save_figures(figures, Drawn(result, 1e3 * outline(asked.contour), 1e3 * foot), folder)
     write_result(folder, result)
-    finished(folder, result, flags, show, _next(result))
+    finished(folder, result, flags, show, next_steps(result))
     return 0 if result.arrived else 1
 
 
@@ -140,9 +86,8 @@ def of_file(job: Task, machine: Machine, name: str) -> dict[str, Any]:
     if not isinstance(job, Job) or job.program is None or job.program.read is None:
         return {}
     dt, program = machine.model.dt, job.program.read
-    path = np.asarray(job.reference(dt, 0).position)[: job.samples]
-    # doubts of the motion, which is not this one, are left out
-    read = replace(read_of(job, path, dt), duration=None, doubts=program.doubts)
+    # time and doubts of the motion, which is not this one, are left out
+    read = replace(read_of(job, outline(job.contour), dt), duration=None, doubts=program.doubts)
     return {"read": read, "axes": machine.axes, "lost": not_kept(program, name)}
 
 
@@ -180,6 +125,7 @@ def _result(flags: Trace, asked: Traverser, run: HostRun, failure: str) -> Trave
         contour=flags.contour,
         control_unit=asked.machine.control_unit,
         length_mm=1e3 * float(asked.contour.length),
+        asked=_asked(asked),
         failure=failure,
         steps=len(report.residual),
         fallbacks=report.fallbacks,
@@ -197,37 +143,77 @@ def _result(flags: Trace, asked: Traverser, run: HostRun, failure: str) -> Trave
     return _scored(drives, asked, run)
 
 
+def _asked(asked: Traverser) -> Asked:
+    weights, mpcc = asked.mpcc.weights, asked.mpcc
+    return Asked(
+        q_theta=weights.progress,
+        q_lag=weights.lag,
+        r_control=tuple(np.diag(weights.control_matrix(mpcc.model.inputs)).tolist()),
+        horizon=int(mpcc.blocks.sum()),
+        period_ms=1e3 * mpcc.model.dt,
+        max_speed_mm_s=1e3 * asked.speed_limit,
+    )
+
+
 def _scored(found: Traversed, asked: Traverser, run: HostRun) -> Traversed:
     """The result with errors and signals."""
-    mpcc, memory, output = asked.mpcc, run.rollout.memory.inner, run.rollout.output
-    score = traversal_score(asked.contour, output, asked.hosted.plant.dt, progress=mpcc.arc(memory))
+    mpcc, memory, output = asked.mpcc, run.rollout.memory.inner, np.asarray(run.rollout.output)
+    score = traversal_score(asked.contour, output, asked.hosted.plant.dt)
     signals = Signals(
         arc_mm=1e3 * score.arc,
         contour_error_um=1e6 * score.error,
         speed_mm_s=1e3 * mpcc.speed(memory),
-        tool_mm=1e3 * np.asarray(output),
+        tool_mm=1e3 * output,
         control=np.asarray(run.rollout.control),
     )
-    return replace(found, signals=signals, **judged(score, output, asked.contour, found.failure))
+    verdict = judged(score, output, asked.contour, mpcc.arc(memory), found.failure)
+    exceeded = not_kept_limits(found.contour, output, signals.control, asked.machine)
+    return replace(found, signals=signals, exceeded=exceeded, **verdict)
 
 
-def judged(score: Score, output: ArrayLike, contour: Contour, failure: str = "") -> dict[str, Any]:
+def not_kept_limits(
+    contour: str, output: np.ndarray, control: np.ndarray, machine: Machine
+) -> list[str]:
+    """A line for every limit of the machine that a run exceeds, as `simulate` tells it.
+
+    Args:
+        contour: name.
+        output: (T, m) tool [m].
+        control: (T, p).
+        machine: with its limits.
+    """
+    counted = np.ones((1, len(output)), bool)
+    seen = Seen(output[None, None], control[None, None], counted, [contour], ["nominal"])
+    return limits_not_kept(seen, machine, np.ones(1, bool))
+
+
+def judged(
+    score: Score, output: ArrayLike, contour: Contour, progress: ArrayLike, failure: str = ""
+) -> dict[str, Any]:
     """Fields of the result: whether the tool arrived, how far it came, and its errors.
+
+    A tool that was ever farther from the path than this is large has left it: it comes no further.
 
     Args:
         score: of the run.
         output: tool points [m], all samples.
         contour: the path.
+        progress: (T,) where the controller held the tool to be along it [m].
         failure: why the run stopped; empty when it went through.
     """
-    length = float(contour.length)
-    through = bool(np.isfinite(score.time))
+    length, away = float(contour.length), ~(score.error <= float(contour.size))
+    left = bool(away.any())
+    on_it = score.arc[: int(np.argmax(away))] if left else score.arc
+    through = bool(np.isfinite(score.time)) and not left
     apart = float(np.linalg.norm(np.asarray(output)[-1] - np.asarray(contour.position(length))))
     arrived = through and apart <= AT_END and not failure
     return {
         "arrived": arrived,
         "time_s": score.time if arrived else None,
-        "came_mm": 1e3 * float(np.clip(score.arc.max(), 0.0, length)),
+        "came_mm": 1e3 * float(np.clip(on_it.max(initial=0.0), 0.0, length)),
+        "progress_mm": 1e3 * float(np.asarray(progress)[-1]),
+        "outrun": outrun(contour, score, progress),
+        "left_mm": 1e3 * float(score.error.max()) if left else None,
         "end_mm": 1e3 * apart,
         "rms_um": 1e6 * score.rms if through else None,
         "peak_um": 1e6 * score.peak if through else None,
@@ -242,88 +228,5 @@ def _signals(drawn: Drawn):
 
 def _path(drawn: Drawn):
     result = drawn.result
-    return path_figure(result.signals, drawn.foot_mm, f"{result.contour} on {result.plant}")
-
-
-def show(result: Traversed, console: Console) -> None:
-    """How long, how far off, and whether the limits or the solver had a say."""
-    time = "none: the tool DID NOT ARRIVE at the end of the path"
-    if result.arrived:
-        time = f"{tables.digits(result.time_s)} s, up to {1e3 * END_MARGIN:g} mm before the end"
-    lines = [
-        f"{result.contour}: {result.length_mm:.4g} mm on {result.plant}, {result.steps} samples",
-        *_told_of_file(result),
-        f"Traversal time    {time}",
-        *_told_of_end(result),
-    ]
-    limited = f"{100 * result.limited:.4g} % of the steps; fallback steps: {result.fallbacks}"
-    lines.append(f"Limits in plan    {limited}")
-    residual = f"{result.residual:.1e} of a QP (at most 1e-8 counts as solved)"
-    lines.append(f"Worst residual    {residual}")
-    if result.failure:
-        lines.append(f"STOPPED: {result.failure}")
-    tables.say(console, *lines)
-
-
-def _told_of_end(result: Traversed) -> list[str]:
-    """How far the tool came, and how far off it was on the way and at the last sample."""
-    if result.end_mm is None:
-        return []
-    errors = "none: it counts on the whole path"
-    if result.rms_um is not None:
-        errors = f"RMS {result.rms_um:.4g} um, peak {result.peak_um:.4g} um"
-    came = f"{_shown(result.came_mm)} mm of {result.length_mm:.4g} mm along the path"
-    apart = f"{_shown(result.end_mm)} mm from its end point at the last sample"
-    return [
-        f"Tool came         {came}; {apart}",
-        f"Contour error     {errors}",
-    ]
-
-
-def _told_of_file(result: Traversed) -> list[str]:
-    """What was read, and what of it is not kept."""
-    if result.read is None:
-        return []
-    name = Path(result.contour).stem
-    return [
-        f"Read {tables.read_line(name, result.read, result.axes)}",
-        *filter(None, [result.lost]),
-    ]
-
-
-def _next(result: Traversed) -> list[str]:
-    """Figures in words, and the next step."""
-    told = []
-    if result.signals is not None:
-        told.append(
-            "path.png shows the tool around the path, its error magnified, and the speed there; "
-            "trace.png the signals along the path."
-        )
-    if result.failure:
-        return [*told, "Next: --fallback hold goes on where a step has no answer."]
-    if not result.arrived:
-        return [*told, f"Next: {advice(result)}."]
-    return [*told, "Next: --q-theta trades time for accuracy: more is faster, less is closer."]
-
-
-def _shown(length_mm: float | None) -> str:
-    """A length in digits down to a nanometre; rounding is none."""
-    return f"{round(length_mm or 0.0, 6):.4g}"
-
-
-def advice(result: Traversed) -> str:
-    """What may bring a tool to the end that did not arrive, in words."""
-    if result.rms_um is not None:  # it was there, and does not stay
-        return (
-            "a longer --horizon brakes in time, less --q-theta is slower; more --q-contour and "
-            "--q-lag hold the tool closer"
-        )
-    shares = np.divide(result.control_used, result.control_limit)
-    progress, most = "more --q-theta rewards progress", int(np.argmax(shares))
-    if shares[most] >= FULL:
-        return f"{progress}, a larger --max-control allows it"
-    used, limit = (tables.digits(of[most]) for of in (result.control_used, result.control_limit))
-    return (
-        f"{progress}, a longer --horizon sees more of it, less --r-control lets the controls "
-        f"change faster: they used at most {used} of {limit} {result.control_unit}"
-    )
+    title = f"{result.contour} on {result.plant}"
+    return path_figure(result.signals, drawn.path_mm, drawn.foot_mm, title)

@@ -78,7 +78,7 @@ class PredictiveSweepResult:
 
     Attributes:
         runs: designs along contours.
-        arrived, late, unsolved, diverged, killed: how many ended so.
+        arrived, late, outrun, unsolved, diverged, killed: how many ended so.
         front: designs with less error than every quicker one, the quickest first.
     """
 
@@ -87,6 +87,7 @@ class PredictiveSweepResult:
     runs: int
     arrived: int
     late: int
+    outrun: int
     unsolved: int
     diverged: int
     killed: int
@@ -172,7 +173,7 @@ def swept_of(flags: Sweep) -> PredictiveSwept:
             )
     values = sampled_designs(varied, flags.samples, flags.seed)
     flags = replace(flags, previews=tuple(dict.fromkeys(flags.previews)))
-    speeds = tuple(dict.fromkeys(flags.speeds_mm_s or kind.speeds_mm_s))
+    speeds = tuple(dict.fromkeys(flags.speeds_mm_s or kind.speeds_mm_s(machine)))
     asked = PredictiveSwept(flags, kind, cases, [job.name for job in jobs], speeds, values)
     _check_designs(asked)
     return asked

@@ -36,6 +36,9 @@ WEIGHTS = {  # field -> flag
     "control_change": "r_control",
     "speed_change": "r_speed",
 }
+FASTEST = 0.25  # [m/s] along the path: Lam's 1 mm per 4 ms
+# R u_max^2: Lam's weight of 60 per A^2 on the change of currents that are limited to 0.5 A
+CHANGE = 60.0 * 0.5**2
 FLAGS = {**WEIGHTS, "speed_limit": "max_speed_mm_s", "lower, upper": "max_control"}
 
 
@@ -69,12 +72,14 @@ class Traverser:
         hosted: the plant and the model of the controller.
         contour: the path.
         mpcc: the controller at its own period.
+        speed_limit: of the path [m/s].
     """
 
     machine: Machine
     hosted: Hosted
     contour: Contour
     mpcc: MPCC
+    speed_limit: float
 
     @property
     def controller(self) -> Held:
@@ -96,15 +101,17 @@ def traverser(machine: Machine, contour: Contour, flags: Trace) -> Traverser:
             f"horizon: at most {LONGEST_HORIZON} steps, received {flags.horizon}: a longer one "
             "would not end within minutes; a longer --period-ms looks further ahead as well"
         )
-    solver = solver_named(flags.solver)
+    solver, speed = solver_named(flags.solver), speed_limit(machine, flags.max_speed_mm_s)
+    values: dict[str, Any] = {name: getattr(flags, flag) for name, flag in WEIGHTS.items()}
+    if flags.r_control is None:
+        values["control_change"] = usual_change(machine, limit)
     try:
-        values: dict[str, Any] = {name: getattr(flags, flag) for name, flag in WEIGHTS.items()}
         mpcc = MPCC(
             hosted.model,
             contour,
             -limit,
             limit,
-            1e-3 * flags.max_speed_mm_s,
+            speed,
             ContouringWeights(**values),
             flags.horizon,
             solver,
@@ -112,7 +119,7 @@ def traverser(machine: Machine, contour: Contour, flags: Trace) -> Traverser:
     except ValueError as error:  # names the library's field: the user knows the flag
         field, _, fault = str(error).partition(":")
         raise ValueError(f"{FLAGS.get(field, field).replace('_', '-')}:{fault}") from None
-    return Traverser(machine, hosted, contour, mpcc)
+    return Traverser(machine, hosted, contour, mpcc, speed)
 
 
 def control_limit(machine: Machine, given: float | None = None) -> np.ndarray:
@@ -130,9 +137,31 @@ def control_limit(machine: Machine, given: float | None = None) -> np.ndarray:
     return found
 
 
-def waiting_reference(asked: Traverser, max_speed: float) -> Reference:
+def speed_limit(machine: Machine, given_mm_s: float | None = None) -> float:
+    """Highest path speed [m/s]: the given one [mm/s], or what every axis may run at, up to Lam's.
+
+    An axis never runs faster than the tool along its path.
+    """
+    if given_mm_s is not None:
+        return 1e-3 * given_mm_s
+    axes = machine.limits.speed
+    return FASTEST if axes is None else min(FASTEST, float(np.min(axes)))
+
+
+def usual_change(machine: Machine, limit: np.ndarray) -> tuple[float, ...]:
+    """Weight on the change of every control, where none is given: a run uses as much of its limit.
+
+    Args:
+        machine: its own limits count where it has some.
+        limit: on every control, otherwise.
+    """
+    own = limit if machine.limits.control is None else np.asarray(machine.limits.control, float)
+    return tuple((CHANGE / np.broadcast_to(own, (machine.model.inputs,)) ** 2).tolist())
+
+
+def waiting_reference(asked: Traverser) -> Reference:
     """The start of the path, for as long as a run may take whose controller chooses its speed."""
-    dt, slowest = asked.hosted.plant.dt, SLOWEST * max_speed
+    dt, slowest = asked.hosted.plant.dt, SLOWEST * asked.speed_limit
     steps = int(float(asked.contour.length) / slowest / dt) + 1
     return along(asked.contour, np.zeros(steps), dt, 0, at_rest=True)
 

@@ -12,6 +12,7 @@ from experiments.designs.predictive.constrained import (
     at_speed,
     control_limit,
     late_tracking,
+    speed_limit,
     traverser,
     waiting_reference,
 )
@@ -71,7 +72,7 @@ class Case:
                 on its controls.
         """
         kind = PREDICTIVE[self.controller]
-        usual = {name: value for name, (value, _) in kind.weights.items()}
+        usual = {name: value for name, (value, _) in kind.weights.items() if value is not None}
         return kind.make(self, design._replace(weights={**usual, **design.weights}))
 
 
@@ -80,15 +81,16 @@ class PredictiveKind(NamedTuple):
 
     Attributes:
         make: run of a design.
-        weights: its weights by name: value where nothing is said, and unit.
+        weights: its weights by name: value where nothing is said, None for the machine's, and
+            unit.
         varied: values of the one weight that varies where none is named.
-        speeds_mm_s: where none are named.
+        speeds_mm_s: on a machine, where none are named.
     """
 
     make: Callable[[Case, PredictiveDesign], HostedRun]
-    weights: Mapping[str, tuple[float, str]]
+    weights: Mapping[str, tuple[float | None, str]]
     varied: tuple[str, tuple[float, ...]]
-    speeds_mm_s: tuple[float, ...]
+    speeds_mm_s: Callable[[Machine], tuple[float, ...]]
 
 
 def _contouring(case: Case, design: PredictiveDesign) -> HostedRun:
@@ -96,7 +98,7 @@ def _contouring(case: Case, design: PredictiveDesign) -> HostedRun:
     weights: dict[str, Any] = dict(design.weights)
     flags = Trace(horizon=design.horizon, max_speed_mm_s=design.speed_mm_s, **weights)
     asked = traverser(case.machine, case.contour, flags)
-    reference = waiting_reference(asked, 1e-3 * design.speed_mm_s)
+    reference = waiting_reference(asked)
     mpcc = asked.mpcc
     return HostedRun(
         asked.hosted.plant, asked.controller, reference, lambda memory: mpcc.arc(memory.inner)
@@ -126,7 +128,7 @@ PREDICTIVE: Mapping[str, PredictiveKind] = {
             "r_speed": (Trace.r_speed, "1/(mm per step)^2"),
         },
         ("q_theta", (0.03, 0.1, 0.3, 1.0, 5.0)),  # the paper's range
-        (Trace.max_speed_mm_s,),
+        lambda machine: (1e3 * speed_limit(machine),),
     ),
     "tracking-mpc": PredictiveKind(
         _tracking,
@@ -136,6 +138,6 @@ PREDICTIVE: Mapping[str, PredictiveKind] = {
             "increment": (60.0, "1/control unit^2"),
         },
         ("increment", (6.0, 60.0, 600.0)),
-        (50.0, 75.0, 100.0, 125.0, 150.0),  # section 5
+        lambda _: (50.0, 75.0, 100.0, 125.0, 150.0),  # section 5
     ),
 }

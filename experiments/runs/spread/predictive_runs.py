@@ -11,7 +11,7 @@ import numpy as np
 from experiments.designs.predictive.sweep_designs import Case, HostedRun, PredictiveDesign
 from jcontour.geometry.contour import Contour
 from jcontour.host.loop import HostRun, Stopped, reported_loop
-from jcontour.simulation.traversal import traversal_score
+from jcontour.simulation.traversal import outrun, traversal_score
 
 
 class Ending(StrEnum):
@@ -19,6 +19,7 @@ class Ending(StrEnum):
 
     ARRIVED = "arrived"
     LATE = "late"  # its tool had not arrived when the time was up
+    OUTRUN = "outrun"  # the controller's progress came to the end of the path, its tool did not
     UNSOLVED = "unsolved"  # a quadratic program had no answer
     DIVERGED = "diverged"  # not finite, or farther from the path than this is large
     KILLED = "killed"  # every process that computed it was killed
@@ -30,7 +31,7 @@ class PredictiveRun:
 
     Attributes:
         time_s: until the tool has arrived [s].
-        rms_um: contour error until then, or until the end of a run that is late [um].
+        rms_um: contour error until then, or until the end of a run that is late or outrun [um].
         peak_um: largest one, likewise [um].
         limited: fraction of the steps with a limit active in the plan.
         residual: the worst of any quadratic program.
@@ -64,12 +65,14 @@ def _scored(run: HostRun, hosted: HostedRun, contour: Contour) -> PredictiveRun:
     output, control = np.asarray(rollout.output), np.asarray(rollout.control)
     if not (np.isfinite(output).all() and np.isfinite(control).all()):
         return PredictiveRun(Ending.DIVERGED)
-    held = None if progress is None else progress(rollout.memory)
-    score = traversal_score(contour, output, hosted.plant.dt, progress=held)
+    score = traversal_score(contour, output, hosted.plant.dt)
     if not score.peak <= float(contour.size):
         return PredictiveRun(Ending.DIVERGED)
+    ending = Ending.ARRIVED if np.isfinite(score.time) else Ending.LATE
+    if progress is not None and outrun(contour, score, progress(rollout.memory)):
+        ending = Ending.OUTRUN
     return PredictiveRun(
-        Ending.ARRIVED if np.isfinite(score.time) else Ending.LATE,
+        ending,
         float(score.time),
         1e6 * score.rms,
         1e6 * score.peak,

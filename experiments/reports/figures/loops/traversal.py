@@ -30,17 +30,19 @@ def signals_figure(signals: Any, control_unit: str, title: str) -> Figure:
     return figure
 
 
-def path_figure(signals: Any, foot_mm: np.ndarray, title: str) -> Figure:
+def path_figure(signals: Any, path_mm: np.ndarray, foot_mm: np.ndarray, title: str) -> Figure:
     """The path in the plane of its first two axes: the tool magnified beside it, and its speed.
 
     Args:
         signals: of the run.
+        path_mm: (K, m) points of the whole path.
         foot_mm: (T, m) point of the path nearest to the tool.
         title: of the figure.
     """
     figure = Figure(figsize=(10.0, 5.0), layout="constrained")
     left, right = figure.subplots(1, 2)
-    _draw_tool(left, signals.tool_mm, foot_mm)
+    _draw_tool(left, signals.tool_mm, path_mm, foot_mm)
+    right.plot(*_plane(path_mm), color=DESIRED, linewidth=0.8, linestyle="--")
     x, y = _plane(foot_mm)
     shown = right.scatter(x, y, c=signals.speed_mm_s, s=4, cmap="viridis")
     figure.colorbar(shown, ax=right, label="path speed [mm/s]")
@@ -51,9 +53,9 @@ def path_figure(signals: Any, foot_mm: np.ndarray, title: str) -> Figure:
     return figure
 
 
-def magnification(tool_mm: np.ndarray, foot_mm: np.ndarray) -> float:
+def magnification(tool_mm: np.ndarray, path_mm: np.ndarray, foot_mm: np.ndarray) -> float:
     """Round factor that draws the largest error as a small part of the path's size."""
-    size = float(np.ptp(foot_mm, axis=0).max())
+    size = float(np.ptp(path_mm, axis=0).max())
     error = float(np.linalg.norm(tool_mm - foot_mm, axis=1).max())
     if not (error > 0 and size > 0):
         return 1.0
@@ -62,9 +64,9 @@ def magnification(tool_mm: np.ndarray, foot_mm: np.ndarray) -> float:
     return float(np.floor(factor / step) * step)
 
 
-def _draw_tool(axes: Axes, tool_mm: np.ndarray, foot_mm: np.ndarray) -> None:
-    factor = magnification(tool_mm, foot_mm)
-    axes.plot(*_plane(foot_mm), color=DESIRED, linewidth=0.8, linestyle="--", label="path")
+def _draw_tool(axes: Axes, tool_mm: np.ndarray, path_mm: np.ndarray, foot_mm: np.ndarray) -> None:
+    factor = magnification(tool_mm, path_mm, foot_mm)
+    axes.plot(*_plane(path_mm), color=DESIRED, linewidth=0.8, linestyle="--", label="path")
     axes.plot(*_plane(foot_mm + factor * (tool_mm - foot_mm)), linewidth=1.0, label="tool")
     how = "true to scale" if factor == 1 else f"drawn {factor:g} times larger"
     grid(axes, f"contour error {how}", "X [mm]", "Y [mm]")

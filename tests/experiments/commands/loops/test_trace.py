@@ -7,12 +7,16 @@ import pytest
 
 from experiments.catalogue.choices import machine_named
 from experiments.cli import main
-from experiments.commands.loops.trace import Traversed, advice, job_of, judged, of_file, show
+from experiments.commands.loops.trace import job_of, judged, not_kept_limits, of_file
 from experiments.files.results.stored import read_result
+from experiments.files.results.traversed_result import Asked, Traversed
 from experiments.flags.loops import Trace
 from experiments.reports.tables import console_of
-from jcontour.geometry.contours import polyline
+from experiments.reports.traversed_tables import show
+from jcontour.geometry.contours import circle, polyline
 from jcontour.simulation.traversal import traversal_score
+
+USUAL = Asked(0.3, 200.0, (60.0, 60.0), 7, 4.0, 250.0)
 
 
 @pytest.mark.slow
@@ -40,6 +44,19 @@ def test_a_run_that_does_not_arrive_says_what_to_do(tmp_path, capsys):
     assert "Next: more --q-theta rewards progress" in told
     assert "Tool came 0 mm of 6.283 mm along the path; 0 mm from its end point" in told
     assert "Contour error none: it counts on the whole path" in told and "max-control" not in told
+
+
+@pytest.mark.slow
+def test_a_tool_that_its_controller_s_progress_leaves_behind_has_not_gone_round(tmp_path, capsys):
+    """Where the tool moved by 0.065 mm about the start of a circle of 1 mm, by its own points."""
+    assert main(["trace", "circle", "--q-theta", "1000", "--out", str(tmp_path / "run")]) == 1
+    told = " ".join(capsys.readouterr().out.split())
+    assert "LEFT THE TOOL BEHIND: it came to 6.283 mm of 6.283 mm, the tool 0.0645" in told
+    assert "DID NOT ARRIVE" in told and "Next: less --q-theta, 100 say" in told
+    found = read_result(tmp_path / "run", Traversed)
+    assert found.signals is not None and found.outrun and not found.arrived
+    moved = np.unwrap(np.arctan2(found.signals.tool_mm[:, 1], found.signals.tool_mm[:, 0]))
+    assert found.came_mm == pytest.approx(moved.max(), rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -94,6 +111,7 @@ def told_of(part, capsys):
         contour=str(part),
         control_unit="V",
         length_mm=1.0,
+        asked=USUAL,
         failure="",
         steps=1,
         fallbacks=0,
@@ -140,7 +158,7 @@ LINE = polyline([[0.0, 0.0], [3e-3, 0.0]])  # [m]
 def test_arrived_is_a_tool_that_is_at_the_end_at_its_last_sample(last_mm, arrived):
     """A tool that runs down a line of 3 mm in 5 samples of 1 ms, and ends anywhere."""
     tool = 1e-3 * np.array([[0.0, 0.0], [1.0, 0.1], [2.0, 0.1], [2.8, 0.0], last_mm])
-    found = judged(traversal_score(LINE, tool, 1e-3, progress=tool[:, 0]), tool, LINE)
+    found = judged(traversal_score(LINE, tool, 1e-3), tool, LINE, tool[:, 0])
     assert found["arrived"] is arrived and found["came_mm"] == pytest.approx(max(2.8, last_mm[0]))
     assert found["end_mm"] == pytest.approx(np.hypot(3 - last_mm[0], last_mm[1]))
     assert found["time_s"] == (pytest.approx(3e-3) if arrived else None)
@@ -149,42 +167,60 @@ def test_arrived_is_a_tool_that_is_at_the_end_at_its_last_sample(last_mm, arrive
 
 def test_a_tool_that_stays_behind_has_no_error_of_the_path_and_no_time():
     tool = 1e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [1.5, 0.0]])
-    found = judged(traversal_score(LINE, tool, 1e-3, progress=tool[:, 0]), tool, LINE)
-    none = {"arrived": False, "time_s": None, "rms_um": None, "peak_um": None}
-    assert found == {**none, "came_mm": pytest.approx(1.5), "end_mm": pytest.approx(1.5)}
+    found = judged(traversal_score(LINE, tool, 1e-3), tool, LINE, tool[:, 0])
+    none = {"arrived": False, "time_s": None, "rms_um": None, "peak_um": None, "outrun": False}
+    came = {"came_mm": pytest.approx(1.5), "end_mm": pytest.approx(1.5)}
+    assert found == {**none, **came, "progress_mm": pytest.approx(1.5), "left_mm": None}
 
 
 def test_a_run_that_stopped_has_not_arrived():
     tool = 1e-3 * np.array([[0.0, 0.0], [1.5, 0.0], [3.0, 0.0]])
-    score = traversal_score(LINE, tool, 1e-3, progress=tool[:, 0])
-    assert judged(score, tool, LINE)["arrived"]
-    found = judged(score, tool, LINE, failure="no answer")
+    score = traversal_score(LINE, tool, 1e-3)
+    assert judged(score, tool, LINE, tool[:, 0])["arrived"]
+    found = judged(score, tool, LINE, tool[:, 0], failure="no answer")
     assert not found["arrived"] and found["time_s"] is None
 
 
-def late_result(**fields):
-    """A run of 3 mm that did not arrive, as it is told."""
-    given = {"plant": "table", "contour": "line", "control_unit": "V", "length_mm": 3.0}
-    ran = {"failure": "", "steps": 9, "fallbacks": 0, "limited": 0.0, "residual": 0.0}
-    return Traversed(**given, **ran, arrived=False, time_s=None, **fields)
+def test_a_tool_near_the_start_of_a_closed_path_has_not_come_to_its_end():
+    """The end is near as well; where the controller holds it to be does not matter."""
+    turn, path = np.linspace(0, 0.065, 172), circle(1e-3)
+    tool = 1.002e-3 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    progress = np.linspace(0, float(path.length), 172)
+    found = judged(traversal_score(path, tool, 1e-3), tool, path, progress)
+    assert found["outrun"] and not found["arrived"] and found["rms_um"] is None
+    assert found["came_mm"] == pytest.approx(0.065) and found["left_mm"] is None
+    assert found["progress_mm"] == pytest.approx(2 * np.pi)
 
 
-def test_how_far_a_late_tool_came_is_told_and_no_error(capsys):
-    show(late_result(came_mm=1.25, end_mm=1.75), console_of())
-    told = capsys.readouterr().out
-    assert "Tool came         1.25 mm of 3 mm along the path; 1.75 mm from its end point" in told
-    assert "DID NOT ARRIVE" in told and "RMS" not in told
+def test_a_tool_comes_no_further_once_it_has_left_the_path():
+    """A line of 3 mm: it is 4 mm off after 1 mm, and comes back to its end."""
+    tool = 1e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 4.0], [2.8, 0.0], [3.0, 0.0]])
+    found = judged(traversal_score(LINE, tool, 1e-3), tool, LINE, tool[:, 0])
+    assert found["left_mm"] == pytest.approx(4.0) and found["came_mm"] == pytest.approx(1.0)
+    assert not found["arrived"] and found["time_s"] is None and found["rms_um"] is None
 
 
-def test_a_larger_limit_is_advised_only_where_the_controls_are_short_of_it():
-    apart = late_result(control_used=(0.006, 11.0), control_limit=(300.0, 12.0))
-    assert advice(apart) == "more --q-theta rewards progress, a larger --max-control allows it"
-    free = advice(late_result(control_used=(0.006, 0.0), control_limit=(300.0, 12.0)))
-    assert "max-control" not in free and "they used at most 0.006 of 300 V" in free
-    assert "more --q-theta" in free and "longer --horizon" in free and "less --r-control" in free
+def test_limits_of_the_machine_that_a_run_exceeds_are_told(machine_file):
+    """Against differences of the samples, a parabola."""
+    machine = machine_named(str(machine_file))
+    limits, dt = machine.limits, machine.model.dt
+    assert limits.speed is not None
+    x = 3 * float(np.max(limits.speed)) / (99 * dt) * dt**2 * np.arange(100.0) ** 2 / 2
+    tool, control = np.stack([x, 0 * x], axis=1), np.zeros((100, machine.model.inputs))
+    told = not_kept_limits("part", tool, control, machine)
+    speed = np.diff(x).max() / dt
+    assert told[0] == (
+        f"speed of {machine.axes[0]} EXCEEDS its limit: {speed:.4g} of {limits.speed[0]:.4g} m/s "
+        "(part, nominal)"
+    )
+    assert not_kept_limits("part", 0 * tool, control, machine) == []
 
 
-def test_a_tool_that_overran_the_end_is_advised_to_brake():
-    beside = late_result(rms_um=235.0, peak_um=890.0, control_used=(9.0,), control_limit=(9.0,))
-    assert "longer --horizon brakes in time" in advice(beside)
-    assert "less --q-theta" in advice(beside)
+def test_a_program_s_extents_are_those_of_its_path(tmp_path, capsys):
+    """Straight cuts and a half circle from X20 around X10: the smoothed motion leaves them."""
+    part = tmp_path / "three.ngc"
+    part.write_text("G21 G90 G17\nG0 X0 Y0\nG1 X20 F1500\nY15\nG3 X0 I-10 J0\nG1 X0 Y0\nM2\n")
+    read = of_file(job_of(Trace(contour=str(part))), machine_named("xy-table"), str(part))["read"]
+    np.testing.assert_allclose(read.low, [0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(read.high, [0.02, 0.025], atol=1e-12)
+    assert "X 0 ... 20, Y 0 ... 25 mm" in told_of(part, capsys)

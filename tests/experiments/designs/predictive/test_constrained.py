@@ -1,10 +1,18 @@
 """Which controllers keep to limits, and the controller that chooses its own speed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
-from experiments.designs.predictive.constrained import limited_lq, traverser
+from experiments.designs.predictive.constrained import (
+    limited_lq,
+    speed_limit,
+    traverser,
+    usual_change,
+    waiting_reference,
+)
 from experiments.flags.loops import Simulate, Trace
 from jcontour.controllers.lq.contouring_lq import LQWeights, OutputTerminal
 from jcontour.controllers.observers.kalman import offset_free_gain
@@ -66,6 +74,31 @@ def test_the_table_is_looked_at_between_the_samples_of_its_controller():
 def test_faults_have_the_names_of_flags(flags, says):
     with pytest.raises(ValueError, match=says):
         traverser(machine_named("xy-table"), circle(1e-2), flags)
+
+
+def test_the_weight_on_changes_keeps_the_share_of_the_limit_that_lam_s_table_has(machine_file):
+    """R u_max^2 = 60 * 0.5^2 in the units of any control; a given weight is taken as it is."""
+    table, mill = machine_named("xy-table"), machine_named("bridgeport")
+    assert usual_change(table, np.array(0.25)) == (60.0, 60.0)  # a lower --max-control is none
+    of_mill = traverser(mill, circle(1e-3), Trace()).mpcc.weights.control_matrix(2)
+    np.testing.assert_allclose(of_mill, np.diag(15.0 / np.asarray(mill.limits.control) ** 2))
+    given = traverser(mill, circle(1e-3), Trace(r_control=7.0)).mpcc.weights.control_matrix(2)
+    np.testing.assert_array_equal(given, 7.0 * np.eye(2))
+    without = machine_named("flexible-axes")
+    assert set(usual_change(without, np.array(2.0))) == {15.0 / 4}
+
+
+def test_a_path_is_no_faster_than_what_every_axis_may_run_at():
+    """Lam's 0.25 m/s, or the least limit of the axes below it; a flag is taken as it is."""
+    mill = machine_named("experiments/machines/example.json")
+    assert speed_limit(machine_named("xy-table")) == 0.25
+    assert speed_limit(mill) == pytest.approx(0.2) and speed_limit(mill, 300.0) == 0.3
+    slow = replace(mill, limits=mill.limits._replace(speed=np.array([0.15, 0.05])))
+    made = traverser(slow, circle(1e-3), Trace())
+    assert made.speed_limit == 0.05
+    np.testing.assert_allclose(made.mpcc._upper[:7], 0.05 * 4e-3 / 1e-3)  # mm per 4 ms
+    longest = waiting_reference(made).steps * made.hosted.plant.dt
+    assert longest == pytest.approx(2 * np.pi * 1e-3 / (0.02 * 0.05), rel=1e-3)
 
 
 def test_a_controller_that_chooses_its_speed_is_not_tuned():

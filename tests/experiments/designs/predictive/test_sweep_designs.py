@@ -25,6 +25,16 @@ def test_mpcc_is_the_controller_of_trace():
     np.testing.assert_array_equal(made.controller.controller._upper, asked.mpcc._upper)
 
 
+def test_without_a_word_the_weights_and_the_speed_are_those_of_the_machine():
+    mill = machine_named("experiments/machines/example.json")
+    kind, case = PREDICTIVE["mpcc"], Case("mpcc", mill, circle(1e-2))
+    assert kind.speeds_mm_s(mill) == (pytest.approx(200.0),)
+    made = case.hosted(PredictiveDesign({}, 5, 100.0)).controller.controller.weights
+    np.testing.assert_allclose(made.control_matrix(2), 15.0 / 250.0**2 * np.eye(2))
+    made = case.hosted(PredictiveDesign({"r_control": 3.0}, 5, 100.0)).controller.controller
+    np.testing.assert_array_equal(made.weights.control_matrix(2), 3.0 * np.eye(2))
+
+
 def test_tracking_keeps_its_speed_and_the_usual_weights():
     made = case_of("tracking-mpc").hosted(PredictiveDesign({"increment": 6.0}, 5, 100.0))
     late = made.controller.controller

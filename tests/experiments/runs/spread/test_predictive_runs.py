@@ -58,6 +58,14 @@ def test_a_tool_that_stands_still_is_late():
     assert found.ending is Ending.LATE and np.isnan(found.time_s)
 
 
+@pytest.mark.slow
+def test_a_tool_whose_controller_alone_goes_round_is_outrun():
+    """The paper's largest reward 200 times over: theta ends its lap, the tool is at its start."""
+    case = Case("mpcc", machine_named("xy-table"), circle(1e-3))
+    found = predictive_run((case, PredictiveDesign({"q_theta": 1000.0}, 7, 250.0)))
+    assert found.ending is Ending.OUTRUN and np.isnan(found.time_s)
+
+
 def reversed_drives(period):
     return Hosted(with_input_gains(xy_table(1e-3), np.array([-1.0, -1.0])), xy_table(4e-3), 4)
 

@@ -24,8 +24,8 @@ def run():
 
 def test_the_tool_is_drawn_outside_by_its_magnified_error(run):
     signals, foot = run
-    assert magnification(signals.tool_mm, foot) == 100.0  # 6 % of 20 mm over 10 um is 120
-    figure = path_figure(signals, foot, "circle")
+    assert magnification(signals.tool_mm, foot, foot) == 100.0  # 6 % of 20 mm over 10 um is 120
+    figure = path_figure(signals, foot, foot, "circle")
     path, tool = (np.array(line.get_xydata()) for line in figure.axes[0].lines[:2])
     np.testing.assert_allclose(path, foot)
     np.testing.assert_allclose(np.linalg.norm(tool, axis=1), 11.0)
@@ -33,11 +33,20 @@ def test_the_tool_is_drawn_outside_by_its_magnified_error(run):
     np.testing.assert_allclose(figure.axes[1].collections[0].get_array(), signals.speed_mm_s)
 
 
+def test_the_whole_path_is_drawn_where_the_tool_came_a_part_of_it(run):
+    signals, path = run
+    part = {name: rows[:5] for name, rows in vars(signals).items()}
+    figure = path_figure(SimpleNamespace(**part), path, path[:5], "circle")
+    for axes in figure.axes[:2]:
+        np.testing.assert_allclose(np.array(axes.lines[0].get_xydata()), path)
+    assert magnification(part["tool_mm"], path, path[:5]) == 100.0
+
+
 def test_without_an_error_nothing_is_magnified(run):
     signals, foot = run
-    assert magnification(foot, foot) == 1.0
+    assert magnification(foot, foot, foot) == 1.0
     signals.tool_mm = foot
-    figure = path_figure(signals, foot, "circle")
+    figure = path_figure(signals, foot, foot, "circle")
     assert figure.axes[0].get_title() == "contour error true to scale"
 
 
