@@ -4,8 +4,9 @@ The reference p(k) is shifted by c(k), zero at both ends and where it is held. W
 e_i(c) = p - y_i(p + c), the error of plant i,
     minimise over c the largest over i of  J_i(c) + size |c|^2 + roughness |c''|^2, all means
     J_i = mean of e_i' W e_i,   W = (1 - contouring) I + contouring (I - t t')
-over the samples that count, c'' the second difference, with no shift before and after. c'' may be
-bounded, so that the bent reference asks for no more acceleration than the machine has (`bends`).
+over the samples that count; where the reference rests nothing is along it, and W = I. c'' is the
+second difference, with no shift before and after. It may be bounded, so that the bent reference
+asks for no more acceleration than the machine has (`bends`).
 Of a linear loop e_i is affine in c. For weights lambda_i >= 0 of sum one, the minimum of
 sum_i lambda_i J_i solves
     (sum_i lambda_i G_i' W G_i + R) d = sum_i lambda_i G_i' W e_i - R c,   R = size + roughness D' D
@@ -142,6 +143,7 @@ def _weighted_errors(
     wanted, tangent = (
         jnp.asarray(rows)[:steps] for rows in (reference.position, reference.tangent)
     )
+    tangent = jnp.where(_moves(wanted), tangent, 0.0)
     scored = jnp.asarray(reference.mask)[:steps, None]
     along = float(1 - np.sqrt(1 - contouring))  # W^(1/2) = I - along t t'
     scale = float(1 / np.sqrt(max(int(jnp.sum(scored)), 1)))
@@ -157,6 +159,12 @@ def _weighted_errors(
         return family_batching(plants)(on, plants)
 
     return errors
+
+
+def _moves(wanted: Float[Array, "T m"]) -> Bool[Array, "T one"]:
+    """Whether the reference moves: into a sample, or out of the first one."""
+    steps = jnp.any(jnp.diff(wanted, axis=0) != 0.0, axis=1, keepdims=True)
+    return jnp.concatenate([steps[:1], steps])
 
 
 @jax.jit

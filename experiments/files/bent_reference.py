@@ -44,6 +44,11 @@ class Moves(NamedTuple):
         """Speed of every move [m/s]."""
         return np.linalg.norm(np.diff(self.ends, axis=0), axis=1) / self.lasting
 
+    @property
+    def going(self) -> int:
+        """How many of them go somewhere, in the digits of the program; the others are rests."""
+        return int(np.any(np.diff(rounded(self.ends), axis=0) != 0, axis=1).sum())
+
 
 def moves_through(position: Float[np.ndarray, "T m"], dt: float) -> Moves:
     """The longest moves from sample to sample that stay near those in between.
@@ -139,11 +144,16 @@ def plain(text: str) -> str:
     return line if len(line) <= LONGEST else f"{line[: LONGEST - 3]}..."
 
 
+def rounded(ends: Float[np.ndarray, "M m"]) -> Float[np.ndarray, "M m"]:
+    """Places [m] as the program has them [mm]."""
+    return np.round(1e3 * ends, 5)
+
+
 def _places(moves: Moves, axes: Sequence[str]) -> list[str]:
     """Ends of moves as words."""
     return [
         " ".join(f"{axis}{value:.5f}" for axis, value in zip(axes, end, strict=True))
-        for end in np.round(1e3 * moves.ends, 5) + 0.0  # no -0
+        for end in rounded(moves.ends) + 0.0  # no -0
     ]
 
 

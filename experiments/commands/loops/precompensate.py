@@ -19,6 +19,7 @@ from experiments.files.results.stored import write_result
 from experiments.flags.loops import Precompensate
 from experiments.jobs.job import Job, Task
 from experiments.jobs.sections import sections
+from experiments.jobs.settling import STILL
 from experiments.reports import tables
 from experiments.reports.figures.loops.bent import bent_figure
 from experiments.reports.figures.shared.png import save_figure
@@ -49,7 +50,7 @@ def command(flags: Precompensate) -> int:
     loop = loop_named(flags, flags.part)
     with tables.console_of(stderr=True, quiet=flags.json).status("running") as status:
         found = bent(loop, flags.roughness, status)
-    machine, job = loop.machine, loop.jobs[0]
+    machine, job = loop.machine, found.job
     flat = len(machine.axes) > 1
     source = Path(loop.parts[0]).name
     moves = moves_along(found.position, machine.model.dt, sections(job), source) if flat else []
@@ -67,7 +68,7 @@ def command(flags: Precompensate) -> int:
 
 
 def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult:
-    machine, job = loop.machine, loop.jobs[0]
+    machine, job = loop.machine, found.job
     read = _read(job)
     return BentResult(
         machine=machine_summary(machine),
@@ -78,7 +79,7 @@ def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult
         roughness=found.roughness,
         largest=float(np.linalg.norm(found.found.correction, axis=1).max()),
         chord=max((one.chord for one in moves), default=None),
-        moves=sum(len(one.lasting) for one in moves),
+        moves=sum(one.going for one in moves),
         before=found.metrics(found.before),
         after=found.metrics(found.after),
         exceeded=found.exceeded,
@@ -88,6 +89,8 @@ def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult
         ramps=0 if read is None else len(read.ramps),
         weights=loop.weights,
         doubts=job.doubts,
+        held=found.held * machine.model.dt,
+        rests=found.rests,
     )
 
 
@@ -120,11 +123,27 @@ def show(result: BentResult, console: Console) -> None:
     console.print(tables.plain_table(title, HEADINGS, rows))
     for line in result.exceeded:
         tables.say(console, line)
-    tables.say(console, *sentences(result))
+    tables.say(console, *ending(result), *sentences(result))
     if result.weights:
         tables.say(console, f"Bent for {result.controller} with these gains, and for no others:")
         tables.say(console, *(f"  {line}" for line in result.weights))
     tables.say(console, *result.doubts)
+
+
+def ending(result: BentResult) -> list[str]:
+    """How the run ends; nothing of one that ends in motion."""
+    if not result.held and result.rests:
+        return []
+    size = f"{tables.digits(1e6 * STILL)} um"
+    if not result.rests:
+        return [
+            f"WARNING: {tables.digits(result.held)} s after the end a tool still moves by more "
+            f"than {size}: what it does later is not in these numbers."
+        ]
+    return [
+        f"The last point is held for {tables.digits(result.held)} s, until every tool rests to "
+        f"within {size}: it is scored like the part."
+    ]
 
 
 def sentences(result: BentResult) -> list[str]:
@@ -197,7 +216,8 @@ def _cells(name: str, result: BentResult) -> list[str]:
 def _next(result: BentResult) -> list[str]:
     if not result.usable:
         return []
-    lines = [f"Load: {SAMPLES}: the reference at every sample, for a control that streams it"]
+    rest = f", with {tables.digits(result.held)} s of rest at its end" if result.held else ""
+    lines = [f"Load: {SAMPLES}: the reference at every sample{rest}, for a control that streams it"]
     if result.chord is not None:
         away = tables.digits(1e6 * result.chord)
         lines.append(

@@ -24,6 +24,8 @@ class BentResult:
         exceeded_before: the same of the tool along the reference as it is.
         weights: of the controller, a line for each.
         doubts: what of the program may be meant otherwise.
+        held: how long the last point is held, until the tools rest [s]; scored like the run.
+        rests: whether they rest by then.
     """
 
     machine: MachineSummary
@@ -44,6 +46,8 @@ class BentResult:
     ramps: int = 0
     weights: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    held: float = 0.0
+    rests: bool = True
 
     def _rms(self, runs: dict[str, RunMetrics]) -> list[float]:
         return [float(getattr(run, f"rms_{self.error}_error")) for run in runs.values()]

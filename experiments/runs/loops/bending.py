@@ -7,9 +7,11 @@ import numpy as np
 from rich.status import Status
 
 from experiments.files.results.run_metrics import RunMetrics
-from experiments.jobs.job import Job
+from experiments.jobs.job import Job, Task
 from experiments.jobs.replays import Replay, Scenarios, replay
 from experiments.jobs.sections import halted
+from experiments.jobs.settling import MOST as MOST_HELD
+from experiments.jobs.settling import settling, with_held_end
 from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.machines.gantry import GantryMachine
 from experiments.machines.linear import LinearMachine
@@ -39,7 +41,10 @@ class Bent(NamedTuple):
     """A correction, and runs of the true family with and without it.
 
     Attributes:
-        reference: as it was.
+        job: the run, with its last point held until the tools rest.
+        held: samples for which it is held.
+        rests: whether the tools rest by then.
+        reference: of that, as it was.
         found: the correction.
         roughness: its price.
         plants: names.
@@ -49,6 +54,9 @@ class Bent(NamedTuple):
         asked: largest speed [m/s] and acceleration [m/s^2] of an axis along the bent reference.
     """
 
+    job: Task
+    held: int
+    rests: bool
     reference: Reference
     found: Precompensated
     roughness: float
@@ -106,8 +114,16 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
         ValueError: there is no linear family of this machine.
     """
     machine, controller, job = loop.machine, loop.controller, loop.jobs[0]
+    family = _family(loop, job.reference(machine.model.dt, controller.preview))
+    at_rest = not isinstance(job, Job) or job.at_rest
+    held, rests = 0, True
+    if at_rest:
+        status.update("running the reference until the tool rests")
+        settled = settling(job, controller, family, machine.model.dt)
+        rests = settled is not None
+        held = round(MOST_HELD / machine.model.dt) if settled is None else settled
+        job = with_held_end(job, held)
     reference = job.reference(machine.model.dt, controller.preview)
-    family = _family(loop, reference)
     scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
     doing = f"{ROUNDS} rounds of bending, up to {MOST} where limits bind"
     line = outline(job, machine.model.dt, len(machine.family_names), doing)
@@ -115,10 +131,9 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
     status.update("running the reference as it is")
     before = replay(controller, scenarios)
     exceeded_before = exceeded_limits(before, scenarios, machine)
-    at_rest = not isinstance(job, Job) or job.at_rest
     wanted = np.asarray(reference.position)[: reference.steps]
     part = 0.0 if machine.error == "tracking" else CONTOURING
-    held = halted(job)
+    stays = halted(job)
     bounds = _bounds(wanted, machine, at_rest)
 
     def asked_by(found: Precompensated) -> list[str]:
@@ -139,7 +154,7 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
             reference,
             part,
             roughness=price,
-            held=held,
+            held=stays,
             bounds=bounds,
             tell=tell,
         )
@@ -147,6 +162,9 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
         exceeded = [*asked_by(found), *exceeded_limits(after, scenarios, machine)]
         speed, acceleration = largest_asked(wanted + found.correction, machine.model.dt, at_rest)
         return Bent(
+            job,
+            held,
+            rests,
             reference,
             found,
             price,

@@ -8,7 +8,7 @@ import pytest
 
 from experiments.cli import main
 from experiments.commands.loops import precompensate
-from experiments.commands.loops.precompensate import sentences
+from experiments.commands.loops.precompensate import ending, sentences
 from experiments.files.results.bent_result import BentResult
 from experiments.files.results.run_metrics import MachineSummary, RunMetrics
 from experiments.files.results.stored import read_result
@@ -38,6 +38,47 @@ def test_the_nominal_and_the_worst_machine_come_nearer(bent):
     assert program.count("G1 ") == result.moves and result.chord <= 0.5e-6
     assert len(result.weights) == 3 and all(f"({line})" in program for line in result.weights)
     assert (bent / "bent.png").exists()
+
+
+def driven(machine, gains, reference, seconds):
+    """Tool (T, 2) [mm] of a cascade in NumPy; it streams a reference [mm] and holds its end.
+
+    Gains are those of the axes: 1/s, control per m/s, s. Positions are counted.
+    """
+    A, B, C = (np.asarray(machine[name]) for name in "ABC")
+    dt, count, limit = machine["dt"], machine["encoder_resolution"], machine["limits"]["control"]
+    position, velocity, integral_time = gains
+    x, w, before, found = np.linalg.pinv(C) @ reference[0], np.zeros(2), None, []
+    held = np.repeat(reference[-1:], round(seconds / dt), axis=0)
+    for target in np.concatenate([reference, held]):
+        y = count * np.round(C @ x / count)
+        before = y if before is None else before
+        error = 1e-3 * (position * (target - y) - (y - before) / dt)  # [m/s]
+        w = np.clip(w + velocity * dt / integral_time * error, -limit, limit)
+        found.append(C @ x)
+        x = A @ x + B @ np.clip(velocity * error + w, -limit, limit)
+        before = y
+    return np.array(found)
+
+
+@pytest.mark.slow
+def test_a_drive_that_holds_the_last_point_sees_no_more_than_what_is_told(bent, machine_fields):
+    """The part ends along -Y at 0, 0, where it began along X."""
+    result = read_result(bent, BentResult)
+    assert result.rests and result.held > 0.05
+    rows = np.loadtxt(bent / "reference.csv", delimiter=",", skiprows=1)[:, 1:]
+    assert np.all(rows[-1] == 0)
+    number = r"(?<= )[\d.]+(?:e[+-]?\d+)?(?=[, ])"  # not that of "1/s"
+    gains = [np.array(re.findall(number, line), float) for line in result.weights]
+    tool = driven(machine_fields, gains, rows, seconds=1.0)
+    ends = tool[len(rows) - round(result.held / machine_fields["dt"]) - 1 :]
+    near = np.minimum(
+        np.linalg.norm(ends - np.maximum(ends, 0) * [0, 1], axis=1),
+        np.linalg.norm(ends - np.maximum(ends, 0) * [1, 0], axis=1),
+    )
+    count = machine_fields["encoder_resolution"]
+    assert near.max() < 1e3 * result.after["nominal"].peak_contour_error + count
+    assert np.abs(tool[len(rows) :]).max() < 2 * count
 
 
 @pytest.mark.slow
@@ -85,6 +126,16 @@ def by_hand(before, after):
     )
 
 
+def test_how_the_run_ends_is_told():
+    rests = replace(by_hand(before=[1e-6], after=[1e-6]), held=0.217)
+    (told,) = ending(rests)
+    assert told.startswith(
+        "The last point is held for 0.217 s, until every tool rests to within 0.1"
+    )
+    assert "after the end a tool still moves" in ending(replace(rests, rests=False))[0]
+    assert not ending(replace(rests, held=0.0))
+
+
 def test_next_to_nothing_has_sizes_and_no_ratio():
     followed = by_hand(before=[np.float64(0.0), 4e-6], after=[np.float64(2e-9), 1e-6])
     assert "nominal 0 -> 0.002 um, worst of the family 4 times smaller" in sentences(followed)[0]
@@ -117,7 +168,8 @@ def unbent(loop, roughness, status):
     runs, none = replay(controller, scenarios), np.zeros(1)
     still = np.zeros((reference.steps, len(machine.axes)))
     found = Precompensated(still, none, none, none)
-    return Bent(reference, found, roughness, scenarios.plants, runs, runs, [], [], (0.0, 0.0))
+    told = [], [], (0.0, 0.0)
+    return Bent(job, 0, True, reference, found, roughness, scenarios.plants, runs, runs, *told)
 
 
 def test_a_reference_not_to_be_used_is_not_written(
