@@ -2,7 +2,7 @@
 
     x  <- x + L (y - C x)                  correction, where there is an observer
     u   = f_k - F_k x - D_k y,             kept to its limit
-    x  <- A x + B u + E y + w_k            memory of the next sample
+    x  <- A x + B u + E y + w_k            memory of the next sample, kept to limits of its own
 The memory is the controller's own. Its feedforward f and its feedback F x may each be ten thousand
 times the control. A drive gets the same law about a planned run (`drive_law`).
 """
@@ -39,7 +39,15 @@ class AffineLaw:
         self, measurement: Float[np.ndarray, "T q"]
     ) -> tuple[Float[np.ndarray, "T n"], Float[np.ndarray, "T p"]]:
         """Memory after its correction, and controls, for recorded measurements."""
-        law, x, memories, controls = self.law, self.start, [], []
+        x, _, u = self._run(measurement)
+        return x, u
+
+    def _run(
+        self, measurement: Float[np.ndarray, "T q"]
+    ) -> tuple[Float[np.ndarray, "T n"], Float[np.ndarray, "T n"], Float[np.ndarray, "T p"]]:
+        """Memory after its correction, that of the next sample before its limits, and controls."""
+        law, x, memories, nexts, controls = self.law, self.start, [], [], []
+        kept = np.full(law.states, np.inf) if law.kept is None else law.kept
         for k, y in enumerate(measurement):
             if law.correction is not None:
                 x = x + law.correction.L @ (y - law.correction.C @ x)
@@ -50,11 +58,16 @@ class AffineLaw:
             for matrix, signal in ((law.A, memories[-1]), (law.B, u), (law.E, y)):
                 if matrix is not None:
                     x = x + matrix @ signal
-        steps = len(measurement)
-        return np.reshape(memories, (steps, law.states)), np.reshape(controls, (steps, law.inputs))
+            nexts.append(x)
+            x = np.clip(x, -kept, kept)
+        sizes = (law.states, law.states, law.inputs)
+        found = zip((memories, nexts, controls), sizes, strict=True)
+        x, after, u = (np.reshape(rows, (len(measurement), size)) for rows, size in found)
+        return x, after, u
 
     def plan_along(self, measurement: Float[np.ndarray, "T q"]) -> DrivePlan:
         """Plan of the drive: the same controls, told from a run that measured this."""
-        x, _ = self.run(measurement)
+        x, after, _ = self._run(measurement)
         back = np.einsum("kij,kj->ki", self.F, x) + np.einsum("kij,kj->ki", self.D, measurement)
-        return drive_plan(self.F, self.D, self.f - back, measurement)
+        m = after[:, self.law.clamped] if self.law.clamped.size else None
+        return drive_plan(self.F, self.D, self.f - back, measurement, m)

@@ -14,6 +14,7 @@ from jcontour.export.code_text import Precision, literal, plain, table, whole_nu
 from jcontour.export.drive_law import DriveLaw, DrivePlan
 
 TYPES: dict[Precision, str] = {"double": "double", "single": "float"}
+LARGEST = 1e30  # of a measurement: its products are finite in single precision
 
 
 def c_header(law: DriveLaw, plan: DrivePlan, notes: Sequence[str], precision: Precision) -> str:
@@ -30,6 +31,7 @@ def c_header(law: DriveLaw, plan: DrivePlan, notes: Sequence[str], precision: Pr
         _member("direct", plan.D, "D, row by row: inputs x measured"),
         "    const real *control; /* f: controls of the planned run */",
         "    const real *measured; /* r: measurements of the planned run */",
+        _member("kept", plan.m, "m: memory with a limit, on the planned run before it"),
     ]
     return _HEADER.substitute(
         notes=_comment(notes),
@@ -38,6 +40,7 @@ def c_header(law: DriveLaw, plan: DrivePlan, notes: Sequence[str], precision: Pr
         measured=law.measured,
         inputs=law.inputs,
         period=literal(law.dt, precision),
+        largest=literal(LARGEST, precision),
         steps=plan.steps,
         entries=_comment([f"memory[{k}]  {name}" for k, name in enumerate(law.names)]),
         sample="\n".join(term for term in terms if term),
@@ -57,11 +60,12 @@ def c_source(law: DriveLaw, plan: DrivePlan, precision: Precision) -> str:
             ("B", law.B, "memory x inputs"),
             ("E", law.E, "memory x measured"),
             ("LIMIT", law.limit if np.isfinite(law.limit).any() else None, "of every control, +-"),
+            ("MOST", law.clamps if law.clamped.size else None, "of what is remembered, +-"),
         )
         if matrix is not None
     ]
     tables = "\n\n".join(_constant(*one, precision) for one in constants)
-    body = [*_departure(law), *_correction(law), *_control(law, plan), *_prediction(law)]
+    body = [*_departure(), *_correction(law), *_control(law, plan), *_prediction(law)]
     text = "\n".join(f"    {line}".rstrip() for line in body)
     helpers = "\n".join(code for name, code in _HELPERS.items() if f"{name}(" in text)
     parts = [part for part in (tables, helpers) if part]
@@ -71,7 +75,13 @@ def c_source(law: DriveLaw, plan: DrivePlan, precision: Precision) -> str:
 def c_plan(plan: DrivePlan, name: str, precision: Precision) -> str:
     """Text of `plan.c`: the plan of one path as constant tables."""
     tables, members = [], []
-    for word, rows, told in (("CONTROL", plan.f, "f"), ("MEASURED", plan.r, "r")):
+    for word, rows, told in (
+        ("CONTROL", plan.f, "f"),
+        ("MEASURED", plan.r, "r"),
+        ("KEPT", plan.m, "m"),
+    ):
+        if rows is None:
+            continue
         tables.append(_constant(word, rows, f"{told}, a row for every sample", precision))
         members.append(f"    sample.{word.lower()} = &{word}[{rows.shape[1]} * k];")
     for word, sets, told in (("FEEDBACK", plan.F, "F"), ("DIRECT", plan.D, "D")):
@@ -97,12 +107,15 @@ def _set(plan: DrivePlan) -> str:
     return "k" if sets == plan.steps else "USED[k]"
 
 
-def _departure(law: DriveLaw) -> list[str]:
+def _departure() -> list[str]:
     return [
-        "/* departure from the planned run: z = y - r */",
-        "real z[DRIVE_MEASURED];",
+        "/* departure from the planned run: z = y - r; the last one where y is no number */",
         "for (int i = 0; i < DRIVE_MEASURED; i++) {",
-        "    z[i] = y[i] - plan->measured[i];",
+        "    if (y[i] >= -DRIVE_LARGEST && y[i] <= DRIVE_LARGEST) {",
+        "        z[i] = y[i] - plan->measured[i];",
+        "    } else {",
+        "        lost++;",
+        "    }",
         "}",
         "",
     ]
@@ -153,6 +166,9 @@ def _prediction(law: DriveLaw) -> list[str]:
     ):
         if matrix is not None:
             lines.append(f"add(DRIVE_MEMORY, {size}, {name}, {signal}, next);")
+    if law.clamped.size:
+        lines.append("/* the controller keeps this part of its memory within limits */")
+    lines += [f"within({k}, plan->kept, {entry}, next);" for k, entry in enumerate(law.clamped)]
     return [*lines, "copy(DRIVE_MEMORY, next, e);"]
 
 
@@ -177,6 +193,9 @@ _HEADER = Template("""\
 $notes
  *
  * Every sample, in this order: measure y, call drive_step, give u to the drive.
+ * A measurement that is no number (NaN, infinite, or beyond DRIVE_LARGEST) is not taken: the axis
+ * counts as far from its plan as it was one sample before. drive_step then returns how many are
+ * lost; stop the axes where that goes on. Do not compile with -ffast-math, which removes the test.
  * C99 without allocation and without a library; nothing global changes.
  */
 #ifndef DRIVE_CONTROLLER_H
@@ -185,6 +204,7 @@ $notes
 typedef $real real;
 
 #define DRIVE_PERIOD $period /* s between two samples */
+#define DRIVE_LARGEST $largest /* of a measurement */
 enum {
     DRIVE_MEASURED = $measured, /* numbers in y */
     DRIVE_INPUTS = $inputs,   /* numbers in u */
@@ -197,6 +217,7 @@ $entries
  */
 typedef struct {
     real memory[DRIVE_MEMORY];
+    real departure[DRIVE_MEASURED]; /* of the last measurements, y - r */
 } drive_controller;
 
 /* One sample of the plan; pointers into tables that do not change. */
@@ -204,14 +225,17 @@ typedef struct {
 $sample
 } drive_sample;
 
-/* Memory before the first sample: the axes where the path begins, as planned. */
+/* Memory before the first sample: the axes stand where the path begins, see `Start` above. */
 void drive_init(drive_controller *controller);
 
-/* Sample 0 <= k < DRIVE_STEPS of the plan. */
+/* Sample k of the plan. Its last one, DRIVE_STEPS - 1, is held: k may go on beyond it. */
 drive_sample drive_plan(long k);
 
-/* Controls u[DRIVE_INPUTS] of one sample from what is measured, y[DRIVE_MEASURED]. */
-void drive_step(drive_controller *controller, const drive_sample *plan, const real *y, real *u);
+/*
+ * Controls u[DRIVE_INPUTS] of one sample from what is measured, y[DRIVE_MEASURED].
+ * Returns how many measurements are no numbers: 0 where all is well.
+ */
+int drive_step(drive_controller *controller, const drive_sample *plan, const real *y, real *u);
 
 #endif
 """)
@@ -247,6 +271,16 @@ static void subtract(int rows, int columns, const real *matrix, const real *vect
     }
 }
 """,
+    "within": """\
+/* an entry of the memory, less its planned value, kept within the controller's own limit */
+static void within(int k, const real *planned, int entry, real *memory)
+{
+    real least = -MOST[k] - planned[k], most = MOST[k] - planned[k];
+    real above = planned[k] > MOST[k] ? MOST[k] : planned[k] < -MOST[k] ? -MOST[k] : planned[k];
+    real kept = memory[entry] > most ? most : memory[entry] < least ? least : memory[entry];
+    memory[entry] = kept + (planned[k] - above);
+}
+""",
     "limit": """\
 static void limit(int count, const real *most, real *values)
 {
@@ -270,13 +304,18 @@ void drive_init(drive_controller *controller)
     for (int i = 0; i < DRIVE_MEMORY; i++) {
         controller->memory[i] = 0;
     }
+    for (int i = 0; i < DRIVE_MEASURED; i++) {
+        controller->departure[i] = 0;
+    }
 }
 
-void drive_step(drive_controller *controller, const drive_sample *plan, const real *y, real *u)
+int drive_step(drive_controller *controller, const drive_sample *plan, const real *y, real *u)
 {
-    real *e = controller->memory;
+    real *e = controller->memory, *z = controller->departure;
+    int lost = 0;
 
 $body
+    return lost;
 }
 """)
 
@@ -289,6 +328,7 @@ $tables
 drive_sample drive_plan(long k)
 {
     drive_sample sample;
+    k = k < 0 ? 0 : k < DRIVE_STEPS ? k : DRIVE_STEPS - 1; /* the last one is held */
 
 $members
     return sample;

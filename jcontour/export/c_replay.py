@@ -28,7 +28,7 @@ def numbers_file(names: Sequence[str], columns: Float[np.ndarray, "T c"]) -> str
 
 
 def plan_file(law: DriveLaw, plan: DrivePlan, units: Units) -> str:
-    """Text of `plan.csv`: a line for every sample, k, t [s], f, r, F row by row, D row by row.
+    """Text of `plan.csv`: a line for every sample, k, t [s], f, r, F row by row, D row by row, m.
 
     Names end in their units. A gain F is one per unit of what it remembers, as the law names that.
     """
@@ -39,6 +39,10 @@ def plan_file(law: DriveLaw, plan: DrivePlan, units: Units) -> str:
             parts.append(sets[plan.used].reshape(plan.steps, -1))
             columns = enumerate(law.inputs * signals, start=1)
             names += [heading(f"{name}{k}", units.control, per=one) for k, one in columns]
+    if plan.m is not None:
+        parts.append(plan.m)
+        entries = enumerate(law.clamped, start=1)
+        names += [heading(f"m{k}", law.names[entry]) for k, entry in entries]
     rows = numbers_file(names, np.concatenate(parts, axis=1)).splitlines()
     lines = [f"{k},{literal(k * law.dt)},{row}" for k, row in enumerate(rows[1:])]
     return "\n".join([f"k,t_s,{rows[0]}", *lines]) + "\n"
@@ -67,6 +71,7 @@ def c_plan_reader(plan: DrivePlan) -> str:
         ("measured", plan.r.shape[1]),
         ("feedback", 0 if plan.F is None else plan.F[0].size),
         ("direct", 0 if plan.D is None else plan.D[0].size),
+        ("kept", 0 if plan.m is None else plan.m.shape[1]),
     ):
         if size:
             members.append(f"    sample.{name} = &numbers[{offset}];")
@@ -185,6 +190,7 @@ static void rewound(void)
 drive_sample drive_plan(long k)
 {
     drive_sample sample;
+    k = k < 0 ? 0 : k < DRIVE_STEPS ? k : DRIVE_STEPS - 1; /* the last one is held */
     if (next_sample < 0 || k < next_sample - 1) {
         rewound();
     }

@@ -4,10 +4,13 @@
     e  <- e + L (z - C e)                   correction, where there is an observer
     u   = f_k - F_k e - D_k z,              kept to its limit
     e  <- A e + B (u - f_k) + E z           memory of the next sample; f_k is kept to the limit too
+    e  <- clip(e + m_k) - clip(m_k)         of memory that the controller keeps within a limit
 The memory e begins at zero: it is the controller's own memory less that of the planned run. All
 sums are of small numbers, so they keep their digits in single precision. The plan holds what
-changes along the path: F, D, f and r. A matrix without an entry but zero is None, and its term is
-left out.
+changes along the path: F, D, f, r and m, the planned memory of the next sample before its limit. A
+matrix without an entry but zero is None, and its term is left out.
+
+Written code holds the last departure z of a measurement that is no number, and says so.
 """
 
 from dataclasses import dataclass
@@ -36,6 +39,9 @@ class DriveLaw:
         correction: of the memory by the measurement.
         A, B, E: of the next memory.
         limit: of every control, +-; infinite where there is none.
+        kept: limit of every entry of the memory, +-, as against windup; infinite where there is
+            none, None where there is none at all. It is of the controller's own memory.
+        exact: whether that is all that the controller's own limits do to its memory.
     """
 
     dt: float
@@ -47,6 +53,19 @@ class DriveLaw:
     B: Float[np.ndarray, "n p"] | None
     E: Float[np.ndarray, "n q"] | None
     limit: Float[np.ndarray, " p"]
+    kept: Float[np.ndarray, " n"] | None = None
+    exact: bool = True
+
+    @property
+    def clamped(self) -> Int[np.ndarray, " c"]:
+        """Entries of the memory that are kept within a limit."""
+        kept = np.full(self.states, np.inf) if self.kept is None else self.kept
+        return np.flatnonzero(np.isfinite(kept))
+
+    @property
+    def clamps(self) -> Float[np.ndarray, " c"]:
+        """Their limits, +-."""
+        return np.zeros(0) if self.kept is None else self.kept[self.clamped]
 
     @property
     def states(self) -> int:
@@ -64,6 +83,8 @@ class DrivePlan:
         D: gain sets of the measurement.
         f: controls of the planned run, before any limit.
         r: measurements of the planned run.
+        m: its memory after every sample, before any limit, of the entries that are kept within one;
+            None where there are none.
     """
 
     used: Int[np.ndarray, " T"]
@@ -71,6 +92,7 @@ class DrivePlan:
     D: Float[np.ndarray, "sets p q"] | None
     f: Float[np.ndarray, "T p"]
     r: Float[np.ndarray, "T q"]
+    m: Float[np.ndarray, "T c"] | None = None
 
     @property
     def steps(self) -> int:
@@ -80,7 +102,7 @@ class DrivePlan:
     @property
     def numbers(self) -> int:
         """Numbers in the tables."""
-        tables = (self.used, self.F, self.D, self.f, self.r)
+        tables = (self.used, self.F, self.D, self.f, self.r, self.m)
         return sum(table.size for table in tables if table is not None)
 
 
@@ -94,6 +116,7 @@ def drive_plan(
     D: Float[np.ndarray, "T p q"],
     f: Float[np.ndarray, "T p"],
     r: Float[np.ndarray, "T q"],
+    m: Float[np.ndarray, "T c"] | None = None,
 ) -> DrivePlan:
     """Plan with equal gains stored once; no bit is lost.
 
@@ -111,7 +134,7 @@ def drive_plan(
     rank[order] = np.arange(order.size)
     sets = both[first[order]]
     used = rank[used.reshape(-1)]
-    return DrivePlan(used, some(sets[:, :, :n]), some(sets[:, :, n:]), f, r)
+    return DrivePlan(used, some(sets[:, :, :n]), some(sets[:, :, n:]), f, r, m)
 
 
 def replayed(
@@ -132,6 +155,7 @@ def replayed(
     """
     A, B, E, F, D = (_rounded(one, kind) for one in (law.A, law.B, law.E, plan.F, plan.D))
     limit, f, r = law.limit.astype(kind), plan.f.astype(kind), plan.r.astype(kind)
+    clamps, m = law.clamps.astype(kind), _rounded(plan.m, kind)
     L = _rounded(law.correction and law.correction.L, kind)
     C = _rounded(law.correction and law.correction.C, kind)
     e, controls = np.zeros(law.states, kind), []
@@ -147,6 +171,9 @@ def replayed(
         for matrix, signal in ((A, e), (B, change), (E, z)):
             if matrix is not None:
                 after = after + matrix @ signal
+        if m is not None:
+            kept = np.clip(after[law.clamped], -clamps - m[k], clamps - m[k])
+            after[law.clamped] = kept + (m[k] - np.clip(m[k], -clamps, clamps))
         e = after
         controls.append(u)
     return np.array(controls, kind).reshape(len(measurement), law.inputs)

@@ -4,8 +4,8 @@ An observer around a controller without memory keeps its own form: correction, g
 Any other controller is affine in memory x and measurement y, with the matrices of its step:
     x(k+1) = A x + E y + w_k,   u = f_k - F_k x - D_k y
 They are its Jacobians, and w and f its step at zero. Every operation of the step is looked at first
-(`guarantees.affine`): what is not affine is told. Limits inside such a controller are left out; its
-control is kept to the limit of the machine, and the memory runs on.
+(`guarantees.affine`): what is not affine is told. Limits that it keeps its memory within, as
+against windup, are kept (`memory_limits`); its control is kept to the limit of the machine.
 """
 
 from typing import Any, NamedTuple
@@ -27,6 +27,7 @@ from jcontour.controllers.observers.kalman import (
 )
 from jcontour.export.affine_law import AffineLaw
 from jcontour.export.drive_law import Correction, DriveLaw, some
+from jcontour.export.memory_limits import memory_limits
 from jcontour.guarantees.affine import NotAffine
 from jcontour.guarantees.disturbed_loop import check_linear_controller, check_planless
 from jcontour.linear.plant import LinearPlant
@@ -74,6 +75,8 @@ def linear_form(
             raise NotAffine(
                 f"{type(controller).__name__}: what it makes of its {name} changes along the path"
             )
+    rows = (plan, run.memory, run.measurement)
+    kept, exact = memory_limits(controller, *jax.tree.map(lambda leaf: leaf[0], rows))
     start = np.asarray(ravel_pytree(_floats(controller.initial_memory(reference)))[0], float)
     q, p = steps.D.shape[2], steps.f.shape[1]
     law = DriveLaw(
@@ -86,6 +89,8 @@ def linear_form(
         B=None,
         E=some(steps.E[0]),
         limit=np.broadcast_to(np.asarray(limit, float), p),
+        kept=kept,
+        exact=exact,
     )
     return AffineLaw(law, start, steps.F, steps.D, steps.f, steps.w)
 

@@ -5,6 +5,7 @@ from string import Template
 
 import numpy as np
 
+from jcontour.export.c_code import LARGEST
 from jcontour.export.code_text import literal, plain
 from jcontour.export.drive_law import DriveLaw, DrivePlan
 
@@ -18,6 +19,8 @@ def numpy_source(law: DriveLaw, plan: DrivePlan, notes: Sequence[str]) -> str:
     limited = np.isfinite(law.limit).any()
     if limited:
         matrices.append(("LIMIT", law.limit))
+    if law.clamped.size:
+        matrices.append(("KEPT", law.clamps))
     return _SOURCE.substitute(
         notes="\n".join(plain(line).replace('"""', "'''").replace("\\", "/") for line in notes),
         period=literal(law.dt),
@@ -37,11 +40,17 @@ def _sizes(law: DriveLaw, plan: DrivePlan) -> str:
         there["F"] = (p, n)
     if plan.D is not None:
         there["D"] = (p, q)
+    if plan.m is not None:
+        there["m"] = (plan.m.shape[1],)
     return repr(there)
 
 
 def _body(law: DriveLaw, plan: DrivePlan, limited: bool) -> list[str]:
-    lines = ["# departure from the planned run", 'z = y - plan["r"]']
+    lines = [
+        "# departure from the planned run: z = y - r; the last one where y is no number",
+        f"there = np.abs(y) <= {literal(LARGEST)}",
+        'z = np.where(there, y - plan["r"], memory.z)',
+    ]
     if law.correction is not None:
         lines += [
             "# correction: e += L (z - C e)",
@@ -59,7 +68,14 @@ def _body(law: DriveLaw, plan: DrivePlan, limited: bool) -> list[str]:
     for name, signal in (("A", "e"), ("B", "change"), ("E", "z")):
         if getattr(law, name) is not None:
             lines.append(f"after = added(after, {name}, {signal})")
-    return [*lines, "return after, u"]
+    if law.clamped.size:
+        at = f"[{', '.join(str(entry) for entry in law.clamped)}]"
+        lines += [
+            "# the controller keeps this part of its memory within limits",
+            f'kept = np.clip(after[{at}], -KEPT - plan["m"], KEPT - plan["m"])',
+            f'after[{at}] = kept + (plan["m"] - np.clip(plan["m"], -KEPT, KEPT))',
+        ]
+    return [*lines, "return Memory(after, z, int(np.sum(~there))), u"]
 
 
 def _constant(name: str, matrix: np.ndarray) -> str:
@@ -77,10 +93,14 @@ _SOURCE = Template('''\
 """
 $notes
 
-Every sample: memory, u = step(memory, plan[k], y). `python controller.py` replays replay.csv.
+Begin with memory = begin(). Every sample: memory, u = step(memory, plan[k], y); after the last line
+of the plan hold that line. A measurement that is no number (NaN, infinite) is not taken: the axis
+counts as far from its plan as it was one sample before, and memory.fault says how many are lost.
+`python controller.py` replays replay.csv.
 """
 
 import time
+from collections import namedtuple
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +111,9 @@ MEMORY = $memory  # numbers that are remembered
 $tables
 PLAN = $sizes  # a line of plan.csv, after k and t
 
+# what is remembered, the last departure from the plan, and how many measurements are no numbers
+Memory = namedtuple("Memory", "e z fault")
+
 
 def added(total, matrix, vector):
     """total + matrix vector, from the first column to the last, as in C."""
@@ -99,9 +122,14 @@ def added(total, matrix, vector):
     return total
 
 
+def begin():
+    """Memory before the first sample."""
+    return Memory(np.zeros(MEMORY), np.zeros(MEASURED), 0)
+
+
 def step(memory, plan, y):
     """Memory of the next sample, and the controls of this one."""
-    e = memory
+    e = memory.e
 $body
 
 
@@ -119,7 +147,7 @@ def read_plan(path):
 
 def replay(plan, measurements):
     """Controls of a whole run."""
-    memory, controls = np.zeros(MEMORY), []
+    memory, controls = begin(), []
     for row, y in zip(plan, measurements):
         memory, u = step(memory, row, y)
         controls.append(u)

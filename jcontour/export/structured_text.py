@@ -10,6 +10,7 @@ from string import Template
 
 import numpy as np
 
+from jcontour.export.c_code import LARGEST
 from jcontour.export.code_text import Precision, literal, plain
 from jcontour.export.drive_law import DriveLaw, DrivePlan
 
@@ -30,6 +31,9 @@ def structured_text(
         _variable("direct", p * q, kind, words="D of the plan, row by row")
         if _there(plan.D)
         else "",
+        _variable("planned_memory", law.clamped.size, kind, words="m of the plan")
+        if law.clamped.size
+        else "",
     ]
     constants = []
     if law.correction is not None:
@@ -37,6 +41,8 @@ def structured_text(
     constants += [("matrix_A", law.A), ("matrix_B", law.B), ("matrix_E", law.E)]
     if np.isfinite(law.limit).any():
         constants.append(("most", np.where(np.isfinite(law.limit), law.limit, 3.4e38)))
+    if law.clamped.size:
+        constants.append(("kept", law.clamps))
     return _BLOCK.substitute(
         notes="\n".join(plain(line) for line in notes),
         kind=kind,
@@ -77,9 +83,21 @@ def _start(law: DriveLaw) -> list[str]:
     q, n = law.measured, law.states
     lines = []
     if n:
-        lines = ["IF restart THEN", *_each(n, "    ", "memory[i] := 0.0;"), "END_IF;"]
-    told = "(* departure from the planned run: z = y - r *)"
-    return [*lines, told, *_each(q, "", "departure[i] := measured[i] - expected[i];")]
+        lines = _each(n, "    ", "memory[i] := 0.0;")
+    lines += _each(q, "    ", "departure[i] := 0.0;")
+    number = literal(LARGEST)
+    return [
+        *("IF restart THEN", *lines, "END_IF;"),
+        "(* departure from the planned run: z = y - r; the last one where y is no number *)",
+        "fault := FALSE;",
+        f"FOR i := 1 TO {q} DO",
+        f"    IF measured[i] >= -{number} AND measured[i] <= {number} THEN",
+        "        departure[i] := measured[i] - expected[i];",
+        "    ELSE",
+        "        fault := TRUE;",
+        "    END_IF;",
+        "END_FOR;",
+    ]
 
 
 def _each(count: int, indent: str, statement: str) -> list[str]:
@@ -131,7 +149,16 @@ def _memory(law: DriveLaw) -> list[str]:
         )
         if matrix is not None
     ]
-    return [*lines, *_sum(n, "after", "0.0", terms), *_each(n, "", "memory[i] := after[i];")]
+    lines += _sum(n, "after", "0.0", terms)
+    if law.clamped.size:
+        lines.append("(* the controller keeps this part of its memory within limits *)")
+    for k, entry in enumerate(law.clamped + 1, start=1):
+        here = f"planned_memory[{k}]"
+        low, high = (f"{sign}kept[{k}] - {here}" for sign in ("-", ""))
+        lines.append(f"after[{entry}] := LIMIT({low}, after[{entry}], {high});")
+        beyond = f"{here} - LIMIT(-kept[{k}], {here}, kept[{k}])"
+        lines.append(f"after[{entry}] := after[{entry}] + ({beyond});")
+    return [*lines, *_each(n, "", "memory[i] := after[i];")]
 
 
 def _sum(rows: int, name: str, first: str, terms: Sequence[tuple[str, str, int, str]]) -> list[str]:
@@ -151,16 +178,20 @@ _BLOCK = Template("""\
 (*
 $notes
 
-Call the block once a sample, every $period s, with `restart` in the first one.
+Call the block once a sample, every $period s, with `restart` in the first one. After the last line
+of the plan hold that line.
+A measurement that is no number (NaN, infinite) is not taken: the axis counts as far from its plan
+as it was one sample before, and `fault` is true in that sample. Stop the axes where that goes on.
 *)
 FUNCTION_BLOCK DriveController
 VAR_INPUT
-    restart : BOOL; (* begin where the path begins *)
+    restart : BOOL; (* the axes stand where the path begins, see Start above *)
     measured : ARRAY[1..$q] OF $kind; (* y *)
 $inputs
 END_VAR
 VAR_OUTPUT
     control : ARRAY[1..$p] OF $kind; (* u *)
+    fault : BOOL; (* a measurement is no number *)
 END_VAR
 ${constants}VAR
     memory : ARRAY[1..$n] OF $kind; (* e: less that of the planned run *)

@@ -24,6 +24,9 @@ def test_files_read_back_to_the_last_bit(law_and_plan, recorded, tmp_path):
     if plan.F is not None:
         first = names.index("F1_V_per_state_0")
         assert np.array_equal(rows[6, first : first + plan.F[0].size], plan.F[plan.used[6]].ravel())
+    if plan.m is not None:
+        assert names[-2:] == ["m1_state_1", "m2_state_3"]
+        assert np.array_equal(rows[:, -2:], plan.m)
     assert len(names) == rows.shape[1]
 
 

@@ -27,6 +27,10 @@ def test_the_law_is_what_its_equations_say(law_and_plan, recorded):
         assert control == pytest.approx(list(u[k]), abs=1e-12)
         change = [a - b for a, b in zip(control, kept(plan.f[k]), strict=True)]
         x = [entry(law.A, i, x) + entry(law.B, i, change) + entry(law.E, i, z) for i in range(n)]
+        for column, i in enumerate(law.clamped):
+            assert law.kept is not None and plan.m is not None
+            planned, most = plan.m[k][column], law.kept[i]
+            x[i] = min(max(x[i] + planned, -most), most) - min(max(planned, -most), most)
 
 
 def test_equal_gains_are_stored_once_in_the_order_of_the_path():

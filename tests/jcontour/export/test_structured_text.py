@@ -12,6 +12,7 @@ import subprocess
 import numpy as np
 import pytest
 
+from jcontour.export.drive_law import replayed
 from jcontour.export.structured_text import structured_text
 
 # IEC 61131-3: keywords, elementary and generic types, standard functions and blocks, operators and
@@ -59,10 +60,12 @@ def as_python(text):
             continue
         if loop:
             words = f"for {loop[1]} in range(1, {int(loop[2]) + 1}):"
-        elif words == "IF restart THEN":
-            words = "if restart:"
+        elif words == "ELSE":
+            depth, words = depth - 1, "else:"
+        elif condition := re.fullmatch(r"IF (.+) THEN", words):
+            words = f"if {condition[1].replace('AND', 'and')}:"
         else:
-            assert not words or re.fullmatch(r"\w+(\[i\])? := [^:]+;", words), words
+            assert not words or re.fullmatch(r"\w+(\[\w\])? := [^:]+;", words), words
             words = words.rstrip(";").replace(":=", "=")
         lines.append("    " * depth + words)
         depth += words.endswith(":")
@@ -79,18 +82,26 @@ def test_the_block_gives_the_controls_of_the_law(law_and_plan, recorded):
     one = np.zeros(1)
     names |= {"memory": np.full(law.states + 1, 9.0), "after": np.zeros(law.states + 1)}
     names |= {"miss": np.zeros(law.measured + 1), "control": np.zeros(law.inputs + 1)}
-    names |= {"departure": np.zeros(law.measured + 1), "change": np.zeros(law.inputs + 1)}
+    names |= {"TRUE": True, "FALSE": False}
+    names |= {"departure": np.full(law.measured + 1, 9.0), "change": np.zeros(law.inputs + 1)}
     names["LIMIT"] = lambda least, value, most: min(max(value, least), most)
     program = compile(code, "controller.st", "exec")
+    sent = y.copy()
+    sent[11, -1] = np.nan
+    y[11, -1] = plan.r[11, -1] + y[10, -1] - plan.r[10, -1]  # it departs as before
+    u = replayed(law, plan, y)
     for k in range(plan.steps):
         sets = {"feedback": plan.F, "direct": plan.D}
         for name, matrix in sets.items():
             if matrix is not None:
                 names[name] = np.concatenate([one, matrix[plan.used[k]].ravel()])
         names["expected"] = np.concatenate([one, plan.r[k]])
-        names |= {"measured": np.concatenate([one, y[k]]), "restart": k == 0}
+        if plan.m is not None:
+            names["planned_memory"] = np.concatenate([one, plan.m[k]])
+        names |= {"measured": np.concatenate([one, sent[k]]), "restart": k == 0}
         names["planned"] = np.concatenate([one, plan.f[k]])
         exec(program, names)
+        assert names["fault"] is (k == 11)
         assert np.abs(names["control"][1:] - u[k]).max() < 1e-12
 
 
