@@ -31,4 +31,5 @@ def show_exported(found: ExportedResult, console: Console) -> None:
         tables.say(console, "Not checked: the structured text, which needs a PLC's compiler.")
     if not found.in_tables:
         tables.say(console, "The plan is too long for tables: plan.csv holds it, line by line.")
+    tables.say(console, *(line for line in (found.start, found.end) if line))
     tables.say(console, *(f"WARNING: {line}" for line in found.warnings))

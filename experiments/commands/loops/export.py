@@ -1,5 +1,6 @@
 """`jcontour export RUN`: the controller of a run as code for a drive, checked against the run."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -10,7 +11,9 @@ from experiments.files.results.exported_result import ExportedResult
 from experiments.files.results.stored import read_result, write_result
 from experiments.files.results.tuned_result import TunedResult
 from experiments.flags.loops import Export
-from experiments.jobs.job import Task
+from experiments.jobs.job import Job, Task
+from experiments.jobs.settling import settling, with_held_end
+from experiments.machines.linear import LinearMachine
 from experiments.reports.exported_tables import show_exported
 from experiments.runs.checks.compiled_code import compiled_checks
 from experiments.runs.checks.replayed_code import off_the_plan, rounding
@@ -20,16 +23,27 @@ from jcontour.export.affine_law import AffineLaw
 from jcontour.export.c_code import c_header, c_plan, c_source
 from jcontour.export.c_replay import Units, c_plan_reader, c_replay, plan_file, replay_file
 from jcontour.export.code_text import Precision
-from jcontour.export.drive_law import DriveLaw, DrivePlan
+from jcontour.export.drive_law import DriveLaw, DrivePlan, replayed
 from jcontour.export.linear_form import linear_form
 from jcontour.export.numpy_code import numpy_source
 from jcontour.export.structured_text import structured_text
 from jcontour.guarantees.affine import NotAffine
 from jcontour.sensors import row
 from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.evaluation import stack_plants
 
 ALIKE = 1e-8  # of the largest control: sums in another order differ by less, a limit by more
 ROUNDED = 1e-3  # of the largest control: rounding that is told as a warning
+AWAY = 1e-4  # [m] from the first point, for which it is told what the control does
+ENDS = {  # by whether the planned run comes to rest
+    True: "End: the planned tool rests at the last sample; hold that sample.",
+    False: "End: the planned tool does not rest at the last sample; stop the drive by other means.",
+    None: "End: the planned run ends in motion; stop the drive by other means before it does.",
+}
+LOOSE = (
+    "the controller's own limits act on its memory, against windup, in a way that this code leaves "
+    "out: do not let the control reach its limit"
+)
 IN_TABLES = 200_000  # numbers of a plan that are compiled in: about 5 MB of text
 
 
@@ -46,7 +60,7 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
         ValueError: bad input, or a controller without a linear form; nothing has been written then.
     """
     loop = stored_loop(flags.run)
-    job = _job(loop, flags.along)
+    job, rests = _until_rest(loop, _job(loop, flags.along))
     affine, y, u = _recorded(loop, job)
     largest = float(np.abs(u).max())
     apart = float(np.abs(affine.run(y)[1] - u).max())
@@ -60,10 +74,12 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
     rounded = rounding(affine, plan, tried, _precision(flags))
     margins, warnings = _margins(flags.run)
     warnings += _lost(rounded, largest, loop.machine.control_unit)
-    notes = [*_notes(flags, loop, job), *margins, *warnings]
+    warnings += [] if law.exact else [LOOSE]
+    units = _units(loop, law.measured)
+    start, end = _start(loop, law, plan, units), ENDS[rests]
+    notes = [*_notes(flags, loop, job), start, end, *margins, *warnings]
     in_tables = plan.numbers <= IN_TABLES
     texts = _texts(flags, law, plan, notes, job.name, in_tables)
-    units = _units(loop, law.measured)
     texts["plan.csv"] = plan_file(law, plan, units), "the plan, a line for every sample"
     told = "the run with a wave on what it measures, and the controls in double"
     texts["replay.csv"] = replay_file(tried, affine.run(tried)[1], units), told
@@ -86,6 +102,8 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
         precision=_precision(flags),
         files={name: words for name, (_, words) in texts.items()},
         compiled=compiled_checks(folder) if "controller.c" in texts else [],
+        start=start,
+        end=end,
         warnings=warnings,
     )
     write_result(folder, result)
@@ -100,6 +118,38 @@ def _job(loop: StoredLoop, name: str | None) -> Task:
             return job
     known = ", ".join(job.name for job in loop.jobs)
     raise ValueError(f"along: the run has {known}; received {name!r}")
+
+
+def _until_rest(loop: StoredLoop, job: Task) -> tuple[Task, bool | None]:
+    """The run with its end held until the nominal tool rests, and whether it does.
+
+    None of a run that ends in motion.
+    """
+    if isinstance(job, Job) and not job.at_rest:
+        return job, None
+    machine, dt = loop.machine, loop.machine.model.dt
+    calm = isinstance(machine, LinearMachine)
+    nominal = (machine.exact_family if calm else machine.true_family)(loop.fed)[0]
+    samples = settling(job, loop.controller, stack_plants([nominal]), dt)
+    return with_held_end(job, samples or 0), samples is not None
+
+
+def _start(loop: StoredLoop, law: DriveLaw, plan: DrivePlan, units: Units) -> str:
+    """Where the axes have to stand for sample 0, and what a step away from there asks for."""
+    places, kicks = [], []
+    free = replace(law, limit=np.full(law.inputs, np.inf))
+    first = replace(plan, used=plan.used[:1], f=plan.f[:1], r=plan.r[:1], m=None)
+    for k, (place, unit) in enumerate(zip(plan.r[0], units.measured, strict=True)):
+        shown = f"{round(1e3 * place, 4) + 0.0:.4f} mm" if unit == "m" else f"{place:.6g} {unit}"
+        places.append(f"y{k + 1} = {shown}")
+        if unit == "m":
+            moved = plan.r[:1] + AWAY * (np.arange(law.measured) == k)
+            kicks.append(float(np.abs(replayed(free, first, moved) - plan.f[:1]).max()))
+    told = f"Start at rest at the path's first point: {', '.join(places)}."
+    if not kicks:
+        return told
+    size = f"{max(kicks):.3g} {loop.machine.control_unit}"
+    return f"{told} From {1e3 * AWAY:g} mm beside it the control jumps by up to {size} at once."
 
 
 def _lost(rounded: float, largest: float, unit: str) -> list[str]:
@@ -170,7 +220,7 @@ def _notes(flags: Export, loop: StoredLoop, job: Task) -> list[str]:
         f"Axes: {', '.join(machine.axes)}. y: {measured} as `simulate` measures them, SI units.",
         f"u: {machine.control_unit}.",
         f"Family: {'; '.join(machine.family_names)}.",
-        f"Plan: {job.name}, {job.feed_law}, {job.samples} samples; it begins where the path does.",
+        f"Plan: {job.name}, {job.feed_law}, {job.samples} samples.",
     ]
 
 

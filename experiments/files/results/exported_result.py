@@ -39,6 +39,8 @@ class ExportedResult:
         files: name and meaning of every file.
         compiled: checks by the compilers of this computer.
         warnings: what speaks against loading it.
+        start: where the axes have to stand, in words.
+        end: what is to be done at the end of the plan.
     """
 
     exported: str
@@ -57,3 +59,5 @@ class ExportedResult:
     files: dict[str, str]
     compiled: list[Compiled] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    start: str = ""
+    end: str = ""

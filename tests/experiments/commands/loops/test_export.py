@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import numpy as np
 import pytest
 
 from experiments.cli import main
@@ -41,6 +42,13 @@ def test_a_simulated_run_becomes_code_that_gives_its_controls(
     head = (out / "controller.h").read_text()
     assert "Family: nominal; gains 1.1, 0.9;" in head and "Margins: not known" in head
     assert "LREAL" in (out / "controller.st").read_text()
+    rows = np.loadtxt(out / "plan.csv", delimiter=",", skiprows=1)
+    assert len(rows) == told["samples"] > 149  # those of the part, and rest
+    assert np.abs(rows[-1, 2:4]).max() < 0.1 and np.abs(rows[-1, 4:6]).max() <= 1e-6  # at 0, 0
+    for line in (found.start, found.end):
+        assert line in head and line in (out / "controller.st").read_text()
+    assert found.start.startswith("Start at rest at the path's first point: y1 = 0.0000 mm, y2 =")
+    assert found.end == "End: the planned tool rests at the last sample; hold that sample."
 
 
 @pytest.mark.slow
@@ -59,6 +67,21 @@ def test_other_controllers_have_a_linear_form(
     assert found.precision == "single" and found.gain_sets >= 1
     assert "Next: compile controller.c" in told and "no warning" in told
     assert "typedef float real;" in (out / "controller.h").read_text()
+    assert ("MOST[2]" in (out / "controller.c").read_text()) is (name == "linear-cascade")
+    assert not found.warnings
+
+
+@pytest.mark.slow
+def test_what_a_step_beside_the_start_does_is_told(tmp_path, machine_file, part_file, capsys):
+    """A cascade without its integral: gains position and velocity, and 0.1 mm in one sample."""
+    flags = ["--controller", "linear-cascade", "--weights", "position=30", "velocity=800"]
+    flags += ["integral_time=1e9"]
+    run = simulated(tmp_path / "run", machine_file, part_file, *flags)
+    assert main(["export", str(run), "--out", str(tmp_path / "exported")]) == 0
+    wanted = 800 * (30 + 1 / 0.002) * 1e-4
+    assert (
+        f"From 0.1 mm beside it the control jumps by up to {wanted:.3g} " in capsys.readouterr().out
+    )
 
 
 @pytest.mark.slow
