@@ -1,13 +1,15 @@
 """Distance to the true path, as a bound: where the tool may be, against the geometry itself.
 
 At sample k the tool is at y + a n + b t: y without disturbance, n normal and t tangent to the path
-at the point nearest to y, |a| <= nu and |b| <= tau. The distance to a path changes by at most what
-the tool moves, so
-    dist <= nu + max over |s| <= tau of dist(y + s t, path)
-Beside a line it is also at most the largest distance of the corners (+-nu, +-tau) from that line.
+at the point nearest to y, |a| <= nu and |b| <= tau. With p(s) the point of the path nearest to
+y + s t, and w = y + s t - p(s) = w_n + w_t t,
+    dist <= max over |s| <= tau of sqrt((|w_n| + nu)^2 + w_t^2)
+as p(s) is no farther than that from any y + s t + a n. It grows by no more than the tool moves, and
+is convex in w. Beside a line it is also at most the largest distance of the corners (+-nu, +-tau)
+from that line.
 The maximum is taken over short intervals of s. With feet p(a), p(b) of both ends on one piece,
-every point between is within max(dist_a, dist_b) of the chord between the feet, and the path within
-max|p''| (b - a)^2 / 8 of it. Across a corner an interval of length h adds half of h.
+every point between is within the larger of both ends' of the chord between the feet, and the path
+within max|p''| (b - a)^2 / 8 of it. Across a corner an interval of length h adds half of h.
 """
 
 from typing import NamedTuple
@@ -98,9 +100,12 @@ def distance_bounds(
     lag = np.linalg.norm(points - np.asarray(reference.position)[:steps, None], axis=2)
     around = jnp.asarray(reference.arc)[:steps, None]
     arcs = np.asarray(contour.nearest(points, around, SEARCH_REACH * lag))
-    apart = np.linalg.norm(points - np.asarray(contour.position(arcs)), axis=2)
-    most = _between(contour, arcs, apart, 2 * along / intervals)
-    return np.minimum(across + most, _beside_lines(contour, arcs, output, frames, across, along))
+    away = points - np.asarray(contour.position(arcs))
+    ahead = np.sum(away * frames.tangent[:, None], axis=2)
+    beside = np.linalg.norm(away - ahead[..., None] * frames.tangent[:, None], axis=2)
+    farthest = np.hypot(beside + across[:, None], ahead)
+    most = _between(contour, arcs, farthest, 2 * along / intervals)
+    return np.minimum(most, _beside_lines(contour, arcs, output, frames, across, along))
 
 
 def _beside_lines(
@@ -130,11 +135,11 @@ def _beside_lines(
 
 
 def _between(
-    contour: Contour, arcs: np.ndarray, apart: np.ndarray, length: np.ndarray
+    contour: Contour, arcs: np.ndarray, farthest: np.ndarray, length: np.ndarray
 ) -> np.ndarray:
     """Largest distance over all intervals (T,): from that of their ends, and their length."""
     piece = _piece_at(contour, arcs)
-    first, last = apart[:, :-1], apart[:, 1:]
+    first, last = farthest[:, :-1], farthest[:, 1:]
     moved = np.diff(arcs, axis=1)
     bent = _largest_second_derivative(contour)[piece[:, :-1]] * moved**2 / 8
     on_one = np.maximum(first, last) + bent

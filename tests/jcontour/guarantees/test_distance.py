@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.geometry.contours import circle, polygon, polyline
+from jcontour.geometry.contours import circle, polygon, polyline, spline
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.guarantees.distance import circle_bound, distance_bounds, frames_along
 from jcontour.motion.references import along
@@ -55,6 +55,18 @@ def test_beside_a_line_the_bound_is_the_sum():
     frames = frames_along(reference, output)
     found = distance_bounds(reference, output, frames, np.full(5, 1e-6), np.full(5, 9e-6))
     assert found == pytest.approx(np.full(5, 4e-6), rel=1e-9)
+
+
+def test_beyond_the_end_of_a_curve_both_deviations_are_legs_of_a_triangle():
+    """Nothing of the path is ahead: the end is nearest to all that lies there, across or not."""
+    path = spline(np.array([[0.0, 0.0], [1e-3, 2e-4], [2e-3, 1e-3], [2.5e-3, 2.5e-3]]))
+    reference = along(path, np.linspace(0.0, float(path.length), 40), 1e-3, 1, at_rest=True)
+    output = np.asarray(reference.position)[: reference.steps]
+    across, along_path = (np.full(reference.steps, size) for size in (126e-6, 137e-6))
+    frames = frames_along(reference, output)
+    found = distance_bounds(reference, output, frames, across, along_path)
+    assert found[[0, -1]] == pytest.approx(np.hypot(126e-6, 137e-6), rel=1e-6)
+    assert found.max() == pytest.approx(found[-1], rel=1e-6)
 
 
 def test_normals_are_orthonormal_in_space():
