@@ -13,7 +13,7 @@ from experiments.files import run_folder
 from jcontour.geometry.toolpath_rules import SLOWEST
 
 SPACINGS = (64, 32, 16, 8, 4, 2, 1)  # samples of a move
-CHORD = 0.5e-6  # [m] that moves may be away from the samples between their ends
+CHORD = 0.5e-6  # [m] that moves at their feeds may be away from the samples at the same time
 STILL = 2e-5  # [m/s]: what is slower, and stays where it is, rests
 SAMPLES, PROGRAM = "reference.csv", "part.ngc"
 # [mm] of G64, up to which a control may round the corners between moves: without it, LinuxCNC
@@ -28,7 +28,8 @@ class Moves(NamedTuple):
     Attributes:
         ends: their ends, the start first (M, m) [m].
         lasting: time of every move (M-1,) [s].
-        chord: largest distance of a sample from them [m]; 0 of rapid moves, which have no way.
+        chord: largest distance of a sample from where they are at its time [m]; 0 of rapid moves,
+            which have no way.
         rapid: whether they are rapid moves.
         asked: what is to be done before the first one, in words; empty for nothing.
     """
@@ -45,15 +46,23 @@ class Moves(NamedTuple):
         return np.linalg.norm(np.diff(self.ends, axis=0), axis=1) / self.lasting
 
     @property
+    def acceleration(self) -> float:
+        """Largest of an axis [m/s^2] that takes it from one feed to the next, in half of both."""
+        speed = np.diff(self.ends, axis=0) / self.lasting[:, None]
+        between = (self.lasting[1:] + self.lasting[:-1]) / 2
+        return float((np.abs(np.diff(speed, axis=0)) / between[:, None]).max(initial=0.0))
+
+    @property
     def going(self) -> int:
         """How many of them go somewhere, in the digits of the program; the others are rests."""
         return int(np.any(np.diff(rounded(self.ends), axis=0) != 0, axis=1).sum())
 
 
 def moves_through(position: Float[np.ndarray, "T m"], dt: float) -> Moves:
-    """The longest moves from sample to sample that stay near those in between.
+    """The longest moves from sample to sample that stay near those in between, at their times.
 
-    None of them is part of a rest and part of a motion; a rest is a move to where it is.
+    So feeds change by as much as the samples accelerate in a move, and not by a jump. None of them
+    is part of a rest and part of a motion; a rest is a move to where it is.
     """
     slow = np.linalg.norm(np.diff(position, axis=0), axis=1) < STILL * dt
     bounds = np.append(np.flatnonzero(slow[1:] != slow[:-1]) + 1, len(position) - 1)
@@ -83,10 +92,8 @@ def _farthest_move(
 
 
 def _away(start: np.ndarray, end: np.ndarray, points: Float[np.ndarray, "k m"]) -> float:
-    """Largest distance of points from a line [m]."""
-    along = end - start
-    share = (points - start) @ along / max(float(along @ along), 1e-30)
-    on = start + np.clip(share, 0.0, 1.0)[:, None] * along
+    """Largest distance of samples from a move at constant speed through the same times [m]."""
+    on = start + np.linspace(0.0, 1.0, len(points))[:, None] * (end - start)
     return float(np.linalg.norm(points - on, axis=1).max())
 
 
@@ -162,7 +169,9 @@ def _lines(moves: Moves, axes: Sequence[str]) -> list[str]:
     if moves.rapid:
         return [f"G0 {place}" for before, place in pairwise(places) if place != before]
     lines, rested = [], 0.0
-    feeds = 6e4 * np.maximum(moves.feed, SLOWEST)
+    # of the places as they are written, so that every move takes its own time
+    written = moves._replace(ends=1e-3 * rounded(moves.ends))
+    feeds = 6e4 * np.maximum(written.feed, SLOWEST)
     for k, (place, feed) in enumerate(zip(places[1:], feeds, strict=True)):
         if place == places[k]:
             rested += moves.lasting[k]

@@ -91,6 +91,7 @@ def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult
         doubts=job.doubts,
         held=found.held * machine.model.dt,
         rests=found.rests,
+        changing=max((one.acceleration for one in moves if not one.rapid), default=0.0),
     )
 
 
@@ -221,8 +222,9 @@ def _next(result: BentResult) -> list[str]:
     if result.chord is not None:
         away = tables.digits(1e6 * result.chord)
         lines.append(
-            f"      {PROGRAM}: {result.moves} straight moves within {away} um of it; the control "
-            "has to keep their feeds, its own look-ahead must not slow it down"
+            f"      {PROGRAM}: {result.moves} straight moves within {away} um of it at the same "
+            f"time, at exactly their feeds, which change by up to {tables.digits(result.changing)} "
+            "m/s^2; a control whose look-ahead slows them down does not run it as meant"
         )
     axes = result.machine.axes
     if result.halts:

@@ -13,7 +13,8 @@ class BentResult:
         error: the error that counts, "contour" or "tracking".
         roughness: price of the correction's bends.
         largest: largest shift of the reference [m].
-        chord: largest distance of the G-code's moves from the bent path [m]; None of one axis.
+        chord: largest distance of the G-code's moves, at their feeds, from the bent reference at
+            the same time [m]; None of one axis.
         moves: of the G-code.
         halts: places where the G-code stops, as the program does more there than move its axes.
         ramps: moves of the program along which Z moves too; the G-code leaves Z alone.
@@ -26,6 +27,7 @@ class BentResult:
         doubts: what of the program may be meant otherwise.
         held: how long the last point is held, until the tools rest [s]; scored like the run.
         rests: whether they rest by then.
+        changing: largest acceleration of an axis from one feed of the G-code to the next [m/s^2].
     """
 
     machine: MachineSummary
@@ -48,6 +50,7 @@ class BentResult:
     doubts: tuple[str, ...] = ()
     held: float = 0.0
     rests: bool = True
+    changing: float = 0.0
 
     def _rms(self, runs: dict[str, RunMetrics]) -> list[float]:
         return [float(getattr(run, f"rms_{self.error}_error")) for run in runs.values()]

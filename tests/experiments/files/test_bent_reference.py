@@ -30,6 +30,35 @@ def test_moves_stay_near_every_sample_and_are_few():
     assert time == pytest.approx(DT * (len(position) - 1))
 
 
+def test_a_program_at_its_feeds_is_where_the_samples_are_and_asks_for_no_jump(tmp_path):
+    """60 mm/s and back to rest at 3 m/s^2, read back and played by the clock."""
+    time, most, speed = DT * np.arange(141), 3.0, 0.06
+    reached = speed / most
+    up = 0.5 * most * np.minimum(time, reached) ** 2 + speed * np.maximum(time - reached, 0)
+    way = np.where(time < 0.07, up, 2 * np.interp(0.07, time, up) - up[::-1])
+    position = way[:, None] * [0.8, 0.6]
+    moves = moves_through(position, DT)
+    save_program([moves], "XY", tmp_path)
+    contour, feed, *_ = read_gcode(tmp_path / PROGRAM, "XY")
+    ends = np.append(0.0, np.cumsum(np.asarray(contour.extent)[np.asarray(contour.mask)]))
+    lasting = np.diff(ends) / feed
+    played = np.interp(time, np.append(0.0, np.cumsum(lasting)), ends)
+    assert np.abs(played - way).max() < CHORD + 1e-8 and len(feed) < 90
+    jumps = np.abs(np.diff(feed)) / ((lasting[1:] + lasting[:-1]) / 2)
+    assert jumps.max() < 1.001 * most
+    assert 0.8 * jumps.max() == pytest.approx(moves.acceleration, rel=1e-3)  # X has most of it
+
+
+def test_slow_moves_of_few_digits_take_their_time(tmp_path):
+    """20 s at 20 um/s: of every move the digits of its place leave a hundredth."""
+    time = DT * np.arange(20001)
+    position = np.stack([2e-5 * time, 1e-6 * np.sin(20 * time)], axis=1)
+    save_program([moves_through(position, DT)], "XY", tmp_path)
+    contour, feed, *_ = read_gcode(tmp_path / PROGRAM, "XY")
+    lasting = np.asarray(contour.extent)[np.asarray(contour.mask)] / feed
+    assert lasting.sum() == pytest.approx(time[-1], rel=1e-6)
+
+
 def test_a_corner_is_not_cut():
     position = 1e-5 * np.array([[k, 0] for k in range(100)] + [[99, k] for k in range(1, 100)])
     moves = moves_through(position.astype(float), DT)
