@@ -6,9 +6,9 @@ theta_b),
     e_b = y_b - p_b - p'_b (theta - theta_b),   t_b = p'_b / |p'_b|
     J = sum_b w_b (q_c |e_b|^2 + (q_l - q_c) (t_b . e_b)^2) - q_theta sum_i theta_i h / T + sum_b
     r_b ((du_b)' R_u du_b + R_v dv_b^2)
-is Lam et al., eqs. (13)-(15), in any number of axes: in the plane |e|^2 - (t . e)^2 is the square
-of the contour error (14). Errors and theta count at the samples 1..N, du and dv at 0..N-1 (the
-print has both at 1..N); the costs carry no 1/2.
+is Lam et al., eqs. (13)-(15), in one to three axes, as a path has: in the plane |e|^2 - (t . e)^2
+is the square of the contour error (14). Errors and theta count at the samples 1..N, du and dv at
+0..N-1 (the print has both at 1..N); the costs carry no 1/2.
 
 The horizon is cut into blocks of l_b samples, over which controls and path speed are held. Errors
 are evaluated at the blocks' ends only, each for the whole block, theta at every sample: w_b = l_b

@@ -51,7 +51,7 @@ class Traversal(NamedTuple):
 
 
 class MPCC(HostController):
-    """Contouring along any contour in two or more axes, closed (one lap) or open, corners included.
+    """Contouring along any contour of one to three axes, closed (one lap) or open, with corners.
 
     The whole state of the model is measured. The reference says where the run starts (its first arc
     length) and how long it may take.
