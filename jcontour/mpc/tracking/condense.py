@@ -25,6 +25,7 @@ from jcontour.qp.problem import QP
 # of the largest entry of the same kind of row: limits on what the controls of the window cannot
 # change are left out
 NEGLIGIBLE = 1e-12
+INVERTIBLE = 1e-6  # of A: rounding that its inverse may bring
 # limits that softening reaches; control and increment are the actuator's own
 SOFT = ("state", "output", "speed", "acceleration")
 
@@ -141,22 +142,40 @@ def limit_rows(model: LinearPlant, prediction: Prediction, limits: Limits) -> Ro
 def limited_signals(
     model: LinearPlant, prediction: Prediction
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Maps (F, G) of every limited signal but the control, by the name of its limit."""
+    """Maps (F, G) of every limited signal but the control, by the name of its limit.
+
+    The acceleration at the sample itself needs y_{-1}: the model gives it where A has an inverse.
+    """
     n, m = model.states, model.axes
     horizon, _, q = prediction.Fx.shape
     now = np.concatenate([np.asarray(model.C, float), np.zeros((m, q - n))], axis=1)
     Fy = np.concatenate([now[None], prediction.Fy])
     Gy = np.concatenate([np.zeros((1, *prediction.Gy.shape[1:])), prediction.Gy])
+    before = _output_before(model, q)
+    Fa = np.concatenate([before, Fy])
+    Ga = np.concatenate([np.zeros((len(before), *Gy.shape[1:])), Gy])
     return {
         "increment": difference_maps(horizon, model.inputs, n),
         "state": (prediction.Fx, prediction.Gx),
         "output": (prediction.Fy, prediction.Gy),
         "speed": (np.diff(Fy, axis=0) / model.dt, np.diff(Gy, axis=0) / model.dt),
         "acceleration": (
-            np.diff(Fy, 2, axis=0) / model.dt**2,
-            np.diff(Gy, 2, axis=0) / model.dt**2,
+            np.diff(Fa, 2, axis=0) / model.dt**2,
+            np.diff(Ga, 2, axis=0) / model.dt**2,
         ),
     }
+
+
+def _output_before(model: LinearPlant, known: int) -> Float[np.ndarray, "k m q"]:
+    """Map of s to y_{-1} = C A^-1 (x_0 - B (u_{-1} + d) - w), k = 1; k = 0 without an inverse.
+
+    Delays are no loss there: what they hold back, the control of the sample does not change.
+    """
+    A, B, C = (np.asarray(matrix, float) for matrix in (model.A, model.B, model.C))
+    if np.linalg.cond(A) * np.finfo(float).eps > INVERTIBLE:
+        return np.zeros((0, len(C), known))
+    back = np.linalg.solve(A.T, C.T).T
+    return np.concatenate([back, -back @ B, -back, -back @ B], axis=1)[None]
 
 
 def _rows_of(F: np.ndarray, G: np.ndarray, bounds: tuple, soft: bool) -> Rows:

@@ -232,7 +232,7 @@ class ConstrainedLQ(Controller):
 def limit_rows(model: LinearPlant, limits: Limits, horizon: int) -> LimitRows:
     """Rows of all limits (`full_limits`), those of the controls first.
 
-    Acceleration is limited from the first that lies wholly ahead, as in `TrackingMPC`.
+    Acceleration is limited from the sample itself on, as in `TrackingMPC`, by the last output.
     """
     A, B, C = (np.asarray(matrix, float) for matrix in (model.A, model.B, model.C))
     n, p, m, dt = len(A), B.shape[1], len(C), model.dt
@@ -283,7 +283,7 @@ def _limited(name: str, D: np.ndarray, pair, signal, horizon: int):
         size, soft = np.ones(len(D)), np.zeros(len(D), bool)
         return D, lower, upper, soft, size
     reach = np.abs(signal[1]).max(axis=2)  # of every sample's rows (stages, rows)
-    first = horizon - len(reach)  # of acceleration: the first stage has none
+    first = horizon - len(reach)  # of acceleration behind a delay: the first stage has none
     free = np.zeros((horizon, len(D)), bool)
     free[first:] = reach > NEGLIGIBLE * reach.max(initial=0.0)
     size = reach.max(axis=0, initial=0.0)

@@ -23,8 +23,8 @@ class Limits(NamedTuple):
         state: x (n,).
         output: y (m,) [m].
         speed: (y_j - y_{j-1}) / dt (m,) [m/s].
-        acceleration: (y_{j+1} - 2 y_j + y_{j-1}) / dt^2 (m,) [m/s^2], from the first that lies
-            wholly ahead.
+        acceleration: (y_{j+1} - 2 y_j + y_{j-1}) / dt^2 (m,) [m/s^2], from the sample itself on:
+            y_{-1} is that of the model, from which the last control led to the state.
     """
 
     control: Bounds | None = None

@@ -15,10 +15,12 @@ from jcontour.controllers.lq.contouring_lq import (
 from jcontour.geometry.contours import circle, lemniscate, polygon
 from jcontour.host.loop import Stopped, loop, reported_loop
 from jcontour.linear.plant import LinearPlant
+from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import along, from_samples
 from jcontour.mpc.tracking.forms import AbsoluteForm, VelocityForm
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
+from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 from jcontour.qp.problem import check_qp
 from jcontour.qp.solvers import DAQP, ProxQP
@@ -38,6 +40,19 @@ def shapes():
         "square": along(polygon(SQUARE), 2e-5 * steps, 1e-3, N, at_rest=True),
         "eight": along(lemniscate(3e-3), 3e-5 * steps, 1e-3, N, at_rest=False),
     }
+
+
+def test_the_acceleration_is_limited_from_the_sample_itself_on():
+    """Second differences of the run: a limit that acts alone ahead lets one of them go over."""
+    mill, limit = bridgeport(), 0.5
+    path = circle(1e-3)
+    reference = along(path, constant_feed(path, 0.05, mill.dt), mill.dt, 10, at_rest=False)
+    weights, limits = TrackingWeights(1e8, increment=1.0), Limits.within(acceleration=limit)
+    run = reported_loop(
+        mill, TrackingMPC(mill, weights, 10, limits._replace(control=(-5, 5))), reference
+    )
+    found = np.abs(np.diff(np.asarray(run.rollout.output), 2, axis=0)) / mill.dt**2
+    assert found.max() == pytest.approx(limit, rel=1e-6) and run.report.fallbacks == 0
 
 
 def still(where, steps=40, preview=N, dt=1e-3):
