@@ -140,7 +140,7 @@ def control_limit(machine: Machine, given: float | None = None) -> np.ndarray:
 def speed_limit(machine: Machine, given_mm_s: float | None = None) -> float:
     """Highest path speed [m/s]: the given one [mm/s], or what every axis may run at, up to Lam's.
 
-    An axis never runs faster than the tool along its path.
+    No axis of a tool on its path runs faster; one that catches up with its path may.
     """
     if given_mm_s is not None:
         return 1e-3 * given_mm_s
