@@ -42,8 +42,8 @@ def memory_limits(
     flat, unravel = ravel_pytree(moving)
 
     @eqx.filter_jit
-    def stepped(one: Controller, numbers: Float[Array, "tries n+q"]) -> Float[Array, "tries n"]:
-        def step(row: Float[Array, " n+q"]) -> Float[Array, " n"]:
+    def stepped(one: Controller, numbers: Float[Array, "tries numbers"]) -> Float[Array, "tries n"]:
+        def step(row: Float[Array, " numbers"]) -> Float[Array, " n"]:
             after, _ = one.step(*_between(plan, eqx.combine(unravel(row), fixed)))
             return ravel_pytree(eqx.filter(after, eqx.is_inexact_array))[0]
 
