@@ -27,6 +27,7 @@ from experiments.reports.figures.shared.beside import drawn_by
 from experiments.reports.figures.shared.png import image
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
+from experiments.runs.checks.arrival import arrival_warnings
 from experiments.runs.checks.between_samples import swing_warnings
 from experiments.runs.checks.lost_numbers import NAN, lost_numbers
 from experiments.runs.checks.machine_limits import limits_met
@@ -142,6 +143,7 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
             *limits_exceeded_by_plan(scenarios, machine),
             *limits_met(replayed, scenarios, machine),
             *swing_warnings(replayed, scenarios, machine),
+            *arrival_warnings(replayed, scenarios),
         ],
         motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
     )

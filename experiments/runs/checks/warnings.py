@@ -7,6 +7,7 @@ import numpy as np
 from experiments.files.results.tuned_result import PathMargins, Standstill
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.machine import Machine
+from experiments.runs.checks.arrival import arrival_warnings
 from experiments.runs.checks.between_samples import swing_warnings
 from experiments.runs.checks.lost_numbers import lost_at_start
 from experiments.runs.checks.machine_limits import drives_at_limits_in_rapids, limit_warnings
@@ -39,6 +40,7 @@ def run_warnings(
     lines += limits_exceeded_by_plan(run.scenarios, run.machine)
     lines += limit_warnings(found, run.scenarios, run.machine)
     lines += swing_warnings(found, run.scenarios, run.machine)
+    lines += arrival_warnings(found, run.scenarios)
     lines += drives_at_limits_in_rapids(found, run.scenarios, run.machine)
     if run.machine.error == "contour":  # the tracking error itself is tuned and shown otherwise
         lines += lag_warnings(replays, run.scenarios)

@@ -1,0 +1,47 @@
+"""A tool that is far from the end of its motion when that ends."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from experiments.jobs.replays import Replay, Scenarios
+from experiments.runs.checks.arrival import arrival_warnings
+
+SAMPLES, PEAK = 101, 2e-6
+TO_REST = 1e-3 * (1 - np.cos(np.pi * np.arange(SAMPLES) / (SAMPLES - 1))) / 2
+IN_MOTION = 1e-5 * np.arange(SAMPLES)
+
+
+def told(apart, path=TO_REST, lost=False, scored=True):
+    """One contour on two plants; the second one ends so far from the end [m]."""
+    position = np.stack([path, np.zeros(SAMPLES)], axis=1)[None]
+    output = np.repeat(position[:, None], 2, axis=1)
+    output[0, 1, -1, 1] += apart
+    metrics = SimpleNamespace(
+        diverged=np.array([[False, lost]]), peak_contour_error=np.array([[0.5 * PEAK, PEAK]])
+    )
+    mask = np.full((1, SAMPLES), scored)
+    references = SimpleNamespace(mask=mask, steps=SAMPLES, position=position)
+    jobs = (SimpleNamespace(name="part", samples=SAMPLES),)
+    found = Scenarios(cast(Any, jobs), (True,), ("nominal", "late"), cast(Any, references), 0)
+    return arrival_warnings(Replay(cast(Any, metrics), output, output, output), found)
+
+
+def test_a_tool_that_has_not_arrived_is_told():
+    [line] = told(2.1 * PEAK)
+    assert line.startswith("at its last sample the tool is still 4.2 um from the end (part, late)")
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"apart": 1.9 * PEAK},  # as much as the errors on the way
+        {"apart": 9 * PEAK, "path": IN_MOTION},  # it goes on
+        {"apart": 9 * PEAK, "lost": True},  # told as diverged
+        {"apart": 9 * PEAK, "scored": False},  # a rapid move
+    ],
+)
+def test_otherwise_nothing_is_told(given):
+    assert told(**given) == []
