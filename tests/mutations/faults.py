@@ -226,8 +226,8 @@ FAULTS = (
     ),
     Fault(
         "jcontour/mpc/tracking/condense.py",
-        "np.diff(Fy, 2, axis=0) / model.dt**2",
-        "np.diff(Fy, 2, axis=0) / model.dt",
+        "np.diff(Fa, 2, axis=0) / model.dt**2",
+        "np.diff(Fa, 2, axis=0) / model.dt",
         f"{LIBRARY}/mpc/tracking/test_condense.py",
     ),
     Fault(
