@@ -12,13 +12,13 @@ from experiments.files.results.stored import read_result, write_result
 from experiments.files.results.tuned_result import TunedResult
 from experiments.flags.loops import Export
 from experiments.jobs.job import Job, Task
-from experiments.jobs.settling import settling, with_held_end
 from experiments.machines.linear import LinearMachine
 from experiments.reports.exported_tables import show_exported
 from experiments.runs.checks.compiled_code import compiled_checks
 from experiments.runs.checks.replayed_code import off_the_plan, rounding
 from experiments.runs.checks.stored_loops import StoredLoop, stored_loop
 from experiments.runs.lifecycle import created, finished
+from experiments.runs.loops.settling import settling, with_held_end
 from jcontour.export.affine_law import AffineLaw
 from jcontour.export.c_code import c_header, c_plan, c_source
 from jcontour.export.c_replay import Units, c_plan_reader, c_replay, plan_file, replay_file

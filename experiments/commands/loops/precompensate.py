@@ -19,7 +19,6 @@ from experiments.files.results.stored import write_result
 from experiments.flags.loops import Precompensate
 from experiments.jobs.job import Job, Task
 from experiments.jobs.sections import sections
-from experiments.jobs.settling import STILL
 from experiments.reports import tables
 from experiments.reports.figures.loops.bent import bent_figure
 from experiments.reports.figures.shared.png import save_figure
@@ -27,6 +26,7 @@ from experiments.runs.checks.stored_loops import StoredLoop, loop_named
 from experiments.runs.lifecycle import created, finished
 from experiments.runs.loops.bending import Bent, bent
 from experiments.runs.loops.bent_moves import moves_along
+from experiments.runs.loops.settling import STILL
 from experiments.runs.tuning.results import machine_summary
 from jcontour.geometry.toolpaths import Toolpath
 

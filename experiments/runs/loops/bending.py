@@ -10,8 +10,6 @@ from experiments.files.results.run_metrics import RunMetrics
 from experiments.jobs.job import Job, Task
 from experiments.jobs.replays import Replay, Scenarios, replay
 from experiments.jobs.sections import halted
-from experiments.jobs.settling import MOST as MOST_HELD
-from experiments.jobs.settling import settling, with_held_end
 from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.machines.gantry import GantryMachine
 from experiments.machines.linear import LinearMachine
@@ -26,6 +24,8 @@ from experiments.runs.checks.machine_limits import (
 from experiments.runs.checks.stored_loops import StoredLoop
 from experiments.runs.forecast import Steps, outline
 from experiments.runs.loops.learned_machines import Setting, linear_family
+from experiments.runs.loops.settling import MOST as MOST_HELD
+from experiments.runs.loops.settling import settling, with_held_end
 from jcontour.controllers.learning.laps import Learned
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants

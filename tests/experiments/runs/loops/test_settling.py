@@ -6,7 +6,7 @@ import pytest
 
 from experiments.jobs.job import AxisMove, Job
 from experiments.jobs.motion_laws import Aside
-from experiments.jobs.settling import MOST, STILL, settling, with_held_end
+from experiments.runs.loops.settling import MOST, STILL, settling, with_held_end
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant
 from jcontour.plants.wrappers.encoders import Encoders
