@@ -84,6 +84,8 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/results/run_metrics.py": "experiments/commands/test_compare.py",
     "experiments/files/results/simulated_result.py": "experiments/commands/loops/test_simulate.py",
     "experiments/files/results/tuned_result.py": "experiments/commands/tuning/test_tune.py",
+    "experiments/files/results/swept_result.py": "experiments/commands/tuning/test_sweep.py",
+    "experiments/runs/spread/sweep_runs.py": "experiments/commands/tuning/test_sweep.py",
     "experiments/jobs/pace.py": "experiments/jobs/test_job.py",
     "experiments/runs/motion_summary.py": "experiments/jobs/test_motion_laws.py",
     # what the commands drive, through the catalogue
