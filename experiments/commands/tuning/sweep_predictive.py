@@ -164,7 +164,7 @@ def swept_of(flags: Sweep) -> PredictiveSwept:
     if machine.limits.control is None:
         raise ValueError(f"plant: {flags.plant} states no limit on its controls, which this needs")
     cases = [Case(flags.controller, machine, job.contour) for job in jobs]
-    varied = listed_values(flags.vary) or dict([kind.varied])
+    varied = listed_values(flags.vary) or dict([kind.varied(machine)])
     for name in varied:
         if name not in kind.weights:
             raise ValueError(

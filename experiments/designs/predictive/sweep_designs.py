@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from experiments.designs.predictive.constrained import (
     LONGEST_HORIZON,
     at_speed,
@@ -14,6 +16,7 @@ from experiments.designs.predictive.constrained import (
     late_tracking,
     speed_limit,
     traverser,
+    usual_change,
     waiting_reference,
 )
 from experiments.flags.loops import Trace
@@ -83,13 +86,13 @@ class PredictiveKind(NamedTuple):
         make: run of a design.
         weights: its weights by name: value where nothing is said, None for the machine's, and
             unit.
-        varied: values of the one weight that varies where none is named.
+        varied: the one weight that varies on a machine where none is named, and its values.
         speeds_mm_s: on a machine, where none are named.
     """
 
     make: Callable[[Case, PredictiveDesign], HostedRun]
     weights: Mapping[str, tuple[float | None, str]]
-    varied: tuple[str, tuple[float, ...]]
+    varied: Callable[[Machine], tuple[str, tuple[float, ...]]]
     speeds_mm_s: Callable[[Machine], tuple[float, ...]]
 
 
@@ -110,11 +113,26 @@ def _tracking(case: Case, design: PredictiveDesign) -> HostedRun:
     limit, hosted = control_limit(case.machine), case.machine.hosted()
     if not 1 <= design.horizon <= LONGEST_HORIZON:
         raise ValueError(f"previews: need 1 to {LONGEST_HORIZON} steps, received {design.horizon}")
-    weights = TrackingWeights(**dict(design.weights))
+    weights = TrackingWeights(
+        **{"increment": usual_change(case.machine, limit), **dict(design.weights)}
+    )
     late = late_tracking(hosted.model, weights, design.horizon, limit)
     held = Held(late, hosted.every, hosted.model.inputs)
     speed, dt = 1e-3 * design.speed_mm_s, hosted.plant.dt
     return HostedRun(hosted.plant, held, at_speed(case.contour, speed, dt, held.preview), None)
+
+
+def _changes(machine: Machine) -> tuple[float, ...]:
+    """A decade around the usual weight on the change of the controls, as one number for all."""
+    each = usual_change(machine, np.asarray(control_limit(machine)))
+    middle = np.exp(np.mean(np.log(each)))
+    return tuple(float(f"{factor * middle:.6g}") for factor in (0.1, 1.0, 10.0))
+
+
+def _speeds(machine: Machine) -> tuple[float, ...]:
+    """Section 5 has 50 to 150 mm/s on a table of 250 mm/s: as large a part of a machine's own."""
+    fastest = 1e3 * speed_limit(machine)
+    return tuple(round(share * fastest, 6) for share in (0.2, 0.3, 0.4, 0.5, 0.6))
 
 
 PREDICTIVE: Mapping[str, PredictiveKind] = {
@@ -127,7 +145,7 @@ PREDICTIVE: Mapping[str, PredictiveKind] = {
             "r_control": (Trace.r_control, "1/control unit^2"),
             "r_speed": (Trace.r_speed, "1/(mm per step)^2"),
         },
-        ("q_theta", (0.03, 0.1, 0.3, 1.0, 5.0)),  # the paper's range
+        lambda _: ("q_theta", (0.03, 0.1, 0.3, 1.0, 5.0)),  # the paper's range
         lambda machine: (1e3 * speed_limit(machine),),
     ),
     "tracking-mpc": PredictiveKind(
@@ -135,9 +153,9 @@ PREDICTIVE: Mapping[str, PredictiveKind] = {
         {
             "output": (1e8, "1/m^2"),  # Q_t and R_t are not printed: MPCC's own
             "contour": (0.0, "1/m^2"),
-            "increment": (60.0, "1/control unit^2"),
+            "increment": (None, "1/control unit^2"),
         },
-        ("increment", (6.0, 60.0, 600.0)),
-        lambda _: (50.0, 75.0, 100.0, 125.0, 150.0),  # section 5
+        lambda machine: ("increment", _changes(machine)),
+        _speeds,
     ),
 }

@@ -35,6 +35,21 @@ def test_without_a_word_the_weights_and_the_speed_are_those_of_the_machine():
     np.testing.assert_array_equal(made.weights.control_matrix(2), 3.0 * np.eye(2))
 
 
+def test_tracking_varies_what_the_machine_can_bear():
+    """15 / u_max^2, a decade to both sides; a fifth to three fifths of the slower axis' speed."""
+    mill, kind = machine_named("experiments/machines/example.json"), PREDICTIVE["tracking-mpc"]
+    name, values = kind.varied(mill)
+    assert name == "increment"
+    np.testing.assert_allclose(values, 15.0 / 250.0**2 * np.array([0.1, 1.0, 10.0]))
+    np.testing.assert_allclose(kind.speeds_mm_s(mill), [40.0, 60.0, 80.0, 100.0, 120.0])
+    made = Case("tracking-mpc", mill, circle(1e-2)).hosted(PredictiveDesign({}, 5, 100.0))
+    weights = made.controller.controller.controller.weights
+    np.testing.assert_allclose(weights.increment, values[1])
+    table = machine_named("xy-table")  # the paper's own
+    assert kind.varied(table) == ("increment", (6.0, 60.0, 600.0))
+    assert kind.speeds_mm_s(table) == (50.0, 75.0, 100.0, 125.0, 150.0)
+
+
 def test_tracking_keeps_its_speed_and_the_usual_weights():
     made = case_of("tracking-mpc").hosted(PredictiveDesign({"increment": 6.0}, 5, 100.0))
     late = made.controller.controller
