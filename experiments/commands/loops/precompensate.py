@@ -31,6 +31,7 @@ from experiments.runs.tuning.results import machine_summary
 from jcontour.geometry.toolpaths import Toolpath
 
 SAME = 5e-3  # of an error: less of a change has no digit of its own
+BOUNDS = ("speed", "acceleration", "control")
 NOTHING = 1e-9  # [m] of an error: a ratio to less says nothing
 HEADINGS = (
     "plant",
@@ -87,9 +88,10 @@ def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult
         asked=found.asked,
         halts=sum(bool(one.asked) for one in moves),
         ramps=0 if read is None else len(read.ramps),
+        unlimited=tuple(name for name in BOUNDS if getattr(machine.limits, name) is None),
         weights=loop.weights,
         doubts=job.doubts,
-        held=found.held * machine.model.dt,
+        held=None if found.held is None else found.held * machine.model.dt,
         rests=found.rests,
         changing=max((one.acceleration for one in moves if not one.rapid), default=0.0),
     )
@@ -132,7 +134,11 @@ def show(result: BentResult, console: Console) -> None:
 
 
 def ending(result: BentResult) -> list[str]:
-    """How the run ends; nothing of one that ends in motion."""
+    """How the run ends."""
+    if result.held is None:
+        return [
+            "The run ends in motion: how the tool comes to rest behind it is not in these numbers."
+        ]
     if not result.held and result.rests:
         return []
     size = f"{tables.digits(1e6 * STILL)} um"
@@ -157,7 +163,7 @@ def sentences(result: BentResult) -> list[str]:
         f"{tables.digits(result.asked[1])} m/s^2."
     )
     if result.usable:
-        return [gain, *_larger(result)]
+        return [gain, *_larger(result), *_unbounded(result)]
     if result.exceeded_before:
         why = (
             f"{result.controller} exceeds a limit of the machine without any bend: choose calmer "
@@ -176,6 +182,17 @@ def sentences(result: BentResult) -> list[str]:
         )
     files = SAMPLES if result.chord is None else f"{SAMPLES} and {PROGRAM}"
     return [gain, f"DO NOT USE: {why}. Not written for that reason: {files}."]
+
+
+def _unbounded(result: BentResult) -> list[str]:
+    """A warning for a machine on which nothing limits the bend."""
+    if not result.unlimited:
+        return []
+    return [
+        f"WARNING: {result.machine.name} states no limit of {' or '.join(result.unlimited)}: "
+        "look at whether your drives give what is asked for above, or state their limits in a "
+        "machine file."
+    ]
 
 
 def _larger(result: BentResult) -> list[str]:

@@ -23,9 +23,11 @@ class BentResult:
         exceeded: a line for every limit of the machine that the bent reference exceeds, or the tool
             along it.
         exceeded_before: the same of the tool along the reference as it is.
+        unlimited: what the machine states no limit of, of speed, acceleration and control.
         weights: of the controller, a line for each.
         doubts: what of the program may be meant otherwise.
-        held: how long the last point is held, until the tools rest [s]; scored like the run.
+        held: how long the last point is held, until the tools rest [s]; scored like the run. None
+            of a run that ends in motion.
         rests: whether they rest by then.
         changing: largest acceleration of an axis from one feed of the G-code to the next [m/s^2].
     """
@@ -46,9 +48,10 @@ class BentResult:
     asked: tuple[float, float] = (0.0, 0.0)
     halts: int = 0
     ramps: int = 0
+    unlimited: tuple[str, ...] = ()
     weights: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
-    held: float = 0.0
+    held: float | None = 0.0
     rests: bool = True
     changing: float = 0.0
 

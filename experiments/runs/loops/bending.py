@@ -42,7 +42,7 @@ class Bent(NamedTuple):
 
     Attributes:
         job: the run, with its last point held until the tools rest.
-        held: samples for which it is held.
+        held: samples for which it is held; None of a run that ends in motion.
         rests: whether the tools rest by then.
         reference: of that, as it was.
         found: the correction.
@@ -55,7 +55,7 @@ class Bent(NamedTuple):
     """
 
     job: Task
-    held: int
+    held: int | None
     rests: bool
     reference: Reference
     found: Precompensated
@@ -116,7 +116,7 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
     machine, controller, job = loop.machine, loop.controller, loop.jobs[0]
     family = _family(loop, job.reference(machine.model.dt, controller.preview))
     at_rest = not isinstance(job, Job) or job.at_rest
-    held, rests = 0, True
+    held, rests = None, True
     if at_rest:
         status.update("running the reference until the tool rests")
         settled = settling(job, controller, family, machine.model.dt)

@@ -100,6 +100,13 @@ def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
     assert "nominal the same, worst of the family the same" in sentences(as_before)[0]
 
 
+def test_what_no_limit_of_the_machine_bounds_is_told():
+    bounded = by_hand(before=[9e-6], after=[1e-6])
+    assert len(sentences(bounded)) == 1
+    told = sentences(replace(bounded, unlimited=("speed", "acceleration")))[-1]
+    assert told.startswith("WARNING: mill states no limit of speed or acceleration: ")
+
+
 def by_hand(before, after):
     """A result whose plants have these RMS contour errors [m], the nominal one first."""
 
@@ -134,6 +141,8 @@ def test_how_the_run_ends_is_told():
     )
     assert "after the end a tool still moves" in ending(replace(rests, rests=False))[0]
     assert not ending(replace(rests, held=0.0))
+    (told,) = ending(replace(rests, held=None))
+    assert told.startswith("The run ends in motion")
 
 
 def test_next_to_nothing_has_sizes_and_no_ratio():
