@@ -161,7 +161,8 @@ class Aimed(Bounded, Spreading):
     """Limit on the RMS of the control vector as a multiple of what the start weights need.
     1.2 on flexible axes and gantries when neither this nor --max-rms-control is given."""
     nominal_only: bool = False  # the machine is not known better than its family
-    """Tune on the nominal plant alone instead of its family; the family is still in the tables."""
+    """Tune on the nominal plant alone instead of its family; the family is still in the tables.
+    Where another plant of the family exceeds a limit, the values are not for use."""
     free: str | None = None
     """Weights to tune, by name with commas, as alpha,beta,observer; the others stay.
     Those that give the best answer in a minute when not given. LQ: observer stands for its noises,

@@ -47,6 +47,7 @@ def reasons_against(
     allowing: str = "",
     feed_law: str = "jerk",
     lasting: float = 0.0,
+    unseen: Sequence[str] = (),
 ) -> list[str]:
     """Reasons against loading the weights, the gravest first; none where they may be loaded.
 
@@ -64,12 +65,14 @@ def reasons_against(
         allowing: flag and value that allow what the weights reach, see `flag_allowing`.
         feed_law: of the motions.
         lasting: samples in which an offset of the tool dies out to a third.
+        unseen: limits that plants exceed which the tuner did not see, one line each.
     """
     return [
         *_unstable(contours, margins, robust),
         *_adrift(lasting, contours),
         *_late(margins, delay, alone),
         *_infeasible(tuned, limit, allowing),
+        *unseen,
         *exceeded,
         *(_calmer(feed_law) if exceeded else []),
         *(_worse(contours, error, finest) if tuned.feasible else []),

@@ -35,6 +35,7 @@ from experiments.jobs.job import Pace
 from experiments.jobs.replays import Replay, replay
 from experiments.machines.machine import Machine
 from experiments.reports.progress import progress_of
+from experiments.runs.checks.unseen_plants import over_family
 from experiments.runs.tuning.limits import loop_limits
 from experiments.runs.tuning.problem import TuningRun, tuning_run
 from experiments.runs.tuning.regret import with_regret
@@ -241,7 +242,8 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
     controller = run.controller(tuned.weights)
     tried = replay(controller, run.scenarios)
     fastest = min(_seconds(lambda: replay(controller, run.scenarios)) for _ in range(TIMED))
-    loops = tuned.outcome.loops
+    family = over_family(run, tuned.weights)
+    loops = (tuned if family is None else family).outcome.loops
     peak = np.inf if loops is None else float(np.max(loops.sensitivity))
     held_out, training = (_errors(run, tried, trained) for trained in (False, True))
     found = replace(
@@ -252,7 +254,7 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
         training=_typical(training),
         peak_sensitivity=peak if np.isfinite(peak) else None,
         learns=run.design.learns,
-        feasible=bool(tuned.feasible),
+        feasible=bool(tuned.feasible) and (family is None or family.feasible),
         stationary=bool(tuned.stationary),
         evaluations=len(tuned.history),
         weights=plain_weights(tuned.weights),

@@ -37,6 +37,7 @@ from experiments.runs.checks.recommendation import (
 )
 from experiments.runs.checks.robustness import robust_test
 from experiments.runs.checks.standstill import standstill
+from experiments.runs.checks.unseen_plants import exceeded_unseen, over_family
 from experiments.runs.checks.warnings import idle_warnings, run_warnings, standstill_warnings
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.tuning.family_loops import family_curves, family_peaks
@@ -135,7 +136,8 @@ def tuned_result(
     alone = len(run.machine.family_names) == 1
     told = tuned, contours, margins, robust, exceeded, error
     lasting = _offset_lasts(run, tuned) if may_drift(margins, contours) else 0.0
-    reasons = reasons_against(*told, delay, alone, finest, limit, allowing, law, lasting)
+    unseen = exceeded_unseen(over_family(run, tuned.weights))
+    reasons = reasons_against(*told, delay, alone, finest, limit, allowing, law, lasting, unseen)
     warnings = run_warnings(run, tuned, margins, replays)
     warnings += idle_warnings(searched.idle)
     warnings += standstill_warnings(trials["tuned"].standstill, run)
