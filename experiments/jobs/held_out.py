@@ -41,7 +41,8 @@ def held_out_like(jobs: Sequence[Job], pace: Pace) -> list[Job]:
 
     All together have about as many samples as the parts, but each at least 150 and at most 1000. A
     contour that would have more ends early and so keeps curvature and feed of the part; the square
-    is made smaller as well, so that it keeps its corners.
+    is made smaller as well, so that it keeps its corners. At constant feed a contour that ends
+    early has its entry before these samples, and it is not scored.
 
     Raises:
         ValueError: no parts, or a machine of a single axis.

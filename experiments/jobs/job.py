@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.jobs.coarse import coarse_coordinates
+from experiments.jobs.entry import behind_entry
 from experiments.jobs.memory import room
 from experiments.jobs.motion_laws import UM, Aside, along_path
 from experiments.jobs.pace import MM_PER_MIN, Pace
@@ -193,17 +194,18 @@ Task = Job | AxisMove
 
 
 def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
-    """Run in motion from the first sample.
+    """Run in motion from the first sample; its entry is not scored.
 
-    A closed contour is run twice and scored the second time, when the entry has died out.
+    A closed contour is run twice and scored the second time. An open one is scored behind the entry
+    of `behind_entry`.
     """
     contour = _on_axes(name, contour, pace)
     dt, feed = pace.machine.model.dt, pace.override * pace.feed_or_default
     arc = constant_feed(contour, feed, dt)
-    laps = 2 if bool(contour.closed) else 1
-    if laps == 2:
-        arc = feed * dt * np.arange(int(laps * float(contour.length) / (feed * dt)) + 1)
-    scored = arc >= (laps - 1) * float(contour.length)
+    scored = behind_entry(arc.size)
+    if bool(contour.closed):
+        arc = feed * dt * np.arange(int(2 * float(contour.length) / (feed * dt)) + 1)
+        scored = arc >= float(contour.length)
     return Job(name, contour, arc, scored, False, f"constant {feed / MM_PER_MIN:.4g} mm/min")
 
 

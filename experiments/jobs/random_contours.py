@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.jobs.contours import BUILT_IN
+from experiments.jobs.entry import ENTRY
 from experiments.jobs.job import Job, Pace, at_constant_feed
 from experiments.jobs.random_shapes import KINDS, Shape
 from experiments.jobs.scale import scale_of
@@ -19,8 +20,8 @@ SIZES = 2.0  # times larger or smaller than the middle size
 FEEDS = 1.5  # times faster or slower than the middle feed
 # of the size: an arc this near to a corner would need the path acceleration at the same feed
 CORNER_DEVIATION = 0.05
-LEAST_SAMPLES, MOST_SAMPLES = 150, 400  # of a run: 64 of them are tuned in minutes
-MOST_CONTOURS = 1000  # their runs are 400,000 samples
+LEAST_SAMPLES, MOST_SAMPLES = 150, 400  # behind the entry: 64 runs are tuned in minutes
+MOST_CONTOURS = 1000  # their runs are 500,000 samples
 WORDS = re.compile(r"random:([0-9]{1,6})")
 
 Seed = int | np.random.SeedSequence
@@ -70,7 +71,7 @@ def random_jobs(
 
     A run has 150 to 400 samples. A closed contour that is passed twice within these is run and
     scored as in `at_constant_feed`; its feed is lowered where it would be over sooner. A longer one
-    ends early and is scored throughout, as open ones are.
+    ends early, as open ones do: these samples then come behind an entry that is not scored.
 
     Raises:
         ValueError: fewer than one contour or too many, a negative seed, size or feed not finite and
@@ -113,14 +114,14 @@ def _job(
     acceleration = _acceleration(pace)
     # no curve of this size is faster: an open contour need not be longer
     most = min(feed, 2.0 * np.sqrt(acceleration * size))
-    contour = moved(kind(random, size, most * dt * samples), middle)
+    contour = moved(kind(random, size, most * dt * (ENTRY + samples)), middle)
     feed = min(
         feed,
         curve_feed(contour, acceleration),
         corner_feed(contour, acceleration, CORNER_DEVIATION * size),
     )
     # twice the run: what a preview sees is there, a long rest would only take time
-    contour = beginning(contour, 2.0 * feed * dt * MOST_SAMPLES)
+    contour = beginning(contour, 2.0 * feed * dt * (ENTRY + MOST_SAMPLES))
     if bool(contour.closed):
         feed = min(feed, 2.0 * float(contour.length) / (LEAST_SAMPLES * dt))
         samples = MOST_SAMPLES

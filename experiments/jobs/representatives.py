@@ -3,12 +3,13 @@
 A program is looked at in overlapping windows. Each has features: how much the path turns in all and
 at most, how fast it goes, how hard it accelerates, and in which directions. The window with the
 hardest acceleration comes first, then always the one that differs most from those before. A stretch
-is entered in motion, and its first samples are not scored.
+is entered in motion, and its entry is not scored.
 """
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from experiments.jobs.entry import ENTRY, behind_entry
 from experiments.jobs.job import Job, Task
 from experiments.jobs.stretches import between
 from jcontour.motion.references import along
@@ -16,7 +17,6 @@ from jcontour.motion.references import along
 LONG = 10_000  # samples of a program that is tuned by stretches
 WINDOW = 1000  # samples of a stretch
 COUNT = 8  # stretches of a program
-ENTRY = 100  # samples at the beginning of a stretch that do not count
 MARGIN = 20  # samples of path beyond both ends, for preview and errors along the path
 
 
@@ -44,13 +44,11 @@ def _stretch(job: Job, first: int, number: int) -> Job:
     last = first + WINDOW - 1
     low = float(job.arc[max(first - MARGIN, 0)])
     high = float(job.arc[min(last + MARGIN, job.samples - 1)])
-    scored = job.scored[first : last + 1].copy()
-    scored[:ENTRY] = False
     return job._replace(
         name=f"{job.name} {number}",
         contour=between(job.contour, low, high),
         arc=job.arc[first : last + 1] - low,
-        scored=scored,
+        scored=job.scored[first : last + 1] & behind_entry(WINDOW),
         at_rest=False,
         program=None,
         aside=job.aside and job.aside.some(slice(first, last + 1)),

@@ -6,6 +6,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from experiments.jobs.entry import ENTRY, behind_entry
 from experiments.jobs.job import Job
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import SMALLEST, from_pieces
@@ -131,13 +132,14 @@ def corner_feed(contour: Contour, acceleration: float, deviation: float) -> floa
 
 
 def shortened(job: Job, samples: int) -> Job:
-    """First samples of a run at constant feed, all of them where there are no more.
+    """Beginning of a run at constant feed: its entry, and as many samples that are scored.
 
-    What is left of two laps of a closed contour is scored throughout, as an open contour is.
+    A run without that many samples stays as it is.
     """
     if job.samples <= samples:
         return job
-    return job._replace(arc=job.arc[:samples], scored=np.ones(samples, bool))
+    arc = job.arc[: ENTRY + samples]
+    return job._replace(arc=arc, scored=behind_entry(arc.size))
 
 
 def _host_pieces(contour: Contour) -> Piece:

@@ -9,6 +9,7 @@ import pytest
 from experiments.catalogue.choices import machine_named
 from experiments.jobs import random_contours
 from experiments.jobs.contours import BUILT_IN
+from experiments.jobs.entry import ENTRY
 from experiments.jobs.held_out import held_out_like
 from experiments.jobs.job import Pace, at_constant_feed, from_file
 from experiments.jobs.pace import ACCELERATION
@@ -144,8 +145,18 @@ def test_parts_at_constant_feed_have_contours_at_constant_feed(name, moves_withi
     for one in held_out_like(jobs, pace):
         speeds = moves_within(one, machine, speed, acceleration)
         assert not one.at_rest
-        assert one.samples <= 1000
+        assert one.samples <= ENTRY + 1000
         assert feed / 3 < speeds.max() < feed * (1 + 1e-5)
+
+
+def test_the_same_circle_is_scored_behind_its_entry_as_in_training():
+    """Half a lap held out: as many samples as before, none of them of the entry."""
+    pace = pace_of("bridgeport")
+    ring = at_constant_feed("ring", circle(1e-3), pace)
+    found = held_out_like([ring], pace)[0]
+    assert float(found.contour.length) == pytest.approx(2e-3 * np.pi, rel=1e-3)
+    np.testing.assert_array_equal(np.flatnonzero(found.scored), np.arange(ENTRY, ENTRY + 150))
+    np.testing.assert_allclose(found.arc, ring.arc[: found.samples], rtol=1e-3)
 
 
 def test_most_parts_decide(part):

@@ -9,9 +9,10 @@ from experiments.catalogue.choices import machine_named
 from experiments.catalogue.machines import MACHINES
 from experiments.flags.shared import MachineFlags
 from experiments.jobs import job
-from experiments.jobs.job import Pace, along_contour, from_file
+from experiments.jobs.entry import ENTRY
+from experiments.jobs.job import Pace, along_contour, at_constant_feed, from_file
 from experiments.jobs.pace import ACCELERATION
-from jcontour.geometry.contours import polygon, spline
+from jcontour.geometry.contours import circle, line, polygon, spline
 from jcontour.geometry.toolpath_rules import ToolpathError
 from jcontour.geometry.toolpaths import parse_gcode
 from jcontour.motion import feed_laws
@@ -66,6 +67,17 @@ def test_who_asks_for_an_acceleration_gets_all_of_the_machine():
 def test_a_machine_that_states_no_acceleration_has_the_usual_one():
     pace = Pace(MACHINES["bridgeport"](), None, None)
     assert pace.acceleration_or_default == ACCELERATION and pace.axis_acceleration is None
+
+
+def test_at_constant_feed_the_entry_is_not_scored():
+    """A closed contour is scored on its second lap, an open one behind its first samples."""
+    pace = Pace(MACHINES["bridgeport"](), None, None)  # 25 um a sample
+    ring = at_constant_feed("ring", circle(1e-3), pace)
+    assert not ring.scored[ring.arc < 2e-3 * np.pi].any() and ring.scored.sum() == 251
+    way = at_constant_feed("way", line([0.0, 0.0], [8e-3, 0.0]), pace)
+    np.testing.assert_array_equal(way.scored, np.arange(321) >= ENTRY)
+    short = at_constant_feed("way", line([0.0, 0.0], [1e-3, 0.0]), pace)
+    np.testing.assert_array_equal(short.scored, np.arange(41) >= 20)
 
 
 def test_a_part_is_run_within_half_of_the_acceleration(tmp_path):

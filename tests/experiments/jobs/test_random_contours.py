@@ -9,6 +9,7 @@ import pytest
 
 from experiments.catalogue.choices import machine_named
 from experiments.jobs import random_contours
+from experiments.jobs.entry import ENTRY
 from experiments.jobs.job import Pace, at_constant_feed
 from experiments.jobs.pace import ACCELERATION
 from experiments.jobs.random_contours import FEEDS, SIZES, contour_jobs, random_jobs
@@ -63,9 +64,10 @@ def test_runs_are_within_the_limits_of_the_machine(name, moves_within):
     acceleration = ACCELERATION if limits.acceleration is None else limits.acceleration.min()
     for job in (*both(name)[0], *both(name)[1]):
         moved = moves_within(job, pace.machine, speed, acceleration)
-        assert 150 <= job.samples <= 400, job.name
+        assert 150 <= job.samples <= ENTRY + 400, job.name
         assert not job.at_rest
-        assert job.scored.sum() >= 75
+        assert 75 <= job.scored.sum() <= 400
+        assert not job.scored[: min(ENTRY, job.samples // 2)].any()
         feed = feed_of(job, pace.machine.model.dt)
         assert job.feed_law == f"constant {60e3 * feed:.4g} mm/min"
         assert moved.max() <= feed * (1 + 1e-5)  # splines are fitted to 0.1 nm
@@ -198,7 +200,7 @@ def test_sizes_and_feeds_that_do_not_fit(moves_within, size, feed):
     """Far too fast for its curves, and far too slow to see them."""
     pace = pace_of("bridgeport")
     for job in random_jobs(6, 1, pace, size, feed):
-        assert 150 <= job.samples <= 400
+        assert 150 <= job.samples <= ENTRY + 400
         moves_within(job, pace.machine, FEEDS * feed, ACCELERATION)
 
 

@@ -5,8 +5,9 @@ import pytest
 
 from experiments.catalogue.choices import job_named, machine_named
 from experiments.jobs import representatives as module
+from experiments.jobs.entry import ENTRY
 from experiments.jobs.job import Pace, from_file
-from experiments.jobs.representatives import ENTRY, WINDOW, representatives
+from experiments.jobs.representatives import WINDOW, representatives
 from experiments.jobs.stretches import between
 from jcontour.geometry.contours import circle, polygon
 

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from experiments.jobs.entry import ENTRY
 from experiments.jobs.job import Pace, at_constant_feed
 from experiments.jobs.stretches import (
     angle_between,
@@ -139,7 +140,8 @@ def test_corner_feed_is_zero_where_the_path_turns_back():
 def test_shortened_runs(pace):
     whole = at_constant_feed("circle", circle(1e-3), pace)
     assert shortened(whole, whole.samples) is whole
-    cut = shortened(whole, 100)
-    assert cut.samples == 100
-    assert cut.scored.all()
-    np.testing.assert_array_equal(cut.arc, whole.arc[:100])
+    cut = shortened(whole, 120)
+    np.testing.assert_array_equal(np.flatnonzero(cut.scored), np.arange(ENTRY, ENTRY + 120))
+    np.testing.assert_array_equal(cut.arc, whole.arc[: ENTRY + 120])
+    nearly = shortened(whole, whole.samples - 1)  # behind the entry there are no more
+    np.testing.assert_array_equal(np.flatnonzero(nearly.scored), np.arange(ENTRY, whole.samples))
