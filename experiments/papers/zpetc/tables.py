@@ -5,7 +5,7 @@ from rich.table import Table
 
 from experiments.papers.verdicts import claims_table
 from experiments.papers.zpetc.claims import agrees
-from experiments.papers.zpetc.published import TABLE_2
+from experiments.papers.zpetc.published import BEST_TIME, TABLE_2
 from experiments.papers.zpetc.result import Result
 from experiments.reports.tables import plain_table
 
@@ -47,7 +47,8 @@ def _integral(result: Result) -> Table:
 
 def _printed_times() -> Table:
     rows = [[f"{row.good:g}", f"{row.poor:g}"] for row in TABLE_2]
-    title = "Table 2, measured mean error in um; its integral times are lost"
+    known = f"T_i is lost but for the best, {BEST_TIME:g} s"
+    title = f"Table 2, measured mean error in um; {known}"
     return plain_table(title, ("good model", "poor model"), rows, text_columns=0)
 
 
