@@ -2,23 +2,30 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 
 from experiments.files import run_folder
-from experiments.files.results.run_metrics import ContourRead
 from experiments.files.results.stored import Weight, read_result, stored_as, to_json
 from experiments.files.results.tuned_result import TunedContour, TunedResult
 from experiments.flags.others import Compare
 from experiments.reports import tables
 from experiments.reports.tables import COLUMNS, columns_of, digits
 from experiments.reports.tuned_tables import verdict
+from experiments.runs.checks.comparable import (
+    CONTROLS,
+    INCREMENTS,
+    SAME,
+    comparable,
+    same_period,
+    unlike_motions,
+    unlike_paths,
+)
 
 UNCOMPARED = ("json", "out", "resume", "rollouts")
-SAME = 1e-3  # relative: a smaller difference is called none
 NEITHER = "neither"  # is better: the smaller number is of a run that `tune` said DO NOT USE of
 SIDES = ("first", "second", "same", NEITHER)
 HEADINGS = {name: heading.replace("\n", " ") for name, heading, _ in COLUMNS}
@@ -31,7 +38,7 @@ class ComparedMetric:
 
     Attributes:
         training: whether the contour is for training, in either run.
-        better: one of `SIDES`; empty where the contours are not the same path.
+        better: one of `SIDES`; empty where the numbers cannot be compared.
     """
 
     contour: str
@@ -52,8 +59,11 @@ class ComparedResult:
         settings, versions: those that differ.
         weights: None where a run has no such weight.
         usable, reasons: whether `tune` said to load the weights, and its reasons against it.
-        control_unit: of both machines, where it is the same; else empty.
+        control_units: of the machines.
+        sample_periods: [s]; None of a run of an older version.
         unlike: names of contours that both runs have, in another size or place.
+        motions: how either run moves along contours that are the same path, but not the same
+            motion.
         margins: largest spectral radius, delay margin, peak sensitivity; None where it is unknown.
         better: number of metrics in which either is better, both are the same, or neither is
             better as the one with the smaller number must not be used.
@@ -66,8 +76,10 @@ class ComparedResult:
     weights: dict[str, list[Weight]]
     usable: list[bool]
     reasons: list[list[str]]
-    control_unit: str
+    control_units: list[str]
+    sample_periods: list[float | None]
     unlike: list[str]
+    motions: dict[str, list[str]]
     margins: dict[str, list[float | None]] = stored_as("safety")
     metrics: list[ComparedMetric]
     better: dict[str, int]
@@ -92,8 +104,8 @@ def run(first: Path, second: Path) -> ComparedResult:
     folders = (first, second)
     settings = [run_folder.opened(folder, "tune") for folder in folders]
     a, b = (read_result(folder, TunedResult) for folder in folders)
-    unlike = _unlike(a, b)
-    rows = _rows(a, b, unlike)
+    unlike, motions = unlike_paths(a, b), unlike_motions(a, b)
+    rows = _rows(a, b, [*unlike, *motions])
     names = list(dict.fromkeys((*a.weights, *b.weights)))
     return ComparedResult(
         runs=[str(folder) for folder in folders],
@@ -103,8 +115,10 @@ def run(first: Path, second: Path) -> ComparedResult:
         weights={name: [a.weights.get(name), b.weights.get(name)] for name in names},
         usable=[a.usable, b.usable],
         reasons=[a.reasons, b.reasons],
-        control_unit=_shared(a.machine.control_unit, b.machine.control_unit),
+        control_units=[a.machine.control_unit, b.machine.control_unit],
+        sample_periods=[a.sample_period, b.sample_period],
         unlike=unlike,
+        motions=motions,
         margins={
             "largest_frozen_spectral_radius": [
                 a.margins.spectral_radius,
@@ -116,10 +130,6 @@ def run(first: Path, second: Path) -> ComparedResult:
         metrics=rows,
         better={side: sum(row.better == side for row in rows) for side in SIDES},
     )
-
-
-def _shared(first: str, second: str) -> str:
-    return first if first == second else ""
 
 
 def _changed(both: Sequence[dict[str, Any]], without: Sequence[str] = ()) -> dict[str, list[Any]]:
@@ -134,29 +144,16 @@ def _rows(first: TunedResult, second: TunedResult, unlike: Sequence[str]) -> lis
     others = {contour.name: contour for contour in second.contours}
     both_contour = first.error == second.error == "contour"
     metrics = [name for name, _, _ in columns_of("contour" if both_contour else "tracking")]
+    units = {metric: comparable(metric, first, second) for metric in metrics}
     usable = (first.usable, second.usable)
-    return [
-        _row(
-            contour, others[contour.name], plant, metric, None if contour.name in unlike else usable
-        )
-        for contour in first.contours
-        if contour.name in others
-        for plant in ("nominal", "worst")
-        for metric in metrics
-    ]
-
-
-def _unlike(first: TunedResult, second: TunedResult) -> list[str]:
-    """Names of contours that are not the same in both runs, as those made for other parts."""
-    others = {contour.name: contour.read for contour in second.contours}
-    both = [(one.name, one.read, others.get(one.name)) for one in first.contours]
-    return [name for name, a, b in both if a is not None and b is not None and _differ(a, b)]
-
-
-def _differ(first: ContourRead, second: ContourRead) -> bool:
-    """Whether length or box do, beyond rounding."""
-    a, b = ([one.length, *one.low, *one.high] for one in (first, second))
-    return len(a) != len(b) or not np.allclose(a, b, rtol=SAME, atol=SAME * first.length)
+    rows = []
+    for contour in first.contours:
+        if contour.name not in others:
+            continue
+        for plant, metric in product(("nominal", "worst"), metrics):
+            judged = usable if units[metric] and contour.name not in unlike else None
+            rows.append(_row(contour, others[contour.name], plant, metric, judged))
+    return rows
 
 
 def _row(
@@ -199,7 +196,7 @@ def show(found: ComparedResult, console: Console) -> None:
         tables.say(console, f"{side}: {folder}", *verdict(usable, reasons))
     changes = [
         [key, _value(a), _value(b)]
-        for part in (found.settings, found.versions, found.weights)
+        for part in (_machines(found), found.settings, found.versions, found.weights)
         for key, (a, b) in part.items()
         if a != b
     ]
@@ -208,10 +205,25 @@ def show(found: ComparedResult, console: Console) -> None:
     table = tables.plain_table("What changed", ["", "first", "second"], changes, 3)
     console.print(table)
     headings = ["contour", "plant", "metric", "first", "second", "better"]
-    rows = [_cells(row) for row in found.metrics]
-    title = f"Tuned weights of both, smaller is better; controls in {found.control_unit or '-'}"
+    rows = [_cells(row, found) for row in found.metrics]
+    units = " and in ".join(dict.fromkeys(found.control_units))
+    title = f"Tuned weights of both, smaller is better; controls in {units}"
     console.print(tables.plain_table(title, headings, rows, 3))
     tables.say(console, *better_for(found), recommendation(found))
+
+
+def _machines(found: ComparedResult) -> dict[str, Sequence[Any]]:
+    """Machine, units and motions of both runs."""
+    periods = [None if one is None else 1e3 * one for one in found.sample_periods]
+    pairs: dict[str, Sequence[Any]] = {
+        "machine": found.machines,
+        "control unit": found.control_units,
+        "sample period ms": periods,
+    }
+    together: dict[tuple[str, ...], list[str]] = {}
+    for name, motion in found.motions.items():
+        together.setdefault(tuple(motion), []).append(name)
+    return pairs | {f"motion of {', '.join(names)}": pair for pair, names in together.items()}
 
 
 def _value(value: Any) -> str:
@@ -227,10 +239,24 @@ def _value(value: Any) -> str:
     return " ".join(map(_value, value)) if isinstance(value, list) else str(value)
 
 
-def _cells(row: ComparedMetric) -> list[str]:
+def _cells(row: ComparedMetric, found: ComparedResult) -> list[str]:
     factor = FACTORS[row.metric]
-    values = (digits(factor * value) for value in (row.first, row.second))
+    values = [digits(factor * value) for value in (row.first, row.second)]
+    if row.metric in (*CONTROLS, *INCREMENTS):
+        first, second = _units(row.metric, found)
+        if first != second:
+            values = [f"{values[0]} {first}", f"{values[1]} {second}"]
     return [row.contour, row.plant, HEADINGS[row.metric], *values, row.better]
+
+
+def _units(metric: str, found: ComparedResult) -> list[str]:
+    """Unit of a control or its increment in either run, with the sample where that differs."""
+    if metric not in INCREMENTS:
+        return found.control_units
+    if same_period(*found.sample_periods):
+        return [f"{unit} per sample" for unit in found.control_units]
+    both = zip(found.control_units, found.sample_periods, strict=True)
+    return [f"{unit} per {digits(1e3 * (period or 0))} ms" for unit, period in both]
 
 
 def warnings(found: ComparedResult) -> list[str]:
@@ -249,6 +275,14 @@ def warnings(found: ComparedResult) -> list[str]:
             f"WARNING: {', '.join(found.unlike)}: not the same path in both runs, as held-out "
             "contours are made for the parts; their errors do not say which weights are better"
         )
+    if found.motions:
+        lines.append(
+            f"WARNING: {', '.join(found.motions)}: not the same motion in both runs; their errors "
+            "do not say which weights are better"
+        )
+    first, second = _units("rms_increment", found)
+    if first != second:
+        lines.append(f"WARNING: changes of the control are {first} and {second}: not compared")
     if "feed_mm_per_min" in found.settings or "acceleration" in found.settings:
         lines.append("WARNING: feed or acceleration differ, and errors grow with both")
     return lines
@@ -258,26 +292,25 @@ def better_for(found: ComparedResult) -> list[str]:
     """One line each for error, control effort and robustness: what either run has."""
     lines, usable = [], found.usable
     compared = [
-        ("rms_contour_error", "RMS contour error", "um"),
-        ("rms_tracking_error", "RMS tracking error", "um"),
+        ("rms_contour_error", "RMS contour error", ("um", "um")),
+        ("rms_tracking_error", "RMS tracking error", ("um", "um")),
+        ("rms_increment", "RMS change of the control", _units("rms_increment", found)),
     ]
-    if found.control_unit:
-        unit = f"{found.control_unit} per sample"
-        compared.append(("rms_increment", "RMS change of the control", unit))
-    for metric, words, unit in compared:
+    for metric, words, units in compared:
         rows = [row for row in _alike(found) if (row.metric, row.plant) == (metric, "worst")]
         if rows:
             a, b = (FACTORS[metric] * _largest(rows, side) for side in SIDES[:2])
-            lines.append(_line(f"{words}, worst contour and plant", a, b, unit, usable))
+            lines.append(_line(f"{words}, worst contour and plant", (a, b), units, usable))
     a, b = found.margins["peak_sensitivity"]
     if a is not None and b is not None:
-        lines.append(_line("Peak sensitivity over the family", a, b, "", usable))
+        lines.append(_line("Peak sensitivity over the family", (a, b), ("", ""), usable))
     return lines
 
 
 def _alike(found: ComparedResult) -> list[ComparedMetric]:
-    """Rows of the contours that are the same path in both runs."""
-    return [row for row in found.metrics if row.contour not in found.unlike]
+    """Rows of the contours that are the same path and the same motion in both runs."""
+    unlike = {*found.unlike, *found.motions}
+    return [row for row in found.metrics if row.contour not in unlike]
 
 
 def _largest(rows: Sequence[ComparedMetric], side: str) -> float:
@@ -286,14 +319,19 @@ def _largest(rows: Sequence[ComparedMetric], side: str) -> float:
     return float("nan") if lost else max(values)
 
 
-def _line(words: str, a: float, b: float, unit: str, usable: Sequence[bool]) -> str:
-    side = _better(a, b, usable)
+def _line(
+    words: str, values: tuple[float, float], units: Sequence[str], usable: Sequence[bool]
+) -> str:
+    a, b = ("diverged" if value != value else digits(value) for value in values)
+    first, second = units
+    if first != second:
+        return f"{words}: {a} {first} against {b} {second}: not to be compared."
+    side = _better(*values, usable)
     which = {
         "same": "the same",
-        NEITHER: f"less in the {_smaller(a, b)}, which must not be used",
+        NEITHER: f"less in the {_smaller(*values)}, which must not be used",
     }.get(side, f"the {side} is better")
-    shown = ("diverged" if value != value else digits(value) for value in (a, b))
-    return f"{words}: {' against '.join(shown)} {unit}".rstrip() + f": {which}."
+    return f"{words}: {a} against {b} {first}".rstrip() + f": {which}."
 
 
 def recommendation(found: ComparedResult) -> str:
@@ -307,5 +345,5 @@ def recommendation(found: ComparedResult) -> str:
     if not found.metrics:
         return "The runs have no contour in common: there is nothing to compare."
     if not _alike(found):
-        return "No contour is the same path in both runs: tune both on one part to compare them."
+        return "No contour is the same path and motion in both: tune both on one part, at one feed."
     return "Both may be loaded: the lines above say which is better for what."

@@ -151,6 +151,7 @@ class TunedContour:
         read: what the contour is; None in folders of older versions, as `peak`.
         peak: where the tuned weights leave the largest error.
         shown: whether tables and figures show it; of many contours they show some.
+        feed_law: of the motion, in words; empty in folders of older versions.
     """
 
     name: str
@@ -160,6 +161,7 @@ class TunedContour:
     read: ContourRead | None = None
     peak: PeakPlace | None = None
     shown: bool = True
+    feed_law: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,6 +186,7 @@ class TunedResult:
         standstill: of the start weights and of the tuned ones; empty where nothing is counted.
         certified: largest error under bounded disturbances; None for a machine that is not linear,
             or in folders of older versions.
+        sample_period: of machine and controller [s]; None in folders of older versions.
         gap: what smoothing hides.
         confirmed: the same runs in another engine, where there is one.
         seconds: that the run took.
@@ -222,6 +225,7 @@ class TunedResult:
     confirmed: list[EngineRow]
     seconds: float
     certified: CertifiedBound | None = None
+    sample_period: float | None = None
 
 
 @dataclass(frozen=True)

@@ -175,6 +175,7 @@ def tuned_result(
         confirmed=confirmed,
         seconds=seconds,
         certified=certified,
+        sample_period=float(run.machine.model.dt),
     )
 
 
@@ -217,6 +218,7 @@ def _contour(
         read=contour_read(scenarios, index),
         peak=peak_place(scenarios, replays["tuned"], index, run.machine.error),
         shown=shown,
+        feed_law=job.feed_law,
     )
 
 

@@ -33,11 +33,22 @@ MARGINS = PathMargins(
 )
 
 
-def made(alpha, value, error="contour", machine="lathe", contour="circle", unit="A", radius=1e-3):
+def made(
+    alpha,
+    value,
+    error="contour",
+    machine="lathe",
+    contour="circle",
+    unit="A",
+    radius=1e-3,
+    period=1e-3,
+    feed_law="constant 377 mm/min",
+    duration=1.0,
+):
     numbers = {one.name: value for one in fields(RunMetrics)}
     metrics = RunMetrics(**{**numbers, "diverged": False})
     family = FamilyMetrics(metrics, metrics)
-    read = ContourRead(1, 2 * math.pi * radius, 1.0, (-radius, -radius), (radius, radius))
+    read = ContourRead(1, 2 * math.pi * radius, duration, (-radius, -radius), (radius, radius))
     return TunedResult(
         machine=MachineSummary(machine, unit, ("X", "Y"), "counts"),
         controller="contouring-lq",
@@ -60,13 +71,19 @@ def made(alpha, value, error="contour", machine="lathe", contour="circle", unit=
         warnings=[],
         contours=[
             TunedContour(
-                name=contour, training=True, samples=5, metrics={"tuned": family}, read=read
+                name=contour,
+                training=True,
+                samples=5,
+                metrics={"tuned": family},
+                read=read,
+                feed_law=feed_law,
             )
         ],
         gap=[],
         training_samples=5,
         confirmed=[],
         seconds=1.0,
+        sample_period=period,
     )
 
 
@@ -118,10 +135,45 @@ def test_values_are_printed_as_a_reader_writes_them(tmp_path):
     assert ["feed_mm_per_min", "-", "1500"] in told and ["alpha", "8.839e+10", "2"] in told
 
 
+def judged(found):
+    """Metrics of which one side is called better, or the same."""
+    return {row.metric for row in found.metrics if row.better}
+
+
 def test_controls_in_other_units_are_not_called_better(tmp_path):
     a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6, unit="mm/s")
-    assert "RMS change of the control" in said(run(a, a))
-    assert "RMS change of the control" not in said(run(a, b))
+    assert "RMS change of the control" in said(run(a, a)) and len(judged(run(a, a))) == len(COLUMNS)
+    found, text = run(a, b), said(run(a, b))
+    assert judged(found) == {name for name, _, _ in COLUMNS if name.endswith("error")}
+    assert "1e-06 A per sample against 2e-06 mm/s per sample: not to be compared." in text
+    assert "controls in A and in mm/s" in text
+    rows = [line.split() for line in text.splitlines()]
+    assert ["control", "unit", "A", "mm/s"] in rows
+    assert ["circle", "nominal", "RMS", "control", "1e-06", "A", "2e-06", "mm/s"] in rows
+
+
+def test_changes_per_sample_are_not_compared_where_the_samples_differ(tmp_path):
+    a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6, period=5e-4)
+    found, text = run(a, b), said(run(a, b))
+    assert judged(found) == {name for name, _, _ in COLUMNS} - {"rms_increment"}
+    assert "WARNING: changes of the control are A per 1 ms and A per 0.5 ms" in text
+    rows = [line.split() for line in text.splitlines()]
+    assert ["sample", "period", "ms", "1", "0.5"] in rows
+    old = stored(tmp_path / "old", 2.0, 2e-6, period=None)  # not known: nothing speaks against it
+    assert "rms_increment" in judged(run(a, old)) and "WARNING" not in said(run(a, old))
+
+
+def test_along_another_motion_nothing_is_called_better(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6)
+    b = stored(tmp_path / "b", 2.0, 2e-6, feed_law="jerk-limited, 377 mm/min")
+    found, text = run(a, b), said(run(a, b))
+    assert judged(found) == set() and found.unlike == []
+    assert found.motions == {
+        "circle": ["constant 377 mm/min, 1 s", "jerk-limited, 377 mm/min, 1 s"]
+    }
+    assert text.startswith("WARNING: circle: not the same motion in both runs")
+    assert "motion of circle" in text and "is better." not in text
+    assert "No contour is the same path and motion in both" in text
 
 
 def test_equal_runs(tmp_path):

@@ -1,0 +1,68 @@
+"""Whether numbers of two tuned runs can be compared: the same path, motion, unit and sample."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from experiments.files.results.run_metrics import ContourRead
+from experiments.files.results.tuned_result import TunedContour, TunedResult
+
+SAME = 1e-3  # relative: a smaller difference is called none
+CONTROLS = ("rms_control", "peak_control")
+INCREMENTS = ("rms_increment", "peak_increment")
+
+
+def unlike_paths(first: TunedResult, second: TunedResult) -> list[str]:
+    """Names of contours that are not the same path in both runs, as those made for other parts."""
+    return [a.name for a, b in _pairs(first, second) if _other_path(a.read, b.read)]
+
+
+def unlike_motions(first: TunedResult, second: TunedResult) -> dict[str, list[str]]:
+    """Motion in either run of every contour that is the same path, but not the same motion."""
+    slack = 2 * max(one.sample_period or 0.0 for one in (first, second))
+    found = {}
+    for a, b in _pairs(first, second):
+        if not _other_path(a.read, b.read) and _other_motion(a, b, slack):
+            found[a.name] = [_motion_words(one) for one in (a, b)]
+    return found
+
+
+def comparable(metric: str, first: TunedResult, second: TunedResult) -> bool:
+    """Whether a metric has the same unit in both runs; an increment is one per sample."""
+    units = first.machine.control_unit == second.machine.control_unit
+    if metric in INCREMENTS:
+        return units and same_period(first.sample_period, second.sample_period)
+    return units or metric not in CONTROLS
+
+
+def same_period(first: float | None, second: float | None) -> bool:
+    """Whether two sample periods [s] are equal; one that is not known is taken to be."""
+    return first is None or second is None or bool(np.isclose(first, second, rtol=1e-9, atol=0))
+
+
+def _pairs(first: TunedResult, second: TunedResult) -> Iterator[tuple[TunedContour, TunedContour]]:
+    others = {contour.name: contour for contour in second.contours}
+    return ((one, others[one.name]) for one in first.contours if one.name in others)
+
+
+def _other_path(first: ContourRead | None, second: ContourRead | None) -> bool:
+    """Whether length or box differ, beyond rounding."""
+    if first is None or second is None:
+        return False
+    a, b = ([one.length, *one.low, *one.high] for one in (first, second))
+    return len(a) != len(b) or not np.allclose(a, b, rtol=SAME, atol=SAME * first.length)
+
+
+def _other_motion(first: TunedContour, second: TunedContour, slack: float) -> bool:
+    """Whether feed law or duration differ, by more than some samples' time [s]."""
+    if first.feed_law and second.feed_law and first.feed_law != second.feed_law:
+        return True
+    a, b = (None if one.read is None else one.read.duration for one in (first, second))
+    return a is not None and b is not None and not np.isclose(a, b, rtol=SAME, atol=slack)
+
+
+def _motion_words(contour: TunedContour) -> str:
+    """Feed law and duration, as far as they are known."""
+    duration = None if contour.read is None else contour.read.duration
+    lasting = "" if duration is None else f"{duration:.4g} s"
+    return ", ".join(filter(None, [contour.feed_law, lasting])) or "-"
