@@ -64,6 +64,9 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/reports/figures/loops/predictive.py": (
         "experiments/commands/tuning/test_sweep_predictive.py"
     ),
+    "tuning/identification/linear/gain_uncertainty.py": (
+        "tuning/identification/linear/test_dry_friction.py"
+    ),
     "experiments/runs/tuning/results.py": "experiments/runs/tuning/test_problem.py",
     "experiments/files/checkpoints.py": "experiments/runs/tuning/test_problem.py",
     "experiments/files/checks.py": "experiments/machines/test_from_file.py",

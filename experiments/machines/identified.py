@@ -13,8 +13,8 @@ from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.machine import LinearAxis, LinearMachineFound
 
 ROUGH = 4  # windows over which the largest acceleration is taken
-THINNED = 4  # frequencies of the intervals for one of the file
-UNKNOWN = 100.0  # |G_true / G - 1| that stands for more
+THINNED = 4  # frequencies of the intervals for one of the file, but around sharp modes
+UNKNOWN = 1e4  # |G_true / G - 1| that stands for more
 ALIKE = 1.01  # ratio of counts that a log does not tell apart
 HIGH = 99.9  # percentile that counts as the largest: encoders have outliers
 
@@ -52,8 +52,8 @@ def _friction(found: LinearMachineFound) -> float | None:
 
 def _doubt(found: LinearMachineFound) -> dict[str, list]:
     """Intervals of the responses at a few frequencies, the largest around each."""
-    frequency = found.axes[0].response.frequency
-    kept = frequency[::THINNED]
+    frequency = np.unique(np.concatenate([one.response.frequency for one in found.axes]))
+    kept = np.unique(np.concatenate([_thinned(one.response.frequency) for one in found.axes]))
     edges = np.sqrt(kept[1:] * kept[:-1])
     rows = []
     for one in found.axes:
@@ -63,6 +63,14 @@ def _doubt(found: LinearMachineFound) -> dict[str, list]:
         parts = np.split(np.minimum(width, UNKNOWN), np.searchsorted(frequency, edges))
         rows.append([float(f"{part.max():.3g}") for part in parts])
     return {"hertz": [float(f"{one:.4g}") for one in kept], "relative": rows}
+
+
+def _thinned(frequency: Float[np.ndarray, " F"]) -> Float[np.ndarray, " K"]:
+    """Every `THINNED`-th of the usual frequencies, and all that lie closer together."""
+    gaps = np.diff(np.log(frequency))
+    close = np.append(gaps < 0.5 * gaps.max(), False)
+    close[1:] |= close[:-1]
+    return np.sort(np.concatenate([frequency[close], frequency[~close][::THINNED]]))
 
 
 def largest(found: LinearMachineFound) -> dict[str, list[float]]:

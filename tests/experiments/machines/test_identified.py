@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from experiments.machines.from_file import machine_from
-from experiments.machines.identified import axis_result, counts, largest, machine_fields
+from experiments.machines.identified import _thinned, axis_result, counts, largest, machine_fields
 from jcontour.linear.continuous_axes import position_axis, speed_axis, with_resonance
 from tuning.identification.linear.machine import MachineRecord, identify_machine
 from tuning.identification.linear.recording import RecordedAxis, recorded
@@ -86,6 +86,14 @@ def test_the_file_doubts_the_response_where_the_intervals_are_wide(found):
         own = np.interp(inner, one.response.frequency, one.response.half_width)
         assert (widths[:, k] >= 0.98 * own).all()
         assert max(given["relative"][k]) <= max(0.02, 1.01 * one.response.half_width.max())
+
+
+def test_a_file_keeps_the_frequencies_around_a_sharp_mode():
+    usual = np.geomspace(1.0, 400.0, 100)
+    sharp = 45.0 * (1 + 5e-3 * np.arange(-4, 5))
+    kept = _thinned(np.union1d(usual, sharp))
+    assert np.isin(sharp, kept).all() and kept.size < 25 + 2 + sharp.size
+    np.testing.assert_array_equal(_thinned(usual), usual[::4])
 
 
 def test_limits_are_those_of_the_record(found):

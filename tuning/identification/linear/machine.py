@@ -24,6 +24,8 @@ from tuning.identification.estimates import Estimate
 from tuning.identification.linear import evidence
 from tuning.identification.linear.encoder_noise import encoder_noise
 from tuning.identification.linear.friction import FAIR, friction_of, with_or_without_friction
+from tuning.identification.linear.gain_uncertainty import LEAST_GAIN, gain_uncertainty
+from tuning.identification.linear.held_response import held_response, own_response
 from tuning.identification.linear.hidden_modes import lasting_hidden_mode
 from tuning.identification.linear.order_search import (
     TELLS,
@@ -37,18 +39,14 @@ from tuning.identification.linear.order_search import (
 from tuning.identification.linear.output_error import (
     AxisFit,
     AxisRecord,
-    fitted,
-    structure_of,
 )
 from tuning.identification.linear.rivals import lag, may_ring_to, rivals_of
 
 FEWEST = 500  # samples
-LEAST_GAIN = 0.02  # uncertainty of a gain: no drive repeats better from day to day
 COLOURED = 0.1  # correlation of the errors that is said
 COUPLED = 0.01  # part of the errors' variance
 LEVEL = 1e-6  # of the F test for coupling
 SATURATED = 1e-3  # part of the samples
-UNKNOWN_GAIN = 0.99  # uncertainty of a gain that stands for any
 POOR = 0.9  # part of the variance explained on held-out data below which nothing is said
 STANDS = 0.1  # part of a record at rest beside which dry friction is thought of
 LATE = 0.5  # samples: half of the one that the family has more
@@ -239,7 +237,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         raise ValueError(f"{name}: {error}") from None
     fit = found.fit
     estimate = evidence.estimate_of(fit)
-    response = own = evidence.response_of(fit, estimate)
+    response = evidence.response_of(fit, estimate)
     output, explained = held_out(used, choice)
     if explained <= 0 or not np.isfinite(response.band[1]):
         pole = evidence.fastest_growth(command, position)
@@ -258,16 +256,15 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     if doubt := _doubt(explained, dispersion, stands, friction_of(fit) is not None):
         raise ValueError(f"{name}: {doubt}")
     rivals, equals = {d: one / dispersion for d, one in rivals.items()}, found.equals(dispersion)
-    response = evidence.widened(response, equals)
     others = [one.fit for one in choice.richer]
     if (longer := with_part(used, fit)) is not None:
         others.append(longer)
-    for one in others:
-        beside = evidence.response_of(one, evidence.estimate_of(one), response.frequency)
-        response = evidence.holding(response, beside)
+    own = own_response(fit, estimate, [*equals, *(one.model for one in others)])
+    response = held_response(own, equals, others)
     if dispersion > 1:
         response = evidence.doubted(response, position, fit.residual)
-    gain, gain_by = _gain(used, fit, response if dispersion > 1 else own, response.band)
+    surest = response if dispersion > 1 else own
+    gain, gain_by = gain_uncertainty(used, fit, surest, response.band)
     return LinearAxis(
         name=name,
         fit=fit,
@@ -319,45 +316,6 @@ def _settled(
         cancelled = cancelled or choice.best.structure.poles
         choice, found = fewer, settled(record, fewer.best.fit, most_delay)
     return choice, found, cancelled
-
-
-def _gain(
-    record: AxisRecord, fit: AxisFit, response: evidence.Response, band: tuple[float, float]
-) -> tuple[float, str]:
-    """Relative uncertainty: what the intervals say, and what two halves of the record disagree.
-
-    With what it comes from.
-
-    Args:
-        record: that was fitted.
-        fit: model on all of it.
-        response: with the intervals of one number for all frequencies.
-        band: where the response is known to 10 % [Hz].
-    """
-    low, high = band
-    if not np.isfinite(high):
-        return UNKNOWN_GAIN, "the response is nowhere known to 10 %"
-    inner = (response.frequency >= low) & (response.frequency <= max(high / 2, low))
-    width = float(response.half_width[inner].max())
-    widest = response.frequency[inner][int(np.argmax(response.half_width[inner]))]
-    # parts of as many samples that are fitted
-    middle = int(np.median(fit.rows)) if record.pieces else len(record.position) // 2
-    halves = []
-    for part in (record.part(0, middle), record.part(middle, len(record.position))):
-        try:
-            half = fitted(part, structure_of(fit.model), fit.filter, fit.model, drag=fit.drag)
-        except (ValueError, np.linalg.LinAlgError):
-            continue
-        common = halves[0].frequency if halves else None
-        halves.append(evidence.response_of(half, evidence.estimate_of(half), common))
-    apart = evidence.halves_apart(halves[0], halves[1], high / 2) if len(halves) == 2 else 0.0
-    found = [
-        (width, f"the interval of the response at {widest:.3g} Hz"),
-        (apart, "the two halves of the record by themselves"),
-        (LEAST_GAIN, "what drives repeat to"),
-    ]
-    value, words = max(found, key=lambda one: one[0])
-    return min(value, UNKNOWN_GAIN), words
 
 
 def _coupling(record: MachineRecord, k: int, fit: AxisFit) -> dict[str, float]:

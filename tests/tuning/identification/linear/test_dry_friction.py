@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from tuning.identification.linear import evidence, machine
+from tuning.identification.linear import evidence
 from tuning.identification.linear.friction import friction_of, with_or_without_friction
+from tuning.identification.linear.gain_uncertainty import gain_uncertainty
 from tuning.identification.linear.output_error import AxisRecord
 
 DT, ROWS, COUNT, LATE = 1e-3, 9000, 1e-6, 1
@@ -106,4 +107,4 @@ def test_friction_that_falls_with_the_speed_is_told_by_what_is_fast():
     some = (answer.frequency > 0.5) & (answer.frequency < 30)
     assert np.abs(response(answer.frequency[some]) / answer.value[some] - 1).max() < 5e-3
     part = used.part(0, len(fit.residual))
-    assert machine._gain(part, fit, answer, answer.band)[0] < 0.05  # by halves too
+    assert gain_uncertainty(part, fit, answer, answer.band)[0] < 0.05  # by halves too
