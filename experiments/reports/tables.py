@@ -174,18 +174,31 @@ def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
     )
     pieces = f"{read.pieces} move{'s' if read.pieces > 1 else ''}"
     lasting = "" if read.duration is None else f" in {read.duration:.3f} s"
-    line = f"{name}: {pieces}, {_way(read)}{lasting}, {box} mm"
+    line = f"{name}: {pieces}, {_length(read)}{lasting}, {box} mm{_laps(read)}"
     if read.ignored:
         line += f"; ignored: {', '.join(read.ignored)}"
     return "\n".join([line, *filter(None, [read.stops]), *read.doubts])
 
 
-def _way(read: ContourRead) -> str:
-    """Length of the path, that of its cuts and of its rapid moves apart."""
+def _length(read: ContourRead) -> str:
+    """Length of the path, that of its cuts and of its rapid moves apart, or what is run of it."""
     if not read.rapid_length:
-        return f"{1e3 * read.length:.5g} mm"
+        whole = f"{1e3 * read.length:.5g} mm"
+        if read.way is None or read.way >= read.length:
+            return whole
+        return f"the first {1e3 * read.way:.5g} of {whole}"
     cut = read.length - read.rapid_length
     return f"{1e3 * cut:.5g} mm cut, {1e3 * read.rapid_length:.5g} mm rapid"
+
+
+def _laps(read: ContourRead) -> str:
+    """How often a run at constant feed goes around its path, and where its scoring begins."""
+    laps = 1.0 if read.way is None else read.way / read.length
+    if laps == 2.0 and read.entry == read.length:
+        return "; 2 laps, the second is scored"
+    several = f"{laps:.3g} laps, " if laps > 1.0 else ""
+    entry = f"scored behind the first {1e3 * read.entry:.3g} mm" if read.entry else ""
+    return f"; {several}{entry}" if entry else ""
 
 
 def _millimetres(value: float) -> str:

@@ -16,6 +16,7 @@ def contour_read(scenarios: Scenarios, index: int) -> ContourRead:
 
 def read_of(job: Task, path: np.ndarray, dt: float) -> ContourRead:
     """Size of a contour and of the run along it, whose samples are the path (T, m) [m]."""
+    way, entry = _way(job)
     return ContourRead(
         pieces=int(np.sum(job.contour.mask)),
         length=float(job.contour.length),
@@ -26,14 +27,34 @@ def read_of(job: Task, path: np.ndarray, dt: float) -> ContourRead:
         doubts=job.doubts,
         stops=job.stops,
         rapid_length=rapid_length(job),
+        way=way,
+        entry=entry,
     )
 
 
+def _way(job: Task) -> tuple[float | None, float]:
+    """How far a run at constant feed goes along its path, and where its entry ends [m].
+
+    Both are whole laps where they are so to within a sample.
+    """
+    if not isinstance(job, Job) or job.at_rest:
+        return None, 0.0
+    arc, length = job.arc - job.arc[0], float(job.contour.length)
+    ways = np.array([arc[-1], arc[np.argmax(job.scored)]])
+    laps = np.rint(ways / length) * length
+    ways = np.where((laps > 0) & (np.abs(ways - laps) <= arc[1]), laps, ways)
+    return float(ways[0]), float(ways[1])
+
+
 def cycle_time(job: Task, dt: float) -> float:
-    """Time of a run [s]: that of its planned motion, else from its first sample to its last."""
+    """Time of a run [s]: that of its planned motion, else from its first sample to its last.
+
+    Of a run that goes around its path more than once it is the time of one lap.
+    """
     if isinstance(job, Job) and job.planned is not None:
         return job.planned.duration
-    return float((job.samples - 1) * dt)
+    laps = 1.0 if not isinstance(job, Job) else np.ptp(job.arc) / float(job.contour.length)
+    return float((job.samples - 1) * dt / max(1.0, laps))
 
 
 def rapid_length(job: Task) -> float:

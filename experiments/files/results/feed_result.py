@@ -11,7 +11,7 @@ class FeedPoint:
 
     Attributes:
         override: per cent of the programmed feed.
-        cycle_time: of the whole run, with its rapid moves and rests [s].
+        cycle_time: of the whole run, with its rapid moves and rests, or of one of its laps [s].
         metrics: of the nominal plant, and the worst of the family metric by metric.
         diverged: plants that diverge.
         exceeded: a line for every limit of the machine that is exceeded.

@@ -63,12 +63,15 @@ class ContourRead:
     Attributes:
         pieces: lines, arcs and polynomials of the path; moves of a program.
         length: of the path, rapid moves included [m].
-        duration: of the whole run [s]; of a planned motion, its cycle time.
+        duration: of the run, or of one of its laps [s]; of a planned motion, its cycle time.
         low, high: corners of the box around the reference [m], one number per axis.
         ignored: words of the program that mean nothing for the path.
         doubts: what of the program may be meant otherwise.
         stops: where and why the program stops, in words.
         rapid_length: of the rapid moves [m].
+        way: how far the tool goes along the path, more than once around it for several laps [m];
+            None where that is the path.
+        entry: of that way, what is behind the tool when scoring begins, at constant feed [m].
     """
 
     pieces: int
@@ -80,6 +83,8 @@ class ContourRead:
     doubts: tuple[str, ...] = ()
     stops: str = ""
     rapid_length: float = 0.0
+    way: float | None = None
+    entry: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.machines import MACHINES
-from experiments.jobs.job import Pace, from_file
+from experiments.jobs.contours import BUILT_IN
+from experiments.jobs.job import Job, Pace, at_constant_feed, from_file
+from experiments.jobs.stretches import shortened
 from experiments.reports.simulated_tables import motion_table
 from experiments.reports.tables import read_line
-from experiments.runs.contour_summary import read_of
+from experiments.runs.contour_summary import cycle_time, read_of
 from experiments.runs.motion_summary import motion_summary
+from jcontour.geometry.contours import circle, line
 
 
 @pytest.fixture
@@ -45,3 +48,42 @@ def test_the_time_of_a_run_is_that_from_its_first_sample_to_its_last(program):
     dt = MACHINES["bridgeport"]().model.dt
     assert found.duration == pytest.approx(dt * math.ceil((2.0 + 0.005) / dt))
     assert found.rapid_length == 0.0
+
+
+PACE = Pace(MACHINES["bridgeport"](), None, None)  # 3000 mm/min, 25 um in a sample of 0.5 ms
+
+
+def told(job: Job) -> str:
+    return read_line(job.name, read_of(job, np.zeros((job.samples, 2)), 5e-4), "XY")
+
+
+def test_two_laps_are_told_with_the_time_of_one():
+    """2 pi mm at 50 mm/s take 0.126 s."""
+    ring = at_constant_feed("ring", circle(1e-3), PACE)
+    assert told(ring).startswith("ring: 1 move, 6.2832 mm in 0.126 s, X")
+    assert told(ring).endswith(" mm; 2 laps, the second is scored")
+    assert cycle_time(ring, 5e-4) == pytest.approx(2e-3 * math.pi / 0.05)
+
+
+def test_a_run_that_ends_early_tells_how_far_it_goes():
+    """249 steps are 6.225 mm, the entry of 100 is 2.5 mm; 219 steps of the small one 5.475 mm."""
+    eight = shortened(BUILT_IN["lemniscate"](PACE), 150)
+    length = 1e3 * float(eight.contour.length)
+    assert f", the first 6.225 of {length:.5g} mm in 0.124 s, X" in told(eight)
+    assert told(eight).endswith("; scored behind the first 2.5 mm")
+    small = shortened(at_constant_feed("small", circle(0.6e-3), PACE), 120)
+    lap = 1.2 * math.pi
+    assert f", {lap:.5g} mm in {lap / 50:.3f} s, X" in told(small)
+    assert told(small).endswith(f"; {5.475 / lap:.3g} laps, scored behind the first 2.5 mm")
+
+
+def test_an_open_contour_at_constant_feed_is_run_once():
+    way = at_constant_feed("way", line([0.0, 0.0], [8e-3, 0.0]), PACE)
+    assert told(way) == "way: 1 move, 8 mm in 0.160 s, X 0 ... 0, Y 0 ... 0 mm; " + (
+        "scored behind the first 2.5 mm"
+    )
+
+
+def test_a_run_from_rest_to_rest_tells_nothing_of_laps(program):
+    job, found = read(program, "jerk")
+    assert found.way is None and found.entry == 0.0 and ";" not in told(job)
