@@ -25,7 +25,7 @@ HEADINGS = (
 
 
 def command(flags: Feed) -> int:
-    """The whole command; exit code 1 where no feed can be recommended."""
+    """The whole command; exit code 1 where no feed will do."""
     _check(flags)
     loop = loop_at_feeds(flags)
     points, count = [], len(set(flags.overrides))
@@ -50,7 +50,7 @@ def command(flags: Feed) -> int:
     save_figure(feeds_figure(result), folder / "feed.png")
     write_result(folder, result)
     finished(folder, result, flags, show, next_steps(result))
-    return 1 if best is None else 0
+    return 1 if best is None and not result.undecided else 0
 
 
 def _check(flags: Feed) -> None:
@@ -76,7 +76,9 @@ def show(result: FeedResult, console: Console) -> None:
         if point.diverged:
             tables.say(console, f"{point.override:g} %: DIVERGES on {', '.join(point.diverged)}")
     tables.say(console, *_plan_warnings(result))
-    if result.recommended is None:
+    if result.undecided:
+        tables.say(console, f"No feed is recommended: {result.reason}.")
+    elif result.recommended is None:
         tables.say(console, f"NO FEED TO RECOMMEND: {result.reason}.")
     else:
         tables.say(console, f"Recommended: {result.recommended:g} % of the feed; {result.reason}.")
@@ -124,6 +126,11 @@ def _next_try(result: FeedResult) -> str:
         return (
             f"Next: --corner-tolerance-um {closer:.3g}, half of the tolerance, or less: at any "
             "feed the motion itself leaves the part. A run folder keeps its own; make another."
+        )
+    if result.undecided:
+        return (
+            "Next: --tolerance-um; a part from rest to rest may also take quicker --overrides, up "
+            "to where the machine mostly accelerates."
         )
     if all(point.planned and not point.sound for point in result.points):
         return "Next: a motion that keeps the limits of the machine, as the warning says."

@@ -41,7 +41,7 @@ class FeedResult:
         error: the error that counts, "contour" or "tracking".
         tolerance: largest error that is allowed [m]; None where none is given.
         points: from the slowest feed to the quickest.
-        recommended: its override; None where no feed will do.
+        recommended: its override; None where no feed will do, or only a tolerance names one.
         reason: in words.
         tuned: whether the loop is one of `jcontour tune`.
     """
@@ -55,6 +55,13 @@ class FeedResult:
     recommended: float | None
     reason: str
     tuned: bool = False
+
+    @property
+    def undecided(self) -> bool:
+        """Whether several feeds will do, and only a tolerance names one."""
+        if self.recommended is not None or self.tolerance is not None:
+            return False
+        return any(point.sound for point in self.points)
 
     @property
     def corners_decide(self) -> bool:

@@ -89,22 +89,14 @@ def recommended(
     """The feed to run, and why.
 
     The quickest one within the tolerance. Without one, the last at which a rise of the feed still
-    takes half as much off the cycle time: beyond it the machine only accelerates.
+    takes half as much off the cycle time: beyond it the machine only accelerates. Where every rise
+    does, as at constant feed, the time tells no feed from another: only the machine's limits do.
     """
     sound = [point for point in points if point.sound]
     if not sound:
         return None, "at every feed a plant diverges or a limit of the machine is exceeded"
     if tolerance is not None:
-        within = [point for point in sound if _peak(point, error) <= tolerance]
-        if not within:
-            least = min(_peak(point, error) for point in sound)
-            words = f"no feed keeps it: the least largest error is {1e6 * least:.4g} um"
-            blended = min(point.deviation for point in sound)
-            if tolerance <= blended:
-                words += f", and the corners are blended within {1e6 * blended:.4g} um"
-            return None, words
-        best = min(within, key=lambda point: point.cycle_time)
-        return best, f"the quickest of these within {1e6 * tolerance:g} um on every plant"
+        return _quickest_within(tolerance, sound, error)
     best = sound[0]
     for point in sound[1:]:
         rise, gain = point.override / best.override, best.cycle_time / point.cycle_time
@@ -114,7 +106,30 @@ def recommended(
             more = f"{100 * abs(cost):.0f} % {'more' if cost > 0 else 'less'} error"
             return best, f"beyond it {words} the cycle time, with {more}"
         best = point
-    return best, "the quickest of these; --tolerance-um says what the part allows"
+    if best is not points[-1]:
+        return best, "the quickest of these that the machine follows within its limits"
+    if len(points) == 1:
+        return best, "the only one of these; --tolerance-um says what the part allows"
+    return None, (
+        "each rise of the feed takes at least half as many per cent off the cycle time, so time "
+        "alone names none: give --tolerance-um, the largest error that the part allows"
+    )
+
+
+def _quickest_within(
+    tolerance: float, sound: Sequence[FeedPoint], error: str
+) -> tuple[FeedPoint | None, str]:
+    """The quickest of the feeds within the tolerance [m], and why; None where none is."""
+    within = [point for point in sound if _peak(point, error) <= tolerance]
+    if within:
+        best = min(within, key=lambda point: point.cycle_time)
+        return best, f"the quickest of these within {1e6 * tolerance:g} um on every plant"
+    least = min(_peak(point, error) for point in sound)
+    words = f"no feed keeps it: the least largest error is {1e6 * least:.4g} um"
+    blended = min(point.deviation for point in sound)
+    if tolerance <= blended:
+        words += f", and the corners are blended within {1e6 * blended:.4g} um"
+    return None, words
 
 
 def _peak(point: FeedPoint, error: str) -> float:

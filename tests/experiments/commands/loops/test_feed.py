@@ -32,8 +32,8 @@ def test_a_stored_run_at_several_feeds(tmp_path, machine_file, part_file, capsys
     assert asdict(usual.metrics.nominal) == expected
     largest = max(one.peak_contour_error for one in once.plants.values())
     assert usual.metrics.worst.peak_contour_error == pytest.approx(largest, rel=1e-6)
-    assert found.recommended in (50, 100) and (out / "feed.png").exists()
-    assert "Recommended" in capsys.readouterr().out
+    assert found.undecided and (out / "feed.png").exists()
+    assert "No feed is recommended: each rise of the feed" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -56,6 +56,18 @@ def test_a_tolerance_that_no_feed_keeps_ends_with_code_1(tmp_path, machine_file,
     flags = ["--plant", str(machine_file), "--overrides", "100", "--tolerance-um", "1e-6"]
     assert main(["feed", str(part_file), *flags, "--out", str(tmp_path / "feed")]) == 1
     assert "NO FEED TO RECOMMEND" in capsys.readouterr().out
+
+
+def test_a_tolerance_that_is_missing_is_no_failure(tmp_path, capsys):
+    """A circle at constant feed: half the time at twice the feed, one lap of 2 pi mm."""
+    out = tmp_path / "feed"
+    flags = ["--plant", "bridgeport", "--preview", "4", "--overrides", "50", "100"]
+    assert main(["feed", "circle", *flags, "--out", str(out)]) == 0
+    found = read_result(out, FeedResult)
+    assert found.recommended is None and found.undecided
+    lap = 2e-3 * math.pi / 0.05
+    assert [one.cycle_time for one in found.points] == pytest.approx([2 * lap, lap])
+    assert "No feed is recommended" in capsys.readouterr().out
 
 
 def test_what_the_motion_itself_exceeds_is_told_once(capsys):

@@ -38,7 +38,10 @@ def test_the_quickest_within_the_tolerance():
 
 
 def result(tolerance, deviation, tuned):
-    points = [replace(one, deviation=deviation) for one in POINTS]
+    return result_of([replace(one, deviation=deviation) for one in POINTS], tolerance, tuned)
+
+
+def result_of(points, tolerance, tuned):
     best, reason = recommended(points, "contour", tolerance)
     return FeedResult(
         machine=MachineSummary("mill", "V", ("X", "Y"), "counts"),
@@ -74,7 +77,25 @@ def test_without_a_tolerance_feed_has_to_come_off_the_cycle_time():
     best, reason = recommended(POINTS, "contour", None)
     assert best is POINTS[1]
     assert "100 % more feed takes 6 % off the cycle time, with 140 % more error" in reason
-    assert recommended(POINTS[:2], "contour", None)[0] is POINTS[1]
+
+
+def test_where_every_rise_takes_time_off_only_a_tolerance_names_a_feed():
+    """At constant feed the time is exactly inverse to the feed, and 50 to 100 % nearly so."""
+    constant = [point(feed, 500 / feed, 0.1 * feed) for feed in (25, 50, 100, 200)]
+    for points in (constant, POINTS[:2]):
+        none, reason = recommended(points, "contour", None)
+        assert none is None and reason.endswith("the largest error that the part allows")
+        (line,) = next_steps(result_of(points, None, tuned=False))
+        assert "--tolerance-um" in line
+    assert recommended(constant, "contour", 11e-6)[0] is constant[2]
+
+
+def test_where_every_rise_pays_the_limits_of_the_machine_decide():
+    points = [POINTS[0], POINTS[1], replace(POINTS[2], exceeded=["speed"])]
+    best, reason = recommended(points, "contour", None)
+    assert best is POINTS[1] and "follows within its limits" in reason
+    best, reason = recommended(points[:1], "contour", None)
+    assert best is POINTS[0] and "the only one" in reason
 
 
 def test_a_feed_that_a_plant_does_not_follow_is_never_recommended():
