@@ -80,6 +80,7 @@ class Dense:
         self.price = (1e-3 * np.eye(2 * steps) + roughness * D.T @ D) / steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roughness", [1e-2, 1e3])  # a smooth bend, and what limits may ask for
 def test_one_plant_gets_the_minimum_of_its_quadratic(table, controller, roughness):
     reference = arc(60)
@@ -124,6 +125,7 @@ def test_where_it_is_held_the_reference_stays_and_the_rest_is_the_minimum(table,
     np.testing.assert_allclose(found.correction, wanted, atol=1e-4 * np.abs(wanted).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.5, 0.05])  # of the largest bend that it would like
 def test_within_bounds_it_is_nearly_the_minimum_of_its_quadratic_program(table, controller, share):
     reference = arc(40)

@@ -145,6 +145,7 @@ def test_a_start_that_diverges_is_counted_and_another_one_found(proportional_pro
     assert tuned.feasible
 
 
+@pytest.mark.slow
 def test_a_start_that_runs_away_is_led_back_by_its_runs(proportional_problem):
     """Where the problem does not look at its loops."""
     tuned = outcome_from(proportional_problem(), 5.0)

@@ -174,6 +174,7 @@ def test_a_longer_preview_than_the_whole_path_changes_nothing(controller):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * scale)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("controller", "given", "unread"),
     [

@@ -254,6 +254,7 @@ CASES = [("--controller", *case) for case in FAULTS.items()]
 CASES += [("--plant", *case) for case in PLANT_FAULTS.items()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("flag", "name", "says"), CASES)
 def test_faults_are_told_in_one_line(capsys, monkeypatch, files, flag, name, says):
     monkeypatch.chdir(files)

@@ -64,6 +64,7 @@ def slides(known_delay: int, **more):
     return replace(machine, known_delay=known_delay, gain=0.1, delay=1, **more)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known_delay", [0, 2])
 def test_friction_stops_every_plant_of_the_family_and_no_linear_one(known_delay):
     """From 40 mm/s under no control, by v^2 / (2 gain force), whatever gain and delay."""
@@ -103,6 +104,7 @@ def test_encoders_of_different_counts_are_those_of_two_machines_of_equal_ones():
     np.testing.assert_allclose(mixed[0], [1.2e-5, 1.0e-5])
 
 
+@pytest.mark.slow
 def test_noise_of_encoders_comes_before_their_counts():
     """As much as is stated, in every plant that counts; a smooth one has as much in all."""
     noise, samples = np.array([3e-7, 0.0]), 4000

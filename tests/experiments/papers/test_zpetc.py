@@ -179,6 +179,7 @@ def test_convergence_is_that_of_the_parameters(result):
         assert judged(replace(result, adaptive=moved), claim)[1] is wanted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ahead", "wanted"),
     [((), NO), ((0,), NO), ((0, 1), NEAR), ((0, 1, 2), YES)],

@@ -13,6 +13,7 @@ from experiments.jobs.memory import BEGUN
 from experiments.runs.forecast import Steps, check_memory, forecast, outline
 
 
+@pytest.mark.slow
 def test_a_long_run_is_told_with_its_samples(tmp_path):
     """A line of 10 mm at 1 mm/min takes 600 s, and a hundredth of a second to start and stop."""
     path = tmp_path / "slow.ngc"

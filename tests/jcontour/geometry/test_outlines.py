@@ -8,6 +8,7 @@ from jcontour.geometry import contours
 from jcontour.geometry.outlines import outline
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [0.0, 0.3, 2.0, -1.1])
 @pytest.mark.parametrize("angle", [0.4, 2.5, -2.5, 6.0])
 def test_the_extremes_of_an_arc_are_found(start, angle):

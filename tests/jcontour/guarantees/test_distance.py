@@ -57,6 +57,7 @@ def test_beside_a_line_the_bound_is_the_sum():
     assert found == pytest.approx(np.full(5, 4e-6), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_beyond_the_end_of_a_curve_both_deviations_are_legs_of_a_triangle():
     """Nothing of the path is ahead: the end is nearest to all that lies there, across or not."""
     path = spline(np.array([[0.0, 0.0], [1e-3, 2e-4], [2e-3, 1e-3], [2.5e-3, 2.5e-3]]))

@@ -150,6 +150,7 @@ def test_without_an_active_limit_it_is_the_offset_free_observer(terminal, delay,
         np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * np.abs(other).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0, 1])
 def test_limits_hold_for_the_control_that_acts(delay):
     """The load takes 0.3 of 0.5 V: limits on u + d instead would be passed or not be used."""

@@ -128,6 +128,7 @@ def test_samples_run_there_or_back_as_their_tangents_say():
         np.testing.assert_allclose(reference.arc, arc, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_crossing_is_left_as_the_tangent_says():
     contour = lemniscate(3e-3)
     half = 0.5 * float(contour.length)

@@ -103,6 +103,7 @@ def rounded(radius: float, chord: float, side: float) -> np.ndarray:
     return np.round(points, 8)  # 0.01 um
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.15e-3, 0.18e-3, 0.3e-3, 1.1e-3])
 @pytest.mark.parametrize("side", [0.05e-3, 0.175e-3, 0.4e-3, 1.2e-3])
 def test_long_and_short_moves_of_one_run_stay_within_the_tolerance(radius, side):

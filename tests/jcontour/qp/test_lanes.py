@@ -136,6 +136,7 @@ def test_every_kernel_is_written_for_a_gpu(dtype, other, staged_problems, for_a_
     assert not re.search(rf"\b(ld|st|add|sub|mul|fma|div|sqrt)[.\w]*\.{other}", text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(0,), (2, 0)])
 def test_an_empty_batch_has_an_empty_answer(shape, staged_problems, monkeypatch):
     one = jax.tree.map(lambda leaf: leaf[0], staged_problems(5, 1, **SMALLEST))

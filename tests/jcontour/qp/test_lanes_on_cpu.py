@@ -31,6 +31,7 @@ def answers(monkeypatch, native, qp, guess):
     return jax.tree.map(np.asarray, found)
 
 
+@pytest.mark.slow
 def test_answers_are_those_of_the_readable_solver(problems, monkeypatch):
     guess = np.random.default_rng(0).standard_normal((11, 6, 2))
     wanted, found = (answers(monkeypatch, native, problems, guess) for native in (False, True))

@@ -139,6 +139,7 @@ class Follower(Controller):
         return memory, 50.0 * (plan - measurement)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("batching", [one_by_one, all_at_once])
 @pytest.mark.parametrize("count", [1, 3])
 def test_plants_without_arrays_are_as_many_as_were_stacked(count, batching, references):

@@ -141,6 +141,7 @@ def chained_valley(z):
     return jnp.log(1e-2 + jnp.sum(chained))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 1e-3])
 @pytest.mark.parametrize("seed", range(3))
 def test_limits_beyond_a_curved_valley_are_met(scale, seed):

@@ -20,6 +20,7 @@ from experiments.reports.tables import console_of
 HERTZ = np.array([0.5, 5.0, 60.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("takes", ["speed", "position", "force"])
 def test_the_true_file_answers_as_the_hidden_axes(takes):
     """Delays of the two axes differ: one is in the states, the other shared."""

@@ -181,6 +181,7 @@ def unbent(loop, roughness, status):
     return Bent(job, 0, True, reference, found, roughness, scenarios.plants, runs, runs, *told)
 
 
+@pytest.mark.slow
 def test_a_reference_not_to_be_used_is_not_written(
     tmp_path, machine_file, part_file, monkeypatch, capsys
 ):
@@ -193,6 +194,7 @@ def test_a_reference_not_to_be_used_is_not_written(
     assert written == {"bent.png", "inputs", "result.json", "settings.json"}
 
 
+@pytest.mark.slow
 def test_a_program_with_rapid_moves_stops_around_them_and_says_so(
     tmp_path, machine_file, monkeypatch, capsys
 ):

@@ -73,6 +73,7 @@ def test_limits_of_unlike_axes_are_told_for_each(tmp_path, capsys):
     assert "max-speed: needs one number or 2, received 3" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_file_with_warnings_is_not_called_sound(tmp_path, capsys):
     path = tmp_path / "mill.json"
     numbers = "--gain 1 --time-constant-ms 20 --max-control 250 --out".split()

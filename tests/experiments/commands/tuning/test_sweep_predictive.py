@@ -55,6 +55,7 @@ def made_up(asked):
     return dataset_of(asked, runs)
 
 
+@pytest.mark.slow
 def test_points_are_the_grid_in_the_order_of_the_dimensions(asked):
     found = [
         (one.design.speed_mm_s, one.design.horizon, one.design.weights["increment"])

@@ -33,6 +33,7 @@ def design(machine):
     return design_for(machine, FLAGS)
 
 
+@pytest.mark.slow
 def test_it_keeps_to_every_limit_of_the_machine(machine, design):
     controller = design.build(design.start)
     assert type(controller) is OffsetFreeTold and type(controller.controller) is ConstrainedLQ

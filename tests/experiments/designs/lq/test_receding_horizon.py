@@ -89,6 +89,7 @@ def test_an_unknown_weight_is_told_with_the_known_ones(machine):
         design.freed(["gamma"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["contouring-lq", "contouring-lq-kalman"])
 def test_the_filter_of_each_axis_has_the_noise_of_its_own_encoder(name):
     """On a table whose axes are not coupled its gains are those of tables with equal encoders."""

@@ -93,6 +93,7 @@ def test_a_gantry_reads_its_tool_from_its_motors():
     np.testing.assert_allclose(found, wanted, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_linear_gantry_is_the_gantry_on_a_small_part(gantry):
     """They differ by the head's way along the beam and by squares of the twist."""
     runs = [

@@ -47,6 +47,7 @@ def test_a_run_is_held_until_the_slowest_tool_rests(proportional):
     assert settling(run(), proportional(1.0), drives(0.2, 0.1), DT) == slow
 
 
+@pytest.mark.slow
 def test_a_trial_becomes_longer_until_the_end_of_it_is_at_rest(proportional):
     """At 1/80 a sample it takes 1.7 s, at 1/200 longer than is tried; a pole of -1.1 is lost."""
     assert settling(run(), proportional(1.0), drives(0.0125), DT) == samples_to_rest(0.0125)

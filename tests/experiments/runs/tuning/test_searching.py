@@ -138,6 +138,7 @@ def test_an_exchange_is_told_in_a_line(found):
     assert "limit on loops: 3 more loops are" in exchange_words(Exchanged(problem, 3, False))
 
 
+@pytest.mark.slow
 def test_a_weight_without_effect_stays_at_its_start(tmp_path):
     run = run_from(0.4)
     space = {"gain": Positive(), "spare": Positive()}

@@ -88,6 +88,7 @@ def test_a_disturbed_start_is_the_feedback_s_alone(alter_tsao, drive):
     np.testing.assert_allclose(moved.output - straight.output, alone.output, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_run_in_motion_is_followed_from_the_start(drive):
     """Two axes on a circle: what is left is the preview that had no time to act."""
     axes = [transfer_function(drive)] * 2

@@ -44,6 +44,7 @@ def thesis_cascade():
     return Cascade(CascadeGains(30.0, 55.67, 0.04), one_motor(), DT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROWS)
 def test_reference_numbers_of_the_thesis_loop(name):
     task, _, form = name.split()
@@ -129,6 +130,7 @@ def test_the_nonlinear_form_is_the_linear_one_for_small_errors_and_gentler_for_l
     np.testing.assert_allclose(far[1] / far[0], [1.0, 9**-0.5, 9**-0.75], rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "options"), [(ExactLESO, ()), (CurrentLESO, ()), (NLESO, (2e-6,))]
 )

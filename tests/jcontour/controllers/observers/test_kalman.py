@@ -205,6 +205,7 @@ class Cancelling(Wrapper):
         return inner, control - measurement.disturbance
 
 
+@pytest.mark.slow
 def test_who_is_told_of_the_load_may_cancel_it_himself(thesis_model, thesis_feedback):
     gain = offset_free_gain(thesis_model, MOTOR, 0.05, 0.05, [1e-6, 1e-3])
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.2, 1e-3)

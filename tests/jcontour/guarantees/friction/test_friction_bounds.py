@@ -167,6 +167,7 @@ def test_a_friction_that_falls_within_a_millimetre_per_second(seed):
     assert error.max() > 0.3 * found.bound.max()
 
 
+@pytest.mark.slow
 def test_what_has_no_bound_is_told():
     axis = FlexibleAxis(thesis_axis(), 1e-3)
     moving = along(line([0.0], [0.01]), 1e-4 * np.arange(40), 1e-3, 1, at_rest=False)
@@ -176,6 +177,7 @@ def test_what_has_no_bound_is_told():
         friction_bounds(axis, cascade(limit=2.0), short_move(), COUNT)
 
 
+@pytest.mark.slow
 def test_a_short_move_stays_below_its_bound():
     axis, reference = FlexibleAxis(thesis_axis(), 1e-3), short_move()
     found = friction_bounds(axis, cascade(), reference, COUNT)

@@ -44,6 +44,7 @@ def bent(gantry, e, du):
     )
 
 
+@pytest.mark.slow
 def test_no_corner_of_a_tube_bends_more_and_some_come_near(gantry, bending):
     rng = np.random.default_rng(0)
     e = STATES * rng.choice([-1.0, 1.0], size=(512, 6))

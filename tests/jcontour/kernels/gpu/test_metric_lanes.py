@@ -63,6 +63,7 @@ def check(found, wanted, tolerance):
         np.testing.assert_allclose(one, other, rtol=tolerance)
 
 
+@pytest.mark.slow
 def test_equal_to_the_readable_metrics():
     references, y, u = case([SQUARE, WAY], 9, 3)
     found, wanted = both(references, y, u, (1, 8))

@@ -80,6 +80,7 @@ def promise(controller, reference):
     return controller.promised(controller.certified(reference), reference.steps)
 
 
+@pytest.mark.slow
 def test_the_tolerance_is_kept_and_nearly_reached(table, controller, circle):
     found, error = run(table, controller, circle, bang_bang(circle))
     tolerance = promise(controller, circle)

@@ -25,6 +25,7 @@ def frames_on(path, response, feed=0.05, at_rest=False):
     return reference, frames_of(reference, np.asarray(reference.position), np.eye(2), response)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
     [

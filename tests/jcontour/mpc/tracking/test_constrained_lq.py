@@ -70,6 +70,7 @@ def same(found, wanted, tolerance=1e-6):
         np.testing.assert_allclose(value, expected, rtol=0, atol=tolerance * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_a_loop_under_limits_is_that_of_the_host(two_axes):
     reference = shape("square")
     wanted = reported_loop(two_axes, host(two_axes, WEIGHTS, ACTUATOR), reference)

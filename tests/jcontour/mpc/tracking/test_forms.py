@@ -123,6 +123,7 @@ def qp_in_controls(model, fed, before, reference, stage, riccati):
     return H, g, np.concatenate(rows), np.concatenate(room)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0, 1])
 @pytest.mark.parametrize(
     "terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"]

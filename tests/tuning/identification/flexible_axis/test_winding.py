@@ -67,6 +67,7 @@ def test_noise_in_the_current_does_no_harm(clean):
     assert np.all((np.std(errors, axis=0) > 0.4) & (np.std(errors, axis=0) < 1.6))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -94,6 +94,7 @@ def test_a_mass_without_friction_has_no_pieces():
     assert not used.pieces and not used.drags and choice.best.fit.model.delay == LATE
 
 
+@pytest.mark.slow
 def test_friction_that_falls_with_the_speed_is_told_by_what_is_fast():
     """Half of the record are small sines, where friction is up to half as much again."""
     friction = 0.4 * float(np.std(record(0.0, 1).command))

@@ -60,6 +60,7 @@ def test_response_and_delay_are_those_without_friction(friction, seed):
     assert off.max() < 0.01
 
 
+@pytest.mark.slow
 def test_a_fiftieth_of_the_command_is_seen():
     """Where a linear model alone explains more than 99 %."""
     one = record(0.15, 2)
@@ -69,6 +70,7 @@ def test_a_fiftieth_of_the_command_is_seen():
     assert choice.best.fit.model.delay == LATE
 
 
+@pytest.mark.slow
 def test_an_axis_without_friction_gets_none():
     one = record(0.0, 3)
     assert not with_or_without_friction(one, COUNT, 1, 3)[0].drags

@@ -124,6 +124,7 @@ def test_little_is_explained_and_the_axis_rests_or_noise_is_not_why(
         assert one in told
 
 
+@pytest.mark.slow
 def test_a_mode_that_lasts_and_is_hidden_gives_way_to_fewer_poles(found, record, monkeypatch):
     """Said of every model with more than one pole: one pole is left, with a note."""
     one = AxisRecord(DT, record.command[:, 0], record.position[:, 0])
@@ -190,6 +191,7 @@ def test_crossed_columns_are_refused(record):
         identify_machine(crossed, 2, 2)
 
 
+@pytest.mark.slow
 def test_an_axis_that_runs_away_without_its_loop_is_refused(record):
     """y(k+1) = 1.02 y(k) + 0.02 u(k), held by u = 8 (r - y)."""
     random, asked = np.random.default_rng(4), reference(5)

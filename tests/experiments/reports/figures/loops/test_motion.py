@@ -85,6 +85,7 @@ def test_short_peaks_of_a_long_motion_are_drawn():
     assert np.abs(jerk.get_ydata()).max() > 0.99 * LIMITS.jerk[0]
 
 
+@pytest.mark.slow
 def test_a_motion_of_many_nodes_is_drawn_as_bands_up_to_its_limits():
     zigzag = contours.polyline([[1e-3 * k, 1e-3 * (k % 2)] for k in range(5000)])
     planned = cornered(zigzag, np.full(4999, 0.02), LIMITS, 0.0)
