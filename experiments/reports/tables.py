@@ -173,7 +173,7 @@ def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
         for axis, low, high in zip(axes, read.low, read.high, strict=True)
     )
     pieces = f"{read.pieces} move{'s' if read.pieces > 1 else ''}"
-    lasting = "" if read.duration is None else f" in {read.duration:.3f} s"
+    lasting = "" if read.duration is None else f" in {read.duration / read.laps:.3f} s"
     line = f"{name}: {pieces}, {_length(read)}{lasting}, {box} mm{_laps(read)}"
     if read.ignored:
         line += f"; ignored: {', '.join(read.ignored)}"
@@ -193,10 +193,9 @@ def _length(read: ContourRead) -> str:
 
 def _laps(read: ContourRead) -> str:
     """How often a run at constant feed goes around its path, and where its scoring begins."""
-    laps = 1.0 if read.way is None else read.way / read.length
-    if laps == 2.0 and read.entry == read.length:
+    if read.laps == 2.0 and read.entry == read.length:
         return "; 2 laps, the second is scored"
-    several = f"{laps:.3g} laps, " if laps > 1.0 else ""
+    several = f"{read.laps:.3g} laps, " if read.laps > 1.0 else ""
     entry = f"scored behind the first {1e3 * read.entry:.3g} mm" if read.entry else ""
     return f"; {several}{entry}" if entry else ""
 

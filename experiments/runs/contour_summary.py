@@ -20,7 +20,7 @@ def read_of(job: Task, path: np.ndarray, dt: float) -> ContourRead:
     return ContourRead(
         pieces=int(np.sum(job.contour.mask)),
         length=float(job.contour.length),
-        duration=cycle_time(job, dt),
+        duration=_duration(job, dt),
         low=tuple(path.min(axis=0).tolist()),
         high=tuple(path.max(axis=0).tolist()),
         ignored=job.ignored,
@@ -47,14 +47,16 @@ def _way(job: Task) -> tuple[float | None, float]:
 
 
 def cycle_time(job: Task, dt: float) -> float:
-    """Time of a run [s]: that of its planned motion, else from its first sample to its last.
+    """Time of a run [s]; of one lap where it goes around its path more than once."""
+    laps = np.ptp(job.arc) / float(job.contour.length) if isinstance(job, Job) else 1.0
+    return _duration(job, dt) / max(1.0, float(laps))
 
-    Of a run that goes around its path more than once it is the time of one lap.
-    """
+
+def _duration(job: Task, dt: float) -> float:
+    """Time of a run [s]: that of its planned motion, else from its first sample to its last."""
     if isinstance(job, Job) and job.planned is not None:
         return job.planned.duration
-    laps = 1.0 if not isinstance(job, Job) else np.ptp(job.arc) / float(job.contour.length)
-    return float((job.samples - 1) * dt / max(1.0, laps))
+    return float((job.samples - 1) * dt)
 
 
 def rapid_length(job: Task) -> float:

@@ -63,7 +63,7 @@ class ContourRead:
     Attributes:
         pieces: lines, arcs and polynomials of the path; moves of a program.
         length: of the path, rapid moves included [m].
-        duration: of the run, or of one of its laps [s]; of a planned motion, its cycle time.
+        duration: of the whole run, all laps [s]; of a planned motion, its cycle time.
         low, high: corners of the box around the reference [m], one number per axis.
         ignored: words of the program that mean nothing for the path.
         doubts: what of the program may be meant otherwise.
@@ -85,6 +85,11 @@ class ContourRead:
     rapid_length: float = 0.0
     way: float | None = None
     entry: float = 0.0
+
+    @property
+    def laps(self) -> float:
+        """How often the tool goes around the path; 1 where it goes along it once, or a part."""
+        return 1.0 if self.way is None else max(1.0, self.way / self.length)
 
 
 @dataclass(frozen=True)

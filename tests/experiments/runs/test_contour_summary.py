@@ -63,6 +63,8 @@ def test_two_laps_are_told_with_the_time_of_one():
     assert told(ring).startswith("ring: 1 move, 6.2832 mm in 0.126 s, X")
     assert told(ring).endswith(" mm; 2 laps, the second is scored")
     assert cycle_time(ring, 5e-4) == pytest.approx(2e-3 * math.pi / 0.05)
+    found = read_of(ring, np.zeros((ring.samples, 2)), 5e-4)
+    assert found.duration == pytest.approx(4e-3 * math.pi / 0.05, abs=5e-4) and found.laps == 2
 
 
 def test_a_run_that_ends_early_tells_how_far_it_goes():
