@@ -83,7 +83,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/reports/tolerance_tables.py": "experiments/commands/loops/test_tolerance.py",
     "experiments/reports/figures/loops/kept.py": "experiments/commands/loops/test_tolerance.py",
     "experiments/files/results/learned_result.py": "experiments/commands/loops/test_learn.py",
-    "experiments/files/netcdf.py": "experiments/runs/tuning/test_problem.py",
     "experiments/files/results/run_metrics.py": "experiments/commands/test_compare.py",
     "experiments/files/results/simulated_result.py": "experiments/commands/loops/test_simulate.py",
     "experiments/files/results/tuned_result.py": "experiments/commands/tuning/test_tune.py",

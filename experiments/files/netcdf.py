@@ -18,6 +18,8 @@ def metric_unit(name: str, control_unit: str) -> str:
         return "1"
     if name == "duration":
         return "s"
+    if name.endswith("increment"):
+        return f"{control_unit} per sample"
     return "m" if name.endswith("error") else control_unit
 
 

@@ -26,7 +26,13 @@ from experiments.runs.spread.best_designs import (
     largest_of,
     within_limits,
 )
-from experiments.runs.spread.sweep_advice import diverged_lines, edge_of, limit_lines, next_steps
+from experiments.runs.spread.sweep_advice import (
+    diverged_lines,
+    edge_of,
+    limit_lines,
+    next_steps,
+    repeated,
+)
 from experiments.runs.spread.sweep_asked import Swept, swept_of
 from experiments.runs.spread.sweep_runs import found_along
 from experiments.runs.tuning.limits import named_limits
@@ -45,7 +51,8 @@ def command(flags: Sweep) -> int:
         result = summary_of(dataset, error, picks)
         write_result(folder, result)
     lines = [*diverged_lines(dataset, names, error), *limit_lines(asked, dataset, result)]
-    then = [*lines, *edge_of(asked, result, dataset), *next_steps(asked, result)]
+    lines += [*edge_of(asked, result, dataset), *repeated(asked, result)]
+    then = [*lines, *next_steps(asked, result)]
     return finished(folder, result, flags, _shown(names, error), then)
 
 

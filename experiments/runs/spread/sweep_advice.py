@@ -1,13 +1,14 @@
 """What a sweep says of its designs: which diverge or break a limit, and what to run next."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
 from experiments.files.results.swept_result import BestDesign, SweepResult
-from experiments.flags.shared import Limited
+from experiments.flags.shared import Controlled, Limited
 from experiments.reports.figures.tuning.sweep import worst_errors
 from experiments.runs.lifecycle import task_words
 from experiments.runs.spread.best_designs import (
@@ -15,6 +16,7 @@ from experiments.runs.spread.best_designs import (
     largest_of,
 )
 from experiments.runs.spread.sweep_asked import Swept
+from experiments.runs.spread.sweep_runs import kept_weights
 from experiments.runs.tuning.limits import named_limits
 from tuning.objectives import COUNT_NOISE, LATE
 
@@ -94,12 +96,34 @@ def next_steps(asked: Swept, result: SweepResult) -> list[str]:
     best = _leading(result.best)
     given = dict(words.split("=", 1) for words in asked.flags.weights)
     weights = given | {name: f"{value:.6g}" for name, value in best.weights.items()}
+    words = task_words(asked.flags.parts, _flags_with(asked, best, weights), Limited)
+    return [f"Next: tune from the best point with jcontour tune{words}"]
+
+
+def repeated(asked: Swept, result: SweepResult) -> list[str]:
+    """The command that runs the best point again, with all digits, along the first contour."""
+    if not result.best:
+        return []
+    best = _leading(result.best)
+    design = asked.design(best.preview)
+    weights = {name: repr(value) for name, value in best.weights.items()}
+    for name, value in kept_weights(asked, [design]).items():
+        weights[name] = ",".join(map(repr, np.ravel(value).tolist()))
+    flags = _flags_with(asked, best, weights)
+    late = design.settings().get("model_delay")
+    flags |= {} if late is None else {"model_delay": late}
+    first = (asked.flags.parts or asked.machine.usual.swept)[:1]
+    words = task_words(first, flags, Controlled)
+    return [f"Again: jcontour simulate{words}    (the same runs, {first[0]})"]
+
+
+def _flags_with(asked: Swept, best: BestDesign, weights: Mapping[str, str]) -> dict[str, Any]:
+    """Flags of a command that begins with these weights."""
     flags = vars(asked.flags) | {name: None for name in weights if name in vars(asked.flags)}
     flags |= {"weights": [f"{name}={value}" for name, value in weights.items()]}
     if len(asked.flags.previews) > 1 or asked.design(best.preview).settings().get("terminal"):
         flags |= {"preview": best.preview}
-    words = task_words(asked.flags.parts, flags, Limited)
-    return [f"Next: tune from the best point with jcontour tune{words}"]
+    return flags
 
 
 def edge_of(asked: Swept, result: SweepResult, dataset: xr.Dataset) -> list[str]:

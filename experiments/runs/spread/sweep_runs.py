@@ -1,5 +1,6 @@
 """Runs of a sweep: all designs along all contours on all machines, chunk by chunk."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,7 @@ import jax
 import numpy as np
 import xarray as xr
 
-from experiments.designs.design import plain_weights, with_values
+from experiments.designs.design import Design, plain_weights, with_values
 from experiments.files import run_folder
 from experiments.files.netcdf import metric_unit
 from experiments.files.sweep_chunks import SweepChunks
@@ -67,7 +68,8 @@ def designs_at_once(steps: int, batching: Batching | None) -> int:
 
 def _dataset(asked: Swept, found: dict[str, Any]) -> xr.Dataset:
     machine, previews = asked.machine, list(asked.flags.previews)
-    design = asked.design(previews[0])
+    designs = [asked.design(preview) for preview in previews]
+    units = designs[0].units()
     shape = (len(previews), asked.count, len(asked.jobs), len(machine.family_names))
     data = {}
     for name, rows in found.items():
@@ -81,10 +83,31 @@ def _dataset(asked: Swept, found: dict[str, Any]) -> xr.Dataset:
         "plant": machine.family_names,
     }
     for name, column in asked.values.items():
-        coordinates[name] = ("sample", np.asarray(column), {"units": design.units()[name]})
-    kept = {}
-    for name, value in plain_weights(design.start).items():
-        if isinstance(value, float) and name not in asked.values:
-            kept[name] = value
+        coordinates[name] = ("sample", np.asarray(column), {"units": units[name]})
+    for name, values in kept_weights(asked, designs).items():
+        dimensions = ("preview", "axis")[: values.ndim]
+        coordinates[name] = (dimensions, values, {"units": units.get(name, "1")})
     title = f"jcontour sweep: machine with {machine.nonsmooth_effects}"
-    return xr.Dataset(data, coordinates, {"title": title, **kept, **run_folder.versions()})
+    settings = chosen_settings(designs[0])
+    return xr.Dataset(data, coordinates, {"title": title, **settings, **run_folder.versions()})
+
+
+def kept_weights(asked: Swept, designs: Sequence[Design]) -> dict[str, np.ndarray]:
+    """Weights that do not vary, of every preview: one number, or one for each axis."""
+    starts = [plain_weights(design.start) for design in designs]
+    kept = {}
+    for name in starts[0]:
+        values = [start[name] for start in starts]
+        shapes = {np.shape(value) for value in values}
+        if name in asked.values or None in values:
+            continue
+        if shapes <= {()} or shapes <= {(len(asked.machine.axes),)}:
+            kept[name] = np.array(values, float)
+    return kept
+
+
+def chosen_settings(design: Design) -> dict[str, Any]:
+    """Controller and what is chosen of it, as its model's delay; a preview has its own place."""
+    chosen = {name: value for name, value in design.settings().items() if name != "preview"}
+    plain = {name: value for name, value in chosen.items() if isinstance(value, int | float | str)}
+    return {"controller": design.name, **plain}

@@ -1,12 +1,14 @@
 """`sweep`: a small one from the command line."""
 
 import json
+import shlex
 
 import numpy as np
 import pytest
 
 from experiments.cli import main
 from experiments.files.netcdf import load_dataset
+from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import read_result
 from experiments.files.results.swept_result import SweepResult
 
@@ -79,6 +81,25 @@ def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept
     assert "Drawn: sweep.png" in printed
     assert "Next: tune from the best point with jcontour tune " in printed
     assert f"Run folder: {swept}" in printed
+
+
+@pytest.mark.slow
+def test_a_row_is_run_again_by_the_line_that_says_so(swept, dataset, capsys, tmp_path):
+    """The weights that do not vary, and the delay of the model, are stored and printed."""
+    assert dataset.attrs["controller"] == "contouring-lq-kalman"
+    assert dataset.attrs["model_delay"] in (0, 1) and dataset.attrs["terminal"] == "output"
+    assert dataset.control_noise.values.tolist() == [5.0] and dataset.rho.values.tolist() == [2e-9]
+    assert dataset.rho.dims == ("preview",) and "per sample" in dataset.rms_increment.units
+    assert main(["sweep", "--resume", str(swept)]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    line = next(line for line in printed if line.startswith("Again: jcontour "))
+    words = line.removeprefix("Again: jcontour ").partition("    (")[0]
+    assert f"--model-delay {dataset.attrs['model_delay']}" in words
+    assert main([*shlex.split(words), "--out", str(tmp_path / "again")]) == 0
+    again = read_result(tmp_path / "again", SimulatedResult)
+    row = dataset.rms_contour_error.values[0, int(dataset.best[0]), 0]
+    errors = [again.plants[str(name)].rms_contour_error for name in dataset.plant.values]
+    np.testing.assert_allclose(errors, row, rtol=1e-9)
 
 
 @pytest.mark.slow

@@ -9,8 +9,9 @@ import xarray as xr
 from experiments.catalogue.choices import machine_named
 from experiments.cli import _chosen
 from experiments.files.results.swept_result import BestDesign, SweepResult
+from experiments.flags.loops import Simulate
 from experiments.flags.tuning import Sweep, Tune
-from experiments.runs.spread.sweep_advice import edge_lines, limit_lines, next_steps
+from experiments.runs.spread.sweep_advice import edge_lines, limit_lines, next_steps, repeated
 from experiments.runs.spread.sweep_asked import Swept
 
 OWN = """
@@ -56,6 +57,23 @@ def test_what_is_tuned_next_is_the_controller_that_was_swept(tmp_path):
         max_sensitivity=1.5,
         max_peak_control=5.0,
     )
+
+
+def test_the_best_point_is_run_again_with_what_did_not_vary(tmp_path):
+    (tmp_path / "mine.py").write_text(OWN)
+    mine = f"{tmp_path / 'mine.py'}:Proportional"
+    given = {"controller": mine, "weights": ("feedforward=2",), "previews": (0,)}
+    flags = Sweep(parts=("circle", "square"), **given)
+    asked = Swept(flags, machine_named(flags.plant), [], {"gain": jnp.array([0.1, 0.3])})
+    best = _best(weights={"gain": 0.1 + 0.2})
+    [line] = repeated(asked, SweepResult(points=2, diverged=0, within=2, best=[best]))
+    words = line[line.index("jcontour ") : line.index("    (")]
+    weights = ("gain=0.30000000000000004", "feedforward=2.0")  # all digits
+    found = _chosen(shlex.split(words)[1:])[0]
+    assert isinstance(found, Simulate) and found == Simulate(
+        contour="circle", controller=mine, weights=weights
+    )
+    assert repeated(asked, SweepResult(points=2, diverged=2, within=0, best=[])) == []
 
 
 def _best(**other):
