@@ -8,6 +8,7 @@ from experiments.files.results.run_metrics import ContourRead
 from experiments.files.results.tuned_result import TunedContour, TunedResult
 
 SAME = 1e-3  # relative: a smaller difference is called none
+UNNAMED = "control unit"  # of a machine that does not say its unit
 CONTROLS = ("rms_control", "peak_control")
 INCREMENTS = ("rms_increment", "peak_increment")
 
@@ -29,10 +30,20 @@ def unlike_motions(first: TunedResult, second: TunedResult) -> dict[str, list[st
 
 def comparable(metric: str, first: TunedResult, second: TunedResult) -> bool:
     """Whether a metric has the same unit in both runs; an increment is one per sample."""
-    units = first.machine.control_unit == second.machine.control_unit
+    mine, other = control_units(first, second)
+    units = mine == other
     if metric in INCREMENTS:
         return units and same_period(first.sample_period, second.sample_period)
     return units or metric not in CONTROLS
+
+
+def control_units(first: TunedResult, second: TunedResult) -> list[str]:
+    """Units of the controls; one without a name is that of its machine alone."""
+    machines = [first.machine, second.machine]
+    units = [machine.control_unit for machine in machines]
+    if units == [UNNAMED, UNNAMED] and machines[0].name != machines[1].name:
+        return [f"{UNNAMED} of {machine.name}" for machine in machines]
+    return units
 
 
 def same_period(first: float | None, second: float | None) -> bool:

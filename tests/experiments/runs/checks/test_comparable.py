@@ -8,14 +8,15 @@ from experiments.files.results.run_metrics import ContourRead
 from experiments.files.results.tuned_result import TunedContour
 from experiments.runs.checks.comparable import (
     comparable,
+    control_units,
     same_period,
     unlike_motions,
     unlike_paths,
 )
 
 
-def tuned(*contours, unit="V", period=1e-3):
-    machine = SimpleNamespace(control_unit=unit)
+def tuned(*contours, unit="V", period=1e-3, name="mill"):
+    machine = SimpleNamespace(control_unit=unit, name=name)
     return SimpleNamespace(contours=contours, machine=machine, sample_period=period)
 
 
@@ -64,3 +65,11 @@ def test_units_decide_on_controls_and_the_sample_on_their_changes():
     assert [comparable(name, mine, unit) for name in metrics] == [True, False, False]
     assert [comparable(name, mine, fast) for name in metrics] == [True, True, False]
     assert same_period(1e-3, 0.001) and same_period(None, 1e-3) and not same_period(1e-3, 1.1e-3)
+
+
+def test_a_unit_without_a_name_is_that_of_one_machine():
+    mill, lathe = tuned(unit="control unit"), tuned(unit="control unit", name="lathe")
+    assert comparable("rms_control", mill, mill)
+    assert not comparable("rms_control", mill, lathe)
+    assert control_units(mill, lathe) == ["control unit of mill", "control unit of lathe"]
+    assert comparable("rms_control", tuned(), tuned(name="lathe"))
