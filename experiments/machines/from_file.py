@@ -27,6 +27,7 @@ is nested), all lengths in `length_unit`:
     control;
                          5 % of the control limit, or 0.1, when not given: about what an input gain
                          10 % off does
+    note                 optional text that `simulate`, `tune` and `machine` repeat
     friction             [control unit] that dry friction takes on every axis; 0 when not given,
                          null where it is not known. It is in the runs; what is proven takes it as a
                          force
@@ -78,6 +79,7 @@ FIELDS = {
     "encoder_noise",
     "control_noise",
     "friction",
+    "note",
 }
 
 
@@ -203,6 +205,7 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         encoder_noise=noise * metre,
         response_doubt=_doubt(uncertainty.get("response"), plant),
         friction=_friction(fields.get("friction", 0.0)),
+        note=checks.text("note", fields["note"]) if "note" in fields else "",
     )
 
 

@@ -58,6 +58,7 @@ class LinearMachine(Machine):
         response_doubt: how far off the response may be beside gains and delays.
         friction: control that dry friction takes: in the runs, not in linear loops; None where it
             is not known, and nowhere.
+        note: of its file, to be repeated where it is run; empty without one.
     """
 
     known_delay: int
@@ -71,6 +72,7 @@ class LinearMachine(Machine):
     contours: Usual = USUAL
     response_doubt: Doubt | None = None
     friction: float | None = 0.0
+    note: str = ""
 
     @property
     def doubt(self) -> Doubt | None:
@@ -78,9 +80,14 @@ class LinearMachine(Machine):
         return self.response_doubt
 
     @property
+    def remarks(self) -> list[str]:
+        """The note of its file."""
+        return [f"{self.name}: {self.note}"] if self.note else []
+
+    @property
     def nonsmooth_effects(self) -> str:
         """Encoder counts and noise, and friction, where there is some."""
-        encoders = "quantised, noisy encoders" if self._noisy else "quantised encoders"
+        encoders = "quantised, noisy encoders" if self.noisy else "quantised encoders"
         return f"{encoders} and dry friction" if self.friction else encoders
 
     @property
@@ -91,12 +98,13 @@ class LinearMachine(Machine):
     @property
     def noisy_count(self) -> float | np.ndarray:
         """Rounding has a variance of a twelfth of its square."""
-        if not self._noisy:
+        if not self.noisy:
             return self.encoder_resolution
         return np.sqrt(self.encoder_resolution**2 + 12 * self.encoder_noise**2)
 
     @property
-    def _noisy(self) -> bool:
+    def noisy(self) -> bool:
+        """Whether the encoders have noise beside their rounding."""
         return bool(np.any(self.encoder_noise))
 
     @property
@@ -202,7 +210,7 @@ class LinearMachine(Machine):
         if fed == "state":
             return plant
         read = Encoders(plant)
-        if self._noisy:
+        if self.noisy:
             read = Disturbed(read, noise=sensor_noise(self.model.axes, self.encoder_noise))
         return Quantised(read, resolution=self.encoder_resolution)
 
@@ -229,7 +237,7 @@ class LinearMachine(Machine):
         states = f"{self.model.states} states (known delay {self.known_delay})"
         time = f"dt {1e3 * self.model.dt:g} ms"
         sensors = f"positions only, encoder {in_words(self.encoder_resolution)}"
-        if self._noisy:
+        if self.noisy:
             sensors += f", noise {in_words(self.encoder_noise)}"
         friction = "not known, neither in the runs nor in what is proven"
         if self.friction is not None:
@@ -238,6 +246,7 @@ class LinearMachine(Machine):
             "Machine": f"{self.name}: {states}, axes {', '.join(self.axes)}, {time}",
             "Measured": sensors,
             **({} if self.friction == 0 else {"Friction": friction}),
+            **({"Note": self.note} if self.note else {}),
         }
 
     @property

@@ -110,6 +110,11 @@ class Machine(abc.ABC):
         return "contour" if len(self.axes) > 1 else "tracking"
 
     @property
+    def remarks(self) -> list[str]:
+        """What its file wants to be said where it is run."""
+        return []
+
+    @property
     def resolution(self) -> float | np.ndarray | None:
         """Length of a count of the encoders [m], one number or one for each axis (m,).
 

@@ -139,6 +139,7 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
         read=contour_read(scenarios, 0),
         peak=peak_place(scenarios, replayed, 0, machine.error),
         warnings=[
+            *machine.remarks,
             *lost_numbers(replayed, scenarios),
             *limits_exceeded_by_plan(scenarios, machine),
             *limits_met(replayed, scenarios, machine),

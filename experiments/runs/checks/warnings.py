@@ -33,7 +33,7 @@ def run_warnings(
             "the controller learns while it runs: its margins are those of the loop that it begins "
             "with"
         )
-    lines += family_warnings(run.machine)
+    lines += [*run.machine.remarks, *family_warnings(run.machine)]
     asked = run.flags.min_delay_margin
     alone = len(run.machine.family_names) == 1  # then it is a reason against the weights
     lines += margin_warnings(margins, run.machine.unknown_delay, max(asked, int(alone)))

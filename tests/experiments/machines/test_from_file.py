@@ -57,6 +57,16 @@ def test_noise_of_encoders_is_one_or_each_and_may_be_none():
         assert machine.noisy_count == pytest.approx(np.sqrt(1e-12 + 12 * np.square(wanted)))
 
 
+def test_a_note_is_repeated_where_the_machine_is_told():
+    noted, plain = (
+        machine_from(json.dumps({**FIELDS, **more}).encode(), "table")
+        for more in ({"note": "Y is a copy"}, {})
+    )
+    assert noted.description()["Note"] == "Y is a copy"
+    assert noted.remarks == [f"{noted.name}: Y is a copy"]
+    assert plain.remarks == [] and "Note" not in plain.description()
+
+
 def test_friction_is_told_and_nothing_is_told_without():
     rough, plain = (
         machine_from(json.dumps({**FIELDS, **more}).encode()) for more in ({"friction": 0.25}, {})
@@ -129,6 +139,7 @@ def test_an_npz_that_says_a_thing_twice_is_refused(names):
             "encoder_resolution: needs one number or 2, received 3",
         ),
         ({"encoder_resolution": [0.001, 0.0]}, "encoder_resolution: needs a finite number above 0"),
+        ({"note": ""}, "note: needs a text of 1 to 80 printable characters"),
         ({"encoder_noise": -1e-4}, "encoder_noise: needs a finite number of at least 0"),
         ({"encoder_noise": [0.0]}, "encoder_noise: needs one number or 2, received 1"),
         ({"length_unit": "furlong"}, "length_unit: needs one of"),
