@@ -7,6 +7,7 @@ its currents. Where its head is on the beam, and what it reads, follows from its
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.tree_util import Partial
@@ -14,6 +15,7 @@ from jaxtyping import Array, Float
 
 from experiments.designs.design import Design
 from experiments.jobs.job import Task
+from experiments.machines.count_noise import FARTHEST
 from experiments.machines.families import LATE, Member
 from experiments.machines.flexible_axis import FlexibleMachine, scaled
 from experiments.machines.gantry import GantryMachine, scaled_gantry
@@ -128,6 +130,25 @@ def noisy(one: Setting, seed: int) -> Callable[[Any], Plant]:
         if one.fed == "state":
             return machine.model
         return Disturbed(Encoders(machine.model), noise=noise)
+
+    return of_lap
+
+
+def read_anew(one: Setting, seed: int) -> Callable[[Plant, Any], Plant]:
+    """A plant of the true family in each lap: its encoders' noise is another in every one.
+
+    All plants have the same noise in a lap. Counts are no noise: they stay.
+    """
+    machine, steps = one.machine, one.shape[0]
+    if not isinstance(machine, LinearMachine) or not machine.noisy or one.fed == "state":
+        return lambda plant, lap: plant
+    deviation = jnp.broadcast_to(jnp.asarray(machine.encoder_noise), (1, machine.model.axes))
+
+    def of_lap(plant: Plant, lap) -> Plant:
+        key = jax.random.fold_in(jax.random.key(seed), lap)
+        drawn = jax.random.normal(key, (steps, machine.model.axes))
+        noise = deviation * jnp.clip(drawn, -FARTHEST, FARTHEST)
+        return eqx.tree_at(lambda counted: counted.plant.noise, plant, noise)
 
     return of_lap
 

@@ -12,7 +12,13 @@ from jaxtyping import Array, Float
 
 from experiments.files.results.learned_result import LearnedMachine
 from experiments.flags.loops import Learn
-from experiments.runs.loops.learned_machines import Setting, linear_family, linear_nominal, noisy
+from experiments.runs.loops.learned_machines import (
+    Setting,
+    linear_family,
+    linear_nominal,
+    noisy,
+    read_anew,
+)
 from jcontour.controllers.learning.convergence import Convergence, convergence, frequency_response
 from jcontour.controllers.learning.laps import (
     LearningLaw,
@@ -118,6 +124,8 @@ class LapScores(NamedTuple):
 class Learner:
     """Laps, one after the other, on the linear model, on it with noise, and on the true family.
 
+    Noise is another in every lap: laps that all had the same would learn it.
+
     Args:
         one: controller and part.
         law: the rule.
@@ -128,6 +136,7 @@ class Learner:
         self.one, self.law = one, law
         nominal = linear_nominal(one)
         self.singles: list[Callable[[Any], Plant]] = [lambda lap: nominal, noisy(one, seed)]
+        self.anew = read_anew(one, seed)
         self.family = stack_plants(one.machine.true_family(one.fed))
         self.names = [LINEAR, NOISY, *one.machine.family_names]
 
@@ -156,7 +165,7 @@ class Learner:
             for k, advance in enumerate((self._first, self._second)):
                 corrections[k], scores, _ = advance(corrections[k], number)
                 found.append(jax.tree.map(lambda x: np.asarray(x)[None], scores))
-            stacked, scores = self._together(self.family, stacked)
+            stacked, scores = self._together(self.family, stacked, number)
             found.append(jax.tree.map(np.asarray, scores))
             rows.append(LapScores(*(np.concatenate(each) for each in zip(*found, strict=True))))
             tell(lap + 1, rows[-1])
@@ -173,13 +182,11 @@ class Learner:
         return jax.jit(partial(self._lap, self.singles[1]))
 
     @cached_property
-    def _together(self) -> Callable[[Any, Any], Any]:
-        zero = jnp.zeros((), int)
-
-        def on_family(family, corrections):
+    def _together(self) -> Callable[[Any, Any, Any], Any]:
+        def on_family(family, corrections, number):
             def on_plant(pair):
                 plant, correction = pair
-                return self._lap(lambda lap: plant, correction, zero)[:2]
+                return self._lap(partial(self.anew, plant), correction, number)[:2]
 
             return family_batching(family)(on_plant, (family, corrections))
 

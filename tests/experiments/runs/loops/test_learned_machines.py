@@ -21,6 +21,7 @@ from experiments.runs.loops.learned_machines import (
     linear_nominal,
     noisy,
     positions_of,
+    read_anew,
     setting,
 )
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
@@ -133,3 +134,32 @@ def test_noise_of_every_axis_is_within_half_a_count_of_its_own():
     largest = np.abs(np.asarray(noisy(one, 0)(jnp.asarray(0)).noise)).max(axis=0)
     halves = np.array([0.5e-6, 2.5e-6])
     assert np.all(largest <= halves) and np.all(largest > 0.9 * halves)
+
+
+def table_with_noise(noise):
+    """A table whose encoders have noise beside their counts, along a line at rest."""
+    machine = replace(bridgeport_machine(), encoder_noise=noise)
+    design = design_for(machine, Simulate(preview=3))
+    path = line(np.zeros(2), np.ones(2))
+    reference = along(path, np.zeros(9000), machine.model.dt, design.preview, at_rest=True)
+    return Setting(machine, design.build(design.start), "outputs", reference)
+
+
+def test_a_plant_of_the_family_has_other_noise_in_every_lap_alike_on_all_plants():
+    """Gaussian within three deviations, of every axis its own, in all samples of the lap."""
+    one = table_with_noise(np.array([3e-6, 1e-6]))
+    nominal, other = one.machine.true_family("outputs")[:2]
+    anew = read_anew(one, 4)
+    first, again, second = (np.asarray(anew(nominal, k).plant.noise) for k in (0, 0, 1))
+    assert first.shape == (9000, 2)
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_array_equal(first, anew(other, 0).plant.noise)
+    np.testing.assert_allclose(first.std(axis=0), [2.96e-6, 0.986e-6], rtol=0.03)
+    assert np.all(np.abs(first) <= np.array([9e-6, 3e-6]))
+    assert np.all(np.abs(np.mean(first * second, axis=0)) < 0.05 * first.var(axis=0))
+    assert not np.array_equal(first, read_anew(one, 5)(nominal, 0).plant.noise)
+
+
+def test_encoders_that_only_count_are_the_same_in_every_lap():
+    plant = bridgeport_machine().true_family("outputs")[0]
+    assert read_anew(table_with_noise(0.0), 0)(plant, 3) is plant

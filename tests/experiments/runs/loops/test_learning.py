@@ -1,18 +1,23 @@
 """Learning on machines with parameter error: what is assured for random members happens."""
 
+import json
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from experiments.catalogue.choices import design_for
 from experiments.flags.loops import Learn
 from experiments.machines.flexible_axis import scaled, thesis_machine
-from experiments.runs.loops.learned_machines import Setting, noisy, positions_of
+from experiments.machines.from_file import machine_from
+from experiments.runs.loops.learned_machines import Setting, noisy, positions_of, read_anew
 from experiments.runs.loops.learning import Learner, prepared_law
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.learning.convergence import convergence
 from jcontour.controllers.learning.laps import diverged_lap, laps_of, learn
 from jcontour.controllers.learning.norm_optimal import linearised
+from jcontour.controllers.learning.p_type import PType
 from jcontour.geometry.contours import line
 from jcontour.motion.references import in_time
 from jcontour.plants.flexible_axis.models import zoh_model
@@ -92,3 +97,65 @@ def test_the_nominal_machine_falls_to_the_noise_within_eight_laps(axis):
     found = np.sqrt(np.mean(np.asarray(laps.error) ** 2, axis=(1, 2)))
     read = axis.machine.encoder_resolution / np.sqrt(12)
     assert found[0] > 100 * read and found[-1] < 1.5 * np.hypot(noise, read)
+
+
+MILL = {
+    "A": [[1.0, 9e-4, 0.0, 0.0], [0.0, 0.8, 0.0, 0.0], [0.0, 0.0, 1.0, 9e-4], [0.0, 0.0, 0.0, 0.7]],
+    "B": [[1e-4, 0.0], [0.2, 0.0], [0.0, 1e-4], [0.0, 0.3]],
+    "C": [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+    "dt": DT,
+    "length_unit": "mm",
+    "uncertainty": {"gain": 0.1},
+    "encoder_resolution": 1e-3,
+    "encoder_noise": 3e-3,
+}
+
+
+def mill():
+    """A drive of a speed with noisy encoders under its cascade: 5 mm from rest along a line."""
+    machine = machine_from(json.dumps(MILL).encode(), "mill")
+    design = design_for(machine, Learn(controller="cascade"))
+
+    def law(t):
+        x = np.clip(t / 0.08, 0.0, 1.0)
+        return 5e-3 * x**3 * (10 - 15 * x + 6 * x**2)
+
+    path = line(np.zeros(2), np.array([3e-3, 4e-3]))
+    reference = in_time(path, law, 0.1, DT, design.preview, dwell=0.0)
+    return Setting(machine, design.build(design.start), "outputs", reference), design.start
+
+
+def lap_of_the_mill(start, wanted, correction, noise, gains):
+    """Places of the tool and what is read of them [mm], by NumPy."""
+    A, B, C = (np.array(MILL[name]) for name in "ABC")
+    k_pp, k_pv, T_iv = (np.asarray(start[n]) for n in ("position", "velocity", "integral_time"))
+    x, share, before = np.zeros(4), np.zeros(2), np.zeros(2)
+    tool, read = np.zeros_like(wanted), np.zeros_like(wanted)
+    for k, place in enumerate(wanted):
+        tool[k] = C @ x
+        read[k] = 1e-3 * np.round((tool[k] + noise[k]) / 1e-3)
+        e = 1e-3 * (k_pp * (place + correction[k] - read[k]) - (read[k] - before) / DT)
+        share, before = share + k_pv * DT * e / T_iv, read[k]
+        x = A @ x + B @ (gains * (k_pv * e + share))
+    return tool, read
+
+
+def test_laps_of_the_family_are_those_of_numpy_with_noise_of_their_own():
+    one, start = mill()
+    law, laps = PType(0.2, 20, 1), 4
+    found = Learner(one, law, seed=3).run(laps, lambda lap, scores: None)
+    anew, plant = read_anew(one, 3), one.machine.true_family("outputs")[0]
+    wanted = 1e3 * np.asarray(one.reference.position[: one.shape[0]])
+    for machine, factors in zip(found[2:], ([1.0, 1.0], [1.1, 0.9], [0.9, 1.1]), strict=True):
+        correction = np.zeros_like(wanted)
+        for lap in range(laps):
+            noise = 1e3 * np.asarray(anew(plant, lap).plant.noise)
+            tool, read = lap_of_the_mill(start, wanted, correction, noise, np.array(factors))
+            along = np.clip(tool @ [0.6, 0.8], 0.0, 5.0)
+            away = np.linalg.norm(tool - along[:, None] * [0.6, 0.8], axis=1)
+            assert machine.tool_um[lap] == pytest.approx(1e3 * np.sqrt(np.mean(away**2)), rel=1e-6)
+            error = wanted - read
+            ahead = np.vstack([error[20:], np.repeat(error[-1:], 20, axis=0)])
+            taken = correction + 0.2 * ahead
+            held = np.vstack([taken[:1], taken, taken[-1:]])
+            correction = (held[:-2] + 2 * held[1:-1] + held[2:]) / 4
