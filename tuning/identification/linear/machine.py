@@ -408,11 +408,15 @@ def _notes(axis: LinearAxis) -> list[str]:
 
 def _advice(axis: LinearAxis) -> str:
     """What to run next: dry friction is told by moves, as it holds an axis through small sines."""
-    if axis.friction is None and not axis.hides_friction:
-        return "run what jcontour identify --excite writes"
+    words = "run what jcontour identify --excite writes"
+    if axis.friction is not None or axis.hides_friction:
+        words += (
+            ", its sines and then its moves in one log; dry friction holds the axis through small "
+            "sines, and is told by the moves"
+        )
     return (
-        "run what jcontour identify --excite writes, its sines and then its moves in one log; dry "
-        "friction holds the axis through small sines, and is told by the moves"
+        f"{words}. If this record is of those sines, they hardly arrive, as behind a slow position "
+        "loop: raise the gain of that loop, give larger sines, or command the drive directly"
     )
 
 
