@@ -1,6 +1,6 @@
 """What a machine's model does: speeds that it reaches, how fast it settles, where it rings."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,8 @@ from jcontour.linear.plant import LinearPlant
 GRAVITY = 9.81  # [m/s^2]
 QUESTIONED = 1000 * GRAVITY  # [m/s^2]: a unit is wrong, not a machine
 FAST = 50.0  # [m/s] likewise
+HARD = QUESTIONED / 10  # [m/s^2] of a limit or a motion, likewise
+COARSE = 4.9e-5  # [m] of a count, likewise: 0.05 um read as mm
 SLOW = 0.01  # [m/s^2] likewise
 SHORTEST, LONGEST = 1e-5, 0.02  # [s], sample periods likewise
 UNSEEN = 1e-3  # of a speed: what rounded numbers of a file may lack
@@ -58,6 +60,8 @@ def axis_behaviours(machine: Machine) -> list[AxisBehaviour]:
 def questions(machine: Machine, found: list[AxisBehaviour]) -> list[str]:
     """What cannot be true of a machine, most likely a wrong unit."""
     lines = [*_doubtful_period(machine.model.dt), *_doubtful_limits(machine)]
+    if machine.resolution is not None:
+        lines += coarse_counts(machine.axes, machine.resolution)
     largest = machine.limits.control
     if largest is None:
         return [*lines, "limits.control is not given: what the machine reaches is not known"]
@@ -85,6 +89,17 @@ def questions(machine: Machine, found: list[AxisBehaviour]) -> list[str]:
     return lines
 
 
+def coarse_counts(axes: Sequence[str], resolution: float | np.ndarray) -> list[str]:
+    """Counts [m] that no encoder of a machine has, one number or one for each axis."""
+    each = np.broadcast_to(resolution, len(axes))
+    return [
+        f"{name}: counts of {1e6 * count:.4g} um are coarser than those of a machine; are lengths "
+        "in um taken for mm?"
+        for name, count in zip(axes, each, strict=True)
+        if count > COARSE
+    ]
+
+
 def _doubtful_period(dt: float) -> Iterator[str]:
     """A sample period that controllers of machines seldom have."""
     if not SHORTEST <= dt <= LONGEST:
@@ -100,7 +115,7 @@ def _doubtful_limits(machine: Machine) -> Iterator[str]:
     if stated is None:
         return
     for name, limit in zip(machine.axes, np.broadcast_to(stated, len(machine.axes)), strict=True):
-        if not SLOW <= limit <= QUESTIONED / 10:
+        if not SLOW <= limit <= HARD:
             yield (
                 f"{name}: its limit on the acceleration is {limit:.3g} m/s^2; is length_unit right?"
             )

@@ -1,8 +1,10 @@
 """`jcontour identify log.csv --machine linear`: a machine file from a log of any program."""
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +22,7 @@ from experiments.machines.identified import (
     machine_fields,
     noises,
 )
-from experiments.machines.machine_behaviour import GRAVITY
+from experiments.machines.machine_behaviour import FAST, GRAVITY, HARD, coarse_counts
 from experiments.reports.identified_tables import show
 from experiments.reports.tables import of_axes
 from experiments.runs.lifecycle import finished
@@ -37,7 +39,6 @@ from tuning.identification.linear.recording import RecordedAxis, recorded
 MODEL, DATA = "machine.json", "data.csv"
 MOST_POLES, MOST_DELAY = 8, 40
 GAIN_ASKED = 1000.0  # m/s or m per unit: more is a wrong unit
-QUESTIONED = 100 * GRAVITY  # [m/s^2] in a record: no feed drive moves with more
 TINY, FINE = 1e-3, 5e-9  # [m]: a whole record, and a count, that are questioned together
 SLOWEST = 0.1  # [s] between samples of a drive's record
 DEMO_ROWS, DEMO_DT = 20_000, 1e-3
@@ -51,11 +52,9 @@ def command(flags: Identify) -> int:
         flags = replace(flags, control_unit="V")
     log, source = _log(flags)
     record = MachineRecord(log.dt, flags.axes, log.command, log.position)
-    found = drawn = identify_machine(record, flags.most_order, flags.most_delay)
-    if len(flags.axes) == 1:
-        found = found.twice("Y" if flags.axes[0] != "Y" else "X")
+    found = identify_machine(record, flags.most_order, flags.most_delay)
     name = "identified" if flags.data is None else flags.data.stem
-    text = run_folder.json_text(machine_fields(found, name, flags.control_unit)) + "\n"
+    text = run_folder.json_text(_fields(found, name, flags.control_unit)) + "\n"
     _check_file(text, name, found, "".join(f". {line}" for line in _tiny(flags, found)))
     folder = run_folder.create(
         flags.out or run_folder.default_folder("identify"),
@@ -63,7 +62,7 @@ def command(flags: Identify) -> int:
         flags,
         [] if flags.data is None else [flags.data],
     )
-    _store(flags, log, drawn, text, folder)
+    _store(flags, log, found, text, folder)
     result = _result(flags, log, source, found)
     write_result(folder, result)
     path = folder / MODEL
@@ -74,6 +73,20 @@ def command(flags: Identify) -> int:
         *_rubbed(result),
     ]
     return finished(folder, result, flags, show, then)
+
+
+def _fields(found: LinearMachineFound, name: str, control_unit: str) -> dict[str, Any]:
+    """Fields of the machine file; of one axis it has a copy, as a contour needs two."""
+    if len(found.axes) > 1:
+        return machine_fields(found, name, control_unit)
+    axis = found.axes[0].name
+    note = f"{_other(axis)} was not measured: it is a copy of {axis}"
+    return machine_fields(found.twice(_other(axis)), name, control_unit) | {"note": note}
+
+
+def _other(axis: str) -> str:
+    """Name of the copy of a single axis."""
+    return "X" if axis == "Y" else "Y"
 
 
 def _rubbed(result: LinearMachineResult) -> list[str]:
@@ -180,8 +193,6 @@ def _result(
     if noise := noises(found):
         encoders += f"; noise beside them of {of_axes(noise, flags.axes)} RMS"
     words = [*log.words, encoders]
-    if len(flags.axes) == 1:
-        words.append(f"A contour needs two axes: the machine file has {flags.axes[0]} twice")
     return LinearMachineResult(
         data=source,
         words=words,
@@ -193,29 +204,50 @@ def _result(
         gain=found.gain,
         delay=found.late,
         notes=[
-            *_questions(log.dt, flags, axes, limits["acceleration"]),
+            *_questions(log.dt, flags, axes, limits),
+            *_coarse(found),
             *_tiny(flags, found),
+            *_copied(flags.axes),
             *found.notes,
         ],
         model=MODEL,
     )
 
 
+def _copied(axes: Sequence[str]) -> list[str]:
+    """What stands in the machine file of one axis."""
+    if len(axes) > 1:
+        return []
+    (axis,) = axes
+    other = _other(axis)
+    return [
+        f"a contour needs two axes, so the machine file has {axis} twice: its {other} is a copy "
+        f"that nobody measured. Record {other} too, or put its own numbers in"
+    ]
+
+
 def _questions(
-    dt: float, flags: Identify, axes: list[LinearAxisResult], acceleration: list[float]
+    dt: float, flags: Identify, axes: list[LinearAxisResult], largest: dict[str, list[float]]
 ) -> list[str]:
     """One line for each number that no machine has; most likely a unit is wrong."""
     lines = []
     if dt > SLOWEST:
         lines.append(f"time: a sample every {dt:g} s is slow; is the column in ms? Call it time_ms")
-    for one, moved in zip(axes, acceleration, strict=True):
-        if moved > QUESTIONED or abs(one.gain) > GAIN_ASKED:
+    for one, speed, moved in zip(axes, largest["speed"], largest["acceleration"], strict=True):
+        if speed > FAST or moved > HARD or abs(one.gain) > GAIN_ASKED:
             lines.append(
-                f"{one.name}: {moved / GRAVITY:.3g} g in the record, and {one.gain:.3g} "
-                f"m{'/s' if one.integrators else ''} per {flags.control_unit}, are more than any "
-                "drive has; is --length-unit right?"
+                f"{one.name}: {speed:.3g} m/s and {moved / GRAVITY:.3g} g in the record, and "
+                f"{one.gain:.3g} m{'/s' if one.integrators else ''} per {flags.control_unit}, are "
+                "more than any drive has; is --length-unit right?"
             )
     return lines
+
+
+def _coarse(found: LinearMachineFound) -> list[str]:
+    """One line for each axis whose counts are as large as none: um taken for mm."""
+    lines = coarse_counts(found.record.axes, np.array([one.resolution for one in found.axes]))
+    then = "If so, name the columns as x_position_um, or give --length-unit um"
+    return [f"{line} {then}" for line in lines]
 
 
 def _tiny(flags: Identify, found: LinearMachineFound) -> list[str]:

@@ -65,6 +65,15 @@ def test_wrong_units_are_questioned():
     assert "limits.control is not given" in questions(unknown, axis_behaviours(unknown))[0]
 
 
+def test_a_count_as_of_no_encoder_is_questioned():
+    """Micrometres read as millimetres: 0.1 um of one axis become 100."""
+    coarse = loaded(replace(MILL, encoder_um=(1.0, 100.0)))
+    (line,) = questions(coarse, axis_behaviours(coarse))
+    assert line.startswith("Y: counts of 100 um are coarser than those of a machine; are lengths")
+    usual = loaded(replace(MILL, encoder_um=(40.0,)))
+    assert questions(usual, axis_behaviours(usual)) == []
+
+
 def test_a_position_drive_is_not_asked_about_a_step_over_its_whole_travel():
     machine = loaded(replace(MILL, takes="position", gain=(1.0,), time_constant_ms=(5.0,)))
     one = axis_behaviours(machine)[0]

@@ -17,8 +17,10 @@ from experiments.machines.from_file import load_machine
 from experiments.machines.linear import LinearMachine
 from experiments.reports.identified_tables import show
 from experiments.reports.tables import console_of
+from jcontour.linear.continuous_axes import speed_axis
 from jcontour.plants import emps
 from tuning.identification.linear.output_error import AxisRecord, Structure, fitted
+from tuning.identification.linear.recording import RecordedAxis, recorded
 
 
 @pytest.fixture(scope="module")
@@ -128,11 +130,13 @@ def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(
 
 @pytest.mark.slow
 def test_wrong_units_are_questioned(demo, tmp_path, capsys):
-    """Nanometres taken for metres, and a time of milliseconds for one of seconds."""
+    """Nanometres and micrometres taken for metres and millimetres, milliseconds for seconds."""
     rows = np.loadtxt(demo / "data.csv", delimiter=",", skiprows=1)
     heads = "time,x_command,y_command,x_position_m,y_position_m"
     for factors, words in (
         ([1, 1, 1, 1e9, 1e9], "g in the record, and 2.5e+07 m/s per control unit"),
+        ([1, 1, 1, 1e3, 1e3], "X: counts of 1000 um are coarser than those of a machine; are "),
+        ([1, 1, 1, 1e3, 1e3], "If so, name the columns as x_position_um, or give --length-unit um"),
         ([1e3, 1, 1, 1, 1], "time: a sample every 1 s is slow; is the column in ms?"),
     ):
         np.savetxt(tmp_path / "log.csv", rows * factors, "%.10g", ",", header=heads, comments="")
@@ -141,6 +145,39 @@ def test_wrong_units_are_questioned(demo, tmp_path, capsys):
         main(["identify", str(tmp_path / "log.csv"), *flags])
         notes = json.loads(capsys.readouterr().out)["notes"]
         assert any(words in note for note in notes), notes
+
+
+AXES = {"X": (25e-3, 8e-3, 2e-3), "Y": (40e-3, 12e-3, 1e-3), "Z": (10e-3, 15e-3, 3e-3)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("names", ["Y", "XYZ"])
+def test_logs_of_one_and_of_three_axes(names, tmp_path, capsys):
+    """Only what was measured is told; the file of one axis says that its other one was not."""
+    random, columns, heads = np.random.default_rng(3), [1e-3 * np.arange(4000)], ["time_s"]
+    wanted = np.repeat(random.uniform(-5e-3, 5e-3, 80), 50)
+    for gain, constant, delay in (AXES[name] for name in names):
+        drive = speed_axis(gain, constant, delay)
+        axis = RecordedAxis(drive, "speed", 1e-6, 0.4e-6, 2e-3, (15.0 / gain,))
+        columns += recorded(axis, wanted, 1e-3, random)
+    for name in names.lower():
+        heads += [f"{name}_command", f"{name}_position_m"]
+    log, folder = tmp_path / "log.csv", tmp_path / "run"
+    table = np.column_stack(columns)
+    np.savetxt(log, table, "%.10g", ",", header=",".join(heads), comments="")
+    flags = ["--axes", *names, "--most-order", "1", "--most-delay", "4", "--out", str(folder)]
+    assert main(["identify", str(log), "--machine", "linear", *flags]) == 0
+    printed, result = capsys.readouterr().out, read_result(folder, LinearMachineResult)
+    assert [one.name for one in result.axes] == [*names]
+    assert all(len(values) == len(names) for values in result.limits.values())
+    for one in result.axes:
+        assert one.gain == pytest.approx(AXES[one.name][0], rel=0.02)
+        assert f"um on {one.name}" in printed
+    machine = load_machine(folder / "machine.json")
+    alone = names == "Y"
+    assert ("its X is a copy that nobody measured" in printed) is alone
+    assert machine.axes == (("Y", "X") if alone else ("X", "Y", "Z"))
+    assert machine.remarks == (["log: X was not measured: it is a copy of Y"] if alone else [])
 
 
 @pytest.mark.slow
