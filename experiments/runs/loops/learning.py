@@ -19,7 +19,12 @@ from experiments.runs.loops.learned_machines import (
     noisy,
     read_anew,
 )
-from jcontour.controllers.learning.convergence import Convergence, convergence, frequency_response
+from jcontour.controllers.learning.convergence import (
+    Convergence,
+    frequency_response,
+    iteration_sizes,
+    worst_of,
+)
 from jcontour.controllers.learning.laps import (
     LearningLaw,
     RunLap,
@@ -27,7 +32,7 @@ from jcontour.controllers.learning.laps import (
     paying_laps,
 )
 from jcontour.controllers.learning.norm_optimal import NormOptimal, norm_optimal
-from jcontour.controllers.learning.p_type import PType
+from jcontour.controllers.learning.p_type import PType, smoothing_response
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import family_batching, stack_plants
 from jcontour.simulation.metrics import Metrics, score_signals
@@ -59,17 +64,16 @@ def prepared_law(one: Setting, flags: Learn) -> Prepared:
     family = [partial(slopes, plant) for plant in linear_family(one)]
     places = sorted({int(part * one.shape[0]) for part in PLACES})
     base = _first_law(one, run, flags)
-    given = flags.smoothing
-    best: Prepared | None = None
-    for smoothing in SMOOTHINGS if given is None else (given,):
-        law, numbers = _smoothed(base, smoothing)
-        found = Prepared(law, numbers, convergence(law, family, one.shape, places))
-        if best is None or found.convergence.bound < best.convergence.bound:
-            best = found
-        if found.convergence.assured:
-            return found
-    assert best is not None
-    return best
+    sizes, frequency = iteration_sizes(base, family, one.shape, places)
+    tried = []
+    for smoothing in SMOOTHINGS if flags.smoothing is None else (flags.smoothing,):
+        filtered = sizes * smoothing_response(frequency, smoothing)[:, 0, 0]
+        tried.append((worst_of(filtered, frequency), smoothing))
+        if tried[-1][0].assured:
+            break
+    found, smoothing = min(tried, key=lambda one: one[0].bound)
+    law, numbers = _smoothed(base, smoothing)
+    return Prepared(law, numbers, found)
 
 
 def _first_law(one: Setting, run: RunLap, flags: Learn) -> NormOptimal | PType:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 if TYPE_CHECKING:
     from jcontour.controllers.learning.laps import LearningLaw
@@ -60,22 +61,43 @@ def convergence(
     Raises:
         ValueError: the family is empty, or a place is not within the lap.
     """
+    return worst_of(*iteration_sizes(law, family, shape, places))
+
+
+def iteration_sizes(
+    law: "LearningLaw",
+    family: Iterable[Callable[[Any], Any]],
+    shape: tuple[int, int],
+    places: Sequence[int] | None = None,
+) -> tuple[Float[np.ndarray, "places members W"], Float[np.ndarray, " W"]]:
+    """|M| at every place, of every member, at frequencies [rad per sample]; and these.
+
+    A filter behind the law scales it by its own response, so that many filters need it only once.
+    As `convergence`.
+    """
     places = (shape[0] // 4,) if places is None else tuple(places)
-    frequency = np.linspace(0, np.pi, FREQUENCIES)
-    members = list(family)
-    worst = Convergence(-1.0, -1, 0.0)
+    frequency, members = np.linspace(0, np.pi, FREQUENCIES), list(family)
+    if not members or not places:
+        raise ValueError("family: there is no machine in it")
+    rows = []
     for place in places:
         iteration = law.iteration(frequency, place)
-        for number, member in enumerate(members):
-            response = frequency_response(member, shape, place, frequency)
-            sizes = np.linalg.norm(iteration(response), 2, axis=(1, 2))
-            k = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
-            if not sizes[k] <= worst.bound:
-                bound = float(sizes[k]) if np.isfinite(sizes[k]) else np.inf
-                worst = Convergence(bound, number, float(frequency[k]))
-    if worst.member < 0:
-        raise ValueError("family: there is no machine in it")
-    return worst
+        responses = (frequency_response(one, shape, place, frequency) for one in members)
+        rows.append([np.linalg.norm(iteration(one), 2, axis=(1, 2)) for one in responses])
+    return np.array(rows), frequency
+
+
+def worst_of(
+    sizes: Float[np.ndarray, "places members W"], frequency: Float[np.ndarray, " W"]
+) -> Convergence:
+    """Largest size, the first of equal ones; what is not finite is infinite.
+
+    >>> worst_of(np.array([[[0.5, 0.2], [0.1, 0.9]]]), np.array([0.0, np.pi]))
+    Convergence(bound=0.9, member=1, frequency=3.141592653589793)
+    """
+    known = np.where(np.isfinite(sizes), sizes, np.inf)
+    _, member, k = np.unravel_index(int(np.argmax(known)), known.shape)
+    return Convergence(float(known.max()), int(member), float(frequency[k]))
 
 
 def frequency_response(

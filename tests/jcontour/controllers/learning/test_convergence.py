@@ -9,7 +9,12 @@ import pytest
 from scipy.signal import dfreqresp, dlti
 
 from jcontour.arrays import placed
-from jcontour.controllers.learning.convergence import convergence, frequency_response
+from jcontour.controllers.learning.convergence import (
+    convergence,
+    frequency_response,
+    iteration_sizes,
+    worst_of,
+)
 from jcontour.controllers.learning.laps import Lap, diverged_lap, learn
 from jcontour.controllers.learning.norm_optimal import NormOptimal
 from jcontour.controllers.learning.p_type import PType
@@ -96,3 +101,20 @@ def test_bad_input():
         convergence(PType(1.0), [], (STEPS, 1))
     with pytest.raises(ValueError, match="places: need to be from 0 to 399, received 400"):
         convergence(PType(1.0), [first_order(0.5)], (STEPS, 1), places=[400])
+
+
+def test_a_filter_scales_the_sizes_of_the_law_without_it():
+    """So that many filters need the responses of the family once."""
+    members = [first_order(0.5), first_order(0.8)]
+    sizes, frequency = iteration_sizes(PType(0.7, 1), members, (STEPS, 1), (50, 100))
+    assert sizes.shape == (2, 2, len(frequency))
+    for smoothing in (0, 3, 40):
+        whole = convergence(PType(0.7, 1, smoothing), members, (STEPS, 1), (50, 100))
+        found = worst_of(sizes * np.cos(frequency / 2) ** (2 * smoothing), frequency)
+        assert found.bound == pytest.approx(whole.bound, rel=1e-12)
+        assert found[1:] == whole[1:]
+
+
+def test_what_is_not_finite_is_the_worst():
+    sizes = np.array([[[0.5, np.nan], [2.0, 0.1]]])
+    assert worst_of(sizes, np.array([0.0, 1.0])) == (np.inf, 0, 1.0)
