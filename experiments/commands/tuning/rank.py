@@ -91,7 +91,9 @@ def next_steps(result: RankedResult, task: str) -> list[str]:
     if not placed and all(row.failure for row in result.rows):
         return ["Next: no controller could be tried; the lines above say why."]
     if not placed:
-        return ["Next: no controller keeps every limit; allow more, as --max-sensitivity 3."]
+        blind = "--nominal-only" in task.split()
+        other = "leave out --nominal-only" if blind else "allow more, as --max-sensitivity 3"
+        return [f"Next: no controller keeps every limit; {other}."]
     lines = ["Computing: processor time of the same runs, over that of the first row."]
     if any(row.learns for row in result.rows if row.failure is None):
         lines.insert(

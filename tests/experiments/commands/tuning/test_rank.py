@@ -125,4 +125,5 @@ def test_what_to_do_next():
     nothing = RankedResult(machine=MACHINE, error="contour", evaluations=1, rows=RESULT.rows[2:])
     assert "no controller could be tried" in next_steps(nothing, "")[0]
     beyond = replace(nothing, rows=[row("beyond", 1e-6, feasible=False)])
-    assert "no controller keeps every limit" in next_steps(beyond, "")[0]
+    assert "no controller keeps every limit; allow more" in next_steps(beyond, "")[0]
+    assert next_steps(beyond, " part.ngc --nominal-only")[0].endswith("leave out --nominal-only.")
