@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from experiments.files.results.learned_result import LearnedMachine, LearnedResult
+from experiments.files.results.stored import Weight
 from experiments.reports.tables import digits, plain_table, say
 
 SHOWN = (1, 2, 3, 4, 6, 8, 12, 20, 40, 80)  # laps that have a column
@@ -43,6 +44,34 @@ def after(result: LearnedResult) -> list[str]:
     for one in result.machines:
         lines.append(f"{one.name}: {_outcome(one)}")
     return lines
+
+
+def loading(result: LearnedResult, file: str) -> list[str]:
+    """What a control loads, what for, and what was not looked at."""
+    one = result.stored
+    if one is None:
+        return ["Nothing to load: no lap of the linear model is better than the first"]
+    asks = f"up to {digits(one.speed)} m/s and {digits(one.acceleration)} m/s^2"
+    if one.exceeded:
+        return [
+            f"Not written: {file}: what lap {one.lap} of the linear model learned asks an axis for "
+            f"{asks}, more {' and '.join(one.exceeded)} than the machine has; a larger "
+            "--smoothing, or a slower feed, asks less"
+        ]
+    weights = ", ".join(f"{name} {_told(value)}" for name, value in result.weights.items())
+    return [
+        f"Load: {file}: the reference at every sample as lap {one.lap} of the linear model had it "
+        f"({digits(one.error_um)} um), shifted by up to {digits(one.largest_um)} um; it begins "
+        f"{digits(one.first_um)} um beside the part, a step for the tool that stands there, and "
+        f"then asks an axis for {asks}",
+        f"      It is for {result.controller} with {weights}, and for no other one; on the machine "
+        "go on from it lap by lap",
+    ]
+
+
+def _told(value: Weight) -> str:
+    each = value if isinstance(value, list) else [value]
+    return " ".join("none" if one is None else f"{one:.6g}" for one in each)
 
 
 def _outcome(one: LearnedMachine) -> str:

@@ -7,6 +7,7 @@ from rich.console import Console
 
 from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from experiments.designs.design import plain_weights
+from experiments.files.bent_reference import SAMPLES, save_samples
 from experiments.files.results.learned_result import LearnedResult
 from experiments.files.results.stored import write_result
 from experiments.flags.loops import Learn
@@ -14,10 +15,11 @@ from experiments.jobs.job import Pace
 from experiments.reports import tables
 from experiments.reports.figures.shared.png import save_figure
 from experiments.reports.figures.tuning.learning import learning
-from experiments.reports.learning_tables import show_learned
+from experiments.reports.learning_tables import loading, show_learned
 from experiments.runs.forecast import Steps, outline
 from experiments.runs.lifecycle import created, finished
 from experiments.runs.loops.learned_machines import setting
+from experiments.runs.loops.learned_reference import shifted, stored_lap
 from experiments.runs.loops.learning import LapScores, Learner, Prepared, prepared_law
 from experiments.runs.tuning.results import machine_summary
 
@@ -27,7 +29,7 @@ OF_OTHER_LAW = {"norm-optimal": ("gain", "lead"), "p-type": ("effort",)}
 def command(flags: Learn) -> int:
     """The whole command: learn, print, exit code."""
     found, folder = run(flags)
-    return finished(folder, found, flags, show_learned)
+    return finished(folder, found, flags, show_learned, loading(found, SAMPLES))
 
 
 def run(flags: Learn) -> tuple[LearnedResult, Path]:
@@ -56,6 +58,11 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
             steps.done(lap)
 
         machines = learner.run(flags.laps, tell)
+    assert learner.best is not None  # there is a lap at least
+    position = shifted(one.reference, learner.best)
+    stored = stored_lap(position, machine.model.dt, learner.best, machine.limits)
+    if stored is not None and not stored.exceeded:
+        save_samples(position, machine.model.dt, machine.axes, folder)
     found = LearnedResult(
         machine=machine_summary(machine),
         controller=design.name,
@@ -70,6 +77,7 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
         **_known(prepared, machine.family_names, machine.model.dt),
         noise_um=1e6 * learner.noise(),
         machines=machines,
+        stored=stored,
     )
     save_figure(learning(found), folder / "learning.png")
     write_result(folder, found)

@@ -36,6 +36,28 @@ class LearnedMachine:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StoredLap:
+    """The shifted reference of a lap of the linear model.
+
+    Attributes:
+        lap: counted from one.
+        error_um: RMS error of the tool.
+        largest_um: largest shift of an axis.
+        first_um: how far its first sample is from the part, where the tool stands: a step.
+        speed, acceleration: largest that it asks an axis for after that [m/s], [m/s^2].
+        exceeded: which of these the machine's limits do not allow; then it is not written.
+    """
+
+    lap: int
+    error_um: float
+    largest_um: float
+    first_um: float
+    speed: float
+    acceleration: float
+    exceeded: list[str]
+
+
+@dataclass(frozen=True, kw_only=True)
 class LearnedResult:
     """Laps of a part on the family of machines.
 
@@ -49,6 +71,8 @@ class LearnedResult:
         bound_hz: frequency at which it is [Hz].
         noise_um: RMS error of the tool that noise alone makes, without learning.
         machines: the linear model, the same with noise, and the family.
+        stored: what is written for a control; None where no lap of the linear model betters the
+            first.
     """
 
     machine: MachineSummary
@@ -66,6 +90,7 @@ class LearnedResult:
     bound_hz: float
     noise_um: float
     machines: list[LearnedMachine]
+    stored: StoredLap | None = None
 
     @property
     def assured(self) -> bool:

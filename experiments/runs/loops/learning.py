@@ -125,6 +125,14 @@ class LapScores(NamedTuple):
     control: Float[Array | np.ndarray, "*machines"]
 
 
+class BestLap(NamedTuple):
+    """Lap of the linear model with the least error of the tool [m]; laps begin with one."""
+
+    lap: int
+    error: float
+    correction: Float[Array, "T m"]
+
+
 class Learner:
     """Laps, one after the other, on the linear model, on it with noise, and on the true family.
 
@@ -143,6 +151,7 @@ class Learner:
         self.anew = read_anew(one, seed)
         self.family = stack_plants(one.machine.true_family(one.fed))
         self.names = [LINEAR, NOISY, *one.machine.family_names]
+        self.best: BestLap | None = None
 
     def noise(self) -> float:
         """RMS error of the tool that noise makes in the first lap, by the linear model [m]."""
@@ -167,7 +176,10 @@ class Learner:
         for lap in range(laps):
             number, found = jnp.asarray(lap), []
             for k, advance in enumerate((self._first, self._second)):
-                corrections[k], scores, _ = advance(corrections[k], number)
+                used = corrections[k]
+                corrections[k], scores, _ = advance(used, number)
+                if k == 0:
+                    self._keep(BestLap(lap + 1, float(scores.tool), used))
                 found.append(jax.tree.map(lambda x: np.asarray(x)[None], scores))
             stacked, scores = self._together(self.family, stacked, number)
             found.append(jax.tree.map(np.asarray, scores))
@@ -176,6 +188,11 @@ class Learner:
             if all(diverged_lap(_measured(rows, k)) for k in range(count)):
                 break
         return [_machine(name, rows, k) for k, name in enumerate(self.names)]
+
+    def _keep(self, lap: BestLap) -> None:
+        """Hold on to the best lap so far."""
+        if self.best is None or lap.error < self.best.error:
+            self.best = lap
 
     @cached_property
     def _first(self) -> Callable[[Any, Any], Any]:

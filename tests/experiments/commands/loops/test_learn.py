@@ -11,7 +11,7 @@ from experiments.files.results.learned_result import LearnedMachine, LearnedResu
 from experiments.files.results.stored import from_json, read_result, to_json
 from experiments.flags.loops import Learn
 from experiments.reports.figures.tuning.learning import learning
-from experiments.reports.learning_tables import after, before
+from experiments.reports.learning_tables import after, before, loading
 
 
 def learned(folder, machine_file, part_file, *flags):
@@ -94,6 +94,34 @@ def test_a_p_type_law_takes_the_lag_of_the_loop(tmp_path, machine_file, part_fil
     found = learned(tmp_path / "run", machine_file, part_file, "--law", "p-type", "--laps", "8")
     assert found.assured and set(found.numbers) == {"gain", "lead", "smoothing"}
     assert found.machines[0].tool_um[-1] < 0.5 * found.machines[0].tool_um[0]
+
+
+@pytest.mark.slow
+def test_what_a_control_loads_is_the_shifted_reference(tmp_path, machine_fields, part_file, capsys):
+    """On a machine that states no limit; the units of its file do not matter."""
+    machine_file = tmp_path / "machine.json"
+    machine_file.write_text(json.dumps({**machine_fields, "limits": {}}))
+    found = learned(tmp_path / "run", machine_file, part_file, "--laps", "3")
+    said, best = capsys.readouterr().out, found.stored
+    assert best is not None and best.lap == 1 + int(np.argmin(found.machines[0].tool_um))
+    assert best.error_um == pytest.approx(min(found.machines[0].tool_um), rel=1e-12)
+    assert f"as lap {best.lap} of the linear model had it" in said
+    rows = np.loadtxt(tmp_path / "run" / "reference.csv", delimiter=",", skiprows=1)
+    assert len(rows) == found.samples
+    speeds = 1e-3 * np.diff(rows[:, 1:3], axis=0) / np.diff(rows[:, :1], axis=0)
+    assert np.abs(speeds).max() == pytest.approx(best.speed, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_what_asks_for_too_much_or_helps_nothing_is_not_loaded(result):
+    fields = to_json(result)
+    one = {"lap": 3, "error_um": 1.0, "largest_um": 9.0, "first_um": 0.0, "speed": 0.2}
+    stored = {**one, "acceleration": 7.0, "exceeded": ["acceleration"]}
+    (line,) = loading(from_json(fields | {"stored": stored}, LearnedResult), "reference.csv")
+    assert line.startswith("Not written: reference.csv: what lap 3") and "more acceleration" in line
+    fields.pop("stored", None)
+    (line,) = loading(from_json(fields, LearnedResult), "reference.csv")
+    assert line.startswith("Nothing to load")
 
 
 @pytest.mark.slow
