@@ -1,5 +1,6 @@
 """`jcontour learn`: laps of a part, each with what was learned from the last."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,9 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
     with console.status("finding the law") as status:
         doing = f"finding the law, then {flags.laps} laps"
         tables.say(console, outline(job, machine.model.dt, len(machine.family_names), doing))
+        began = time.perf_counter()
         prepared = prepared_law(one, flags)
+        tables.say(console, _found(time.perf_counter() - began, job.samples))
         folder = created(flags, "learn")
         learner = Learner(one, prepared.law, flags.seed)
         steps = Steps(status, "lap", flags.laps)
@@ -103,6 +106,14 @@ def _known(prepared: Prepared, names: list[str], dt: float) -> dict:
     found = prepared.convergence
     hertz = found.frequency / (2 * np.pi * dt)
     return {"bound": found.bound, "bound_member": names[found.member], "bound_hz": hertz}
+
+
+def _found(seconds: float, samples: int) -> str:
+    """A line between the law and the first lap, which takes longer than the others."""
+    return (
+        f"The law took {tables.digits(seconds)} s, by linear models of {samples:,} samples. The "
+        "first lap compiles: up to half a minute of processor time."
+    )
 
 
 def _tell(console: Console, lap: int, laps: int, scores) -> None:

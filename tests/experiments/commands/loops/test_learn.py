@@ -102,7 +102,9 @@ def test_what_a_control_loads_is_the_shifted_reference(tmp_path, machine_fields,
     machine_file = tmp_path / "machine.json"
     machine_file.write_text(json.dumps({**machine_fields, "limits": {}}))
     found = learned(tmp_path / "run", machine_file, part_file, "--laps", "3")
-    said, best = capsys.readouterr().out, found.stored
+    told, best = capsys.readouterr(), found.stored
+    said = told.out
+    assert f"by linear models of {found.samples:,} samples. The first lap compiles" in told.err
     assert best is not None and best.lap == 1 + int(np.argmin(found.machines[0].tool_um))
     assert best.error_um == pytest.approx(min(found.machines[0].tool_um), rel=1e-12)
     assert f"as lap {best.lap} of the linear model had it" in said
