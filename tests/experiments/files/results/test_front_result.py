@@ -34,7 +34,7 @@ def test_variables_have_the_numbers_and_units_of_the_points():
         "alpha": ([2.0, 3.0], "m-2"),
         "rms_contour_error": ([5e-6, 3e-6], "m"),
         "rms_tracking_error": ([9e-6, 8e-6], "m"),
-        "rms_increment": ([0.1, 0.15], "A"),
+        "rms_increment": ([0.1, 0.15], "A per sample"),
         "peak_sensitivity": ([1.4, 1.8], "1"),
         "feasible": ([1.0, 1.0], "1"),
         "slack": ([0.0, 1.0], "1"),
