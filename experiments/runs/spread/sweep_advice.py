@@ -11,10 +11,7 @@ from experiments.files.results.swept_result import BestDesign, SweepResult
 from experiments.flags.shared import Controlled, Limited
 from experiments.reports.figures.tuning.sweep import worst_errors
 from experiments.runs.lifecycle import task_words
-from experiments.runs.spread.best_designs import (
-    ALIKE,
-    largest_of,
-)
+from experiments.runs.spread.best_designs import ALIKE, largest_of
 from experiments.runs.spread.sweep_asked import Swept
 from experiments.runs.spread.sweep_runs import kept_weights
 from experiments.runs.tuning.limits import named_limits

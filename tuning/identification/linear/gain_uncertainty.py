@@ -3,12 +3,7 @@
 import numpy as np
 
 from tuning.identification.linear import evidence
-from tuning.identification.linear.output_error import (
-    AxisFit,
-    AxisRecord,
-    fitted,
-    structure_of,
-)
+from tuning.identification.linear.output_error import AxisFit, AxisRecord, fitted, structure_of
 
 LEAST_GAIN = 0.02  # uncertainty of a gain: no drive repeats better from day to day
 UNKNOWN_GAIN = 0.99  # uncertainty of a gain that stands for any

@@ -36,10 +36,7 @@ from tuning.identification.linear.order_search import (
     settled,
     with_part,
 )
-from tuning.identification.linear.output_error import (
-    AxisFit,
-    AxisRecord,
-)
+from tuning.identification.linear.output_error import AxisFit, AxisRecord
 from tuning.identification.linear.rivals import lag, may_ring_to, rivals_of
 
 FEWEST = 500  # samples
