@@ -237,17 +237,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     response = evidence.response_of(fit, estimate)
     output, explained = held_out(used, choice)
     if explained <= 0 or not np.isfinite(response.band[1]):
-        pole = evidence.fastest_growth(command, position)
-        if pole > RUNS_AWAY:
-            raise ValueError(
-                f"{name}: what fits is unstable, it grows by {100 * (pole - 1):.2g} % a sample "
-                "without its loop; only axes that stand still by themselves are identified"
-            )
-        raise ValueError(
-            f"{name}: the command does not explain the position; are the columns those of one "
-            "axis? Otherwise record a livelier program: jcontour identify --excite. Where dry "
-            "friction takes much of the command, its long moves (G-code) tell more than its sines"
-        )
+        raise ValueError(f"{name}: {_unexplained(command, position)}")
     dispersion = evidence.dispersion(fit)
     stands = float(np.mean(evidence.speed_signs(position, resolution) == 0))
     if doubt := _doubt(explained, dispersion, stands, friction_of(fit) is not None):
@@ -282,6 +272,21 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         resolution=resolution,
         encoder_noise=encoder_noise(fit, resolution),
         cancelled=cancelled,
+    )
+
+
+def _unexplained(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"]) -> str:
+    """Why a stable model does not explain an axis."""
+    pole = evidence.fastest_growth(command, position)
+    if pole > RUNS_AWAY:
+        return (
+            f"what fits is unstable, it grows by {100 * (pole - 1):.2g} % a sample without its "
+            "loop; only axes that stand still by themselves are identified"
+        )
+    return (
+        "the command does not explain the position; are the columns those of one axis? Otherwise "
+        "record a livelier program: jcontour identify --excite. Where dry friction takes much of "
+        "the command, its long moves (G-code) tell more than its sines"
     )
 
 
