@@ -10,7 +10,7 @@ from experiments.files.results.linear_result import LinearAxisResult
 from tuning.identification.estimates import CONFIDENCE
 from tuning.identification.linear import evidence
 from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.machine import LinearAxis, LinearMachineFound
+from tuning.identification.linear.found import LinearAxis, LinearMachineFound
 
 ROUGH = 4  # windows over which the largest acceleration is taken
 THINNED = 4  # frequencies of the intervals for one of the file, but around sharp modes

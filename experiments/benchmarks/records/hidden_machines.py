@@ -15,7 +15,7 @@ from jcontour.linear.continuous_axes import (
     with_resonance,
 )
 from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.machine import MachineRecord
+from tuning.identification.linear.found import MachineRecord
 from tuning.identification.linear.recording import FEEDBACK, RecordedAxis, Takes, recorded
 
 KINDS: tuple[Takes, ...] = ("speed", "position", "force")

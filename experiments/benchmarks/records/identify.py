@@ -24,7 +24,8 @@ from experiments.flags.others import Bench
 from experiments.reports import tables
 from jcontour.linear.continuous_axes import sampled_axis
 from tuning.identification.linear import evidence
-from tuning.identification.linear.machine import LinearAxis, MachineRecord, identify_machine
+from tuning.identification.linear.found import LinearAxis, MachineRecord
+from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.noise_model import whitening
 from tuning.identification.linear.order_search import NOISE_TERMS, TRAINING
 from tuning.identification.linear.output_error import AxisRecord, predicted, simulated

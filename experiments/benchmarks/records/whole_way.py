@@ -40,7 +40,8 @@ from experiments.runs.tuning.problem import tuning_run
 from experiments.runs.tuning.searching import NothingSound, searched
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import score
-from tuning.identification.linear.machine import LinearMachineFound, identify_machine
+from tuning.identification.linear.found import LinearMachineFound
+from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.recording import RecordedAxis
 
 WORDS = {

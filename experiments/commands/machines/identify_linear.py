@@ -28,12 +28,9 @@ from experiments.reports.tables import of_axes
 from experiments.runs.lifecycle import finished
 from jcontour.export.code_text import heading
 from jcontour.linear.continuous_axes import speed_axis
+from tuning.identification.linear.found import LinearMachineFound, MachineRecord
 from tuning.identification.linear.hidden_modes import hidden_modes
-from tuning.identification.linear.machine import (
-    LinearMachineFound,
-    MachineRecord,
-    identify_machine,
-)
+from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
 MODEL, DATA = "machine.json", "data.csv"

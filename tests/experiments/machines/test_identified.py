@@ -7,7 +7,8 @@ import pytest
 from experiments.machines.from_file import machine_from
 from experiments.machines.identified import _thinned, axis_result, counts, largest, machine_fields
 from jcontour.linear.continuous_axes import position_axis, speed_axis, with_resonance
-from tuning.identification.linear.machine import MachineRecord, identify_machine
+from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
 DT = 1e-3

@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 
 from experiments.reports.figures.shared.axes import DESIRED, START, TUNED, grid, plain_ticks
 from tuning.identification.linear import evidence
-from tuning.identification.linear.machine import LinearMachineFound
+from tuning.identification.linear.found import LinearMachineFound
 from tuning.identification.linear.order_search import TRAINING
 
 SHOWN = 4000  # samples of the prediction: more is a solid block

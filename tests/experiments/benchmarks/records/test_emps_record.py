@@ -6,7 +6,8 @@ import pytest
 from experiments.benchmarks.records.emps_record import emps_record
 from experiments.machines.identified import axis_result
 from jcontour.plants import emps
-from tuning.identification.linear.machine import MachineRecord, identify_machine
+from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.machine import identify_machine
 
 DT, ROWS = emps.SAMPLE_PERIOD, 24_000
 

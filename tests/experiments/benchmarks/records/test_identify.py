@@ -26,7 +26,8 @@ from experiments.flags.others import Bench
 from experiments.reports.tables import console_of
 from jcontour.linear.continuous_axes import force_axis, position_axis, speed_axis, with_resonance
 from tuning.identification.linear.evidence import Response
-from tuning.identification.linear.machine import MachineRecord, identify_machine
+from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.recording import RecordedAxis
 
 HERTZ = np.array([0.5, 5.0, 60.0])

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from tuning.identification.linear import evidence
+from tuning.identification.linear.found import MachineRecord
 from tuning.identification.linear.friction import soft_signs, with_or_without_friction
-from tuning.identification.linear.machine import MachineRecord, identify_machine
+from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.output_error import AxisRecord
 
 DT, ROWS, COUNT, LATE = 2.5e-4, 8000, 1.25e-6, 3

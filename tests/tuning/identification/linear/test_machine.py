@@ -3,34 +3,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jcontour.linear.continuous_axes import speed_axis
 from tuning.identification.linear import evidence, machine
-from tuning.identification.linear.machine import MachineRecord, identify_machine
+from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.order_search import chosen
 from tuning.identification.linear.output_error import AxisRecord
-from tuning.identification.linear.recording import RecordedAxis, recorded
 
 DT, ROWS = 1e-3, 8000
 
 
 def reference(seed):
     return np.repeat(np.random.default_rng(seed).uniform(-0.01, 0.01, ROWS // 80), 80)
-
-
-@pytest.fixture(scope="module")
-def record():
-    signals = []
-    for k, (constant, delay) in enumerate(((0.010, 2), (0.015, 3))):
-        axis = speed_axis(0.02, constant, delay * DT)
-        one = RecordedAxis(axis, "speed", 1e-6, 0.5e-6, 1e-3, (500.0,))
-        signals.append(recorded(one, reference(k), DT, np.random.default_rng(k)))
-    u, y = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
-    return MachineRecord(DT, ("X", "Y"), u, y)
-
-
-@pytest.fixture(scope="module")
-def found(record):
-    return identify_machine(record, 2, 5)
 
 
 def test_the_plant_is_the_machine(found):
@@ -76,22 +59,6 @@ def test_a_command_that_moves_backwards_is_told(record):
     assert any("X: a positive command moves it backwards" in n for n in _found(first).notes)
 
 
-def test_where_dry_friction_acts_moves_are_advised_beside_the_sines(found):
-    one = replace(found.axes[0], response=replace(found.axes[0].response, half_width=np.ones(120)))
-    for friction, advised in ((None, False), ((0.1, 1e-3), True)):
-        notes = machine._notes(replace(one, friction=friction))
-        assert any("--excite" in note for note in notes)
-        assert any("its sines and then its moves" in note for note in notes) is advised
-
-
-def test_what_the_family_comes_from_is_told(found):
-    """Of every axis whose gain is less sure than 2 %, and of no other."""
-    for one in found.axes:
-        named = [n for n in found.notes if n.startswith(f"{one.name}: the family's")]
-        assert bool(named) == (one.gain > 0.02)
-        assert all(one.gain_by in note for note in named)
-
-
 @pytest.mark.slow
 def test_what_hides_much_and_is_no_noise_is_refused(record, monkeypatch):
     """Something turns every second and moves the axis about half as fast as its command does."""
@@ -101,27 +68,6 @@ def test_what_hides_much_and_is_no_noise_is_refused(record, monkeypatch):
     monkeypatch.setattr(evidence, "dispersion", lambda fit: 9.0)
     with pytest.raises(ValueError, match="X: DO NOT USE: the model explains 7"):
         _found(lost)
-
-
-@pytest.mark.parametrize(
-    ("explained", "dispersion", "stands", "friction", "words"),
-    [
-        (0.84, 1.0, 0.3, False, "the axis stands still for 30 % of the record"),
-        (0.84, 9.0, 0.0, True, "noise is not the reason"),
-        (0.84, 1.0, 0.3, True, None),  # friction is known
-        (0.84, 1.0, 0.05, False, None),  # noise may be why
-        (0.95, 9.0, 0.3, False, None),
-    ],
-)
-def test_little_is_explained_and_the_axis_rests_or_noise_is_not_why(
-    explained, dispersion, stands, friction, words
-):
-    told = machine._doubt(explained, dispersion, stands, friction)
-    if words is None:
-        assert told == ""
-        return
-    for one in (words, "explains 84 %", "dry (Coulomb) friction", "clip", "--most-order 2"):
-        assert one in told
 
 
 @pytest.mark.slow
@@ -134,8 +80,6 @@ def test_a_mode_that_lasts_and_is_hidden_gives_way_to_fewer_poles(found, record,
     left, settled, cancelled = machine._settled(one, replace(choice, best=rich), 3)
     assert cancelled == 2 and left.best.structure.poles <= 1
     assert len(settled.fit.model.denominator) <= 1
-    notes = machine._notes(replace(found.axes[0], cancelled=2))
-    assert any("cancels one of the 2 poles" in note for note in notes)
     assert machine._settled(one, left, 3)[2] is None
 
 

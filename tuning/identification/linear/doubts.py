@@ -1,0 +1,141 @@
+"""What a record does not show, or contradicts, in words: each with what helps."""
+
+import numpy as np
+from jaxtyping import Float
+
+from tuning.identification.linear import evidence
+from tuning.identification.linear.found import LinearAxis
+from tuning.identification.linear.friction import FAIR
+from tuning.identification.linear.gain_uncertainty import LEAST_GAIN
+
+COLOURED = 0.1  # correlation of the errors that is said
+COUPLED = 0.01  # part of the errors' variance
+SATURATED = 1e-3  # part of the samples
+POOR = 0.9  # part of the variance explained on held-out data below which nothing is said
+STANDS = 0.1  # part of a record at rest beside which dry friction is thought of
+RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
+
+
+def unexplained(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"]) -> str:
+    """Why a stable model does not explain an axis."""
+    pole = evidence.fastest_growth(command, position)
+    if pole > RUNS_AWAY:
+        return (
+            f"what fits is unstable, it grows by {100 * (pole - 1):.2g} % a sample without its "
+            "loop; only axes that stand still by themselves are identified"
+        )
+    return (
+        "the command does not explain the position; are the columns those of one axis? Otherwise "
+        "record a livelier program: jcontour identify --excite. Where dry friction takes much of "
+        "the command, its long moves (G-code) tell more than its sines"
+    )
+
+
+def doubt(explained: float, dispersion: float, stands: float, friction: bool) -> str:
+    """Why a model that explains little of the speed is no use; empty where noise may be why."""
+    held = stands > STANDS and not friction
+    if explained >= POOR or not (dispersion > 1 or held):
+        return ""
+    why = f"the axis stands still for {100 * stands:.3g} % of the record"
+    why = "noise is not the reason" if dispersion > 1 else why
+    return (
+        f"DO NOT USE: the model explains {100 * explained:.3g} % of the speed that it was not "
+        f"fitted to, and {why}. Does dry (Coulomb) friction hold it? Its sines then tell little: "
+        "record the long moves (G-code) of jcontour identify --excite alone, or moves that hardly "
+        "rest, or try --most-order 2. Or does the drive clip the command at a limit that the log "
+        "does not have? Then give what is left of it"
+    )
+
+
+def notes(axis: LinearAxis) -> list[str]:
+    """Doubts about one axis, one line each."""
+    notes, name = [], axis.name
+    if axis.fit.model.numerator.sum() * (1 + axis.fit.model.denominator.sum()) < 0:
+        notes.append(
+            f"{name}: a positive command moves it backwards: is the command or the encoder "
+            "reversed? What is tuned on the file takes it as it is"
+        )
+    if axis.explained < FAIR:
+        notes.append(
+            f"{name}: simulated from the command alone, explains {100 * axis.explained:.1f} % of "
+            "the speed that it was not fitted to; of a quiet drive more than 99 %"
+        )
+    if axis.cancelled is not None:
+        notes.append(
+            f"{name}: a zero cancels one of the {axis.cancelled} poles of a likelier model, or a "
+            "pair rings longer than any machine: the record does not show them, this one has fewer"
+        )
+    if axis.unseen:
+        shown = _up_to(axis.response.band[1])
+        if axis.choice.richer:
+            words = "a model with more poles is likelier, but the record hardly shows it; the two "
+            words += f"agree {shown}. Above that"
+        else:
+            words = f"the response is known to 10 % {shown}; the record does not show whether the "
+            words += "axis rings above that. There"
+        notes.append(
+            f"{name}: {words} tuned loops stay slow enough for what is possible, and the delay may "
+            f"stand for what is faster: {_advice(axis)}"
+        )
+    if axis.delays:
+        found, others = axis.fit.model.delay, " or ".join(map(str, axis.delays))
+        family = f"; the family holds {found} and {found + 1}" if axis.late else ""
+        family += ", the intervals of the response hold the models with all of these"
+        notes.append(
+            f"{name}: the motion is too smooth to tell {found} from {others} samples of delay"
+            f"{family}"
+        )
+    if axis.friction is not None:
+        value, deviation = axis.friction
+        notes.append(
+            f"{name}: dry friction takes {value:.4g} of the command (+- {2 * deviation:.2g}); the "
+            "model is what is left without it. The file states the largest of its axes"
+        )
+    if axis.dispersion > 1:
+        notes.append(
+            f"{name}: something acts that no linear model with this friction has: it pulls at the "
+            f"model {axis.dispersion:.3g} times as much as noise. The intervals allow for it"
+        )
+    if axis.hides_friction:
+        notes.append(
+            f"{name}: if it is dry friction, it could not be separated, and the file does not "
+            "state it: record long moves"
+        )
+    if axis.gain > LEAST_GAIN:
+        notes.append(f"{name}: the family's {100 * axis.gain:.2g} % come from {axis.gain_by}")
+    if axis.saturated > SATURATED:
+        notes.append(
+            f"{name}: for {100 * axis.saturated:.1f} % of the record the command stands at an "
+            "extreme; if that is its limit, what was recorded is not what the drive asked for"
+        )
+    for other, part in axis.coupling.items():
+        if part > COUPLED:
+            notes.append(
+                f"{name}: the command of {other} explains {100 * part:.1f} % of what the model "
+                "leaves; the machine file has no coupling"
+            )
+    worst = float(np.abs(evidence.correlations(axis.fit)).max())
+    if worst > COLOURED:
+        notes.append(
+            f"{name}: neighbouring errors are correlated ({worst:.2f}): something acts that no "
+            "linear model of this order has; the intervals allow for it"
+        )
+    return notes
+
+
+def _advice(axis: LinearAxis) -> str:
+    """What to run next: dry friction is told by moves, as it holds an axis through small sines."""
+    words = "run what jcontour identify --excite writes"
+    if axis.friction is not None or axis.hides_friction:
+        words += (
+            ", its sines and then its moves in one log; dry friction holds the axis through small "
+            "sines, and is told by the moves"
+        )
+    return (
+        f"{words}. If this record is of those sines, they hardly arrive, as behind a slow position "
+        "loop: raise the gain of that loop, give larger sines, or command the drive directly"
+    )
+
+
+def _up_to(hertz: float) -> str:
+    return f"up to {hertz:.3g} Hz" if np.isfinite(hertz) else "nowhere within 10 %"

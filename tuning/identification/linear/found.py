@@ -1,0 +1,163 @@
+"""What a record of a machine says: its axes, their models, and how sure they are."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import block_diag
+
+from jcontour.linear.plant import LinearPlant
+from tuning.identification.estimates import Estimate
+from tuning.identification.linear import evidence
+from tuning.identification.linear.friction import FAIR
+from tuning.identification.linear.order_search import TELLS, Choice
+from tuning.identification.linear.output_error import AxisFit
+from tuning.identification.linear.rivals import may_ring_to
+
+
+@dataclass(frozen=True)
+class MachineRecord:
+    """Commands and positions of all axes.
+
+    Attributes:
+        dt: sample period [s].
+        axes: names.
+        command: (T, axes) [command unit].
+        position: (T, axes) [m].
+    """
+
+    dt: float
+    axes: tuple[str, ...]
+    command: Float[np.ndarray, "T axes"]
+    position: Float[np.ndarray, "T axes"]
+
+
+@dataclass(frozen=True)
+class LinearAxis:
+    """One identified axis.
+
+    Attributes:
+        name: of the axis.
+        fit: model on the whole record.
+        estimate: of its coefficients.
+        response: with intervals.
+        choice: structures that were compared.
+        rivals: by how much the logarithm of the likelihood is less with another delay.
+        held_out: position that the model of the first part gives for the rest [m].
+        explained: part of the variance of the held-out speed that it explains.
+        friction: command that Coulomb friction takes, and its standard deviation; None if not seen.
+        offset: constant command that acts beside the given one while the axis moves; told where
+            friction holds the axis at times, else 0.
+        saturated: part of the samples at an extreme command.
+        coupling: part of the errors that another axis explains, by its name; 0 if by chance.
+        gain: relative uncertainty.
+        gain_by: what it comes from, in words.
+        dispersion: by how much more than noise the errors pull at the model; 1 if by chance.
+        late: further samples of delay that the data allow, 0 or 1.
+        resolution: of the encoder [m].
+        encoder_noise: standard deviation of the encoder beside its rounding [m]; 0 if not sure.
+        cancelled: poles of a likelier model that has a hidden mode; None if none.
+    """
+
+    name: str
+    fit: AxisFit
+    estimate: Estimate
+    response: evidence.Response
+    choice: Choice
+    rivals: dict[int, float]
+    held_out: Float[np.ndarray, " R"]
+    explained: float
+    friction: tuple[float, float] | None
+    offset: float
+    saturated: float
+    coupling: dict[str, float]
+    gain: float
+    gain_by: str
+    dispersion: float
+    late: int
+    resolution: float
+    encoder_noise: float
+    cancelled: int | None = None
+
+    @property
+    def hides_friction(self) -> bool:
+        """Whether something acts that may be dry friction, and no number for it is sure."""
+        return self.friction is None and self.dispersion > 1 and self.explained < FAIR
+
+    @property
+    def unseen(self) -> bool:
+        """Whether the record hides how the axis answers where it may ring: it is said, with advice.
+
+        A richer model is likelier without being shown clearly, or the response is known to 10 % up
+        to a low frequency only.
+        """
+        reach = may_ring_to(self.fit.model.dt)
+        return bool(self.choice.richer) or not self.response.band[1] >= reach
+
+    @property
+    def delays(self) -> list[int]:
+        """Other delays that the record does not exclude [samples]."""
+        return sorted(d for d, value in self.rivals.items() if value < TELLS)
+
+
+@dataclass(frozen=True)
+class LinearMachineFound:
+    """What a record says about a machine.
+
+    Attributes:
+        record: it was found from.
+        axes: one model each.
+        notes: what the data do not show, or contradict.
+    """
+
+    record: MachineRecord
+    axes: list[LinearAxis]
+    notes: list[str]
+
+    @property
+    def known_delay(self) -> int:
+        """Samples of delay that all axes share."""
+        return min(one.fit.model.delay for one in self.axes)
+
+    def plant(self) -> LinearPlant:
+        """Model of all axes side by side, without the delay that they share."""
+        shared = self.known_delay
+        parts = [one.fit.model.realisation(one.fit.model.delay - shared) for one in self.axes]
+        A, B, C = (block_diag(*matrices) for matrices in zip(*parts, strict=True))
+        return LinearPlant(A, B, C, self.record.dt)
+
+    def twice(self, name: str) -> "LinearMachineFound":
+        """A machine of two such axes, from a record of one."""
+        record, one = self.record, self.axes[0]
+        both = replace(
+            record,
+            axes=(one.name, name),
+            command=np.repeat(record.command, 2, axis=1),
+            position=np.repeat(record.position, 2, axis=1),
+        )
+        return replace(self, record=both, axes=[one, replace(one, name=name)])
+
+    @property
+    def gain(self) -> float:
+        """Relative uncertainty of every input gain."""
+        return max(one.gain for one in self.axes)
+
+    @property
+    def late(self) -> int:
+        """Further samples of delay that the data allow."""
+        return max(one.late for one in self.axes)
+
+    @property
+    def unseen(self) -> bool:
+        """Whether another program is advised, for one axis at least."""
+        return any(one.unseen for one in self.axes)
+
+    @property
+    def order(self) -> int:
+        """States of all axes without their delays: what the record shows of modes."""
+        return sum(one.fit.model.order for one in self.axes)
+
+    @property
+    def shown_to(self) -> float:
+        """Frequency up to which all responses are known to 10 % [Hz]; nan if nowhere."""
+        return float(np.min([one.response.band[1] for one in self.axes]))
