@@ -37,7 +37,9 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     # commands, from the command line
     "experiments/commands/names.py": "experiments/test_cli.py",
     "experiments/runs/checks/certifying.py": "experiments/commands/loops/test_certify.py",
-    "experiments/runs/checks/certified_bound.py": "experiments/commands/loops/test_certify.py",
+    "experiments/runs/checks/weights/certified_bound.py": (
+        "experiments/commands/loops/test_certify.py"
+    ),
     "experiments/commands/reproduce.py": "experiments/test_cli.py",
     "experiments/machines/emps.py": "experiments/catalogue/test_choices.py",
     "jcontour/plants/emps.py": "experiments/benchmarks/records/test_emps_record.py",
@@ -64,6 +66,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/reports/figures/loops/predictive.py": (
         "experiments/commands/tuning/test_sweep_predictive.py"
     ),
+    "tuning/identification/linear/found.py": "tuning/identification/linear/test_machine.py",
     "tuning/identification/linear/gain_uncertainty.py": (
         "tuning/identification/linear/test_dry_friction.py"
     ),

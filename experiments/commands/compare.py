@@ -15,7 +15,7 @@ from experiments.flags.others import Compare
 from experiments.reports import tables
 from experiments.reports.tables import COLUMNS, columns_of, digits
 from experiments.reports.tuned_tables import verdict
-from experiments.runs.checks.comparable import (
+from experiments.runs.checks.weights.comparable import (
     CONTROLS,
     INCREMENTS,
     SAME,

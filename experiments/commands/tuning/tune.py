@@ -26,8 +26,8 @@ from experiments.reports.progress import progress_of
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.sensitivity_curves import save_sensitivity
 from experiments.reports.tuned_tables import limit_words, show_tuned
-from experiments.runs.checks.certified_bound import certified_bound
 from experiments.runs.checks.lost_numbers import lost_at_start
+from experiments.runs.checks.weights.certified_bound import certified_bound
 from experiments.runs.contour_summary import contour_read
 from experiments.runs.lifecycle import finished, opened, ranked_words
 from experiments.runs.runs_drawn import contour_runs

@@ -1,1 +1,1 @@
-"""Checks of a loop before anybody loads it: margins, random plants, limits, proofs."""
+"""Checks of a loop before anybody loads it: limits, motion between samples, proofs, code."""

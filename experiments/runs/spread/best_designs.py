@@ -18,7 +18,7 @@ from experiments.files.results.tuned_result import PathMargins
 from experiments.flags.shared import Limited
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine
-from experiments.runs.checks.path_margins import path_margins
+from experiments.runs.checks.weights.path_margins import path_margins
 from experiments.runs.tuning.family_loops import WINDOWS
 from experiments.runs.tuning.limits import counted, loop_limits, noise_limit
 from jcontour.analysis.sensitivity import LoopPeaks, frozen_family

@@ -9,11 +9,11 @@ import numpy as np
 from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.designs.design import Design
 from experiments.flags.tuning import Tune
-from experiments.jobs.held_out import held_out_like
 from experiments.jobs.job import Job, Pace, Task
-from experiments.jobs.random_contours import contour_jobs
 from experiments.jobs.replays import Scenarios
-from experiments.jobs.representatives import representatives
+from experiments.jobs.sets.held_out import held_out_like
+from experiments.jobs.sets.random_contours import contour_jobs
+from experiments.jobs.sets.representatives import representatives
 from experiments.machines.disturbance_bounds import Bounds, bounds_of, box_of, linear_machine
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine

@@ -35,7 +35,7 @@ from experiments.jobs.job import Pace
 from experiments.jobs.replays import Replay, replay
 from experiments.machines.machine import Machine
 from experiments.reports.progress import progress_of
-from experiments.runs.checks.unseen_plants import over_family
+from experiments.runs.checks.weights.unseen_plants import over_family
 from experiments.runs.tuning.limits import loop_limits
 from experiments.runs.tuning.problem import TuningRun, tuning_run
 from experiments.runs.tuning.regret import with_regret

@@ -24,10 +24,10 @@ from experiments.files.results.tuned_result import (
 from experiments.jobs.replays import Replay, Scenarios, replay, scored
 from experiments.machines.machine import Fed, Machine
 from experiments.reports.figures.tuning.sensitivity import FamilyCurves
-from experiments.runs.checks.drift import offset_lasts
 from experiments.runs.checks.machine_limits import exceeded_limits
-from experiments.runs.checks.path_margins import path_margins
-from experiments.runs.checks.recommendation import (
+from experiments.runs.checks.weights.drift import offset_lasts
+from experiments.runs.checks.weights.path_margins import path_margins
+from experiments.runs.checks.weights.recommendation import (
     active_limits,
     exceeded_most,
     flag_allowing,
@@ -35,10 +35,14 @@ from experiments.runs.checks.recommendation import (
     may_drift,
     reasons_against,
 )
-from experiments.runs.checks.robustness import robust_test
-from experiments.runs.checks.standstill import standstill
-from experiments.runs.checks.unseen_plants import exceeded_unseen, over_family
-from experiments.runs.checks.warnings import idle_warnings, run_warnings, standstill_warnings
+from experiments.runs.checks.weights.robustness import robust_test
+from experiments.runs.checks.weights.standstill import standstill
+from experiments.runs.checks.weights.unseen_plants import exceeded_unseen, over_family
+from experiments.runs.checks.weights.warnings import (
+    idle_warnings,
+    run_warnings,
+    standstill_warnings,
+)
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.tuning.family_loops import family_curves, family_peaks
 from experiments.runs.tuning.problem import TuningRun

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.jobs.stretches import corner_angles
+from experiments.jobs.sets.stretches import corner_angles
 
 PREVIEW = 10
 

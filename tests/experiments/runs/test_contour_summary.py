@@ -8,7 +8,7 @@ import pytest
 from experiments.catalogue.machines import MACHINES
 from experiments.jobs.contours import BUILT_IN
 from experiments.jobs.job import Job, Pace, at_constant_feed, from_file
-from experiments.jobs.stretches import shortened
+from experiments.jobs.sets.stretches import shortened
 from experiments.reports.simulated_tables import motion_table
 from experiments.reports.tables import read_line
 from experiments.runs.contour_summary import cycle_time, read_of

@@ -12,9 +12,9 @@ from jaxtyping import Float
 from experiments.jobs.contours import BUILT_IN
 from experiments.jobs.entry import ENTRY
 from experiments.jobs.job import Job, Pace, at_constant_feed
-from experiments.jobs.random_shapes import KINDS, Shape
-from experiments.jobs.scale import scale_of
-from experiments.jobs.stretches import beginning, corner_feed, curve_feed, moved, shortened
+from experiments.jobs.sets.random_shapes import KINDS, Shape
+from experiments.jobs.sets.scale import scale_of
+from experiments.jobs.sets.stretches import beginning, corner_feed, curve_feed, moved, shortened
 
 SIZES = 2.0  # times larger or smaller than the middle size
 FEEDS = 1.5  # times faster or slower than the middle feed

@@ -11,7 +11,7 @@ from experiments.jobs.job import Pace, at_constant_feed
 from experiments.jobs.replays import Scenarios
 from experiments.machines.linear import bridgeport_machine
 from experiments.machines.machine import MachineLimits
-from experiments.runs.checks import robustness
+from experiments.runs.checks.weights import robustness
 from jcontour.geometry.contours import circle, line
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import member

@@ -6,7 +6,7 @@ import pytest
 
 from experiments.files.results.run_metrics import ContourRead
 from experiments.files.results.tuned_result import TunedContour
-from experiments.runs.checks.comparable import (
+from experiments.runs.checks.weights.comparable import (
     comparable,
     control_units,
     same_period,

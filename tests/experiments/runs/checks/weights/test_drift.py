@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.runs.checks.drift import offset_lasts
+from experiments.runs.checks.weights.drift import offset_lasts
 from jcontour.controller import Controller
 from jcontour.geometry.contours import circle
 from jcontour.linear.plant import LinearPlant

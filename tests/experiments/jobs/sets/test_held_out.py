@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import machine_named
-from experiments.jobs import random_contours
 from experiments.jobs.contours import BUILT_IN
 from experiments.jobs.entry import ENTRY
-from experiments.jobs.held_out import held_out_like
 from experiments.jobs.job import Pace, at_constant_feed, from_file
 from experiments.jobs.pace import ACCELERATION
-from experiments.jobs.scale import scale_of
+from experiments.jobs.sets import random_contours
+from experiments.jobs.sets.held_out import held_out_like
+from experiments.jobs.sets.scale import scale_of
 from jcontour.geometry.contours import circle
 
-EXAMPLE = str(Path(random_contours.__file__).parents[1] / "machines" / "example.json")
+EXAMPLE = str(Path(random_contours.__file__).parents[2] / "machines" / "example.json")
 MACHINES = ("bridgeport", EXAMPLE, "flexible-axes", "gantry")
 ROUND = ["circle", "ellipse", "lemniscate"]
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.jobs import random_shapes
-from experiments.jobs.random_shapes import KINDS, rounded_polygon
-from experiments.jobs.stretches import corner_angles, greatest_curvature
+from experiments.jobs.sets import random_shapes
+from experiments.jobs.sets.random_shapes import KINDS, rounded_polygon
+from experiments.jobs.sets.stretches import corner_angles, greatest_curvature
 from jcontour.motion.references import along
 
 CLOSED = ("closed_spline", "corners", "fillets")

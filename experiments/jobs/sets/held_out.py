@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from experiments.jobs.job import Job, Pace, at_constant_feed, from_rest_to_rest
-from experiments.jobs.random_shapes import rounded_polygon
-from experiments.jobs.scale import Scale, scale_of, sharpest_corner
-from experiments.jobs.stretches import beginning, curve_feed, moved, shortened
+from experiments.jobs.sets.random_shapes import rounded_polygon
+from experiments.jobs.sets.scale import Scale, scale_of, sharpest_corner
+from experiments.jobs.sets.stretches import beginning, curve_feed, moved, shortened
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import circle, ellipse, lemniscate
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from experiments.jobs.entry import ENTRY
 from experiments.jobs.job import Pace, at_constant_feed
-from experiments.jobs.stretches import (
+from experiments.jobs.sets.stretches import (
     angle_between,
     beginning,
     corner_angles,

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from experiments.flags.tuning import Tune
-from experiments.runs.checks.unseen_plants import HELP, OverFamily, exceeded_unseen, over_family
+from experiments.runs.checks.weights.unseen_plants import (
+    HELP,
+    OverFamily,
+    exceeded_unseen,
+    over_family,
+)
 from experiments.runs.tuning.family_loops import family_peaks
 from experiments.runs.tuning.problem import tuning_run
 from jcontour.simulation.evaluation import evaluate, stack_plants

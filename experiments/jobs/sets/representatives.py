@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from experiments.jobs.entry import ENTRY, behind_entry
 from experiments.jobs.job import Job, Task
-from experiments.jobs.stretches import between
+from experiments.jobs.sets.stretches import between
 from jcontour.motion.references import along
 
 LONG = 10_000  # samples of a program that is tuned by stretches

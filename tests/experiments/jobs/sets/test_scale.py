@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.jobs.job import Pace, at_constant_feed, from_file
-from experiments.jobs.scale import scale_of, sharpest_corner
+from experiments.jobs.sets.scale import scale_of, sharpest_corner
 from experiments.machines.linear import bridgeport_machine
 from jcontour.geometry.contours import circle, ellipse, lemniscate, polygon
 

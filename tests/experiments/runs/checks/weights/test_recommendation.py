@@ -10,7 +10,7 @@ import pytest
 from experiments.files.results.run_metrics import FamilyMetrics, RunMetrics
 from experiments.files.results.tuned_result import PathMargins, RobustTest, TunedContour
 from experiments.flags.tuning import Tune
-from experiments.runs.checks.recommendation import (
+from experiments.runs.checks.weights.recommendation import (
     active_limits,
     exceeded_most,
     flag_allowing,

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import machine_named
-from experiments.jobs import random_contours
 from experiments.jobs.entry import ENTRY
 from experiments.jobs.job import Pace, at_constant_feed
 from experiments.jobs.pace import ACCELERATION
-from experiments.jobs.random_contours import FEEDS, SIZES, contour_jobs, random_jobs
-from experiments.jobs.random_shapes import KINDS
-from experiments.jobs.stretches import greatest_curvature
+from experiments.jobs.sets import random_contours
+from experiments.jobs.sets.random_contours import FEEDS, SIZES, contour_jobs, random_jobs
+from experiments.jobs.sets.random_shapes import KINDS
+from experiments.jobs.sets.stretches import greatest_curvature
 from experiments.machines.machine import MachineLimits
 from jcontour.geometry.contours import circle
 
-EXAMPLE = str(Path(random_contours.__file__).parents[1] / "machines" / "example.json")
+EXAMPLE = str(Path(random_contours.__file__).parents[2] / "machines" / "example.json")
 MACHINES = ("bridgeport", EXAMPLE, "flexible-axes", "gantry")
 FEED, SIZE = 0.05, 2e-3  # [m/s], [m]
 

@@ -7,7 +7,7 @@ import pytest
 
 from experiments.files.results.tuned_result import PathMargins, Standstill
 from experiments.jobs.replays import Replay, Scenarios
-from experiments.runs.checks.warnings import (
+from experiments.runs.checks.weights.warnings import (
     family_warnings,
     idle_warnings,
     lag_warnings,

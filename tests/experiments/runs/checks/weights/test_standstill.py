@@ -9,7 +9,7 @@ from experiments.catalogue.choices import design_for
 from experiments.flags.loops import Simulate
 from experiments.machines.linear import bridgeport_machine
 from experiments.machines.own_plant import machine_of
-from experiments.runs.checks.standstill import (
+from experiments.runs.checks.weights.standstill import (
     BETWEEN,
     SAMPLES,
     SETTLED,

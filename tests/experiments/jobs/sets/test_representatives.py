@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import job_named, machine_named
-from experiments.jobs import representatives as module
 from experiments.jobs.entry import ENTRY
 from experiments.jobs.job import Pace, from_file
-from experiments.jobs.representatives import WINDOW, representatives
-from experiments.jobs.stretches import between
+from experiments.jobs.sets import representatives as module
+from experiments.jobs.sets.representatives import WINDOW, representatives
+from experiments.jobs.sets.stretches import between
 from jcontour.geometry.contours import circle, polygon
 
 DT = 0.5e-3

@@ -8,7 +8,7 @@ import pytest
 
 from experiments.jobs.replays import Scenarios
 from experiments.reports.tuned_tables import lost_first_line
-from experiments.runs.checks.path_margins import lost_first, path_margins
+from experiments.runs.checks.weights.path_margins import lost_first, path_margins
 from experiments.runs.tuning.family_loops import family_peaks
 from jcontour.analysis.stability import Margins
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.jobs.job import Job
-from experiments.jobs.stretches import angle_between, corner_angles
+from experiments.jobs.sets.stretches import angle_between, corner_angles
 from jcontour.motion.references import along
 
 CHORD_SAMPLES = 10  # at the feed: what a loop passes quicker is a corner or rounding of the file

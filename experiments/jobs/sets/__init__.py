@@ -1,0 +1,1 @@
+"""Sets of contours: drawn at random, held out, or representing a long program."""
