@@ -151,7 +151,7 @@ def _first(table: Table, words: Sequence[str], units: Sequence[str]) -> str | No
 
 def _unit(name: str, units: dict[str, float]) -> str | None:
     """Unit at the end of a column's name."""
-    found = re.search(r"(?:_(\w+)|\[(\w+)\]|\((\w+)\))$", name.strip().lower())
+    found = re.search(r"(?:_([^\W_]+)|\[(\w+)\]|\((\w+)\))$", name.strip().lower())
     end = next((one for one in found.groups() if one), None) if found else None
     end = None if end is None else end.rsplit("_", 1)[-1]
     return end if end in units else None

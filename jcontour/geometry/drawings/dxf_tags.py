@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
-NUMBER = re.compile(r"\s*[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][+-]?[0-9]+)?\s*")
+NUMBER = re.compile(r"\s*[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eEdD][+-]?[0-9]+)?\s*")
 CODE = re.compile(r"-?[0-9]{1,5}")
 COMMENT = 999
 BINARY = "AutoCAD Binary DXF"

@@ -8,7 +8,7 @@ from jcontour.geometry.drawings.affine import Affine
 from jcontour.geometry.drawings.svg_tree import Element
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
-NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 NUMBERS = re.compile(rf"[\s,]*({NUMBER})")
 LENGTH = re.compile(rf"({NUMBER})\s*([a-zA-Z%]*)")
 TRANSFORM = re.compile(r"[\s,]*([a-zA-Z]+)\s*\(([^()]*)\)[\s,]*")

@@ -25,7 +25,7 @@ from jcontour.geometry.toolpath_rules import NUMBER, ToolpathError, shown
 
 INNERMOST = r"\([^()]*\)"
 NESTED = rf"\((?:[^()]|\((?:[^()]|{INNERMOST})*\))*\)"
-COMMENT = re.compile(rf"{NESTED}|\([^)]*\)|;.*")
+COMMENT = re.compile(rf"{NESTED}|\([^)]*\)|(\().*|;.*")  # a ( without its ) is kept
 ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
 DISPLAYED = re.compile(  # text for a screen follows
     r"\s*(?:[Nn][0-9]+\s*)?[Mm](11[78](?![0-9.])|0?[01](?=\s+[A-Za-z]{2}))"
@@ -97,7 +97,7 @@ def read_block(line: str) -> Block:
     if displayed:
         return Block(words=(("M", float(displayed[1])),))
     if "(" in line or ";" in line:
-        stripped = COMMENT.sub(" ", line)
+        stripped = COMMENT.sub(r"\1 ", line)
         text = "".join(stripped.split())
         if text.startswith("/"):
             return NOTHING
@@ -139,7 +139,7 @@ def _check_brackets(stripped: str, line: str) -> None:
 
 def _said(line: str) -> Block:
     """What the last comment of a line asks for."""
-    comments = COMMENT.findall(line)
+    comments = [found[0] for found in COMMENT.finditer(line)]
     if not comments:
         return NOTHING
     match = ABORT.match(comments[-1])

@@ -24,7 +24,7 @@ MOST_OPERATIONS = 200  # of a line; a control reads lines of 256 characters
 Expression = Callable[[Parameters], float]
 
 WORD_NUMBER = re.compile(NUMBER)
-UNSIGNED = re.compile(r"[0-9]+\.?[0-9]*|\.[0-9]+")
+UNSIGNED = re.compile(r"[0-9]+(?:\.[0-9]*)?|\.[0-9]+")
 OPERATOR = re.compile(r"\*\*|[*/+-]|MOD|EQ|NE|GT|GE|LT|LE|AND|OR|XOR", re.IGNORECASE)
 FUNCTION = re.compile(r"[A-Za-z]+")
 NAME = re.compile(r"<([^<>]*)>")

@@ -21,6 +21,6 @@ def sender_word(line: str) -> str | None:
         if word.startswith("$J"):
             raise ToolpathError(f"{shown(line)} is a jog of grbl, which is not simulated")
         return word.split("=")[0][:MOST_TOLD]
-    if begin and begin in "?~" and COMMENT.sub("", line).strip() == begin:
+    if begin and begin in "?~" and COMMENT.sub(r"\1", line).strip() == begin:
         return begin
     return None
