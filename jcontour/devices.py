@@ -1,5 +1,8 @@
 """Where JAX computes, and what can be computed there."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import jax
 import jax.numpy as jnp
 
@@ -13,6 +16,17 @@ def platform() -> str:
 def on_gpu() -> bool:
     """Whether a GPU is what JAX computes on, the default of JAX and the default device both."""
     return jax.default_backend() == "gpu" and platform() in ("gpu", "cuda")
+
+
+@contextmanager
+def on_cpu() -> Iterator[None]:
+    """Everything within it is computed on the CPU: the kernels of a GPU have a reverse mode only.
+
+    Raises:
+        RuntimeError: JAX has been told to do without its CPU (`JAX_PLATFORMS`).
+    """
+    with jax.default_device(jax.local_devices(backend="cpu")[0]):
+        yield
 
 
 def number_size(arrays) -> int | None:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.devices import on_gpu
+from jcontour.devices import on_cpu, on_gpu
 from jcontour.guarantees.disturbed_loop import DisturbedLoop
 from jcontour.guarantees.worst_cases import PeakValues, WorstCase
 from tuning.loops import Looked
@@ -126,7 +126,9 @@ def looked_at(
     """What is seen of the frozen loops, and its slopes; nothing where they are not looked at."""
     if problem.loops is None:
         return Looked(), Looked()
-    return problem.loops.look(*jax.device_get(_loops(problem, start, jnp.asarray(z))))
+    with on_cpu():  # in forward mode
+        found = jax.device_get(_loops(problem, start, jnp.asarray(z)))
+    return problem.loops.look(*found)
 
 
 def _worst(
@@ -148,7 +150,8 @@ def _certified(
     if found is None:
         return None, None
     values, worst = found
-    return values, jax.device_get(_attacked(problem, start, jnp.asarray(z), worst))
+    with on_cpu():  # in forward mode
+        return values, jax.device_get(_attacked(problem, start, jnp.asarray(z), worst))
 
 
 @eqx.filter_jit

@@ -28,6 +28,7 @@ from jaxtyping import Array, Bool, Float
 
 from jcontour.controller import Controller
 from jcontour.controllers.learning.laps import Learned
+from jcontour.devices import on_cpu
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import simulate
@@ -56,6 +57,7 @@ class Precompensated(NamedTuple):
     weight: Float[np.ndarray, " P"]
 
 
+@on_cpu()  # both modes of the loops are taken
 def precompensate(
     plants: Plant,
     controller: Controller,

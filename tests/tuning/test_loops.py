@@ -12,6 +12,10 @@ from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from tuning.loops import ProbedLoops, _different
+from tuning.objectives import mean_contour_error
+from tuning.parameters import Positive
+from tuning.point import looked_at
+from tuning.problem import Problem
 
 
 @pytest.mark.slow
@@ -98,3 +102,30 @@ def test_every_encoder_has_its_own_count(two_axes):
     mixed = variance(np.array([1e-6, 5e-6])) + variance(np.array([5e-6, 1e-6]))
     np.testing.assert_allclose(mixed, variance(1e-6) + variance(5e-6), rtol=1e-9)
     assert np.all(variance(np.array([1e-6, 5e-6])) > 1.5 * variance(1e-6))
+
+
+@pytest.mark.slow
+def test_beside_a_gpu_they_are_looked_at_on_the_cpu(two_axes, monkeypatch):
+    """Its kernels have a reverse mode only, and the matrices move in forward mode."""
+    family = stack_plants([Encoders(two_axes)])
+    run = along(circle(1e-3), 3e-4 * np.arange(12), 1e-3, 3, at_rest=False)
+    references = stack_references([run])
+    start = {"alpha": jnp.asarray(3.0), "beta": jnp.asarray(5.0)}
+
+    def build(weights):
+        inner = ContouringLQ(two_axes, LQWeights(weights["alpha"], weights["beta"], 1e-6), 3)
+        return FilterObserver(inner, two_axes, gain)
+
+    gain, z = kalman_gain(two_axes, 0.01, 1e-6), np.log([3.0, 5.0])
+    problem = Problem(
+        build=build,
+        space={name: Positive() for name in start},
+        plants=family,
+        references=references,
+        objective=mean_contour_error,
+        loops=ProbedLoops.of(family, references, 2),
+    )
+    wanted = looked_at(problem, start, z)
+    jax.clear_caches()
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    jax.tree.map(np.testing.assert_array_equal, looked_at(problem, start, z), wanted)

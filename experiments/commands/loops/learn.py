@@ -23,10 +23,12 @@ from experiments.runs.loops.learned_machines import setting
 from experiments.runs.loops.learned_reference import shifted, stored_lap
 from experiments.runs.loops.learning import LapScores, Learner, Prepared, prepared_law
 from experiments.runs.tuning.results import machine_summary
+from jcontour.devices import on_cpu
 
 OF_OTHER_LAW = {"norm-optimal": ("gain", "lead"), "p-type": ("effort",)}
 
 
+@on_cpu()  # the laws take both modes of the laps
 def command(flags: Learn) -> int:
     """The whole command: learn, print, exit code."""
     found, folder = run(flags)
