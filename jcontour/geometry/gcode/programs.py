@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 from jcontour.geometry.gcode.language import codes
@@ -10,6 +11,7 @@ from jcontour.geometry.gcode.language.blocks import NOTHING, Block, OWord, read_
 from jcontour.geometry.gcode.language.expressions import evaluated, whole
 from jcontour.geometry.gcode.language.flow import Structure, structure
 from jcontour.geometry.gcode.language.parameters import Locals, Parameters
+from jcontour.geometry.gcode.language.printer_lines import is_for_a_printer, printer_line
 from jcontour.geometry.gcode.language.repetition import Repetition
 from jcontour.geometry.gcode.language.sender_lines import sender_word
 from jcontour.geometry.gcode.machine import Machine
@@ -58,14 +60,16 @@ class Source:
     name: str = ""  # of the file of a subprogram; empty for the program itself
     reached: int = -1  # the farthest line that was carried out
     blocks: dict[int, Block] = field(default_factory=dict)  # of lines that may come again
-    _structure: Structure | None = None
 
-    @property
+    @cached_property
     def structure(self) -> Structure:
         """Where its O-words lead."""
-        if self._structure is None:
-            self._structure = structure(self.lines)
-        return self._structure
+        return structure(self.lines)
+
+    @cached_property
+    def prints(self) -> bool:
+        """Whether it is for a printer."""
+        return is_for_a_printer(self.lines)
 
 
 @dataclass
@@ -155,8 +159,8 @@ class Program:
         self.begun = True
         if block.abort is not None:
             raise ToolpathError(f"the program aborts: {shown(block.abort, 80)}")
-        if block.message:
-            self.machine.tracer.stop("(MSG)")
+        if block.waits:
+            self.machine.tracer.stop(block.waits)
         if block.flow is not None:
             self._flow(frame, index, block.flow)
         else:
@@ -189,6 +193,10 @@ class Program:
         if word is not None:
             self.machine.ignored.add(word)
             return NOTHING
+        own = printer_line(line, lambda: self.frames[0].source.prints)
+        if own is not None:
+            self.machine.ignored.add(own.word)
+            return Block(waits=own.word) if own.stops else NOTHING
         return read_block(line)
 
     def _percent(self, line: str) -> None:

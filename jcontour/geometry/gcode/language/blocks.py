@@ -30,7 +30,9 @@ ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
 DISPLAYED = re.compile(  # text for a screen follows
     r"\s*(?:[Nn][0-9]+\s*)?[Mm](11[78](?![0-9.])|0?[01](?=\s+[A-Za-z]{2}))"
 )
-HOMED = re.compile(r"(?:[Nn][0-9]+)?[Gg]28([XYZxyz]+)")  # axes without numbers
+HOMED = re.compile(  # axes without numbers; W: without levelling, O: where it has to be
+    r"(?:[Nn][0-9]+)?[Gg]28(?=[A-Za-z])[OWow]?([XYZxyz]*)[OWow]?"
+)
 MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
 PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
 WORD = re.compile(rf"([A-Za-z])({NUMBER})")
@@ -71,14 +73,14 @@ class Block(NamedTuple):
         settings: parameters and values, in force once all words have their numbers.
         flow: O-word, which stands alone.
         abort: message of (ABORT, ...), None without one.
-        message: whether (MSG, ...) is shown before it.
+        waits: why the motion stops before it: (MSG) is shown, or a command of printers; or "".
     """
 
     words: tuple[tuple[str, float | Expression], ...] = ()
     settings: tuple[tuple[Key, Expression], ...] = ()
     flow: OWord | None = None
     abort: str | None = None
-    message: bool = False
+    waits: str = ""
 
 
 NOTHING = Block()
@@ -120,7 +122,7 @@ def read_block(line: str) -> Block:
         found = _read(Cursor(text), stripped)
     except RecursionError:
         raise ToolpathError("an expression is nested too deeply") from None
-    return found._replace(abort=said.abort, message=said.message)
+    return found._replace(abort=said.abort, waits=said.waits)
 
 
 def _here(axis: str) -> Expression:
@@ -143,10 +145,10 @@ def _said(line: str) -> Block:
     if not comments:
         return NOTHING
     match = ABORT.match(comments[-1])
-    message = MESSAGE.match(comments[-1]) is not None
-    if match is None and not message:
+    waits = "(MSG)" if MESSAGE.match(comments[-1]) else ""
+    if match is None and not waits:
         return NOTHING
-    return Block(abort=match[1].strip() if match else None, message=message)
+    return Block(abort=match[1].strip() if match else None, waits=waits)
 
 
 def _read(cursor: Cursor, line: str) -> Block:
