@@ -11,7 +11,11 @@ from jcontour.geometry.gcode.language.blocks import NOTHING, Block, OWord, read_
 from jcontour.geometry.gcode.language.expressions import evaluated, whole
 from jcontour.geometry.gcode.language.flow import Structure, structure
 from jcontour.geometry.gcode.language.parameters import Locals, Parameters
-from jcontour.geometry.gcode.language.printer_lines import is_for_a_printer, printer_line
+from jcontour.geometry.gcode.language.printer_lines import (
+    glues_extruder,
+    is_for_a_printer,
+    printer_line,
+)
 from jcontour.geometry.gcode.language.repetition import Repetition
 from jcontour.geometry.gcode.language.sender_lines import sender_word
 from jcontour.geometry.gcode.machine import Machine
@@ -70,6 +74,11 @@ class Source:
     def prints(self) -> bool:
         """Whether it is for a printer."""
         return is_for_a_printer(self.lines)
+
+    @cached_property
+    def glues_extruder(self) -> bool:
+        """Whether E right behind a number is the word of its extruder."""
+        return glues_extruder(self.lines)
 
 
 @dataclass
@@ -197,7 +206,7 @@ class Program:
         if own is not None:
             self.machine.ignored.add(own.word)
             return Block(waits=own.word) if own.stops else NOTHING
-        return read_block(line)
+        return read_block(line, lambda: self.frames[0].source.glues_extruder)
 
     def _percent(self, line: str) -> None:
         """The first % opens a program, the next one ends it."""

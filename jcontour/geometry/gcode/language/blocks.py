@@ -40,11 +40,15 @@ LETTER = re.compile(r"[A-Za-z@^$]")
 LINE_NUMBER = re.compile(r"[Nn][0-9.]+")
 DIGITS = re.compile(r"[0-9]+")
 VALUE = re.compile(rf"[+-]*(?:[\[#.0-9]|(?:{'|'.join(FUNCTIONS)}|ATAN|EXISTS)\[)", re.IGNORECASE)
-EXPONENT = re.compile(r"[0-9.][eE](?![A-Za-z])")  # other languages write numbers so
+EXPONENT = re.compile(  # other languages write numbers so; right behind G it is the word E
+    r"(?<![Gg])(?<![Gg][0-9])[0-9.][eE][+-]?[0-9]+(?![0-9.])"
+)
+M66 = re.compile(r"[Mm]0*66(?![0-9.])")  # its E says which input it reads
 KEYWORD = re.compile(  # the longest first: "do" begins no other, but "else" does
     "continue|endrepeat|endwhile|elseif|endsub|return|repeat|endif|break|while|call|else|sub|do|if",
     re.IGNORECASE,
 )
+NO_EXPONENTS = ": controls know no exponents; the word E needs a space before it here"
 CONDITIONAL = frozenset({"if", "elseif", "while", "repeat"})  # these need a value
 RETURNING = frozenset({"return", "endsub"})  # these may have one
 
@@ -86,11 +90,16 @@ class Block(NamedTuple):
 NOTHING = Block()
 
 
-def read_block(line: str) -> Block:
+def read_block(line: str, glued: Callable[[], bool] = lambda: False) -> Block:
     """Read a line.
 
     >>> read_block("n10 g1 x2.5 (to the right)").words
     (('N', 10.0), ('G', 1.0), ('X', 2.5))
+
+    Args:
+        line: of a program.
+        glued: says whether E right behind a number is the word of an extruder in the program, asked
+            only where it may be an exponent.
 
     Raises:
         ToolpathError: it is no line of a program.
@@ -110,7 +119,8 @@ def read_block(line: str) -> Block:
         text = "".join(stripped.split())
     if not text or text.startswith("/"):
         return said
-    if PLAIN.fullmatch(text) and not ("o" in text or "O" in text or EXPONENT.search(stripped)):
+    exponents = bool(EXPONENT.search(stripped)) and not (M66.search(text) or glued())
+    if PLAIN.fullmatch(text) and not ("o" in text or "O" in text or exponents):
         words = [(letter.upper(), float(number)) for letter, number in WORD.findall(text)]
         return said._replace(words=tuple(words))
     homed = HOMED.fullmatch(text)
@@ -119,7 +129,7 @@ def read_block(line: str) -> Block:
             words=(("G", 28.0), *((axis, _here(axis)) for axis in homed[1].upper()))
         )
     try:
-        found = _read(Cursor(text), stripped)
+        found = _read(Cursor(text), stripped, exponents)
     except RecursionError:
         raise ToolpathError("an expression is nested too deeply") from None
     return found._replace(abort=said.abort, waits=said.waits)
@@ -151,7 +161,7 @@ def _said(line: str) -> Block:
     return Block(abort=match[1].strip() if match else None, waits=waits)
 
 
-def _read(cursor: Cursor, line: str) -> Block:
+def _read(cursor: Cursor, line: str, exponents: bool) -> Block:
     cursor.take(LINE_NUMBER)
     if cursor.starts("o") or cursor.starts("O"):
         return Block(flow=_read_o_word(cursor))
@@ -164,9 +174,9 @@ def _read(cursor: Cursor, line: str) -> Block:
             settings.append((key, read_value(cursor)))
             continue
         before, letter = cursor.at, cursor.take(LETTER)
-        exponent = letter and letter[0] in "eE" and EXPONENT.search(line)
+        exponent = exponents and letter is not None and letter[0] in "eE"
         if letter is None or exponent or not VALUE.match(cursor.text, cursor.at):
-            reason = ": controls know no exponents" if exponent else ""
+            reason = NO_EXPONENTS if exponent else ""
             raise ToolpathError(f"cannot read {shown(_written(line, before))}{reason}")
         words.append((letter[0].upper(), _read_number(cursor)))
     return Block(tuple(words), tuple(settings))

@@ -23,6 +23,7 @@ MARK = re.compile(
     r"|(?:G0?[0-3]|G92)(?![0-9.])[^;(]*?(?:\sE[+-]?[0-9.]|[0-9.]E[+-]?(?:[0-9]+\.|\.[0-9])))",
     re.IGNORECASE,
 )
+GLUED = re.compile(r"[^;(]*?(?:[0-9.][eE][+-]?(?:[0-9]+\.|\.[0-9])|[Gg]0*92[eE])")
 TEXT = re.compile(r'"[^"]*"|\([^)]*\)|;.*')
 CODE = re.compile(r"(?:^|\s)[Gg][0-9]")
 OWN = frozenset({17, 18, *range(82, 93), *range(100, 10_000)})  # M codes with words of their own
@@ -54,6 +55,15 @@ def is_for_a_printer(lines: Iterable[str]) -> bool:
     (True, False)
     """
     return any(MARK.match(line) for line in lines)
+
+
+def glues_extruder(lines: Iterable[str]) -> bool:
+    """Whether E stands right behind a number for an extruder, as an exponent has no point.
+
+    >>> glues_extruder(["G1X10Y5E0.3"]), glues_extruder(["G1 X1E3", "G1 X1 E.5"])
+    (True, False)
+    """
+    return any(GLUED.match(line) for line in lines)
 
 
 def printer_line(line: str, prints: Callable[[], bool]) -> PrinterLine | None:

@@ -110,3 +110,34 @@ def test_whether_it_prints_is_asked_where_it_matters():
 
     for line in ("G1 X5 E3", "M3 S100", "X1 Y2", "(M84 E)", "G10 L2 P1 X5", "M30", "T1"):
         assert printer_line(line, never) is None
+
+
+@pytest.mark.parametrize(
+    ("program", "extruded"),
+    [
+        ("G21G90\nG1X10Y5E0.3F600", "E"),
+        ("G21G90\nG92E0\nG1X10Y5E3F600", "E"),
+        ("G21G90F600\nG1X10Y5E3\nG1X10Y5E-.25", "E"),
+        ("G21G90F600\nm66e0l0\nG1X10Y5", "ELM"),
+        ("G21G90F600\n#1=3\nG1X10Y5E#1", "E"),
+    ],
+)
+def test_e_right_behind_a_number_is_a_word_where_no_exponent_is_meant(program, extruded):
+    machine = interpreted(program.split("\n"), 3, None)
+    assert [move.end for move in machine.moves] == [(10 * MM, 5 * MM, 0)]
+    assert {word[0] for word in machine.ignored} == set(extruded)
+
+
+@pytest.mark.parametrize(
+    ("program", "refused"),
+    [
+        ("G1 X1E3 F600", "line 1: cannot read 'E3 F600'"),
+        ("G1 X10 E.5 F600\nG1 X1e-3 E1", "line 2: cannot read 'e-3 E1'"),
+        ("#1=1E3", "line 1: cannot read 'E3'"),
+    ],
+)
+def test_what_may_be_an_exponent_is_refused(program, refused):
+    both = ": controls know no exponents; the word E needs a space before it here"
+    with pytest.raises(ToolpathError) as raised:
+        interpreted(program.split("\n"), 3, None)
+    assert str(raised.value) == refused + both
