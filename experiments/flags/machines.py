@@ -126,4 +126,5 @@ class Machine(Common):
     name: str = "machine"
     """Name of the machine."""
     out: Path | None = None
-    """File to write; NAME.json when not given. It must not exist."""
+    """File to write; NAME.json when not given. It must not exist. Its name ends in .json, which is
+    added where it is missing."""

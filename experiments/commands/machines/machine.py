@@ -46,7 +46,7 @@ def _built(flags: Flags) -> tuple[MachineResult, Machine, Path]:
     Raises:
         ValueError: bad input, or the file exists; nothing has been written then.
     """
-    path = flags.out or Path(f"{flags.name}.json")
+    path = _json(flags.out or Path(flags.name))
     if path.exists():
         raise ValueError(f"out: {path} exists; give another name")
     found = built_machine(flags)
@@ -58,6 +58,11 @@ def _built(flags: Flags) -> tuple[MachineResult, Machine, Path]:
     run_folder.write(path, lambda temporary: temporary.write_text(text))
     _draw(machine, picture)
     return result, machine, path
+
+
+def _json(path: Path) -> Path:
+    """A name that the commands take for a machine file."""
+    return path if path.suffix.lower() == ".json" else path.with_name(f"{path.name}.json")
 
 
 def _read(flags: Flags) -> tuple[MachineResult, Machine, Path]:

@@ -50,6 +50,17 @@ def test_step_responses_become_a_machine(tmp_path, capsys):
     assert [one["rise"] for one in (x, y)] == pytest.approx([0.02, 0.01], abs=1.1e-3)
 
 
+def test_the_file_has_a_name_that_the_next_command_takes(tmp_path, capsys):
+    numbers = "--gain 1 --time-constant-ms 20 --out".split()
+    assert main(["machine", *numbers, str(tmp_path / "mill3")]) == 0
+    told = "".join(capsys.readouterr().out.split())
+    assert f"--plant{tmp_path / 'mill3.json'}" in told
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mill3.json", "mill3.png"]
+    assert main(["machine", *numbers, str(tmp_path / "mill3")]) == 2
+    assert "mill3.json exists; give another name" in capsys.readouterr().err
+    assert main(["machine", str(tmp_path / "mill3.json")]) == 0
+
+
 def test_faults_are_told_in_a_line_and_nothing_is_written(tmp_path, machine_file, capsys):
     path = tmp_path / "mill.json"
     for words, line in (
