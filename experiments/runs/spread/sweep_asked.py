@@ -1,7 +1,7 @@
 """What a sweep is asked for: machine, contours, previews and the values of weights."""
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -35,10 +35,13 @@ class Swept:
     machine: Machine
     jobs: list[Task]
     values: dict[str, Float[Array, " D"]]
+    _designs: dict[int, Design] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def design(self, preview: int) -> Design:
-        """The controller with a preview, its weights open."""
-        return _design(self.flags, self.machine, preview)
+        """The controller with a preview, its weights open; its first loop is found once."""
+        if preview not in self._designs:
+            self._designs[preview] = _design(self.flags, self.machine, preview)
+        return self._designs[preview]
 
     def scenarios(self, design: Design) -> Scenarios:
         """The contours and the true machines, for a controller with its preview."""

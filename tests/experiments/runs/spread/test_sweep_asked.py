@@ -5,7 +5,7 @@ import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
 from experiments.flags.tuning import Sweep
-from experiments.runs.spread.sweep_asked import horizons, sampled_values, swept_of
+from experiments.runs.spread.sweep_asked import Swept, horizons, sampled_values, swept_of
 
 
 @pytest.mark.parametrize(
@@ -20,6 +20,12 @@ def test_what_is_no_limit_is_refused(word, value):
 def test_previews_have_one_flag():
     with pytest.raises(ValueError, match="preview: a sweep has --previews"):
         swept_of(Sweep(parts=("circle",), preview=5))
+
+
+def test_the_design_of_a_preview_is_found_once():
+    flags = Sweep(parts=("circle",), plant="gantry", controller="cascade", previews=(1,))
+    asked = Swept(flags, machine_named("gantry"), [], {})
+    assert asked.design(1) is asked.design(1)
 
 
 @pytest.mark.slow
