@@ -34,6 +34,7 @@ from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks
 from jcontour.analysis.uncertain_loops import BORNE, Doubt
 from jcontour.controller import Controller
+from jcontour.devices import on_cpu
 from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
@@ -140,7 +141,8 @@ def sensitivity_peaks(
 
     What a doubt of the response uses up counts alike: `SENSITIVITY` is its bound, too.
     """
-    loops = jax.device_get(_loops(build, series, family, windows))
+    with on_cpu():  # few and small
+        loops = jax.device_get(_loops(build, series, family, windows))
     peaks = host_peaks(loops, encoding_of(family, windows), doubt)
     used = np.maximum(peaks.sensitivity, SENSITIVITY * np.asarray(peaks.doubt) / BORNE)
     return np.max(used, axis=(1, 2))

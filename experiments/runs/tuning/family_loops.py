@@ -16,6 +16,7 @@ from jcontour.analysis.sensitivity import (
 )
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.controller import Controller
+from jcontour.devices import on_cpu
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import stack_plants
@@ -35,7 +36,8 @@ def probed_peaks(
     controller: Controller, family: Plant, windows: Reference, doubt: Doubt | None = None
 ) -> LoopPeaks:
     """Peaks of a family at the windows of some probes."""
-    loops = jax.device_get(frozen_family(controller, family, windows))
+    with on_cpu():  # few and small
+        loops = jax.device_get(frozen_family(controller, family, windows))
     return host_peaks(loops, encoding_of(family, windows), doubt)
 
 
@@ -44,7 +46,8 @@ def family_curves(
 ) -> FamilyCurves:
     """Curves over the probes and plants of `family_peaks`."""
     probed = _probed(machine, scenarios, fed)
-    curves = sensitivity_curves(controller, *probed, FREQUENCIES).max(axis=0)
+    with on_cpu():
+        curves = sensitivity_curves(controller, *probed, FREQUENCIES).max(axis=0)
     stable = np.max(peaks.spectral_radius, axis=0) < 1
     hertz = FREQUENCIES / (2 * np.pi * machine.model.dt)
     return FamilyCurves(hertz, np.where(stable[:, None], curves, np.nan))

@@ -11,12 +11,14 @@ from jcontour.analysis.probes import probe_samples
 from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.analysis.stability import DELAY_SEARCH, GAIN_SEARCH, Margins, margins
 from jcontour.controller import Controller
+from jcontour.devices import on_cpu
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import member
 
 PROBES = 16  # loops per contour: they change with direction, bend and place of the path, slowly
 
 
+@on_cpu()  # few and small
 def path_margins(
     controller: Controller,
     machine: Machine,
