@@ -13,8 +13,9 @@ from experiments.catalogue.controllers import CONTROLLERS
 from experiments.catalogue.machines import MACHINES
 from experiments.catalogue.plants import PLANTS
 from jcontour.controller import Controller
+from jcontour.host.loop import loop as loop_on_the_host
 from jcontour.motion.references import from_samples
-from jcontour.simulation.closed_loop import simulate, start_state
+from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import member, stack_references
 from jcontour.simulation.metrics import score
 
@@ -23,6 +24,7 @@ OF_EACH_KIND = (
     "contouring-lq",
     "gantry-cascade",
 )
+WITH_A_MEMORY = ("linear-cascade",)  # an increment of its own
 
 ROUNDING = 1e-7  # of a difference over 2e-6, of values of order ten
 
@@ -53,10 +55,15 @@ def ran(loop):
     return of
 
 
-def disturbed_start(plant, reference):
+def disturbed_start(plant, reference, size=1e-6):
     position = np.asarray(reference.position)[0]
     start = eqx.filter_jit(plant.initial_state)(position, reference.start_increment)
-    return shifted(start, 1e-6)
+    return shifted(start, size)
+
+
+def undisturbed_start(plant, reference):
+    """That of `simulate`, given to it: the program is that of a start beside it."""
+    return disturbed_start(plant, reference, 0.0)
 
 
 def shifted(state, size):
@@ -95,6 +102,17 @@ def test_jit_is_no_jit(loop, ran, name):
     )
 
 
+@pytest.mark.parametrize("name", some_slow(CONTROLLERS, WITH_A_MEMORY))
+def test_the_loop_on_the_host_is_simulate(loop, ran, name):
+    plant, controller, reference = loop(name)
+    found = loop_on_the_host(plant, controller, reference, disturbed_start(plant, reference))
+    for leaf, other in zip(jax.tree.leaves(found), jax.tree.leaves(ran(name)), strict=True):
+        a, b = np.asarray(leaf), np.asarray(other)
+        assert a.shape == b.shape and a.dtype == b.dtype
+        largest = max(1.0, np.abs(b).max(initial=0.0))
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * largest)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_vmap_over_references_is_a_loop(closed_loop, name):
@@ -102,11 +120,9 @@ def test_vmap_over_references_is_a_loop(closed_loop, name):
     stacked = stack_references([reference(STEPS), reference(STEPS - 1)])
     batched = jax.jit(jax.vmap(lambda r: simulate(plant, controller, r)))(stacked)
     for i in range(2):
-        for found, wanted in zip(
-            numbers(member(batched, i)),
-            numbers(simulate(plant, controller, member(stacked, i))),
-            strict=True,
-        ):
+        one = member(stacked, i)
+        alone = simulate(plant, controller, one, undisturbed_start(plant, one))
+        for found, wanted in zip(numbers(member(batched, i)), numbers(alone), strict=True):
             np.testing.assert_allclose(
                 found, wanted, rtol=0, atol=1e-9 * max(np.abs(wanted).max(), 1e-30)
             )
@@ -184,7 +200,7 @@ def test_float64_and_the_same_bits_twice_and_zero_control_at_rest(closed_loop, n
     still = from_samples(
         nowhere, ahead, moving.dt, moving.preview, contour, False, tolerance=float(contour.size)
     )
-    rollout = simulate(plant, controller, still, start_state(plant, still))
+    rollout = simulate(plant, controller, still, undisturbed_start(plant, still))
     assert np.abs(rollout.control).max() <= 1e-12
     assert np.abs(rollout.output).max() <= 1e-18
 

@@ -7,7 +7,6 @@ import jax
 import numpy as np
 import pytest
 
-from experiments.catalogue.controllers import CONTROLLERS
 from experiments.catalogue.plants import PLANTS
 from experiments.machines.linear import bridgeport_machine
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
@@ -18,7 +17,6 @@ from jcontour.motion.references import along
 from jcontour.qp.problem import QP, Unsolved
 from jcontour.simulation.closed_loop import prepared, simulate
 
-SOME = ("linear-cascade",)  # an increment of its own
 PREVIEW, DT = 3, 0.5e-3
 WEIGHTS = LQWeights(3.0, 5.0, 2e-9)
 
@@ -39,23 +37,10 @@ def same(found, wanted, relative=1e-12):
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name not in SOME)) for name in CONTROLLERS],
-)
-def test_loop_is_simulate_for_every_controller(closed_loop, name):
-    (plant, _), controller, reference = closed_loop(name)
-    reference = reference(12)
-    position = np.asarray(reference.position)
-    start = jax.device_get(plant.initial_state(position[0], reference.start_increment))
-    start = jax.tree.map(lambda x: x + 1e-6 if np.issubdtype(x.dtype, np.floating) else x, start)
-    same(loop(plant, controller, reference, start), simulate(plant, controller, reference, start))
-
-
-@pytest.mark.parametrize(
-    "name",
     [
         pytest.param(name, marks=[pytest.mark.slow] * (name != "bridgeport-late"))
         for name in PLANTS
-        if name.startswith("bridgeport")  # controllers of other machines are run on theirs above
+        if name.startswith("bridgeport")  # every controller is run in test_contracts.py
     ],
 )
 def test_loop_is_simulate_on_every_form_of_a_plant(closed_loop, name):
