@@ -145,22 +145,21 @@ def test_flags_of_predictive_control_are_refused_elsewhere(capsys):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("controller", ["mpcc", "tracking-mpc"])
-def test_any_number_of_workers_finds_the_same_bits(tmp_path, capsys, controller):
+def test_workers_find_the_same_bits(tmp_path, capsys, controller):
     weight = "q_theta" if controller == "mpcc" else "increment"
     flags = ["circle", "--controller", controller, "--plant", "xy-table", "--previews", "3", "5"]
     flags += ["--vary", f"{weight}=1,30", "--speeds-mm-s", "40", "--json"]
-    for workers in "012":
+    for workers in "02":
         out = ["--out", str(tmp_path / workers)]
         assert main(["sweep", *flags, "--workers", workers, *out]) == 0
-    alone, *others = (tmp_path / workers for workers in "012")
+    alone, other = (tmp_path / workers for workers in "02")
     files = sorted(path.name for path in (alone / "parts").iterdir())
     assert len(files) == 4
-    for other in others:
-        assert (other / "result.json").read_bytes() == (alone / "result.json").read_bytes()
-        for name in files:
-            one = (alone / "parts" / name).read_bytes()
-            assert (other / "parts" / name).read_bytes() == one
-        assert load_dataset(other / "sweep.nc").identical(load_dataset(alone / "sweep.nc"))
+    assert (other / "result.json").read_bytes() == (alone / "result.json").read_bytes()
+    for name in files:
+        one = (alone / "parts" / name).read_bytes()
+        assert (other / "parts" / name).read_bytes() == one
+    assert load_dataset(other / "sweep.nc").identical(load_dataset(alone / "sweep.nc"))
     assert read_result(alone, PredictiveSweepResult).runs == 4
     assert {path.name for path in alone.iterdir()} == {
         *("settings.json", "parts", "sweep.nc", "sweep.png", "front.png", "result.json")

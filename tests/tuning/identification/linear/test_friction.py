@@ -44,8 +44,7 @@ def held_response(frequency):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("friction", [0.0, 0.05, 0.15])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(("friction", "seed"), [(0.0, 0), (0.05, 1), (0.15, 0)])
 def test_response_and_delay_are_those_without_friction(friction, seed):
     """Between 0.7 and 20 Hz, with 0 to 2 % of the command taken by friction."""
     one = record(friction, seed)
