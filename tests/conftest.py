@@ -13,6 +13,7 @@ from experiments.cli import choose_compiler, keep_to_one_thread
 
 keep_to_one_thread()  # as the commands do, before NumPy is loaded; workers inherit it
 choose_compiler()  # and before JAX is loaded
+gc.set_threshold(50_000, 20, 50)  # of what is loaded and collected next, nothing goes
 
 from typing import Any
 
@@ -44,17 +45,19 @@ IGNORED_WARNINGS = (
 )
 
 
-# Most of the time of a short test is compiling: its programs are compiled without optimisation,
-# its loops with little. Commands that tests start inherit it. Programs are small, and workers keep
-# the cores busy: their parts are compiled in one piece, not side by side.
-QUICKLY_COMPILED = "--xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1"
+# Most of the time of a test is compiling: its programs are compiled without optimisation, but where
+# a test is marked as one that runs for longer. The loops of short tests have little. Commands that
+# tests start inherit it. Programs are small, and workers keep the cores busy: their parts are
+# compiled in one piece, not side by side.
+QUICKLY_COMPILED = "JAX_DISABLE_MOST_OPTIMIZATIONS"
+IN_ONE_PIECE = "--xla_cpu_parallel_codegen_split_count=1"
 QUICKLY_COMPILED_LOOPS = "1"  # Numba's level; 0 does not compile all of them
 MOST_MAPS = 2500  # some thousand programs; they take about 1 GB
 
 
 def pytest_configure(config):
+    os.environ["XLA_FLAGS"] = f"{os.environ['XLA_FLAGS']} {IN_ONE_PIECE}"
     if "slow" not in config.option.markexpr.replace("not slow", ""):
-        os.environ["XLA_FLAGS"] = f"{os.environ['XLA_FLAGS']} {QUICKLY_COMPILED}"
         _compile_loops_quickly(config)
     # commands that the tests stop with Ctrl-C heed it, though the tests run in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -71,11 +74,17 @@ def pytest_configure(config):
         config.addinivalue_line("filterwarnings", f"ignore:{ignored}")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    quickly = item.get_closest_marker("optimised") is None
+    os.environ[QUICKLY_COMPILED] = str(int(quickly))
+    jax.config.update(QUICKLY_COMPILED.lower(), quickly)
+
+
 def pytest_collection_finish(session):
     """What the tests are made of stays: the collector need not look through it again and again."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000, 20, 50)
 
 
 def pytest_sessionfinish(session):

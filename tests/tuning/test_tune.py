@@ -314,6 +314,7 @@ STARTS = [(3.0, 0.1), (0.5, 20.0)]
 SQUARE = [(0, STARTS[0]), (1, STARTS[1]), (2, STARTS[0])]
 
 
+@pytest.mark.optimised
 @pytest.mark.slow
 @pytest.mark.parametrize(("row", "start"), SQUARE)
 def test_square_front(row, start):
@@ -334,6 +335,7 @@ def test_square_front_from_near():
     assert 1e6 * float(tuned.outcome.metrics.rms_contour_error[0, 0]) <= 1.01 * wanted["rms_ce_um"]
 
 
+@pytest.mark.optimised
 @pytest.mark.slow
 @pytest.mark.parametrize("start", [STARTS[1], (0.01, 850.0)])
 def test_robust_optimum(start):
