@@ -10,10 +10,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from experiments.files import run_folder
-from jcontour.geometry.toolpath_rules import SLOWEST
+from experiments.files.written_moves import clock, steps
 
 SPACINGS = (64, 32, 16, 8, 4, 2, 1)  # samples of a move
 CHORD = 0.5e-6  # [m] that moves at their feeds may be away from the samples at the same time
+NEAR = CHORD - 2e-9  # [m], as the digits of the feeds have their share
 STILL = 2e-5  # [m/s]: what is slower, and stays where it is, rests
 SAMPLES, PROGRAM = "reference.csv", "part.ngc"
 # [mm] of G64, up to which a control may round the corners between moves: without it, LinuxCNC
@@ -28,8 +29,8 @@ class Moves(NamedTuple):
     Attributes:
         ends: their ends, the start first (M, m) [m].
         lasting: time of every move (M-1,) [s].
-        chord: largest distance of a sample from where they are at its time [m]; 0 of rapid moves,
-            which have no way.
+        chord: largest distance of a sample from where the program is at its time, with the digits
+            that it has [m]; 0 of rapid moves, which have no way.
         rapid: whether they are rapid moves.
         asked: what is to be done before the first one, in words; empty for nothing.
     """
@@ -62,33 +63,43 @@ def moves_through(position: Float[np.ndarray, "T m"], dt: float) -> Moves:
     """The longest moves from sample to sample that stay near those in between, at their times.
 
     So feeds change by as much as the samples accelerate in a move, and not by a jump. None of them
-    is part of a rest and part of a motion; a rest is a move to where it is.
+    is part of a rest and part of a motion; a rest is a move to where it is. Their ends have the
+    digits of the program.
     """
     slow = np.linalg.norm(np.diff(position, axis=0), axis=1) < STILL * dt
     bounds = np.append(np.flatnonzero(slow[1:] != slow[:-1]) + 1, len(position) - 1)
-    at, ends, chord = [0], [position[0]], 0.0
+    written = 1e-3 * rounded(position)
+    at, ends = [0], [written[0]]
     while at[-1] < len(position) - 1:
         bound = int(bounds[np.searchsorted(bounds, at[-1], side="right")])
         resting = _away(ends[-1], ends[-1], position[at[-1] : bound + 1])
-        if slow[at[-1]] and resting <= CHORD:
-            last, place, away = bound, ends[-1], resting
+        if slow[at[-1]] and resting <= NEAR:
+            last, place = bound, ends[-1]
         else:
-            last, away = _farthest_move(ends[-1], position, at[-1], bound)
-            place = position[last]
+            last = _farthest_move(ends[-1], position, written, at[-1], bound)
+            place = written[last]
         at.append(last)
         ends.append(place)
-        chord = max(chord, away)
-    return Moves(np.array(ends), np.diff(at) * dt, chord)
+    places, lasting = np.array(ends), np.diff(at) * dt
+    return Moves(places, lasting, _apart(places, lasting, position, dt))
+
+
+def _apart(ends: np.ndarray, lasting: np.ndarray, position: np.ndarray, dt: float) -> float:
+    """Largest distance of the samples from the program at the same time [m]."""
+    places = rounded(ends)
+    times, at = clock(places, steps(places, lasting))
+    sampled = dt * np.arange(len(position))
+    on = np.stack([np.interp(sampled, times, axis) for axis in at.T], axis=1)
+    return float(np.linalg.norm(position - 1e-3 * on, axis=1).max())
 
 
 def _farthest_move(
-    start: np.ndarray, position: np.ndarray, at: int, bound: int
-) -> tuple[int, float]:
-    """Last sample of the longest move that stays near the samples, and how near [m]."""
+    start: np.ndarray, position: np.ndarray, written: np.ndarray, at: int, bound: int
+) -> int:
+    """Last sample of the longest move that stays near the samples."""
     lasts = [min(at + samples, bound) for samples in SPACINGS]
-    away = [_away(start, position[last], position[at : last + 1]) for last in lasts]
-    near = next((k for k, size in enumerate(away) if size <= CHORD), len(lasts) - 1)
-    return lasts[near], away[near]
+    near = (last for last in lasts if _away(start, written[last], position[at : last + 1]) <= NEAR)
+    return next(near, lasts[-1])
 
 
 def _away(start: np.ndarray, end: np.ndarray, points: Float[np.ndarray, "k m"]) -> float:
@@ -168,18 +179,7 @@ def _lines(moves: Moves, axes: Sequence[str]) -> list[str]:
     places = _places(moves, axes)
     if moves.rapid:
         return [f"G0 {place}" for before, place in pairwise(places) if place != before]
-    lines, rested = [], 0.0
-    # of the places as they are written, so that every move takes its own time
-    written = moves._replace(ends=1e-3 * rounded(moves.ends))
-    feeds = 6e4 * np.maximum(written.feed, SLOWEST)
-    for k, (place, feed) in enumerate(zip(places[1:], feeds, strict=True)):
-        if place == places[k]:
-            rested += moves.lasting[k]
-            continue
-        lines += [*_dwell(rested), f"G1 {place} F{feed:.6g}"]
-        rested = 0.0
-    return lines + _dwell(rested)
-
-
-def _dwell(lasting: float) -> list[str]:
-    return [f"G4 P{lasting:.6g}"] if lasting else []
+    return [
+        f"G4 P{step.word:.9g}" if step.end is None else f"G1 {places[step.end]} F{step.word:.6g}"
+        for step in steps(rounded(moves.ends), moves.lasting)
+    ]
