@@ -116,8 +116,7 @@ class _Reader:
                 self.drawing.leave_out(kind)
         here = around._replace(place=around.place.after(transform(element)), hidden=hidden)
         if name in SHAPES:
-            for stroke in SHAPES[name](element, here.whole):
-                self.drawing.add([segment.placed(here.place) for segment in stroke], element.line)
+            self._shape(element, here)
         elif name == "use":
             self._use(element, here)
         elif name == "switch":
@@ -127,6 +126,15 @@ class _Reader:
                 here = _nested(element, element, here)
             for child in element.children:
                 self.draw(child, here)
+
+    def _shape(self, element: Element, here: _Setting) -> None:
+        try:
+            for stroke in SHAPES[element.name](element, here.whole):
+                self.drawing.add([segment.placed(here.place) for segment in stroke], element.line)
+        except OverflowError:
+            raise ToolpathError(
+                f"line {element.line}: a number is too large to compute with"
+            ) from None
 
     def _switch(self, element: Element, here: _Setting) -> None:
         """Draw the first child whose conditions hold, be it hidden or not."""
@@ -215,7 +223,7 @@ def _box(element: Element) -> tuple[float, float, float, float] | None:
     box = numbers(element, "viewBox")
     if not box:
         return None
-    if len(box) != 4 or not (box[2] > 0 and box[3] > 0) or not all(map(math.isfinite, box)):
+    if len(box) != 4 or not (box[2] > 0 and box[3] > 0):
         raise ToolpathError(
             f"line {element.line}: viewBox needs four numbers, the last two above zero"
         )

@@ -9,7 +9,7 @@ import re
 
 from jcontour.geometry.drawings.affine import Planar
 from jcontour.geometry.drawings.segments import Arc, Curve, Line, Segment
-from jcontour.geometry.drawings.svg_words import NUMBERS
+from jcontour.geometry.drawings.svg_words import NUMBERS, number
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
 LETTER = re.compile(r"[\s,]*([a-zA-Z])")
@@ -48,10 +48,7 @@ def _given(data: str, at: int, kind: str, line: int) -> tuple[list[float], int]:
             raise ToolpathError(
                 f"line {line}: {kind} needs {COUNTS[kind]} numbers, received {shown(data[at:])}"
             )
-        value = float(match[1])
-        if not math.isfinite(value):
-            raise ToolpathError(f"line {line}: the number {shown(match[1])} is too large")
-        given.append(value)
+        given.append(number(match[1], line))
         at = match.end()
     return given, at
 

@@ -29,16 +29,16 @@ def length(element: Element, name: str, default: float = 0.0, whole: float = mat
     """A length in user units; a percentage is of `whole`.
 
     Raises:
-        ToolpathError: it is none.
+        ToolpathError: it is none, or too large.
     """
     text = element.text(name)
     if not text or text == "auto":
         return default
     found = LENGTH.fullmatch(text)
     if found and found[2] in IN_PX:
-        return float(found[1]) * IN_PX[found[2]]
+        return number(found[1], element.line, IN_PX[found[2]])
     if found and found[2] == "%" and math.isfinite(whole):
-        return 0.01 * float(found[1]) * whole
+        return number(found[1], element.line, 0.01 * whole)
     raise ToolpathError(
         f"line {element.line}: {name} needs a length in px, mm, cm, in, pt or pc, "
         f"received {shown(text)}"
@@ -49,15 +49,27 @@ def numbers(element: Element, name: str) -> list[float]:
     """Numbers of an attribute, with spaces or commas between them.
 
     Raises:
-        ToolpathError: something else is among them.
+        ToolpathError: something else is among them, or one is too large.
     """
     return _numbers(element.attributes.get(name, ""), element, name)
+
+
+def number(text: str, line: int, unit: float = 1.0) -> float:
+    """A number on a line of the file, times a unit.
+
+    Raises:
+        ToolpathError: it is too large.
+    """
+    value = float(text) * unit
+    if not math.isfinite(value):
+        raise ToolpathError(f"line {line}: the number {shown(text)} is too large")
+    return value
 
 
 def _numbers(text: str, element: Element, name: str) -> list[float]:
     found, at = [], 0
     while match := NUMBERS.match(text, at):
-        found.append(float(match[1]))
+        found.append(number(match[1], element.line))
         at = match.end()
     if text[at:].strip(" \t\r\n,"):
         raise ToolpathError(

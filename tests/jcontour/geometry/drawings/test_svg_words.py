@@ -5,7 +5,8 @@ import math
 import pytest
 
 from jcontour.geometry.drawings.svg_tree import Element
-from jcontour.geometry.drawings.svg_words import PX, length, transform
+from jcontour.geometry.drawings.svg_words import PX, length, numbers, transform
+from jcontour.geometry.toolpath_rules import ToolpathError
 
 
 def element(**attributes):
@@ -46,3 +47,28 @@ COS, SIN, TAN = (f(math.radians(30)) for f in (math.cos, math.sin, math.tan))
 def test_a_transform_moves_a_point(words, expected):
     moved = transform(element(transform=words)).point(2 + 1j)
     assert (moved.real, moved.imag) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "rotate(1e400)",
+        "rotate(30 1e400 0)",
+        "translate(0 1e400)",
+        "scale(1e400)",
+        "skewX(1e400)",
+        "skewY(-1e400)",
+        "matrix(1 0 0 1 0 1e400)",
+    ],
+)
+def test_a_number_that_is_too_large_is_told_with_its_line(words):
+    with pytest.raises(ToolpathError, match=r"^line 3: the number '-?1e400' is too large$"):
+        transform(element(transform=words))
+
+
+def test_a_length_and_a_list_need_numbers_that_are_finite():
+    for width in ("1e400", "1e400mm", "1e307in", "1e400%"):
+        with pytest.raises(ToolpathError, match="^line 3: the number '1e.*' is too large$"):
+            length(element(width=width), "width", whole=40.0)
+    with pytest.raises(ToolpathError, match="^line 3: the number '1e999' is too large$"):
+        numbers(element(points="1,2 1e999,3"), "points")
