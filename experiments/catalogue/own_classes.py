@@ -3,7 +3,8 @@
     --controller    a `Controller`, or what makes one: a class that needs no arguments, or a
                     function or class method that takes the machine's model, a `LinearPlant`
     --plant         a `Plant`, or a class or function without arguments that makes one; a
-                    `LinearPlant` becomes the same machine as from a machine file
+                    `LinearPlant` becomes the same machine as from a machine file. UNCERTAINTY in
+                    the file, as in a machine file, says what is not known of it
 
 NAME may be dotted: `mine.py:PD.for_model`. The file is run as it is; it is one file by itself, as
 a resumed run reads its own copy. What it prints goes to stderr.
@@ -29,6 +30,7 @@ if TYPE_CHECKING:  # a question about a name imports none of these
     from jcontour.controller import Controller
 
 FILE = "FILE.py:NAME"
+FAMILY = "UNCERTAINTY"  # name in the file for what is not known of its plants
 REMEDIES = {  # error of JAX -> what to write in the place of what caused it
     "TracerBoolConversionError": "if, while, and, or, not, min and max of Python cannot decide on "
     "numbers of the run; jnp.where(condition, a, b) and jnp.maximum can",
@@ -147,12 +149,12 @@ def own_machine(own: OwnName) -> "Machine":
     plant = _made(own, Plant, ())
     name = own.name.replace(".", "-")
     linear = isinstance(plant, LinearPlant)
-    make: Callable[[Any, str], Machine] = linear_machine if linear else machine_of
+    make: Callable[[Any, str, Any], Machine] = linear_machine if linear else machine_of
     try:
         if not linear:
             check_plant(plant, axes_of(plant))
-        return make(plant, name)
-    except ContractError as error:
+        return make(plant, name, vars(_module(own.path, own.path.read_bytes())).get(FAMILY))
+    except (ContractError, checks.MachineError) as error:
         raise _broken(own, error) from None
     except Exception as error:  # the file's code runs in it: whatever fails is told with its line
         raise _fault(own, error, "no machine can be made of this plant") from None

@@ -9,7 +9,7 @@ import numpy as np
 from experiments.files.checks import METRES
 from experiments.files.step_file import read_step
 from experiments.flags.machines import Machine
-from experiments.machines.from_file import MOST_DELAY
+from experiments.machines.uncertainty import GAIN_KNOWN_TO, MOST_DELAY
 from experiments.machines.unsure_resonances import LESS_DAMPED, unsure_resonances
 from jcontour.linear.continuous_axes import (
     ContinuousAxis,
@@ -22,11 +22,6 @@ from jcontour.linear.continuous_axes import (
 from tuning.identification.step_response import FittedStep, fit_step
 
 PER_AXIS = ("gain", "time_constant_ms", "delay_ms", "resonance_hz", "mass_kg", "viscous")
-GAIN_KNOWN_TO = {  # a data sheet is seldom better; a position drive follows its own encoder
-    "speed": 0.1,
-    "position": 0.0,
-    "force": 0.1,
-}
 LIMITS = ("control", "speed", "acceleration")
 OF_OTHER_DRIVES = {  # what the control means -> flags that say nothing of such a drive
     "speed": ("mass_kg", "viscous"),

@@ -15,9 +15,11 @@ is nested), all lengths in `length_unit`:
                            acceleration, see `jobs.pace.SHARE`
     known_delay          samples between a control and its effect that A and B do not contain; goes
     into the model (default 0)
-    uncertainty          optional: gain (0.1: each input gain is known to 10 %; of a drive that
-                         takes a position, for moves from where the part begins), delay (most
-                         further samples of delay), response: how far off the frequency response
+    uncertainty          optional; when not given, gains known to 10 % (of a drive that takes a
+                         position: exactly) and a sample of delay. Else what it gives of: gain (0.1:
+                         each input gain is known to 10 %; of a drive that takes a position, for
+                         moves from where the part begins), delay (most further samples of delay),
+                         response: how far off the frequency response
                          may be, as {"hertz": [1, 10, 100], "relative": [[...], [...]]}, one row
                          |G_true / G - 1| per axis. Tuned loops stay stable for twice as much
     encoder_resolution   [length] per count, one number or one per axis; 0.8 um when not given
@@ -52,13 +54,13 @@ from experiments.files.checks import METRES, MachineError
 from experiments.machines.flexible_axis import flexible_machine
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine, MachineLimits
-from jcontour.analysis.uncertain_loops import Doubt
+from experiments.machines.uncertainty import IN_FILE, IN_PYTHON, MOST_DELAY, stated_uncertainty
 from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION
 
 MOST_BYTES = 16 * 2**20  # of a file, unpacked
-MOST_STATES, MOST_DELAY = 200, 50
+MOST_STATES = 200
 CONTROL_NOISE = 0.1  # [control unit] where no limit of the control says more
 RANK = (
     1e-10  # smallest singular value, relative, of a mode that the input reaches or the output shows
@@ -173,12 +175,7 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
     model = with_input_delay(plant, known_delay)
     _check_motion(model)
     limits = _limits(fields.get("limits", {}), metre, plant)
-    uncertainty = checks.mapping(
-        "uncertainty", fields.get("uncertainty", {}), {"gain", "delay", "response"}
-    )
-    gain = checks.number("uncertainty.gain", uncertainty.get("gain", 0.0), least=0.0)
-    if gain >= 1:
-        raise MachineError(f"uncertainty.gain: needs a fraction below 1, received {gain:g}")
+    unsure = stated_uncertainty(fields.get("uncertainty"), model)
     resolution = (
         checks.one_or_each(
             "encoder_resolution",
@@ -198,26 +195,34 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         checks.text("control_unit", fields.get("control_unit", "control unit")),
         limits,
         known_delay,
-        gain,
-        checks.whole("uncertainty.delay", uncertainty.get("delay", 0), MOST_DELAY),
+        unsure.gain,
+        unsure.delay,
         resolution,
         checks.number("control_noise", fields.get("control_noise", assumed), above=0.0),
         encoder_noise=noise * metre,
-        response_doubt=_doubt(uncertainty.get("response"), plant),
+        response_doubt=unsure.response,
         friction=_friction(fields.get("friction", 0.0)),
         note=checks.text("note", fields["note"]) if "note" in fields else "",
+        states_family="" if "uncertainty" in fields else IN_FILE,
     )
 
 
-def linear_machine(plant: LinearPlant, name: str) -> LinearMachine:
+def linear_machine(plant: LinearPlant, name: str, uncertainty: Any = None) -> LinearMachine:
     """Machine of a linear plant of the user's, as from a file that gives no more than A, B, C, dt.
 
+    Args:
+        plant: with two or three axes.
+        name: of the machine.
+        uncertainty: as in a machine file; the usual where it is None.
+
     Raises:
-        MachineError: it has not two or three axes, or one of them cannot be controlled.
+        MachineError: it has not two or three axes, one of them cannot be controlled, or a field
+            of the uncertainty is wrong.
     """
     _check_axes(plant)
     _check_modes(*(np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C)))
     _check_motion(plant)
+    unsure = stated_uncertainty(uncertainty, plant)
     return LinearMachine(
         name,
         plant,
@@ -225,10 +230,12 @@ def linear_machine(plant: LinearPlant, name: str) -> LinearMachine:
         "control unit",
         MachineLimits(),
         known_delay=0,
-        gain=0.0,
-        delay=0,
+        gain=unsure.gain,
+        delay=unsure.delay,
         encoder_resolution=ENCODER_RESOLUTION,
         control_noise=CONTROL_NOISE,
+        response_doubt=unsure.response,
+        states_family="" if uncertainty is not None else IN_PYTHON,
     )
 
 
@@ -243,7 +250,7 @@ def _check_motion(plant: LinearPlant) -> None:
     try:
         steady_motion(plant)
     except ValueError as error:
-        raise MachineError(f"A, B, C: {checks.line(error)}") from None
+        raise MachineError(f"A, B, C: {error}") from None
 
 
 def _limits(value: Any, metre: float, plant: LinearPlant) -> MachineLimits:
@@ -265,28 +272,6 @@ def _limits(value: Any, metre: float, plant: LinearPlant) -> MachineLimits:
 
 def _friction(given: Any) -> float | None:
     return None if given is None else checks.number("friction", given, least=0.0)
-
-
-def _doubt(value: Any, plant: LinearPlant) -> Doubt | None:
-    """What a file says of the response; a frequency in rad per sample."""
-    if value is None:
-        return None
-    name = "uncertainty.response"
-    given = checks.mapping(name, value, {"hertz", "relative"})
-    if set(given) != {"hertz", "relative"}:
-        raise MachineError(
-            f"{name}: needs hertz and relative, received {', '.join(given) or 'none'}"
-        )
-    hertz = np.ravel(checks.matrix(f"{name}.hertz", [given["hertz"]]))
-    relative = checks.matrix(f"{name}.relative", given["relative"])
-    highest = 1 / (2 * plant.dt)
-    if not (hertz[0] > 0 and np.all(np.diff(hertz) > 0) and hertz[-1] <= highest):
-        raise MachineError(f"{name}.hertz: needs rising frequencies above 0, up to {highest:g} Hz")
-    if relative.shape != (plant.axes, hertz.size) or relative.min() < 0:
-        raise MachineError(
-            f"{name}.relative: needs {plant.axes} rows of {hertz.size} numbers of at least 0"
-        )
-    return Doubt(2 * np.pi * plant.dt * hertz, relative.T)
 
 
 def _check_modes(A, B, C) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from experiments.machines.count_noise import in_words, rounding_noise, sensor_noise
 from experiments.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
+from experiments.machines.uncertainty import Member, assumed, family_members, random_members
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.linear.between_samples import hidden_acceleration
 from jcontour.plant import Plant
@@ -59,6 +60,7 @@ class LinearMachine(Machine):
         friction: control that dry friction takes: in the runs, not in linear loops; None where it
             is not known, and nowhere.
         note: of its file, to be repeated where it is run; empty without one.
+        states_family: how its file states the family; empty where it does.
     """
 
     known_delay: int
@@ -73,6 +75,7 @@ class LinearMachine(Machine):
     response_doubt: Doubt | None = None
     friction: float | None = 0.0
     note: str = ""
+    states_family: str = ""
 
     @property
     def doubt(self) -> Doubt | None:
@@ -81,8 +84,11 @@ class LinearMachine(Machine):
 
     @property
     def remarks(self) -> list[str]:
-        """The note of its file."""
-        return [f"{self.name}: {self.note}"] if self.note else []
+        """The note of its file, and the family that is assumed where it states none."""
+        lines = [f"{self.name}: {self.note}"] if self.note else []
+        if self.states_family:
+            lines.append(assumed(self.name, self.gain, self.delay, self.states_family))
+        return lines
 
     @property
     def nonsmooth_effects(self) -> str:
@@ -123,18 +129,9 @@ class LinearMachine(Machine):
         return self.contours
 
     @property
-    def members(self) -> list[tuple[str, np.ndarray, int]]:
+    def members(self) -> list[Member]:
         """Name, input gains and extra delay of every plant of the family, the nominal one first."""
-        sign = np.where(np.arange(self.model.inputs) % 2 == 0, 1.0, -1.0)
-        unchanged = 1 + 0 * sign
-        found = [("nominal", unchanged, 0)]
-        for side in (1, -1) if self.gain > 0 else ():
-            gains = 1 + side * self.gain * sign
-            found.append(("gains " + ", ".join(f"{gain:.3g}" for gain in gains), gains, 0))
-        for late in range(1, self.delay + 1):
-            samples = "sample" if late == 1 else "samples"
-            found.append((f"{late} {samples} late", unchanged, late))
-        return found
+        return family_members(self.model.inputs, self.gain, self.delay)
 
     @property
     def family_names(self) -> list[str]:
@@ -193,10 +190,7 @@ class LinearMachine(Machine):
         """Gains and delays drawn evenly from their intervals, a delay with parts of a sample."""
         if self.gain == 0 and self.delay == 0:
             return None
-        random, inputs = np.random.default_rng(seed), self.model.inputs
-        gains = 1 + self.gain * random.uniform(-1, 1, (count, inputs))
-        delays = random.uniform(0, self.delay, count)
-        drawn = zip(gains, delays, strict=True)
+        drawn = random_members(count, seed, self.model.inputs, self.gain, self.delay)
         late = [self._member(PartlyDelayed, gain, delay) for gain, delay in drawn]
         return stack_plants([self.counted(plant, fed) for plant in late])
 

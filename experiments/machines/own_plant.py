@@ -1,25 +1,59 @@
-"""A machine around any smooth plant: the plant is the whole family, its linearisation the model."""
+"""A machine around any smooth plant: its linearisation is the model, gains and delay are unsure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from experiments.machines.linear import USUAL
 from experiments.machines.machine import NO_EFFECTS, Fed, Machine, MachineLimits, Usual
+from experiments.machines.uncertainty import (
+    IN_PYTHON,
+    Member,
+    Uncertainty,
+    assumed,
+    family_members,
+    random_members,
+    stated_uncertainty,
+)
+from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.plant import Plant
+from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
+from jcontour.plants.wrappers.gains import Gained
+from jcontour.simulation.evaluation import stack_plants
 
 AXES = 2  # of a plant that does not say how many it has
 
 
 @dataclass(frozen=True)
 class PlantMachine(Machine):
-    """A machine whose family is one plant, measured as the plant says."""
+    """A machine around a plant, measured as the plant says.
+
+    Attributes:
+        plant: the nominal one.
+        uncertainty: of its input gains and its delay.
+        stated: whether its file states that.
+    """
 
     plant: Plant
+    uncertainty: Uncertainty
+    stated: bool
+
+    @property
+    def remarks(self) -> list[str]:
+        """The family that is assumed where its file states none."""
+        gain, delay, _ = self.uncertainty
+        return [] if self.stated else [assumed(self.name, gain, delay, IN_PYTHON)]
+
+    @property
+    def doubt(self) -> Doubt | None:
+        """What its file says of the response."""
+        return self.uncertainty.response
 
     @property
     def nonsmooth_effects(self) -> str:
@@ -32,28 +66,52 @@ class PlantMachine(Machine):
         return USUAL._replace(controller="")
 
     @property
+    def members(self) -> list[Member]:
+        """Name, input gains and extra delay of every plant of the family, the nominal one first."""
+        gain, delay, _ = self.uncertainty
+        return family_members(self.model.inputs, gain, delay)
+
+    @property
     def family_names(self) -> list[str]:
-        """The plant alone."""
-        return ["nominal"]
+        """Names of the members."""
+        return [one.name for one in self.members]
 
     @property
     def unknown_delay(self) -> int:
-        """None."""
-        return 0
+        """Most samples of delay that the plant does not have."""
+        return self.uncertainty.delay
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The plant, for what it measures itself."""
-        if fed == "state":
-            raise ValueError(f"{self.name} is measured as its plant says, not by its state")
-        return [self.plant]
+        """The plant with other input gains and more delay, for what it measures itself."""
+        self._check(fed)
+        return [self._member(Delayed, gains, late) for _, gains, late in self.members]
 
     def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The same."""
         return self.smooth_family(fed)
 
+    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
+        """Gains and delays drawn evenly from their intervals, a delay with parts of a sample."""
+        self._check(fed)
+        gain, delay, _ = self.uncertainty
+        if gain == 0 and delay == 0:
+            return None
+        drawn = random_members(count, seed, self.model.inputs, gain, delay)
+        return stack_plants([self._member(PartlyDelayed, *one) for one in drawn])
+
+    def _member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
+        depth = max(self.uncertainty.delay, 1)
+        plant = line(self.plant, jnp.asarray(late), depth, self.model.inputs)
+        return Gained(plant, jnp.asarray(gains))
+
+    def _check(self, fed: Fed) -> None:
+        if fed == "state":
+            raise ValueError(f"{self.name} is measured as its plant says, not by its state")
+
     def nominal(self, fed: Fed = "outputs") -> Plant:
         """The plant."""
-        return self.smooth_family(fed)[0]
+        self._check(fed)
+        return self.plant
 
     def description(self) -> dict[str, str]:
         """Axes and sample period."""
@@ -66,13 +124,22 @@ def axes_of(plant: Plant) -> int:
     return int(getattr(plant, "axes", AXES))
 
 
-def machine_of(plant: Plant, name: str) -> PlantMachine:
-    """Machine of a plant with two axes, or as many as its `axes` says; one input each."""
+def machine_of(plant: Plant, name: str, uncertainty: Any = None) -> PlantMachine:
+    """Machine of a plant with two axes, or as many as its `axes` says; one input each.
+
+    Args:
+        plant: the nominal one.
+        name: of the machine.
+        uncertainty: as in a machine file; the usual where it is None.
+
+    Raises:
+        MachineError: a field of the uncertainty is wrong.
+    """
     axes = axes_of(plant)
     names = ("X", "Y", "Z")[:axes]
-    return PlantMachine(
-        name, _linearised(plant, axes), names, "control unit", MachineLimits(), plant
-    )
+    model = _linearised(plant, axes)
+    unsure, stated = stated_uncertainty(uncertainty, model), uncertainty is not None
+    return PlantMachine(name, model, names, "control unit", MachineLimits(), plant, unsure, stated)
 
 
 def _linearised(plant: Plant, axes: int) -> LinearPlant:

@@ -19,6 +19,10 @@ from jcontour.plant import Plant
 from jcontour.tracing import is_concrete
 
 ROUNDED = 3e-5  # drift of a standstill, over its state; 1.2e-5 as McNab and Tsao print their table
+COUPLED = (
+    "give LinearPlant(A, B, C, dt, motion=SteadyMotion(Sy, Sv)), "
+    "from jcontour.linear.plant import SteadyMotion"
+)
 ROUNDING = 1e-8  # of a double eigenvalue at 1, about the root of the machine's precision
 
 
@@ -227,9 +231,8 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
     for axis in axes:
         if len(axis.inputs) != 1 or len(axis.outputs) != 1:
             raise ValueError(
-                "steady motion needs axes with one input and one output each; "
-                f"states {list(axis.states)} have inputs {list(axis.inputs)} "
-                f"and outputs {list(axis.outputs)}: give SteadyMotion(Sy, Sv) or the state itself"
+                "steady motion needs axes with one input and one output each, inputs "
+                f"{list(axis.inputs)} and outputs {list(axis.outputs)} hang together; {COUPLED}"
             )
     motion, conditions = _steady_motion(plant)
     for axis, condition in zip(axes, conditions, strict=True):

@@ -10,6 +10,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, Plan, Sampled, check_preview
@@ -124,15 +125,24 @@ def follow(
 
 
 def check_run(plant: Plant, controller: Sampled, reference: Reference) -> None:
-    """Raise ValueError unless the reference suits the controller and the plant."""
+    """Raise ValueError unless the reference suits the controller and the plant.
+
+    The numbers of a family may be stacked, its sample period and axes too: they are all alike.
+    """
     check_preview(controller, reference)
-    if plant.dt != reference.dt:
+    dt = _first(plant.dt)
+    if dt != reference.dt:
         raise ValueError(
-            f"dt: the plant is sampled every {plant.dt} s, the reference every {reference.dt} s"
+            f"dt: the plant is sampled every {dt} s, the reference every {reference.dt} s"
         )
     wanted, axes = reference.position.shape[-1], _axes(plant)
-    if axes is not None and axes != wanted:
-        raise ValueError(f"reference: it has {wanted} axes, the plant {axes}")
+    if axes is not None and _first(axes) != wanted:
+        raise ValueError(f"reference: it has {wanted} axes, the plant {_first(axes)}")
+
+
+def _first(number: Any) -> Any:
+    """A number, or the first of a stack."""
+    return np.ravel(number)[0] if np.ndim(number) else number
 
 
 def _axes(plant: Plant) -> int | None:

@@ -130,6 +130,10 @@ def linear():
 def single():
     return LinearPlant([[1.0, 1e-3], [0.0, 0.9]], [[0.0], [1e-3]], [[1.0, 0.0]], 1e-3)
 
+def coupled():
+    plant = linear()
+    return LinearPlant(plant.A, plant.B + 0.1 * plant.B[:, ::-1], plant.C, plant.dt)
+
 def unreached():
     plant = linear()
     return LinearPlant(plant.A, 0 * plant.B, plant.C, plant.dt)
@@ -242,6 +246,7 @@ PLANT_FAULTS = {
     "plants.py:Failing": f"plants.py:{line_of('no tool', PLANTS)}: Failing: no machine can",
     "plants.py:ThreeOutputs": "ThreeOutputs: output needs shape (2,), received (3,); a plant has",
     "plants.py:single": "needs two or three outputs",
+    "plants.py:coupled": "from jcontour.linear.plant import SteadyMotion\n",
     "plants.py:unreached": "out of reach of the inputs",
     "plants.py:jnp.zeros": "cannot be made without arguments",
     "plants.py:Plant": "cannot be made without arguments",
@@ -277,13 +282,26 @@ def test_linear_designs_run_on_a_linear_plant_of_a_file(files):
     assert design_for(machine, Simulate()).name == "contouring-lq"
 
 
+def test_a_file_states_what_is_not_known_of_its_plants(files, tmp_path):
+    stated = tmp_path / "stated.py"
+    stated.write_text(f'UNCERTAINTY = {{"gain": 0.05, "delay": 2}}\n{PLANTS}')
+    for name in ("linear", "Sliding"):
+        usual, machine = (machine_named(f"{path}:{name}") for path in (files / "plants.py", stated))
+        assert usual.family_names[1:] == ["gains 1.1, 0.9", "gains 0.9, 1.1", "1 sample late"]
+        assert machine.family_names[1:3] == ["gains 1.05, 0.95", "gains 0.95, 1.05"]
+        assert machine.unknown_delay == 2 and machine.remarks == [] and len(usual.remarks) == 1
+    stated.write_text(f'UNCERTAINTY = {{"gain": 2}}\n{PLANTS}')
+    with pytest.raises(ValueError, match="Sliding: uncertainty.gain: needs a fraction below 1"):
+        machine_named(f"{stated}:Sliding")
+
+
 @pytest.mark.slow
 def test_simulate_with_controller_and_plant_of_files(capsys, files, tmp_path):
     flags = ["--controller", f"{files}/mine.py:PD", "--plant", f"{files}/plants.py:Sliding"]
     run = tmp_path / "run"
     assert main(["simulate", "circle", *flags, "--json", "--out", str(run)]) == 0
     found = json.loads(capsys.readouterr().out)  # what the file prints is not there
-    assert found["controller"] == "mine.py:PD" and list(found["plants"]) == ["nominal"]
+    assert found["controller"] == "mine.py:PD" and len(found["plants"]) == 4
     assert {path.name for path in run.glob("inputs/*/*")} == {"mine.py", "plants.py"}
 
 

@@ -9,9 +9,10 @@ from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line
 from jcontour.motion.references import along
+from jcontour.plant import Plant
 from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.closed_loop import check_run, follow, prepared, simulate, start_state
-from jcontour.simulation.evaluation import stack_references
+from jcontour.simulation.evaluation import stack_plants, stack_references
 
 PREVIEW = 3
 CHECKED = "Type-check error"  # what a checker of annotations says
@@ -73,6 +74,31 @@ def test_a_reference_that_does_not_suit_is_refused(two_axes, controller):
     ):
         simulate(two_axes, controller, reference_of(dt=2e-3))
     check_run(two_axes, controller, reference_of())
+
+
+def test_the_plain_numbers_of_a_family_are_all_alike(controller):
+    """A plant whose sample period and axes are no static fields, stacked."""
+
+    class Drifting(Plant):
+        dt: float = 1e-3
+        axes: int = 2
+
+        def initial_state(self, position, increment):
+            return position
+
+        def step(self, state, control):
+            return state + self.dt * control
+
+        def output(self, state):
+            return state
+
+    family = stack_plants([Drifting(), Drifting()])
+    check_run(family, controller, reference_of())
+    with pytest.raises(ValueError, match="dt: the plant is sampled every 0.001 s, the reference"):
+        check_run(family, controller, reference_of(dt=2e-3))
+    three = stack_plants([Drifting(axes=3), Drifting(axes=3)])
+    with pytest.raises(ValueError, match="it has 2 axes, the plant 3"):
+        check_run(three, controller, reference_of())
 
 
 def test_a_plan_can_be_shared(two_axes, controller):

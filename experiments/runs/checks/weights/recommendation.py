@@ -29,6 +29,11 @@ TRY_LESS = (  # a loop overshoots: the number that is enough is found by trying
     "try 10 % less feed or acceleration, --feed-mm-per-min or --acceleration, and again until "
     "this reason is gone"
 )
+ALONE = (
+    "the weights were tried on a single plant, and no machine is exactly as its model says: state "
+    'what is not known, "uncertainty" in a machine file, UNCERTAINTY in a Python file, as in '
+    '{"gain": 0.05, "delay": 1}'
+)
 CHEAP = 1e-3  # price below which a limit does not stop anything
 SLOWEST = 10.0  # longest contours that an error may take to die out to a third
 
@@ -59,7 +64,7 @@ def reasons_against(
         exceeded: limits of the machine that a run exceeds, one line each.
         error: the error that counts, "contour" or "tracking".
         delay: margin that is asked for [samples].
-        alone: whether the family is one plant, of which nothing says how late it may be.
+        alone: whether the weights were tried on a single plant.
         finest: difference of errors that the encoders of all axes can tell [m].
         limit: name of the one that the weights exceed most; empty where they exceed none.
         allowing: flag and value that allow what the weights reach, see `flag_allowing`.
@@ -69,8 +74,9 @@ def reasons_against(
     """
     return [
         *_unstable(contours, margins, robust),
+        *([ALONE] if alone else []),
         *_adrift(lasting, contours),
-        *_late(margins, delay, alone),
+        *_late(margins, delay),
         *_infeasible(tuned, limit, allowing),
         *unseen,
         *exceeded,
@@ -196,14 +202,9 @@ def _longest(contours: Sequence[TunedContour]) -> int:
     return max(one.samples for one in contours)
 
 
-def _late(margins: PathMargins, delay: int, alone: bool) -> list[str]:
-    if not margins.stable or margins.delay_samples >= max(delay, int(alone)):
+def _late(margins: PathMargins, delay: int) -> list[str]:
+    if not margins.stable or margins.delay_samples >= delay:
         return []
-    if delay == 0:
-        return [
-            "one more sample of delay makes the loop unstable, and nothing says how late this "
-            "machine may be: --min-delay-margin 1 keeps it from that"
-        ]
     return [
         f"the nominal loop bears {margins.delay_samples} samples of delay at a point of the "
         f"training paths, {delay} are asked for: keep a margin, --max-sensitivity 2"

@@ -6,7 +6,6 @@ import numpy as np
 
 from experiments.files.results.tuned_result import PathMargins, Standstill
 from experiments.jobs.replays import Replay, Scenarios
-from experiments.machines.machine import Machine
 from experiments.runs.checks.arrival import arrival_warnings
 from experiments.runs.checks.between_samples import swing_warnings
 from experiments.runs.checks.lost_numbers import lost_at_start
@@ -33,10 +32,8 @@ def run_warnings(
             "the controller learns while it runs: its margins are those of the loop that it begins "
             "with"
         )
-    lines += [*run.machine.remarks, *family_warnings(run.machine)]
-    asked = run.flags.min_delay_margin
-    alone = len(run.machine.family_names) == 1  # then it is a reason against the weights
-    lines += margin_warnings(margins, run.machine.unknown_delay, max(asked, int(alone)))
+    lines += run.machine.remarks
+    lines += margin_warnings(margins, run.machine.unknown_delay, run.flags.min_delay_margin)
     lines += limits_exceeded_by_plan(run.scenarios, run.machine)
     lines += limit_warnings(found, run.scenarios, run.machine)
     lines += swing_warnings(found, run.scenarios, run.machine)
@@ -75,16 +72,6 @@ def idle_warnings(names: Sequence[str]) -> list[str]:
     return [
         f"{', '.join(names)} {have} no effect on these runs and {are} left at the start: does the "
         "controller read it?"
-    ]
-
-
-def family_warnings(machine: Machine) -> list[str]:
-    """Where the worst of the family is the model itself."""
-    if len(machine.family_names) > 1:
-        return []
-    return [
-        f"{machine.name} is one plant: the weights were not tried on a machine that differs from "
-        "it in gain or delay"
     ]
 
 

@@ -109,14 +109,9 @@ def test_a_loop_that_drifts_is_no_loop():
     assert "stays there" in line
 
 
-def test_one_plant_alone_needs_a_sample_of_delay():
-    """Nothing says how late it may be; a family does, and then it is a warning."""
-    none = replace(margins(), delay_samples=0)
-    assert reasons(margins=none) == [] and reasons(alone=True) == []
-    (line,) = reasons(margins=none, alone=True)
-    assert "one more sample of delay" in line and "--min-delay-margin 1" in line
-    (asked,) = reasons(margins=none, alone=True, delay=2)
-    assert "2 are asked for" in asked
+def test_weights_that_saw_a_single_plant_are_not_loaded():
+    (line,) = reasons(alone=True)
+    assert "tried on a single plant" in line and "UNCERTAINTY" in line
 
 
 @pytest.mark.parametrize(("law", "calmer"), [("trapezoidal", True), ("jerk", False)])

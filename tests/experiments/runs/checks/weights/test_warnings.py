@@ -8,7 +8,6 @@ import pytest
 from experiments.files.results.tuned_result import PathMargins, Standstill
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.checks.weights.warnings import (
-    family_warnings,
     idle_warnings,
     lag_warnings,
     margin_warnings,
@@ -44,16 +43,6 @@ def margins(radius=0.99, delay=2, left_out=0, without=()):
         contours_without_margins=tuple(without),
         lost_first=None,
     )
-
-
-def test_a_family_of_one_is_told():
-    one, several = (
-        SimpleNamespace(name="mine.py:Slide", family_names=names)
-        for names in (["nominal"], ["nominal", "1 sample late"])
-    )
-    (line,) = family_warnings(one)
-    assert "mine.py:Slide" in line and "one plant" in line
-    assert family_warnings(several) == []
 
 
 def test_a_search_that_has_not_ended_is_told():

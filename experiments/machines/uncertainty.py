@@ -1,0 +1,127 @@
+"""What is not known about a machine: its input gains, further delay, its frequency response.
+
+Stated under `uncertainty` of a machine file, or as `UNCERTAINTY` in a Python file with a plant.
+Where nothing is stated the usual is assumed, as `jcontour machine` writes it.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from experiments.files import checks
+from experiments.files.checks import MachineError
+from experiments.machines.steady_response import steady_response
+from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.linear.plant import LinearPlant
+
+GAIN_KNOWN_TO = {  # a data sheet is seldom better; a position drive follows its own encoder
+    "speed": 0.1,
+    "position": 0.0,
+    "force": 0.1,
+}
+LATE = 1  # sample: what a drive's bus takes
+MOST_DELAY = 50
+IN_FILE, IN_PYTHON = '"uncertainty":', "UNCERTAINTY ="  # how a file states it
+
+
+class Uncertainty(NamedTuple):
+    """What is not known about a machine.
+
+    Attributes:
+        gain: relative uncertainty of the input gains.
+        delay: most samples of delay that the model does not know.
+        response: how far off the frequency response may be beside these; None where nothing is
+            said.
+    """
+
+    gain: float
+    delay: int
+    response: Doubt | None = None
+
+
+class Member(NamedTuple):
+    """A plant of the family: name, input gains (p,) and extra delay [samples]."""
+
+    name: str
+    gains: np.ndarray
+    late: int
+
+
+def stated_uncertainty(given: Any, model: LinearPlant) -> Uncertainty:
+    """What a file states, the usual where it states nothing at all (None).
+
+    Raises:
+        MachineError: a field is wrong.
+    """
+    if given is None:
+        return usual_uncertainty(model)
+    fields = checks.mapping("uncertainty", given, {"gain", "delay", "response"})
+    gain = checks.number("uncertainty.gain", fields.get("gain", 0.0), least=0.0)
+    if gain >= 1:
+        raise MachineError(f"uncertainty.gain: needs a fraction below 1, received {gain:g}")
+    delay = checks.whole("uncertainty.delay", fields.get("delay", 0), MOST_DELAY)
+    return Uncertainty(gain, delay, _doubt(fields.get("response"), model))
+
+
+def usual_uncertainty(model: LinearPlant) -> Uncertainty:
+    """Gains known to 10 %, those of a drive that takes a position exactly; a sample late."""
+    kinds = [steady_response(model, axis).kind for axis in range(model.axes)]
+    takes: Literal["position", "speed"] = "position" if "position" in kinds else "speed"
+    return Uncertainty(GAIN_KNOWN_TO[takes], LATE)
+
+
+def assumed(name: str, gain: float, delay: int, statement: str) -> str:
+    """A line of what is assumed where nothing is stated, and of how to state it."""
+    gains = f"gains {100 * gain:g} % off both ways and " if gain else ""
+    samples = "a sample" if delay == 1 else f"{delay} samples"
+    return (
+        f"{name}: its file does not say how well it is known, so it may have {gains}"
+        f'{samples} of delay more; {statement} {{"gain": 0.05, "delay": 2}} in it says otherwise'
+    )
+
+
+def family_members(inputs: int, gain: float, delay: int) -> list[Member]:
+    """The nominal plant, gains off both ways, and every whole sample of delay."""
+    sign = np.where(np.arange(inputs) % 2 == 0, 1.0, -1.0)
+    unchanged = 1 + 0 * sign
+    found = [Member("nominal", unchanged, 0)]
+    for side in (1, -1) if gain > 0 else ():
+        gains = 1 + side * gain * sign
+        found.append(Member("gains " + ", ".join(f"{one:.3g}" for one in gains), gains, 0))
+    for late in range(1, delay + 1):
+        samples = "sample" if late == 1 else "samples"
+        found.append(Member(f"{late} {samples} late", unchanged, late))
+    return found
+
+
+def random_members(
+    count: int, seed: int, inputs: int, gain: float, delay: int
+) -> Sequence[tuple[np.ndarray, float]]:
+    """Gains (p,) and delays drawn evenly from their intervals, a delay with parts of a sample."""
+    random = np.random.default_rng(seed)
+    gains = 1 + gain * random.uniform(-1, 1, (count, inputs))
+    delays = random.uniform(0, delay, count)
+    return list(zip(gains, delays.tolist(), strict=True))
+
+
+def _doubt(value: Any, plant: LinearPlant) -> Doubt | None:
+    """What a file says of the response; a frequency in rad per sample."""
+    if value is None:
+        return None
+    name = "uncertainty.response"
+    given = checks.mapping(name, value, {"hertz", "relative"})
+    if set(given) != {"hertz", "relative"}:
+        raise MachineError(
+            f"{name}: needs hertz and relative, received {', '.join(given) or 'none'}"
+        )
+    hertz = np.ravel(checks.matrix(f"{name}.hertz", [given["hertz"]]))
+    relative = checks.matrix(f"{name}.relative", given["relative"])
+    highest = 1 / (2 * plant.dt)
+    if not (hertz[0] > 0 and np.all(np.diff(hertz) > 0) and hertz[-1] <= highest):
+        raise MachineError(f"{name}.hertz: needs rising frequencies above 0, up to {highest:g} Hz")
+    if relative.shape != (plant.axes, hertz.size) or relative.min() < 0:
+        raise MachineError(
+            f"{name}.relative: needs {plant.axes} rows of {hertz.size} numbers of at least 0"
+        )
+    return Doubt(2 * np.pi * plant.dt * hertz, relative.T)
