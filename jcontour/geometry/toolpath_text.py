@@ -10,6 +10,8 @@ from jcontour.geometry.toolpath_rules import ToolpathError, shown
 MARKS = "".join(map(chr, (*range(9), *range(14, 32), 127)))
 WITHOUT_MARKS = str.maketrans("", "", MARKS)
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # with this mark ahead, as Windows' "Unicode" text has it
+UTF_8_MARK = b"\xef\xbb\xbf"
+LOOK = 64  # bytes by which UTF-16 without a mark is known
 BLANK = " \t\r\n\f\v"
 MOST_BYTES = 64 * 2**20  # of a file; longer than any program with as many moves as may be
 
@@ -36,7 +38,7 @@ def read_program(path: str | PathLike[str]) -> str:
     the program are left out.
 
     Raises:
-        ToolpathError: the file is missing or larger than 64 MiB.
+        ToolpathError: the file is missing, larger than 64 MiB, or UTF-16 without its mark.
     """
     return _without_marks(_decoded(_content(Path(path))))
 
@@ -47,7 +49,7 @@ def _decoded(content: bytes) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return content.decode("latin-1")
+        return content.removeprefix(UTF_8_MARK).decode("latin-1")
 
 
 def _without_marks(text: str) -> str:
@@ -69,9 +71,22 @@ def _content(path: Path) -> bytes:
     if path.stat().st_size > MOST_BYTES:
         raise ToolpathError(f"{path}: larger than {MOST_BYTES >> 20} MiB")
     try:
-        return path.read_bytes()
+        content = path.read_bytes()
     except OSError as error:
         raise ToolpathError(f"{path}: {error.strerror}") from None
+    if _is_unmarked_utf_16(content):
+        raise ToolpathError("it is UTF-16 without a byte-order mark: save it as UTF-8")
+    return content
+
+
+def _is_unmarked_utf_16(content: bytes) -> bool:
+    r"""Whether every other byte is 0, as in UTF-16 of ASCII.
+
+    >>> _is_unmarked_utf_16("G21 G90".encode("utf-16-be")), _is_unmarked_utf_16(b"\0\0\0%\0\nG21")
+    (True, False)
+    """
+    begin = content[: 2 * LOOK].lstrip(b"\0")[:LOOK]
+    return len(begin) > 4 and not any(begin[1::2]) and 0 not in begin[::2]
 
 
 def lines_of(text: str) -> list[str]:

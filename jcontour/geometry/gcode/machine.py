@@ -287,7 +287,9 @@ class Machine:
         plane = self.modes.plane
         _, _, normal = PLANES[plane]
         if normal < 2 and self.offsets.angle:
-            raise ToolpathError(f"an arc in the plane of G{plane // 10} in a rotated work system")
+            raise ToolpathError(
+                f"an arc in the plane of G{plane // 10} in a rotated work system is not supported"
+            )
         rise = last_level - here[normal]
         turned = sum(abs(angle) for _, _, angle in arcs)
         slope = rise / turned if abs(rise) >= SHORTEST else 0.0

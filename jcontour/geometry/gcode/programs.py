@@ -9,7 +9,7 @@ from pathlib import Path
 from jcontour.geometry.gcode.language import codes
 from jcontour.geometry.gcode.language.blocks import NOTHING, Block, OWord, read_block
 from jcontour.geometry.gcode.language.expressions import evaluated, whole
-from jcontour.geometry.gcode.language.flow import Structure, structure
+from jcontour.geometry.gcode.language.flow import Structure, structure, told_label
 from jcontour.geometry.gcode.language.parameters import Locals, Parameters
 from jcontour.geometry.gcode.language.printer_lines import (
     glues_extruder,
@@ -328,11 +328,11 @@ class Program:
                 return frame.source, frame.source.structure.subprograms[label][0]
         lines = self.files(name)
         if lines is None:
-            raise ToolpathError(f"there is no subprogram o{shown(label)[1:-1]}")
+            raise ToolpathError(f"there is no subprogram {told_label(label)}")
         source = Source(lines, name=f"{name}.ngc")
         place = source.structure.subprograms.get(label)
         if place is None:
-            raise ToolpathError(f"{name}.ngc: there is no subprogram o{label} in it")
+            raise ToolpathError(f"{name}.ngc: there is no subprogram {told_label(label)} in it")
         return source, place[0]
 
     def _enter(self, frame: Frame) -> None:

@@ -81,6 +81,12 @@ def test_files_that_cannot_be_read(traced, tmp_path):
     for encoding in ("utf-8-sig", "utf-16"):
         (tmp_path / "mark.ngc").write_bytes("G1 X1 F100 (\u03bc)\r\n".encode(encoding))
         traced.assert_valid(read_gcode(tmp_path / "mark.ngc"))
+    (tmp_path / "mark.ngc").write_bytes(b"\xef\xbb\xbfG1 X1 F100 (\xfcml\xe4ut)\n")  # and Latin-1
+    traced.assert_valid(read_gcode(tmp_path / "mark.ngc"))
+    for encoding in ("utf-16-le", "utf-16-be"):
+        (tmp_path / "bare.ngc").write_bytes("G21 G90\r\nG1 X1 F100\r\n".encode(encoding))
+        with pytest.raises(ToolpathError, match="^it is UTF-16 without a byte-order mark: save"):
+            read_gcode(tmp_path / "bare.ngc")
 
 
 def test_control_characters_around_a_program_mean_nothing(tmp_path, traced):

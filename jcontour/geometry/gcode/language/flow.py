@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 from jcontour.geometry.gcode.language.blocks import OWord, read_block
 from jcontour.geometry.gcode.language.parameters import Parameters
-from jcontour.geometry.toolpath_rules import ToolpathError
+from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
 MAYBE_O_WORD = re.compile(r"\s*(?:\([^)]*\)\s*)*(?:[Nn][\s0-9.]*)?[Oo]")
 BRANCHES = frozenset({"if", "elseif", "else"})
@@ -60,6 +60,15 @@ def structure(lines: Sequence[str]) -> Structure:
     return found
 
 
+def told_label(label: str) -> str:
+    """Label of an O-word in a message: one line, not long.
+
+    >>> told_label("<a>"), told_label("7")
+    ('o<a>', 'o7')
+    """
+    return f"o{shown(label)[1:-1]}"
+
+
 def _o_words(lines: Sequence[str]) -> Iterable[tuple[int, OWord]]:
     for index, line in enumerate(lines):
         if not MAYBE_O_WORD.match(line):
@@ -99,7 +108,7 @@ class _Reader:
                 continue
             self._read(index, word.keyword, label)
         for left in self.open:
-            self._fault(left.index, f"o{left.label} {left.keyword} has no end")
+            self._fault(left.index, f"{told_label(left.label)} {left.keyword} has no end")
 
     def _fault(self, index: int, text: str) -> None:
         self.found.faults.setdefault(index, text)
@@ -133,16 +142,19 @@ class _Reader:
         if keyword == "sub":
             for begun in self.open:
                 if begun.keyword == "sub":
-                    self._fault(begun.index, f"subprogram o{label} begins inside o{begun.label}")
+                    self._fault(
+                        begun.index,
+                        f"subprogram {told_label(label)} begins inside {told_label(begun.label)}",
+                    )
             self.open.append(_Open("sub", label, index, [index]))
         if label in self.found.subprograms and keyword == "sub":
-            self._fault(index, f"subprogram o{label} is there twice")
+            self._fault(index, f"subprogram {told_label(label)} is there twice")
         self.found.subprograms.setdefault(label, (index, keyword == ""))
 
     def _end_subprogram(self, index: int, label: str) -> None:
         begun = [begun for begun in self.open if begun.keyword == "sub" and begun.label == label]
         if not begun:
-            self._fault(index, f"o{label} endsub without o{label} sub")
+            self._fault(index, f"{told_label(label)} endsub without {told_label(label)} sub")
             return
         sub = begun[-1]
         self._drop_behind(sub)
@@ -155,13 +167,13 @@ class _Reader:
             left = self.open.pop()
             if left is last:
                 return
-            self._fault(left.index, f"o{left.label} {left.keyword} has no end")
+            self._fault(left.index, f"{told_label(left.label)} {left.keyword} has no end")
 
     def _close_loop(self, index: int, label: str, keywords: frozenset[str]) -> None:
         loop = self._innermost(label, keywords)
         if loop is None:
             kinds = " or ".join(sorted(keywords))
-            self._fault(index, f"the end of a loop without o{label} {kinds}")
+            self._fault(index, f"the end of a loop without {told_label(label)} {kinds}")
             return
         self._drop_behind(loop)
         self.found.ending[loop.index] = index
@@ -170,14 +182,14 @@ class _Reader:
     def _leave_loop(self, index: int, keyword: str, label: str) -> None:
         loop = self._innermost(label, LOOPS)
         if loop is None:
-            self._fault(index, f"o{label} {keyword} outside a loop of that label")
+            self._fault(index, f"{told_label(label)} {keyword} outside a loop of that label")
         else:
             self.found.beginning[index] = loop.index
 
     def _branch(self, index: int, keyword: str, label: str) -> None:
         begun = self._innermost(label, CLOSED_BY[keyword])
         if begun is None:
-            self._fault(index, f"o{label} {keyword} without o{label} if")
+            self._fault(index, f"{told_label(label)} {keyword} without {told_label(label)} if")
             return
         self.found.following[begun.branches[-1]] = index
         begun.branches.append(index)

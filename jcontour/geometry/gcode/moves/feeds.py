@@ -1,6 +1,9 @@
 """Feeds that the word F asks for: a length per minute (G94), or one over minutes (G93)."""
 
-from jcontour.geometry.toolpath_rules import FASTEST, SHORTEST, SLOWEST, ToolpathError
+from jcontour.geometry.toolpath_rules import FASTEST, MM, SHORTEST, SLOWEST, ToolpathError
+
+MM_PER_MIN = MM / 60.0  # [m/s]
+RANGE = f"{SLOWEST / MM_PER_MIN:g} to {FASTEST / MM_PER_MIN:.0f} mm/min"
 
 
 def feed_per_minute(word: float, unit: float, given: float | None) -> float:
@@ -22,9 +25,9 @@ def feed_per_minute(word: float, unit: float, given: float | None) -> float:
     if given is not None and word >= 0 and not SLOWEST <= feed <= FASTEST:
         return given
     if not (feed == 0 or SLOWEST <= feed <= FASTEST):
+        received = f"F{word:.10g}" if unit == MM else f"F{word:.10g} in inches"
         raise ToolpathError(
-            f"the feed needs to be above 0, {SLOWEST:g} to {FASTEST:g} m/s, "
-            f"received F{word:g}; --feed-mm-per-min gives another"
+            f"the feed needs to be {RANGE}, received {received}; --feed-mm-per-min gives another"
         )
     return feed
 
@@ -38,7 +41,7 @@ def inverse_time_feed(word: float, length: float) -> float:
     feed = length * word / 60.0
     if length >= SHORTEST and not SLOWEST <= feed <= FASTEST:
         raise ToolpathError(
-            f"the feed needs to be {SLOWEST:g} to {FASTEST:g} m/s; "
-            f"F{word:g} in inverse time makes it {feed:.3g}"
+            f"the feed needs to be {RANGE}; "
+            f"F{word:g} in inverse time makes it {feed / MM_PER_MIN:.3g}"
         )
     return feed

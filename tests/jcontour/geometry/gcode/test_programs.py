@@ -207,7 +207,7 @@ def test_files_beside_the_program(tmp_path):
         ("M98 P1\nM2\nO1\nM99 P7", r"line 4: M99 with P goes on at another line"),
         ("G0 X1\nM99 P7", r"line 2: M99 with P goes on at another line"),
         ("G93 G1 X1", r"line 1: a cutting move in inverse time \(G93\) needs F"),
-        ("G93 G1 X1 F0.00001", r"line 1: the feed needs to be 1e-06"),
+        ("G93 G1 X1 F0.00001", r"line 1: the feed needs to be 0.06 to 6000000 mm/min; F1e-05"),
         ("F1 G90.1 G2 X2 I1", r"line 1: a centre under G90.1 needs I and J"),
         ("F1 G2 X2 I1 P0", r"line 1: P of an arc needs to be 1"),
         ("G53 G2 X1 I1 F1", r"line 1: G53 needs G0 or G1"),
