@@ -8,18 +8,16 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike, Bool, Float
+from jaxtyping import ArrayLike, Float
 
 from jcontour.controller import Controller
 from jcontour.host.controller import HostController
 from jcontour.host.loop import Fallback, HostRun, Stopped, reported_loop
 from jcontour.motion.references import Reference
-from jcontour.mpc.tracking.limits import Bounds, Limits
+from jcontour.mpc.tracking.limits import Limits
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import Metrics, score
-
-AT_LIMIT = 1e-7  # of the largest value: what a checked QP leaves
 
 
 class Gap(NamedTuple):
@@ -29,7 +27,7 @@ class Gap(NamedTuple):
         contour, plant: names.
         without: metrics of the tuned controller.
         within: metrics under the limits; None when the run stopped.
-        acting_fraction: of the steps, those whose control, or its change, was itself at a limit.
+        reached: largest magnitude of every limited signal by component, under the limits.
         stopped: step without an answer that ended the run, None when it went through.
         failure: why, in one line; empty when it went through.
         run: the constrained run, or the part of it before it stopped.
@@ -39,7 +37,7 @@ class Gap(NamedTuple):
     plant: str
     without: Metrics
     within: Metrics | None
-    acting_fraction: float
+    reached: dict[str, Float[np.ndarray, " d"]]
     stopped: int | None
     failure: str
     run: HostRun
@@ -48,6 +46,11 @@ class Gap(NamedTuple):
     def active_fraction(self) -> float:
         """Fraction of the steps in which a limit was active anywhere in the plan."""
         return self.run.report.active_fraction
+
+    @property
+    def acting_fraction(self) -> float:
+        """Fraction of the steps whose own control was kept by a limit."""
+        return self.run.report.acting_fraction
 
     @property
     def residual(self) -> float:
@@ -90,24 +93,35 @@ def verify(
                 name,
                 without,
                 score(run.rollout, reference) if stopped is None else None,
-                acting_fraction(run.rollout.control, limits),
+                reached(run.rollout.output, run.rollout.control, reference.dt, limits),
                 None if stopped is None else stopped.step,
                 "" if stopped is None else str(stopped),
                 run,
             )
 
 
-def acting_fraction(control: Float[ArrayLike, "T p"], limits: Limits) -> float:
-    """Fraction of the steps whose control (T, p), or its change, is at a limit.
+def reached(
+    output: Float[ArrayLike, "T m"], control: Float[ArrayLike, "T p"], dt: float, limits: Limits
+) -> dict[str, Float[np.ndarray, " d"]]:
+    """Largest magnitude of every limited signal of a run by component; 0 without a sample.
 
-    0 without a step.
+    >>> found = reached([[0.0], [1e-3], [3e-3]], [[1.0]] * 3, 1e-3, Limits.within(speed=1.0))
+    >>> found["speed"].tolist()
+    [2.0]
     """
-    u = np.asarray(control)
-    if len(u) == 0:
-        return 0.0
-    at = _at(u, limits.control)
-    at[1:] |= _at(np.diff(u, axis=0), limits.increment)
-    return float(np.mean(at))
+    y, u = np.asarray(output), np.asarray(control)
+    signals = {
+        "control": u,
+        "increment": np.diff(u, axis=0),
+        "output": y,
+        "speed": np.diff(y, axis=0) / dt,
+        "acceleration": np.diff(y, 2, axis=0) / dt**2,
+    }
+    return {
+        name: np.abs(values).max(axis=0, initial=0.0)
+        for name, values in signals.items()
+        if getattr(limits, name) is not None
+    }
 
 
 def _constrained(
@@ -117,11 +131,3 @@ def _constrained(
         return reported_loop(plant, controller, reference, fallback=fallback), None
     except Stopped as stopped:
         return stopped.run, stopped
-
-
-def _at(values: Float[np.ndarray, "T p"], bounds: Bounds | None) -> Bool[np.ndarray, " T"]:
-    if bounds is None:
-        return np.zeros(len(values), bool)
-    low, high = (np.asarray(bound, float) for bound in bounds)
-    near = AT_LIMIT * np.abs(values).max(initial=0.0)
-    return np.any((values <= low + near) | (values >= high - near), axis=-1)

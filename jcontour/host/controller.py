@@ -22,12 +22,15 @@ class StepReport(NamedTuple):
         residual: the largest scaled KKT residual of the QP.
         iterations: of the solver.
         slack: the largest violation of a soft limit, in that limit's unit.
+        acting: how many of the active limits are on what the control of the step alone decides:
+            the control itself, its change, the speed and the acceleration that come next.
     """
 
     active: int = 0
     residual: float = 0.0
     iterations: int = 0
     slack: float = 0.0
+    acting: int = 0
 
 
 Stepped = tuple[Any, Float[np.ndarray, " p"], StepReport]  # next memory, control, report

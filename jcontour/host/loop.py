@@ -37,6 +37,7 @@ class LoopReport(NamedTuple):
     iterations: Int[np.ndarray, " T"]
     slack: Float[np.ndarray, " T"]
     fallback: Bool[np.ndarray, " T"]
+    acting: Int[np.ndarray, " T"]
 
     @property
     def fallbacks(self) -> int:
@@ -47,6 +48,11 @@ class LoopReport(NamedTuple):
     def active_fraction(self) -> float:
         """Fraction of the steps in which a limit was active."""
         return float(np.mean(self.active > 0)) if self.active.size else 0.0
+
+    @property
+    def acting_fraction(self) -> float:
+        """Fraction of the steps whose own control was kept by a limit."""
+        return float(np.mean(self.acting > 0)) if self.acting.size else 0.0
 
     @property
     def worst_residual(self) -> float:
@@ -165,6 +171,7 @@ class _Rows:
             np.array([one.iterations for one in self.reports], int),
             np.array([one.slack for one in self.reports], float),
             np.array(self.fallback, bool),
+            np.array([one.acting for one in self.reports], int),
         )
         return HostRun(Rollout(*columns, state, memory), report)
 

@@ -7,11 +7,12 @@ from experiments.machines.linear import bridgeport_machine
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.geometry.contours import circle
+from jcontour.host.loop import reported_loop
 from jcontour.host.observed import ObservedHost
 from jcontour.motion.references import along
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
-from tuning.verify import acting_fraction, verify
+from tuning.verify import reached, verify
 
 PREVIEW, DT = 4, 0.5e-3
 WEIGHTS = LQWeights(3.0, 5.0, 2e-9)
@@ -66,16 +67,31 @@ def test_limits_show_in_the_table(gaps):
         assert largest <= 0.7 * gap.without.peak_control * (1 + 1e-9)
 
 
-def test_a_limit_acts_where_the_control_or_its_change_is_at_it():
-    control = np.array([[0.0, 0.5], [0.0, 1.0], [0.3, 0.6], [0.6, 0.6]])
-    assert acting_fraction(control, Limits()) == 0
-    assert acting_fraction(control, Limits.within(control=1.0)) == 1 / 4
-    assert acting_fraction(control, Limits.within(control=[0.6, 2.0])) == 1 / 4
-    assert acting_fraction(control, Limits.within(increment=0.5)) == 1 / 4
-    assert (
-        acting_fraction(control, Limits(control=(-np.inf, 1.0), increment=(-0.4, np.inf))) == 2 / 4
-    )
-    assert acting_fraction(np.zeros((0, 2)), Limits.within(control=1.0)) == 0
+def test_a_limit_on_acceleration_acts_where_the_model_is_at_it():
+    """The first control of a plan decides the next sample; the model is the machine here."""
+    model, limit = bridgeport_machine().model, 0.5  # [m/s^2] that the motion itself asks for: 10
+    reference = along(circle(1e-3), 5e-5 * np.arange(60), DT, PREVIEW, at_rest=False)
+    weights = TrackingWeights.of(WEIGHTS)
+    limits = Limits.within(acceleration=limit)
+    mpc = TrackingMPC(model, weights, PREVIEW, limits, penalty=1e4)
+    run = reported_loop(model, mpc, reference)
+    found = np.abs(np.diff(np.asarray(run.rollout.output), 2, axis=0) / DT**2)
+    at = np.any(np.abs(found - limit) <= 1e-6 * limit, axis=1)  # row k: sample k + 2, by u(k + 1)
+    np.testing.assert_array_equal(run.report.acting[1:-1] > 0, at)
+    assert 0 < run.report.acting_fraction <= run.report.active_fraction
+
+
+def test_what_is_reached_is_in_the_units_of_its_limit():
+    output = 1e-3 * np.array([[0.0, 0.0], [1.0, -3.0], [3.0, -4.0]])  # [m], a sample a millisecond
+    control = np.array([[0.0, 0.5], [0.0, 1.0], [-3.0, 0.6]])
+    every = Limits.within(control=9.0, increment=9.0, speed=9.0, acceleration=9.0)
+    found = reached(output, control, 1e-3, every)
+    assert found["control"].tolist() == [3.0, 1.0]
+    assert found["increment"].tolist() == [3.0, 0.5]
+    np.testing.assert_allclose(found["speed"], [2.0, 3.0])
+    np.testing.assert_allclose(found["acceleration"], [1e3, 2e3])
+    assert list(reached(output, control, 1e-3, Limits.within(speed=1.0))) == ["speed"]
+    assert reached(output[:1], control[:1], 1e-3, every)["acceleration"].tolist() == [0.0, 0.0]
 
 
 @pytest.mark.slow

@@ -1,6 +1,6 @@
 """`jcontour verify RUN`: tuned weights replayed under the limits of the machine at every sample."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from experiments.files.results.stored import Weight, read_result, write_result
 from experiments.files.results.tuned_result import TunedResult
 from experiments.flags.loops import Verify
 from experiments.flags.tuning import Tune
+from experiments.jobs.job import Job
 from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.tuned_tables import verdict
@@ -44,6 +45,10 @@ AWAY = {  # limit -> what of `tune` keeps a loop further away from it
     "acceleration": "a lower --acceleration",
     "speed": "a lower --feed-mm-per-min",
 }
+AT_FEED = AWAY | {"acceleration": AWAY["speed"]}  # a path at constant feed takes no acceleration
+UNITS = {"speed": "m/s", "acceleration": "m/s^2"}  # of limits on axes; others are in control units
+BEYOND = 1.01  # of a limit: what rounded measurements add is less
+REACHED = "Largest value on every sample, of its limit"
 HEADINGS = (
     "contour, plant",
     "limit\nin\nplan %",
@@ -67,6 +72,7 @@ class GapRow:
     fallbacks: int
     stopped: int | None
     failure: str
+    reached: dict[str, list[float]]
     without: RunMetrics
     within: RunMetrics | None
 
@@ -81,6 +87,7 @@ class Verified:
         weights: its weights by name.
         limits: lower and upper bounds by the name of the signal, None where there are none.
         gaps: one row per contour and plant.
+        control_unit: of the machine.
     """
 
     tuned: str
@@ -90,6 +97,7 @@ class Verified:
     solver: str
     limits: dict[str, list | None]
     gaps: list[GapRow]
+    control_unit: str
 
 
 def command(flags: Verify) -> int:
@@ -106,10 +114,19 @@ def command(flags: Verify) -> int:
     rows = _replayed(run, weights, constrained, limits, flags, out)
     bounds = {name: _listed(pair) for name, pair in limits._asdict().items()}
     result = Verified(
-        str(folder), found.usable, found.reasons, found.weights, solver.name, bounds, rows
+        str(folder),
+        found.usable,
+        found.reasons,
+        found.weights,
+        solver.name,
+        bounds,
+        rows,
+        run.machine.control_unit,
     )
     write_result(out, result)
-    finished(out, result, flags, show, _next(rows, result.limits))
+    rests = any(isinstance(job, Job) and job.at_rest for job in run.scenarios.jobs)
+    away = AWAY if rests else AT_FEED
+    finished(out, result, flags, show, _next(rows, result.limits, away))
     return 1 if any(row.failure for row in rows) else 0
 
 
@@ -197,6 +214,7 @@ def _row(gap: Gap) -> GapRow:
         gap.fallbacks,
         gap.stopped,
         gap.failure,
+        {name: largest.tolist() for name, largest in gap.reached.items()},
         _metrics(gap.without),
         None if gap.within is None else _metrics(gap.within),
     )
@@ -218,11 +236,13 @@ def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
     output, control = np.asarray(rollout.output), np.asarray(rollout.control)
     fallback, time = report.fallback.astype("i1"), machine.model.dt * np.arange(len(output))
     active = {"long_name": "limits active in the plan of the step"}
+    acting = {"long_name": "of these, limits on what the control of the step alone decides"}
     residual = {"long_name": "largest scaled residual of the QP"}
     data = {
         "output": (("time", "axis"), output, {"units": "m"}),
         "control": (("time", "input"), control, {"units": machine.control_unit}),
         "active": (("time",), report.active, active),
+        "acting": (("time",), report.acting, acting),
         "residual": (("time",), report.residual, residual),
         "fallback": (("time",), fallback, {"long_name": "1 where the fallback acted"}),
     }
@@ -248,8 +268,11 @@ def show(result: Verified, console: Console) -> None:
     tables.say(
         console,
         "limit in plan: steps whose horizon touches a limit",
-        "limit acts: steps whose own control, or its change, is at one",
+        "limit acts: steps whose own control is kept by one, of the control, its change,",
+        "or the next speed or acceleration of the model",
     )
+    console.print(tables.plain_table(REACHED, *_reached_table(result)))
+    tables.say(console, *_exceeded(result))
     for gap in result.gaps:
         if gap.failure:
             tables.say(console, f"STOPPED: {gap.contour}, {gap.plant}: {gap.failure}")
@@ -279,19 +302,79 @@ def _cells(gap: GapRow) -> list[str]:
     return [f"  {gap.plant}", *limited, *errors]
 
 
-def _next(rows: list[GapRow], limits: Mapping[str, object]) -> list[str]:
+def _reached_table(result: Verified) -> tuple[list[str], list[list[str]]]:
+    """Headings, and the largest value beside its limit, on the axis that uses most of it."""
+    names = [name for name, bounds in result.limits.items() if bounds is not None]
+    headings = [f"{name}\n{_unit(name, result.control_unit)}" for name in names]
+    rows = []
+    for contour in dict.fromkeys(gap.contour for gap in result.gaps):
+        rows.append([contour])
+        for gap in result.gaps:
+            if gap.contour == contour:
+                pairs = [_most(gap, name, result.limits) for name in names]
+                rows.append([f"  {gap.plant}", *(f"{v:.4g} of {most:.4g}" for v, most in pairs)])
+    return ["contour, plant", *headings], rows
+
+
+def _unit(name: str, control_unit: str) -> str:
+    per = f"{control_unit} per sample" if name == "increment" else control_unit
+    return UNITS.get(name, per)
+
+
+def _most(gap: GapRow, name: str, limits: Mapping[str, list | None]) -> tuple[float, float]:
+    """Largest value of a limited signal and its limit, on the axis that uses most of it."""
+    bounds = limits[name]
+    assert bounds is not None
+    largest = np.asarray(gap.reached[name])
+    most = np.broadcast_to(bounds[1], largest.shape)
+    axis = int(np.argmax(largest / most))
+    return float(largest[axis]), float(most[axis])
+
+
+def _beyond(gap: GapRow, limits: Mapping[str, list | None]) -> dict[str, tuple[float, float]]:
+    """Limits that a run exceeds: largest value and limit by name."""
+    found = {name: _most(gap, name, limits) for name in gap.reached}
+    return {name: (value, most) for name, (value, most) in found.items() if value > BEYOND * most}
+
+
+def _exceeded(result: Verified) -> list[str]:
+    """A warning for every limit that some run exceeds, with the run that exceeds it most."""
+    worst: dict[str, tuple[float, float, GapRow]] = {}
+    for gap in result.gaps:
+        for name, (value, most) in _beyond(gap, result.limits).items():
+            if name not in worst or value / most > worst[name][0] / worst[name][1]:
+                worst[name] = value, most, gap
+    return [
+        f"WARNING: {name} EXCEEDS its limit: {value:.4g} of {most:.4g} "
+        f"{_unit(name, result.control_unit)} ({gap.contour}, {gap.plant})"
+        for name, (value, most, gap) in worst.items()
+    ]
+
+
+def _next(
+    rows: list[GapRow], limits: Mapping[str, list | None], flags: Mapping[str, str]
+) -> list[str]:
     """Finding in a sentence, and the next step.
 
     Args:
         rows: of the table.
         limits: by name; None where there is none.
+        flags: what of `tune` keeps a loop further away from each of them.
     """
-    away = " or ".join(flag for name, flag in AWAY.items() if limits.get(name) is not None)
+    away = _either(flags[name] for name in flags if limits.get(name) is not None)
     lost = [row for row in rows if row.failure]
     if lost:
         return [
             f"{len(lost)} of {len(rows)} runs stopped: a step had no answer within the limits.",
             f"Next: --fallback hold or soft goes on; or tune again with {away}.",
+        ]
+    over = [found for row in rows if (found := _beyond(row, limits))]
+    if over:
+        names = {name for found in over for name in found}
+        return [
+            f"NOT WITHIN LIMITS: {len(over)} of {len(rows)} runs exceed one: what the model keeps "
+            "to, another machine or a fallback does not.",
+            f"Next: tune again with {_either(flags[name] for name in flags if name in names)}.",
         ]
     if not any(row.active_fraction > 0 for row in rows):
         return [
@@ -305,6 +388,10 @@ def _next(rows: list[GapRow], limits: Mapping[str, object]) -> list[str]:
         f"{worst.contour}, {worst.plant}.",
         f"Next: where that is too much, tune again with {away}.",
     ]
+
+
+def _either(flags: Iterable[str]) -> str:
+    return " or ".join(dict.fromkeys(flags))
 
 
 def _added_error(row: GapRow) -> float:

@@ -220,10 +220,12 @@ class Condensed:
         prediction = predict(model, len(stage))
         self.cost = _cost(model, prediction, R, S, stage, Q_typical, terminal)
         self.rows = limit_rows(model, prediction, limits)
+        self._inputs = model.inputs
         self.moves = len(stage) * model.inputs
         gives = self.rows.soft if penalty is not None else np.zeros(len(self.rows.soft), bool)
         self._gives = np.flatnonzero(gives)
         self._C, self._F, self._low, self._high = _with_slack(self.rows, self._gives, self.moves)
+        self._at_once = ~np.any(self._C[:, self._inputs : self.moves], axis=1)
         slacks = len(self._gives)
         low, high = (np.tile(bound, len(stage)) for bound in _pair(limits.control))
         self._lower = np.concatenate([low, np.zeros(slacks)])
@@ -252,6 +254,11 @@ class Condensed:
     def slack(self, z: Float[np.ndarray, " n"]) -> float:
         """The largest violation of a soft limit, in the limit's own unit."""
         return float(np.max(z[self.moves :] * self.rows.size[self._gives], initial=0.0))
+
+    def of_first_control(self, forces: Float[np.ndarray, " n+r"]) -> Float[np.ndarray, " k"]:
+        """Of all multipliers, those of limits on what the first control alone decides."""
+        bounds, rows = forces[: self._inputs], forces[len(self._lower) :]
+        return np.concatenate([bounds, rows[self._at_once]])
 
     def _blank(self) -> QP:
         """A QP whose slack has its cost and whose other numbers are to be filled in."""

@@ -251,10 +251,12 @@ class TrackingMPC(HostController):
 def _report(condensed: Condensed, solution: Solution) -> StepReport:
     moves, variables = condensed.moves, solution.z.size
     forces = solution.multipliers
+    acting = int(np.count_nonzero(np.abs(condensed.of_first_control(forces)) > ACTIVE))
     if variables > moves:  # those of the slack are no limits
         forces = np.delete(forces, slice(moves, variables))
     active = int(np.count_nonzero(np.abs(forces) > ACTIVE))
-    return StepReport(active, solution.residual, solution.iterations, condensed.slack(solution.z))
+    slack = condensed.slack(solution.z)
+    return StepReport(active, solution.residual, solution.iterations, slack, acting)
 
 
 def _square(name: str, weight: Any, size: int) -> Float[np.ndarray, "s s"]:

@@ -10,7 +10,15 @@ from rich.console import Console
 
 from experiments.catalogue.choices import machine_named
 from experiments.cli import main
-from experiments.commands.loops.verify import GapRow, Verified, _next, limits_of, show
+from experiments.commands.loops.verify import (
+    AT_FEED,
+    AWAY,
+    GapRow,
+    Verified,
+    _next,
+    limits_of,
+    show,
+)
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.run_metrics import RunMetrics
 from experiments.files.results.stored import read_result
@@ -41,6 +49,10 @@ def test_verify_tells_what_limits_cost(tuned, tmp_path, capsys):
     assert read_result(out, Verified).gaps[0].contour == gaps[0]["contour"]
     stored = sorted(out.glob("run-*.nc"))
     assert len(stored) == len(gaps)
+    assert all(max(gap["reached"]["increment"]) <= 5 * (1 + 1e-9) for gap in gaps)
+    assert all(
+        set(gap["reached"]) == {"control", "increment", "speed", "acceleration"} for gap in gaps
+    )
     assert np.abs(np.diff(load_dataset(stored[0]).control.values, axis=0)).max() <= 5 * (1 + 1e-9)
 
 
@@ -67,24 +79,47 @@ def test_the_default_machine_states_a_limit_and_one_without_is_told():
         limits_of(Verify(), replace(machine, limits=MachineLimits()))
 
 
-def row(without, within, active=0.5, failure=""):
+def row(without, within, active=0.5, failure="", reached=None):
     """A row whose RMS contour errors are given [m]."""
+    most = {} if reached is None else reached
     numbers = RunMetrics(*np.zeros(11), diverged=False)
     limited = None if within is None else replace(numbers, rms_contour_error=within)
     tuned = replace(numbers, rms_contour_error=without)
-    return GapRow("circle", "nominal", active, 0.1, 1e-12, 0, None, failure, tuned, limited)
+    return GapRow("circle", "nominal", active, 0.1, 1e-12, 0, None, failure, most, tuned, limited)
 
 
 def test_the_last_sentence_says_what_was_found():
     drive, axes = {"control": [], "speed": None}, {"speed": [], "acceleration": []}
-    kept = _next([row(1e-6, 1e-6, active=0.0)], drive)
+    kept = _next([row(1e-6, 1e-6, active=0.0)], drive, AWAY)
     assert kept[0] == "No limit was ever active: the tuned controller itself keeps to all of them."
-    cost = _next([row(1e-6, 1.5e-6), row(1e-6, 4e-6)], drive)
+    cost = _next([row(1e-6, 1.5e-6), row(1e-6, 4e-6)], drive, AWAY)
     assert cost[1].endswith("tune again with --max-peak-control.")
     assert cost[0].startswith("The limits add at most 3 um RMS of contour error: circle, nominal")
-    stopped = _next([row(1e-6, None, failure="step 3: infeasible"), row(1e-6, 1e-6)], axes)
+    stopped = _next([row(1e-6, None, failure="step 3: infeasible"), row(1e-6, 1e-6)], axes, AWAY)
     assert "--max-peak" not in stopped[1] and "a lower --acceleration or a lower" in stopped[1]
     assert stopped[0].startswith("1 of 2 runs stopped")
+
+
+def test_a_path_at_constant_feed_is_made_calmer_by_its_feed_alone():
+    limits = {"speed": [], "acceleration": []}
+    (_, line) = _next([row(1e-6, 4e-6)], limits, AT_FEED)
+    assert "--acceleration" not in line and line.count("--feed-mm-per-min") == 1
+
+
+ASKED = {"control": None, "acceleration": [[-4.0, -2.0], [4.0, 2.0]], "speed": [-1.0, 1.0]}
+
+
+def test_a_limit_that_a_machine_exceeds_is_told_loudly():
+    kept = row(1e-6, 1e-6, reached={"acceleration": [4.001, 1.0], "speed": [0.5, 0.1]})
+    over = replace(kept, plant="late", reached={"acceleration": [3.0, 5.0], "speed": [0.5, 0.1]})
+    told = Verified("runs/a", True, [], {}, "daqp", ASKED, [kept, over], "V")
+    text = printed(told)
+    assert "WARNING: acceleration EXCEEDS its limit: 5 of 2 m/s^2 (circle, late)" in text
+    assert text.count("WARNING") == 1 and "4.001 of 4" in text and "0.5 of 1" in text
+    first, second = _next([kept, over], ASKED, AWAY)
+    assert first.startswith("NOT WITHIN LIMITS: 1 of 2 runs") and "--acceleration" in second
+    assert "WARNING" not in printed(replace(told, gaps=[kept]))
+    assert not _next([kept], ASKED, AWAY)[0].startswith("NOT WITHIN")
 
 
 def printed(result):
@@ -95,9 +130,10 @@ def printed(result):
 
 def test_the_verdict_of_tune_comes_first_and_no_name_is_cut_on_80_columns():
     plant = "gains 1.1, 0.9, delay 1"
-    late = replace(row(123.4e-6, 234.5e-6), plant=plant, fallbacks=2)
+    numbers = row(123.4e-6, 234.5e-6, reached={"control": [0.5]})
+    late = replace(numbers, plant=plant, fallbacks=2)
     bounds = {"control": [[-1.0], [1.0]], "speed": None}
-    bad = Verified("runs/a", False, ["acceleration of X EXCEEDS"], {}, "daqp", bounds, [late])
+    bad = Verified("runs/a", False, ["acceleration of X EXCEEDS"], {}, "daqp", bounds, [late], "V")
     text = printed(bad)
     lines = text.splitlines()
     assert lines[:2] == ["`tune` said of runs/a:", "DO NOT USE THESE VALUES"]
