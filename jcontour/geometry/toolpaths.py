@@ -29,7 +29,7 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
     printers   in programs with an extruder (E), heaters or checks of printers: M17 M18 M82 to M92,
                M100 and above with all words of their line (M862.3 P "MK3S"), and macros
                (EXCLUDE_OBJECT_START) are told as well; G29 G32 to G34 and G10 G11 without words
-               stop; what shifts later moves (M206, SET_GCODE_OFFSET) is an error
+               stop; what shifts or repeats moves (M206, M808) is an error
     ends       M2, M30, M99 in the program itself, the second %
     layout     (comments (also nested)), ; comments, N line numbers; case and white space mean
                nothing; a line that begins with / is skipped, as with the block-delete switch on;

@@ -27,8 +27,9 @@ GLUED = re.compile(r"[^;(]*?(?:[0-9.][eE][+-]?(?:[0-9]+\.|\.[0-9])|[Gg]0*92[eE])
 TEXT = re.compile(r'"[^"]*"|\([^)]*\)|;.*')
 CODE = re.compile(r"(?:^|\s)[Gg][0-9]")
 OWN = frozenset({17, 18, *range(82, 93), *range(100, 10_000)})  # M codes with words of their own
-MOVING = {  # that change where the program's places are
+MOVING = {  # that change where later moves go, or how often
     "M206": "an offset of its zero",
+    "M808": "a loop of a printer",
     "SET_GCODE_OFFSET": "an offset of its zero",
     "SET_KINEMATIC_POSITION": "an offset of its zero",
     "RESTORE_GCODE_STATE": "a state kept before",
@@ -77,7 +78,7 @@ def printer_line(line: str, prints: Callable[[], bool]) -> PrinterLine | None:
         prints: says whether the program is for a printer, asked only where it matters.
 
     Raises:
-        ToolpathError: it changes where the program's places are.
+        ToolpathError: it changes where later moves go, or repeats them.
     """
     found = COMMAND.match(line)
     if found is None:

@@ -64,9 +64,9 @@ def test_a_move_in_the_line_is_no_word_of_the_command(line):
 
 
 @pytest.mark.parametrize(
-    "line", ["M206 X5", "SET_GCODE_OFFSET Z=0.1", "RESTORE_GCODE_STATE NAME=a"]
+    "line", ["M206 X5", "M808 L20", "SET_GCODE_OFFSET Z=0.1", "RESTORE_GCODE_STATE NAME=a"]
 )
-def test_what_shifts_later_moves_is_refused(line):
+def test_what_shifts_or_repeats_moves_is_refused(line):
     with pytest.raises(ToolpathError, match="line 2: '[A-Z0-9_]+' is not supported"):
         after(line)
 
