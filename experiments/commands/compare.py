@@ -146,13 +146,13 @@ def _rows(first: TunedResult, second: TunedResult, unlike: Sequence[str]) -> lis
     both_contour = first.error == second.error == "contour"
     metrics = [name for name, _, _ in columns_of("contour" if both_contour else "tracking")]
     units = {metric: comparable(metric, first, second) for metric in metrics}
-    usable = (first.usable, second.usable)
+    usable, alike = (first.usable, second.usable), first.machine.name == second.machine.name
     rows = []
     for contour in first.contours:
         if contour.name not in others:
             continue
         for plant, metric in product(("nominal", "worst"), metrics):
-            judged = usable if units[metric] and contour.name not in unlike else None
+            judged = usable if alike and units[metric] and contour.name not in unlike else None
             rows.append(_row(contour, others[contour.name], plant, metric, judged))
     return rows
 
@@ -206,9 +206,11 @@ def show(found: ComparedResult, console: Console) -> None:
     table = tables.plain_table("What changed", ["", "first", "second"], changes, 3)
     console.print(table)
     headings = ["contour", "plant", "metric", "first", "second", "better"]
-    rows = [_cells(row, found) for row in found.metrics]
-    units = " and in ".join(dict.fromkeys(found.control_units))
-    title = f"Tuned weights of both, smaller is better; controls in {units}"
+    shown = [row for row in found.metrics if _has_one_unit(row.metric, found)]
+    rows = [_cells(row) for row in shown]
+    first, second = found.control_units
+    units = f"; controls in {first}" if first == second else ""
+    title = f"Tuned weights of both, smaller is better{units}"
     console.print(tables.plain_table(title, headings, rows, 3))
     tables.say(console, *better_for(found), recommendation(found))
 
@@ -240,13 +242,17 @@ def _value(value: Any) -> str:
     return " ".join(map(_value, value)) if isinstance(value, list) else str(value)
 
 
-def _cells(row: ComparedMetric, found: ComparedResult) -> list[str]:
+def _has_one_unit(metric: str, found: ComparedResult) -> bool:
+    """Whether the numbers of both runs have the same unit; an error is in um."""
+    if metric not in (*CONTROLS, *INCREMENTS):
+        return True
+    first, second = _units(metric, found)
+    return first == second
+
+
+def _cells(row: ComparedMetric) -> list[str]:
     factor = FACTORS[row.metric]
     values = [digits(factor * value) for value in (row.first, row.second)]
-    if row.metric in (*CONTROLS, *INCREMENTS):
-        first, second = _units(row.metric, found)
-        if first != second:
-            values = [f"{values[0]} {first}", f"{values[1]} {second}"]
     return [row.contour, row.plant, HEADINGS[row.metric], *values, row.better]
 
 
@@ -264,7 +270,7 @@ def warnings(found: ComparedResult) -> list[str]:
     """Warnings where the numbers are hard to compare."""
     lines = []
     first, second = found.machines
-    if first != second:
+    if not _same_machine(found):
         lines.append(
             f"WARNING: the runs are of different machines, {first} and {second}: a smaller error "
             "does not mean better weights"
@@ -281,9 +287,10 @@ def warnings(found: ComparedResult) -> list[str]:
             f"WARNING: {', '.join(found.motions)}: not the same motion in both runs; their errors "
             "do not say which weights are better"
         )
-    first, second = _units("rms_increment", found)
-    if first != second:
-        lines.append(f"WARNING: changes of the control are {first} and {second}: not compared")
+    for words, metric in (("controls", "rms_control"), ("changes of the control", "rms_increment")):
+        first, second = _units(metric, found)
+        if first != second:
+            lines.append(f"WARNING: {words} are in {first} and in {second}: not compared")
     if "feed_mm_per_min" in found.settings or "acceleration" in found.settings:
         lines.append("WARNING: feed or acceleration differ, and errors grow with both")
     return lines
@@ -291,7 +298,7 @@ def warnings(found: ComparedResult) -> list[str]:
 
 def better_for(found: ComparedResult) -> list[str]:
     """One line each for error, control effort and robustness: what either run has."""
-    lines, usable = [], found.usable
+    lines, usable, alike = [], found.usable, _same_machine(found)
     compared = [
         ("rms_contour_error", "RMS contour error", ("um", "um")),
         ("rms_tracking_error", "RMS tracking error", ("um", "um")),
@@ -301,11 +308,17 @@ def better_for(found: ComparedResult) -> list[str]:
         rows = [row for row in _alike(found) if (row.metric, row.plant) == (metric, "worst")]
         if rows:
             a, b = (FACTORS[metric] * _largest(rows, side) for side in SIDES[:2])
-            lines.append(_line(f"{words}, worst contour and plant", (a, b), units, usable))
+            told = f"{words}, worst contour and plant"
+            lines.append(_line(told, (a, b), units, usable, alike))
     a, b = found.margins["peak_sensitivity"]
     if a is not None and b is not None:
-        lines.append(_line("Peak sensitivity over the family", (a, b), ("", ""), usable))
+        lines.append(_line("Peak sensitivity over the family", (a, b), ("", ""), usable, alike))
     return lines
+
+
+def _same_machine(found: ComparedResult) -> bool:
+    first, second = found.machines
+    return first == second
 
 
 def _alike(found: ComparedResult) -> list[ComparedMetric]:
@@ -321,12 +334,19 @@ def _largest(rows: Sequence[ComparedMetric], side: str) -> float:
 
 
 def _line(
-    words: str, values: tuple[float, float], units: Sequence[str], usable: Sequence[bool]
+    words: str,
+    values: tuple[float, float],
+    units: Sequence[str],
+    usable: Sequence[bool],
+    alike: bool,
 ) -> str:
+    """Both numbers, and which is better where unit and machine are the same."""
     a, b = ("diverged" if value != value else digits(value) for value in values)
     first, second = units
     if first != second:
         return f"{words}: {a} {first} against {b} {second}: not to be compared."
+    if not alike:
+        return f"{words}: {a} against {b} {first}".rstrip() + ", of different machines."
     side = _better(*values, usable)
     which = {
         "same": "the same",
@@ -347,4 +367,6 @@ def recommendation(found: ComparedResult) -> str:
         return "The runs have no contour in common: there is nothing to compare."
     if not _alike(found):
         return "No contour is the same path and motion in both: tune both on one part, at one feed."
+    if not _same_machine(found):
+        return "Both may be loaded, each on its own machine: neither is called better."
     return "Both may be loaded: the lines above say which is better for what."

@@ -146,17 +146,18 @@ def test_controls_in_other_units_are_not_called_better(tmp_path):
     found, text = run(a, b), said(run(a, b))
     assert judged(found) == {name for name, _, _ in COLUMNS if name.endswith("error")}
     assert "1e-06 A per sample against 2e-06 mm/s per sample: not to be compared." in text
-    assert "controls in A and in mm/s" in text
+    assert "WARNING: controls are in A and in mm/s: not compared" in text
     rows = [line.split() for line in text.splitlines()]
     assert ["control", "unit", "A", "mm/s"] in rows
-    assert ["circle", "nominal", "RMS", "control", "1e-06", "A", "2e-06", "mm/s"] in rows
+    assert not [row for row in rows if row[:4] == ["circle", "nominal", "RMS", "control"]]
+    assert [row for row in rows if row[:4] == ["circle", "nominal", "RMS", "contour"]]
 
 
 def test_changes_per_sample_are_not_compared_where_the_samples_differ(tmp_path):
     a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6, period=5e-4)
     found, text = run(a, b), said(run(a, b))
     assert judged(found) == {name for name, _, _ in COLUMNS} - {"rms_increment"}
-    assert "WARNING: changes of the control are A per 1 ms and A per 0.5 ms" in text
+    assert "WARNING: changes of the control are in A per 1 ms and in A per 0.5 ms" in text
     rows = [line.split() for line in text.splitlines()]
     assert ["sample", "period", "ms", "1", "0.5"] in rows
     old = stored(tmp_path / "old", 2.0, 2e-6, period=None)  # not known: nothing speaks against it
@@ -232,7 +233,19 @@ def test_a_single_axis_has_no_contour_error(tmp_path):
 def test_runs_of_different_machines_are_told(tmp_path):
     a = stored(tmp_path / "a", 1.0, 1e-6)
     found = run(a, stored(tmp_path / "b", 1.0, 2e-6, machine="mill"))
-    assert "different machines, lathe and mill" in said(found)
+    text = said(found)
+    assert "different machines, lathe and mill" in text
+    assert found.better == {"first": 0, "second": 0, "same": 0, "neither": 0}
+    assert "is better." not in text and "each on its own machine" in text
+    assert "plant: 1 against 2 um, of different machines." in text
+
+
+def test_rows_keep_their_names_where_the_units_differ(tmp_path):
+    """Without a unit of its own a control is in "control unit of MACHINE", a long name."""
+    a = stored(tmp_path / "a", 1.0, 1e-6, unit="control unit")
+    b = stored(tmp_path / "b", 2.0, 2e-6, unit="control unit", machine="mill")
+    text = said(run(a, b), width=80)
+    assert [line for line in text.splitlines() if line.split()[:2] == ["circle", "nominal"]]
 
 
 def test_runs_without_a_common_contour_are_told(tmp_path):
