@@ -20,6 +20,9 @@ COMMAND = re.compile(
 )
 MARK = re.compile(
     rf"{NUMBERED}(?:M1(?:04|09|40|90)\s*[RST]|M115\s*U|M862\.|EXCLUDE_OBJECT"
+    r"|G29(?:\.[0-9]|\s*[AGHJPSTW])"  # Fanuc's G29 has X, Y and Z alone
+    # motors of axes, which have no numbers then
+    r"|M(?:1[78]|8[2-9]|9[0-2]|[1-9][0-9]{2,})(?:\s+[A-Z][-+0-9.]*)*\s+[XYZE](?:\s|;|$)"
     r"|(?:G0?[0-3]|G92)(?![0-9.])[^;(]*?(?:\sE[+-]?[0-9.]|[0-9.]E[+-]?(?:[0-9]+\.|\.[0-9])))",
     re.IGNORECASE,
 )
@@ -85,7 +88,7 @@ def printer_line(line: str, prints: Callable[[], bool]) -> PrinterLine | None:
         return None
     rest = TEXT.sub("", line[found.end() :])
     command = _command(found)
-    if not _is_own(command, rest) or not prints():
+    if not _is_own(command, rest) or not (command == "G11" or prints()):
         return None
     if command in MOVING:
         raise ToolpathError(f"'{command}' is not supported ({MOVING[command]})")

@@ -46,7 +46,7 @@ def test_a_line_of_a_printer_moves_nothing_and_is_told(line):
 
 
 @pytest.mark.parametrize(
-    "line", ["M569.1 P 9", "M84 E", "G29 G", "G11", "Tx", "PRINT_START", "G28 F"]
+    "line", ["M569.1 P 9", "M486 A'a'", "G29 X1", "G11 X1", "G11 P", "Tx", "PRINT_START", "G28 F"]
 )
 def test_none_is_known_in_a_program_of_a_mill(line):
     with pytest.raises(ToolpathError, match="line 2: "):
@@ -91,6 +91,12 @@ def test_homing_with_a_flag_goes_home():
         "M115 U3.1.0",
         "N1 M862.1 P.4",
         "G92 E0",
+        "M84 E",
+        "M569 S0 E",
+        "m18 x y;",
+        "G29 P9 X2",
+        "G29 G",
+        "G29.1",
         "G1X1Y2E.5",
         "G2 X1 I4 E-5",
     ],
@@ -99,7 +105,20 @@ def test_what_shows_that_a_program_is_for_a_printer(line):
     assert is_for_a_printer(["G21", line])
 
 
-@pytest.mark.parametrize("line", ["M104 P1", "G1 X1E3", "G1 X1 (E 3)", "G1 X1 ; E3", "G187 E0.01"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "M104 P1",
+        "G1 X1E3",
+        "G1 X1 (E 3)",
+        "G1 X1 ; E3",
+        "G187 E0.01",
+        "G29 X1",
+        "M201 X5",
+        "M3 S",
+        "M0 E",
+    ],
+)
 def test_what_does_not(line):
     assert not is_for_a_printer(["G21", line])
 
