@@ -110,6 +110,8 @@ def command(flags: Verify) -> int:
         run.start, {name: w for name, w in found.weights.items() if w is not None}
     )
     constrained = _constrained(run, weights, limits, solver)
+    for reference in _references(run).values():
+        constrained.initial_memory(reference)  # raises what does not fit before anything is written
     out = created(flags, "verify")
     rows = _replayed(run, weights, constrained, limits, flags, out)
     bounds = {name: _listed(pair) for name, pair in limits._asdict().items()}

@@ -56,6 +56,16 @@ def test_verify_tells_what_limits_cost(tuned, tmp_path, capsys):
     assert np.abs(np.diff(load_dataset(stored[0]).control.values, axis=0)).max() <= 5 * (1 + 1e-9)
 
 
+@pytest.mark.slow
+def test_limits_that_a_start_is_outside_of_leave_no_folder(tuned, tmp_path, capsys):
+    """The same command with another limit then has the folder to itself."""
+    out = tmp_path / "verified"
+    assert main(["tune", "circle", "--json", "--out", str(tmp_path / "run"), *EFFORT]) == 0
+    words = ["verify", str(tmp_path / "run"), "--out", str(out), "--max-speed-mm-s"]
+    assert main([*words, "1"]) == 2
+    assert "the start is outside the limits" in capsys.readouterr().err and not out.exists()
+
+
 def test_verify_needs_a_run(tmp_path, capsys):
     assert main(["verify", str(tmp_path)]) == 2
     assert "settings.json" in capsys.readouterr().err
