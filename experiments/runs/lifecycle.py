@@ -3,11 +3,12 @@
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import Field, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from rich.console import Console
+from tyro.conf import Positional
 
 from experiments.catalogue.choices import machine_named
 from experiments.catalogue.own_classes import own_name
@@ -135,9 +136,18 @@ def resumed(flags: F, command: str) -> tuple[Path, F]:
     now = {name: getattr(flags, name) for name in WHERE if hasattr(flags, name)}
     for one in fields(flags):
         if one.name not in ("resume", *now) and getattr(flags, one.name) != one.default:
-            flag = one.name.replace("_", "-")
-            raise ValueError(f"resume: the run keeps its own settings; leave out --{flag}")
+            raise ValueError(
+                f"resume: the run keeps its own settings; leave out {_typed(flags, one)}"
+            )
     return folder, stored_flags(folder, command, type(flags), **now, resume=None)
+
+
+def _typed(flags: Any, one: Field) -> str:
+    """A flag as it is typed; of a positional one its words."""
+    if Positional not in getattr(one.type, "__metadata__", ()):
+        return f"--{one.name.replace('_', '-')}"
+    given = getattr(flags, one.name)
+    return words_of(given if isinstance(given, (tuple, list)) else [str(given)]).strip()
 
 
 def stored_flags(folder: Path, command: str, kind: type[Kept], **now: Any) -> Kept:

@@ -81,6 +81,7 @@ def test_missing_part(capsys, tmp_path):
         (["--devices", "3"], "devices: needs 1 to 2"),
         (["--resume", "nowhere"], "nowhere"),
         (["--resume", "nowhere", "--seed", "3"], "leave out --seed"),
+        (["circle", "a b.ngc", "--resume", "nowhere"], "leave out circle 'a b.ngc'"),
     ],
 )
 def test_bad_flag(capsys, tmp_path, part_file, machine_file, flags, says):
