@@ -124,7 +124,7 @@ def values_block(result: TunedResult) -> list[str]:
         *verdict(result.usable, result.reasons),
         *(f"  {line}" for line in result.weight_lines),
     ]
-    lines.append(f"Margins of the loop, its gains frozen at {probes}")
+    lines.append(f"Margins of the nominal loop, its gains frozen at {probes}")
     for name, value, before in margin_rows(margins, result.start_margins):
         lines.append(f"  {name:<23}  {value:<24} start: {before}")
     if margins.lost_first is not None:
@@ -256,7 +256,7 @@ def _gap_line(row: GapRow) -> str:
 def margin_rows(*designs: PathMargins) -> list[tuple[str, ...]]:
     """One row per margin: its name, then its value for every design."""
     radii = (f"{one.spectral_radius:.6f} (stable < 1)" for one in designs)
-    rows = [("largest spectral radius", *radii)]
+    rows = [("spectral radius, nominal", *radii)]
     for k in range(len(designs[0].gain_range)):
         rows.append((f"gain margin, input {k + 1}", *(_gain_range(one, k) for one in designs)))
     rows.append(("delay margin", *(_delay(one) for one in designs)))
