@@ -34,6 +34,8 @@ def run_warnings(
         )
     lines += run.machine.remarks
     lines += margin_warnings(margins, run.machine.unknown_delay, run.flags.min_delay_margin)
+    longest = max(job.samples for job in run.scenarios.jobs)
+    lines += slow_warnings(margins, longest, run.machine.model.dt)
     lines += limits_exceeded_by_plan(run.scenarios, run.machine)
     lines += limit_warnings(found, run.scenarios, run.machine)
     lines += swing_warnings(found, run.scenarios, run.machine)
@@ -106,6 +108,26 @@ def margin_warnings(margins: PathMargins, unknown_delay: int, asked: int = 0) ->
         )
         lines.append(f"margins leave out {points} where {OPEN}")
     return lines
+
+
+def slow_warnings(margins: PathMargins, longest: int, dt: float) -> list[str]:
+    """A mode of the loop that lasts longer than any run: no run shows what it does.
+
+    It may be that of an observer that finds a load, or of an integral part, as well as the tool's.
+
+    Args:
+        margins: of the tuned loops.
+        longest: samples of the longest contour.
+        dt: sample period [s].
+    """
+    if not (margins.stable and margins.spectral_radius > np.exp(-1 / longest)):
+        return []
+    lasts = -1 / np.log(margins.spectral_radius)
+    return [
+        f"the slowest mode of the loop dies out to a third in {lasts:.4g} samples "
+        f"({1e3 * dt * lasts:.3g} ms), the longest contour has {longest}: what a constant load "
+        "does may last longer than these runs show; a longer part shows it"
+    ]
 
 
 def standstill_warnings(rest: Standstill | None, run: TuningRun) -> list[str]:

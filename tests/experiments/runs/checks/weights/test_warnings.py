@@ -12,6 +12,7 @@ from experiments.runs.checks.weights.warnings import (
     lag_warnings,
     margin_warnings,
     search_warnings,
+    slow_warnings,
     standstill_warnings,
 )
 from tuning.tune import Tuned
@@ -57,6 +58,15 @@ def test_weights_without_effect_are_named():
     assert line.startswith("ff has no effect on these runs and is left at the start")
     (line,) = idle_warnings(("ff", "lead"))
     assert line.startswith("ff, lead have no effect on these runs and are left")
+
+
+def test_a_mode_that_outlasts_the_runs_is_told():
+    """0.99 is left of a mode after a sample: a third, 1 / e, after 99.5 samples."""
+    assert slow_warnings(margins(radius=0.99), longest=100, dt=1e-3) == []
+    (line,) = slow_warnings(margins(radius=0.99), longest=99, dt=1e-3)
+    assert "99.5 samples (99.5 ms)" in line and "the longest contour has 99" in line
+    assert slow_warnings(margins(radius=1.0), longest=99, dt=1e-3) == []  # told as unstable
+    assert slow_warnings(margins(radius=0.0), longest=99, dt=1e-3) == []
 
 
 def scenarios(samples=20):
