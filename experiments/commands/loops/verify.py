@@ -274,7 +274,8 @@ def show(result: Verified, console: Console) -> None:
         "or the next speed or acceleration of the model",
     )
     console.print(tables.plain_table(REACHED, *_reached_table(result)))
-    tables.say(console, *_exceeded(result))
+    for line in _exceeded(result):
+        tables.say(console, line)
     for gap in result.gaps:
         if gap.failure:
             tables.say(console, f"STOPPED: {gap.contour}, {gap.plant}: {gap.failure}")
