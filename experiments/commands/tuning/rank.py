@@ -46,7 +46,8 @@ def show(result: RankedResult, console: Console) -> None:
     rows = [_row(row, placed[0]) for row in placed]
     console.print(tables.plain_table(title, COLUMNS, rows))
     failed = [f"{row.label}: no place, {row.failure}" for row in result.rows if row.failure]
-    tables.say(console, *failed, *_left_out(result.learning))
+    warnings = [f"WARNING: {line}" for line in result.warnings]
+    tables.say(console, *failed, *_left_out(result.learning), *warnings)
 
 
 def _left_out(names: list[str]) -> list[str]:

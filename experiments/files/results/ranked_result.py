@@ -68,6 +68,7 @@ class RankedResult:
         error: the error that counts, "contour" or "tracking".
         evaluations: that each of them was allowed.
         learning: names of controllers that were left out, as they learn while they run.
+        warnings: what is to be known of the machine and its family, one line each.
     """
 
     machine: MachineSummary
@@ -75,3 +76,4 @@ class RankedResult:
     evaluations: int
     rows: list[Ranked]
     learning: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)

@@ -35,6 +35,7 @@ from experiments.jobs.job import Pace
 from experiments.jobs.replays import Replay, replay
 from experiments.machines.machine import Machine
 from experiments.reports.progress import progress_of
+from experiments.runs.checks.weights.recommendation import ALONE
 from experiments.runs.checks.weights.unseen_plants import over_family
 from experiments.runs.tuning.limits import loop_limits
 from experiments.runs.tuning.problem import TuningRun, tuning_run
@@ -197,12 +198,14 @@ def ranked(ranking: Ranking, folder: Path, console: Console) -> RankedResult:
             console.print(f"{index + 1} of {len(ranking.candidates)}: {candidate.controller}")
             rows.append(_row(ranking, candidate, place, console))
             run_folder.write_json(place / ROW, to_json(rows[-1]))
+    machine = ranking.machine
     return RankedResult(
-        machine=machine_summary(ranking.machine),
-        error=ranking.machine.error,
+        machine=machine_summary(machine),
+        error=machine.error,
         evaluations=ranking.flags.evaluations,
         rows=sorted(rows, key=_place),
         learning=ranking.learning,
+        warnings=[*machine.remarks, *([ALONE] if len(machine.family_names) == 1 else [])],
     )
 
 

@@ -113,6 +113,13 @@ def test_those_that_learn_are_told(capsys):
     assert "Left out: run-out. They learn" in capsys.readouterr().out
 
 
+def test_a_family_that_is_assumed_or_a_single_plant_is_told(capsys):
+    show(RESULT, console_of())
+    assert "WARNING" not in capsys.readouterr().out
+    show(replace(RESULT, warnings=["the weights were tried on a single plant"]), console_of())
+    assert "WARNING: the weights were tried on a single plant" in capsys.readouterr().out
+
+
 def test_what_to_do_next():
     begins, _, unended, following = next_steps(RESULT, " part.ngc")
     assert begins.startswith("Ms with *: of the loop that the controller begins with.")
