@@ -105,7 +105,8 @@ def reached(
 ) -> dict[str, Float[np.ndarray, " d"]]:
     """Largest magnitude of every limited signal of a run by component; 0 without a sample.
 
-    >>> found = reached([[0.0], [1e-3], [3e-3]], [[1.0]] * 3, 1e-3, Limits.within(speed=1.0))
+    >>> output, control = np.array([[0.0], [1e-3], [3e-3]]), np.ones((3, 1))
+    >>> found = reached(output, control, 1e-3, Limits.within(speed=1.0))
     >>> found["speed"].tolist()
     [2.0]
     """

@@ -136,8 +136,8 @@ def check_run(plant: Plant, controller: Sampled, reference: Reference) -> None:
             f"dt: the plant is sampled every {dt} s, the reference every {reference.dt} s"
         )
     wanted, axes = reference.position.shape[-1], _axes(plant)
-    if axes is not None and _first(axes) != wanted:
-        raise ValueError(f"reference: it has {wanted} axes, the plant {_first(axes)}")
+    if axes is not None and axes != wanted:
+        raise ValueError(f"reference: it has {wanted} axes, the plant {axes}")
 
 
 def _first(number: Any) -> Any:
@@ -145,10 +145,10 @@ def _first(number: Any) -> Any:
     return np.ravel(number)[0] if np.ndim(number) else number
 
 
-def _axes(plant: Plant) -> int | None:
+def _axes(plant: Plant) -> Any:
     """Axes of a plant, or of the one that it wraps, where it says them."""
     inside = getattr(plant, "plant", None)
-    return _axes(inside) if isinstance(inside, Plant) else getattr(plant, "axes", None)
+    return _axes(inside) if isinstance(inside, Plant) else _first(getattr(plant, "axes", None))
 
 
 def check_kinds(call: str, **given: Any) -> None:

@@ -255,7 +255,7 @@ class Condensed:
         """The largest violation of a soft limit, in the limit's own unit."""
         return float(np.max(z[self.moves :] * self.rows.size[self._gives], initial=0.0))
 
-    def of_first_control(self, forces: Float[np.ndarray, " n+r"]) -> Float[np.ndarray, " k"]:
+    def of_first_control(self, forces: Float[np.ndarray, " c"]) -> Float[np.ndarray, " k"]:
         """Of all multipliers, those of limits on what the first control alone decides."""
         bounds, rows = forces[: self._inputs], forces[len(self._lower) :]
         return np.concatenate([bounds, rows[self._at_once]])
