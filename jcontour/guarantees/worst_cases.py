@@ -3,8 +3,10 @@
 With the frame (n, t) at the point of the path nearest to the undisturbed y, and nu, tau the peak
 bounds of the deviation along n and t:
     v = max over k and s in {-1, 0, 1} of  nu(k) + dist(y(k) + s tau(k) t(k), path)
-That is the bound of `certificates` but for what lies between the three places: nothing beside a
-line and on a circle. On one axis it is |y - y_d| and the peak bound of y.
+That is the bound of `certificates` but for what lies between the three places, and for the sum:
+there nu and the part of the distance along n are added first, the part along t at right angles.
+Beside a line both are the same; on a circle v was larger by 5e-7 of it. On one axis it is |y - y_d|
+and the peak bound of y.
 
     dv/dtheta = d/dtheta of the same under w*,   k*, s* and the attacks w* as found at theta
 Sample and attacks maximise v, so that they may be held fixed (envelope theorem). Where several are
