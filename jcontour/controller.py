@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.motion.references import Reference
-from jcontour.plant import Plant
 from jcontour.tracing import is_concrete
 
 Memory = Any  # any pytree of arrays
@@ -50,10 +49,6 @@ class Controller(eqx.Module):
         self, memory: Memory, plan: Plan, measurement: Any
     ) -> tuple[Memory, Float[Array, " p"]]:
         """Next memory and the control, from one row of the plan and the present measurement."""
-
-    def design_model(self) -> Plant | None:
-        """Model that the controller is designed on; None for one without a model."""
-        return None
 
     def without_planned_limits(self) -> "Controller":
         """The controller without limits that it plans for, if it has any: margins are of that."""

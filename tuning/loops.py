@@ -40,7 +40,7 @@ class Loops(eqx.Module):
     """A way to look at the loops of a controller on a family."""
 
     @abc.abstractmethod
-    def matrices(self, controller: Controller, plants: Plant) -> Any:
+    def matrices(self, plants: Plant, controller: Controller) -> Any:
         """Arrays from which the peaks follow; traced."""
 
     @abc.abstractmethod
@@ -100,9 +100,9 @@ class ProbedLoops(Loops):
         windows = probe_windows(references, probes)
         return cls(windows, encoding_of(plants, windows), more, doubt, count)
 
-    def matrices(self, controller: Controller, plants: Plant) -> FrozenLoop:
+    def matrices(self, plants: Plant, controller: Controller) -> FrozenLoop:
         """Frozen loops of every probe and plant."""
-        return frozen_family(controller, plants, self.windows)
+        return frozen_family(plants, controller, self.windows)
 
     def look(self, matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[Looked, Looked]:
         """Peaks of the sensitivities, the radius with more delay, and the noise of the counts.

@@ -191,7 +191,7 @@ def _loops(problem: Problem, start: Weights, z: Float[Array, " d"]) -> tuple[Any
     assert loops is not None
 
     def matrices(weights: Weights) -> Any:
-        return loops.matrices(problem.build(weights), problem.plants)
+        return loops.matrices(problem.plants, problem.build(weights))
 
     return _with_slopes(matrices, Chart(problem.space, start), z, jax.jacfwd)
 
@@ -211,7 +211,7 @@ def _with_slopes(function, chart: Chart, z: Float[Array, " d"], jacobian) -> tup
 def _values(problem: Problem, start: Weights, z: Float[Array, " d"]) -> tuple[Any, Any]:
     """Metrics and use of the limits, and matrices of the frozen loops."""
     weights, loops = Chart(problem.space, start).weights(z), problem.loops
-    matrices = None if loops is None else loops.matrices(problem.build(weights), problem.plants)
+    matrices = None if loops is None else loops.matrices(problem.plants, problem.build(weights))
     return problem.runs(weights), matrices
 
 

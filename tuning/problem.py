@@ -72,7 +72,7 @@ class Problem(eqx.Module):
         return [Entry("limit", k, 0) for k in range(self.limits(outcome).size)]
 
     def _evaluated(self, controller: Controller, score: Score) -> Any:
-        return evaluate(controller, self.plants, self.references, self.window, self.batching, score)
+        return evaluate(self.plants, controller, self.references, self.window, self.batching, score)
 
     def _score_with_use(self, output, control, reference, window) -> tuple[Metrics, LimitUse]:
         assert self.axis_limits is not None

@@ -41,7 +41,7 @@ def sweep(
             the platform when not given.
     """
     batching = platform_batching() if batching is None else batching
-    return batching(lambda weights: evaluate(build(weights), plants, references, window), designs)
+    return batching(lambda weights: evaluate(plants, build(weights), references, window), designs)
 
 
 def grid(**values: Sequence[float | int]) -> dict[str, Float[Array, " D"]]:

@@ -242,7 +242,7 @@ def _check_run(own: OwnName, controller: "Controller", machine: "Machine") -> No
     arc = np.linspace(0.0, float(contour.length), preview + 4)
     reference = along(contour, arc, dt, preview, at_rest=False)
     try:
-        check_controller(controller, machine.nominal(), reference, machine.model.inputs)
+        check_controller(machine.nominal(), controller, reference, machine.model.inputs)
         eqx.filter_eval_shape(simulate, machine.nominal(), controller, reference)
     except ContractError as error:
         raise _broken(own, error) from None

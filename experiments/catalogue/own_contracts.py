@@ -39,7 +39,7 @@ def check_plant(plant: Plant, axes: int) -> None:
 
 
 def check_controller(
-    controller: Controller, plant: Plant, reference: Reference, inputs: int
+    plant: Plant, controller: Controller, reference: Reference, inputs: int
 ) -> None:
     """Check what `step` returns. A plan without a row for every step is left to `simulate`.
 
@@ -48,12 +48,12 @@ def check_controller(
             each of the inputs, or the memory changes its shapes or types.
     """
 
-    def begun(controller: Controller, plant: Plant, reference: Reference) -> Any:
+    def begun(plant: Plant, controller: Controller, reference: Reference) -> Any:
         measurement = plant.measure(start_state(plant, reference))
         memory = controller.initial_memory(reference)
         return _arrays((controller.prepare(reference), memory, measurement))
 
-    plan, memory, measurement = eqx.filter_eval_shape(begun, controller, plant, reference)
+    plan, memory, measurement = eqx.filter_eval_shape(begun, plant, controller, reference)
     if {leaf.shape[:1] for leaf in jax.tree.leaves(plan)} != {(reference.steps,)}:
         return
     row = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), plan)

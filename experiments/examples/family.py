@@ -25,7 +25,7 @@ family = stack_plants(members)
 nominal = 3  # gain 1.0 without delay
 
 controller = ContouringLQ(model, LQWeights(alpha=1.0, beta=5.0, rho=2e-9), preview=10)
-metrics = evaluate(controller, family, stack_references(runs))  # axes (contour, machine)
+metrics = evaluate(family, controller, stack_references(runs))  # axes (contour, machine)
 errors = metrics.rms_contour_error
 worst = int(jnp.argmax(errors[0]))
 print(

@@ -97,7 +97,7 @@ def replay(controller: Controller, scenarios: Scenarios, watch: Watch | None = N
     """
     check_run(scenarios.family, controller, scenarios.references)
     references, plans = scenarios.references, prepared_plans(controller, scenarios.references)
-    output, control, watched = _runs(controller, scenarios.family, references, plans, watch)
+    output, control, watched = _runs(scenarios.family, controller, references, plans, watch)
     metrics, error = _scored(output, control, references)
     return Replay(*jax.device_get((metrics, output, control, error, watched)))
 
@@ -112,7 +112,7 @@ def prepared_plans(controller: Controller, references: Reference) -> Plan:
 
 @eqx.filter_jit
 def _runs(
-    controller: Controller, family: Plant, references: Reference, plans: Plan, watch: Watch | None
+    family: Plant, controller: Controller, references: Reference, plans: Plan, watch: Watch | None
 ) -> tuple[Any, ...]:
     """Output, control, and what was watched, (contour, plant, time, ...)."""
 

@@ -69,18 +69,18 @@ class LoopPeaks(NamedTuple):
 
 
 @eqx.filter_jit
-def loop_peaks(controller: Controller, plants: Plant, windows: Reference) -> LoopPeaks:
+def loop_peaks(plants: Plant, controller: Controller, windows: Reference) -> LoopPeaks:
     """Peaks of the sensitivity and of the complementary one, with derivatives.
 
     Args:
-        controller: any, traceable; prepared once per probe.
         plants: `stack_plants([...])`, axis 0, smooth.
+        controller: any, traceable; prepared once per probe.
         windows: `probe_windows(...)`, axis 0.
 
     Raises:
         ValueError: as `simulate`.
     """
-    loops, encoding = frozen_family(controller, plants, windows), encoding_of(plants, windows)
+    loops, encoding = frozen_family(plants, controller, windows), encoding_of(plants, windows)
     like = jax.eval_shape(_measures_like, loops)
     values, slopes = on_host(partial(_measures, encoding), like, loops)
     peaks = []
@@ -91,22 +91,22 @@ def loop_peaks(controller: Controller, plants: Plant, windows: Reference) -> Loo
 
 
 def sensitivity_curves(
-    controller: Controller, plants: Plant, windows: Reference, frequencies: Float[ArrayLike, " F"]
+    plants: Plant, controller: Controller, windows: Reference, frequencies: Float[ArrayLike, " F"]
 ) -> Float[np.ndarray, "K P F"]:
     """Largest singular value of the sensitivity over frequency, the larger of input and output.
 
     On the host; it says nothing of a loop that is not stable.
 
     Args:
-        controller: as for `loop_peaks`.
-        plants: likewise.
+        plants: as for `loop_peaks`.
+        controller: likewise.
         windows: likewise.
         frequencies: [rad per sample], from above 0 to pi.
 
     Raises:
         ValueError: as `simulate`.
     """
-    loops = jax.device_get(frozen_family(controller, plants, windows))
+    loops = jax.device_get(frozen_family(plants, controller, windows))
     responses = Responses.of(loops, encoding_of(plants, windows))
     heights = responses.heights(np.asarray(frequencies))[..., 0]
     batch = loops.machine.A.shape[:-2]
@@ -121,13 +121,13 @@ def host_peaks(loops: FrozenLoop, encoding: Encoding, doubt: Doubt | None = None
 
 @eqx.filter_jit
 def late_radius(
-    controller: Controller, plants: Plant, windows: Reference, samples: int
+    plants: Plant, controller: Controller, windows: Reference, samples: int
 ) -> Float[Array, "K P"]:
     """Spectral radius of every loop with `samples` more of delay on its control, differentiable.
 
     Args:
-        controller: as for `loop_peaks`.
-        plants: likewise.
+        plants: as for `loop_peaks`.
+        controller: likewise.
         windows: likewise.
         samples: at least 0.
 
@@ -136,17 +136,17 @@ def late_radius(
     """
     if samples < 0:
         raise ValueError(f"samples: a delay is not negative, received {samples}")
-    cut = frozen_family(controller, plants, windows).cut()
+    cut = frozen_family(plants, controller, windows).cut()
     return radius(jnp.asarray(cut.late(samples) if samples else cut.closed()))
 
 
 @eqx.filter_jit
-def frozen_family(controller: Controller, plants: Plant, windows: Reference) -> FrozenLoop:
+def frozen_family(plants: Plant, controller: Controller, windows: Reference) -> FrozenLoop:
     """Frozen loops of every probe and plant.
 
     Args:
-        controller: as for `loop_peaks`.
-        plants: likewise.
+        plants: as for `loop_peaks`.
+        controller: likewise.
         windows: likewise.
 
     Returns:

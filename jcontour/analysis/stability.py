@@ -12,10 +12,10 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import ArrayLike, Float, Int
 
 from jcontour.analysis.frozen_loops import CutLoops, frozen_loop
-from jcontour.controller import Controller, Plan, Wrapper
+from jcontour.controller import Controller, Plan
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import spectral_radius
 from jcontour.motion.references import Reference, along
@@ -50,26 +50,26 @@ class Margins(NamedTuple):
     saturated: int
 
 
-def frozen_spectral_radius(controller: Controller, direction, plant: Plant | None = None) -> float:
+def frozen_spectral_radius(plant: Plant, controller: Controller, direction: ArrayLike) -> float:
     """Spectral radius of the loop along a straight line: Theorem 1's check.
 
     >>> from jcontour.controllers import ContouringLQ, LQWeights
     >>> from jcontour.plants import bridgeport
-    >>> controller = ContouringLQ(bridgeport(), LQWeights(3.0, 5.0, 1e-6), preview=50)
-    >>> frozen_spectral_radius(controller, [1.0, 1.0]) < 1
+    >>> machine = bridgeport()
+    >>> controller = ContouringLQ(machine, LQWeights(3.0, 5.0, 1e-6), preview=50)
+    >>> frozen_spectral_radius(machine, controller, [1.0, 1.0]) < 1
     True
 
     Args:
-        controller: any controller; its gains on the line must not depend on the speed.
+        plant: the machine, behind `Encoders` for a controller that is fed positions.
+        controller: its gains on the line must not depend on the speed.
         direction: (m,) of any length.
-        plant: the machine. When not given, the model that the controller is designed on; behind
-            encoders for an observer, which is fed positions.
 
     Raises:
-        ValueError: the direction is zero or not finite, or the controller has no model and no plant
-            is given.
+        ValueError: the direction is zero or not finite.
+        TypeError: the arguments are swapped, or of another kind.
     """
-    plant = _modelled_plant(controller) if plant is None else plant
+    check_kinds("frozen_spectral_radius", plant=plant, controller=controller)
     along_path = np.asarray(direction, float)
     length = np.linalg.norm(along_path)
     if not (np.isfinite(length) and length > 0):
@@ -140,18 +140,6 @@ def cut_loops(
     plan = prepared(controller, reference)
     loops = _cut_loops(plant, controller, reference, plan, jax.device_put(rows))
     return CutLoops(*(np.asarray(matrices) for matrices in loops))
-
-
-def _modelled_plant(controller: Controller) -> Plant:
-    model = controller.design_model()
-    if model is None:
-        raise ValueError("plant: this controller has no model of its own; give the plant")
-    if not isinstance(controller, Wrapper):
-        return model
-    # an observer is a wrapper with a model; imported here, because all plants come with it
-    from jcontour.plants.wrappers.encoders import Encoders
-
-    return Encoders(model)
 
 
 @eqx.filter_jit

@@ -65,8 +65,8 @@ def family_batching(plants: Plant) -> Batching:
 
 
 def evaluate(
-    controller: Controller,
     plants: Plant,
+    controller: Controller,
     references: Reference,
     window: tuple[int, int] | None = None,
     batching: Batching | None = None,
@@ -83,13 +83,13 @@ def evaluate(
     >>> family = stack_plants([machine, with_input_gains(machine, [0.9, 1.1])])
     >>> arc = feed_laws.constant_feed(path, 10e-3, machine.dt)
     >>> reference = references.along(path, arc, machine.dt, preview=5, at_rest=False)
-    >>> metrics = evaluate(controller, family, stack_references([reference]))
+    >>> metrics = evaluate(family, controller, stack_references([reference]))
     >>> metrics.rms_contour_error.shape
     (1, 2)
 
     Args:
-        controller: prepared once per contour.
         plants: `stack_plants([...])`, axis 0.
+        controller: prepared once per contour.
         references: `stack_references([...])`, axis 0.
         window: samples a..b-1 that are scored; all when not given.
         batching: how contours are batched, on one device or on several (`devices.Spread`); chosen
@@ -101,7 +101,7 @@ def evaluate(
         ValueError: as `simulate` and `score`, or plants or references are not stacked.
         TypeError: the arguments are swapped, or of another kind.
     """
-    check_kinds("evaluate", controller=controller, plants=plants, references=references)
+    check_kinds("evaluate", plants=plants, controller=controller, references=references)
     _check_stack("plants", plants)
     _check_stack("references", references)
     check_run(plants, controller, references)

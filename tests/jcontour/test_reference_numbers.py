@@ -184,7 +184,7 @@ def circle_reference(steps, preview):
 def on_family(machines, model, terminal, preview, weights, reference, window):
     controller = ContouringLQ(model, weights, preview, terminal)
     batch = jax.tree.map(lambda leaf: leaf[None] if eqx.is_array(leaf) else leaf, reference)
-    return jax.tree.map(lambda leaf: leaf[0], evaluate(controller, machines, batch, window))
+    return jax.tree.map(lambda leaf: leaf[0], evaluate(machines, controller, batch, window))
 
 
 def machine(gain_x=1.0, gain_y=1.0, delay=0):
@@ -244,7 +244,7 @@ def test_u_shape_falls_then_rises_then_loses_stability(family):
             )
         if alpha >= 4:
             radius = frozen_spectral_radius(
-                ContouringLQ(bridgeport(), weights, 10), np.array([1.0, 0.0]), late
+                late, ContouringLQ(bridgeport(), weights, 10), np.array([1.0, 0.0])
             )
             assert (radius >= 1) == (alpha >= 8)
         if alpha >= 8:
@@ -378,6 +378,6 @@ def test_line_spectral_radii(terminal):
         radii = dict(zip(row["theta_deg"], row["radius"][row["Np"].index(10)], strict=True))
         for degrees in (22.5, 135.0):
             direction = np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
-            assert frozen_spectral_radius(controller, direction) == pytest.approx(
+            assert frozen_spectral_radius(bridgeport(), controller, direction) == pytest.approx(
                 radii[degrees], rel=1e-6
             ), (row["alpha"], degrees)

@@ -16,7 +16,7 @@ class Gains(Loops):
 
     more: float = 0.0
 
-    def matrices(self, controller, plants):
+    def matrices(self, plants, controller):
         gain = jnp.diagonal(plants.B, axis1=1, axis2=2) * controller.gains[None, :]
         size = jnp.abs(1 - gain)
         # taken, not compared: XLA may compute a number twice and round it differently
@@ -35,8 +35,8 @@ class Gains(Loops):
 class Counting(Gains):
     """The same loops, and beside them a mode of radius 1, as of a counter."""
 
-    def matrices(self, controller, plants):
-        peaks = super().matrices(controller, plants)
+    def matrices(self, plants, controller):
+        peaks = super().matrices(plants, controller)
         return peaks._replace(spectral_radius=jnp.maximum(peaks.spectral_radius, 1.0))
 
 

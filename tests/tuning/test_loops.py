@@ -30,7 +30,7 @@ def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
         return FilterObserver(inner, two_axes, kalman_gain(two_axes, jnp.exp(z[2]), 1e-6))
 
     def matrices(z):
-        return loops.matrices(controller(z), family)
+        return loops.matrices(family, controller(z))
 
     z = jnp.log(jnp.array([3.0, 5.0, 0.01]))
     looked, moved = loops.look(*jax.device_get((matrices(z), jax.jacfwd(matrices)(z))))
@@ -38,7 +38,7 @@ def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
     assert looked.count_noise is None
 
     def wanted(z):
-        return loop_peaks(controller(z), family, loops.windows)
+        return loop_peaks(family, controller(z), loops.windows)
 
     for one, other in zip(found, wanted(z), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12)
@@ -48,7 +48,7 @@ def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
         np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6 * np.abs(other).max())
 
     def wanted_late(z):
-        radii = [late_radius(controller(z), family, loops.windows, d) for d in (1, 2)]
+        radii = [late_radius(family, controller(z), loops.windows, d) for d in (1, 2)]
         return jnp.maximum(*radii)
 
     np.testing.assert_allclose(late, wanted_late(z), rtol=1e-9)
@@ -63,7 +63,7 @@ def test_probes_that_are_alike_count_as_each_alone(two_axes):
 
     def matrices(z):
         inner = ContouringLQ(two_axes, LQWeights(*jnp.exp(z), 1e-6), 3)
-        return loops.matrices(FilterObserver(inner, two_axes, gain), family)
+        return loops.matrices(family, FilterObserver(inner, two_axes, gain))
 
     gain = kalman_gain(two_axes, 0.01, 1e-6)
     z = jnp.log(jnp.array([3.0, 5.0]))
@@ -95,7 +95,7 @@ def test_every_encoder_has_its_own_count(two_axes):
 
     def variance(count):
         loops = ProbedLoops.of(family, stack_references([run]), 2, count=count)
-        matrices = jax.device_get(loops.matrices(controller, family))
+        matrices = jax.device_get(loops.matrices(family, controller))
         none = jax.tree.map(lambda leaf: np.zeros((*leaf.shape, 1)), matrices)
         return np.asarray(loops.look(matrices, none)[0].count_noise) ** 2
 

@@ -14,7 +14,7 @@ def test_sweep_is_a_loop_over_designs(proportional_problem):
     found = jax.device_get(sweep(*given))
     assert found.rms_control.shape == (4, 1, 2)
     single = jax.jit(
-        lambda w: evaluate(problem.build(w), problem.plants, problem.references, (2, 15))
+        lambda w: evaluate(problem.plants, problem.build(w), problem.references, (2, 15))
     )
     for k in range(4):
         for a, b in zip(

@@ -25,9 +25,9 @@ class CountedLoops(Loops):
     loops: Loops
     tally: Tally = eqx.field(static=True)
 
-    def matrices(self, controller: Controller, plants: Plant) -> Any:
+    def matrices(self, plants: Plant, controller: Controller) -> Any:
         """Those of the loops."""
-        return self.loops.matrices(controller, plants)
+        return self.loops.matrices(plants, controller)
 
     def look(self, matrices: Any, slopes: Any) -> tuple[Looked, Looked]:
         """What the loops show; counted."""

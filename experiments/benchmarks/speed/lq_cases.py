@@ -59,7 +59,7 @@ class Case(NamedTuple):
         alpha, beta, rho, *profile = weights
         stage = jnp.stack(profile) if profile else None
         controller = self.law(self.plant, LQWeights(alpha, beta, rho, stage), self.preview)
-        found = evaluate(controller, self.plants, self.references)
+        found = evaluate(self.plants, controller, self.references)
         return jax.tree.map(lambda number: number[0, 0], found)
 
     def objective(self, weights):

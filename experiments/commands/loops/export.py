@@ -130,7 +130,7 @@ def _until_rest(loop: StoredLoop, job: Task) -> tuple[Task, bool | None]:
     machine, dt = loop.machine, loop.machine.model.dt
     calm = isinstance(machine, LinearMachine)
     nominal = (machine.exact_family if calm else machine.true_family)(loop.fed)[0]
-    samples = settling(job, loop.controller, stack_plants([nominal]), dt)
+    samples = settling(job, stack_plants([nominal]), loop.controller, dt)
     return with_held_end(job, samples or 0), samples is not None
 
 

@@ -150,4 +150,4 @@ def sensitivity_peaks(
 
 @eqx.filter_jit
 def _loops(build, series, family: Plant, windows: Reference) -> FrozenLoop:
-    return jax.vmap(lambda weights: frozen_family(build(weights), family, windows))(series)
+    return jax.vmap(lambda weights: frozen_family(family, build(weights), windows))(series)

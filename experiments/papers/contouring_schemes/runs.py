@@ -172,7 +172,7 @@ class Setup:
         self.references = references(training())
         cascade = schemes()[CASCADE]
         with_feedforward = cascade.build(cascade.around(LOOPS[FEEDFORWARD].start))
-        start = scored(with_feedforward, self.plants, self.references).tool
+        start = scored(self.plants, with_feedforward, self.references).tool
         self.limits = AtMost(
             rms_control=CURRENT * float(jnp.max(start.rms_control)),
             rms_increment=INCREMENT * float(jnp.max(start.rms_increment)),
@@ -206,7 +206,7 @@ class Scores(NamedTuple):
 
 
 @eqx.filter_jit
-def scored(controller: Controller, plants: Plant, references: Reference) -> Scores:
+def scored(plants: Plant, controller: Controller, references: Reference) -> Scores:
     """The controller on all machines along all contours."""
 
     def on_contour(reference: Reference):
@@ -238,7 +238,7 @@ def arrival(output: Float[Array, "T m"], reference: Reference) -> Float[Array, "
 def rows(name: str, loops: str, controller: Controller, plants: Sequence[str]) -> list[Row]:
     """The controller on these true machines along every contour."""
     seen, new = training(), held_out()
-    scores = scored(controller, true_family(plants), references({**seen, **new}))
+    scores = scored(true_family(plants), controller, references({**seen, **new}))
     tool = scores.tool
     return [
         Row(

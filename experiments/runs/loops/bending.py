@@ -119,7 +119,7 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
     held, rests = None, True
     if at_rest:
         status.update("running the reference until the tool rests")
-        settled = settling(job, controller, family, machine.model.dt)
+        settled = settling(job, family, controller, machine.model.dt)
         rests = settled is not None
         held = round(MOST_HELD / machine.model.dt) if settled is None else settled
         job = with_held_end(job, held)

@@ -28,7 +28,7 @@ def with_held_end(job: Task, samples: int) -> Task:
     return job._replace(arc=arc, scored=scored, aside=aside)
 
 
-def settling(job: Task, controller: Controller, family: Plant, dt: float) -> int | None:
+def settling(job: Task, family: Plant, controller: Controller, dt: float) -> int | None:
     """Samples after the end of a run until every tool stays where it is; None where one does not.
 
     Args:
@@ -40,7 +40,7 @@ def settling(job: Task, controller: Controller, family: Plant, dt: float) -> int
     hold = FIRST
     while hold <= 2 * MOST:
         samples = max(2, round(hold / dt))
-        output = _outputs(with_held_end(job, samples), controller, family, dt)
+        output = _outputs(with_held_end(job, samples), family, controller, dt)
         tail = output[:, job.samples - 1 :]
         moving = np.linalg.norm(tail - tail[:, -1:], axis=-1).max(axis=0) > STILL
         if not np.isfinite(tail).all():
@@ -52,7 +52,7 @@ def settling(job: Task, controller: Controller, family: Plant, dt: float) -> int
 
 
 def _outputs(
-    job: Task, controller: Controller, family: Plant, dt: float
+    job: Task, family: Plant, controller: Controller, dt: float
 ) -> Float[np.ndarray, "P T m"]:
     reference = job.reference(dt, controller.preview)
     plan = prepared(controller, reference)

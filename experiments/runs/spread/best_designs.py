@@ -162,4 +162,4 @@ class DesignLoops:
 
     def _matrices(self, varied: dict[str, Any]):
         controller = self._design.build(with_values(self._design.start, varied))
-        return frozen_family(controller, self._family, self._loops.windows)
+        return frozen_family(self._family, controller, self._loops.windows)

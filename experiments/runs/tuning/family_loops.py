@@ -29,15 +29,16 @@ def family_peaks(
     controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
 ) -> LoopPeaks:
     """Peaks at the probes of the training paths, over the whole smooth family."""
-    return probed_peaks(controller, *_probed(machine, scenarios, fed), machine.doubt)
+    family, windows = _probed(machine, scenarios, fed)
+    return probed_peaks(family, controller, windows, machine.doubt)
 
 
 def probed_peaks(
-    controller: Controller, family: Plant, windows: Reference, doubt: Doubt | None = None
+    family: Plant, controller: Controller, windows: Reference, doubt: Doubt | None = None
 ) -> LoopPeaks:
     """Peaks of a family at the windows of some probes."""
     with on_cpu():  # few and small
-        loops = jax.device_get(frozen_family(controller, family, windows))
+        loops = jax.device_get(frozen_family(family, controller, windows))
     return host_peaks(loops, encoding_of(family, windows), doubt)
 
 
@@ -45,9 +46,9 @@ def family_curves(
     controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed, peaks: LoopPeaks
 ) -> FamilyCurves:
     """Curves over the probes and plants of `family_peaks`."""
-    probed = _probed(machine, scenarios, fed)
+    family, windows = _probed(machine, scenarios, fed)
     with on_cpu():
-        curves = sensitivity_curves(controller, *probed, FREQUENCIES).max(axis=0)
+        curves = sensitivity_curves(family, controller, windows, FREQUENCIES).max(axis=0)
     stable = np.max(peaks.spectral_radius, axis=0) < 1
     hertz = FREQUENCIES / (2 * np.pi * machine.model.dt)
     return FamilyCurves(hertz, np.where(stable[:, None], curves, np.nan))

@@ -311,5 +311,5 @@ def _peak_sensitivity(problem: Problem, found: FrontPoint) -> float:
     loops = found.outcome.loops
     if loops is None:
         windows = probe_windows(problem.references, WINDOWS)
-        loops = probed_peaks(problem.build(found.weights), problem.plants, windows)
+        loops = probed_peaks(problem.plants, problem.build(found.weights), windows)
     return float(np.max(loops.sensitivity))

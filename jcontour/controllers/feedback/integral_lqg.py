@@ -84,10 +84,6 @@ class IntegralLQG(Controller):
         """Samples of the future that the state feedback needs."""
         return self.feedback.preview
 
-    def design_model(self) -> LinearPlant:
-        """Model that it is designed on."""
-        return self.model
-
     def prepare(self, reference: Reference) -> IntegralPlan:
         """Targets of every step."""
         plan = self.feedback.prepare(reference)

@@ -66,10 +66,6 @@ class BlockwiseLQ(PlannedFeedback):
         self.terminal = OutputTerminal() if terminal is None else terminal
         control_weight(model, weights)
 
-    def design_model(self) -> LinearPlant:
-        """Model that it is designed on."""
-        return self.model
-
     def prepare(self, reference: Reference) -> AffinePlan:
         """Gain schedule of every step of the reference.
 

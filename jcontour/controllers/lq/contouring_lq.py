@@ -155,10 +155,6 @@ class ContouringLQ(PlannedFeedback):
         if isinstance(self.terminal, RiccatiTerminal):
             check_dare(model.A, model.B, (weights.alpha + weights.beta) * model.C.T @ model.C, R)
 
-    def design_model(self) -> LinearPlant:
-        """Model that it is designed on."""
-        return self.model
-
     def prepare(self, reference: Reference) -> AffinePlan:
         """Gain schedule of every step of the reference.
 

@@ -56,10 +56,6 @@ class PreviewLQ(PlannedFeedback):
                 raise ValueError(f"{name}: needs a finite weight above zero, received {weight}")
         check_dare(model.A, model.B, *self._cost())
 
-    def design_model(self) -> LinearPlant:
-        """Model that it is designed on."""
-        return self.model
-
     def prepare(self, reference: Reference) -> AffinePlan:
         """Constant gain, and feedforward of every step.
 

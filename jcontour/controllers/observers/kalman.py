@@ -72,10 +72,6 @@ class _Observer(Wrapper):
     def _C(self) -> Float[Array, "q n"]:
         return self.model.C if self.measured is None else self.measured
 
-    def design_model(self) -> LinearPlant:
-        """Model that it is designed on."""
-        return self.model
-
     def initial_memory(self, reference: Reference) -> ObserverMemory:
         """The estimate starts where the reference says the run begins.
 
@@ -164,10 +160,6 @@ class _LoadObserver(Wrapper):
     def __check_init__(self):
         A, C = with_disturbance(self.model, self.measured)
         check_gain(A, C, self.gain)
-
-    def design_model(self) -> LinearPlant:
-        """Model that it is designed on."""
-        return self.model
 
     def initial_memory(self, reference: Reference) -> OffsetFreeMemory:
         """The estimate starts where the reference says the run begins, undisturbed.

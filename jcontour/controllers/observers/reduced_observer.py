@@ -52,10 +52,6 @@ class ReducedObserver(Wrapper):
             raise ValueError(f"gain: needs shape (n - q, q) with n = {states}, received {found}")
         check_stable("gain: the observer", error_matrix(self.model, self.gain))
 
-    def design_model(self) -> LinearPlant:
-        """Model that it is designed on."""
-        return self.model
-
     def initial_memory(self, reference: Reference) -> ReducedMemory:
         """Memory in the state in which the reference begins.
 

@@ -143,10 +143,6 @@ class ConstrainedLQ(Controller):
         check_stage(weights, self.preview)
         self.rows = limit_rows(model, full_limits(limits, model), self.preview)
 
-    def design_model(self) -> LinearPlant:
-        """Model that it is designed on."""
-        return self.model
-
     def without_planned_limits(self) -> "ConstrainedLQ":
         """The same with nothing in its way: `ContouringLQ`, with the memory of this one."""
         return eqx.tree_at(lambda one: one.rows, self, self.rows.none())

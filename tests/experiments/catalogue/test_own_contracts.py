@@ -119,7 +119,7 @@ def test_a_plant_that_keeps_its_state_passes():
 )
 def test_what_a_controller_may_not_return_is_told(reference, begin, then, says):
     with pytest.raises(ContractError, match=says):
-        check_controller(Told(begin, then), Carriages(), reference, 2)
+        check_controller(Carriages(), Told(begin, then), reference, 2)
 
 
 @pytest.mark.parametrize(
@@ -136,5 +136,5 @@ def test_what_a_controller_may_not_return_is_told(reference, begin, then, says):
 )
 def test_what_runs_passes(reference, begin, then):
     controller = Told(begin, then)
-    check_controller(controller, Carriages(), reference, 2)
+    check_controller(Carriages(), controller, reference, 2)
     assert simulate(Carriages(), controller, reference).control.shape == (reference.steps, 2)

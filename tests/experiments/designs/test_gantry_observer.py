@@ -73,5 +73,5 @@ def test_the_start_keeps_the_usual_margin_on_every_plant(machine, name):
     _, controller = built(machine)
     job = job_named(name, Pace(machine, None, None))
     windows = probe_windows(stack_references([job.reference(machine.model.dt, PREVIEW)]), 4)
-    peaks = probed_peaks(controller, stack_plants(machine.smooth_family()), windows)
+    peaks = probed_peaks(stack_plants(machine.smooth_family()), controller, windows)
     assert np.max(peaks.sensitivity) < 2.0

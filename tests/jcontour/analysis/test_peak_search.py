@@ -37,7 +37,7 @@ def test_peaks_are_those_of_python_control(
     for _ in range(loops):
         matrices, law = random_loop(random, axes)
         family = stack_plants([Encoders(linear_machine(*matrices))])
-        found = jax.device_get(loop_peaks(given_law(*law), family, windows))
+        found = jax.device_get(loop_peaks(family, given_law(*law), windows))
         P, K = control.ss(*matrices, 0, 1e-3), control.ss(*law, 1e-3)
         Ms, Mt = control_peaks(P, K).max(axis=0)
         assert found.sensitivity[0, 0] == pytest.approx(Ms, rel=1e-6)
@@ -53,7 +53,7 @@ def test_integrators_have_closed_forms(linear_machine, given_law, straight_windo
     integrators = linear_machine(np.eye(2), np.eye(2), np.eye(2))
     family = [Delayed(Encoders(integrators), jnp.asarray(delay), 1, 2) for delay in (0, 1)]
     law = given_law.static([[-0.3, 0.0], [0.0, -0.2]])
-    found = loop_peaks(law, stack_plants(family), straight_window(2))
+    found = loop_peaks(stack_plants(family), law, straight_window(2))
     s = np.sqrt(0.3)
     late = 1 / ((1 - s) * np.sqrt(1 + 2 * s))
     np.testing.assert_allclose(found.sensitivity[0], [2 / 1.7, late], rtol=1e-9)
@@ -75,7 +75,7 @@ def test_a_narrow_resonance_is_not_missed(
     change = (pair(closed) - pair(opened))[:1]
     plant = linear_machine(pair(opened), np.array([[1.0], [0.0]]), change)
     law, family = given_law.static([[1.0]]), stack_plants([Encoders(plant)])
-    found = jax.device_get(loop_peaks(law, family, straight_window(1)))
+    found = jax.device_get(loop_peaks(family, law, straight_window(1)))
     w = angle + inside * np.linspace(-5, 5, 20001)
     z = np.exp(1j * w)
     numerator, denominator = (
@@ -96,7 +96,7 @@ def test_speeds_by_difference_change_with_the_positions(
     dt, k_p, k_v, T_i = 1e-3, np.array([60.0, 15.0]), 0.5, 0.02
     plant = FineEncoders(linear_machine(A, B, np.eye(2, 4)), Sensors([0, 1]))
     cascade = Cascade(CascadeGains(k_p, k_v, T_i), motors(2), dt)
-    found = loop_peaks(cascade, stack_plants([plant]), straight_window(2, preview=1))
+    found = loop_peaks(stack_plants([plant]), cascade, straight_window(2, preview=1))
     z = control.tf([1, 0], [1], dt)
     one, other = (
         control.ss(-k_v * (1 + dt / T_i * z / (z - 1)) * (k + (1 - 1 / z) / dt)) for k in k_p

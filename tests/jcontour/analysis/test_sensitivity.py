@@ -71,7 +71,7 @@ def test_an_unstable_loop_has_infinite_peaks_and_a_radius(integrators, given_law
     @jax.jit
     def peaks(gain):
         law = given_law.static(jnp.diag(jnp.stack([-gain, jnp.full_like(gain, -0.5)])))
-        return jax.tree.map(lambda peak: peak[0, 0], loop_peaks(law, family, windows))
+        return jax.tree.map(lambda peak: peak[0, 0], loop_peaks(family, law, windows))
 
     found = peaks(2.5)
     assert np.isinf(found.sensitivity) and np.isinf(found.complementary)
@@ -88,7 +88,7 @@ def test_a_limit_is_lifted(integrators, given_law, straight_window):
     law, windows = given_law.static(-0.3 * jnp.eye(2)), straight_window(2)
     limited = Saturated(integrators, jnp.full(2, 1e-12))
     free, at_limit = (
-        loop_peaks(law, stack_plants([Encoders(plant)]), windows)
+        loop_peaks(stack_plants([Encoders(plant)]), law, windows)
         for plant in (integrators, limited)
     )
     np.testing.assert_array_equal(free.sensitivity, at_limit.sensitivity)
@@ -103,10 +103,10 @@ def test_radii_are_those_of_the_frozen_loops_of_a_run(two_axes, law, bent):
     late, later = (Delayed(Encoders(two_axes), jnp.asarray(delay), 2, 2) for delay in (1, 2))
     wanted = [frozen_spectral_radii(plant, observer, bent)[samples] for plant in (late, later)]
     family = stack_plants([late])
-    found = loop_peaks(observer, family, windows).spectral_radius[:, 0]
+    found = loop_peaks(family, observer, windows).spectral_radius[:, 0]
     np.testing.assert_allclose(found, wanted[0], rtol=1e-9)
     for more in (0, 1):
-        found = late_radius(observer, family, windows, more)[:, 0]
+        found = late_radius(family, observer, windows, more)[:, 0]
         np.testing.assert_allclose(found, wanted[more], rtol=1e-8)
 
 
@@ -120,9 +120,9 @@ def test_a_state_that_is_measured_counts_at_the_input_alone(two_axes, law, bent)
     shifted = np.exp(1j * w)[:, None, None] * np.eye(4) - (A - B @ F)
     S = np.eye(2) - F @ np.linalg.solve(shifted, np.broadcast_to(B + 0j, (w.size, 4, 2)))
     wanted = np.linalg.svd(S, compute_uv=False)[:, 0]
-    found = loop_peaks(law, family, windows).sensitivity[0, 0]
+    found = loop_peaks(family, law, windows).sensitivity[0, 0]
     assert found == pytest.approx(wanted.max(), rel=1e-6)
-    curves = sensitivity_curves(law, family, windows, w[::4000])
+    curves = sensitivity_curves(family, law, windows, w[::4000])
     np.testing.assert_allclose(curves, wanted[None, None, ::4000], rtol=1e-9)
 
 
@@ -143,8 +143,8 @@ def check_slopes(build, start, family, windows, jacobian=jax.jacrev):
 
     def sums(numbers):
         controller = build(numbers)
-        late = late_radius(controller, family, windows, 1)
-        peaks = loop_peaks(controller, family, windows)[:3]  # nothing is doubted
+        late = late_radius(family, controller, windows, 1)
+        peaks = loop_peaks(family, controller, windows)[:3]  # nothing is doubted
         return jnp.stack([jnp.sum(one) for one in (*peaks, late)])
 
     values = jax.jit(sums)
@@ -222,8 +222,8 @@ def test_dry_friction_is_left_out():
     cascade = Cascade(CascadeGains(30.0, 55.0, 0.04), motors(1), dt, limit=10.0)
     found, expected = (
         sensitivity_curves(
-            cascade,
             stack_plants([FineEncoders(machine, motors(1))]),
+            cascade,
             windows,
             np.geomspace(1e-3, np.pi, 50),
         )
@@ -257,7 +257,7 @@ build, start = behind_offset_free(machine)
 @jax.jit
 @jax.value_and_grad
 def worst(numbers):
-    return loop_peaks(build(numbers), family, windows).sensitivity.max()
+    return loop_peaks(family, build(numbers), windows).sensitivity.max()
 
 
 for k in range(30):
@@ -277,6 +277,6 @@ def test_bad_input_is_refused(two_axes, law, bent):
     windows, family = probe_windows(stack_references([short]), 2), stack_plants([two_axes])
     for query in (loop_peaks, lambda *three: late_radius(*three, 1)):
         with pytest.raises(ValueError, match="preview"):
-            query(law, family, windows)
+            query(family, law, windows)
     with pytest.raises(ValueError, match="samples"):
-        late_radius(law, family, probe_windows(stack_references([bent]), 1), -1)
+        late_radius(family, law, probe_windows(stack_references([bent]), 1), -1)

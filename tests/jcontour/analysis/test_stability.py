@@ -137,12 +137,12 @@ def test_frozen_radius_of_a_direction(two_axes, law):
     for direction in ([1.0, 0.0], [-3.0, 4.0]):
         unit = np.array(direction) / np.linalg.norm(direction)
         along_it = along(line([0, 0], 1e-2 * unit), [0.0, 1e-4], 1e-3, 3, at_rest=False)
-        assert frozen_spectral_radius(law, np.array(direction)) == pytest.approx(
+        assert frozen_spectral_radius(two_axes, law, np.array(direction)) == pytest.approx(
             loops(two_axes, prepared(law, along_it))[0], rel=1e-9
         )
     for bad in ([0.0, 0.0], [np.nan, 1.0], [np.inf, 1.0]):
         with pytest.raises(ValueError, match="direction"):
-            frozen_spectral_radius(law, np.array(bad))
+            frozen_spectral_radius(two_axes, law, np.array(bad))
 
 
 @pytest.mark.slow
@@ -188,11 +188,6 @@ def test_swapped_arguments_are_told(two_axes, law, bent):
     words = r"^margins\(plant, controller, reference\): the plant needs to be a Plant, received Con"
     with pytest.raises(TypeError, match=f"{words}|Type-check error"):
         margins(law, two_axes, bent)
-
-
-def test_an_observer_needs_no_plant_to_be_checked(two_axes, law):
-    observer = FilterObserver(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
-    assert frozen_spectral_radius(observer, np.array([1.0, 0.0])) < 1
 
 
 def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():

@@ -57,8 +57,8 @@ def test_contours_on_two_devices_are_contours_on_one(two_axes):
     def worst(log_weights, batching):
         alpha, beta = jnp.exp(log_weights)
         metrics = evaluate(
-            ContouringLQ(two_axes, LQWeights(alpha, beta, 1e-6), 3),
             plants,
+            ContouringLQ(two_axes, LQWeights(alpha, beta, 1e-6), 3),
             references,
             batching=batching,
         )

@@ -57,7 +57,7 @@ def references():
 def evaluated(controller, plants, references):
     batch = stack_plants(plants), stack_references(references)
     return {
-        b.__name__: jax.jit(lambda c, p, r, b=b: evaluate(c, p, r, WINDOW, b))(controller, *batch)
+        b.__name__: jax.jit(lambda c, p, r, b=b: evaluate(p, c, r, WINDOW, b))(controller, *batch)
         for b in (one_by_one, all_at_once)
     }
 
@@ -144,7 +144,7 @@ class Follower(Controller):
 @pytest.mark.parametrize("count", [1, 3])
 def test_plants_without_arrays_are_as_many_as_were_stacked(count, batching, references):
     runs = stack_references([references[0]])
-    found = evaluate(Follower(), stack_plants([Drives()] * count), runs, batching=batching)
+    found = evaluate(stack_plants([Drives()] * count), Follower(), runs, batching=batching)
     wanted = score(simulate(Drives(), Follower(), references[0]), references[0])
     assert found.rms_contour_error.shape == (1, count)
     np.testing.assert_allclose(found.rms_contour_error, wanted.rms_contour_error, rtol=1e-12)
@@ -154,7 +154,7 @@ def test_plants_without_arrays_that_differ_or_are_not_stacked_are_refused(refere
     with pytest.raises(ValueError, match=r"number 1 differs from number 0 in dt, 0.002 and 0.001"):
         stack_plants([Drives(), Drives(2e-3)])
     with pytest.raises(ValueError, match=r"plants: needs a stack"):
-        evaluate(Follower(), Drives(), stack_references([references[0]]))
+        evaluate(Drives(), Follower(), stack_references([references[0]]))
 
 
 def test_what_does_not_stack_is_refused(two_axes, coupled_plant, references):
@@ -210,14 +210,14 @@ def test_what_sets_a_plant_apart_from_the_first_is_told(two_axes, plants):
 def test_swapped_arguments_and_what_is_not_stacked_are_told(controller, plants, references):
     family, runs = stack_plants(plants), stack_references(references)
     for given, words in (
-        ((family, controller, runs), "the controller needs to be a Controller, received Delayed"),
-        ((controller, runs, family), "the plants need to be a Plant, received Reference"),
+        ((controller, family, runs), "the plants need to be a Plant, received ContouringLQ"),
+        ((family, runs, controller), "the controller needs to be a Controller, received Reference"),
     ):
-        with pytest.raises(TypeError, match=rf"^evaluate\(controller, plants, .*{words}|{CHECKED}"):
+        with pytest.raises(TypeError, match=rf"^evaluate\(plants, controller, .*{words}|{CHECKED}"):
             evaluate(*given)
     for given, words in (
-        ((controller, plants[0], runs), r"plants: needs a stack, as stack_plants\(\[...\]\) makes"),
-        ((controller, family, references[0]), "references: needs a stack, as stack_references"),
+        ((plants[0], controller, runs), r"plants: needs a stack, as stack_plants\(\[...\]\) makes"),
+        ((family, controller, references[0]), "references: needs a stack, as stack_references"),
     ):
         with pytest.raises(ValueError, match=words):
             evaluate(*given)
@@ -226,7 +226,7 @@ def test_swapped_arguments_and_what_is_not_stacked_are_told(controller, plants, 
 def test_a_batch_that_does_not_suit_is_refused(controller, plants):
     short = stack_references([along(circle(1e-3), 1e-5 * np.arange(9), 1e-3, 2, at_rest=False)])
     with pytest.raises(ValueError, match="preview"):
-        evaluate(controller, stack_plants(plants), short)
+        evaluate(stack_plants(plants), controller, short)
 
 
 @pytest.mark.slow

@@ -40,7 +40,7 @@ def certified_bound(
     references = jax.device_get(run.problem.references)
     samples = [job.samples for job in run.learned]
     largest = process.submit(
-        largest_error, controller, stack_plants(family), box, references, samples
+        largest_error, stack_plants(family), controller, box, references, samples
     )
 
     def bound() -> CertifiedBound:
@@ -60,7 +60,7 @@ def certified_bound(
 
 
 def largest_error(
-    controller: Controller, plants: Plant, box: Box, references: Reference, samples: Sequence[int]
+    plants: Plant, controller: Controller, box: Box, references: Reference, samples: Sequence[int]
 ) -> tuple[float, int, int] | str:
     """Largest bound [m] with its contour and plant; why there is none where a loop has none.
 

@@ -29,7 +29,7 @@ def robust_test(
     dt, preview = scenarios.references.dt, scenarios.references.preview
     references = stack_references([job.reference(dt, preview) for job in jobs])
     plans = prepared_plans(controller, references)
-    metrics = jax.device_get(_metrics(controller, family, references, plans))
+    metrics = jax.device_get(_metrics(family, controller, references, plans))
     errors = np.asarray(getattr(metrics, f"rms_{machine.error}_error"))  # (contour, member)
     lost = np.asarray(metrics.diverged)
     largest = np.where(lost, -1.0, errors)
@@ -43,7 +43,7 @@ def robust_test(
 
 
 @eqx.filter_jit
-def _metrics(controller: Controller, family: Plant, references: Reference, plans: Plan) -> Metrics:
+def _metrics(family: Plant, controller: Controller, references: Reference, plans: Plan) -> Metrics:
     """Metrics (contour, member)."""
     groups = jax.tree.map(lambda leaf: leaf.reshape(-1, SIDE_BY_SIDE, *leaf.shape[1:]), family)
 

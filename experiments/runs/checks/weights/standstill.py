@@ -26,7 +26,7 @@ def standstill(controller: Controller, machine: Machine, fed: Fed) -> Standstill
     calm = machine.frictionless if isinstance(machine, LinearMachine) else machine
     places = [_held(machine, part * machine.resolution, controller.preview) for part in BETWEEN]
     family = stack_plants(calm.true_family(fed))
-    metrics = evaluate(controller, family, stack_references(places), (SETTLED, SAMPLES))
+    metrics = evaluate(family, controller, stack_references(places), (SETTLED, SAMPLES))
     return Standstill(
         rms_control=float(np.max(metrics.rms_control)),
         rms_increment=float(np.max(metrics.rms_increment)),

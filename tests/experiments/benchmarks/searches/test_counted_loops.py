@@ -11,7 +11,7 @@ from tuning.loops import Loops
 class Doubled(Loops):
     """Loops that show twice what they are given."""
 
-    def matrices(self, controller, plants):
+    def matrices(self, plants, controller):
         return controller + plants
 
     def look(self, matrices, slopes):

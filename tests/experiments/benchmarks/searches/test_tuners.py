@@ -107,7 +107,7 @@ def test_scattered_points_without_slopes_count_once(monkeypatch):
 class Silent(Loops):
     """Loops that show nothing."""
 
-    def matrices(self, controller, plants):
+    def matrices(self, plants, controller):
         return controller
 
     def look(self, matrices, slopes):

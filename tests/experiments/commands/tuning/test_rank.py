@@ -79,7 +79,7 @@ def test_errors_are_those_of_the_true_family_on_contours_that_were_not_trained_o
     family = stack_plants(run.machine.true_family(run.design.fed))
     jobs = run.scenarios.jobs_seen(False)
     paths = [job.reference(run.machine.model.dt, run.design.preview) for job in jobs]
-    metrics = evaluate(controller, family, stack_references(paths))
+    metrics = evaluate(family, controller, stack_references(paths))
     worst = np.max(metrics.rms_contour_error, axis=1).tolist()
     assert list(row.held_out_errors) == [job.name for job in jobs]
     np.testing.assert_allclose(list(row.held_out_errors.values()), worst, rtol=1e-9)

@@ -71,7 +71,7 @@ def test_errors_are_limited_by_those_of_the_start_on_the_smooth_machine(
     assert run.limits == {**tuning_run(flags).limits, "error_ratio": 0.9}
     family = stack_plants(run.machine.smooth_family())
     before = run.before.build(run.before.start)
-    metrics = evaluate(before, family, run.problem.references)
+    metrics = evaluate(family, before, run.problem.references)
     limits = run.problem.limits
     assert isinstance(limits, AtMost) and limits.before is not None
     worst = np.max(metrics.rms_contour_error, axis=1)
@@ -148,7 +148,7 @@ def test_a_delay_margin_limits_loops_with_that_much_more_delay(
     z = Chart(run.problem.space, run.start).coordinates()
     point = evaluate_point(run.problem, run.start, np.asarray(z))
     loops = run.problem.loops
-    seen = run.controller(run.start), run.problem.plants, loops.windows
+    seen = run.problem.plants, run.controller(run.start), loops.windows
     wanted = np.max([late_radius(*seen, delay) for delay in range(1, more + 1)], axis=0)
     np.testing.assert_allclose(point.outcome.late, wanted, rtol=1e-9)
     assert run.limits["late_radius"] < 1

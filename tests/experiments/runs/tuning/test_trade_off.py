@@ -54,7 +54,7 @@ def test_the_sensitivity_is_the_top_of_the_curves(search, result):
     controller = problem.build(with_values(search.run.start, robust.weights))
     windows = probe_windows(problem.references, WINDOWS)
     frequencies = np.linspace(1e-3, np.pi, 4001)
-    curves = sensitivity_curves(controller, problem.plants, windows, frequencies)
+    curves = sensitivity_curves(problem.plants, controller, windows, frequencies)
     assert robust.peak_sensitivity * 0.999 < curves.max() < robust.peak_sensitivity * (1 + 1e-9)
 
 

@@ -171,8 +171,9 @@ def summary(metrics):
 
 def by_kernels(terminal, plant, reference, weights):
     controller = ContouringLQ(plant, LQWeights(*weights), 10, terminal)
-    alone = jax.tree.map(lambda leaf: leaf[None], (plant, reference))
-    return summary(jax.tree.map(lambda leaf: leaf[0, 0], evaluate(controller, *alone)))
+    plants, references = jax.tree.map(lambda leaf: leaf[None], (plant, reference))
+    metrics = evaluate(plants, controller, references)
+    return summary(jax.tree.map(lambda leaf: leaf[0, 0], metrics))
 
 
 def by_the_book(terminal, plant, reference, weights):

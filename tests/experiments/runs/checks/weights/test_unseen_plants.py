@@ -82,7 +82,7 @@ def test_limits_are_those_of_the_whole_family(nominal):
     np.testing.assert_allclose(seen.outcome.loops.sensitivity, peaks.sensitivity, rtol=1e-6)
     plants = machine.smooth_family(nominal.design.fed)
     references = nominal.problem.references
-    runs = [evaluate(controller, stack_plants([plant]), references) for plant in plants]
+    runs = [evaluate(stack_plants([plant]), controller, references) for plant in plants]
     increments = [float(np.max(one.rms_increment)) for one in runs]
     controls = [float(np.max(one.rms_control)) for one in runs]
     excess = {}
