@@ -9,7 +9,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     # the pieces that contours and programs are made of
     "jcontour/sets/peak_program.py": "jcontour/sets/test_least_peaks.py",
     "jcontour/geometry/pieces.py": "jcontour/geometry/test_contour.py",
-    "jcontour/geometry/quintics.py": "jcontour/geometry/test_contours.py",
     "jcontour/geometry/arcs.py": "jcontour/geometry/test_gcode.py",
     "jcontour/geometry/gcode": "jcontour/geometry/test_gcode.py",
     "jcontour/geometry/gcode/language": "jcontour/geometry/test_gcode.py",

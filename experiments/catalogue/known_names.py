@@ -1,7 +1,9 @@
 """Names on a command line, checked before heavy imports: a slip is answered at once."""
 
+import errno
 import json
 import math
+import stat
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -133,6 +135,9 @@ def _check_file(name: str, known: dict[str, Any]) -> None:
     own = own_name(name)
     path = Path(name) if own is None else own.path
     try:
+        mode = path.stat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise OSError(errno.EINVAL, "not a regular file but a device, pipe or socket")
         with path.open("rb"):
             pass
     except OSError as error:

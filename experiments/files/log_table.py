@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.files.checks import line
+from jcontour.regular_files import content_of
 
 MOST_BYTES = 512 * 2**20
 COMMENTS = ("#", "%", "//")
@@ -31,9 +32,7 @@ def read_table(path: Path) -> Table:
             others; the line is named.
     """
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise ValueError(f"{path}: needs at most {MOST_BYTES} bytes")
-        content = path.read_bytes()
+        content = content_of(path, MOST_BYTES)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
     if path.suffix.lower() == ".mat":

@@ -17,6 +17,7 @@ such a file.
 """
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,6 +25,7 @@ import numpy as np
 
 from experiments.files.clock import even_period
 from experiments.files.run_folder import write
+from jcontour.regular_files import content_of
 from tuning.identification.flexible_axis.records import Record
 
 SIGNALS = {
@@ -45,6 +47,7 @@ REQUIRED = ("time", "motor_position", "current_q")
 COLUMNS = ("test", "time", *SIGNALS)
 ONLY_TEST = "data"  # its name where there is no column for it
 LEAST_ROWS, MOST_ROWS = 100, 2_000_000
+MOST_BYTES = 512 * 2**20
 
 
 class RecordError(ValueError):
@@ -59,8 +62,8 @@ def load_records(path: str | Path) -> list[Record]:
             is not uniform.
     """
     try:
-        with Path(path).open(newline="", encoding="utf-8-sig") as file:
-            columns = _columns(csv.reader(file))
+        text = content_of(Path(path), MOST_BYTES).decode("utf-8-sig")
+        columns = _columns(csv.reader(io.StringIO(text, newline="")))
         names = columns.pop("test")
         tests = list(dict.fromkeys(names))
         number = np.array([tests.index(name) for name in names])

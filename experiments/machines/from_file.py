@@ -58,6 +58,7 @@ from experiments.machines.uncertainty import IN_FILE, IN_PYTHON, MOST_DELAY, sta
 from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION
+from jcontour.regular_files import content_of
 
 MOST_BYTES = 16 * 2**20  # of a file, unpacked
 MOST_STATES = 200
@@ -93,7 +94,7 @@ def load_machine(path: str | Path) -> Machine:
     """
     path = Path(path)
     try:
-        content = path.read_bytes()
+        content = content_of(path, MOST_BYTES)
     except OSError as error:
         raise MachineError(f"{path}: cannot be read ({error.strerror or error})") from None
     try:

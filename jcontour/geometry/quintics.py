@@ -43,6 +43,7 @@ class Fit(NamedTuple):
 
 MOST_PIECES = 20_000  # 10 m of path in pieces of 0.5 mm; a fit that needs more has met a cusp
 MOST_HALVINGS = 40  # of one piece; reaches rounding on any curve
+AT_ONCE = 2048  # pieces: each takes some kilobytes while it is fitted
 # 8 points integrate a piece that a quintic fits to 1e-9 to rounding
 QUADRATURE, QUADRATURE_WEIGHT = np.polynomial.legendre.leggauss(8)
 SAMPLES = np.arange(1, 8) / 8  # fractions of a piece at which the fit is measured
@@ -72,7 +73,7 @@ def fitted(
     end: Float[np.ndarray, " K"],
     tolerance: float | Float[np.ndarray, " K"],
 ) -> Fit:
-    """Pieces of a curve over intervals that need not meet, in their order.
+    """Pieces of a curve over intervals, which need not meet, in the order of the parameter.
 
     The tolerance [m] may be one for every interval.
 
@@ -82,26 +83,42 @@ def fitted(
     Raises:
         ValueError: the tolerance is out of reach.
     """
-    error, most = np.full(begin.size, np.inf), MOST_PIECES + 64 * begin.size
+    most = MOST_PIECES + 64 * begin.size
     within = np.broadcast_to(np.asarray(tolerance, float), begin.shape)
+    fine: list[tuple[np.ndarray, ...]] = []  # pieces that fit, of every round
+    count, error = 0, np.full(begin.size, np.inf)
     for _ in range(MOST_HALVINGS):
-        # a curve that stops or overflows makes NaN, which never fits
-        with np.errstate(all="ignore"):
-            polynomial, extent = _hermite(curve, frame, begin, end)
-            error = BETWEEN_SAMPLES * _deviation(curve, begin, end, polynomial, extent)
-        coarse = np.flatnonzero(~(error <= within))
-        if coarse.size == 0:
-            return Fit(polynomial, extent, begin, float(error.max()))
-        if begin.size + coarse.size > most:
+        parts = [slice(k, k + AT_ONCE) for k in range(0, begin.size, AT_ONCE)]
+        rows = [_fitted_part(curve, frame, begin[some], end[some]) for some in parts]
+        polynomial, extent, error = (np.concatenate(row) for row in zip(*rows, strict=True))
+        fits = error <= within
+        fine.append((begin[fits], polynomial[fits], extent[fits], error[fits]))
+        count += int(fits.sum())
+        coarse = ~fits
+        if not coarse.any():
+            begin, polynomial, extent, error = map(np.concatenate, zip(*fine, strict=True))
+            order = np.argsort(begin, kind="stable")
+            return Fit(polynomial[order], extent[order], begin[order], float(error.max()))
+        begin, end, within, error = begin[coarse], end[coarse], within[coarse], error[coarse]
+        if count + 2 * begin.size > most:
             break
-        middle = 0.5 * (begin[coarse] + end[coarse])
-        begin = np.insert(begin, coarse + 1, middle)
-        end = np.insert(end, coarse, middle)
-        within = np.insert(within, coarse, within[coarse])
+        middle = 0.5 * (begin + end)
+        begin, end = (np.stack(pair, axis=1).ravel() for pair in ((begin, middle), (middle, end)))
+        within = np.repeat(within, 2)
     raise ValueError(
-        f"{name}: {error.size} pieces fit within {np.nanmax(error, initial=0.0):.1e} m at best; "
-        f"needs a tolerance above that (received {within.min():.1e} m) or a curve without cusps"
+        f"{name}: {count + error.size} pieces fit within {np.nanmax(error, initial=0.0):.1e} m at "
+        f"best; needs a tolerance above that (received {within.min():.1e} m) or a curve without "
+        "cusps"
     )
+
+
+def _fitted_part(curve, frame, begin, end):
+    """Polynomials, lengths [m] and errors [m] of some pieces."""
+    # a curve that stops or overflows makes NaN, which never fits
+    with np.errstate(all="ignore"):
+        polynomial, extent = _hermite(curve, frame, begin, end)
+        error = BETWEEN_SAMPLES * _deviation(curve, begin, end, polynomial, extent)
+    return polynomial, extent, error
 
 
 def _hermite(curve, frame, a, b):

@@ -5,6 +5,7 @@ from os import PathLike
 from pathlib import Path
 
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
+from jcontour.regular_files import content_of
 
 # control characters that are no white space: tape marks, padding, the end of a DOS file (Ctrl-Z)
 MARKS = "".join(map(chr, (*range(9), *range(14, 32), 127)))
@@ -65,15 +66,12 @@ def _without_marks(text: str) -> str:
 
 
 def _content(path: Path) -> bytes:
-    if not path.is_file():
-        fault = "not a file" if path.exists() else "no such file"
-        raise ToolpathError(f"{shown(str(path), 200)}: {fault}")
-    if path.stat().st_size > MOST_BYTES:
-        raise ToolpathError(f"{path}: larger than {MOST_BYTES >> 20} MiB")
     try:
-        content = path.read_bytes()
+        content = content_of(path, MOST_BYTES)
+    except FileNotFoundError:
+        raise ToolpathError(f"{shown(str(path), 200)}: no such file") from None
     except OSError as error:
-        raise ToolpathError(f"{path}: {error.strerror}") from None
+        raise ToolpathError(f"{shown(str(path), 200)}: {error.strerror}") from None
     if _is_unmarked_utf_16(content):
         raise ToolpathError("it is UTF-16 without a byte-order mark: save it as UTF-8")
     return content

@@ -104,13 +104,14 @@ def read_dxf(path: str | PathLike[str], unit: float | None = None) -> Drawing:
 class _Reader:
     contents: Contents
     drawing: Drawing = field(default_factory=Drawing)
-    visited: int = 0
+    sizes: dict[tuple[str, str], int] = field(default_factory=dict)
 
     def draw(self, members: Sequence[Entity], place: Placement, layer: str, depth: int) -> None:
         """Draw entities of the drawing, or of a block on a layer."""
+        visited = 0
         for i, entity in enumerate(members):
-            self.visited += 1
-            if self.visited > MOST_MOVES:
+            visited += self._size(entity, layer, depth) if depth == 0 else 0
+            if visited > MOST_MOVES:
                 raise ToolpathError(f"line {entity.line}: more than {MOST_MOVES} entities")
             if entity.kind in PARTS:
                 continue
@@ -129,10 +130,7 @@ class _Reader:
                     self.drawing.add(segments, entity.line)
 
     def _insert(self, entity: Entity, place: Placement, layer: str, depth: int) -> None:
-        name = entity.text(2).strip()
-        block = self.contents.blocks.get(name.upper())
-        if block is None:
-            raise ToolpathError(f"line {entity.line}: there is no block {shown(name)}")
+        name, block = self._block(entity)
         if block.flags & OTHER_FILE:
             self._leave_out("INSERT", layer, "in another file")
             return
@@ -140,13 +138,38 @@ class _Reader:
             raise ToolpathError(
                 f"line {entity.line}: block {shown(name)} is in itself, or {DEEPEST} deep"
             )
-        columns, rows = (max(entity.flags(code), 1) for code in (70, 71))
-        if columns * rows > MOST_CELLS:
-            raise ToolpathError(f"line {entity.line}: an array of {columns} x {rows} blocks")
+        columns, rows = _cells(entity)
         for cell in range(columns * rows):
             inner = place.of(inserted(entity, block.base, cell % columns, cell // columns))
-            self.visited += 1
             self.draw(block.entities, inner, layer, depth + 1)
+
+    def _block(self, entity: Entity) -> tuple[str, Block]:
+        """Name of the block that is inserted, and the block."""
+        name = entity.text(2).strip()
+        block = self.contents.blocks.get(name.upper())
+        if block is None:
+            raise ToolpathError(f"line {entity.line}: there is no block {shown(name)}")
+        return name, block
+
+    def _size(self, entity: Entity, layer: str, depth: int) -> int:
+        """Number of entities that one stands for, with those of its blocks.
+
+        Each block is counted once for every layer. One that is too deep is refused when drawn.
+        """
+        if entity.kind != "INSERT" or depth == DEEPEST:
+            return 1
+        own = entity.text(8, "0").strip()
+        own = layer if own == "0" else own
+        if self._hidden(entity, own):
+            return 1
+        name, block = self._block(entity)
+        if block.flags & OTHER_FILE:
+            return 1
+        if (name, own) not in self.sizes:
+            inside = (self._size(one, own, depth + 1) for one in block.entities)
+            self.sizes[name, own] = sum(inside)
+        columns, rows = _cells(entity)
+        return 1 + columns * rows * (1 + self.sizes[name, own])
 
     def _hidden(self, entity: Entity, layer: str) -> str:
         """Why an entity is not seen; empty where it is."""
@@ -166,6 +189,14 @@ class _Reader:
     def _leave_out(self, kind: str, layer: str, reason: str = "") -> None:
         reason = f", {reason}" if reason else ""
         self.drawing.leave_out(f"{shown(kind)[1:-1]} (layer {shown(layer)[1:-1]}{reason})")
+
+
+def _cells(entity: Entity) -> tuple[int, int]:
+    """Columns and rows of an array of blocks."""
+    columns, rows = (max(entity.flags(code), 1) for code in (70, 71))
+    if columns * rows > MOST_CELLS:
+        raise ToolpathError(f"line {entity.line}: an array of {columns} x {rows} blocks")
+    return columns, rows
 
 
 def _segments(

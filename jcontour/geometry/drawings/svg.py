@@ -66,8 +66,7 @@ def read_svg(path: str | PathLike[str], unit: float | None = None) -> Drawing:
     reader = _Reader({e.attributes["id"]: e for e in root.all() if "id" in e.attributes})
     place = upright.after(view).after(transform(root))
     setting = _Setting(place, inner if box else size, _is_hidden(root, False))
-    for child in root.children:
-        reader.draw(child, setting)
+    reader.draw_all(root.children, setting)
     return reader.drawing
 
 
@@ -91,13 +90,40 @@ class _Setting(NamedTuple):
 class _Reader:
     named: dict[str, Element]
     drawing: Drawing = field(default_factory=Drawing)
-    visited: int = 0
+    sizes: dict[int, int] = field(default_factory=dict)
+
+    def draw_all(self, elements: list[Element], setting: _Setting) -> None:
+        """Draw elements of the drawing itself, which has not too many with those they use."""
+        count = 0
+        for element in elements:
+            count += self._size(element, 0)
+            if count > MOST_MOVES:
+                raise ToolpathError(f"line {element.line}: more than {MOST_MOVES} elements")
+            self.draw(element, setting)
+
+    def _size(self, element: Element, used: int) -> int:
+        """Number of elements that one stands for, with those that it uses.
+
+        Each is counted once. One that is too deep is refused when it is drawn.
+        """
+        if id(element) in self.sizes:
+            return self.sizes[id(element)]
+        inside = element.children
+        if element.text("display") == "none" or not _is_drawn(element):
+            inside = []
+        elif element.name == "use":
+            found = self.named.get(element.text("href").removeprefix("#"))
+            inside = [] if found is None else [found]
+            if found is not None and found.name == "symbol":
+                inside = found.children
+            used += 1
+            if used > DEEPEST_USE:
+                inside = []
+        self.sizes[id(element)] = 1 + sum(self._size(one, used) for one in inside)
+        return self.sizes[id(element)]
 
     def draw(self, element: Element, around: _Setting) -> None:
         """Draw an element with all within it."""
-        self.visited += 1
-        if self.visited > MOST_MOVES:
-            raise ToolpathError(f"line {element.line}: more than {MOST_MOVES} elements")
         name = element.name
         if not _is_drawn(element):
             return

@@ -89,12 +89,21 @@ class _Open:
     label: str
     index: int
     branches: list[int]
+    depth: int
 
 
 @dataclass
 class _Reader:
+    """What has begun: all of it, the subprograms, and the others by label; the innermost is last.
+
+    Nothing is looked for by going through all that has begun, so that the time grows with the
+    number of lines.
+    """
+
     found: Structure
     open: list[_Open] = field(default_factory=list)
+    subs: list[_Open] = field(default_factory=list)
+    labelled: dict[tuple[str, bool], list[_Open]] = field(default_factory=dict)
 
     def read(self, o_words: Iterable[tuple[int, OWord]]) -> None:
         constant = Parameters()
@@ -119,7 +128,7 @@ class _Reader:
         elif keyword == "while" and self._innermost(label, {"do"}):
             self._close_loop(index, label, frozenset({"do"}))
         elif keyword in LOOPS or keyword == "if":
-            self.open.append(_Open(keyword, label, index, [index]))
+            self._begin(index, keyword, label)
         elif keyword in ("break", "continue"):
             self._leave_loop(index, keyword, label)
         elif keyword in ("endwhile", "endrepeat"):
@@ -131,28 +140,32 @@ class _Reader:
 
     def _innermost(self, label: str, keywords: Iterable[str]) -> _Open | None:
         """What has begun last under a label, if it is one of these, in this subprogram."""
-        for candidate in reversed(self.open):
-            if candidate.keyword == "sub":
-                return None
-            if candidate.label == label:
-                return candidate if candidate.keyword in keywords else None
-        return None
+        begun = self.labelled.get((label, False))
+        if not begun or (self.subs and begun[-1].depth < self.subs[-1].depth):
+            return None
+        return begun[-1] if begun[-1].keyword in keywords else None
+
+    def _begin(self, index: int, keyword: str, label: str) -> None:
+        begun = _Open(keyword, label, index, [index], len(self.open))
+        self.open.append(begun)
+        self.labelled.setdefault((label, keyword == "sub"), []).append(begun)
+        if keyword == "sub":
+            self.subs.append(begun)
 
     def _begin_subprogram(self, index: int, keyword: str, label: str) -> None:
         if keyword == "sub":
-            for begun in self.open:
-                if begun.keyword == "sub":
-                    self._fault(
-                        begun.index,
-                        f"subprogram {told_label(label)} begins inside {told_label(begun.label)}",
-                    )
-            self.open.append(_Open("sub", label, index, [index]))
+            for begun in self.subs[-1:]:  # those around it have the fault already
+                self._fault(
+                    begun.index,
+                    f"subprogram {told_label(label)} begins inside {told_label(begun.label)}",
+                )
+            self._begin(index, keyword, label)
         if label in self.found.subprograms and keyword == "sub":
             self._fault(index, f"subprogram {told_label(label)} is there twice")
         self.found.subprograms.setdefault(label, (index, keyword == ""))
 
     def _end_subprogram(self, index: int, label: str) -> None:
-        begun = [begun for begun in self.open if begun.keyword == "sub" and begun.label == label]
+        begun = self.labelled.get((label, True))
         if not begun:
             self._fault(index, f"{told_label(label)} endsub without {told_label(label)} sub")
             return
@@ -165,6 +178,9 @@ class _Reader:
         """End what has begun, and mark as faulty what began inside it and never ended."""
         while True:
             left = self.open.pop()
+            self.labelled[left.label, left.keyword == "sub"].pop()
+            if left.keyword == "sub":
+                self.subs.pop()
             if left is last:
                 return
             self._fault(left.index, f"{told_label(left.label)} {left.keyword} has no end")

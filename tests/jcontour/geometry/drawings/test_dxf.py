@@ -240,10 +240,10 @@ def test_bad_entities(drawn, entities, blocks, message):
     assert len(str(raised.value).splitlines()) == 1
 
 
-def test_a_bomb_of_blocks(drawn, monkeypatch):
-    monkeypatch.setattr("jcontour.geometry.drawings.dxf.MOST_MOVES", 1000)
+def test_a_bomb_of_blocks_is_refused_before_any_is_placed(drawn, monkeypatch):
+    monkeypatch.setattr("jcontour.geometry.drawings.dxf.inserted", None)
     blocks = [*BOMB, "BLOCK 2=b9", "ENDBLK"]
-    with pytest.raises(ToolpathError, match="more than 1000 entities"):
+    with pytest.raises(ToolpathError, match="more than 500000 entities"):
         drawn.dxf("INSERT 2=b0 10=0 20=0", blocks=blocks)
 
 

@@ -298,11 +298,11 @@ def test_text_is_read_whatever_encoding_it_states(drawn, encoding, written):
     assert float(read.contour.length) == pytest.approx(3e-3)
 
 
-def test_a_bomb_of_uses(svg, monkeypatch):
-    monkeypatch.setattr("jcontour.geometry.drawings.svg.MOST_MOVES", 1000)
+def test_a_bomb_of_uses_is_refused_before_any_is_drawn(svg, monkeypatch):
+    monkeypatch.setattr("jcontour.geometry.drawings.svg._Reader._use", None)
     levels = [
         f'<g id="g{k}">{f"<use href=&quot;#g{k + 1}&quot;/>" * 10}</g>'.replace("&quot;", '"')
         for k in range(9)
     ]
-    with pytest.raises(ToolpathError, match="more than 1000 elements"):
+    with pytest.raises(ToolpathError, match="more than 500000 elements"):
         svg("".join(levels) + '<g id="g9"/>')
