@@ -55,6 +55,14 @@ QUICKLY_COMPILED_LOOPS = "1"  # Numba's level; 0 does not compile all of them
 MOST_MAPS = 2500  # some thousand programs; they take about 1 GB
 
 
+def pytest_addoption(parser):
+    parser.addoption(
+        "--keep-snapshots",
+        action="store_true",
+        help="write what the commands print into tests/snapshots",
+    )
+
+
 def pytest_configure(config):
     os.environ["XLA_FLAGS"] = f"{os.environ['XLA_FLAGS']} {IN_ONE_PIECE}"
     if "slow" not in config.option.markexpr.replace("not slow", ""):
@@ -79,6 +87,16 @@ def pytest_runtest_setup(item):
     quickly = item.get_closest_marker("optimised") is None
     os.environ[QUICKLY_COMPILED] = str(int(quickly))
     jax.config.update(QUICKLY_COMPILED.lower(), quickly)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Tests of a file run in one worker, as those of a named group do: they share programs."""
+    for item in items:
+        if "tour" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.xdist_group("tour"))  # one worker runs the commands
+        if item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(item.location[0]))
 
 
 def pytest_collection_finish(session):
@@ -191,12 +209,12 @@ def _closed_loop(name: str):
         if design.fed == "state"
         else [machine.smooth_family()[0], machine.true_family()[0]]
     )
-    contour = line([0.0], [1e-2]) if len(machine.axes) == 1 else circle(1e-3)
+    alone = len(machine.axes) == 1
+    contour = line([0.0], [1e-2]) if alone else circle(1e-3)
 
     def reference(steps: int):
-        return along(
-            contour, 2.5e-5 * np.arange(steps), machine.model.dt, design.preview, at_rest=False
-        )
+        arc = 2.5e-5 * np.arange(steps) + 5e-7 * alone * np.arange(steps) ** 2  # a line speeds up
+        return along(contour, arc, machine.model.dt, design.preview, at_rest=False)
 
     return plants, design.build(design.start), reference
 

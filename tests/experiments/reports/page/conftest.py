@@ -99,4 +99,4 @@ def run_folder(tmp_path_factory):
 
 @pytest.fixture
 def long_run(tmp_path):
-    return write_run(tmp_path / "long", dataset(steps=200_000, length=150_000))
+    return write_run(tmp_path / "long", dataset(steps=40_000, length=30_000))

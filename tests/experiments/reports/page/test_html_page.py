@@ -3,17 +3,20 @@
 import json
 import re
 import shutil
-import subprocess
-import sys
 from html.parser import HTMLParser
 
 import pytest
+from selenium import webdriver
+from selenium.common.exceptions import TimeoutException
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import WebDriverWait
 
 from experiments.files.run_folder import RunError
 from experiments.reports.page import html_page
 from experiments.reports.page.html_page import MOST_BYTES, write_page
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+CHROMIUM, CHROMEDRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 VOID = {"meta", "input", "br", "link", "img"}
 
 
@@ -73,88 +76,119 @@ def test_too_large_a_page_is_told(run_folder, tmp_path, monkeypatch):
     assert not (tmp_path / "page.html").exists()
 
 
-needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
-
-TRIAL = """
-<script>
-const picture = (id) => document.getElementById(id).toDataURL();
-const set = (id, value, kind) => { $(id).value = value; $(id).dispatchEvent(new Event(kind)); };
-function timed(act) {
-  const began = performance.now();
-  act();
-  drawNow();
-  return performance.now() - began;
-}
-function trial() {
-  const found = { ready: performance.now(), times: {} };
-  const before = picture("part");
-  found.times.factor = timed(() => set("factor", "80", "input"));
-  found.slider = picture("part") !== before;
-  const error = picture("error"), told = $("readout").textContent;
-  found.times.cursor = timed(() => set("cursor", "1", "input"));
-  found.linked = picture("error") !== error && $("readout").textContent !== told;
-  const weights = $("point-weights").textContent, box = $("front").getBoundingClientRect();
-  const plot = views.front, worst = plot.ys.indexOf(Math.max(...plot.ys));
-  const clientX = box.x + plot.px(plot.xs[worst]), clientY = box.y + plot.py(plot.ys[worst]);
-  const there = { clientX, clientY, bubbles: true };
-  found.times.front = timed(() => $("front").dispatchEvent(new PointerEvent("pointerdown", there)));
-  found.clicked = $("point-weights").textContent !== weights;
-  found.times.contour = timed(() => set("contour", "1", "change"));
-  found.times.family = timed(() => set("plant", "-1", "change"));
-  found.times.along = timed(() => set("along", "arc", "change"));
-  found.times.zoom = timed(() => set("zoom", "60", "input"));
-  found.rows = $("readout").rows.length;
-  found.scrolls = document.documentElement.scrollWidth > innerWidth;
-  const answer = document.createElement("pre");
-  answer.id = "answer";
-  answer.textContent = JSON.stringify(found);
-  document.body.append(answer);
-}
-trial();
-</script>
-"""
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    """Chromium without a window, driven as a user drives it."""
+    if CHROMIUM is None or CHROMEDRIVER is None:
+        pytest.skip("no Chromium with its driver here: apt-get install chromium chromium-driver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    profile = tmp_path_factory.mktemp("profile")
+    for flag in ("--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={profile}"):
+        options.add_argument(flag)
+    driver = webdriver.Chrome(options, webdriver.ChromeService(CHROMEDRIVER))
+    yield driver
+    driver.quit()
 
 
-def tried(page, folder, size="1200,900"):
-    """The page with the trial behind it, run in Chromium; its answer and console."""
-    trial = folder / "trial.html"
-    trial.write_text(page.read_text().replace("</body>", TRIAL + "</body>"))
-    flags = [
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--enable-logging=stderr",
-        f"--window-size={size}",
-        f"--user-data-dir={folder / 'profile'}",
-        "--dump-dom",
-        trial.as_uri(),
-    ]
-    done = subprocess.run([str(CHROMIUM), *flags], capture_output=True, text=True, timeout=120)
-    said = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
-    answer = re.search(r'<pre id="answer">(.*?)</pre>', done.stdout, re.DOTALL)
-    assert answer is not None, done.stderr[-2000:]
-    return json.loads(answer[1].replace("&amp;", "&")), said
+class Shown:
+    """A page that is shown in the browser."""
+
+    def __init__(self, browser, page, size):
+        self.browser = browser
+        browser.set_window_size(*size)
+        browser.get(page.as_uri())
+
+    def one(self, name):
+        return self.browser.find_element("id", name)
+
+    def picture(self, name):
+        return self.browser.execute_script("return arguments[0].toDataURL()", self.one(name))
+
+    def focused(self):
+        return self.browser.switch_to.active_element
+
+    def tab_to(self, name):
+        """Press the tab key until an element has the focus; it is an error where none gets it."""
+        for _ in range(20):
+            if self.focused().get_attribute("id") == name:
+                return self.focused()
+            self.focused().send_keys(Keys.TAB)
+        raise AssertionError(f"{name} is not reached with the tab key")
+
+    def changes(self, seen, act):
+        """Whether what is seen is another soon after an action."""
+        before = seen()
+        act()
+        try:
+            return WebDriverWait(self.browser, 5, 0.02).until(lambda _: seen() != before)
+        except TimeoutException:
+            return False
 
 
-@needs_chromium
-@pytest.mark.slow
-@pytest.mark.parametrize("size", ["1200,900", "500,800"], ids=["desk", "phone"])
-def test_the_page_works_in_a_browser(page, tmp_path, size):
-    found, said = tried(page, tmp_path, size)
-    assert said == []
-    assert found["slider"] and found["linked"] and found["clicked"]
-    assert found["rows"] == 1 + 2 * 2  # both designs on both plants
-    assert not found["scrolls"]
+SIZES = pytest.mark.parametrize("size", [(1200, 900), (500, 800)], ids=["desk", "phone"])
 
 
-@needs_chromium
-@pytest.mark.slow
-def test_a_long_run_stays_small(long_run, tmp_path):
+@SIZES
+def test_the_page_works_with_the_mouse(browser, page, size):
+    shown = Shown(browser, page, size)
+    factor = shown.one("factor")
+    assert shown.changes(
+        lambda: shown.picture("part"),
+        lambda: ActionChains(browser).move_to_element_with_offset(factor, 60, 0).click().perform(),
+    )
+    x, y = browser.execute_script(
+        """const plot = views.front, worst = plot.ys.indexOf(Math.max(...plot.ys));
+        const box = $("front").getBoundingClientRect();
+        return [plot.px(plot.xs[worst]) - box.width / 2, plot.py(plot.ys[worst]) - box.height / 2];
+        """
+    )
+    front = shown.one("front")
+    assert shown.changes(
+        lambda: shown.one("point-weights").text,
+        lambda: ActionChains(browser).move_to_element_with_offset(front, x, y).click().perform(),
+    )
+    assert "error 10 um" in shown.one("point-weights").text  # the worst of the four
+    error = shown.one("error")
+    assert shown.changes(
+        lambda: (shown.picture("part"), shown.one("readout").text),
+        lambda: ActionChains(browser).move_to_element_with_offset(error, 40, 0).perform(),
+    )
+    assert not browser.execute_script(
+        "return document.documentElement.scrollWidth > window.innerWidth"
+    )
+    assert browser.get_log("browser") == []
+
+
+def test_the_page_works_with_the_keyboard_alone(browser, page):
+    shown = Shown(browser, page, (1200, 900))
+
+    def pressed(name, key, *seen):
+        chosen = shown.tab_to(name)
+        return shown.changes(lambda: [see() for see in seen], lambda: chosen.send_keys(key))
+
+    def text(name):
+        return lambda: shown.one(name).text
+
+    def picture(name):
+        return lambda: shown.picture(name)
+
+    assert pressed("contour", Keys.ARROW_DOWN, text("metrics"))
+    assert pressed("plant", Keys.END, text("readout"))
+    assert pressed("along", Keys.ARROW_DOWN, text("error-title"))
+    assert pressed("factor", Keys.ARROW_LEFT, picture("part"), text("factor-told"))
+    assert pressed("zoom", Keys.ARROW_RIGHT, picture("part"), text("zoom-told"))
+    assert pressed("cursor", Keys.HOME, text("readout"))
+    assert pressed("point", Keys.ARROW_DOWN, text("point-weights"))
+    assert browser.get_log("browser") == []
+
+
+def test_a_long_run_stays_small(browser, long_run, tmp_path):
     page = write_page([long_run], tmp_path / "long.html")
     assert page.stat().st_size < MOST_BYTES
-    found, said = tried(page, tmp_path)
-    assert said == [] and found["slider"]
-    print(
-        f"{page.stat().st_size} bytes, ready {found['ready']:.0f} ms, {found['times']}",
-        file=sys.stderr,
+    shown = Shown(browser, page, (1200, 900))
+    assert shown.changes(
+        lambda: shown.picture("part"), lambda: shown.one("factor").send_keys(Keys.ARROW_LEFT)
     )
+    assert browser.get_log("browser") == []
