@@ -46,7 +46,8 @@ class MachineFlags(Common):
     When not given, the acceleration builds up in 20 ms."""
     drawing_unit: DrawingUnit | None = None
     """Unit of a drawing, whatever its file says. When not given, the file has to say.
-    px: 1/96 inch, as browsers and Inkscape have it. pt: 1/72 inch, as Illustrator has it."""
+    px: 1/96 inch, as browsers and Inkscape have it, 1/90 in Inkscape before 0.92.
+    pt: 1/72 inch, as Illustrator has it."""
     join_um: float = 10.0  # programs that draw snap to less
     """Distance [um] within which ends of a drawing's lines and curves are joined."""
     corner_tolerance_um: float = 2.0  # takes 2 % longer than 5, and leaves the error to the loop

@@ -75,7 +75,8 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
     yield from filter(None, [told_stops(stops), _left_out(stops, run), told_left_out(stops, run)])
     if machine.tolerance is not None:
         yield f"the program allows {machine.tolerance / UM:.4g} um from its path (P of G64)"
-    yield from doubts_of(machine.assumed_at, stops, machine.modes.unit_said)
+    skipped = tuple(machine.skipped.values())
+    yield from doubts_of(machine.assumed_at, stops, machine.modes.unit_said, skipped)
     yield from plane_left_out(machine.moves, axes)
 
 

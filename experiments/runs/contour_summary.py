@@ -5,24 +5,28 @@ import numpy as np
 from experiments.files.results.run_metrics import ContourRead, PeakPlace
 from experiments.jobs.job import Job, Task
 from experiments.jobs.replays import Replay, Scenarios, desired, scored
+from jcontour.geometry.outlines import outline
 from jcontour.motion.jerk_limited.joints import unpadded
 
 
 def contour_read(scenarios: Scenarios, index: int) -> ContourRead:
     """Size of a contour and of the run along it."""
-    job = scenarios.jobs[index]
-    return read_of(job, desired(scenarios)[index, : job.samples], scenarios.references.dt)
+    return read_of(scenarios.jobs[index], scenarios.references.dt)
 
 
-def read_of(job: Task, path: np.ndarray, dt: float) -> ContourRead:
-    """Size of a contour and of the run along it, whose samples are the path (T, m) [m]."""
+def read_of(job: Task, dt: float) -> ContourRead:
+    """Size of a contour and of the run along it in samples of a period [s].
+
+    The box is that of the contour as programmed: the motion may leave it in blended corners.
+    """
     way, entry = _way(job)
+    box = outline(job.contour)
     return ContourRead(
         pieces=int(np.sum(job.contour.mask)),
         length=float(job.contour.length),
         duration=_duration(job, dt),
-        low=tuple(path.min(axis=0).tolist()),
-        high=tuple(path.max(axis=0).tolist()),
+        low=tuple(box.min(axis=0).tolist()),
+        high=tuple(box.max(axis=0).tolist()),
         ignored=job.ignored,
         doubts=job.doubts,
         stops=job.stops,

@@ -173,7 +173,12 @@ def parse_gcode(
         rest=_rest(stops, cutting[0], path.contour),
         z_alone=_z_alone(stops, cutting[0], path.contour),
         doubts=(
-            *doubts_of(interpreter.assumed_at, stops, interpreter.modes.unit_said),
+            *doubts_of(
+                interpreter.assumed_at,
+                stops,
+                interpreter.modes.unit_said,
+                tuple(interpreter.skipped.values()),
+            ),
             *plane_left_out(traced, len(axes)),
         ),
         stops="; ".join(filter(None, [told_stops(stops), told_left_out(every, stops)])),

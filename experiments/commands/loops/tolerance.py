@@ -124,7 +124,7 @@ def _names(tried: list[Tried]) -> list[str]:
 
 
 def _read(found: Keeper, task: Task) -> ContourRead:
-    return read_of(task, np.asarray(found.reference.position)[: task.samples], found.reference.dt)
+    return read_of(task, found.reference.dt)
 
 
 def _save(found: Keeper, tried: list[Tried], folder: Path) -> None:

@@ -87,7 +87,7 @@ def of_file(job: Task, machine: Machine, name: str) -> dict[str, Any]:
         return {}
     dt, program = machine.model.dt, job.program.read
     # time and doubts of the motion, which is not this one, are left out
-    read = replace(read_of(job, outline(job.contour), dt), duration=None, doubts=program.doubts)
+    read = replace(read_of(job, dt), duration=None, doubts=program.doubts)
     return {"read": read, "axes": machine.axes, "lost": not_kept(program, name)}
 
 

@@ -64,7 +64,7 @@ class ContourRead:
         pieces: lines, arcs and polynomials of the path; moves of a program.
         length: of the path, rapid moves included [m].
         duration: of the whole run, all laps [s]; of a planned motion, its cycle time.
-        low, high: corners of the box around the reference [m], one number per axis.
+        low, high: corners of the box around the contour [m], one number per axis.
         ignored: words of the program that mean nothing for the path.
         doubts: what of the program may be meant otherwise.
         stops: where and why the program stops, in words.

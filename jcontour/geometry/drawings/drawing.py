@@ -24,11 +24,13 @@ class Drawing:
         strokes: segments that meet, in the order of the file.
         left_out: what is not taken, in words, with its count.
         count: of the segments.
+        doubts: what of it may be meant otherwise.
     """
 
     strokes: list[Stroke] = field(default_factory=list)
     left_out: Counter[str] = field(default_factory=Counter)
     count: int = 0
+    doubts: tuple[str, ...] = ()
 
     def add(self, segments: list[Segment], line: int) -> None:
         """Add a stroke of a line of the file.
@@ -69,7 +71,7 @@ class Drawing:
             left_out = "; left out: " + ", ".join(self.told()) if self.told() else ""
             raise ToolpathError(f"no lines or curves are drawn{left_out}")
         told = self.told() + ((f"{doubles} drawn twice",) if doubles else ())
-        return _toolpath(joined(strokes, gap), feed, told)
+        return _toolpath(joined(strokes, gap), feed, told)._replace(doubts=self.doubts)
 
 
 def _toolpath(found: list[Stroke], feed: float, told: tuple[str, ...]) -> Toolpath:

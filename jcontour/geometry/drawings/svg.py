@@ -6,8 +6,9 @@
                clipping and masks are not looked at. All these are told with their count. Style
                sheets are not read
     unit       that of width and height with the viewBox, or the one that is given: the length of a
-               user unit. It is asked for where the size is in px, of which programs have 72, 90
-               or 96 in an inch
+               user unit. Where the size is in px, of which programs have 72, 90 or 96 in an inch,
+               it is that of Inkscape, whose version stands in its files: 90 before 0.92, then 96.
+               It is asked for where none of these says it
     axes       y of SVG points down: the drawing is mirrored, its lower left corner is the origin
 
 The tool follows outlines, whatever their stroke and fill. Nothing outside the file is read.
@@ -25,9 +26,10 @@ from jcontour.geometry.drawings.segments import Arc, Line, Segment
 from jcontour.geometry.drawings.svg_paths import path_strokes
 from jcontour.geometry.drawings.svg_tree import Element, svg_tree
 from jcontour.geometry.drawings.svg_words import PX, length, numbers, transform
-from jcontour.geometry.toolpath_rules import MOST_MOVES, ToolpathError, shown
+from jcontour.geometry.toolpath_rules import INCH, MOST_MOVES, ToolpathError, shown
 from jcontour.geometry.toolpath_text import read_program
 
+VERSION = "inkscape:version"
 LANGUAGE = "en"
 GROUPS = ("svg", "g", "a", "switch")
 LEFT_OUT = ("text", "flowRoot", "image", "foreignObject")  # flowRoot: text of Inkscape
@@ -51,23 +53,38 @@ def read_svg(path: str | PathLike[str], unit: float | None = None) -> Drawing:
     box = _box(root)
     inner = (box[2], box[3]) if box else (math.nan, math.nan)
     size = _size(root, "width", inner[0]), _size(root, "height", inner[1])
-    if unit is None and not (box and LENGTH_SAID.search(root.text("width"))):
+    is_said = box is not None and bool(LENGTH_SAID.search(root.text("width")))
+    pixels = PX if is_said else _inkscape_pixel(root)
+    if unit is None and pixels is None:
         raise ToolpathError(
             "the drawing does not say its unit (a width in mm, cm, in, pt or pc, and a viewBox): "
             "give it, as --drawing-unit mm, or px for 1/96 inch"
         )
-    if unit is None:
-        view, height, unit = _viewport(root, *size), size[1], PX
+    by_program = not is_said and pixels is not None and unit in (None, PX)
+    if unit is None or by_program:
+        view, unit = _viewport(root, *size), pixels or PX
+        height = size[1] * (PX / unit if LENGTH_SAID.search(root.text("height")) else 1.0)
     else:
         view = Affine(shift=-complex(box[0], box[1]) if box else 0.0)
         height = inner[1] if box else size[1]
     height = height if math.isfinite(height) else 0.0
     upright = Affine(0.0, unit, 1j * unit * height)
     reader = _Reader({e.attributes["id"]: e for e in root.all() if "id" in e.attributes})
+    if by_program:
+        version = root.text(VERSION).split()[0]
+        reader.drawing.doubts = (f"Inkscape {version}: {INCH / unit:.0f} px are read as an inch",)
     place = upright.after(view).after(transform(root))
     setting = _Setting(place, inner if box else size, _is_hidden(root, False))
     reader.draw_all(root.children, setting)
     return reader.drawing
+
+
+def _inkscape_pixel(root: Element) -> float | None:
+    """Length of a px in a drawing of Inkscape, by its version [m]; None in any other drawing."""
+    version = re.match(r"([0-9]+)\.([0-9]+)", root.text(VERSION))
+    if version is None:
+        return None
+    return INCH / 90 if (int(version[1]), int(version[2])) < (0, 92) else PX
 
 
 class _Setting(NamedTuple):

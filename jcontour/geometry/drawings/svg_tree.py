@@ -7,6 +7,7 @@ from xml.parsers import expat
 from jcontour.geometry.toolpath_rules import MOST_MOVES, ToolpathError, shown
 
 SVG = "http://www.w3.org/2000/svg"
+INKSCAPE = "http://www.inkscape.org/namespaces/inkscape"
 DEEPEST = 200  # elements in elements
 
 
@@ -17,7 +18,8 @@ class Element:
     Attributes:
         name: without its namespace; empty for one of another language.
         line: of the file.
-        attributes: by name, those of other languages by their last part.
+        attributes: by name, those of other languages by their last part, those of Inkscape as
+            `inkscape:version`.
         children: in order.
     """
 
@@ -81,13 +83,19 @@ class _Reader:
         if len(self.open) == DEEPEST:
             raise ToolpathError(f"line {line}: elements more than {DEEPEST} deep")
         space, _, last = name.rpartition(" ")
-        attributes = {key.rpartition(" ")[2]: value for key, value in given.items()}
+        attributes = {_attribute(key): value for key, value in given.items()}
         element = Element(last if space in ("", SVG) else "", line, attributes)
         if self.open:
             self.open[-1].children.append(element)
         else:
             self.root = element
         self.open.append(element)
+
+
+def _attribute(key: str) -> str:
+    """Name of an attribute, without its namespace."""
+    space, _, name = key.rpartition(" ")
+    return f"inkscape:{name}" if space == INKSCAPE else name
 
 
 def _check_inside(name: str, value: str | None, line: int) -> None:

@@ -46,6 +46,7 @@ class Machine:
     next_tool: int = 0
     ended: bool = False
     ignored: set[str] = field(default_factory=set)  # words without meaning for the path
+    skipped: dict[tuple[str, int], int] = field(default_factory=dict)  # / lines by file and index
     tolerance: float | None = None  # the smallest P of G64, from the path [m]
     sticky: dict[str, float] = field(default_factory=dict)  # Z, R, Q [m] and P [s] of a cycle
     level_before_cycles: float | None = None

@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 from jcontour.geometry.gcode.language import codes
-from jcontour.geometry.gcode.language.blocks import NOTHING, Block, OWord, read_block
+from jcontour.geometry.gcode.language.blocks import NOTHING, SKIPPED, Block, OWord, read_block
 from jcontour.geometry.gcode.language.expressions import evaluated, whole
 from jcontour.geometry.gcode.language.flow import Structure, structure, told_label
 from jcontour.geometry.gcode.language.parameters import Locals, Parameters
@@ -163,7 +163,9 @@ class Program:
         else:
             source.blocks[index] = block
             self._count_again()
-        if block is NOTHING:
+        if block is SKIPPED:
+            self.machine.skipped.setdefault((source.name, index), self.machine.tracer.line)
+        if block is NOTHING or block is SKIPPED:
             return
         self.begun = True
         if block.abort is not None:

@@ -26,13 +26,28 @@ def program(tmp_path):
 def read(program, law):
     machine = MACHINES["bridgeport"]()
     job = from_file(program, Pace(machine, None, None, law))
-    return job, read_of(job, np.zeros((job.samples, 2)), machine.model.dt)
+    return job, read_of(job, machine.model.dt)
 
 
 def test_the_length_of_the_rapid_moves_is_that_of_their_lines(program):
     _, found = read(program, "jerk")
     assert found.rapid_length == pytest.approx(50e-3)
     assert found.length - found.rapid_length == pytest.approx(1e-3 * (20 + 10 * math.pi))
+
+
+def test_the_box_is_that_of_the_program_and_not_of_the_smoothed_path(tmp_path):
+    """A circle in chords, whose smoothed path lies beside its corners."""
+    angle = np.linspace(0, 2 * np.pi, 73)
+    x, y = np.round([4 * np.cos(angle), 4 * np.sin(angle)], 3)
+    path = tmp_path / "chords.ngc"
+    moves = [f"G1 X{a} Y{b}\n" for a, b in zip(x, y, strict=True)]
+    path.write_text("".join(["G21 F600\nG0 X4\n", *moves]))
+    pace = Pace(MACHINES["bridgeport"](), None, None, "jerk", corner_tolerance=20e-6)
+    job = from_file(path, pace)
+    assert job.reference(5e-4, 1).position.min() != pytest.approx(-4e-3, abs=1e-8)
+    found = read_of(job, 5e-4)
+    assert found.low == pytest.approx((-4e-3, -4e-3), abs=1e-12)
+    assert found.high == pytest.approx((4e-3, 4e-3), abs=1e-12)
 
 
 def test_the_time_of_a_run_is_the_cycle_time_of_its_motion(program):
@@ -54,7 +69,7 @@ PACE = Pace(MACHINES["bridgeport"](), None, None)  # 3000 mm/min, 25 um in a sam
 
 
 def told(job: Job) -> str:
-    return read_line(job.name, read_of(job, np.zeros((job.samples, 2)), 5e-4), "XY")
+    return read_line(job.name, read_of(job, 5e-4), "XY")
 
 
 def test_two_laps_are_told_with_the_time_of_one():
@@ -63,7 +78,7 @@ def test_two_laps_are_told_with_the_time_of_one():
     assert told(ring).startswith("ring: 1 move, 6.2832 mm in 0.126 s, X")
     assert told(ring).endswith(" mm; 2 laps, the second is scored")
     assert cycle_time(ring, 5e-4) == pytest.approx(2e-3 * math.pi / 0.05)
-    found = read_of(ring, np.zeros((ring.samples, 2)), 5e-4)
+    found = read_of(ring, 5e-4)
     assert found.duration == pytest.approx(4e-3 * math.pi / 0.05, abs=5e-4) and found.laps == 2
 
 
@@ -81,7 +96,7 @@ def test_a_run_that_ends_early_tells_how_far_it_goes():
 
 def test_an_open_contour_at_constant_feed_is_run_once():
     way = at_constant_feed("way", line([0.0, 0.0], [8e-3, 0.0]), PACE)
-    assert told(way) == "way: 1 move, 8 mm in 0.160 s, X 0 ... 0, Y 0 ... 0 mm; " + (
+    assert told(way) == "way: 1 move, 8 mm in 0.160 s, X 0 ... 8, Y 0 ... 0 mm; " + (
         "scored behind the first 2.5 mm"
     )
 

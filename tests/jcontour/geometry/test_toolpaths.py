@@ -290,3 +290,13 @@ def test_cuts_along_which_z_moves_too_are_numbered_be_it_to_and_fro():
     assert flat.ramps == (1, 3, 4, 5)
     assert parse_gcode(hop, "XYZ").ramps == ()
     assert parse_gcode("F600 G1 X10\nG2 X30 I10\nG1 Z-1\nG1 X40", "XY").ramps == ()
+
+
+def test_lines_that_are_skipped_are_told():
+    """As with block delete on; a line of / alone, or in a loop again, is none more."""
+    loop = "o1 repeat [3]\n/G1 X9\nG91 G1 X1\no1 endrepeat\n"
+    read = parse_gcode(f"G21 F100\n/\n/ (none)\n{loop}/M8\n")
+    assert read.line.size == 3
+    assert read.doubts[-1].startswith("2 lines that begin with / skipped")
+    assert read.doubts[-1].endswith("the first at line 5")
+    assert parse_gcode("G21 G1 X1 F9\n/\n").doubts == ()

@@ -88,6 +88,7 @@ class Block(NamedTuple):
 
 
 NOTHING = Block()
+SKIPPED = Block()  # it says something, but begins with /
 
 
 def read_block(line: str, glued: Callable[[], bool] = lambda: False) -> Block:
@@ -111,13 +112,15 @@ def read_block(line: str, glued: Callable[[], bool] = lambda: False) -> Block:
         stripped = COMMENT.sub(r"\1 ", line)
         text = "".join(stripped.split())
         if text.startswith("/"):
-            return NOTHING
+            return NOTHING if text == "/" else SKIPPED
         _check_brackets(stripped, line)
         said = _said(line)
     else:
         stripped, said = line, NOTHING
         text = "".join(stripped.split())
-    if not text or text.startswith("/"):
+    if text.startswith("/"):
+        return NOTHING if text == "/" else SKIPPED
+    if not text:
         return said
     exponents = bool(EXPONENT.search(stripped)) and not (M66.search(text) or glued())
     if PLAIN.fullmatch(text) and not ("o" in text or "O" in text or exponents):

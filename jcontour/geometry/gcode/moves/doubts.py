@@ -8,8 +8,10 @@ from jcontour.geometry.gcode.moves.move import Move, Stop
 LONG_DWELL = 60.0  # [s]: nobody lets a spindle come up to speed for longer
 
 
-def doubts_of(assumed_at: int, stops: Sequence[Stop], unit_said: bool) -> tuple[str, ...]:
-    """Questions about a program's unit, its stops, and a first move that no motion code leads.
+def doubts_of(
+    assumed_at: int, stops: Sequence[Stop], unit_said: bool, skipped: Sequence[int] = ()
+) -> tuple[str, ...]:
+    """Questions about a program's unit, its stops, lines left out, and a first move without a code.
 
     >>> doubts_of(3, (), unit_said=True)
     ('line 3: a move before any of G0 to G3 is read as G0; LinuxCNC refuses it',)
@@ -18,9 +20,11 @@ def doubts_of(assumed_at: int, stops: Sequence[Stop], unit_said: bool) -> tuple[
         assumed_at: line of that move; 0 where there is none.
         stops: of the program.
         unit_said: whether it says what its unit is.
+        skipped: lines that begin with /.
     """
     unit = None if unit_said else "the program has no G20 or G21: its lengths are read as mm"
-    return tuple(filter(None, (unit, _assumed_rapid(assumed_at), long_dwells(stops))))
+    said = (unit, _assumed_rapid(assumed_at), long_dwells(stops), _block_delete(skipped))
+    return tuple(filter(None, said))
 
 
 def plane_left_out(moves: Sequence[Move], axes: int) -> tuple[str, ...]:
@@ -56,6 +60,15 @@ def long_dwells(stops: Sequence[Stop]) -> str | None:
         f"line {long[0].line}: a dwell of {long[0].lasting:.6g} s{more}; P is in seconds here, "
         "some controls mean milliseconds"
     )
+
+
+def _block_delete(skipped: Sequence[int]) -> str | None:
+    """Word about lines that a control carries out with its block-delete switch off."""
+    if not skipped:
+        return None
+    lines = "1 line that begins" if len(skipped) == 1 else f"{len(skipped)} lines that begin"
+    first = "" if len(skipped) == 1 else " the first at"
+    return f"{lines} with / skipped, as with block delete on:{first} line {min(skipped)}"
 
 
 def _assumed_rapid(line: int) -> str | None:

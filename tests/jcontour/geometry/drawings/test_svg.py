@@ -298,6 +298,29 @@ def test_text_is_read_whatever_encoding_it_states(drawn, encoding, written):
     assert float(read.contour.length) == pytest.approx(3e-3)
 
 
+@pytest.mark.parametrize(("version", "pixels"), [("0.48.4 r9939", 90), ("0.91", 90), ("1.2.2", 96)])
+@pytest.mark.parametrize("size", ['width="900" height="450px"', 'width="254mm" height="127mm"'])
+@pytest.mark.parametrize("given", [None, 25.4e-3 / 96])
+def test_pixels_of_inkscape_are_those_of_its_version(svg, drawn, version, pixels, size, given):
+    """Without a viewBox, user units are px; one that is said in px is the program's own."""
+    names = 'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" version="1.1"'
+    size = f'{names} inkscape:version="{version}" {size}'
+    read = svg(f'<line x2="{pixels}"/>', size=size, given=given)
+    assert drawn.length(read) == pytest.approx(25.4)
+    height = 127.0 if "mm" in size else 450 / pixels * 25.4
+    assert drawn.cut(read)[0, 1] == pytest.approx(height)
+    assert read.doubts[0].startswith(f"Inkscape {version.split()[0]}: {pixels} px")
+
+
+def test_a_unit_that_is_said_comes_before_the_version_of_inkscape(svg, drawn):
+    names = 'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
+    old = f'{names} inkscape:version="0.48"'
+    assert drawn.length(svg('<line x2="50"/>', size=f"{SIZE} {old}")) == pytest.approx(50)
+    given = svg('<line x2="50"/>', size=f'width="900" {old}', given=1e-3)
+    assert drawn.length(given) == pytest.approx(50)
+    assert given.doubts == ()
+
+
 def test_a_bomb_of_uses_is_refused_before_any_is_drawn(svg, monkeypatch):
     monkeypatch.setattr("jcontour.geometry.drawings.svg._Reader._use", None)
     levels = [
