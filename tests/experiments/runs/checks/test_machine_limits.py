@@ -46,8 +46,12 @@ def job(name, program=None):
     return Job(name, cast(Any, None), np.zeros(SAMPLES), SCORED, True, "", program)
 
 
-def scenarios(program=None):
-    references = SimpleNamespace(mask=np.stack([SCORED, SCORED]), steps=SAMPLES)
+def scenarios(program=None, speed=0.0):
+    """Two contours, along which X moves at a speed [m/s]."""
+    position = np.zeros((2, SAMPLES, 2))
+    position[..., 0] = 1e-3 * speed * np.arange(SAMPLES)
+    mask = np.stack([SCORED, SCORED])
+    references = SimpleNamespace(mask=mask, steps=SAMPLES, position=position)
     jobs = job("ring"), job("eight", program)
     return Scenarios(jobs, (True, False), ("nominal", "late"), cast(Any, references), cast(Any, 0))
 
@@ -74,6 +78,21 @@ def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
     seen.output[0, 1, 10:, 0] = 1.7e-4
     assert limit_warnings(seen, scenarios(), MACHINE) == []
     assert exceeded_limits(seen, scenarios(), MACHINE) == []
+
+
+def test_a_loop_overshoots_the_speed_of_a_motion_that_keeps_the_limit():
+    """By a twentieth at most; beyond it, or where the motion itself is too fast, it exceeds it."""
+    seen = run()
+    seen.output[1, 0, :, 0] = 0.2009e-3 * np.arange(SAMPLES)
+    at_limit = scenarios(speed=0.2)
+    assert exceeded_limits(seen, at_limit, MACHINE) == []
+    assert limits_met(seen, at_limit, MACHINE) == [
+        "speed of X overshoots its limit, which the motion itself keeps: "
+        "0.2009 of 0.2 m/s (eight, nominal)"
+    ]
+    assert len(exceeded_limits(seen, scenarios(speed=0.201), MACHINE)) == 1
+    seen.output[1, 0, :, 0] *= 1.06
+    assert len(exceeded_limits(seen, at_limit, MACHINE)) == 1
 
 
 def test_acceleration_between_samples_counts_beside_that_of_the_samples():
