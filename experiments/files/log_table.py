@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.files.checks import line
+from experiments.files.mat_file import NUMERIC, read_mat
 from jcontour.regular_files import content_of
 
 MOST_BYTES = 512 * 2**20
@@ -36,7 +37,7 @@ def read_table(path: Path) -> Table:
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
     if path.suffix.lower() == ".mat":
-        table = _vectors(_mat(path))
+        table = _vectors(read_mat(path))
     elif path.suffix.lower() in (".nc", ".h5", ".hdf5"):
         table = _vectors(_netcdf(path))
     else:
@@ -104,18 +105,6 @@ def _is_number(word: str, comma: bool) -> bool:
     return True
 
 
-def _mat(path: Path) -> dict[str, np.ndarray]:
-    from scipy.io import loadmat
-
-    try:
-        found = loadmat(path)
-    except Exception as error:  # a damaged file fails in many ways
-        raise ValueError(
-            f"{path}: not a readable MAT file ({line(error)}); save it as version 7 or older"
-        ) from None
-    return {name: values for name, values in found.items() if not name.startswith("__")}
-
-
 def _netcdf(path: Path) -> dict[str, np.ndarray]:
     import xarray as xr
 
@@ -131,7 +120,7 @@ def _vectors(found: dict[str, np.ndarray]) -> Table:
     table: Table = {}
     for name, values in found.items():
         array = np.squeeze(np.asarray(values))
-        if array.dtype.kind not in "fiu" or array.ndim not in (1, 2) or array.shape[0] < 2:
+        if array.dtype.kind not in NUMERIC or array.ndim not in (1, 2) or array.shape[0] < 2:
             continue
         if array.ndim == 1:
             table[name.lower()] = array.astype(float)

@@ -50,6 +50,17 @@ def test_decimal_commas_as_many_drives_write_them(tmp_path):
     assert table["t"].tolist() == [0.001, 0.002] and table["u"].tolist() == [-1.5, 2e-3]
 
 
+def test_a_damaged_mat_file_on_which_the_reader_of_scipy_ends_its_process(tmp_path):
+    path = tmp_path / "log.mat"
+    savemat(path, {"record": {"t": ROWS[:, 0]}})
+    content = bytearray(path.read_bytes())
+    first = content.index(ROWS[:, 0].tobytes())  # the type and the size of these numbers before it
+    content[first - 8] = 0
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"log\.mat: not a readable MAT file"):
+        read_table(path)
+
+
 def test_mat_and_netcdf(tmp_path):
     savemat(tmp_path / "log.mat", {"t": ROWS[:, :1], "vir": np.eye(3)[:, :2], "name": "EMPS"})
     table = read_table(tmp_path / "log.mat")
