@@ -2,6 +2,7 @@
 
 import html
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -41,8 +42,5 @@ def page_text(runs: Sequence[dict[str, Any]]) -> str:
         "PLOTS": (HERE / "plots.js").read_text(),
         "PROGRAM": (HERE / "page.js").read_text(),
     }
-    text = (HERE / "page.html").read_text()
-    for name, part in parts.items():
-        head, _, tail = text.partition(f"@{name}@")
-        text = head + part + tail
-    return text
+    place = re.compile(f"@({'|'.join(parts)})@")
+    return place.sub(lambda found: parts[found[1]], (HERE / "page.html").read_text())

@@ -9,7 +9,7 @@ import xarray as xr
 from experiments.files.netcdf import save_dataset
 from experiments.reports.page.page_data import METRICS
 
-NASTY = "</script><img src=x onerror=alert(1)>"
+NASTY = "</script><img src=x onerror=alert(1)>@PLOTS@"
 
 
 def dataset(steps=900, designs=("start", "tuned"), plants=("nominal", NASTY), length=700):
