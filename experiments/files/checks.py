@@ -3,6 +3,7 @@
 A fault is told in one line, in the user's words.
 """
 
+import json
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,27 @@ LARGEST = 1e12  # of any number: beyond it squares overflow somewhere
 
 class MachineError(ValueError):
     """A machine file that cannot be used; one line: field, what was received, what is needed."""
+
+
+def json_value(content: bytes) -> Any:
+    """Value of a JSON text in UTF-8, with a byte order mark or without.
+
+    Raises:
+        ValueError: it is no JSON, or an object has a field twice.
+    """
+    try:
+        return json.loads(content.decode("utf-8-sig"), object_pairs_hook=_fields)
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ValueError(f"is not JSON ({line(error)})") from None
+
+
+def _fields(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    fields: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in fields:
+            raise ValueError(f"the field {shown(name)} stands twice in one object")
+        fields[name] = value
+    return fields
 
 
 def matrix(name: str, value: Any) -> np.ndarray:

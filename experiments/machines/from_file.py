@@ -41,7 +41,6 @@ one input and one output of its own.
 """
 
 import io
-import json
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -117,9 +116,9 @@ def machine_from(content: bytes, name: str = "machine") -> Machine:
 
 def _json_fields(content: bytes) -> dict[str, Any]:
     try:
-        fields = json.loads(content.decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise MachineError(f"file: neither JSON nor npz ({checks.line(error)})") from None
+        fields = checks.json_value(content)
+    except ValueError as error:
+        raise MachineError(f"file: {error}") from None
     if not isinstance(fields, dict):
         raise MachineError(
             f"file: needs a JSON object with A, B, C, dt, received {checks.shown(fields)}"

@@ -1,15 +1,17 @@
 """`jcontour identify --excite limits.json`: programs whose record shows the axes."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 
 from experiments.files import run_folder
+from experiments.files.checks import json_value
 from experiments.flags.machines import Identify
 from experiments.jobs.excitation import PART, Excited, gcode, letters, read_limits, sines
 from experiments.reports import tables
+from jcontour.regular_files import content_of
 
+MOST_BYTES = 2**20  # of the limits
 CSV, GCODE = "excite.csv", "excite.ngc"
 
 
@@ -63,11 +65,11 @@ def _who_moves(limits: Excited) -> str:
 
 def _read(path: Path) -> object:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json_value(content_of(path, MOST_BYTES))
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except ValueError:
-        raise ValueError(f"{path}: is not JSON") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _write_csv(limits: Excited, positions: np.ndarray, path: Path) -> None:

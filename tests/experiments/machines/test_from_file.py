@@ -50,6 +50,14 @@ def test_encoders_count_alike_or_each_by_its_own():
     assert alike.description()["Measured"].endswith("encoder 5 um")
 
 
+def test_a_byte_order_mark_is_read_over_and_a_field_that_stands_twice_is_refused():
+    text = EXAMPLE.read_text()
+    assert machine_from(text.encode("utf-8-sig")).model.dt == FIELDS["dt"]
+    for twice in (f'{text.rstrip()[:-1]}, "dt": 0.004}}', text.replace("{", '{"dt": 1, ', 1)):
+        with pytest.raises(MachineError, match="'dt' stands twice"):
+            machine_from(twice.encode())
+
+
 def test_noise_of_encoders_is_one_or_each_and_may_be_none():
     for stated, wanted in ((0.0002, 2e-7), ([0.0002, 0.0], [2e-7, 0.0]), (0.0, 0.0)):
         machine = machine_from(json.dumps({**FIELDS, "encoder_noise": stated}).encode())
