@@ -114,6 +114,7 @@ def _told(message, category, filename, lineno, file=None, line=None) -> None:
 def _answered(arguments: list[str]) -> int:
     try:
         flags, run = _chosen(arguments)
+        _check_precision()
         import_module("experiments.catalogue.known_names").check_flags(flags)
         _check_runs(flags)
         _check_out(flags)
@@ -128,6 +129,12 @@ def _answered(arguments: list[str]) -> int:
     except BrokenPipeError:  # who reads has seen enough, as `head`; nothing more can be printed
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CUT_OFF
+    except (AssertionError, RuntimeError):  # JAX raises one of them where a platform is missing
+        missing = _missing_platform()
+        if missing is None or os.environ.get(TRACEBACK):
+            raise
+        print(f"jcontour: {missing}", file=sys.stderr)
+        return BAD_INPUT
     except (
         ValueError,
         OSError,
@@ -137,6 +144,37 @@ def _answered(arguments: list[str]) -> int:
             raise
         print(f"jcontour: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
+
+
+def _check_precision() -> None:
+    """Refuse single precision: cycle times and errors would be others.
+
+    Raises:
+        ValueError: the environment, or the program that calls, has chosen it.
+    """
+    asked = os.environ.get("JAX_ENABLE_X64", "")
+    single = asked.lower() in import_module("jcontour")._SINGLE
+    if "jax" in sys.modules:
+        single |= not sys.modules["jax"].config.jax_enable_x64
+    if single:
+        raise ValueError(
+            f"JAX_ENABLE_X64={asked}: single precision gives other cycle times and errors; leave "
+            "it out: the commands compute in double precision"
+        )
+
+
+def _missing_platform() -> str | None:
+    """A line about JAX_PLATFORMS, where it names what this computer has not."""
+    asked = os.environ.get("JAX_PLATFORMS")
+    if not asked:
+        return None
+    import jax
+
+    try:
+        jax.devices()
+    except (AssertionError, RuntimeError):
+        return f"JAX_PLATFORMS={asked}: JAX finds no such device here; leave it out, or give cpu"
+    return None
 
 
 def _check_runs(flags: Any) -> None:

@@ -9,8 +9,9 @@ from importlib import import_module as _import_module
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
+_SINGLE = ("n", "no", "f", "false", "off", "0")  # the words that JAX takes for no
 _GIVEN = _os.environ.get("JAX_ENABLE_X64", "")
-if _GIVEN.lower() not in ("n", "no", "f", "false", "off", "0"):  # the words that JAX takes for no
+if _GIVEN.lower() not in _SINGLE:
     # micrometres on metres, and the DARE, need double precision
     if "jax" in _sys.modules:
         _sys.modules["jax"].config.update("jax_enable_x64", True)

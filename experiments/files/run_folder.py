@@ -104,11 +104,14 @@ def settings(command: str, flags: Any, inputs: dict[str, str]) -> dict[str, Any]
 
 
 def versions() -> dict[str, str]:
-    """Versions of everything that the numbers may depend on."""
+    """Versions and the precision of everything that the numbers may depend on."""
+    import jax.numpy as jnp
+
     packages = ("jcontour", "jax", "jaxlib", "equinox", "optax", "numpy", "scipy")
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),
+        "precision": str(jnp.result_type(float)),
         **{name: version_of(name) or "unknown" for name in packages},
     }
 
@@ -184,7 +187,11 @@ def resumable(command: str, folder: Path) -> Iterator[None]:
 
 
 def write(path: Path, fill: Callable[[Path], Any]) -> Path:
-    """Write a file under a temporary name with `fill(temporary)`, and rename it."""
+    """Write a file under a temporary name with `fill(temporary)`, and rename it.
+
+    Raises:
+        RunError: it cannot be written, as on a full disk.
+    """
     # keeps the suffix: writers choose the format by it
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
@@ -192,6 +199,8 @@ def write(path: Path, fill: Callable[[Path], Any]) -> Path:
         with temporary.open("rb") as file:
             os.fsync(file.fileno())
         temporary.replace(path)
+    except OSError as error:
+        raise RunError(f"{path}: cannot be written ({error.strerror or error})") from None
     finally:
         temporary.unlink(missing_ok=True)
     return path

@@ -1,11 +1,13 @@
 """Every bad input: one clear line on stderr, exit code 2, nothing written."""
 
 import json
+import os
 import subprocess
 import sys
 import warnings
 from importlib import import_module
 
+import jax
 import pytest
 
 from experiments import cli
@@ -110,6 +112,26 @@ def test_plain_numbers_are_read(monkeypatch, name, text, number):
     )
     main(["tune", f"--{name.replace('_', '-')}", text])
     assert getattr(received[0], name) == number
+
+
+def test_single_precision_is_refused(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("JAX_ENABLE_X64", "off")
+    refused(capsys, tmp_path, ["simulate", "circle"], "JAX_ENABLE_X64=off: single precision")
+    monkeypatch.delenv("JAX_ENABLE_X64")
+    with jax.enable_x64(False):
+        refused(capsys, tmp_path, ["simulate", "circle"], "single precision")
+
+
+def test_a_platform_that_is_missing_is_named_in_one_line(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "experiments.cli", "simulate", "circle", "--out", tmp_path / "run"],
+        env=os.environ | {"JAX_PLATFORMS": "abacus"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.startswith("jcontour: JAX_PLATFORMS=abacus: ")
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("command", ["tune", "simulate"])

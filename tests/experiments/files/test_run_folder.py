@@ -2,11 +2,14 @@ import json
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from experiments.files import run_folder
+
+FULL = Path("/dev/full")
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ def test_a_failed_write_leaves_what_was_there(tmp_path):
         temporary.write_text("half")
         raise OSError("disk full")
 
-    with pytest.raises(OSError):
+    with pytest.raises(run_folder.RunError, match="disk full"):
         run_folder.write(path, fail)
     assert json.loads(path.read_text()) == {"a": 1} and list(tmp_path.iterdir()) == [path]
 
@@ -89,3 +92,10 @@ def test_two_at_work_on_one_run(tmp_path):
         run_folder.locked(folder),
     ):
         pass
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="no device stands for a full disk here")
+def test_a_full_disk_is_told_with_the_path(tmp_path):
+    with pytest.raises(run_folder.RunError, match=r"log\.csv: cannot be written \(No space left"):
+        run_folder.write(tmp_path / "log.csv", lambda temporary: FULL.write_text("0"))
+    assert list(tmp_path.iterdir()) == []
