@@ -122,5 +122,10 @@ class Sweep(Spreading):
     workers: int | None = None
     """Predictive control: processes on this computer that designs are spread over.
     One for each core when not given, which needs the extra `cluster`; 0 computes in this one."""
+    listen: str = "127.0.0.1"  # others on the network have no business there
+    """Predictive control: address on which dask's page about these processes is served, on a free
+    port. 0.0.0.0 shows it to whoever reaches this computer."""
     scheduler: str | None = None
-    """Predictive control: address of a dask scheduler that runs, as tcp://host:8786, instead."""
+    """Predictive control: address of a dask scheduler that runs, as tcp://host:8786, instead.
+    Its workers run whatever code anyone sends who reaches it, and this computer loads what they
+    answer: only on a network where everyone is trusted, or with tls:// and certificates."""

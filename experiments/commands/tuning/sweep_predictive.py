@@ -47,7 +47,8 @@ SHOWN = 15  # designs of the front that are printed
 NAMED = 5  # designs without a result that are printed
 HEEDED = (  # flags of a sweep that predictive control has a use for
     *("json", "plant", "controller", "parts", "vary", "previews", "speeds_mm_s", "samples", "seed"),
-    *("drawing_unit", "join_um", "corner_tolerance_um", "workers", "scheduler", "out", "resume"),
+    *("drawing_unit", "join_um", "corner_tolerance_um", "workers", "scheduler", "listen"),
+    *("out", "resume", "trust_code"),
 )
 
 
@@ -217,7 +218,8 @@ def found_along(asked: PredictiveSwept, folder: Path) -> list[PredictiveRun]:
     flags = asked.flags
     workers = min(cores(), len(missing)) if flags.workers is None else flags.workers
     console = tables.console_of(stderr=True, quiet=flags.json)
-    with cluster_of(workers, flags.scheduler) as client, counted(console, len(points)) as count:
+    cluster = cluster_of(workers, flags.scheduler, flags.listen)
+    with cluster as client, counted(console, len(points)) as count:
         count(len(files.found))
         for place, run in answers(predictive_run, [points[k] for k in missing], client):
             if not isinstance(run, Killed):

@@ -6,11 +6,13 @@ one process after the other has no answer, and the others go on.
 
 import logging
 import pickle
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from experiments.flags.tuning import Sweep
 from experiments.runs.spread import worker
 from experiments.runs.spread.spreading import cores
 from experiments.runs.spread.worker import Surroundings, answer
@@ -22,7 +24,6 @@ EXTRA = (
     "needs the extra `cluster` (uv run --extra cluster jcontour ...); "
     "--workers 0 computes in this process"
 )
-ANY_PORT = ":0"  # of the cluster's page
 PATIENCE, LOOKS = 10, 3  # [s] between looks, and looks that find no worker, until it is replaced
 LOST = 1  # processes that a call may kill before it is set aside, in a cluster of our own
 WAITED = 30  # [s] for a scheduler and its first worker
@@ -34,12 +35,15 @@ class Killed:
 
 
 @contextmanager
-def cluster_of(workers: int | None, scheduler: str | None) -> "Iterator[Client | None]":
+def cluster_of(
+    workers: int | None, scheduler: str | None, listen: str = Sweep.listen
+) -> "Iterator[Client | None]":
     """A cluster to compute on; None for this process.
 
     Args:
         workers: processes on this computer, one for each core when not given; 0 for none.
         scheduler: address of a cluster that runs already, instead.
+        listen: address of this computer on which the cluster's page is served.
 
     Raises:
         ValueError: the extra is not installed, or no cluster answers.
@@ -63,7 +67,8 @@ def cluster_of(workers: int | None, scheduler: str | None) -> "Iterator[Client |
         LocalCluster(
             n_workers=workers or cores(),
             threads_per_worker=1,
-            dashboard_address=ANY_PORT,
+            dashboard_address=f"{listen}:0",  # any port
+            worker_dashboard_address=f"{listen}:0",
             silence_logs=logging.CRITICAL,
             preload=[worker.__name__],
         ) as cluster,
@@ -80,6 +85,12 @@ def _joined(scheduler: str) -> "Iterator[Client]":
         client = Client(scheduler, timeout=WAITED)
     except (OSError, ValueError) as error:
         raise ValueError(f"scheduler: {scheduler} does not answer ({error})") from None
+    if not scheduler.startswith("tls"):
+        warnings.warn(
+            f"scheduler: whoever reaches {scheduler} runs code on its workers, and may answer in "
+            "their place with code that runs here; use it where everyone is trusted, or with tls",
+            stacklevel=2,
+        )
     with client:
         try:
             client.wait_for_workers(1, timeout=WAITED)

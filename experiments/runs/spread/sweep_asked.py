@@ -121,7 +121,7 @@ def horizons(flags: Sweep, machine: Machine) -> tuple[int, ...]:
 def _check_flags(flags: Sweep) -> None:
     if flags.preview != Sweep.preview:
         raise ValueError("preview: a sweep has --previews, for one or several")
-    for name in ("speeds_mm_s", "workers", "scheduler"):
+    for name in ("speeds_mm_s", "workers", "listen", "scheduler"):
         if getattr(flags, name) != getattr(Sweep, name):
             others = ", ".join(PREDICTIVE)
             raise ValueError(f"{name.replace('_', '-')}: is for --controller {others}")

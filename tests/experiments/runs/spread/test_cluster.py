@@ -4,6 +4,7 @@ import signal
 import socket
 import sys
 
+import psutil
 import pytest
 
 from experiments.runs.spread.cluster import Killed, answers, cluster_of
@@ -53,7 +54,10 @@ def test_a_cluster_that_runs_already_is_joined_and_stays():
     from distributed import Client, LocalCluster
 
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as running:
-        with cluster_of(None, running.scheduler_address) as client:
+        with (
+            pytest.warns(UserWarning, match="runs code"),
+            cluster_of(None, running.scheduler_address) as client,
+        ):
             assert dict(answers(abs, [-1, -2, -3], client)) == {0: 1, 1: 2, 2: 3}
         with Client(running) as client:
             assert len(client.nthreads()) == 1
@@ -84,7 +88,15 @@ def test_what_a_call_raises_ends_all_and_what_cannot_be_sent_is_told():
 
 
 @pytest.mark.slow
-def test_workers_leave_an_interruption_to_the_command():
+def test_workers_leave_an_interruption_to_the_command_and_listen_to_this_computer_alone():
     with cluster_of(1, None) as client:
         found = client.run(signal.getsignal, signal.SIGINT)
+        ours = psutil.Process()
+        sockets = [
+            one
+            for process in (ours, *ours.children(recursive=True))
+            for one in process.net_connections("tcp")
+            if one.status == psutil.CONN_LISTEN
+        ]
     assert list(found.values()) == [signal.SIG_IGN]
+    assert sockets and {one.laddr.ip for one in sockets} == {"127.0.0.1"}
