@@ -116,6 +116,7 @@ def _answered(arguments: list[str]) -> int:
         flags, run = _chosen(arguments)
         _check_precision()
         import_module("experiments.catalogue.known_names").check_flags(flags)
+        import_module("experiments.catalogue.own_classes").trust_named(flags)
         _check_runs(flags)
         _check_out(flags)
         if not isinstance(flags, shared.Spreading):

@@ -142,6 +142,12 @@ def _compile_loops_quickly(config):
     os.environ["NUMBA_OPT"], os.environ["NUMBA_CACHE_DIR"] = QUICKLY_COMPILED_LOOPS, str(place)
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _code_that_tests_run_is_not_the_users(tmp_path_factory):
+    """Keep the record of the Python files that commands were given apart from that of the user."""
+    os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
+
+
 @pytest.fixture(autouse=True, scope="module")
 def _forget_programs_before_they_are_too_many():
     """Free compiled programs after a file, where there are many.

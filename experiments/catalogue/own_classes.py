@@ -15,7 +15,7 @@ import inspect
 import sys
 import traceback
 from collections.abc import Callable, Iterable
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from difflib import get_close_matches
 from functools import cache, reduce
 from pathlib import Path
@@ -23,6 +23,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from experiments.files import checks
+from experiments.files.trusted_code import UntrustedCodeError, check_trusted, trust
+from jcontour.regular_files import content_of
 
 if TYPE_CHECKING:  # a question about a name imports none of these
     from experiments.designs.design import Design
@@ -30,6 +32,8 @@ if TYPE_CHECKING:  # a question about a name imports none of these
     from jcontour.controller import Controller
 
 FILE = "FILE.py:NAME"
+COPIES = "inputs/*/*.py"  # in a run folder
+MOST_BYTES = 16 * 2**20
 FAMILY = "UNCERTAINTY"  # name in the file for what is not known of its plants
 REMEDIES = {  # error of JAX -> what to write in the place of what caused it
     "TracerBoolConversionError": "if, while, and, or, not, min and max of Python cannot decide on "
@@ -67,6 +71,26 @@ def check_ending(flag: str, words: str) -> None:
     if path.endswith(".py") or not _dotted(name) or not Path(path).is_file():
         return
     raise ValueError(f"{flag}: {path} does not end in .py: a class of yours is given as {FILE}")
+
+
+def trust_named(flags: Any) -> None:
+    """Let the Python files run that a command line names; with --trust-code the copies of its runs.
+
+    Args:
+        flags: as typed, not those of a stored run.
+    """
+    for value in vars(flags).values():
+        for word in value if isinstance(value, tuple) else (value,):
+            if not isinstance(word, str | Path):
+                continue
+            own, files = own_name(str(word)), []
+            if own is not None:
+                files = [own.path]
+            elif getattr(flags, "trust_code", False) and Path(word).is_dir():
+                files = sorted(Path(word).glob(COPIES))
+            for path in files:
+                with suppress(OSError):  # that it cannot be read is told where it is run
+                    trust(content_of(path, MOST_BYTES))
 
 
 def perhaps(name: str, known: Iterable[str]) -> str:
@@ -189,6 +213,8 @@ def _found(own: OwnName) -> Any:
         raise ValueError(f"{own.path}: cannot be read ({error.strerror or error})") from None
     try:
         module = _module(own.path, source)
+    except UntrustedCodeError:
+        raise
     except (Exception, SystemExit) as error:
         raise _fault(own, error, "the file cannot be run") from None
     try:
@@ -214,7 +240,12 @@ def _defined(path: Path) -> list[str]:
 
 @cache
 def _module(path: Path, source: bytes) -> ModuleType:
-    """Module of a file, run once for all that is asked of it."""
+    """Module of a file, run once for all that is asked of it.
+
+    Raises:
+        UntrustedCodeError: the user has not chosen to run it.
+    """
+    check_trusted(path, source)
     module = ModuleType(f"{path.stem}_of_user")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # where dataclasses look their annotations up

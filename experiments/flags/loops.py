@@ -6,7 +6,15 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from experiments.flags.shared import ROLLOUTS, Bounded, Common, Controlled, MachineFlags, Rollouts
+from experiments.flags.shared import (
+    ROLLOUTS,
+    Bounded,
+    Common,
+    Controlled,
+    MachineFlags,
+    Rollouts,
+    RunsCode,
+)
 
 Fallback = Literal["stop", "hold", "soft"]
 Law = Literal["norm-optimal", "p-type"]
@@ -146,7 +154,7 @@ class Trace(Common):
 
 
 @dataclass(frozen=True)
-class Verify(Common):
+class Verify(RunsCode):
     """Replay a tuned run through a constrained MPC with the same weights.
 
     The tables say where limits act, and what they cost.
@@ -217,7 +225,7 @@ class Tolerance(Bounded, MachineFlags):
 
 
 @dataclass(frozen=True)
-class Export(Common):
+class Export(RunsCode):
     """Write the controller of a run as code for a drive, with its plan, and check it.
 
     C99 when no language is named.

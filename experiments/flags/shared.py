@@ -24,7 +24,16 @@ class Common:
 
 
 @dataclass(frozen=True)
-class MachineFlags(Common):
+class RunsCode(Common):
+    """A command that may run a Python file of the user's from a run folder."""
+
+    trust_code: bool = False  # a run folder may be somebody else's
+    """Run the Python files that lie in the run folder named here, now and later.
+    A file that a command of yours has named needs no flag."""
+
+
+@dataclass(frozen=True)
+class MachineFlags(RunsCode):
     """Machine and pace."""
 
     plant: str = "bridgeport"  # the machine of McNab & Tsao's paper
@@ -138,7 +147,7 @@ class Spreading(Storage):
 
 
 @dataclass(frozen=True)
-class Bounded(Common):
+class Bounded(RunsCode):
     """Bounds of what acts on a linear machine."""
 
     force: float | None = None

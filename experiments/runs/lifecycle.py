@@ -19,7 +19,15 @@ from experiments.reports import tables
 from experiments.reports.page.html_page import FILE, write_page
 from experiments.reports.page.page_data import COMMANDS
 
-WHERE = ("json", "devices", "hosts", "workers", "scheduler")  # flags a run may go on with
+WHERE = (
+    "json",
+    "trust_code",
+    "devices",
+    "hosts",
+    "workers",
+    "scheduler",
+    "listen",
+)  # flags a run may go on with
 F = TypeVar("F", bound=Spreading)
 Kept = TypeVar("Kept")
 Asked = TypeVar("Asked")
@@ -53,7 +61,8 @@ def created(flags: Any, command: str) -> Path:
         RunError: the folder holds something already, or cannot be made.
     """
     folder = flags.out or run_folder.default_folder(command)
-    return run_folder.create(folder, command, replace(flags, json=False, out=None), inputs(flags))
+    kept = replace(flags, json=False, trust_code=False, out=None)
+    return run_folder.create(folder, command, kept, inputs(flags))
 
 
 def same_task(folder: Path, command: str) -> str:
@@ -96,11 +105,12 @@ def ranked_words(folder: Path) -> str:
 
     A controller of the user's own is ranked beside the usual one of the machine, if it has one.
     """
-    flags = run_folder.opened(folder, "tune")["flags"]
+    stored = run_folder.opened(folder, "tune")
+    flags = stored["flags"]
     task, controller = task_words(flags["parts"], flags), flags.get("controller")
     if controller is None or own_name(controller) is None:
         return task
-    usual = machine_named(flags["plant"]).usual.controller
+    usual = machine_named(_with_copies(stored, folder)["plant"]).usual.controller
     return task + words_of(["--controllers", *filter(None, [usual, controller])])
 
 

@@ -11,7 +11,7 @@ from experiments.flags.shared import Controlled
 from experiments.flags.tuning import Tune
 from experiments.jobs.job import Pace, Task
 from experiments.machines.machine import Fed, Machine
-from experiments.runs.lifecycle import resumed, stored_flags
+from experiments.runs.lifecycle import WHERE, resumed, stored_flags
 from experiments.runs.tuning.problem import tuning_run
 from jcontour.controller import Controller
 
@@ -67,7 +67,7 @@ def loop_named(flags: Controlled, part: str | None) -> StoredLoop:
         return loop_of(flags, part)
     left_out = {one.name: one.default for one in fields(flags)}
     for one in fields(Controlled):
-        if one.name != "json" and getattr(flags, one.name) != left_out[one.name]:
+        if one.name not in WHERE and getattr(flags, one.name) != left_out[one.name]:
             flag = one.name.replace("_", "-")
             raise ValueError(f"{flag}: the run in {part} has its own settings; leave it out")
     return stored_loop(Path(part))

@@ -9,9 +9,11 @@ from typing import Any
 import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
-from experiments.catalogue.own_classes import own_name
+from experiments.catalogue.own_classes import own_name, trust_named
 from experiments.cli import main
-from experiments.flags.loops import Simulate
+from experiments.files import run_folder, trusted_code
+from experiments.files.trusted_code import UntrustedCodeError, trust
+from experiments.flags.loops import Export, Simulate
 from experiments.flags.tuning import Tune
 from experiments.runs.lifecycle import created, resumed
 
@@ -147,6 +149,8 @@ def files(tmp_path_factory):
     (folder / "plants.py").write_text(PLANTS)
     (folder / "syntax.py").write_text("x = 1\ny = (\n")
     (folder / "raising.py").write_text("PD = 1\n\nraise KeyError('no key')\n")
+    for path in folder.iterdir():  # as a command does that names it
+        trust(path.read_bytes())
     return folder
 
 
@@ -286,11 +290,13 @@ def test_a_file_states_what_is_not_known_of_its_plants(files, tmp_path):
     stated = tmp_path / "stated.py"
     stated.write_text(f'UNCERTAINTY = {{"gain": 0.05, "delay": 2}}\n{PLANTS}')
     for name in ("linear", "Sliding"):
+        trust(stated.read_bytes())
         usual, machine = (machine_named(f"{path}:{name}") for path in (files / "plants.py", stated))
         assert usual.family_names[1:] == ["gains 1.1, 0.9", "gains 0.9, 1.1", "1 sample late"]
         assert machine.family_names[1:3] == ["gains 1.05, 0.95", "gains 0.95, 1.05"]
         assert machine.unknown_delay == 2 and machine.remarks == [] and len(usual.remarks) == 1
     stated.write_text(f'UNCERTAINTY = {{"gain": 2}}\n{PLANTS}')
+    trust(stated.read_bytes())
     with pytest.raises(ValueError, match="Sliding: uncertainty.gain: needs a fraction below 1"):
         machine_named(f"{stated}:Sliding")
 
@@ -313,6 +319,51 @@ def test_a_resumed_run_reads_its_own_copies(files, tmp_path):
     assert again.plant == f"{run}/inputs/0/plants.py:Sliding"
     assert again.controller == f"{run}/inputs/1/mine.py:PD.for_model"
     assert (run / "inputs/1/mine.py").read_bytes() == mine.read_bytes()
+
+
+@pytest.fixture
+def sent(files, tmp_path, monkeypatch):
+    """A run folder that somebody else has made: its settings name its own copy of a file."""
+    source = tmp_path / "mine.py"
+    source.write_text(f"open({str(tmp_path / 'has-run')!r}, 'w')\n{CONTROLLERS}")
+    run = tmp_path / "run"
+    created(Simulate(contour="circle", controller=f"{source}:PD", out=run), "simulate")
+    run_folder.write_json(run / run_folder.RESULT, {"weights": {}})
+    source.unlink()
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))  # of who receives it
+    monkeypatch.setattr(trusted_code, "_chosen", set())
+    return run
+
+
+COMMANDS = ("export", "certify", "feed", "precompensate")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_run_folder_of_somebody_else_runs_no_code_unasked(capsys, sent, command):
+    assert main([command, str(sent), "--out", str(sent.parent / "out")]) == 2
+    told = capsys.readouterr().err
+    assert "inputs/0/mine.py: this Python file" in told and told.endswith("--trust-code\n")
+    assert not (sent.parent / "has-run").exists()
+
+
+def test_nor_does_a_file_anywhere_that_its_settings_name(sent):
+    copy = sent / "inputs/0/mine.py"
+    elsewhere = copy.rename(sent.parent / "other.py")
+    trust_named(Export(run=sent, trust_code=True))
+    with pytest.raises(UntrustedCodeError, match="other.py"):
+        design_for(machine_named("bridgeport"), Simulate(controller=f"{elsewhere}:PD"))
+    assert not (sent.parent / "has-run").exists()
+
+
+def test_code_that_was_chosen_once_runs_again_but_no_other(sent, monkeypatch):
+    trust_named(Export(run=sent, trust_code=True))
+    monkeypatch.setattr(trusted_code, "_chosen", set())  # another command, later
+    copy = sent / "inputs/0/mine.py"
+    flags = Simulate(controller=f"{copy}:ready")
+    assert gain_of(design_for(machine_named("bridgeport"), flags)) == 7.0
+    copy.write_text(copy.read_text() + "\n")
+    with pytest.raises(UntrustedCodeError):
+        design_for(machine_named("bridgeport"), flags)
 
 
 @pytest.mark.slow

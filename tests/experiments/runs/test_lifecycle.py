@@ -82,6 +82,7 @@ def test_a_controller_of_ones_own_is_ranked_beside_the_usual_one(tmp_path):
 
 def test_a_plant_without_a_usual_controller_is_ranked_with_the_own_one_alone(tmp_path):
     (tmp_path / "mine.py").write_text(PLANT)
+    trust((tmp_path / "mine.py").read_bytes())
     own, plant = f"{tmp_path}/mine.py:Proportional", f"{tmp_path}/mine.py:Mass"
     folder = created(Tune(plant=plant, controller=own, out=tmp_path / "run"), "tune")
     assert parsed("jcontour rank" + ranked_words(folder)) == Rank(plant=plant, controllers=(own,))
