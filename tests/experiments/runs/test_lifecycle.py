@@ -7,6 +7,7 @@ import pytest
 
 from experiments.cli import _chosen
 from experiments.commands.loops.simulate import next_steps
+from experiments.files.trusted_code import trust
 from experiments.flags.loops import Simulate
 from experiments.flags.tuning import Rank, Tune
 from experiments.runs.lifecycle import created, ranked_words, same_task, tuning_words
