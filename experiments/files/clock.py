@@ -1,10 +1,13 @@
-"""Times of samples: one period, and where it is kept."""
+"""Times of samples: their unit, one period, and where it is kept."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+USUAL = 1e-3  # [s] between samples of a drive's record
+SLOWEST = 0.1  # [s] likewise, at most
 JITTER = 0.01  # of a period, by which a sample may be early or late
 RARE = 0.1  # of all steps: fewer odd ones are gaps, more are a clock that jitters
 LEAST_PART = 0.25  # of a record without gap or restart that is worth going on with
@@ -23,6 +26,18 @@ class EvenPart:
     dt: float
     rows: slice
     words: str
+
+
+def likely_unit(time: Float[np.ndarray, " T"]) -> str:
+    """Unit of times whose column does not say it: seconds unless the samples are too far apart.
+
+    >>> likely_unit(np.arange(3) * 400.0)
+    'us'
+    """
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if step <= SLOWEST * (1 + JITTER):
+        return "s"
+    return min(("ms", "us", "ns"), key=lambda unit: abs(np.log(step * SECONDS[unit] / USUAL)))
 
 
 def even_period(time: Float[np.ndarray, " T"]) -> float:

@@ -13,10 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.files.checks import METRES
-from experiments.files.clock import EvenPart, longest_even_part
+from experiments.files.clock import SECONDS, EvenPart, likely_unit, longest_even_part
 from experiments.files.log_table import Table, read_table
 
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 COMMAND_UNITS = ("v", "a", "n", "nm", "mm/s", "mm_per_s")  # in lower case
 COMMAND_WORDS = ("command", "control", "u", "cmd", "torque", "velocity_command", "speed_command")
 POSITION_WORDS = ("position", "pos", "y", "q", "actual", "measured")
@@ -31,7 +30,7 @@ class LogColumns:
         time: name of the column; found by itself when None.
         command, position: names by axis; found by themselves when empty.
         length_unit: of the positions, where their names do not say.
-        period: [s], where there is no column of time.
+        period: [s]; a column of time is then not read.
     """
 
     time: str | None = None
@@ -79,18 +78,25 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
         f"{name}: command {u}, position {y}"
         for name, u, y in zip(axes, commands, positions, strict=True)
     ]
-    if time_name is None:
-        if columns.period is None:
-            raise ValueError(
-                f"{path}: has no column of time; name it with --time-column, or give --period-ms; "
-                f"has {', '.join(table)}"
-            )
+    if columns.period is not None:
         dt, keep = columns.period, slice(0, len(command))
+    elif time_name is None:
+        raise ValueError(
+            f"{path}: has no column of time; name it with --time-column, or give --period-ms; "
+            f"has {', '.join(table)}"
+        )
     else:
-        seconds = SECONDS[_unit(time_name, SECONDS) or "s"]
-        part = _even_part(path, _column(path, table, time_name) * seconds)
+        time = _column(path, table, time_name)
+        stated = _unit(time_name, SECONDS)
+        unit = stated or likely_unit(time)
+        part = _even_part(path, time * SECONDS[unit])
         dt, keep = part.dt, part.rows
         words += [part.words] if part.words else []
+        if stated is None and unit != "s":
+            words.append(
+                f"time: column {time_name} states no unit and is taken as {unit}, a sample every "
+                f"{1e3 * dt:g} ms; if it is not, give --period-ms"
+            )
     command, position = command[keep], position[keep]
     both = zip([*commands, *positions], [*command.T, *position.T], strict=True)
     for name, values in both:

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.files.clock import even_period
+from experiments.files.clock import even_period, likely_unit
 from experiments.files.run_folder import write
 from jcontour.regular_files import content_of
 from tuning.identification.flexible_axis.records import Record
@@ -166,6 +166,8 @@ def _record(test: str, rows: np.ndarray, table: dict[str, np.ndarray]) -> Record
 
 def _period(test: str, time: np.ndarray) -> float:
     """Time between rows [s]."""
+    if (unit := likely_unit(time)) != "s":
+        raise RecordError(f"time: needs s, rows of test {test!r} look like {unit}")
     try:
         return even_period(time)
     except ValueError as error:

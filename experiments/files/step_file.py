@@ -1,4 +1,7 @@
-"""Step responses: columns time [s], control, position; by name or in this order."""
+"""Step responses: columns time, control, position; by name or in this order.
+
+Time is in seconds, or in what suits a drive where seconds are impossible.
+"""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -7,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.files.checks import METRES
-from experiments.files.clock import even_period
+from experiments.files.clock import SECONDS, even_period, likely_unit
 from experiments.files.log_table import read_table
 
 NAMES = ("time", "control", "position")
@@ -20,14 +23,16 @@ class StepRecord(NamedTuple):
         dt: sample period [s].
         control: [control unit].
         position: [m].
+        unit: of the file's times.
     """
 
     dt: float
     control: Float[np.ndarray, " T"]
     position: Float[np.ndarray, " T"]
+    unit: str = "s"
 
 
-def read_step(path: Path, unit: str) -> StepRecord:
+def read_step(path: Path, length_unit: str) -> StepRecord:
     """Record of a file whose positions are in a unit: m, mm or um.
 
     Raises:
@@ -44,8 +49,9 @@ def read_step(path: Path, unit: str) -> StepRecord:
             f"{', '.join(table)}"
         )
     time, control, position = (table[name] for name in NAMES)
+    unit = likely_unit(time)
     try:
-        dt = even_period(time)
+        dt = even_period(SECONDS[unit] * time)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    return StepRecord(dt, control, METRES[unit] * position)
+    return StepRecord(dt, control, METRES[length_unit] * position, unit)

@@ -34,7 +34,8 @@ class Identify(Common):
     axes: tuple[str, ...] = ("X", "Y")
     """linear: names of one to three axes; their columns are x_command, x_position, ..."""
     time_column: str | None = None
-    """linear: name of the column of time; time_ms and t_us say their unit."""
+    """linear: name of the column of time; time_ms and t_us say their unit.
+    Without one, it is seconds where they are possible, else what suits a drive, and is printed."""
     command_columns: tuple[str, ...] = ()
     """linear: names of the commands, one per axis: what the new controller will give the drive."""
     position_columns: tuple[str, ...] = ()
@@ -42,7 +43,7 @@ class Identify(Common):
     length_unit: LengthUnit = "mm"
     """linear: unit of the positions, where their columns do not say (x_position_um)."""
     period_ms: float | None = None
-    """linear: sample period [ms], where there is no column of time."""
+    """linear: sample period [ms], where there is no column of time or it is wrong."""
     control_unit: str = "control unit"
     """linear: unit of the commands, for tables and figures."""
     most_order: int = 3  # a time constant and a resonance

@@ -228,6 +228,11 @@ def _stepped(flags: Machine, warnings: list[str]) -> tuple[list[ContinuousAxis],
     if any(abs(one.dt / dt - 1) > 1e-3 for one in records):
         raise ValueError("steps: all axes need the same sample period")
     axes, words = [], []
+    for path, one in zip(flags.steps, records, strict=True):
+        if one.unit != "s":
+            warnings.append(
+                f"{path}: times are taken as {one.unit}: in s a sample takes too long for a drive"
+            )
     for name, path, one in zip(flags.axes, flags.steps, records, strict=True):
         try:
             found = fit_step(one.control, one.position, one.dt, flags.takes)

@@ -22,7 +22,14 @@ from experiments.machines.identified import (
     machine_fields,
     noises,
 )
-from experiments.machines.machine_behaviour import FAST, GRAVITY, HARD, coarse_counts
+from experiments.machines.machine_behaviour import (
+    FAST,
+    GRAVITY,
+    HARD,
+    LONGEST,
+    SHORTEST,
+    coarse_counts,
+)
 from experiments.reports.identified_tables import show
 from experiments.reports.tables import of_axes
 from experiments.runs.lifecycle import finished
@@ -37,7 +44,6 @@ MODEL, DATA = "machine.json", "data.csv"
 MOST_POLES, MOST_DELAY = 8, 40
 GAIN_ASKED = 1000.0  # m/s or m per unit: more is a wrong unit
 TINY, FINE = 1e-3, 5e-9  # [m]: a whole record, and a count, that are questioned together
-SLOWEST = 0.1  # [s] between samples of a drive's record
 DEMO_ROWS, DEMO_DT = 20_000, 1e-3
 DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time constant, delay
 
@@ -228,8 +234,11 @@ def _questions(
 ) -> list[str]:
     """One line for each number that no machine has; most likely a unit is wrong."""
     lines = []
-    if dt > SLOWEST:
-        lines.append(f"time: a sample every {dt:g} s is slow; is the column in ms? Call it time_ms")
+    if not SHORTEST <= dt <= LONGEST:
+        lines.append(
+            f"time: a sample every {1e3 * dt:g} ms is no usual period of a drive; is the unit of "
+            "its column right? Call it time_ms or time_us, or give --period-ms"
+        )
     for one, speed, moved in zip(axes, largest["speed"], largest["acceleration"], strict=True):
         if speed > FAST or moved > HARD or abs(one.gain) > GAIN_ASKED:
             lines.append(

@@ -30,6 +30,29 @@ def test_columns_by_their_names(tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    ("dt", "unit", "second"),
+    [
+        (0.0004, "s", 1),
+        (0.1, "s", 1),
+        (0.4, "ms", 1e3),
+        (2.0, "ms", 1e3),
+        (400.0, "us", 1e6),
+        (50.0, "us", 1e6),
+        (1e6, "ns", 1e9),
+    ],
+)
+def test_times_without_a_unit_are_in_the_one_that_suits_a_drive(tmp_path, dt, unit, second):
+    path, _ = written(tmp_path, dt * np.arange(ROWS))
+    log = read_log(path, ("X", "Y"), LogColumns())
+    assert log.dt == pytest.approx(dt / second)
+    said = [words for words in log.words if "states no unit" in words]
+    assert len(said) == (unit != "s") and all(f"taken as {unit}" in words for words in said)
+    assert read_log(path, ("X", "Y"), LogColumns(period=0.5)).dt == 0.5
+    stated, _ = written(tmp_path, dt * np.arange(ROWS), ("time_s", *HEADS[1:]))
+    assert read_log(stated, ("X", "Y"), LogColumns()).dt == pytest.approx(dt)
+
+
 def test_commands_may_say_their_unit(tmp_path):
     heads = ("time_s", "x_command_V", "Y_Command [V]", *HEADS[3:])
     path, signals = written(tmp_path, heads=heads)

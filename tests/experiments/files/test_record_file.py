@@ -90,6 +90,7 @@ LATE = 1e-3 * np.arange(ROWS) + 5e-4 * (np.arange(ROWS) > 60)
             "test 'data': samples are not evenly spaced: after 0.06 s comes 0.0615 s, "
             "the others are 0.001 s apart; resample the data, or make",
         ),
+        (lines(1e3 * np.arange(ROWS)), "time: needs s, rows of test 'data' look like us"),
         (lines(np.zeros(ROWS)), "test 'data': the column time has to grow"),
         (lines(1e-3 * np.arange(ROWS)[::-1]), "test 'data': the column time has to grow"),
     ],

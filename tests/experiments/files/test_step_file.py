@@ -23,6 +23,12 @@ def test_columns_by_name_or_by_place(tmp_path, mark):
     assert np.array_equal(read_step(swapped, "mm").position, named.position)
 
 
+def test_times_that_cannot_be_seconds_are_in_the_unit_that_suits_a_drive(tmp_path):
+    rows = [(1e6 * t, u, p) for t, u, p in ROWS]
+    found = read_step(written(tmp_path / "a.csv", rows=rows), "mm")
+    assert found.unit == "us" and found.dt == pytest.approx(1e-3)
+
+
 def test_faults_are_told_with_their_place(tmp_path):
     late = [*ROWS[:7], (0.0075, 1.0, 3.5), *ROWS[8:]]
     back = [(-t, u, p) for t, u, p in ROWS]
