@@ -46,6 +46,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from experiments.files import checks
 from experiments.files.axis_file import axis_from, is_axis
@@ -275,12 +276,20 @@ def _friction(given: Any) -> float | None:
 
 
 def _check_modes(A, B, C) -> None:
-    """Hautus: every mode that does not die out is reached by the input and shown by the output."""
+    """Hautus: every mode that does not die out is reached by the input and shown by the output.
+
+    Whatever the units of states, inputs and outputs: they are balanced.
+    """
+    n, inputs, outputs = len(A), B.shape[1], len(C)
+    whole = np.zeros((n + inputs + outputs,) * 2)
+    whole[:n, :n], whole[:n, n : n + inputs], whole[n + inputs :, :n] = A, B, C
+    whole[n : n + inputs, n + inputs :] = 1.0  # a loop: what ends in a dead end is not balanced
+    balanced, _ = matrix_balance(whole, permute=False)
+    A, B, C = balanced[:n, :n], balanced[:n, n : n + inputs], balanced[n + inputs :, :n]
     for name, A_, B_, missing in (
         ("B", A, B, "is out of reach of the inputs"),
         ("C", A.T, C.T, "does not show in the outputs"),
     ):
-        B_ = B_ / max(np.abs(B_).max(), 1e-300)
         for value in np.real_if_close(np.linalg.eigvals(A_)):
             if abs(value) < 1:
                 continue

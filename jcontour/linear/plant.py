@@ -218,8 +218,8 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
     with one input and one output. An axis with n_i states solves, for x and the constant control u
     that carries it on,
         C A^j x + sum_{i<j} C A^i B u = y + j dy,   j = 0..n_i.
-    McNab & Tsao, Appendix, with the third row at x_d(k + N_p). We scale the column of u: the
-    condition number is 1e7 otherwise.
+    McNab & Tsao, Appendix, with the third row at x_d(k + N_p). We scale every column, as states
+    have units of their own: those of a delay line count the control in steps of the position.
 
     Raises:
         ValueError: an axis does not have one input and one output, or cannot hold a steady motion;
@@ -255,7 +255,9 @@ def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, 
         size = matrix.shape[0]
         sample = jnp.arange(size, dtype=matrix.dtype)
         ramp = jnp.stack([jnp.ones(size, matrix.dtype), sample], axis=1)
-        maps = jnp.linalg.solve(matrix, ramp)[:-1]
+        size_of_states = _powers_of_two(jnp.max(jnp.abs(matrix[:, :-1]), axis=0))
+        matrix = matrix.at[:, :-1].divide(size_of_states)
+        maps = jnp.linalg.solve(matrix, ramp)[:-1] / size_of_states[:, None]
         Sy = Sy.at[rows, output].set(maps[:, 0])
         Sv = Sv.at[rows, output].set(maps[:, 1])
         conditions.append(jnp.linalg.cond(matrix))
@@ -273,6 +275,12 @@ def _steady_equations(
         rows.append(rows[-1] @ A)
     steady = jnp.stack(column)
     return jnp.concatenate([jnp.stack(rows), (steady / jnp.max(jnp.abs(steady)))[:, None]], axis=1)
+
+
+def _powers_of_two(sizes: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Those just above the sizes: columns that are divided by them keep their digits."""
+    _, exponents = jnp.frexp(jax.lax.stop_gradient(sizes))
+    return jnp.ldexp(jnp.ones_like(sizes), exponents)
 
 
 @jax.jit

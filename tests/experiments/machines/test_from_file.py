@@ -12,6 +12,7 @@ from experiments.files.checks import MachineError
 from experiments.machines.from_file import load_machine, machine_from
 from experiments.machines.linear import LinearMachine, bridgeport_machine
 from experiments.machines.machine import Machine
+from jcontour.linear.plant import steady_motion
 
 EXAMPLE = Path(experiments.machines.__file__).parent / "example.json"
 FIELDS = json.loads(EXAMPLE.read_text())
@@ -56,6 +57,21 @@ def test_a_byte_order_mark_is_read_over_and_a_field_that_stands_twice_is_refused
     for twice in (f'{text.rstrip()[:-1]}, "dt": 0.004}}', text.replace("{", '{"dt": 1, ', 1)):
         with pytest.raises(MachineError, match="'dt' stands twice"):
             machine_from(twice.encode())
+
+
+@pytest.mark.parametrize("unit", [1e-10, 1e6])
+def test_a_machine_is_controllable_whatever_the_unit_of_its_control(unit):
+    """A late axis counts its control in steps of the position: an amount of any size."""
+    B = (np.array(FIELDS["B"]) * unit).tolist()
+    limits = FIELDS["limits"] | {"control": 1 / unit, "increment": 1 / unit}
+    machine = machine_from(
+        json.dumps(FIELDS | {"B": B, "limits": limits, "known_delay": 3}).encode()
+    )
+    maps = steady_motion(machine.model)
+    usual = steady_motion(machine_from(json.dumps(FIELDS | {"known_delay": 3}).encode()).model)
+    states = len(FIELDS["A"])
+    np.testing.assert_allclose(maps.Sv[:states], usual.Sv[:states], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(maps.Sv[states:] * unit, usual.Sv[states:], rtol=1e-9)
 
 
 def test_noise_of_encoders_is_one_or_each_and_may_be_none():
