@@ -1,15 +1,14 @@
 """The plants whose runs are drawn, and why each of them is."""
 
-from types import SimpleNamespace
-
 import numpy as np
 
 from experiments.runs.contour_summary import peak_place
 from experiments.runs.runs_drawn import contour_runs
+from tests.experiments import small_runs
 
 STEPS = 50
 PLANTS = ("nominal", "late", "heavy")
-MACHINE = SimpleNamespace(error="contour", axes=("X", "Y"), control_unit="V")
+MACHINE = small_runs.machine()
 
 
 def made(diverged=(False, False, False)):
@@ -18,22 +17,16 @@ def made(diverged=(False, False, False)):
     error[0, 0, :, 1], error[0, 1, :, 1], error[0, 2, 30, 1] = 1e-7, 2e-6, 5e-6
     path = np.stack([np.linspace(0.0, 1e-2, STEPS), np.zeros(STEPS)], axis=1)[None]
     size = np.abs(error[..., 1])
-    metrics = SimpleNamespace(
-        rms_contour_error=np.sqrt(np.mean(size**2, axis=-1)),
-        peak_contour_error=size.max(axis=-1),
-        diverged=np.array([diverged]),
-    )
-    replay = SimpleNamespace(
-        metrics=metrics,
-        output=path[:, None] + error,
-        control=np.zeros((1, 3, STEPS, 2)),
-        contour_error=error,
-    )
-    job = SimpleNamespace(name="line", samples=STEPS, line_at=lambda sample: sample)
-    references = SimpleNamespace(
-        position=path, mask=np.ones((1, STEPS), bool), dt=1e-3, steps=STEPS
-    )
-    return replay, SimpleNamespace(jobs=(job,), plants=PLANTS, references=references)
+    numbers = {
+        "rms_contour_error": np.sqrt(np.mean(size**2, axis=-1)),
+        "peak_contour_error": size.max(axis=-1),
+        "diverged": np.array([diverged]),
+    }
+    replay = small_runs.replay(STEPS, (1, 3), **numbers)
+    replay = replay._replace(output=path[:, None] + error, contour_error=error)
+    counted = np.ones(STEPS, bool)
+    job = small_runs.job("line", counted)
+    return replay, small_runs.scenarios([job], path, counted[None], plants=PLANTS)
 
 
 def drawn(labels, **changes):

@@ -1,43 +1,30 @@
 """Swings between samples, of a control that alternates."""
 
-from types import SimpleNamespace
-from typing import Any, cast
-
 import numpy as np
 
-from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.checks.between_samples import swing_warnings
+from tests.canonical import DT
+from tests.experiments import small_runs
 
-DT, SAMPLES, HIDDEN, ERROR = 2e-3, 12, 0.8, 1e-6
-MACHINE = cast(
-    Any,
-    SimpleNamespace(
-        axes=("X", "Y"),
-        error="contour",
-        resolution=0.2 * ERROR,
-        model=SimpleNamespace(dt=DT),
-        hidden_acceleration=np.diag([0.0, HIDDEN]),
-    ),
-)
+SAMPLES, ERROR = 12, 1e-6
+MACHINE = small_runs.machine(encoder_resolution=0.2 * ERROR)
+HIDDEN = MACHINE.hidden_acceleration[1, 1]
 
 
 def seen(amplitude, lost=False):
     """One contour on two plants; the control of the second one alternates."""
-    control = np.zeros((1, 2, SAMPLES, 2))
-    control[0, 1] = amplitude * (-1.0) ** np.arange(SAMPLES)[:, None]
-    metrics = SimpleNamespace(
-        diverged=np.array([[False, lost]]), rms_contour_error=np.array([[0.0, ERROR]])
-    )
-    return Replay(cast(Any, metrics), np.zeros_like(control), control, control)
+    numbers = {"diverged": np.array([[False, lost]]), "rms_contour_error": np.array([[0.0, ERROR]])}
+    found = small_runs.replay(SAMPLES, **numbers)
+    found.control[0, 1, :, 1] = amplitude * (-1.0) ** np.arange(SAMPLES)
+    return found
 
 
 EVERY = np.ones(SAMPLES, bool)
 
 
 def warnings(replay, counted=EVERY, machine=MACHINE):
-    references = SimpleNamespace(mask=counted[None], steps=SAMPLES)
-    jobs = (SimpleNamespace(name="ring"),)
-    found = Scenarios(cast(Any, jobs), (True,), ("nominal", "late"), cast(Any, references), 0)
+    position = np.zeros((1, SAMPLES, 2))
+    found = small_runs.scenarios([small_runs.job("ring", counted)], position, counted[None])
     return swing_warnings(replay, found, machine)
 
 
@@ -57,9 +44,9 @@ def test_a_small_one_is_not():
 
 
 def test_one_within_a_count_is_not():
-    coarse = SimpleNamespace(**vars(MACHINE) | {"resolution": np.array([1e-9, 0.6 * ERROR])})
+    coarse = small_runs.machine(encoder_resolution=np.array([1e-9, 0.6 * ERROR]))
     replay = seen(0.5 * ERROR / (HIDDEN * DT**2 / 8))
-    assert warnings(replay) and not warnings(replay, machine=cast(Any, coarse))
+    assert warnings(replay) and not warnings(replay, machine=coarse)
 
 
 def test_only_scored_samples_count():

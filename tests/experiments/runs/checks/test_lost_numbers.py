@@ -1,26 +1,23 @@
 """Numbers that are lost in a run, told apart from those that grow beyond all bounds."""
 
-from types import SimpleNamespace
-from typing import Any, cast
-
 import numpy as np
 import pytest
 
-from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.checks.lost_numbers import lost_numbers
+from tests.experiments import small_runs
 
 SAMPLES = 20
-RING = cast(Any, SimpleNamespace(name="ring"))
-SCENARIOS = Scenarios((RING,), (True,), ("nominal", "late"), cast(Any, None), cast(Any, None))
+COUNTED = np.ones(SAMPLES, bool)
+RING = small_runs.job("ring", COUNTED)
+SCENARIOS = small_runs.scenarios([RING], np.zeros((1, SAMPLES, 2)), COUNTED[None])
 
 
 def run(**lost):
     """One contour on two plants, at rest but for what is given: (plant, sample, axis, value)."""
-    signals = {name: np.zeros((1, 2, SAMPLES, 2)) for name in ("output", "control")}
+    found = small_runs.replay(SAMPLES)
     for name, (plant, sample, axis, value) in lost.items():
-        signals[name][0, plant, sample:, axis] = value
-    still = np.zeros((1, 2, SAMPLES, 2))
-    return Replay(cast(Any, None), signals["output"], signals["control"], still)
+        getattr(found, name)[0, plant, sample:, axis] = value
+    return found
 
 
 @pytest.mark.parametrize(

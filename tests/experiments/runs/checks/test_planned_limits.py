@@ -3,45 +3,40 @@
 import math
 import re
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from experiments.catalogue.choices import job_named, machine_named
 from experiments.jobs import job as jobs
-from experiments.jobs.job import AxisMove, Job, from_file
+from experiments.jobs.job import AxisMove, from_file
 from experiments.jobs.pace import Pace
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import MachineLimits
 from experiments.runs.checks.planned_limits import limits_exceeded_by_plan
+from jcontour.geometry.contours import line
 from jcontour.motion.point_to_point import ToAndFro
+from tests.canonical import DT
+from tests.experiments import small_runs
 
 EXAMPLE = Path(jobs.__file__).parents[1] / "machines" / "example.json"
-DT = 1e-3
 
 
 def machine_of(speed=None, acceleration=None):
     limits = (None if one is None else np.array(one) for one in (speed, acceleration))
-    found = SimpleNamespace(
-        model=SimpleNamespace(dt=DT), axes=("X", "Y"), limits=MachineLimits(*limits)
-    )
-    return cast(Any, found)
+    return small_runs.machine(MachineLimits(*limits))
 
 
 def scenarios(jobs, points):
     """Runs padded to one length by samples that no motion has."""
     steps = max(map(len, points))
     padded = [np.vstack([rows, np.full((steps + 3 - len(rows), 2), 9.0)]) for rows in points]
-    references = SimpleNamespace(position=np.stack(padded), steps=steps)
-    names = tuple(False for _ in jobs)
-    return Scenarios(tuple(jobs), names, ("nominal",), cast(Any, references), cast(Any, None))
+    counted = np.ones((len(jobs), steps + 3), bool)
+    return small_runs.scenarios(jobs, np.stack(padded), counted, steps, plants=("nominal",))
 
 
 def job(name, points, at_rest=False):
-    scored = np.ones(len(points), bool)
-    return Job(name, cast(Any, None), np.zeros(len(points)), scored, at_rest, "")
+    return small_runs.job(name, np.ones(len(points), bool), at_rest)
 
 
 def around_a_corner(v, before=40, after=30):
@@ -89,11 +84,11 @@ def test_a_move_of_an_axis_begins_as_its_law_has_it():
     """0.05 cos(2 t): up to 0.2 m/s^2, and no rest at the end, which would be a jump."""
     rows = 0.05 * np.cos(2.0 * DT * np.arange(1001))
     points = np.stack([rows, 0.0 * rows], axis=1)
-    move = AxisMove("task-b", cast(Any, None), ToAndFro(0.1, 2.0), 1.0, 0.0, DT, "cosine")
-    (line,) = limits_exceeded_by_plan(
+    move = AxisMove("task-b", line([0.0], [0.1]), ToAndFro(0.1, 2.0), 1.0, 0.0, DT, "cosine")
+    (told,) = limits_exceeded_by_plan(
         scenarios([move], [points]), machine_of(acceleration=[0.19, 1.0])
     )
-    assert "X 0.2 of 0.19 m/s^2" in line and line.endswith("not the loop")
+    assert "X 0.2 of 0.19 m/s^2" in told and told.endswith("not the loop")
     assert limits_exceeded_by_plan(scenarios([move], [points]), machine_of(None, [0.21, 1])) == []
 
 

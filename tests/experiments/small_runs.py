@@ -1,0 +1,73 @@
+"""Machines, scenarios and replays for tests of what is said of runs: real ones, with few samples.
+
+Signals are zero until a test writes into them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from experiments.jobs.job import Job, Program
+from experiments.jobs.replays import Replay, Scenarios
+from experiments.machines.linear import LinearMachine
+from experiments.machines.machine import MachineLimits
+from jcontour.geometry.contours import line
+from jcontour.motion.references import Reference
+from jcontour.simulation.metrics import Metrics
+from tests import canonical
+
+LINE = line([0.0, 0.0], [1e-2, 0.0])
+NO_LIMITS = MachineLimits()
+
+
+def machine(limits: MachineLimits = NO_LIMITS, **others: Any) -> LinearMachine:
+    """The canonical plant of two axes as a machine that states these limits."""
+    given: dict[str, Any] = {
+        "known_delay": 1,
+        "gain": 0.1,
+        "delay": 1,
+        "encoder_resolution": 1e-6,
+        "control_noise": 1e-3,
+        "name": "mill",
+        "control_unit": "A",
+    }
+    given |= others
+    return LinearMachine(model=canonical.plant(2), axes=("X", "Y"), limits=limits, **given)
+
+
+def job(name: str, scored: np.ndarray, at_rest: bool = True, program: Program | None = None) -> Job:
+    """A run with so many samples, and which of them are scored."""
+    return Job(name, LINE, np.linspace(0.0, 1e-2, len(scored)), scored, at_rest, "", program)
+
+
+def scenarios(
+    jobs: Sequence[Any],
+    position: np.ndarray,
+    mask: np.ndarray,
+    steps: int | None = None,
+    plants: Sequence[str] = ("nominal", "late"),
+    training: Sequence[bool] | None = None,
+) -> Scenarios:
+    """Jobs along positions (contour, sample, axis) [m], on the canonical family."""
+    contours, samples, axes = position.shape
+    tangent = np.tile(np.eye(axes)[0], (contours, samples, 1))
+    arc = np.tile(np.linspace(0.0, 1e-2, samples), (contours, 1))
+    entry = np.zeros((contours, axes))
+    steps = samples if steps is None else steps
+    references = Reference(position, tangent, arc, mask, entry, LINE, canonical.DT, steps)
+    seen = (True,) * contours if training is None else training
+    return Scenarios(tuple(jobs), tuple(seen), tuple(plants), references, canonical.family(2))
+
+
+def metrics(shape: tuple[int, int], **given: Any) -> Metrics:
+    """Metrics (contour, plant): zero and not diverged, but for those that are given."""
+    numbers = {one.name: np.zeros(shape) for one in fields(Metrics)}
+    return Metrics(**{**numbers, "diverged": np.zeros(shape, bool), **given})
+
+
+def replay(samples: int, shape: tuple[int, int] = (1, 2), **given: Any) -> Replay:
+    """Runs (contour, plant) at rest, on two axes."""
+    output, control, error = (np.zeros((*shape, samples, 2)) for _ in range(3))
+    return Replay(metrics(shape, **given), output, control, error)
