@@ -22,8 +22,8 @@ LINE = line([0.0, 0.0], [1e-2, 0.0])
 NO_LIMITS = MachineLimits()
 
 
-def machine(limits: MachineLimits = NO_LIMITS, **others: Any) -> LinearMachine:
-    """The canonical plant of two axes as a machine that states these limits."""
+def machine(limits: MachineLimits = NO_LIMITS, axes: int = 2, **others: Any) -> LinearMachine:
+    """The canonical plant as a machine that states these limits."""
     given: dict[str, Any] = {
         "known_delay": 1,
         "gain": 0.1,
@@ -34,7 +34,9 @@ def machine(limits: MachineLimits = NO_LIMITS, **others: Any) -> LinearMachine:
         "control_unit": "A",
     }
     given |= others
-    return LinearMachine(model=canonical.plant(2), axes=("X", "Y"), limits=limits, **given)
+    return LinearMachine(
+        model=canonical.plant(axes), axes=tuple("XYZ"[:axes]), limits=limits, **given
+    )
 
 
 def job(name: str, scored: np.ndarray, at_rest: bool = True, program: Program | None = None) -> Job:

@@ -1,19 +1,18 @@
 """Lists of moves beside what the program says."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from experiments.jobs.listed_moves import listed_moves
 from experiments.jobs.pace import Pace
 from jcontour.geometry.toolpath_rules import ToolpathError
+from tests.experiments import small_runs
 
 
 def listed(path, axes, feed=None):
     """On a machine of so many axes, at a feed where the file gives none."""
-    machine = SimpleNamespace(model=SimpleNamespace(axes=axes))
-    return list(listed_moves(path, Pace(machine, feed, None)))
+    return list(listed_moves(path, Pace(small_runs.machine(axes=axes), feed, None)))
 
 
 def test_a_line_for_each_move(tmp_path):

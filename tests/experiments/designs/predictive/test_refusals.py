@@ -1,23 +1,14 @@
 """Refusals of a bounded MPC in the names and units of the machine."""
 
-from types import SimpleNamespace
-from typing import Any, cast
-
 import numpy as np
 
 from experiments.designs.predictive.refusals import no_answer
+from experiments.machines.machine import MachineLimits
 from jcontour.sets.least_peaks import NoResponse
+from tests.experiments import small_runs
 
-MACHINE = cast(
-    Any,
-    SimpleNamespace(
-        axes=("X", "Y"),
-        control_unit="V",
-        control_noise=15.0,
-        friction=None,
-        limits=SimpleNamespace(control=np.array([400.0, 300.0]), speed=np.array([0.3, 0.2])),
-    ),
-)
+LIMITS = MachineLimits(control=np.array([400.0, 300.0]), speed=np.array([0.3, 0.2]))
+MACHINE = small_runs.machine(LIMITS, control_unit="V", control_noise=15.0, friction=None)
 
 
 def test_limits_are_told_by_axis_and_input_with_units():
