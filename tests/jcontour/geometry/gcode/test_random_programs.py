@@ -3,8 +3,6 @@
 import math
 import random
 
-import pytest
-
 from jcontour.geometry.gcode.programs import interpreted
 from jcontour.geometry.toolpath_rules import FARTHEST, FASTEST, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of
@@ -143,11 +141,3 @@ def test_a_thousand(monkeypatch):
     chance = random.Random(15)
     ran = [assert_sound(random_program(chance), chance.choice((2, 3))) for _ in range(1000)]
     assert 100 < sum(ran) < 900  # both kinds are met
-
-
-@pytest.mark.slow
-def test_a_hundred_thousand(monkeypatch):
-    monkeypatch.setattr("jcontour.geometry.gcode.programs.MOST_REPEATED", 2000)
-    chance = random.Random(16)
-    for _ in range(100_000):
-        assert_sound(random_program(chance), chance.choice((2, 3)))
