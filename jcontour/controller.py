@@ -1,7 +1,8 @@
 """The contract of a controller: a plan made from the future, a memory and a step."""
 
 import abc
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,6 +14,8 @@ from jcontour.tracing import is_concrete
 
 Memory = Any  # any pytree of arrays
 Plan = Any  # any pytree of arrays with a leading axis of T steps
+# laws that the contract tests hold every controller of the catalogue to
+Law = Literal["same bits", "jit", "host", "vmap", "gradient", "rest", "restart", "shift"]
 
 
 @runtime_checkable
@@ -32,8 +35,13 @@ class Sampled(Protocol):
 
 
 class Controller(eqx.Module):
-    """A sampled controller that sees `preview` samples of the future."""
+    """A sampled controller that sees `preview` samples of the future.
 
+    Attributes:
+        laws_not_kept: why a law of the contract tests does not hold for the class.
+    """
+
+    laws_not_kept: ClassVar[Mapping[Law, str]] = {}
     preview: eqx.AbstractVar[int]
 
     @abc.abstractmethod

@@ -2,6 +2,7 @@
 
 import gc
 import hashlib
+import json
 import os
 import shutil
 import signal
@@ -168,6 +169,25 @@ def _maps() -> float:
             return sum(1 for _ in maps)
     except OSError:
         return float("inf")
+
+
+@pytest.fixture
+def kept_numbers(request):
+    """(file, name, numbers, abs) -> None: the numbers are those in `tests/snapshots`, to 1e-6.
+
+    With --keep-snapshots and -n 0 they are written there: read the difference.
+    """
+
+    def compare(file, name, numbers, rel=1e-6, abs=1e-12):
+        path = Path(__file__).parent / "snapshots" / f"{file}.json"
+        kept = json.loads(path.read_text()) if path.exists() else {}
+        if request.config.getoption("keep_snapshots"):
+            rounded = {key: float(f"{value:.9g}") for key, value in numbers.items()}
+            kept = dict(sorted((kept | {name: rounded}).items()))
+            path.write_text(json.dumps(kept, indent=1) + "\n")
+        assert numbers == pytest.approx(kept[name], rel=rel, abs=abs)
+
+    return compare
 
 
 def _coupled_plant(seed: int, states: int, axes: int, dt: float = 1e-3) -> LinearPlant:

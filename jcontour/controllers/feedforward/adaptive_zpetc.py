@@ -55,6 +55,7 @@ class AdaptiveZeroPhaseTracking(Controller):
         ValueError: the gain, `smallest` or `dt` is not above zero, or b_0 begins below `smallest`.
     """
 
+    laws_not_kept = {"restart": "positions are those from the point at which a run begins"}
     gain: Float[Array, "*m"]
     theta: Float[Array, "*m 2"]
     estimator: NormalisedLeastSquares

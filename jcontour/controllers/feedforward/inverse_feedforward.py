@@ -42,6 +42,7 @@ class InverseFeedforward(Wrapper):
         ValueError: a limit is not above zero.
     """
 
+    laws_not_kept = {"restart": "the filter reads samples before the one at which a run begins"}
     controller: Controller
     ahead: PreviewFilter
     machine: Plant

@@ -113,6 +113,7 @@ class ZeroPhaseTracking(Controller):
         ValueError: the gain, the integral time or `dt` is not above zero.
     """
 
+    laws_not_kept = {"restart": "the filter reads samples before the one at which a run begins"}
     ahead: PreviewFilter
     gain: Float[Array, "*m"]
     integral_time: Float[Array, "*m"]

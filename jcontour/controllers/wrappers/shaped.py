@@ -34,6 +34,7 @@ class Shaped(Wrapper):
         shaper: shaper of `input_shaping`.
     """
 
+    laws_not_kept = {"restart": "the shaper reads samples before the one at which a run begins"}
     controller: Controller
     shaper: Shaper
 
