@@ -119,15 +119,15 @@ def noises(random, laps, steps):
     return np.choose((np.arange(laps) % 4)[:, None, None], kinds)
 
 
-@pytest.mark.slow
-def test_no_lap_of_a_hundred_thousand_exceeds_the_bound(reference_circle):
+def test_no_lap_of_a_thousand_exceeds_the_bound(reference_circle):
+    """`jcontour bench certificates` looks at more of them."""
     row, laps = reference_circle.rows[0], 1000
     controller, box = reference_circle.of(row)
     plant, reference = reference_circle.plant, reference_circle.reference
     loop = disturbed_loop(plant, controller, reference)
     rows, nominal = normal_rows(reference_circle, loop)
     total = np.abs(nominal) + peak_bounds(loop, rows[:, None], box.size).bound[:, 0]
-    random, largest = np.random.default_rng(11), 0.0
+    random = np.random.default_rng(11)
     worst = worst_attack(loop, rows[664], 664, box, nominal[664])
     adverse = np.concatenate([worst.force, worst.noise], axis=1)
 
@@ -137,10 +137,8 @@ def test_no_lap_of_a_hundred_thousand_exceeds_the_bound(reference_circle):
         disturbed = Disturbed(plant, force=w[:, :2], noise=w[:, 2:])
         return simulate(disturbed, controller, reference).output
 
-    for _ in range(100):
-        w = noises(random, laps, reference.steps) * box.size
-        flipped = random.random((laps // 10, *adverse.shape)) < 0.01
-        w[: laps // 10] = np.where(flipped, -adverse, adverse)
-        _, error = normal_rows(reference_circle, loop._replace(output=outputs(w)))
-        largest = max(largest, np.max(np.abs(error[:, 1:]) / total[1:]))
-    assert 0.95 < largest <= 1 + 1e-9
+    w = noises(random, laps, reference.steps) * box.size
+    flipped = random.random((laps // 10, *adverse.shape)) < 0.01
+    w[: laps // 10] = np.where(flipped, -adverse, adverse)
+    _, error = normal_rows(reference_circle, loop._replace(output=outputs(w)))
+    assert 0.95 < np.max(np.abs(error[:, 1:]) / total[1:]) <= 1 + 1e-9

@@ -1,7 +1,6 @@
 """What all contouring schemes keep to; what each does is in its own test file."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from jcontour.controllers.contouring.path_frame import PathFrame
 from jcontour.controllers.contouring.precompensation import Precompensated
 from jcontour.controllers.contouring.task_frame import TaskFrame
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.geometry.contours import circle, polygon
+from jcontour.geometry.contours import circle
 from jcontour.motion.references import along, from_samples
 from jcontour.plants.flexible_axis.axis import AxisParameters, SmoothFlexibleAxis
 from jcontour.plants.friction import Friction
@@ -116,46 +115,6 @@ def test_zero_gain_is_the_plain_cascade(name):
     )
     moved = simulate(plant, SCHEMES[name](cascade, 1.0), reference)
     assert np.abs(moved.control - plain.control).max() > 1e-3 * np.abs(plain.control).max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SCHEMES)
-def test_gradients_of_all_gains_are_those_of_differences(name):
-    plant = flexible_pair()
-    reference = along(
-        polygon(0.01 * np.array([[0, 0], [1, 0.3], [0.2, 1.1]])),
-        1e-4 * np.arange(200),
-        1e-3,
-        1,
-        at_rest=False,
-    )
-    moving, fixed = eqx.partition(SCHEMES[name](flexible_cascade(), 1.0), eqx.is_inexact_array)
-    moving, rest = eqx.partition(
-        moving, lambda leaf: bool(jnp.all(jnp.isfinite(leaf)))
-    )  # the limit is infinite
-    leaves, structure = jax.tree.flatten(moving)
-    sizes = np.cumsum([leaf.size for leaf in leaves])[:-1]
-
-    @jax.jit
-    @jax.value_and_grad
-    def cost(factors):
-        scaled = [
-            leaf * f.reshape(leaf.shape)
-            for leaf, f in zip(leaves, jnp.split(factors, sizes), strict=True)
-        ]
-        run = simulate(
-            plant, eqx.combine(jax.tree.unflatten(structure, scaled), rest, fixed), reference
-        )
-        lag = run.output - reference.position[: reference.steps]
-        return 1e6 * jnp.mean(lag**2) + 1e-4 * jnp.mean(jnp.diff(run.control, axis=0) ** 2)
-
-    ones, h = jnp.ones(int(sum(leaf.size for leaf in leaves))), 1e-5
-    _, gradient = cost(ones)
-    largest = float(jnp.max(jnp.abs(gradient)))
-    for i in range(ones.size):
-        ahead, behind = (cost(ones.at[i].add(step))[0] for step in (h, -h))
-        difference = float(ahead - behind) / (2 * h)
-        assert float(gradient[i]) == pytest.approx(difference, rel=1e-5, abs=1e-8 * largest)
 
 
 @pytest.mark.parametrize("name", SCHEMES)

@@ -2,7 +2,6 @@ import json
 from functools import cache
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 
@@ -130,24 +129,6 @@ def test_velocity_feedforward_removes_the_lag_of_a_ramp():
         run = simulate(xy_table(dt), controller, reference)
         lags.append(np.linalg.norm(np.asarray(run.output)[-1] - position[1499]))
     assert lags[0] == pytest.approx(speed / 25.0, rel=3e-2) and lags[1] < 0.06 * lags[0]
-
-
-@pytest.mark.slow
-def test_gradients_of_all_gains_are_finite_and_right_without_a_limit():
-    dt, plant = 1e-3, xy_table(1e-3)
-    reference = step_reference(np.array([1e-3, 2e-3]), dt, 200)
-
-    def cost(values):
-        run = simulate(plant, Cascade(CascadeGains(*values), table_sensors(), dt), reference)
-        return 1e6 * ((run.output - reference.position[1:2]) ** 2).mean()
-
-    values = np.array([25.0, 10.0, 0.05, 0.5, 0.02, 0.3, 0.1])
-    gradient = jax.grad(cost)(values)
-    for i, h in enumerate(1e-5 * values):
-        step = h * np.eye(7)[i]
-        assert float(gradient[i]) == pytest.approx(
-            float(cost(values + step) - cost(values - step)) / (2 * h), rel=1e-5, abs=1e-9
-        )
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -120,22 +119,6 @@ def test_a_limit_for_each_axis_bounds_control_and_memory():
     memory, control = step(past, target, (np.zeros(2), np.zeros(2)))
     np.testing.assert_array_equal(control, [0.5, -2.0])
     np.testing.assert_array_equal(memory.control, [0.5, -2.0])
-
-
-@pytest.mark.slow
-def test_gradients():
-    reference = held_at(0.01, 60)
-
-    @jax.jit
-    def scored(gains):
-        controller = TimeDelayControl(gains[0], gains[1], gains[2], motors(1), PERIOD)
-        return 1e3 * jnp.mean((simulate(Bearing(1e3, 1.0), controller, reference).control) ** 2)
-
-    start = jnp.array([400.0, 40.0, 1.2])
-    for k, slope in enumerate(jax.grad(scored)(start)):
-        h = 1e-5 * float(start[k])
-        ahead, behind = (float(scored(start.at[k].add(side))) for side in (h, -h))
-        assert float(slope) == pytest.approx((ahead - behind) / (2 * h), rel=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -54,24 +53,6 @@ def test_the_whole_control_stays_within_its_limit(reference, two_axes):
     loops = Cascade(GAINS, motors(2), DT)
     run = simulate(_read(two_axes), FrictionFeedforward(loops, 0.5, [0.3, 0.2]), reference)
     np.testing.assert_allclose(np.abs(run.control).max(axis=0), [0.3, 0.2])
-
-
-@pytest.mark.slow
-def test_gradient_is_that_of_differences(reference, two_axes):
-    plant = _read(two_axes)
-
-    @jax.jit
-    def error(coulomb):
-        run = simulate(
-            plant, FrictionFeedforward(Cascade(GAINS, motors(2), DT), coulomb), reference
-        )
-        return jnp.log(jnp.mean((run.output - reference.position[: reference.steps]) ** 2))
-
-    start, step = jnp.array([0.5, 0.2]), 1e-5
-    slopes = jax.grad(error)(start)
-    for k in range(2):
-        ahead, behind = (float(error(start.at[k].add(s * step))) for s in (1, -1))
-        assert float(slopes[k]) == pytest.approx((ahead - behind) / (2 * step), rel=1e-6)
 
 
 @pytest.mark.parametrize("coulomb", [-0.1, np.nan, [0.1, np.inf]])

@@ -105,32 +105,6 @@ def test_a_run_in_motion_is_followed_from_the_start(drive):
     assert error.max() < 2e-5 and error[600:].max() < 2e-7
 
 
-@pytest.mark.slow
-def test_gradients_through_feedforward_and_feedback(alter_tsao, drive):
-    inverse = OptimalInverse(transfer_function(drive), ModelFollowing(1, 3, 2))
-    _, reference = tracked(
-        drive, ModelFollowing(1, 3, 2), feedback(drive.dt), alter_tsao["trajectory_m"][190:320]
-    )
-    truth = linear_motor_drive(900.0)
-
-    @jax.jit
-    def error(numbers):
-        loops = CascadeGains(numbers[0], numbers[1], numbers[2], 1.0)
-        wrapped = SpeedByDifference(Cascade(loops, motors(1), drive.dt), Sensors([0]), drive.dt)
-        ahead = optimal_filter([inverse], numbers[3], numbers[4])
-        run = simulate(
-            Encoders(truth), InverseFeedforward(wrapped, ahead, Encoders(drive)), reference
-        )
-        return jnp.log(jnp.mean((run.output - reference.position[: reference.steps]) ** 2))
-
-    start = jnp.array([60.0, 150.0, 0.03, 0.1, 0.98])
-    slopes = jax.jit(jax.grad(error))(start)
-    for k in range(5):
-        step = 1e-5 * start[k] * jnp.eye(5)[k]
-        difference = float((error(start + step) - error(start - step)) / (2 * step[k]))
-        assert float(slopes[k]) == pytest.approx(difference, rel=1e-5, abs=1e-7)
-
-
 def test_the_control_stays_within_its_limit(alter_tsao, drive):
     controller, reference = tracked(
         drive, FOLLOWING[1, 3, 2], feedback(drive.dt), alter_tsao["trajectory_m"]

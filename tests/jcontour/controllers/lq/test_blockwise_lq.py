@@ -69,24 +69,6 @@ def test_what_lies_beyond_is_forgotten():
         np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * float(jnp.abs(b).max()))
 
 
-@pytest.mark.slow
-def test_the_gradient_is_that_of_differences(two_axes):
-    reference = arc(7, 3, two_axes)
-
-    @jax.jit
-    @jax.value_and_grad
-    def value(log):
-        weights = LQWeights(*jnp.exp(log))
-        plan = BlockwiseLQ(two_axes, weights, 3).prepare(reference)
-        return jnp.sum(plan.F**2) + jnp.sum(jnp.sin(plan.f))
-
-    at, step = jnp.log(jnp.array([0.7, 3.0, 0.2])), 1e-5
-    slope = value(at)[1]
-    for i, unit in enumerate(np.eye(3)):
-        ends = [value(at + sign * step * unit)[0] for sign in (1, -1)]
-        assert float(slope[i]) == pytest.approx(float(ends[0] - ends[1]) / (2 * step), rel=1e-6)
-
-
 def test_a_stage_profile_is_refused(two_axes):
     with pytest.raises(ValueError, match="stage: .*no stage profile"):
         BlockwiseLQ(two_axes, LQWeights(0.7, 3.0, 0.2, [1.0, 1.0]), 2)

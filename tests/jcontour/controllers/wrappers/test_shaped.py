@@ -1,7 +1,6 @@
 from functools import cache
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -90,21 +89,6 @@ def test_a_closed_loop_stops_without_vibration():
     ]
     assert deformation[1] < 0.02 * deformation[0]
     assert shaped.output[-1, 0] == pytest.approx(0.02, abs=2e-3)
-
-
-@pytest.mark.slow
-def test_gradient_reaches_the_shaper():
-    plant, cascade, task = machine(), thesis_cascade(), short_task()
-
-    @jax.jit
-    @jax.value_and_grad
-    def cost(frequency):
-        run = simulate(plant, Shaped(cascade, zv(frequency, 0.03)), task)
-        return 1e6 * jnp.mean((run.output - task.position[:-1]) ** 2)
-
-    at, h = 85.0, 1e-4
-    difference = float(cost(at + h)[0] - cost(at - h)[0]) / (2 * h)
-    assert float(cost(at)[1]) == pytest.approx(difference, rel=1e-5)
 
 
 def test_it_sees_as_far_as_the_controller_inside_and_starts_like_it():
