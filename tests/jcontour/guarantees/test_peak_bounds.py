@@ -119,6 +119,7 @@ def noises(random, laps, steps):
     return np.choose((np.arange(laps) % 4)[:, None, None], kinds)
 
 
+@pytest.mark.slow
 def test_no_lap_of_a_thousand_exceeds_the_bound(reference_circle):
     """`jcontour bench certificates` looks at more of them."""
     row, laps = reference_circle.rows[0], 1000
