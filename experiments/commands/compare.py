@@ -11,10 +11,10 @@ from rich.console import Console
 from experiments.files import run_folder
 from experiments.files.results.stored import Weight, read_result, stored_as, to_json
 from experiments.files.results.tuned_result import TunedContour, TunedResult
+from experiments.files.results.verdict import Verdict
 from experiments.flags.others import Compare
 from experiments.reports import tables
 from experiments.reports.tables import COLUMNS, columns_of, digits
-from experiments.reports.tuned_tables import verdict
 from experiments.runs.checks.weights.comparable import (
     CONTROLS,
     INCREMENTS,
@@ -59,7 +59,7 @@ class ComparedResult:
         machines: their names.
         settings, versions: those that differ.
         weights: None where a run has no such weight.
-        usable, reasons: whether `tune` said to load the weights, and its reasons against it.
+        verdicts: of `tune` on the weights.
         control_units: of the machines.
         sample_periods: [s]; None of a run of an older version.
         unlike: names of contours that both runs have, in another size or place.
@@ -75,8 +75,7 @@ class ComparedResult:
     settings: dict[str, Any]
     versions: dict[str, Any]
     weights: dict[str, list[Weight]]
-    usable: list[bool]
-    reasons: list[list[str]]
+    verdicts: list[Verdict]
     control_units: list[str]
     sample_periods: list[float | None]
     unlike: list[str]
@@ -114,8 +113,7 @@ def run(first: Path, second: Path) -> ComparedResult:
         settings=_changed([one["flags"] for one in settings], without=UNCOMPARED),
         versions=_changed([one.get("versions", {}) for one in settings]),
         weights={name: [a.weights.get(name), b.weights.get(name)] for name in names},
-        usable=[a.usable, b.usable],
-        reasons=[a.reasons, b.reasons],
+        verdicts=[a.verdict, b.verdict],
         control_units=control_units(a, b),
         sample_periods=[a.sample_period, b.sample_period],
         unlike=unlike,
@@ -146,7 +144,10 @@ def _rows(first: TunedResult, second: TunedResult, unlike: Sequence[str]) -> lis
     both_contour = first.error == second.error == "contour"
     metrics = [name for name, _, _ in columns_of("contour" if both_contour else "tracking")]
     units = {metric: comparable(metric, first, second) for metric in metrics}
-    usable, alike = (first.usable, second.usable), first.machine.name == second.machine.name
+    usable, alike = (
+        (first.verdict.usable, second.verdict.usable),
+        first.machine.name == second.machine.name,
+    )
     rows = []
     for contour in first.contours:
         if contour.name not in others:
@@ -191,10 +192,9 @@ def _smaller(first: float, second: float) -> str:
 def show(found: ComparedResult, console: Console) -> None:
     """Warnings, verdict of each run, two tables, and which is better for what."""
     tables.say(console, *warnings(found))
-    for side, folder, usable, reasons in zip(
-        SIDES, found.runs, found.usable, found.reasons, strict=False
-    ):
-        tables.say(console, f"{side}: {folder}", *verdict(usable, reasons))
+    for side, folder, verdict in zip(SIDES, found.runs, found.verdicts, strict=False):
+        tables.say(console, f"{side}: {folder}", verdict.heading)
+        tables.say(console, *(f"  because: {line}" for line in verdict.reasons))
     changes = [
         [key, _value(a), _value(b)]
         for part in (_machines(found), found.settings, found.versions, found.weights)
@@ -298,7 +298,7 @@ def warnings(found: ComparedResult) -> list[str]:
 
 def better_for(found: ComparedResult) -> list[str]:
     """One line each for error, control effort and robustness: what either run has."""
-    lines, usable, alike = [], found.usable, _same_machine(found)
+    lines, usable, alike = [], _usable(found), _same_machine(found)
     compared = [
         ("rms_contour_error", "RMS contour error", ("um", "um")),
         ("rms_tracking_error", "RMS tracking error", ("um", "um")),
@@ -314,6 +314,10 @@ def better_for(found: ComparedResult) -> list[str]:
     if a is not None and b is not None:
         lines.append(_line("Peak sensitivity over the family", (a, b), ("", ""), usable, alike))
     return lines
+
+
+def _usable(found: ComparedResult) -> list[bool]:
+    return [verdict.usable for verdict in found.verdicts]
 
 
 def _same_machine(found: ComparedResult) -> bool:
@@ -357,7 +361,7 @@ def _line(
 
 def recommendation(found: ComparedResult) -> str:
     """Which weights may be loaded; what `tune` advised against is never recommended."""
-    first, second = found.usable
+    first, second = _usable(found)
     if not (first or second):
         return "Load neither: `tune` said DO NOT USE of both."
     if first != second:

@@ -47,17 +47,10 @@ def sentences(result: CertifiedResult) -> list[str]:
 
 
 def _controls(result: CertifiedResult) -> str:
-    """Largest control of every input beside the limit of this input."""
-    unit = result.machine.control_unit
+    """Largest control of every input."""
     inputs = zip(*(row.control for row in result.rows), strict=True)
     largest = {k: max(one) for k, one in enumerate(inputs)}
-    told = f"No control exceeds {of_inputs(largest, unit)}"
-    if result.control_limit is None:
-        return f"{told}."
-    limits = dict(enumerate(result.control_limit))
-    beyond = {k: limit for k, limit in limits.items() if not largest[k] <= limit}
-    within = "MORE THAN" if beyond else "within"
-    return f"{told}, {within} the machine's {of_inputs(beyond or limits, unit)}."
+    return f"No control exceeds {of_inputs(largest, result.machine.control_unit)}."
 
 
 def _plants(gain: float | None) -> str:

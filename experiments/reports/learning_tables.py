@@ -52,11 +52,10 @@ def loading(result: LearnedResult, file: str) -> list[str]:
     if one is None:
         return ["Nothing to load: no lap of the linear model is better than the first"]
     asks = f"up to {digits(one.speed)} m/s and {digits(one.acceleration)} m/s^2"
-    if one.exceeded:
+    if not result.verdict.usable:
         return [
             f"Not written: {file}: what lap {one.lap} of the linear model learned asks an axis for "
-            f"{asks}, more {' and '.join(one.exceeded)} than the machine has; a larger "
-            "--smoothing, or a slower feed, asks less"
+            f"{asks}"
         ]
     weights = ", ".join(f"{name} {_told(value)}" for name, value in result.weights.items())
     return [

@@ -21,13 +21,13 @@ TOLD = 0.01  # of the cycle time, that the planner may leave to gain without a w
 
 
 def show_simulated(result: SimulatedResult, console: Console) -> None:
-    """The table, what was read, one sentence, and warnings."""
+    """The table, what was read, and one sentence."""
     console.print(plant_table(result))
     if result.read is not None:
         say(console, f"Read {read_line(result.contour, result.read, result.machine.axes)}")
     if result.motion is not None:
         console.print(motion_table(result.motion, result.machine.axes))
-    say(console, sentence(result), *(f"WARNING: {line}" for line in result.warnings))
+    say(console, sentence(result))
 
 
 def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
@@ -66,14 +66,8 @@ def plant_table(result: SimulatedResult) -> Table:
 
 
 def sentence(result: SimulatedResult) -> str:
-    """Where the largest error is; plants that diverge come first."""
-    lost = [plant for plant, metrics in result.plants.items() if metrics.diverged]
-    words = []
-    if lost:
-        words.append(
-            f"It diverges on {len(lost)} of {len(result.plants)} plants: {', '.join(lost)}."
-        )
-    if result.peak is not None:
-        line = peak_line(result.peak, result.error, result.machine.axes)
-        words.append(f"{line[0].upper()}{line[1:]}.")
-    return " ".join(words)
+    """Where the largest error is."""
+    if result.peak is None:
+        return ""
+    line = peak_line(result.peak, result.error, result.machine.axes)
+    return f"{line[0].upper()}{line[1:]}."

@@ -29,7 +29,7 @@ def show_tolerance(result: ToleranceResult, console: Console) -> None:
     title = f"Runs, {result.samples} samples, {result.feed_law}"
     rows = [_cells(run, result.promised) for run in result.runs]
     console.print(plain_table(title, HEADINGS, rows, text_columns=2))
-    say(console, *findings(result), *warnings(result))
+    say(console, *findings(result))
 
 
 def promise(result: ToleranceResult) -> list[str]:
@@ -48,18 +48,15 @@ def promise(result: ToleranceResult) -> list[str]:
 
 def findings(result: ToleranceResult) -> list[str]:
     """Whether it was kept, by whom, and what the others lack."""
-    if result.broken:
-        names = ", ".join(f"{run.plant} ({run.disturbance})" for run in result.broken)
-        return [
-            f"NOT KEPT within the bounds: {names}. This is a fault of jcontour: please report it."
-        ]
     within = [run for run in result.runs if run.within]
+    if not all(run.keeps(result.promised) for run in within):
+        return []  # the verdict names them
     most = max(run.largest for run in within) / result.promised
     told = [
         f"Kept in all {len(within)} runs within the bounds: they reach {100 * most:.0f} % of it."
     ]
     others = [run for run in result.runs if not run.within]
-    over = [run.plant for run in others if not run.largest <= result.promised]
+    over = [run.plant for run in others if not run.keeps(result.promised)]
     if over:
         told.append(
             f"NOT FOR THE WHOLE FAMILY: {'; '.join(over)} left the tolerance. Nothing is promised "
@@ -69,18 +66,6 @@ def findings(result: ToleranceResult) -> list[str]:
     elif others:
         told.append("The other plants kept it too, though nothing is promised for them.")
     return told
-
-
-def warnings(result: ToleranceResult) -> list[str]:
-    """Limits that the runs exceed, and which ones the controller does not know."""
-    if not result.warnings:
-        return []
-    lines = [f"WARNING: {line}" for line in result.warnings]
-    return [
-        *lines,
-        "Within the bounds the controller keeps the limits of control and speed; it does not know "
-        "those of acceleration and control increment.",
-    ]
 
 
 def _cells(run: KeptRun, promised: float) -> list[str]:

@@ -7,6 +7,7 @@ from rich.console import Console
 
 from experiments.designs.predictive.constrained import CHANGE, LONGEST_HORIZON
 from experiments.files.results.traversed_result import Asked, Traversed
+from experiments.files.results.verdict import Verdict, exceeded, kept_words
 from experiments.flags.loops import Trace
 from experiments.reports import tables
 from jcontour.simulation.traversal import END_MARGIN
@@ -31,10 +32,16 @@ def show(result: Traversed, console: Console) -> None:
     lines.append(f"Limits in plan    {limited}")
     residual = f"{result.residual:.1e} of a QP (at most 1e-8 counts as solved)"
     lines.append(f"Worst residual    {residual}")
-    if result.failure:
-        lines.append(f"STOPPED: {result.failure}")
-    lines += [f"WARNING: {line}" for line in (*strayed(result), *result.exceeded)]
     tables.say(console, *lines)
+
+
+def verdict_on(result: Traversed) -> Verdict:
+    """Verdict on a run: the tool arrives at the end, within every limit of the machine."""
+    against = [f"it stopped: {result.failure}"] if result.failure else []
+    against += strayed(result)
+    if not result.arrived and not against:
+        against.append("the tool did not arrive at the end of the path")
+    return Verdict.of(result.limits, against, passed=kept_words(result.limits))
 
 
 def strayed(result: Traversed) -> list[str]:
@@ -87,7 +94,7 @@ def next_steps(result: Traversed) -> list[str]:
         return [*told, "Next: --fallback hold goes on where a step has no answer."]
     if not result.arrived:
         return [*told, f"Next: {advice(result)}."]
-    if result.exceeded:
+    if exceeded(result.limits):
         lower = f"--max-speed-mm-s, {tables.digits(0.5 * result.asked.max_speed_mm_s)} say"
         known = "of the machine's limits the controller knows that of the control"
         return [*told, f"Next: a lower {lower}, or less --q-theta asks less of it: {known}."]

@@ -116,12 +116,12 @@ def peak_lines(result: TunedResult) -> list[str]:
 
 
 def values_block(result: TunedResult) -> list[str]:
-    """The block "use these values", or why not."""
+    """The values, and what is known of them."""
     margins = result.margins
     probes = f"up to {margins.probes_per_contour} points of each training contour"
     lines = [
         "",
-        *verdict(result.usable, result.reasons),
+        f"{result.controller}, tuned",
         *(f"  {line}" for line in result.weight_lines),
     ]
     lines.append(f"Margins of the nominal loop, its gains frozen at {probes}")
@@ -138,14 +138,7 @@ def values_block(result: TunedResult) -> list[str]:
     if result.confirmed:
         lines.append(f"The same runs in {result.confirmed[0].engine}, nominal plant")
         lines += [_engine_line(row) for row in result.confirmed]
-    return [*lines, *(f"WARNING: {line}" for line in result.warnings)]
-
-
-def verdict(usable: bool, reasons: Sequence[str]) -> list[str]:
-    """Whether to load the values, and every reason against it."""
-    if usable:
-        return ["USE THESE VALUES"]
-    return ["DO NOT USE THESE VALUES", *(f"  because: {line}" for line in reasons)]
+    return lines
 
 
 def robust_lines(result: TunedResult) -> list[str]:
@@ -203,7 +196,7 @@ def sentence(result: TunedResult) -> str:
 def limit_lines(result: TunedResult) -> list[str]:
     """What stops further improvement, and what one more step of it would buy."""
     if not result.active:
-        return ["No limit stops it."] if result.usable else []
+        return ["No limit stops it."] if result.verdict.usable else []
     lines = []
     for one in result.active:
         if one.name == LATE:  # samples are whole: a tenth of one means nothing

@@ -14,6 +14,7 @@ from experiments.catalogue.choices import machine_named
 from experiments.catalogue.own_classes import own_name
 from experiments.files import run_folder
 from experiments.files.results.stored import to_json
+from experiments.files.results.verdict import Verdict
 from experiments.flags.shared import Controlled, MachineFlags, Spreading
 from experiments.reports import tables
 from experiments.reports.page.html_page import FILE, write_page
@@ -202,22 +203,25 @@ def finished(
     flags: Any,
     show: Callable[[Result, Console], None],
     then: Sequence[str] = (),
+    verdict: Verdict | None = None,
 ) -> int:
-    """Tell a result that is stored, and exit code 0.
+    """Print a result that is stored; the exit code of its verdict, 0 where there is none.
 
-    With `--json` one JSON object; else what `show` prints, the figures in the folder, the page of
-    the run where its command has one, the lines `then` (what to do next) and the folder.
+    With `--json` one JSON object; else what `show` prints, the verdict, the figures in the folder,
+    the page of the run where its command has one, the lines `then` (what to do next) and the
+    folder.
     """
-    page = _page(folder)
+    page, code = _page(folder), 0 if verdict is None else verdict.exit_code
     if flags.json:
         print(run_folder.json_text({"run": str(folder), **to_json(result)}))
-        return 0
+        return code
     console = tables.console_of()
     show(result, console)
+    tables.say(console, *([] if verdict is None else ["", *verdict.lines, ""]))
     drawn = sorted(path.name for path in folder.glob("*.png"))
     lines = [f"Drawn: {', '.join(drawn)}"] if drawn else []
     tables.say(console, *lines, *page, *then, f"Run folder: {folder}")
-    return 0
+    return code
 
 
 def _page(folder: Path) -> list[str]:

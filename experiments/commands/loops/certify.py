@@ -1,5 +1,6 @@
 """`jcontour certify RUN`: the largest error that a stored loop can have, and an attack near it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +8,9 @@ import xarray as xr
 
 from experiments.files import run_folder
 from experiments.files.netcdf import save_dataset
-from experiments.files.results.certified_result import CertifiedResult
+from experiments.files.results.certified_result import CertifiedResult, CertifiedRow
 from experiments.files.results.stored import write_result
+from experiments.files.results.verdict import LimitCheck, Verdict, kept_words
 from experiments.flags.loops import Certify
 from experiments.machines.disturbance_bounds import bounds_of, linear_machine, warn_of_doubt
 from experiments.reports import tables
@@ -32,7 +34,7 @@ def command(flags: Certify) -> int:
         "other limits where the bound is too large; `jcontour tolerance` says what predictive "
         "control can promise instead.",
     ]
-    return finished(folder, found, flags, show_certified, then)
+    return finished(folder, found, flags, show_certified, then, found.verdict)
 
 
 def run(flags: Certify) -> tuple[CertifiedResult, Path]:
@@ -57,6 +59,7 @@ def run(flags: Certify) -> tuple[CertifiedResult, Path]:
                 worst = one
     assert worst is not None
     limit = machine.limits.control
+    limits = None if limit is None else tuple(np.asarray(limit, float).tolist())
     result = CertifiedResult(
         certified=str(flags.run),
         machine=machine_summary(machine),
@@ -64,15 +67,42 @@ def run(flags: Certify) -> tuple[CertifiedResult, Path]:
         error=machine.error,
         force=bounds.force,
         encoder=bounds.encoder,
-        control_limit=None if limit is None else tuple(np.asarray(limit, float).tolist()),
+        control_limit=limits,
         gain=machine.gain if flags.cells > 0 else None,
         rows=rows,
+        verdict=verdict_on(rows, limits, machine.control_unit),
     )
     folder = created(flags, "certify")
     _save(worst, loop, folder)
     save_figure(certificate_figure(_drawn(worst, machine.error)), folder / "certificate.png")
     write_result(folder, result)
     return result, folder
+
+
+def verdict_on(
+    rows: Sequence[CertifiedRow], limits: tuple[float, ...] | None, unit: str
+) -> Verdict:
+    """Verdict on the controls that are proven; the proof holds where none meets its limit.
+
+    Args:
+        rows: one per contour and plant.
+        limits: of each control; None where the machine states none.
+        unit: of the controls.
+    """
+    checks = []
+    for k, allowed in enumerate(limits or ()):
+        worst = max(rows, key=lambda row, k=k: row.control[k])
+        checks.append(
+            LimitCheck(
+                name=f"control of input {k + 1}",
+                value=worst.control[k],
+                allowed=allowed,
+                unit=unit,
+                member=f"{worst.contour}, {worst.plant}",
+            )
+        )
+    helps = ["the proof takes no account of a control at its limit: it does not hold there"]
+    return Verdict.of(checks, help_with_limits=helps, passed=kept_words(checks))
 
 
 def _drawn(one: CertifiedRun, error: str) -> CertifiedErrors:

@@ -233,7 +233,7 @@ def _margins(folder: Path) -> tuple[list[str], list[str]]:
     gains = "; ".join(f"{low:.3g} to {high:.3g}" for low, high in margins.gain_range)
     peak = "" if margins.sensitivity is None else f", Ms {margins.sensitivity:.3g} in the family"
     told = f"Margins: gain {gains}, delay {margins.delay_samples} samples{peak}."
-    against = [] if tuned.usable else ["the run ended with DO NOT USE THESE VALUES"]
+    against = [] if tuned.verdict.usable else [f"the run ended with {tuned.verdict.heading}"]
     return [told], against
 
 

@@ -4,12 +4,13 @@ from rich.console import Console
 
 from experiments.files.results.feed_result import FeedPoint, FeedResult
 from experiments.files.results.stored import write_result
+from experiments.files.results.verdict import exceeded
 from experiments.flags.loops import Feed
 from experiments.reports import tables
 from experiments.reports.figures.loops.feeds import feeds_figure
 from experiments.reports.figures.shared.png import save_figure
 from experiments.runs.lifecycle import created, finished
-from experiments.runs.loops.feeds import feed_points, loop_at_feeds, recommended
+from experiments.runs.loops.feeds import feed_points, loop_at_feeds, recommended, verdict_on
 from experiments.runs.tuning.results import machine_summary
 
 SLOWEST, QUICKEST = 1.0, 1000.0  # per cent
@@ -25,7 +26,7 @@ HEADINGS = (
 
 
 def command(flags: Feed) -> int:
-    """The whole command; exit code 1 where no feed will do."""
+    """The whole command; exit code."""
     _check(flags)
     loop = loop_at_feeds(flags)
     points, count = [], len(set(flags.overrides))
@@ -43,14 +44,13 @@ def command(flags: Feed) -> int:
         tolerance=tolerance,
         points=points,
         recommended=None if best is None else best.override,
-        reason=reason,
+        verdict=verdict_on(best, reason, points, loop.machine.error, tolerance),
         tuned=loop.tuned,
     )
     folder = created(flags, "feed")
     save_figure(feeds_figure(result), folder / "feed.png")
     write_result(folder, result)
-    finished(folder, result, flags, show, next_steps(result))
-    return 1 if best is None and not result.undecided else 0
+    return finished(folder, result, flags, show, next_steps(result), result.verdict)
 
 
 def _check(flags: Feed) -> None:
@@ -66,22 +66,16 @@ def _check(flags: Feed) -> None:
 
 
 def show(result: FeedResult, console: Console) -> None:
-    """The table, what is wrong with a feed, and the recommendation."""
+    """The table, and what is wrong with a feed."""
     title = f"{result.contour} on {result.machine.name}, {result.controller}"
     rows = [_cells(point, result) for point in result.points]
     console.print(tables.plain_table(title, HEADINGS, rows, text_columns=0))
     for point in result.points:
-        for line in point.exceeded:
+        for line in exceeded(point.limits):
             tables.say(console, f"{point.override:g} %: {line}")
         if point.diverged:
             tables.say(console, f"{point.override:g} %: DIVERGES on {', '.join(point.diverged)}")
     tables.say(console, *_plan_warnings(result))
-    if result.undecided:
-        tables.say(console, f"No feed is recommended: {result.reason}.")
-    elif result.recommended is None:
-        tables.say(console, f"NO FEED TO RECOMMEND: {result.reason}.")
-    else:
-        tables.say(console, f"Recommended: {result.recommended:g} % of the feed; {result.reason}.")
 
 
 def _plan_warnings(result: FeedResult) -> list[str]:

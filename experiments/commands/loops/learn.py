@@ -1,6 +1,7 @@
 """`jcontour learn`: laps of a part, each with what was learned from the last."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,9 @@ from rich.console import Console
 from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from experiments.designs.design import plain_weights
 from experiments.files.bent_reference import SAMPLES, save_samples
-from experiments.files.results.learned_result import LearnedResult
+from experiments.files.results.learned_result import LearnedMachine, LearnedResult, StoredLap
 from experiments.files.results.stored import write_result
+from experiments.files.results.verdict import Verdict
 from experiments.flags.loops import Learn
 from experiments.jobs.job import Pace
 from experiments.reports import tables
@@ -32,7 +34,7 @@ OF_OTHER_LAW = {"norm-optimal": ("gain", "lead"), "p-type": ("effort",)}
 def command(flags: Learn) -> int:
     """The whole command: learn, print, exit code."""
     found, folder = run(flags)
-    return finished(folder, found, flags, show_learned, loading(found, SAMPLES))
+    return finished(folder, found, flags, show_learned, loading(found, SAMPLES), found.verdict)
 
 
 def run(flags: Learn) -> tuple[LearnedResult, Path]:
@@ -65,8 +67,10 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
         machines = learner.run(flags.laps, tell)
     assert learner.best is not None  # there is a lap at least
     position = shifted(one.reference, learner.best)
-    stored = stored_lap(position, machine.model.dt, learner.best, machine.limits)
-    if stored is not None and not stored.exceeded:
+    limits, axes = machine.limits, machine.axes
+    stored = stored_lap(position, machine.model.dt, learner.best, limits, axes)
+    verdict = verdict_on(machines, stored)
+    if stored is not None and verdict.usable:
         save_samples(position, machine.model.dt, machine.axes, folder)
     found = LearnedResult(
         machine=machine_summary(machine),
@@ -82,11 +86,23 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
         **_known(prepared, machine.family_names, machine.model.dt),
         noise_um=1e6 * learner.noise(),
         machines=machines,
+        verdict=verdict,
         stored=stored,
     )
     save_figure(learning(found), folder / "learning.png")
     write_result(folder, found)
     return found, folder
+
+
+def verdict_on(machines: Sequence[LearnedMachine], stored: StoredLap | None) -> Verdict:
+    """Verdict on the learned reference: machines that diverge, limits that it asks too much of."""
+    limits = [] if stored is None else stored.limits
+    against = [
+        f"{one.name} diverges at lap {one.diverged}" for one in machines if one.diverged is not None
+    ]
+    helps = ["a larger --smoothing, or a slower feed, asks less of the machine"]
+    passed = "Nothing is learned." if stored is None else "USE THIS REFERENCE"
+    return Verdict.of(limits, against, (), helps, passed)
 
 
 def _check(flags: Learn) -> None:

@@ -1,6 +1,7 @@
 """`jcontour precompensate`: a bent reference that any control can run, with its error."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from experiments.files.bent_reference import (
 )
 from experiments.files.results.bent_result import BentResult
 from experiments.files.results.stored import write_result
+from experiments.files.results.verdict import Verdict, exceeded
 from experiments.flags.loops import Precompensate
 from experiments.jobs.job import Job, Task
 from experiments.jobs.sections import sections
@@ -45,7 +47,7 @@ HEADINGS = (
 
 
 def command(flags: Precompensate) -> int:
-    """The whole command; exit code 1 where the bent reference is not to be used."""
+    """The whole command; exit code."""
     if not flags.roughness > 0:
         raise ValueError(f"roughness: needs to be above zero, received {flags.roughness}")
     loop = loop_named(flags, flags.part)
@@ -56,16 +58,18 @@ def command(flags: Precompensate) -> int:
     source = Path(loop.parts[0]).name
     moves = moves_along(found.position, machine.model.dt, sections(job), source) if flat else []
     result = _result(loop, found, moves)
+    verdict = verdict_on(result)
+    result = replace(result, verdict=verdict)
     folder = created(seeing_all(flags, job), "precompensate")
-    if result.usable:
+    if verdict.usable:
         save_samples(found.position, machine.model.dt, machine.axes, folder, _cut(job))
-    if result.usable and flat:
+    if verdict.usable and flat:
         save_program(moves, machine.axes, folder, _head(source, result))
     title = f"{job.name} on {machine.name}, {loop.name}"
     save_figure(bent_figure(found.drawn(title, machine)), folder / "bent.png")
     write_result(folder, result)
-    finished(folder, result, flags, show, _next(result))
-    return 0 if result.usable else 1
+    then = _next(result) if verdict.usable else []
+    return finished(folder, result, flags, show, then, verdict)
 
 
 def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult:
@@ -83,8 +87,8 @@ def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult
         moves=sum(one.going for one in moves),
         before=found.metrics(found.before),
         after=found.metrics(found.after),
-        exceeded=found.exceeded,
-        exceeded_before=found.exceeded_before,
+        limits=found.limits,
+        limits_before=found.limits_before,
         asked=found.asked,
         halts=sum(bool(one.asked) for one in moves),
         ramps=0 if read is None else len(read.ramps),
@@ -124,8 +128,6 @@ def show(result: BentResult, console: Console) -> None:
     title += f"machine with {result.machine.nonsmooth_effects}"
     rows = [_cells(name, result) for name in result.before]
     console.print(tables.plain_table(title, HEADINGS, rows))
-    for line in result.exceeded:
-        tables.say(console, line)
     tables.say(console, *ending(result), *sentences(result))
     if result.weights:
         tables.say(console, f"Bent for {result.controller} with these gains, and for no others:")
@@ -154,7 +156,7 @@ def ending(result: BentResult) -> list[str]:
 
 
 def sentences(result: BentResult) -> list[str]:
-    """What it brings, and whether to use it."""
+    """What it brings."""
     gain = (
         f"RMS {result.error} error: nominal {_change(*result.nominal)}, "
         f"worst of the family {_change(*result.worst)}. "
@@ -162,34 +164,44 @@ def sentences(result: BentResult) -> list[str]:
         f"it asks an axis for up to {tables.digits(result.asked[0])} m/s and "
         f"{tables.digits(result.asked[1])} m/s^2."
     )
-    if result.usable:
-        return [gain, *_larger(result), *_unbounded(result)]
-    if result.exceeded_before:
-        why = (
+    return [gain, *_larger(result)]
+
+
+def verdict_on(result: BentResult) -> Verdict:
+    """Verdict on a bent reference: better for the worst machine than it is worse for the nominal.
+
+    Every plant follows, and no limit is exceeded.
+    """
+    files = SAMPLES if result.chord is None else f"{SAMPLES} and {PROGRAM}"
+    helps = "a larger --roughness asks less of the machine"
+    if exceeded(result.limits_before):
+        helps = (
             f"{result.controller} exceeds a limit of the machine without any bend: choose calmer "
             "gains, or tune it"
         )
-    elif result.exceeded:
-        why = "a limit of the machine is exceeded; a larger --roughness asks less of it"
-    elif any(run.diverged for run in result.after.values()):
-        why = "a plant of the family diverges"
-    else:
+    lost = any(run.diverged for run in result.after.values())
+    against = ["a plant of the family diverges"] if lost else []
+    if not (result.worst_gain > 1 and result.worst_gain * result.nominal_gain > 1):
         less = "gains less than the nominal one loses"
-        why = (
+        against.append(
             f"the worst machine {less if result.worst_gain > 1 else 'is no better'}. Either one "
             "shift cannot help it without harm to another of the family, or the controller already "
             "sees what the model knows"
         )
-    files = SAMPLES if result.chord is None else f"{SAMPLES} and {PROGRAM}"
-    return [gain, f"DO NOT USE: {why}. Not written for that reason: {files}."]
+    verdict = Verdict.of(
+        result.limits, against, _unbounded(result), [helps], passed="USE THIS REFERENCE"
+    )
+    if verdict.usable:
+        return verdict
+    return replace(verdict, warnings=[*verdict.warnings, f"not written for that reason: {files}"])
 
 
 def _unbounded(result: BentResult) -> list[str]:
-    """A warning for a machine on which nothing limits the bend."""
+    """A line for a machine on which nothing limits the bend."""
     if not result.unlimited:
         return []
     return [
-        f"WARNING: {result.machine.name} states no limit of {' or '.join(result.unlimited)}: "
+        f"{result.machine.name} states no limit of {' or '.join(result.unlimited)}: "
         "look at whether your drives give what is asked for above, or state their limits in a "
         "machine file."
     ]
@@ -232,8 +244,6 @@ def _cells(name: str, result: BentResult) -> list[str]:
 
 
 def _next(result: BentResult) -> list[str]:
-    if not result.usable:
-        return []
     rest = f", with {tables.digits(result.held)} s of rest at its end" if result.held else ""
     lines = [f"Load: {SAMPLES}: the reference at every sample{rest}, for a control that streams it"]
     if result.chord is not None:

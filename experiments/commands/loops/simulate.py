@@ -15,6 +15,7 @@ from experiments.designs.design import Design, plain_weights
 from experiments.files.results.run_metrics import RunMetrics
 from experiments.files.results.simulated_result import SimulatedResult, VideoResult
 from experiments.files.results.stored import from_json, write_result
+from experiments.files.results.verdict import Verdict, kept_words
 from experiments.flags.loops import Simulate
 from experiments.jobs.job import Job, Pace, Task
 from experiments.jobs.listed_moves import listed_moves
@@ -30,7 +31,7 @@ from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.checks.arrival import arrival_warnings
 from experiments.runs.checks.between_samples import swing_warnings
 from experiments.runs.checks.lost_numbers import NAN, lost_numbers
-from experiments.runs.checks.machine_limits import limits_met
+from experiments.runs.checks.machine_limits import drives_at_limits_in_rapids, machine_limits
 from experiments.runs.checks.planned_limits import limits_exceeded_by_plan
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.forecast import check_memory, forecast
@@ -38,7 +39,8 @@ from experiments.runs.lifecycle import created, finished, tuning_words
 from experiments.runs.motion_summary import motion_summary
 from experiments.runs.runs_drawn import contour_runs
 from experiments.runs.tuning.results import machine_summary
-from experiments.video.film import Film, FilmMaker, VideoError, lines
+from experiments.video.film import Film, FilmMaker, VideoError
+from experiments.video.film import lines as video_lines
 
 
 def command(flags: Simulate) -> int:
@@ -48,10 +50,11 @@ def command(flags: Simulate) -> int:
     with tables.console_of(stderr=True, quiet=flags.json).status("planning the motion") as status:
         found, folder, line = run(flags, status)
     video = found.video or VideoResult()
-    told = lines(vars(video), folder) if video.file else []
+    told = video_lines(vars(video), folder) if video.file else []
     nominal = next(iter(found.plants.values()))
-    then = next_steps(flags, nominal.diverged, any(NAN in one for one in found.warnings))
-    code = finished(folder, found, flags, show_simulated, [*told, line, *then])
+    then = next_steps(flags, nominal.diverged, any(NAN in one for one in found.verdict.warnings))
+    lines = [*told, line, *then]
+    code = finished(folder, found, flags, show_simulated, lines, found.verdict)
     if video.failure:
         raise ValueError(f"{video.failure}; the rest of the run is in {folder}")
     return code
@@ -138,15 +141,29 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
         plants=dict(zip(scenarios.plants, metrics, strict=True)),
         read=contour_read(scenarios, 0),
         peak=peak_place(scenarios, replayed, 0, machine.error),
-        warnings=[
+        motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
+        verdict=_verdict(scenarios, replayed, machine),
+    )
+
+
+def _verdict(scenarios: Scenarios, replayed: Replay, machine: Machine) -> Verdict:
+    """Limits of the machine, and plants that diverge."""
+    diverged = np.asarray(replayed.metrics.diverged)[0]
+    lost = [name for name, gone in zip(scenarios.plants, diverged, strict=True) if gone]
+    limits = machine_limits(replayed, scenarios, machine)
+    many = f"{len(lost)} of {len(scenarios.plants)} plants"
+    return Verdict.of(
+        limits,
+        [f"it diverges on {many}: {', '.join(lost)}"] if lost else [],
+        [
             *machine.remarks,
             *lost_numbers(replayed, scenarios),
             *limits_exceeded_by_plan(scenarios, machine),
-            *limits_met(replayed, scenarios, machine),
+            *drives_at_limits_in_rapids(replayed, scenarios, machine),
             *swing_warnings(replayed, scenarios, machine),
             *arrival_warnings(replayed, scenarios),
         ],
-        motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
+        passed=kept_words(limits),
     )
 
 

@@ -12,6 +12,7 @@ from experiments.files.netcdf import save_dataset
 from experiments.files.results.run_metrics import ContourRead
 from experiments.files.results.stored import write_result
 from experiments.files.results.tolerance_result import ToleranceResult
+from experiments.files.results.verdict import Verdict
 from experiments.flags.loops import Tolerance
 from experiments.jobs.job import Pace, Task
 from experiments.machines.disturbance_bounds import (
@@ -25,7 +26,7 @@ from experiments.reports import tables
 from experiments.reports.figures.loops.kept import kept_figure
 from experiments.reports.figures.shared.png import save_figure
 from experiments.reports.tolerance_tables import show_tolerance
-from experiments.runs.checks.machine_limits import Signals, limits_not_kept
+from experiments.runs.checks.machine_limits import Signals, limits_of_groups
 from experiments.runs.contour_summary import read_of
 from experiments.runs.forecast import Steps, outline
 from experiments.runs.lifecycle import created, finished
@@ -38,7 +39,7 @@ LONGEST = 100  # samples: beyond it a QP takes seconds
 
 
 def command(flags: Tolerance) -> int:
-    """The whole command: what is promised, runs, print; exit code 1 where it was not kept."""
+    """The whole command: what is promised, runs, print; exit code."""
     machine = linear_machine(machine_named(flags.plant))
     warn_of_doubt(machine)
     bounds = bounds_of(machine, flags.force, flags.encoder_um)
@@ -63,8 +64,7 @@ def command(flags: Tolerance) -> int:
     _save(found, tried, folder)
     save_figure(kept_figure(result, found.reference, [one.error for one in tried]), folder / PNG)
     write_result(folder, result)
-    finished(folder, result, flags, show_tolerance, _next(result))
-    return 1 if result.broken else 0
+    return finished(folder, result, flags, show_tolerance, _next(result), result.verdict)
 
 
 def _check(flags: Tolerance, machine: LinearMachine) -> None:
@@ -103,19 +103,31 @@ def _result(found: Keeper, task: Task, bounds: Bounds, tried: list[Tried]) -> To
         control_limit=tuple(np.asarray(found.mpc.limits.control, float).tolist()),
         read=_read(found, task),
         runs=[one.row for one in tried],
-        warnings=_not_kept(found, task, tried),
+        verdict=_verdict(found, task, tried),
     )
 
 
-def _not_kept(found: Keeper, task: Task, tried: list[Tried]) -> list[str]:
-    """Limits of the machine that the runs exceed; the controller knows those it keeps."""
+def _verdict(found: Keeper, task: Task, tried: list[Tried]) -> Verdict:
+    """Limits of the machine, and runs within the bounds that left the tolerance."""
     output, control = (
         np.stack([np.asarray(getattr(one.run.rollout, name)) for one in tried])[None]
         for name in ("output", "control")
     )
     scored = np.asarray(found.reference.mask)[None, : found.reference.steps]
     seen = Signals(output, control, scored, [task.name], _names(tried))
-    return limits_not_kept(seen, found.machine, np.array([one.row.within for one in tried]))
+    within = np.array([one.row.within for one in tried])
+    left = [one.row for one in tried if one.row.within and not one.row.keeps(found.promised)]
+    names = ", ".join(f"{row.plant} ({row.disturbance})" for row in left)
+    fault = f"not kept within the bounds: {names}. This is a fault of jcontour: please report it"
+    return Verdict.of(
+        limits_of_groups(seen, found.machine, within),
+        [fault] if left else [],
+        help_with_limits=[
+            "within the bounds the controller keeps the limits of control and speed; it does not "
+            "know those of acceleration and control increment"
+        ],
+        passed="USE THIS TOLERANCE",
+    )
 
 
 def _names(tried: list[Tried]) -> list[str]:

@@ -16,6 +16,7 @@ from experiments.designs.predictive.constrained import (
 )
 from experiments.files.results.stored import write_result
 from experiments.files.results.traversed_result import Asked, Signals, Traversed
+from experiments.files.results.verdict import LimitCheck
 from experiments.flags.loops import Trace
 from experiments.flags.shared import MachineFlags
 from experiments.jobs.job import Job, Pace, Task
@@ -23,9 +24,9 @@ from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.figures.loops.traversal import path_figure, signals_figure
 from experiments.reports.figures.shared.png import save_figures
-from experiments.reports.traversed_tables import next_steps, show
+from experiments.reports.traversed_tables import next_steps, show, verdict_on
 from experiments.runs.checks.machine_limits import Signals as Seen
-from experiments.runs.checks.machine_limits import limits_not_kept
+from experiments.runs.checks.machine_limits import limits_of_groups
 from experiments.runs.contour_summary import read_of
 from experiments.runs.lifecycle import created, finished
 from jcontour.geometry.contour import Contour
@@ -52,7 +53,7 @@ class Drawn(NamedTuple):
 
 
 def command(flags: Trace) -> int:
-    """The whole command; exit code 1 where the run stopped or did not arrive."""
+    """The whole command; exit code."""
     machine = machine_named(flags.plant)
     job = job_of(flags)
     asked = traverser(machine, job.contour, flags)
@@ -62,13 +63,14 @@ def command(flags: Trace) -> int:
     with tables.console_of(quiet=flags.json).status("solving a QP at every step"):
         run, failure = _ran(asked, controller, reference, flags)
     result = replace(_result(flags, asked, run, failure), **of_file(job, machine, flags.contour))
+    verdict = verdict_on(result)
+    result = replace(result, verdict=verdict)
     if result.signals is not None:
         foot = np.asarray(asked.contour.position(1e-3 * result.signals.arc_mm))
         figures = {"trace": _signals, "path": _path}
         save_figures(figures, Drawn(result, 1e3 * outline(asked.contour), 1e3 * foot), folder)
     write_result(folder, result)
-    finished(folder, result, flags, show, next_steps(result))
-    return 0 if result.arrived else 1
+    return finished(folder, result, flags, show, next_steps(result), verdict)
 
 
 def job_of(flags: Trace) -> Task:
@@ -166,15 +168,15 @@ def _scored(found: Traversed, asked: Traverser, run: HostRun) -> Traversed:
         tool_mm=1e3 * output,
         control=np.asarray(run.rollout.control),
     )
-    verdict = judged(score, output, asked.contour, mpcc.arc(memory), found.failure)
-    exceeded = not_kept_limits(found.contour, output, signals.control, asked.machine)
-    return replace(found, signals=signals, exceeded=exceeded, **verdict)
+    way = judged(score, output, asked.contour, mpcc.arc(memory), found.failure)
+    limits = limits_along(found.contour, output, signals.control, asked.machine)
+    return replace(found, signals=signals, limits=limits, **way)
 
 
-def not_kept_limits(
+def limits_along(
     contour: str, output: np.ndarray, control: np.ndarray, machine: Machine
-) -> list[str]:
-    """A line for every limit of the machine that a run exceeds, as `simulate` tells it.
+) -> list[LimitCheck]:
+    """Every limit of the machine with what a run reaches.
 
     Args:
         contour: name.
@@ -184,7 +186,7 @@ def not_kept_limits(
     """
     counted = np.ones((1, len(output)), bool)
     seen = Seen(output[None, None], control[None, None], counted, [contour], ["nominal"])
-    return limits_not_kept(seen, machine, np.ones(1, bool))
+    return limits_of_groups(seen, machine, np.ones(1, bool))
 
 
 def judged(

@@ -14,12 +14,12 @@ from experiments.files.netcdf import save_dataset
 from experiments.files.results.run_metrics import RunMetrics
 from experiments.files.results.stored import Weight, read_result, write_result
 from experiments.files.results.tuned_result import TunedResult
+from experiments.files.results.verdict import LimitCheck, Verdict
 from experiments.flags.loops import Verify
 from experiments.flags.tuning import Tune
 from experiments.jobs.job import Job
 from experiments.machines.machine import Machine
 from experiments.reports import tables
-from experiments.reports.tuned_tables import verdict
 from experiments.runs.forecast import Steps
 from experiments.runs.lifecycle import created, finished, resumed
 from experiments.runs.tuning.problem import TuningRun, tuning_run
@@ -47,7 +47,7 @@ AWAY = {  # limit -> what of `tune` keeps a loop further away from it
 }
 AT_FEED = AWAY | {"acceleration": AWAY["speed"]}  # a path at constant feed takes no acceleration
 UNITS = {"speed": "m/s", "acceleration": "m/s^2"}  # of limits on axes; others are in control units
-BEYOND = 1.01  # of a limit: what rounded measurements add is less
+COUNTED = 0.01  # of a limit: what counted measurements add is less
 REACHED = "Largest value on every sample, of its limit"
 HEADINGS = (
     "contour, plant",
@@ -83,25 +83,26 @@ class Verified:
 
     Attributes:
         tuned: folder of the tuned run.
-        usable, reasons: whether `tune` said to load its weights, and its reasons against it.
+        tuned_verdict: of `tune` on its weights.
         weights: its weights by name.
         limits: lower and upper bounds by the name of the signal, None where there are none.
         gaps: one row per contour and plant.
         control_unit: of the machine.
+        verdict: whether every run goes through, within every limit.
     """
 
     tuned: str
-    usable: bool
-    reasons: list[str]
+    tuned_verdict: Verdict
     weights: dict[str, Weight]
     solver: str
     limits: dict[str, list | None]
     gaps: list[GapRow]
     control_unit: str
+    verdict: Verdict
 
 
 def command(flags: Verify) -> int:
-    """The whole command: replay, print, exit code 1 where a run stopped."""
+    """The whole command: replay, print, exit code."""
     folder, tune = resumed(Tune(resume=flags.run), "tune")
     found = read_result(folder, TunedResult)
     run, solver = tuning_run(tune), solver_named(flags.solver)
@@ -117,19 +118,19 @@ def command(flags: Verify) -> int:
     bounds = {name: _listed(pair) for name, pair in limits._asdict().items()}
     result = Verified(
         str(folder),
-        found.usable,
-        found.reasons,
+        found.verdict,
         found.weights,
         solver.name,
         bounds,
         rows,
         run.machine.control_unit,
+        verdict_on(rows, bounds, run.machine.control_unit),
     )
     write_result(out, result)
     rests = any(isinstance(job, Job) and job.at_rest for job in run.scenarios.jobs)
     away = AWAY if rests else AT_FEED
-    finished(out, result, flags, show, _next(rows, result.limits, away))
-    return 1 if any(row.failure for row in rows) else 0
+    then = _next(rows, result.verdict, result.limits, away)
+    return finished(out, result, flags, show, then, result.verdict)
 
 
 def limits_of(flags: Verify, machine: Machine) -> Limits:
@@ -262,8 +263,8 @@ def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
 
 def show(result: Verified, console: Console) -> None:
     """The verdict of `tune` where it was against the weights, the gap table, what stopped."""
-    if not result.usable:
-        tables.say(console, f"`tune` said of {result.tuned}:", *verdict(False, result.reasons), "")
+    if not result.tuned_verdict.usable:
+        tables.say(console, f"`tune` said of {result.tuned}:", *result.tuned_verdict.lines, "")
     names = ", ".join(name for name, bounds in result.limits.items() if bounds is not None)
     title = f"Tuned weights under limits on {names} ({result.solver})"
     console.print(tables.plain_table(title, HEADINGS, _table_rows(result.gaps)))
@@ -274,14 +275,6 @@ def show(result: Verified, console: Console) -> None:
         "or the next speed or acceleration of the model",
     )
     console.print(tables.plain_table(REACHED, *_reached_table(result)))
-    for line in _exceeded(result):
-        tables.say(console, line)
-    for gap in result.gaps:
-        if gap.failure:
-            tables.say(console, f"STOPPED: {gap.contour}, {gap.plant}: {gap.failure}")
-        if gap.fallbacks:
-            steps = f"{gap.fallbacks} step{'s' if gap.fallbacks > 1 else ''}"
-            tables.say(console, f"FALLBACK at {steps}: {gap.contour}, {gap.plant}")
     residuals = [gap.residual for gap in result.gaps if np.isfinite(gap.residual)]
     if residuals:
         tables.say(console, f"Largest scaled residual of a QP: {max(residuals):.1e}")
@@ -334,33 +327,50 @@ def _most(gap: GapRow, name: str, limits: Mapping[str, list | None]) -> tuple[fl
     return float(largest[axis]), float(most[axis])
 
 
-def _beyond(gap: GapRow, limits: Mapping[str, list | None]) -> dict[str, tuple[float, float]]:
-    """Limits that a run exceeds: largest value and limit by name."""
-    found = {name: _most(gap, name, limits) for name in gap.reached}
-    return {name: (value, most) for name, (value, most) in found.items() if value > BEYOND * most}
-
-
-def _exceeded(result: Verified) -> list[str]:
-    """A warning for every limit that some run exceeds, with the run that exceeds it most."""
-    worst: dict[str, tuple[float, float, GapRow]] = {}
-    for gap in result.gaps:
-        for name, (value, most) in _beyond(gap, result.limits).items():
-            if name not in worst or value / most > worst[name][0] / worst[name][1]:
-                worst[name] = value, most, gap
-    return [
-        f"WARNING: {name} EXCEEDS its limit: {value:.4g} of {most:.4g} "
-        f"{_unit(name, result.control_unit)} ({gap.contour}, {gap.plant})"
-        for name, (value, most, gap) in worst.items()
-    ]
-
-
-def _next(
-    rows: list[GapRow], limits: Mapping[str, list | None], flags: Mapping[str, str]
-) -> list[str]:
-    """Finding in a sentence, and the next step.
+def verdict_on(rows: list[GapRow], limits: Mapping[str, list | None], unit: str) -> Verdict:
+    """Verdict on runs under limits: every one goes through, within every limit.
 
     Args:
         rows: of the table.
+        limits: lower and upper bounds by name; None where there are none.
+        unit: of the controls.
+    """
+    checks = []
+    for name in (name for name, bounds in limits.items() if bounds is not None):
+        reached = [(*_most(row, name, limits), row) for row in rows if name in row.reached]
+        if reached:
+            value, most, row = max(reached, key=lambda one: one[0] / one[1])
+            checks.append(
+                LimitCheck(
+                    name=name,
+                    value=value,
+                    allowed=most,
+                    unit=_unit(name, unit),
+                    member=f"{row.contour}, {row.plant}",
+                    slack=COUNTED,
+                )
+            )
+    stopped = [f"stopped: {row.contour}, {row.plant}: {row.failure}" for row in rows if row.failure]
+    held = [
+        f"the fallback acts at {row.fallbacks} steps: {row.contour}, {row.plant}"
+        for row in rows
+        if row.fallbacks
+    ]
+    helps = ["the model keeps to its limits; another plant, counts or a fallback may not"]
+    return Verdict.of(checks, stopped, held, helps, "USE THESE VALUES UNDER THEIR LIMITS")
+
+
+def _next(
+    rows: list[GapRow],
+    verdict: Verdict,
+    limits: Mapping[str, list | None],
+    flags: Mapping[str, str],
+) -> list[str]:
+    """Cost of the limits in a sentence, and the next step.
+
+    Args:
+        rows: of the table.
+        verdict: on them.
         limits: by name; None where there is none.
         flags: what of `tune` keeps a loop further away from each of them.
     """
@@ -371,14 +381,9 @@ def _next(
             f"{len(lost)} of {len(rows)} runs stopped: a step had no answer within the limits.",
             f"Next: --fallback hold or soft goes on; or tune again with {away}.",
         ]
-    over = [found for row in rows if (found := _beyond(row, limits))]
-    if over:
-        names = {name for found in over for name in found}
-        return [
-            f"NOT WITHIN LIMITS: {len(over)} of {len(rows)} runs exceed one: what the model keeps "
-            "to, another machine or a fallback does not.",
-            f"Next: tune again with {_either(flags[name] for name in flags if name in names)}.",
-        ]
+    names = {one.name for one in verdict.limits if not one.kept}
+    if names:
+        return [f"Next: tune again with {_either(flags[name] for name in flags if name in names)}."]
     if not any(row.active_fraction > 0 for row in rows):
         return [
             "No limit was ever active: the tuned controller itself keeps to all of them.",

@@ -58,7 +58,7 @@ def command(flags: Tune) -> int:
     except RuntimeError as error:
         print(f"jcontour: {error}", file=sys.stderr)
         return 1
-    return finished(folder, found, flags, show_tuned, next_steps(found, folder))
+    return finished(folder, found, flags, show_tuned, next_steps(found, folder), found.verdict)
 
 
 def run(flags: Tune, console: Console) -> tuple[TunedResult, Path]:
@@ -201,7 +201,7 @@ def figures(run: TuningRun, trials: Mapping[str, Trial], folder: Path) -> dict[P
 
 def next_steps(found: TunedResult, folder: Path) -> list[str]:
     """Next steps with a tuned run."""
-    if not found.usable:
+    if not found.verdict.usable:
         return []
     steps = [f"jcontour compare {folder} OTHER    (which of two runs is better where)"]
     if found.limitable:

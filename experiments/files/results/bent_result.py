@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from experiments.files.results.run_metrics import MachineSummary, RunMetrics
+from experiments.files.results.verdict import LimitCheck, Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,9 +21,9 @@ class BentResult:
         ramps: moves of the program along which Z moves too; the G-code leaves Z alone.
         before, after: metrics by plant, the nominal one first.
         asked: largest speed [m/s] and acceleration [m/s^2] of an axis along the bent reference.
-        exceeded: a line for every limit of the machine that the bent reference exceeds, or the tool
-            along it.
-        exceeded_before: the same of the tool along the reference as it is.
+        limits: of the machine, along the bent reference; of the reference itself those that it
+            exceeds.
+        limits_before: of the machine, along the reference as it is.
         unlimited: what the machine states no limit of, of speed, acceleration and control.
         weights: of the controller, a line for each.
         doubts: what of the program may be meant otherwise.
@@ -30,6 +31,7 @@ class BentResult:
             of a run that ends in motion.
         rests: whether they rest by then.
         changing: largest acceleration of an axis from one feed of the G-code to the next [m/s^2].
+        verdict: on the bent reference.
     """
 
     machine: MachineSummary
@@ -43,8 +45,8 @@ class BentResult:
     moves: int
     before: dict[str, RunMetrics]
     after: dict[str, RunMetrics]
-    exceeded: list[str]
-    exceeded_before: list[str] = field(default_factory=list)
+    limits: list[LimitCheck]
+    limits_before: list[LimitCheck] = field(default_factory=list)
     asked: tuple[float, float] = (0.0, 0.0)
     halts: int = 0
     ramps: int = 0
@@ -54,6 +56,7 @@ class BentResult:
     held: float | None = 0.0
     rests: bool = True
     changing: float = 0.0
+    verdict: Verdict | None = None
 
     def _rms(self, runs: dict[str, RunMetrics]) -> list[float]:
         return [float(getattr(run, f"rms_{self.error}_error")) for run in runs.values()]
@@ -77,16 +80,6 @@ class BentResult:
     def worst_gain(self) -> float:
         """How many times smaller the worst RMS error of the family is."""
         return _ratio(*self.worst)
-
-    @property
-    def usable(self) -> bool:
-        """Better for the worst machine, by more than the nominal one is worse; and sound.
-
-        Every plant follows, and no limit is exceeded.
-        """
-        lost = any(run.diverged for run in self.after.values())
-        worth = self.worst_gain > 1 and self.worst_gain * self.nominal_gain > 1
-        return worth and not lost and not self.exceeded
 
 
 def _ratio(before: float, after: float) -> float:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from experiments.files.results.run_metrics import MachineSummary, PeakPlace
+from experiments.files.results.verdict import Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +64,7 @@ class CertifiedResult:
         control_limit: of each control; None where the machine states none.
         gain: relative; rows hold for all gains within it; None where for the plants alone.
         rows: one per contour and plant.
+        verdict: whether the controls are proven to stay within their limits.
     """
 
     certified: str
@@ -74,6 +76,7 @@ class CertifiedResult:
     control_limit: tuple[float, ...] | None
     gain: float | None
     rows: list[CertifiedRow]
+    verdict: Verdict
 
     @property
     def worst(self) -> CertifiedRow:

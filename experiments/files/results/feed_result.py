@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary
+from experiments.files.results.verdict import LimitCheck, Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -14,7 +15,7 @@ class FeedPoint:
         cycle_time: of the whole run, with its rapid moves and rests, or of one of its laps [s].
         metrics: of the nominal plant, and the worst of the family metric by metric.
         diverged: plants that diverge.
-        exceeded: a line for every limit of the machine that is exceeded.
+        limits: of the machine.
         deviation: of the motion itself from the part, in blended corners, at most [m].
         planned: a line for every limit that the motion itself exceeds.
     """
@@ -23,14 +24,14 @@ class FeedPoint:
     cycle_time: float
     metrics: FamilyMetrics
     diverged: list[str]
-    exceeded: list[str]
+    limits: list[LimitCheck]
     deviation: float = 0.0
     planned: list[str] = field(default_factory=list)
 
     @property
     def sound(self) -> bool:
         """Every plant follows, within the machine's limits."""
-        return not (self.diverged or self.exceeded)
+        return not self.diverged and all(one.kept for one in self.limits)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +43,7 @@ class FeedResult:
         tolerance: largest error that is allowed [m]; None where none is given.
         points: from the slowest feed to the quickest.
         recommended: its override; None where no feed will do, or only a tolerance names one.
-        reason: in words.
+        verdict: on the feed that is recommended.
         tuned: whether the loop is one of `jcontour tune`.
     """
 
@@ -53,7 +54,7 @@ class FeedResult:
     tolerance: float | None
     points: list[FeedPoint]
     recommended: float | None
-    reason: str
+    verdict: Verdict
     tuned: bool = False
 
     @property

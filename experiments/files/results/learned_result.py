@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from experiments.files.results.run_metrics import MachineSummary
 from experiments.files.results.stored import Weight
+from experiments.files.results.verdict import LimitCheck, Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,7 @@ class StoredLap:
         largest_um: largest shift of an axis.
         first_um: how far its first sample is from the part, where the tool stands: a step.
         speed, acceleration: largest that it asks an axis for after that [m/s], [m/s^2].
-        exceeded: which of these the machine's limits do not allow; then it is not written.
+        limits: of the machine on these; where one is not kept the reference is not written.
     """
 
     lap: int
@@ -54,7 +55,7 @@ class StoredLap:
     first_um: float
     speed: float
     acceleration: float
-    exceeded: list[str]
+    limits: list[LimitCheck]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +72,7 @@ class LearnedResult:
         bound_hz: frequency at which it is [Hz].
         noise_um: RMS error of the tool that noise alone makes, without learning.
         machines: the linear model, the same with noise, and the family.
+        verdict: on that reference.
         stored: what is written for a control; None where no lap of the linear model betters the
             first.
     """
@@ -90,6 +92,7 @@ class LearnedResult:
     bound_hz: float
     noise_um: float
     machines: list[LearnedMachine]
+    verdict: Verdict
     stored: StoredLap | None = None
 
     @property

@@ -1,6 +1,6 @@
 """Result of `jcontour simulate`: what `result.json` of its run folder holds."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from experiments.files.results.run_metrics import (
     ContourRead,
@@ -10,6 +10,7 @@ from experiments.files.results.run_metrics import (
     RunMetrics,
 )
 from experiments.files.results.stored import Weight
+from experiments.files.results.verdict import Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +48,7 @@ class SimulatedResult:
         read: what the contour is.
         peak: where the largest error is.
         motion: what is asked of the machine, where it is limited in jerk.
-        warnings: where numbers are lost (NaN); limits of the machine that are near or exceeded.
+        verdict: every stated limit of the machine, and plants that diverge.
     """
 
     machine: MachineSummary
@@ -65,4 +66,4 @@ class SimulatedResult:
     peak: PeakPlace | None = None
     motion: MotionSummary | None = None
     video: VideoResult | None = None
-    warnings: list[str] = field(default_factory=list)
+    verdict: Verdict

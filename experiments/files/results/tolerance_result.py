@@ -1,8 +1,9 @@
 """Result of `jcontour tolerance`: what `result.json` of its run folder holds."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from experiments.files.results.run_metrics import ContourRead, MachineSummary
+from experiments.files.results.verdict import Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +30,10 @@ class KeptRun:
     control: tuple[float, ...]
     residual: float
 
+    def keeps(self, tolerance: float) -> bool:
+        """Whether the largest error is within a tolerance [m]."""
+        return self.largest <= tolerance
+
 
 @dataclass(frozen=True, kw_only=True)
 class ToleranceResult:
@@ -45,7 +50,7 @@ class ToleranceResult:
         limiting: limits that keep it from being smaller.
         control_limit: of each control.
         runs: of the plants of the family.
-        warnings: limits of the machine that runs exceed.
+        verdict: limits of the machine, and runs within the bounds that left the tolerance.
     """
 
     machine: MachineSummary
@@ -63,9 +68,4 @@ class ToleranceResult:
     control_limit: tuple[float, ...]
     read: ContourRead | None = None
     runs: list[KeptRun]
-    warnings: list[str] = field(default_factory=list)
-
-    @property
-    def broken(self) -> list[KeptRun]:
-        """Runs within the bounds that left the tolerance: there must be none."""
-        return [run for run in self.runs if run.within and not run.largest <= self.promised]
+    verdict: Verdict

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from experiments.files.results.run_metrics import ContourRead
+from experiments.files.results.verdict import LimitCheck, Verdict
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,8 @@ class Traversed:
         peak_um: its largest, likewise.
         control_used: largest size of every control.
         control_limit: of every control.
-        exceeded: a line for every limit of the machine that the run exceeds.
+        limits: of the machine.
+        verdict: whether the tool arrived, within the limits of the machine.
         read: file behind the contour; None where there is none.
         axes: names.
         lost: what of the file is not kept, in words.
@@ -85,7 +87,8 @@ class Traversed:
     peak_um: float | None = None
     control_used: tuple[float, ...] = ()
     control_limit: tuple[float, ...] = ()
-    exceeded: list[str] = field(default_factory=list)
+    limits: list[LimitCheck] = field(default_factory=list)
+    verdict: Verdict | None = None
     signals: Signals | None = None
     read: ContourRead | None = None
     axes: tuple[str, ...] = ()

@@ -12,6 +12,7 @@ from experiments.files.results.run_metrics import (
     RunMetrics,
 )
 from experiments.files.results.stored import Weight, stored_as
+from experiments.files.results.verdict import Verdict
 
 WITHIN = 1e-6  # of a limit's violation: a point counts as feasible
 
@@ -177,8 +178,7 @@ class TunedResult:
         start, weights: before and after tuning.
         weight_lines: the tuned weights with their units, for people.
         violation: logarithm of how far a limit is exceeded; None where nothing could be run.
-        usable: there is no reason against loading the weights.
-        reasons: reasons against it, each with what helps.
+        verdict: whether the weights may be loaded, why not, and every stated limit.
         limits: metric and bound, SI units.
         margins, start_margins: of the tuned weights and of the start.
         active: limits that stop further improvement, the dearest first.
@@ -205,8 +205,7 @@ class TunedResult:
     weight_lines: list[str] = stored_as("values")
     feasible: bool
     violation: float | None
-    usable: bool
-    reasons: list[str] = field(default_factory=list)
+    verdict: Verdict
     active: list[ActiveLimit] = field(default_factory=list)
     robust: RobustTest | None = None
     standstill: dict[str, Standstill] = field(default_factory=dict)
@@ -218,7 +217,6 @@ class TunedResult:
     plants: list[str]
     margins: PathMargins = stored_as("safety")
     start_margins: PathMargins = stored_as("safety_of_start")
-    warnings: list[str]
     contours: list[TunedContour]
     gap: list[GapRow]
     training_samples: int

@@ -244,8 +244,7 @@ function tellRun() {
   $("verdict").hidden = !one.verdict;
   if (one.verdict) {
     $("verdict").className = one.verdict.usable ? "" : "against";
-    $("verdict").textContent = one.verdict.usable ? "USE THESE VALUES" :
-      `DO NOT USE THESE VALUES: ${one.verdict.reasons.join("; ")}`;
+    $("verdict").textContent = one.verdict.lines.join("\n");
   }
   $("lines").textContent = one.lines.join("\n");
   $("lines-section").hidden = !one.lines.length;

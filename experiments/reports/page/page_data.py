@@ -10,6 +10,8 @@ import xarray as xr
 
 from experiments.files import run_folder
 from experiments.files.netcdf import load_dataset
+from experiments.files.results.stored import from_json
+from experiments.files.results.verdict import Verdict
 from experiments.reports.page.thinning import kept_samples, packed
 from experiments.reports.rollouts import FILE as ROLLOUTS
 from experiments.reports.sensitivity_curves import FILE as SENSITIVITY
@@ -68,9 +70,11 @@ def _word(value: Any) -> str:
 
 
 def _verdict(result: dict[str, Any]) -> dict[str, Any] | None:
-    if "usable" not in result:
+    """Lines that the terminal prints, and whether they are against the values."""
+    if "verdict" not in result:
         return None
-    return {"usable": result["usable"], "reasons": result.get("reasons", [])}
+    verdict = from_json(result["verdict"], Verdict)
+    return {"usable": verdict.usable, "lines": verdict.lines}
 
 
 def _lines(result: dict[str, Any]) -> list[str]:

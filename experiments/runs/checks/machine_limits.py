@@ -1,56 +1,23 @@
 """Limits of a machine that a run comes near or exceeds, in cuts and in rapid moves."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from experiments.files.results.verdict import ROUNDING, LimitCheck
 from experiments.jobs.job import Job
 from experiments.jobs.replays import Replay, Scenarios, desired, measured_speeds, scored
 from experiments.machines.machine import Machine
 from jcontour.linear.between_samples import alternating
 
-DRIVES = ("control", "control increment")
+DRIVES = ("control of", "control increment of")
 MET = 1 - 1e-9  # of a limit: a plant holds its control there
-ROUNDING = 1 + 1e-6  # of what a reference asks for
+ASKED = 1 + 1e-6  # of what a reference asks for: rounding
 PLAN_ROUNDING = 1e-4  # of a limit, in differences of a plan's samples
-NEAR = 0.9  # of a limit, from which on there is a warning
 # of a limit of speed, by which a loop may overshoot a motion that keeps it: drives trip at a tenth
 OVERSHOOT = 0.05
-RINGING = 0.1  # of a limit, from which on what is between samples is told
-
-
-class Peak(NamedTuple):
-    """Largest value of a limited quantity, and where it occurred."""
-
-    name: str  # of the axis or input
-    quantity: str
-    unit: str
-    value: float
-    contour: str
-    plant: str
-    limit: float
-    hidden: float = 0.0  # part of the value that is between the samples
-    overshoot: float = 0.0  # part of the limit by which a loop may exceed it
-
-    @property
-    def exceeds(self) -> bool:
-        """Beyond the limit, and the overshoot that is allowed."""
-        return self.value > self.limit * (1 + self.overshoot)
-
-    @property
-    def is_near(self) -> bool:
-        """Within the limit by less than a tenth, or beyond it by an overshoot."""
-        return NEAR * self.limit <= self.value and not self.exceeds
-
-    @property
-    def words(self) -> str:
-        """Value, limit and place."""
-        size = f"{self.value:.4g} of {self.limit:.4g} {self.unit}"
-        if self.hidden > RINGING * self.limit:
-            size += f", {self.hidden:.3g} of it between samples: the control alternates"
-        return f"{size} ({self.contour}, {self.plant})"
 
 
 class Signals(NamedTuple):
@@ -73,34 +40,22 @@ class Signals(NamedTuple):
     asked: Float[np.ndarray, "contours steps axes"] | None = None
 
 
-def limits_met(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
-    """One line for every machine limit that a run exceeds, meets or comes near."""
-    peaks = list(_peaks(_replayed(replay, scenarios, scored(scenarios)), machine))
-    rapids = drives_at_limits_in_rapids(replay, scenarios, machine)
-    return [*_beyond(peaks), *rapids, *_near(peaks)]
+def machine_limits(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[LimitCheck]:
+    """Every limit of the machine with the largest value of the runs where they are scored."""
+    return list(_checks(_replayed(replay, scenarios, scored(scenarios)), machine))
 
 
-def limit_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
-    """One line for every machine limit that a run meets to within 10 %."""
-    return _near(_peaks(_replayed(replay, scenarios, scored(scenarios)), machine))
-
-
-def exceeded_limits(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
-    """One line for every machine limit that a run exceeds where it is scored."""
-    return _beyond(_peaks(_replayed(replay, scenarios, scored(scenarios)), machine))
-
-
-def limits_not_kept(
+def limits_of_groups(
     seen: Signals, machine: Machine, within: Bool[np.ndarray, " plants"]
-) -> list[str]:
-    """One line for every machine limit that a run exceeds, those of some plants before the others.
+) -> list[LimitCheck]:
+    """Every limit of the machine with the largest value of some plants, before that of the others.
 
     Args:
         seen: the runs; one that diverged is left out.
         machine: with its limits.
-        within: plants whose largest value is told where it exceeds a limit; else that of the rest.
+        within: plants whose largest value counts where it exceeds a limit; else that of the rest.
     """
-    lines: dict[tuple[str, str], str] = {}
+    checks: dict[str, LimitCheck] = {}
     for chosen in (within, ~within):
         if not chosen.any():
             continue
@@ -109,10 +64,10 @@ def limits_not_kept(
             control=seen.control[:, chosen],
             plants=[name for name, here in zip(seen.plants, chosen, strict=True) if here],
         )
-        for one in _peaks(part, machine):
-            if one.exceeds:
-                lines.setdefault((one.quantity, one.name), _exceeding(one))
-    return list(lines.values())
+        for one in _checks(part, machine):
+            if one.name not in checks or checks[one.name].kept:
+                checks[one.name] = max(one, checks.get(one.name, one), key=lambda c: c.value)
+    return list(checks.values())
 
 
 def beyond_limits_asked(
@@ -120,8 +75,8 @@ def beyond_limits_asked(
     before: Float[np.ndarray, "T m"],
     machine: Machine,
     at_rest: bool,
-) -> list[str]:
-    """One line for every axis limit that a reference exceeds, and more than the one before it did.
+) -> list[LimitCheck]:
+    """Every axis limit that a reference exceeds, and more than the one before it did.
 
     Its speed and acceleration are differences of its samples.
 
@@ -132,7 +87,7 @@ def beyond_limits_asked(
         at_rest: whether both begin and end at rest.
     """
     asked, usual = (largest_asked(rows, machine.model.dt, at_rest) for rows in (position, before))
-    lines = []
+    checks = []
     for k, limit, quantity, unit in (
         (0, machine.limits.speed, "speed", "m/s"),
         (1, machine.limits.acceleration, "acceleration", "m/s^2"),
@@ -141,12 +96,16 @@ def beyond_limits_asked(
             continue
         for axis, name in enumerate(machine.axes):
             most = float(limit[axis])
-            if asked[k][axis] > max(most, ROUNDING * usual[k][axis]):
-                lines.append(
-                    f"{quantity} of {name} that the reference asks for EXCEEDS its limit: "
-                    f"{asked[k][axis]:.4g} of {most:.4g} {unit}"
+            if asked[k][axis] > max(most, ASKED * usual[k][axis]):
+                checks.append(
+                    LimitCheck(
+                        name=f"{quantity} of {name} that the reference asks for",
+                        value=float(asked[k][axis]),
+                        allowed=most,
+                        unit=unit,
+                    )
                 )
-    return lines
+    return checks
 
 
 def largest_asked(
@@ -172,30 +131,11 @@ def drives_at_limits_in_rapids(replay: Replay, scenarios: Scenarios, machine: Ma
     if not rapid.any():
         return []
     return [
-        f"{one.quantity} of {one.name} is at its limit in a rapid move: {one.words}; a lower "
+        f"{one.name} is at its limit in a rapid move: {one.size} ({one.member}); a lower "
         "speed or acceleration in the limits of the machine keeps it below"
-        for one in _peaks(_replayed(replay, scenarios, rapid), machine)
-        if one.quantity in DRIVES and one.value >= MET * one.limit
+        for one in _checks(_replayed(replay, scenarios, rapid), machine)
+        if one.name.startswith(DRIVES) and one.value >= MET * one.allowed
     ]
-
-
-def _near(peaks: Iterable[Peak]) -> list[str]:
-    return [
-        f"{one.quantity} of {one.name} is near its limit: {one.words}"
-        if one.value <= one.limit
-        else f"{one.quantity} of {one.name} overshoots its limit, which the motion itself keeps: "
-        f"{one.words}"
-        for one in peaks
-        if one.is_near
-    ]
-
-
-def _beyond(peaks: Iterable[Peak]) -> list[str]:
-    return [_exceeding(one) for one in peaks if one.exceeds]
-
-
-def _exceeding(one: Peak) -> str:
-    return f"{one.quantity} of {one.name} EXCEEDS its limit: {one.words}"
 
 
 def _replayed(
@@ -217,7 +157,7 @@ def _rapid(scenarios: Scenarios) -> Bool[np.ndarray, "contours steps"]:
     return found
 
 
-def _peaks(seen: Signals, machine: Machine) -> Iterator[Peak]:
+def _checks(seen: Signals, machine: Machine) -> Iterator[LimitCheck]:
     """Peak of every limited quantity of every axis in the samples that are counted, and where.
 
     A run that is not finite is left out: its numbers mean nothing. To the largest acceleration that
@@ -243,16 +183,21 @@ def _peaks(seen: Signals, machine: Machine) -> Iterator[Peak]:
             unseen = alternating(control) @ machine.hidden_acceleration.T
             hidden = largest_counted(np.asarray(unseen), seen.counted)
         peaks += hidden
-        overshoot = 0.0 * limit
+        overshoot = np.full(len(limit), ROUNDING)
         if quantity == "speed" and seen.asked is not None:
             asked = np.abs(measured_speeds(seen.asked, machine.model.dt)[0]).max(axis=(0, 1))
-            overshoot = np.where(asked <= (1 + PLAN_ROUNDING) * limit, OVERSHOOT, 0.0)
+            overshoot = np.where(asked <= (1 + PLAN_ROUNDING) * limit, OVERSHOOT, ROUNDING)
         for k, name in enumerate(names):
             place = np.unravel_index(np.argmax(peaks[:, :, k]), peaks.shape[:2])
-            where = seen.contours[int(place[0])], seen.plants[int(place[1])]
-            value, part = float(peaks[*place, k]), float(hidden[*place, k])
-            allowed = float(overshoot[k])
-            yield Peak(name, quantity, shown, value, *where, float(limit[k]), part, allowed)
+            yield LimitCheck(
+                name=f"{quantity} of {name}",
+                value=float(peaks[*place, k]),
+                allowed=float(limit[k]),
+                unit=shown,
+                member=f"{seen.contours[int(place[0])]}, {seen.plants[int(place[1])]}",
+                between=float(hidden[*place, k]),
+                slack=float(overshoot[k]),
+            )
 
 
 def largest_counted(

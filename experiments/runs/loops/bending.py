@@ -7,6 +7,7 @@ import numpy as np
 from rich.status import Status
 
 from experiments.files.results.run_metrics import RunMetrics
+from experiments.files.results.verdict import LimitCheck, exceeded
 from experiments.jobs.job import Job, Task
 from experiments.jobs.replays import Replay, Scenarios, replay
 from experiments.jobs.sections import halted
@@ -18,8 +19,8 @@ from experiments.reports import tables
 from experiments.reports.figures.loops.bent import BentRuns
 from experiments.runs.checks.machine_limits import (
     beyond_limits_asked,
-    exceeded_limits,
     largest_asked,
+    machine_limits,
 )
 from experiments.runs.checks.stored_loops import StoredLoop
 from experiments.runs.forecast import Steps, outline
@@ -49,8 +50,9 @@ class Bent(NamedTuple):
         roughness: its price.
         plants: names.
         before, after: the runs.
-        exceeded: limits that the bent reference exceeds, or the tool along it.
-        exceeded_before: limits that the tool exceeds without a bend.
+        limits: of the machine, along the bent reference; of the reference itself those that it
+            exceeds.
+        limits_before: of the machine, without a bend.
         asked: largest speed [m/s] and acceleration [m/s^2] of an axis along the bent reference.
     """
 
@@ -63,8 +65,8 @@ class Bent(NamedTuple):
     plants: tuple[str, ...]
     before: Replay
     after: Replay
-    exceeded: list[str]
-    exceeded_before: list[str]
+    limits: list[LimitCheck]
+    limits_before: list[LimitCheck]
     asked: tuple[float, float]
 
     @property
@@ -130,13 +132,13 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
     tables.say(status.console, line)
     status.update("running the reference as it is")
     before = replay(controller, scenarios)
-    exceeded_before = exceeded_limits(before, scenarios, machine)
+    limits_before = machine_limits(before, scenarios, machine)
     wanted = np.asarray(reference.position)[: reference.steps]
     part = 0.0 if machine.error == "tracking" else CONTOURING
     stays = halted(job)
     bounds = _bounds(wanted, machine, at_rest)
 
-    def asked_by(found: Precompensated) -> list[str]:
+    def asked_by(found: Precompensated) -> list[LimitCheck]:
         return beyond_limits_asked(wanted + found.correction, wanted, machine, at_rest)
 
     def priced(price: float) -> Bent:
@@ -159,7 +161,7 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
             tell=tell,
         )
         after = replay(Learned(controller, jnp.asarray(found.correction)), scenarios)
-        exceeded = [*asked_by(found), *exceeded_limits(after, scenarios, machine)]
+        limits = [*asked_by(found), *machine_limits(after, scenarios, machine)]
         speed, acceleration = largest_asked(wanted + found.correction, machine.model.dt, at_rest)
         return Bent(
             job,
@@ -171,14 +173,15 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
             scenarios.plants,
             before,
             after,
-            exceeded,
-            exceeded_before,
+            limits,
+            limits_before,
             (float(speed.max()), float(acceleration.max())),
         )
 
     one = priced(roughness)
     for attempt in range(1, TRIES):
-        if _lost(before) or exceeded_before or not (one.exceeded or _lost(one.after)):
+        broken = bool(exceeded(one.limits)) or _lost(one.after)
+        if not broken or _lost(before) or exceeded(limits_before):
             break  # no smoother shift mends what is so without one
         smoother = roughness * 10**attempt
         more = f"{ROUNDS} more rounds, with roughness {smoother:.3g}"

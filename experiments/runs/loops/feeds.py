@@ -6,11 +6,12 @@ import numpy as np
 
 from experiments.catalogue.choices import design_for, job_named, seeing_all
 from experiments.files.results.feed_result import FeedPoint
+from experiments.files.results.verdict import LimitCheck, Verdict
 from experiments.flags.loops import Feed
 from experiments.jobs.job import Job, Task
 from experiments.jobs.replays import Scenarios, replay
 from experiments.plain_numbers import WholePath
-from experiments.runs.checks.machine_limits import exceeded_limits
+from experiments.runs.checks.machine_limits import machine_limits
 from experiments.runs.checks.planned_limits import limits_exceeded_by_plan
 from experiments.runs.checks.stored_loops import StoredLoop, loop_named
 from experiments.runs.contour_summary import cycle_time
@@ -64,7 +65,7 @@ def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
             cycle_time=cycle_time(job, loop.machine.model.dt),
             metrics=family_metrics(found, 0),
             diverged=[name for name, gone in zip(scenarios.plants, lost, strict=True) if gone],
-            exceeded=[] if lost.any() else exceeded_limits(found, scenarios, loop.machine),
+            limits=machine_limits(found, scenarios, loop.machine),
             deviation=_deviation(job),
             planned=limits_exceeded_by_plan(scenarios, loop.machine),
         )
@@ -114,6 +115,40 @@ def recommended(
         "each rise of the feed takes at least half as many per cent off the cycle time, so time "
         "alone names none: give --tolerance-um, the largest error that the part allows"
     )
+
+
+def verdict_on(
+    best: FeedPoint | None,
+    reason: str,
+    points: Sequence[FeedPoint],
+    error: str,
+    tolerance: float | None,
+) -> Verdict:
+    """Verdict on the feed that `recommended` names, or on there being none.
+
+    Args:
+        best: the feed; None where none is recommended.
+        reason: for or against it.
+        points: all feeds.
+        error: the error that counts, "contour" or "tracking".
+        tolerance: largest error that is allowed [m]; None where none is given.
+    """
+    if best is None:
+        undecided = tolerance is None and any(point.sound for point in points)
+        against = [] if undecided else [reason]
+        return Verdict.of([], against, passed=f"No feed is recommended: {reason}.")
+    limits = list(best.limits)
+    if tolerance is not None:
+        limits.append(
+            LimitCheck(
+                name=f"peak {error} error",
+                value=1e6 * _peak(best, error),
+                allowed=1e6 * tolerance,
+                unit="um",
+                member="family",
+            )
+        )
+    return Verdict.of(limits, passed=f"USE {best.override:g} % of the feed: {reason}.")
 
 
 def _quickest_within(

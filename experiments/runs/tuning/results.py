@@ -24,25 +24,21 @@ from experiments.files.results.tuned_result import (
 from experiments.jobs.replays import Replay, Scenarios, replay, scored
 from experiments.machines.machine import Fed, Machine
 from experiments.reports.figures.tuning.sensitivity import FamilyCurves
-from experiments.runs.checks.machine_limits import exceeded_limits
 from experiments.runs.checks.weights.drift import offset_lasts
 from experiments.runs.checks.weights.path_margins import path_margins
 from experiments.runs.checks.weights.recommendation import (
+    Evidence,
     active_limits,
     exceeded_most,
     flag_allowing,
-    hardly_worse,
     may_drift,
-    reasons_against,
+    verdict_on,
 )
 from experiments.runs.checks.weights.robustness import robust_test
 from experiments.runs.checks.weights.standstill import standstill
+from experiments.runs.checks.weights.stated_limits import stated_limits
 from experiments.runs.checks.weights.unseen_plants import exceeded_unseen, over_family
-from experiments.runs.checks.weights.warnings import (
-    idle_warnings,
-    run_warnings,
-    standstill_warnings,
-)
+from experiments.runs.checks.weights.warnings import idle_warnings, run_warnings
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.tuning.family_loops import family_curves, family_peaks
 from experiments.runs.tuning.problem import TuningRun
@@ -130,22 +126,34 @@ def tuned_result(
     shown = shown_contours(run, replays)
     contours = [_contour(run, replays, c, c in shown) for c in range(len(run.scenarios.jobs))]
     error = run.machine.error
-    exceeded = exceeded_limits(found, run.scenarios, run.machine)
-    delay = run.flags.min_delay_margin
     counts = 0.0 if run.machine.noisy_count is None else run.machine.noisy_count
-    finest = float(np.max(counts)) / np.sqrt(12)  # noise of a position, of the coarsest axis
     limit = exceeded_most(run.problem, tuned)
-    allowing = flag_allowing(limit, tuned.violation, run.flags, run.limits)
-    law = run.flags.feed_law
-    alone = len(run.machine.family_names) == 1
-    told = tuned, contours, margins, robust, exceeded, error
-    lasting = _offset_lasts(run, tuned) if may_drift(margins, contours) else 0.0
-    unseen = exceeded_unseen(over_family(run, tuned.weights))
-    reasons = reasons_against(*told, delay, alone, finest, limit, allowing, law, lasting, unseen)
-    warnings = run_warnings(run, tuned, margins, replays)
-    warnings += idle_warnings(searched.idle)
-    warnings += standstill_warnings(trials["tuned"].standstill, run)
-    warnings += hardly_worse(contours, error, finest)
+    checks = {name: stated_limits(run, *_tests(trial)) for name, trial in trials.items()}
+    verdict = verdict_on(
+        Evidence(
+            tuned=tuned,
+            contours=contours,
+            margins=margins,
+            robust=robust,
+            error=error,
+            limits=checks["tuned"],
+            start_limits=checks["start"],
+            start_unstable=_unstable(trials["start"]),
+            baseline="baseline" if "baseline" in trials else "start",
+            delay=run.flags.min_delay_margin,
+            alone=len(run.machine.family_names) == 1,
+            finest=float(np.max(counts)) / np.sqrt(12),  # a position's noise, coarsest axis
+            limit=limit,
+            allowing=flag_allowing(limit, tuned.violation, run.flags, run.limits),
+            feed_law=run.flags.feed_law,
+            lasting=_offset_lasts(run, tuned) if may_drift(margins, contours) else 0.0,
+            unseen=exceeded_unseen(over_family(run, tuned.weights)),
+            warnings=[
+                *run_warnings(run, tuned, margins, replays),
+                *idle_warnings(searched.idle),
+            ],
+        )
+    )
     weights = plain_weights(tuned.weights)
     return TunedResult(
         machine=machine_summary(run.machine),
@@ -159,8 +167,7 @@ def tuned_result(
         weight_lines=run.design.weight_lines(weights),
         feasible=bool(tuned.feasible),
         violation=float(tuned.violation) if np.isfinite(tuned.violation) else None,
-        usable=not reasons,
-        reasons=reasons,
+        verdict=verdict,
         active=active_limits(tuned.prices, run.limits),
         robust=robust,
         standstill={name: one.standstill for name, one in trials.items() if one.standstill},
@@ -172,7 +179,6 @@ def tuned_result(
         plants=list(run.scenarios.plants),
         margins=margins,
         start_margins=trials["start"].margins,
-        warnings=warnings,
         contours=contours,
         gap=gap(run, tuned, found),
         training_samples=run.training_samples,
@@ -181,6 +187,18 @@ def tuned_result(
         certified=certified,
         sample_period=float(run.machine.model.dt),
     )
+
+
+def _tests(trial: Trial) -> tuple[Replay, PathMargins, Standstill | None]:
+    """Results of a trial that limits are compared with."""
+    return trial.replay, trial.margins, trial.standstill
+
+
+def _unstable(trial: Trial) -> str:
+    """Why a trial is that of no loop; empty where every run and every frozen loop is stable."""
+    if np.any(trial.replay.metrics.diverged):
+        return "a plant of the family diverges"
+    return "" if trial.margins.stable else "a frozen loop is open or unstable"
 
 
 def _offset_lasts(run: TuningRun, tuned: Tuned) -> float:

@@ -17,6 +17,7 @@ from experiments.files.results.run_metrics import (
 )
 from experiments.files.results.stored import write_result
 from experiments.files.results.tuned_result import PathMargins, TunedContour, TunedResult
+from experiments.files.results.verdict import Verdict
 from experiments.files.run_folder import SETTINGS, RunError
 from experiments.reports.tables import COLUMNS
 
@@ -59,7 +60,7 @@ def made(
         weight_lines=[],
         feasible=True,
         violation=0.0,
-        usable=True,
+        verdict=Verdict.of([]),
         limits={},
         evaluated_points=1,
         diverged_points=0,
@@ -68,7 +69,6 @@ def made(
         plants=["nominal"],
         margins=MARGINS,
         start_margins=MARGINS,
-        warnings=[],
         contours=[
             TunedContour(
                 name=contour,
@@ -185,7 +185,7 @@ def test_equal_runs(tmp_path):
 
 def test_a_run_that_must_not_be_used_is_never_recommended(tmp_path):
     a = stored(tmp_path / "a", 1.0, 1e-6)
-    write_result(a, replace(made(1.0, 1e-6), usable=False, reasons=["speed of X EXCEEDS"]))
+    write_result(a, replace(made(1.0, 1e-6), verdict=Verdict.of([], ["speed of X EXCEEDS"])))
     b = stored(tmp_path / "b", 2.0, 2e-6)
     text = said(run(a, b))
     assert "DO NOT USE THESE VALUES\n  because: speed of X EXCEEDS\nsecond:" in text
@@ -195,7 +195,7 @@ def test_a_run_that_must_not_be_used_is_never_recommended(tmp_path):
 
 def test_a_run_that_must_not_be_used_is_nowhere_called_better(tmp_path):
     a = stored(tmp_path / "a", 1.0, 1e-6)
-    write_result(a, replace(made(1.0, 1e-6), usable=False, reasons=["speed of X EXCEEDS"]))
+    write_result(a, replace(made(1.0, 1e-6), verdict=Verdict.of([], ["speed of X EXCEEDS"])))
     b = stored(tmp_path / "b", 2.0, 2e-6)
     for first, second, smaller in ((a, b, "first"), (b, a, "second")):
         found = run(first, second)
@@ -204,7 +204,7 @@ def test_a_run_that_must_not_be_used_is_nowhere_called_better(tmp_path):
         assert f"um: less in the {smaller}, which must not be used." in text
         assert not [line for line in text.splitlines() if "is better." in line]
     worse = stored(tmp_path / "c", 1.0, 3e-6)
-    write_result(worse, replace(made(1.0, 3e-6), usable=False))
+    write_result(worse, replace(made(1.0, 3e-6), verdict=Verdict.of([], ["late"])))
     found = run(b, worse)  # the other one may be better
     assert found.better["first"] == 2 * len(COLUMNS) and "the first is better." in said(found)
 

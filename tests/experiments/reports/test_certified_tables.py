@@ -4,8 +4,10 @@ from dataclasses import replace
 
 from rich.console import Console
 
+from experiments.commands.loops.certify import verdict_on
 from experiments.files.results.certified_result import CertifiedResult, CertifiedRow
 from experiments.files.results.run_metrics import MachineSummary, PeakPlace
+from experiments.files.results.verdict import Verdict
 from experiments.reports.certified_tables import sentences, show_certified
 
 ROW = CertifiedRow(
@@ -28,6 +30,7 @@ RESULT = CertifiedResult(
     control_limit=(10.0, 3.0),
     gain=None,
     rows=[ROW],
+    verdict=Verdict.of([]),
 )
 
 
@@ -38,8 +41,7 @@ def test_assumptions_attack_place_and_controls_are_said():
     assert "--force and --encoder-um set these bounds" in text
     assert "An attack reaches 75 % of the largest bound" in text
     assert "largest contour error 8 um at X 1, Y 2 mm" in text
-    controls = "No control exceeds 1 A on input 1, 2.5 A on input 2, within the machine's "
-    assert f"{controls}10 A on input 1, 3 A on input 2." in text
+    assert "No control exceeds 1 A on input 1, 2.5 A on input 2." in text
 
 
 def test_every_encoder_has_its_own_bound():
@@ -53,24 +55,14 @@ def test_the_plants_of_the_proof_are_said():
     assert "every constant gain from 0.9 to 1.1 on each axis" in every
 
 
-def test_a_control_beyond_its_limit_is_said():
-    high = replace(RESULT, rows=[ROW, replace(ROW, control=(4.0, 3.5))])
-    assert sentences(high)[-1] == (
-        "No control exceeds 4 A on input 1, 3.5 A on input 2, "
-        "MORE THAN the machine's 3 A on input 2."
-    )
-    without = sentences(replace(RESULT, control_limit=None))[-1]
-    assert without == "No control exceeds 1 A on input 1, 2.5 A on input 2."
-
-
-def test_a_control_is_compared_with_the_limit_of_its_own_input():
-    """The first one is above what the second may have, and within its own limit."""
-    told = sentences(replace(RESULT, rows=[replace(ROW, control=(4.0, 1.0))]))[-1]
-    assert "within the machine's 10 A on input 1, 3 A on input 2." in told
-
-
-def test_one_limit_for_all_is_said_once():
-    assert "within the machine's 5 A." in sentences(replace(RESULT, control_limit=(5.0, 5.0)))[-1]
+def test_a_control_beyond_the_limit_of_its_own_input_is_not_to_be_used():
+    """Input 1 may have 10 A and input 2 only 3 A."""
+    within = verdict_on([ROW, replace(ROW, control=(4.0, 1.0))], (10.0, 3.0), "A")
+    assert within.exit_code == 0 and [one.value for one in within.limits] == [4.0, 2.5]
+    beyond = verdict_on([ROW, replace(ROW, control=(4.0, 3.5), plant="early")], (10.0, 3.0), "A")
+    assert beyond.exit_code == 3
+    assert beyond.reasons[0] == "control of input 2 EXCEEDS its limit: 3.5 of 3 A (circle, early)"
+    assert verdict_on([ROW], None, "A").limits == []
 
 
 def test_the_table_has_every_error_in_um():

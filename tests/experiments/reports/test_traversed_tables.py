@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 
 from experiments.files.results.traversed_result import Asked, Traversed
+from experiments.files.results.verdict import LimitCheck
 from experiments.reports.tables import console_of
-from experiments.reports.traversed_tables import advice, next_steps, show
+from experiments.reports.traversed_tables import advice, next_steps, show, verdict_on
 
 TABLE = Asked(0.3, 200.0, (60.0, 60.0), 7, 4.0, 250.0)
 FINE = replace(TABLE, r_control=(0.15, 0.15), period_ms=1.0)  # a horizon of 7 ms
@@ -77,18 +78,20 @@ def test_a_tool_that_overran_the_end_is_advised_to_brake():
 
 
 def test_a_tool_that_is_not_where_its_controller_held_it_is_told(capsys):
-    show(late_result(outrun=True, came_mm=0.1, end_mm=0.0, progress_mm=3.0), console_of())
-    told = " ".join(capsys.readouterr().out.split())
-    behind = "LEFT THE TOOL BEHIND: it came to 3 mm of 3 mm, the tool 0.1 mm"
-    assert f"WARNING: the controller's progress {behind}" in told and "DID NOT ARRIVE" in told
-    show(late_result(outrun=True, left_mm=170.0, came_mm=0.1, end_mm=170.0), console_of())
-    told = capsys.readouterr().out
-    assert "WARNING: the tool LEFT the path: it was 170 mm off one of 3 mm" in told
-
-
-def test_limits_that_are_exceeded_are_told_and_what_asks_less(capsys):
-    line = "speed of X EXCEEDS its limit: 0.25 of 0.2 m/s (line, nominal)"
-    found = late_result(arrived=True, time_s=0.1, came_mm=3.0, end_mm=0.0, exceeded=[line])
+    found = late_result(outrun=True, came_mm=0.1, end_mm=0.0, progress_mm=3.0)
     show(found, console_of())
-    assert f"WARNING: {line}" in capsys.readouterr().out
+    assert "DID NOT ARRIVE" in capsys.readouterr().out
+    (behind,) = verdict_on(found).reasons
+    assert "LEFT THE TOOL BEHIND: it came to 3 mm of 3 mm, the tool 0.1 mm" in behind
+    (left,) = verdict_on(late_result(outrun=True, left_mm=170.0, end_mm=170.0)).reasons
+    assert left == "the tool LEFT the path: it was 170 mm off one of 3 mm"
+
+
+def test_a_tool_that_arrives_within_its_limits_ends_with_code_0_and_any_other_with_3():
+    speed = LimitCheck(name="speed of X", value=0.19, allowed=0.2, unit="m/s")
+    arrived = late_result(arrived=True, time_s=0.1, came_mm=3.0, end_mm=0.0, limits=[speed])
+    assert verdict_on(arrived).exit_code == 0
+    assert verdict_on(replace(arrived, arrived=False)).exit_code == 3
+    found = replace(arrived, limits=[replace(speed, value=0.25)])
+    assert verdict_on(found).exit_code == 3
     assert "a lower --max-speed-mm-s, 125 say" in next_steps(found)[-1]

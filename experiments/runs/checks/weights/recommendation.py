@@ -1,6 +1,7 @@
 """Whether tuned weights may be loaded: every reason against it, each with what helps."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,13 +13,21 @@ from experiments.files.results.tuned_result import (
     TunedContour,
     rms_error,
 )
+from experiments.files.results.verdict import LimitCheck, Verdict
 from experiments.flags.shared import Aimed
 from experiments.runs.tuning.limits import LIMITS
 from tuning.objectives import COUNT_NOISE, LATE, RATIO, USE_LIMITS
 from tuning.problem import Problem
 from tuning.tune import Price, Tuned
 
-WORSE = 1.01  # ratio to the start: less is no change
+START, TUNED = "start", "tuned"  # loops of a contour's metrics
+OF_AXES = (
+    "speed of",
+    "acceleration of",
+    "control of",
+    "control increment of",
+)  # limits that a calmer motion keeps
+WORSE = 1.01  # ratio to the loop compared with: less is no change
 ASKED = {"increment": "change of its control"}  # limit that is called otherwise
 FLAGS = {  # limit on metrics: flag that allows more
     metric: f"--{name.replace('_', '-')}" for name, (metric, _) in LIMITS.items()
@@ -38,52 +47,88 @@ CHEAP = 1e-3  # price below which a limit does not stop anything
 SLOWEST = 10.0  # longest contours that an error may take to die out to a third
 
 
-def reasons_against(
-    tuned: Tuned,
-    contours: Sequence[TunedContour],
-    margins: PathMargins,
-    robust: RobustTest | None,
-    exceeded: Sequence[str],
-    error: str,
-    delay: int = 0,
-    alone: bool = False,
-    finest: float = 0.0,
-    limit: str = "",
-    allowing: str = "",
-    feed_law: str = "jerk",
-    lasting: float = 0.0,
-    unseen: Sequence[str] = (),
-) -> list[str]:
-    """Reasons against loading the weights, the gravest first; none where they may be loaded.
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """Everything that is known of tuned weights before anybody loads them.
 
-    Args:
-        tuned: what the tuner found.
+    Attributes:
+        tuned: end of the search.
         contours: start against tuned, on the machine with all effects.
         margins: of the tuned loop.
-        robust: random plants of the family.
-        exceeded: limits of the machine that a run exceeds, one line each.
+        robust: corners and random plants of the family; None where it is a single plant.
         error: the error that counts, "contour" or "tracking".
+        limits: every stated limit, with what the tuned weights reach.
+        start_limits: the same of the start.
+        start_unstable: why the start is no loop at all; empty where it is one.
+        baseline: loop of `contours` that the tuned one has to be no worse than; empty where
+            there is none.
         delay: margin that is asked for [samples].
         alone: whether the weights were tried on a single plant.
         finest: difference of errors that the encoders of all axes can tell [m].
-        limit: name of the one that the weights exceed most; empty where they exceed none.
+        limit: bound of the search that the weights exceed most; empty where they exceed none.
         allowing: flag and value that allow what the weights reach, see `flag_allowing`.
         feed_law: of the motions.
         lasting: samples in which an offset of the tool dies out to a third.
         unseen: limits that plants exceed which the tuner did not see, one line each.
+        warnings: what to know beside all this.
     """
-    return [
-        *_unstable(contours, margins, robust),
-        *([ALONE] if alone else []),
-        *_adrift(lasting, contours),
-        *_late(margins, delay),
-        *_infeasible(tuned, limit, allowing),
-        *unseen,
-        *exceeded,
-        *(_calmer(feed_law) if exceeded else []),
-        *(_worse(contours, error, finest) if tuned.feasible else []),
-        *_restless(contours, error, finest),
-    ]
+
+    tuned: Tuned
+    contours: Sequence[TunedContour]
+    margins: PathMargins
+    robust: RobustTest | None
+    error: str
+    limits: Sequence[LimitCheck] = ()
+    start_limits: Sequence[LimitCheck] = ()
+    start_unstable: str = ""
+    baseline: str = START
+    delay: int = 0
+    alone: bool = False
+    finest: float = 0.0
+    limit: str = ""
+    allowing: str = ""
+    feed_law: str = "jerk"
+    lasting: float = 0.0
+    unseen: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+
+    @property
+    def compared(self) -> str:
+        """Loop that the tuned one is compared with; empty where the start breaks a limit."""
+        start_kept = not self.start_unstable and all(one.kept for one in self.start_limits)
+        return "" if self.baseline == START and not start_kept else self.baseline
+
+
+def verdict_on(seen: Evidence) -> Verdict:
+    """Verdict on tuned weights: the gravest reasons first, then the limits, then the comparison."""
+    worse = _worse(seen) if seen.tuned.feasible else []
+    return Verdict.of(
+        seen.limits,
+        [
+            *_unstable(seen.contours, seen.margins, seen.robust),
+            *([ALONE] if seen.alone else []),
+            *_adrift(seen.lasting, seen.contours),
+            *_late(seen.margins, seen.delay),
+            *_infeasible(seen.tuned, seen.limit, seen.allowing),
+            *seen.unseen,
+            *worse,
+            *_restless(seen),
+        ],
+        [*start_lines(seen), *seen.warnings, *([] if worse else hardly_worse(seen))],
+        _help_with(seen.limits, seen.feed_law),
+    )
+
+
+def start_lines(seen: Evidence) -> list[str]:
+    """Why the start is no loop to load, with what the tuned weights make of it."""
+    tuned = {one.name: one for one in seen.limits}
+    why = [seen.start_unstable] if seen.start_unstable else []
+    for one in seen.start_limits:
+        if not one.kept:
+            after = tuned.get(one.name)
+            now = "" if after is None else f"; tuned {after.value:.4g}"
+            why.append(f"{one.name} {one.size}{now}")
+    return [f"start: not usable, {line}" for line in why]
 
 
 def exceeded_most(problem: Problem, tuned: Tuned) -> str:
@@ -126,18 +171,18 @@ def _up(value: float) -> str:
     return f"{np.ceil(value * place * (1 - 1e-12)) / place:.6g}"
 
 
-def hardly_worse(contours: Sequence[TunedContour], error: str, finest: float) -> list[str]:
-    """A line of contours that became worse by no more than the encoders can tell [m]."""
+def hardly_worse(seen: Evidence) -> list[str]:
+    """A line of contours that became worse by no more than the encoders can tell."""
     ratios = {
         one.name: ratio
-        for one in contours
-        if (ratio := _ratio(one, error)) > WORSE and _increase(one, error) <= finest
+        for one in seen.contours
+        if (ratio := _ratio(one, seen)) > WORSE and _increase(one, seen) <= seen.finest
     }
     if not ratios:
         return []
     return [
-        f"worse than the start by less than the rounding of the encoders, {1e6 * finest:.2g} um: "
-        f"{_named(ratios)}"
+        f"worse than the {seen.compared} by less than the rounding of the encoders, "
+        f"{1e6 * seen.finest:.2g} um: {_named(ratios)}"
     ]
 
 
@@ -248,48 +293,64 @@ def _what_helps(limit: str, allowing: str) -> list[str]:
     return [f"lower the feed, or allow these weights: {allowing}"]
 
 
-def _calmer(feed_law: str) -> list[str]:
-    """What helps where a run exceeds a limit of the machine."""
-    lower = (
-        "a motion that asks for less keeps the limit, and so may tuning on that contour as well; "
-        f"{TRY_LESS}"
-    )
-    return [lower if feed_law == "jerk" else f"{lower}; or with a toolpath file --feed-law jerk"]
+def _help_with(limits: Sequence[LimitCheck], feed_law: str) -> list[str]:
+    """What helps where limits are not kept."""
+    beyond = [one for one in limits if not one.kept]
+    lines = []
+    if any(one.name.startswith(OF_AXES) for one in beyond):
+        lower = (
+            "a motion that asks for less keeps the limit, and so may tuning on that contour as "
+            f"well; {TRY_LESS}"
+        )
+        other = "; or with a toolpath file --feed-law jerk"
+        lines.append(lower if feed_law == "jerk" else lower + other)
+    if any("encoder counts" in one.name for one in beyond):
+        lines.append("less --max-count-noise makes the control calmer, finer encoders as well")
+    return lines
 
 
-def _worse(contours: Sequence[TunedContour], error: str, finest: float) -> list[str]:
+def _worse(seen: Evidence) -> list[str]:
     """Contours that the tuned weights make worse, those that were held out first."""
     lines = []
     for training, words in ((False, "held-out"), (True, "training")):
         ratios = {
             one.name: ratio
-            for one in contours
+            for one in seen.contours
             if one.training is training
-            and (ratio := _ratio(one, error)) > WORSE
-            and _increase(one, error) > finest
+            and (ratio := _ratio(one, seen)) > WORSE
+            and _increase(one, seen) > seen.finest
         }
         if ratios:
             lines.append(
-                f"worse than the start on {words} contours: {_named(ratios)}; train on contours "
-                "like them, or so that none pays for the others, --max-error-ratio 1 or "
+                f"worse than the {seen.compared} on {words} contours: {_named(ratios)}; train on "
+                "contours like them, or so that none pays for the others, --max-error-ratio 1 or "
                 "--objective regret"
             )
+    ratios = [ratio for one in seen.contours if (ratio := _ratio(one, seen)) > 0]
+    typical = float(np.exp(np.mean(np.log(ratios)))) if ratios else 0.0
+    if typical > WORSE and not lines:
+        lines.append(
+            f"worse than the {seen.compared} in all: the geometric mean of the worst errors of all "
+            f"contours is x {typical:.2f}; keep the {seen.compared}"
+        )
     return lines
 
 
-def _restless(contours: Sequence[TunedContour], error: str, finest: float) -> list[str]:
+def _restless(seen: Evidence) -> list[str]:
     """Weights that gain less than the encoders can tell, and make the control restless."""
-    worst = [(one.metrics["start"].worst, one.metrics["tuned"].worst) for one in contours]
+    if not seen.compared:
+        return []
+    worst = [(one.metrics[seen.compared].worst, one.metrics[TUNED].worst) for one in seen.contours]
     if any(metrics.diverged for pair in worst for metrics in pair):
         return []
     start, tuned = max(worst, key=lambda pair: _times(*pair))
     times = _times(start, tuned)
-    if times < RESTLESS or any(-_increase(one, error) > finest for one in contours):
+    if times < RESTLESS or any(-_increase(one, seen) > seen.finest for one in seen.contours):
         return []
     return [
         "no contour becomes better by more than the rounding of the encoders, "
-        f"{1e6 * finest:.2g} um, and the control changes up to {times:.2g} times as much from "
-        "sample to sample: keep the start, or limit that change, "
+        f"{1e6 * seen.finest:.2g} um, and the control changes up to {times:.2g} times as much from "
+        f"sample to sample: keep the {seen.compared}, or limit that change, "
         f"--max-rms-increment {2 * start.rms_increment:.2g}"
     ]
 
@@ -303,15 +364,22 @@ def _named(ratios: Mapping[str, float]) -> str:
     return ", ".join(f"{name} x {ratio:.2f}" for name, ratio in ratios.items())
 
 
-def _increase(contour: TunedContour, error: str) -> float:
-    """Growth of the family's worst error [m]."""
-    start, tuned = contour.metrics["start"].worst, contour.metrics["tuned"].worst
-    return rms_error(tuned, error) - rms_error(start, error)
-
-
-def _ratio(contour: TunedContour, error: str) -> float:
-    """Worst error of the family, tuned over start; 0 where the start diverges."""
-    start, tuned = contour.metrics["start"].worst, contour.metrics["tuned"].worst
-    if start.diverged or tuned.diverged:
+def _increase(contour: TunedContour, seen: Evidence) -> float:
+    """Growth of the family's worst error [m]; none without a loop to compare with."""
+    if not seen.compared:
         return 0.0
-    return rms_error(tuned, error) / rms_error(start, error)
+    before, after = (contour.metrics[name].worst for name in (seen.compared, TUNED))
+    return rms_error(after, seen.error) - rms_error(before, seen.error)
+
+
+def _ratio(contour: TunedContour, seen: Evidence) -> float:
+    """Worst error of the family over that of the loop it is compared with.
+
+    0 where one of them diverges, and without a loop to compare with.
+    """
+    if not seen.compared:
+        return 0.0
+    before, after = (contour.metrics[name].worst for name in (seen.compared, TUNED))
+    if before.diverged or after.diverged:
+        return 0.0
+    return rms_error(after, seen.error) / rms_error(before, seen.error)

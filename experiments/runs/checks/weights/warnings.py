@@ -4,15 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from experiments.files.results.tuned_result import PathMargins, Standstill
+from experiments.files.results.tuned_result import PathMargins
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.checks.arrival import arrival_warnings
 from experiments.runs.checks.between_samples import swing_warnings
 from experiments.runs.checks.lost_numbers import lost_at_start
-from experiments.runs.checks.machine_limits import drives_at_limits_in_rapids, limit_warnings
+from experiments.runs.checks.machine_limits import drives_at_limits_in_rapids
 from experiments.runs.checks.planned_limits import limits_exceeded_by_plan
 from experiments.runs.tuning.problem import TuningRun
-from tuning.objectives import COUNT_NOISE
 from tuning.tune import Tuned
 
 MUCH_LAG = 5.0  # times the tracking error of the start, from which on there is a warning
@@ -37,7 +36,6 @@ def run_warnings(
     longest = max(job.samples for job in run.scenarios.jobs)
     lines += slow_warnings(margins, longest, run.machine.model.dt)
     lines += limits_exceeded_by_plan(run.scenarios, run.machine)
-    lines += limit_warnings(found, run.scenarios, run.machine)
     lines += swing_warnings(found, run.scenarios, run.machine)
     lines += arrival_warnings(found, run.scenarios)
     lines += drives_at_limits_in_rapids(found, run.scenarios, run.machine)
@@ -128,28 +126,6 @@ def slow_warnings(margins: PathMargins, longest: int, dt: float) -> list[str]:
         f"({1e3 * dt * lasts:.3g} ms), the longest contour has {longest}: what a constant load "
         "does may last longer than these runs show; a longer part shows it"
     ]
-
-
-def standstill_warnings(rest: Standstill | None, run: TuningRun) -> list[str]:
-    """A control that encoders move more at rest than the limit on their noise has it.
-
-    The limit takes their rounding for white noise; at rest it hardly changes between samples.
-    """
-    share, allowed = run.flags.max_count_noise, run.limits.get(COUNT_NOISE)
-    if rest is None or share is None or allowed is None or rest.rms_control <= allowed:
-        return []
-    unit, less = run.machine.control_unit, _down(share * allowed / rest.rms_control)
-    return [
-        f"at rest the encoders alone drive the control with {rest.rms_control:.4g} {unit} RMS, "
-        f"more than the {allowed:.4g} {unit} that they may cause: the machine may hum; "
-        f"--max-count-noise {less} makes it calmer"
-    ]
-
-
-def _down(value: float) -> str:
-    """Two digits, none more than the value."""
-    place = 10.0 ** (1 - np.floor(np.log10(value)))
-    return f"{np.floor(value * place * (1 + 1e-12)) / place:.6g}"
 
 
 def lag_warnings(replays: dict[str, Replay], scenarios: Scenarios) -> list[str]:

@@ -12,8 +12,10 @@ from experiments.files.results.feed_result import FeedPoint, FeedResult
 from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
 from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import read_result
+from experiments.files.results.verdict import LimitCheck, Verdict
 from experiments.reports import tables
 
+BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2)
 METRICS = RunMetrics(*[1e-6] * 11, diverged=False)
 
 
@@ -52,10 +54,10 @@ def test_rapid_moves_and_plunges_are_in_the_cycle_time(tmp_path, machine_file):
 
 
 @pytest.mark.slow
-def test_a_tolerance_that_no_feed_keeps_ends_with_code_1(tmp_path, machine_file, part_file, capsys):
+def test_a_tolerance_that_no_feed_keeps_ends_with_code_3(tmp_path, machine_file, part_file, capsys):
     flags = ["--plant", str(machine_file), "--overrides", "100", "--tolerance-um", "1e-6"]
-    assert main(["feed", str(part_file), *flags, "--out", str(tmp_path / "feed")]) == 1
-    assert "NO FEED TO RECOMMEND" in capsys.readouterr().out
+    assert main(["feed", str(part_file), *flags, "--out", str(tmp_path / "feed")]) == 3
+    assert "no feed keeps it" in capsys.readouterr().out
 
 
 def test_a_tolerance_that_is_missing_is_no_failure(tmp_path, capsys):
@@ -84,7 +86,7 @@ def test_what_the_motion_itself_exceeds_is_told_once(capsys):
 
 @pytest.mark.parametrize("planned", [["speed"], []])
 def test_slower_feeds_are_no_help_where_the_motion_itself_exceeds_a_limit(planned):
-    beyond = [replace(point(feed, planned), exceeded=["speed"]) for feed in (50, 100)]
+    beyond = [replace(point(feed, planned), limits=[BEYOND]) for feed in (50, 100)]
     [line] = next_steps(replace(result_of(beyond), recommended=None))
     assert ("slower --overrides" in line) is not bool(planned)
 
@@ -92,7 +94,7 @@ def test_slower_feeds_are_no_help_where_the_motion_itself_exceeds_a_limit(planne
 def point(feed, planned):
     metrics = FamilyMetrics(METRICS, METRICS)
     return FeedPoint(
-        override=feed, cycle_time=1.0, metrics=metrics, diverged=[], exceeded=[], planned=planned
+        override=feed, cycle_time=1.0, metrics=metrics, diverged=[], limits=[], planned=planned
     )
 
 
@@ -105,7 +107,7 @@ def result_of(points):
         tolerance=None,
         points=points,
         recommended=points[-1].override,
-        reason="why not",
+        verdict=Verdict.of([], passed="USE it"),
     )
 
 

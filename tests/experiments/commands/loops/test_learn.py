@@ -1,14 +1,16 @@
 """One whole `jcontour learn` on a tiny machine, and what it says of laps that diverge."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from experiments.cli import main
-from experiments.commands.loops.learn import run
-from experiments.files.results.learned_result import LearnedMachine, LearnedResult
+from experiments.commands.loops.learn import run, verdict_on
+from experiments.files.results.learned_result import LearnedMachine, LearnedResult, StoredLap
 from experiments.files.results.stored import from_json, read_result, to_json
+from experiments.files.results.verdict import LimitCheck
 from experiments.flags.loops import Learn
 from experiments.reports.figures.tuning.learning import learning
 from experiments.reports.learning_tables import after, before, loading
@@ -118,9 +120,13 @@ def test_what_a_control_loads_is_the_shifted_reference(tmp_path, machine_fields,
 def test_what_asks_for_too_much_or_helps_nothing_is_not_loaded(result):
     fields = to_json(result)
     one = {"lap": 3, "error_um": 1.0, "largest_um": 9.0, "first_um": 0.0, "speed": 0.2}
-    stored = {**one, "acceleration": 7.0, "exceeded": ["acceleration"]}
-    (line,) = loading(from_json(fields | {"stored": stored}, LearnedResult), "reference.csv")
-    assert line.startswith("Not written: reference.csv: what lap 3") and "more acceleration" in line
+    limit = LimitCheck(name="acceleration of X", value=7.0, allowed=4.0)
+    stored = from_json({**one, "acceleration": 7.0, "limits": [to_json(limit)]}, StoredLap)
+    verdict = verdict_on([], stored)
+    assert verdict.exit_code == 3 and verdict.reasons[0].startswith("acceleration of X EXCEEDS")
+    refused = replace(result, stored=stored, verdict=verdict)
+    (line,) = loading(refused, "reference.csv")
+    assert line.startswith("Not written: reference.csv: what lap 3")
     fields.pop("stored", None)
     (line,) = loading(from_json(fields, LearnedResult), "reference.csv")
     assert line.startswith("Nothing to load")

@@ -8,13 +8,16 @@ import pytest
 
 from experiments.cli import main
 from experiments.commands.loops import precompensate
-from experiments.commands.loops.precompensate import ending, sentences
+from experiments.commands.loops.precompensate import ending, sentences, verdict_on
 from experiments.files.results.bent_result import BentResult
 from experiments.files.results.run_metrics import MachineSummary, RunMetrics
 from experiments.files.results.stored import read_result
+from experiments.files.results.verdict import LimitCheck, Verdict, exceeded
 from experiments.jobs.replays import Scenarios, replay
 from experiments.runs.loops.bending import Bent
 from tuning.precompensation import Precompensated
+
+BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2, unit="m/s")
 
 
 @pytest.fixture(scope="module")
@@ -28,9 +31,9 @@ def bent(tmp_path_factory, machine_file, part_file):
 @pytest.mark.slow
 def test_the_nominal_and_the_worst_machine_come_nearer(bent):
     result = read_result(bent, BentResult)
-    assert result.nominal_gain > 20 and result.worst_gain > 2 and result.usable
+    assert result.nominal_gain > 20 and result.worst_gain > 2 and verdict_on(result).usable
     assert result.asked[1] <= 4.0  # [m/s^2], the limit of the machine
-    assert list(result.before) == list(result.after) and not result.exceeded
+    assert list(result.before) == list(result.after) and not exceeded(result.limits)
     assert result.controller == "linear-cascade"  # unless another one is named
     rows = np.loadtxt(bent / "reference.csv", delimiter=",", skiprows=1)
     assert len(rows) == result.samples
@@ -85,17 +88,18 @@ def test_a_drive_that_holds_the_last_point_sees_no_more_than_what_is_told(bent, 
 def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
     result = read_result(bent, BentResult)
     assert "times smaller" in sentences(result)[0] and len(sentences(result)) == 1
-    limited = replace(result, exceeded=["speed of X EXCEEDS its limit"])
-    assert "DO NOT USE: a limit of the machine is exceeded" in sentences(limited)[1]
-    anyway = replace(limited, exceeded_before=limited.exceeded)
-    assert "exceeds a limit of the machine without any bend" in sentences(anyway)[1]
+    limited = replace(result, limits=[BEYOND])
+    assert verdict_on(limited).reasons[0].startswith("speed of X EXCEEDS its limit: 0.3 of 0.2")
+    assert verdict_on(limited).exit_code == 3 and verdict_on(result).exit_code == 0
+    anyway = replace(limited, limits_before=[BEYOND])
+    assert "exceeds a limit of the machine without any bend" in verdict_on(anyway).reasons[1]
     worse = replace(result, before=result.after, after=result.before)
     assert "times LARGER" in sentences(worse)[0]
-    assert "DO NOT USE: the worst machine is no better" in sentences(worse)[1]
+    assert "the worst machine is no better" in verdict_on(worse).reasons[0]
     traded = replace(result, before=_runs(result, 1e-6, 10e-6), after=_runs(result, 3e-6, 9e-6))
-    assert "gains less than the nominal one loses" in sentences(traded)[1] and not traded.usable
+    assert "gains less than the nominal one loses" in verdict_on(traded).reasons[0]
     fair = replace(traded, after=_runs(result, 1.05e-6, 9e-6))
-    assert len(sentences(fair)) == 1 and fair.usable
+    assert len(sentences(fair)) == 1 and verdict_on(fair).usable
     as_before = replace(result, after=result.before, largest=0.0)
     assert "nominal the same, worst of the family the same" in sentences(as_before)[0]
 
@@ -103,8 +107,8 @@ def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
 def test_what_no_limit_of_the_machine_bounds_is_told():
     bounded = by_hand(before=[9e-6], after=[1e-6])
     assert len(sentences(bounded)) == 1
-    told = sentences(replace(bounded, unlimited=("speed", "acceleration")))[-1]
-    assert told.startswith("WARNING: mill states no limit of speed or acceleration: ")
+    told = verdict_on(replace(bounded, unlimited=("speed", "acceleration"))).warnings[-1]
+    assert told.startswith("mill states no limit of speed or acceleration: ")
 
 
 def by_hand(before, after):
@@ -129,7 +133,7 @@ def by_hand(before, after):
         moves=0,
         before=runs(before),
         after=runs(after),
-        exceeded=[],
+        limits=[],
     )
 
 
@@ -150,7 +154,7 @@ def test_next_to_nothing_has_sizes_and_no_ratio():
     assert "nominal 0 -> 0.002 um, worst of the family 4 times smaller" in sentences(followed)[0]
     mended = by_hand(before=[3e-6, 4e-6], after=[0.0, 5e-10])
     words = "nominal 3 -> 0 um, worst of the family 4 -> 0.0005 um"
-    assert words in sentences(mended)[0] and mended.usable
+    assert words in sentences(mended)[0] and verdict_on(mended).usable
     still = by_hand(before=[0.0, 0.0], after=[0.0, 0.0])
     assert "nominal 0 -> 0 um, worst of the family 0 -> 0 um" in sentences(still)[0]
 
@@ -187,9 +191,10 @@ def test_a_reference_not_to_be_used_is_not_written(
 ):
     monkeypatch.setattr(precompensate, "bent", unbent)
     flags = ["--plant", str(machine_file), "--out", str(tmp_path / "run")]
-    assert main(["precompensate", str(part_file), *flags]) == 1
-    (line,) = (line for line in capsys.readouterr().out.splitlines() if "DO NOT USE" in line)
-    assert line.endswith("Not written for that reason: reference.csv and part.ngc.")
+    assert main(["precompensate", str(part_file), *flags]) == 3
+    told = capsys.readouterr().out
+    assert "DO NOT USE THIS REFERENCE" in told
+    assert "not written for that reason: reference.csv and part.ngc" in told
     written = {path.name for path in (tmp_path / "run").iterdir()}
     assert written == {"bent.png", "inputs", "result.json", "settings.json"}
 
@@ -201,7 +206,7 @@ def test_a_program_with_rapid_moves_stops_around_them_and_says_so(
     part = tmp_path / "plate (2).ngc"
     part.write_text("G21 M3 S900\nG1 X2 F3000\nG0 Z5\nX4\nG1 Z0\nX5 Z-1\n")
     monkeypatch.setattr(precompensate, "bent", unbent)
-    monkeypatch.setattr(BentResult, "usable", property(lambda result: True))
+    monkeypatch.setattr(precompensate, "verdict_on", lambda result: Verdict.of([]))
     flags = ["--plant", str(machine_file), "--out", str(tmp_path / "run")]
     assert main(["precompensate", str(part), *flags]) == 0
     told = capsys.readouterr().out

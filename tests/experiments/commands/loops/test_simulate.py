@@ -96,7 +96,7 @@ def test_a_control_that_is_no_number_is_told(tmp_path, machine_file, part_file, 
     said = " ".join(capsys.readouterr().out.split())
     assert "control is NaN (not a number) from sample 0 (part, nominal): look for" in said
     assert "Next: mend what is NaN (not a number), see the warning" in said
-    assert len(read_result(run, SimulatedResult).warnings) == 1
+    assert len(read_result(run, SimulatedResult).verdict.warnings) == 1
 
 
 @pytest.mark.slow
@@ -115,11 +115,14 @@ def test_a_drive_at_its_limit_in_a_rapid_move_is_told(tmp_path, machine_fields, 
     limits = machine_fields["limits"] | {"speed": 200.0, "control": 100.0}
     machine.write_text(json.dumps(machine_fields | {"limits": limits}))
     part.write_text("G21 G90 F600\nG1 Y2\nG0 X40\nG1 Y0\n")
-    told = read_result(simulated(tmp_path / "run", machine, part), SimulatedResult).warnings
+    told = read_result(simulated(tmp_path / "run", machine, part), SimulatedResult).verdict.warnings
     assert any("control of input 1 is at its limit in a rapid move" in line for line in told)
     assert f"WARNING: {told[0]}" in " ".join(capsys.readouterr().out.split())
     part.write_text("G21 G90 F600\nG1 X4\nG1 Y5\n")
-    assert read_result(simulated(tmp_path / "cut", machine, part), SimulatedResult).warnings == []
+    assert (
+        read_result(simulated(tmp_path / "cut", machine, part), SimulatedResult).verdict.warnings
+        == []
+    )
 
 
 @pytest.mark.slow
@@ -130,11 +133,11 @@ def test_a_motion_that_exceeds_a_limit_itself_is_told_before_its_tool(
     limits = machine_fields["limits"] | {"acceleration": 200.0}
     machine.write_text(json.dumps(machine_fields | {"limits": limits}))
     jumping = simulated(tmp_path / "a", machine, part_file, "--feed-law", "trapezoidal")
-    told = read_result(jumping, SimulatedResult).warnings
+    told = read_result(jumping, SimulatedResult).verdict.warnings
     assert told[0].startswith("acceleration that the motion itself asks for EXCEEDS the limit: ")
     assert f"WARNING: {told[0]}" in " ".join(capsys.readouterr().out.split())
     limited = read_result(simulated(tmp_path / "b", machine, part_file), SimulatedResult)
-    assert not any("the motion itself" in line for line in limited.warnings)
+    assert not any("the motion itself" in line for line in limited.verdict.warnings)
     flags = ["--plant", str(machine), "--overrides", "50", "--feed-law", "trapezoidal"]
     main(["feed", str(part_file), *flags, "--out", str(tmp_path / "feed")])
     [point] = read_result(tmp_path / "feed", FeedResult).points

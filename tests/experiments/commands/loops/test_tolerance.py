@@ -11,14 +11,16 @@ from experiments.cli import main
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.stored import read_result
 from experiments.files.results.tolerance_result import ToleranceResult
-from experiments.reports.tolerance_tables import findings, promise, warnings
+from experiments.reports.tolerance_tables import findings, promise
 
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory, machine_file, part_file):
     folder = tmp_path_factory.mktemp("tolerance") / "run"
     flags = ["--plant", str(machine_file), "--force", "0.5", "--length", "8"]
-    assert main(["tolerance", str(part_file), *flags, "--json", "--out", str(folder)]) == 0
+    assert (
+        main(["tolerance", str(part_file), *flags, "--json", "--out", str(folder)]) == 3
+    )  # acceleration
     return folder
 
 
@@ -28,7 +30,7 @@ def test_within_the_bounds_the_tolerance_and_the_limits_are_kept(kept):
     assert result.length == 8 and result.force == 0.5 and result.encoder == 0.5e-6
     assert sum(result.shares.values()) < result.promised < 1.05 * sum(result.shares.values())
     within = [k for k, run in enumerate(result.runs) if run.within]
-    assert len(within) == 3 and not result.broken
+    assert len(within) == 3 and all(result.runs[k].keeps(result.promised) for k in within)
     for k in within:
         run = result.runs[k]
         assert 0 < run.largest <= result.promised and run.fallbacks == 0 and run.left is None
@@ -53,7 +55,7 @@ def test_an_acceleration_beyond_the_limit_is_warned_of_in_the_runs(kept):
     sampled = np.abs(np.diff(data.output.values, n=2, axis=1)).max(axis=1) / dt**2
     late = next(k for k, run in enumerate(result.runs) if "late" in run.plant)
     assert (sampled[:late] < 4).all() and (sampled[late] > 4).all()
-    x, y = (line for line in result.warnings if line.startswith("acceleration"))
+    x, y = (line for line in result.verdict.reasons if line.startswith("acceleration"))
     told = r"EXCEEDS its limit: (\S+) of 4 m/s\^2, (\S+) of it between samples: .+ \((.+)\)"
     for axis, line in enumerate((x, y)):
         whole, hidden, place = re.search(told, line).groups()
@@ -61,9 +63,7 @@ def test_an_acceleration_beyond_the_limit_is_warned_of_in_the_runs(kept):
         k = names.index(place)
         assert k < late
         assert float(whole) - float(hidden) == pytest.approx(sampled[k, axis], abs=0.01)
-    told = warnings(result)
-    assert told[0] == f"WARNING: {x}" and "does not know those of acceleration" in told[-1]
-    assert warnings(replace(result, warnings=[])) == []
+    assert "does not know those of acceleration" in result.verdict.reasons[-1]
 
 
 @pytest.mark.slow
@@ -76,9 +76,8 @@ def test_words_say_what_is_promised_and_to_whom(kept):
     assert "no control above 2.673 control unit on input 1, 1.67 control unit on input 2." in apart
     assert "Kept in all 3 runs within the bounds" in findings(result)[0]
     worse = replace(result, promised=result.runs[0].largest / 2)
-    assert findings(worse)[0].startswith("NOT KEPT within the bounds: nominal (an attack)")
-    lost = replace(result, runs=[replace(run, largest=np.nan) for run in result.runs])
-    assert len(lost.broken) == 3  # a run that diverged has not been kept
+    assert not findings(worse)  # the verdict says so
+    assert not replace(result.runs[0], largest=np.nan).keeps(1.0)  # a run that diverged
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,10 @@ import pytest
 
 from experiments.catalogue.choices import machine_named
 from experiments.cli import main
-from experiments.commands.loops.trace import job_of, judged, not_kept_limits, of_file
+from experiments.commands.loops.trace import job_of, judged, limits_along, of_file
 from experiments.files.results.stored import read_result
 from experiments.files.results.traversed_result import Asked, Traversed
+from experiments.files.results.verdict import exceeded
 from experiments.flags.loops import Trace
 from experiments.reports.tables import console_of
 from experiments.reports.traversed_tables import show
@@ -38,7 +39,7 @@ def test_trace_arrives_and_stores_what_it_did(tmp_path, capsys):
 @pytest.mark.slow
 def test_a_run_that_does_not_arrive_says_what_to_do(tmp_path, capsys):
     flags = ["--max-speed-mm-s", "1000", "--q-theta", "0", "--out", str(tmp_path / "run")]
-    assert main(["trace", "circle", *flags]) == 1
+    assert main(["trace", "circle", *flags]) == 3
     told = " ".join(capsys.readouterr().out.split())
     assert "DID NOT ARRIVE" in told and "path.png shows the tool" in told
     assert "Next: more --q-theta rewards progress" in told
@@ -49,7 +50,7 @@ def test_a_run_that_does_not_arrive_says_what_to_do(tmp_path, capsys):
 @pytest.mark.slow
 def test_a_tool_that_its_controller_s_progress_leaves_behind_has_not_gone_round(tmp_path, capsys):
     """Where the tool moved by 0.065 mm about the start of a circle of 1 mm, by its own points."""
-    assert main(["trace", "circle", "--q-theta", "1000", "--out", str(tmp_path / "run")]) == 1
+    assert main(["trace", "circle", "--q-theta", "1000", "--out", str(tmp_path / "run")]) == 3
     told = " ".join(capsys.readouterr().out.split())
     assert "LEFT THE TOOL BEHIND: it came to 6.283 mm of 6.283 mm, the tool 0.0645" in told
     assert "DID NOT ARRIVE" in told and "Next: less --q-theta, 100 say" in told
@@ -207,13 +208,13 @@ def test_limits_of_the_machine_that_a_run_exceeds_are_told(machine_file):
     assert limits.speed is not None
     x = 3 * float(np.max(limits.speed)) / (99 * dt) * dt**2 * np.arange(100.0) ** 2 / 2
     tool, control = np.stack([x, 0 * x], axis=1), np.zeros((100, machine.model.inputs))
-    told = not_kept_limits("part", tool, control, machine)
+    beyond = exceeded(limits_along("part", tool, control, machine))
     speed = np.diff(x).max() / dt
-    assert told[0] == (
+    assert beyond[0] == (
         f"speed of {machine.axes[0]} EXCEEDS its limit: {speed:.4g} of {limits.speed[0]:.4g} m/s "
         "(part, nominal)"
     )
-    assert not_kept_limits("part", 0 * tool, control, machine) == []
+    assert all(one.kept for one in limits_along("part", 0 * tool, control, machine))
 
 
 def test_a_program_s_extents_are_those_of_its_path(tmp_path, capsys):

@@ -18,10 +18,12 @@ from experiments.commands.loops.verify import (
     _next,
     limits_of,
     show,
+    verdict_on,
 )
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.run_metrics import RunMetrics
 from experiments.files.results.stored import read_result
+from experiments.files.results.verdict import Verdict
 from experiments.flags.loops import Verify
 from experiments.machines.machine import MachineLimits
 
@@ -43,7 +45,7 @@ def test_verify_tells_what_limits_cost(tuned, tmp_path, capsys):
     code = main(["verify", str(tuned), "--max-increment", "5", "--json", "--out", str(out)])
     summary = json.loads(capsys.readouterr().out)
     gaps = summary["gaps"]
-    assert code == (1 if any(gap["failure"] for gap in gaps) else 0)
+    assert code == (0 if summary["verdict"]["usable"] else 3)
     assert any(gap["active_fraction"] > 0 for gap in gaps)
     assert all(gap["residual"] <= 1e-8 for gap in gaps)
     assert read_result(out, Verified).gaps[0].contour == gaps[0]["contour"]
@@ -100,36 +102,43 @@ def row(without, within, active=0.5, failure="", reached=None):
 
 def test_the_last_sentence_says_what_was_found():
     drive, axes = {"control": [], "speed": None}, {"speed": [], "acceleration": []}
-    kept = _next([row(1e-6, 1e-6, active=0.0)], drive, AWAY)
+    good = Verdict.of([])
+    kept = _next([row(1e-6, 1e-6, active=0.0)], good, drive, AWAY)
     assert kept[0] == "No limit was ever active: the tuned controller itself keeps to all of them."
-    cost = _next([row(1e-6, 1.5e-6), row(1e-6, 4e-6)], drive, AWAY)
+    cost = _next([row(1e-6, 1.5e-6), row(1e-6, 4e-6)], good, drive, AWAY)
     assert cost[1].endswith("tune again with --max-peak-control.")
     assert cost[0].startswith("The limits add at most 3 um RMS of contour error: circle, nominal")
-    stopped = _next([row(1e-6, None, failure="step 3: infeasible"), row(1e-6, 1e-6)], axes, AWAY)
+    stopped = _next(
+        [row(1e-6, None, failure="step 3: infeasible"), row(1e-6, 1e-6)], good, axes, AWAY
+    )
     assert "--max-peak" not in stopped[1] and "a lower --acceleration or a lower" in stopped[1]
     assert stopped[0].startswith("1 of 2 runs stopped")
 
 
 def test_a_path_at_constant_feed_is_made_calmer_by_its_feed_alone():
     limits = {"speed": [], "acceleration": []}
-    (_, line) = _next([row(1e-6, 4e-6)], limits, AT_FEED)
+    (_, line) = _next([row(1e-6, 4e-6)], Verdict.of([]), limits, AT_FEED)
     assert "--acceleration" not in line and line.count("--feed-mm-per-min") == 1
 
 
+GOOD = Verdict.of([])
 ASKED = {"control": None, "acceleration": [[-4.0, -2.0], [4.0, 2.0]], "speed": [-1.0, 1.0]}
 
 
 def test_a_limit_that_a_machine_exceeds_is_told_loudly():
     kept = row(1e-6, 1e-6, reached={"acceleration": [4.001, 1.0], "speed": [0.5, 0.1]})
     over = replace(kept, plant="late", reached={"acceleration": [3.0, 5.0], "speed": [0.5, 0.1]})
-    told = Verified("runs/a", True, [], {}, "daqp", ASKED, [kept, over], "V")
-    text = printed(told)
-    assert "WARNING: acceleration EXCEEDS its limit: 5 of 2 m/s^2 (circle, late)" in text
-    assert text.count("WARNING") == 1 and "4.001 of 4" in text and "0.5 of 1" in text
-    first, second = _next([kept, over], ASKED, AWAY)
-    assert first.startswith("NOT WITHIN LIMITS: 1 of 2 runs") and "--acceleration" in second
-    assert "WARNING" not in printed(replace(told, gaps=[kept]))
-    assert not _next([kept], ASKED, AWAY)[0].startswith("NOT WITHIN")
+    verdict = verdict_on([kept, over], ASKED, "V")
+    assert verdict.exit_code == 3
+    assert verdict.reasons[0] == "acceleration EXCEEDS its limit: 5 of 2 m/s^2 (circle, late)"
+    text = printed(Verified("runs/a", GOOD, {}, "daqp", ASKED, [kept, over], "V", verdict))
+    assert "4.001 of 4" in text and "0.5 of 1" in text
+    (line,) = _next([kept, over], verdict, ASKED, AWAY)
+    assert "--acceleration" in line
+    within = verdict_on([kept], ASKED, "V")
+    assert within.exit_code == 0 and within.reasons == []
+    stopped = verdict_on([replace(kept, failure="step 3: infeasible")], ASKED, "V")
+    assert stopped.exit_code == 3 and "step 3: infeasible" in stopped.reasons[0]
 
 
 def printed(result):
@@ -143,12 +152,13 @@ def test_the_verdict_of_tune_comes_first_and_no_name_is_cut_on_80_columns():
     numbers = row(123.4e-6, 234.5e-6, reached={"control": [0.5]})
     late = replace(numbers, plant=plant, fallbacks=2)
     bounds = {"control": [[-1.0], [1.0]], "speed": None}
-    bad = Verified("runs/a", False, ["acceleration of X EXCEEDS"], {}, "daqp", bounds, [late], "V")
+    against, own = Verdict.of([], ["acceleration of X EXCEEDS"]), verdict_on([late], bounds, "V")
+    bad = Verified("runs/a", against, {}, "daqp", bounds, [late], "V", own)
     text = printed(bad)
     lines = text.splitlines()
     assert lines[:2] == ["`tune` said of runs/a:", "DO NOT USE THESE VALUES"]
     assert lines[2] == "  because: acceleration of X EXCEEDS"
     assert any(f" {plant} " in line and "234.5" in line for line in lines)
-    assert f"FALLBACK at 2 steps: circle, {plant}" in text
+    assert own.warnings == [f"the fallback acts at 2 steps: circle, {plant}"]
     assert max(map(len, lines)) <= 80
-    assert "THESE VALUES" not in printed(replace(bad, usable=True, reasons=[]))
+    assert "THESE VALUES" not in printed(replace(bad, tuned_verdict=GOOD))

@@ -13,6 +13,7 @@ from experiments.commands.tuning.tune import held_out_words, next_steps
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.stored import read_result, to_json
 from experiments.files.results.tuned_result import TunedResult
+from experiments.files.results.verdict import Verdict
 from experiments.flags.tuning import Tune
 from experiments.jobs.contours import BUILT_IN
 from experiments.jobs.pace import Pace
@@ -66,7 +67,7 @@ def test_tuned_weights_are_better_on_what_was_tuned(tuned, result):
     np.testing.assert_allclose(rms.max(), after.rms_contour_error, rtol=1e-9)
     assert result.margins.stable and result.margins.sensitivity < 2.0 * (1 + 1e-5)
     assert result.robust.diverged == 0
-    assert result.usable and result.reasons == []
+    assert result.verdict.usable and result.verdict.reasons == []
 
 
 @pytest.mark.slow
@@ -116,10 +117,10 @@ def test_files_that_a_drive_loads_are_there_and_named(tuned, result):
     assert set(result.files) == {"gains*.csv", "observer.json"}
     for pattern in result.files:
         assert list(tuned.glob(pattern)), pattern
-    lines = next_steps(replace(result, usable=True), tuned)
+    lines = next_steps(replace(result, verdict=Verdict.of([])), tuned)
     assert [line.split(": ")[1] for line in lines[:2]] == list(result.files)
     assert any("jcontour rank" in line for line in lines)
-    assert next_steps(replace(result, usable=False), tuned) == []
+    assert next_steps(replace(result, verdict=Verdict.of([], ["late"])), tuned) == []
 
 
 @pytest.mark.parametrize(

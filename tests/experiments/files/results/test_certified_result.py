@@ -3,6 +3,7 @@
 from experiments.files.results.certified_result import CertifiedResult, CertifiedRow
 from experiments.files.results.run_metrics import MachineSummary, PeakPlace
 from experiments.files.results.stored import from_json, to_json
+from experiments.files.results.verdict import Verdict
 
 
 def row(plant, bound):
@@ -21,6 +22,7 @@ def row(plant, bound):
 
 def result(limit=(10.0, 10.0)):
     return CertifiedResult(
+        verdict=Verdict.of([]),
         certified="runs/one",
         machine=MachineSummary("table", "A", ("X", "Y"), "quantised encoders"),
         controller="contouring-lq",

@@ -4,6 +4,7 @@ import numpy as np
 
 from experiments.files.results.stored import read_result, write_result
 from experiments.files.results.traversed_result import Asked, Signals, Traversed
+from experiments.files.results.verdict import LimitCheck
 
 
 def test_a_stored_traversal_is_read_again(tmp_path):
@@ -19,11 +20,11 @@ def test_a_stored_traversal_is_read_again(tmp_path):
         arrived=False,
         time_s=None,
         outrun=True,
-        exceeded=["speed of X"],
+        limits=[LimitCheck(name="speed of X", value=0.1, allowed=0.2)],
         signals=signals,
     )
     write_result(tmp_path, told)
     found = read_result(tmp_path, Traversed)
-    assert found.asked == asked and found.outrun and found.exceeded == ["speed of X"]
+    assert found.asked == asked and found.outrun and found.limits == told.limits
     assert found.time_s is None and found.signals is not None
     np.testing.assert_array_equal(found.signals.tool_mm, signals.tool_mm)

@@ -66,7 +66,10 @@ def test_text_of_the_user_is_no_markup(page, nasty):
     data = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
     assert data is not None
     (run,) = json.loads(data[1])
-    assert run["machine"] == nasty and run["verdict"]["reasons"] == [nasty]
+    assert run["machine"] == nasty and run["verdict"] == {
+        "usable": False,
+        "lines": ["DO NOT USE THESE VALUES", f"  because: {nasty}", "WARNING: it hums"],
+    }
 
 
 def test_too_large_a_page_is_told(run_folder, tmp_path, monkeypatch):

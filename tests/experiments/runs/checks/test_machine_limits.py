@@ -6,6 +6,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from experiments.files.results.verdict import exceeded
 from experiments.jobs.job import Job, Program
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.machine import MachineLimits
@@ -13,13 +14,21 @@ from experiments.runs.checks.machine_limits import (
     Signals,
     beyond_limits_asked,
     drives_at_limits_in_rapids,
-    exceeded_limits,
-    limit_warnings,
-    limits_met,
-    limits_not_kept,
+    limits_of_groups,
+    machine_limits,
 )
 
 SAMPLES = 20
+
+
+def beyond(seen, machine):
+    return exceeded(machine_limits(seen, scenarios(), machine))
+
+
+def near(seen):
+    return [one.line for one in machine_limits(seen, scenarios(), MACHINE) if one.near]
+
+
 LIMITS = SimpleNamespace(
     speed=np.array([0.2, 0.2]), acceleration=None, control=np.array([10.0, 10.0]), increment=None
 )
@@ -68,16 +77,12 @@ def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
     seen.control[0, 1, 2, 0] = 50.0  # before the first scored sample
     seen.control[1, 0, 7, 1] = -9.1
     seen.output[0, 1, 10:, 0] = 3e-4  # [m] in one sample
-    assert exceeded_limits(seen, scenarios(), MACHINE) == [
-        "speed of X EXCEEDS its limit: 0.3 of 0.2 m/s (ring, late)"
-    ]
-    assert limit_warnings(seen, scenarios(), MACHINE) == [
-        "control of input 2 is near its limit: 9.1 of 10 A (eight, nominal)"
-    ]
+    assert beyond(seen, MACHINE) == ["speed of X EXCEEDS its limit: 0.3 of 0.2 m/s (ring, late)"]
+    assert near(seen) == ["control of input 2 is near its limit: 9.1 of 10 A (eight, nominal)"]
     seen.control[1, 0, 7, 1] = -8.9
     seen.output[0, 1, 10:, 0] = 1.7e-4
-    assert limit_warnings(seen, scenarios(), MACHINE) == []
-    assert exceeded_limits(seen, scenarios(), MACHINE) == []
+    assert near(seen) == []
+    assert beyond(seen, MACHINE) == []
 
 
 def test_a_loop_overshoots_the_speed_of_a_motion_that_keeps_the_limit():
@@ -85,23 +90,21 @@ def test_a_loop_overshoots_the_speed_of_a_motion_that_keeps_the_limit():
     seen = run()
     seen.output[1, 0, :, 0] = 0.2009e-3 * np.arange(SAMPLES)
     at_limit = scenarios(speed=0.2)
-    assert exceeded_limits(seen, at_limit, MACHINE) == []
-    assert limits_met(seen, at_limit, MACHINE) == [
-        "speed of X overshoots its limit, which the motion itself keeps: "
-        "0.2009 of 0.2 m/s (eight, nominal)"
-    ]
-    assert len(exceeded_limits(seen, scenarios(speed=0.201), MACHINE)) == 1
+    (line,) = (one.line for one in machine_limits(seen, at_limit, MACHINE) if one.near)
+    assert "speed of X overshoots its limit" in line and "0.2009 of 0.2 m/s" in line
+    assert exceeded(machine_limits(seen, at_limit, MACHINE)) == []
+    assert len(exceeded(machine_limits(seen, scenarios(speed=0.201), MACHINE))) == 1
     seen.output[1, 0, :, 0] *= 1.06
-    assert len(exceeded_limits(seen, at_limit, MACHINE)) == 1
+    assert len(exceeded(machine_limits(seen, at_limit, MACHINE))) == 1
 
 
 def test_acceleration_between_samples_counts_beside_that_of_the_samples():
     seen, machine = run(), machine_of(MachineLimits(acceleration=np.full(2, 3.0)))
     seen.control[1, 1, 5:, :] = 4.0 * (-1.0) ** np.arange(SAMPLES - 5)[:, None]
     seen.control[0, 0, :5] = 100.0 * (-1.0) ** np.arange(5)[:, None]  # not scored
-    assert limits_met(seen, scenarios(), machine) == []  # 2 of 3 m/s^2
+    assert beyond(seen, machine) == []  # 2 of 3 m/s^2
     seen.output[1, 1, :, 0] = 0.5 * 1.5 * (1e-3 * np.arange(SAMPLES)) ** 2
-    assert exceeded_limits(seen, scenarios(), machine) == [
+    assert beyond(seen, machine) == [
         "acceleration of X EXCEEDS its limit: 3.5 of 3 m/s^2, 2 of it between samples: the control "
         "alternates (eight, late)"
     ]
@@ -112,9 +115,9 @@ def test_a_run_that_diverged_has_no_peaks_and_hides_none():
     seen.metrics.diverged[0, 1] = True
     seen.control[0, 1, 9:, 0] = np.nan
     seen.output[0, 1, 8, 0], seen.output[0, 1, 9:, 0] = 1e9, np.inf
-    assert limits_met(seen, scenarios(), MACHINE) == []
+    assert beyond(seen, MACHINE) == near(seen) == []
     seen.control[0, 0, 7, 0] = 20.0
-    assert limits_met(seen, scenarios(), MACHINE) == [
+    assert beyond(seen, MACHINE) == [
         "control of input 1 EXCEEDS its limit: 20 of 10 A (ring, nominal)"
     ]
 
@@ -124,16 +127,14 @@ def test_a_drive_at_its_limit_in_rapid_moves_of_programs_is_told():
     seen.control[:, 1, 2, 0] = -10.0
     seen.output[:, :, :5, 1] = np.arange(5) * 3e-4  # [m] faster than the limit of the axis
     seen.output[:, :, 5:, 1] = 1.2e-3
-    assert limits_met(seen, scenarios(), MACHINE) == []
+    assert beyond(seen, MACHINE) == near(seen) == []
     program = Program(np.ones(1, int), (), (), "", np.zeros(1, bool))
     [told] = drives_at_limits_in_rapids(seen, scenarios(program), MACHINE)
     assert told.startswith(
         "control of input 1 is at its limit in a rapid move: 10 of 10 A (eight, late); a lower"
     )
-    assert limits_met(seen, scenarios(program), MACHINE) == [told]
     seen.control[1, 0, 5, 1] = -9.5  # in the first scored sample
-    near = "control of input 2 is near its limit: 9.5 of 10 A (eight, nominal)"
-    assert limits_met(seen, scenarios(program), MACHINE) == [told, near]
+    assert near(seen) == ["control of input 2 is near its limit: 9.5 of 10 A (eight, nominal)"]
     seen.control[:, 1, 2, 0] = -9.99
     assert drives_at_limits_in_rapids(seen, scenarios(program), MACHINE) == []
 
@@ -141,8 +142,7 @@ def test_a_drive_at_its_limit_in_rapid_moves_of_programs_is_told():
 def test_a_step_from_a_rapid_move_to_a_cut_is_neither():
     seen = run()
     seen.output[1, 0, 5:, 0] = 3e-4  # [m] between the last rapid and the first scored sample
-    program = Program(np.ones(1, int), (), (), "", np.zeros(1, bool))
-    assert limits_met(seen, scenarios(program), MACHINE) == []
+    assert beyond(seen, MACHINE) == near(seen) == []
 
 
 def motion(steps, acceleration, dt=1e-3):
@@ -172,7 +172,7 @@ def limited(speed=None, acceleration=None):
 def test_what_a_reference_asks_for_is_held_against_the_limits(limits, told):
     calm, quick = motion(50, 1.0), motion(50, 2.0)
     found = beyond_limits_asked(quick, calm, limited(**limits), at_rest=True)
-    assert [line.partition(" that the reference")[0] for line in found] == told
+    assert [one.name.partition(" that the reference")[0] for one in found] == told
 
 
 def test_a_step_at_the_begin_counts_where_a_motion_begins_at_rest():
@@ -182,8 +182,8 @@ def test_a_step_at_the_begin_counts_where_a_motion_begins_at_rest():
     machine = limited(acceleration=0.5)
     assert beyond_limits_asked(moved, calm, machine, at_rest=True) == []  # it rests beside
     moved[0] = calm[0]
-    (line,) = beyond_limits_asked(moved, calm, machine, at_rest=True)
-    assert "acceleration of Y" in line and "1 of 0.5 m/s^2" in line
+    (one,) = beyond_limits_asked(moved, calm, machine, at_rest=True)
+    assert "acceleration of Y" in one.name and one.value == pytest.approx(1) and not one.kept
 
 
 def test_what_was_asked_for_before_is_not_told_again():
@@ -203,16 +203,18 @@ def runs():
 
 def test_runs_that_are_promised_come_before_larger_ones_of_the_others():
     seen, within = runs(), np.array([True, True, False])
-    assert limits_not_kept(seen, ACCELERATED, within) == []
+    assert exceeded(limits_of_groups(seen, ACCELERATED, within)) == []
     seen.output[0, 1, 12, 0] = 3e-6  # [m] of a sample: 3, -6 and 3 m/s^2
     seen.output[0, 2, 12, :] = 5e-6
     place = "ring, nominal, at random", "ring, late, encoder counts"
-    assert limits_not_kept(seen, ACCELERATED, within) == [
+    assert exceeded(limits_of_groups(seen, ACCELERATED, within)) == [
         f"acceleration of X EXCEEDS its limit: 6 of 2 m/s^2 ({place[0]})",
         f"acceleration of Y EXCEEDS its limit: 10 of 2 m/s^2 ({place[1]})",
     ]
     seen.output[0, 2, -1, 0] = np.nan  # it diverged: its numbers mean nothing
-    assert [line[:17] for line in limits_not_kept(seen, ACCELERATED, within)] == [
+    assert [line[:17] for line in exceeded(limits_of_groups(seen, ACCELERATED, within))] == [
         "acceleration of X"
     ]
-    assert limits_not_kept(seen, MACHINE, within) == []  # states no limit of the acceleration
+    assert (
+        exceeded(limits_of_groups(seen, MACHINE, within)) == []
+    )  # states no limit of the acceleration

@@ -7,10 +7,11 @@ import pytest
 from experiments.commands.loops.feed import next_steps
 from experiments.files.results.feed_result import FeedPoint, FeedResult
 from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
+from experiments.files.results.verdict import LimitCheck
 from experiments.jobs.job import at_constant_feed, from_file
 from experiments.jobs.pace import Pace
 from experiments.machines.linear import bridgeport_machine
-from experiments.runs.loops.feeds import recommended
+from experiments.runs.loops.feeds import recommended, verdict_on
 from jcontour.geometry.contours import circle
 
 
@@ -21,11 +22,12 @@ def point(override, cycle_time, peak_um, **changes):
         cycle_time=cycle_time,
         metrics=FamilyMetrics(metrics, metrics),
         diverged=[],
-        exceeded=[],
+        limits=[],
     )
     return replace(found, **changes)
 
 
+BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2)
 POINTS = [point(50, 10.0, 2.0), point(100, 5.2, 5.0), point(200, 4.9, 12.0)]
 
 
@@ -51,17 +53,17 @@ def result_of(points, tolerance, tuned):
         tolerance=tolerance,
         points=points,
         recommended=None if best is None else best.override,
-        reason=reason,
+        verdict=verdict_on(best, reason, points, "contour", tolerance),
         tuned=tuned,
     )
 
 
 def test_a_tolerance_that_the_corners_use_up_is_told_with_the_flag_that_helps():
     found = result(1.5e-6, 1.98e-6, tuned=False)
-    assert "the corners are blended within 1.98 um" in found.reason
+    assert "the corners are blended within 1.98 um" in found.verdict.reasons[0]
     (line,) = next_steps(found)
     assert "--corner-tolerance-um 0.75" in line and "tune" not in line
-    assert "corners" not in result(1.5e-6, 0.5e-6, tuned=False).reason
+    assert "corners" not in result(1.5e-6, 0.5e-6, tuned=False).verdict.lines[1]
 
 
 def test_a_tuned_loop_is_not_sent_back_to_tune():
@@ -91,7 +93,7 @@ def test_where_every_rise_takes_time_off_only_a_tolerance_names_a_feed():
 
 
 def test_where_every_rise_pays_the_limits_of_the_machine_decide():
-    points = [POINTS[0], POINTS[1], replace(POINTS[2], exceeded=["speed"])]
+    points = [POINTS[0], POINTS[1], replace(POINTS[2], limits=[BEYOND])]
     best, reason = recommended(points, "contour", None)
     assert best is POINTS[1] and "follows within its limits" in reason
     best, reason = recommended(points[:1], "contour", None)
@@ -101,7 +103,7 @@ def test_where_every_rise_pays_the_limits_of_the_machine_decide():
 def test_a_feed_that_a_plant_does_not_follow_is_never_recommended():
     lost = [POINTS[0], replace(POINTS[1], diverged=["nominal"])]
     assert recommended(lost, "contour", 1.0)[0] is POINTS[0]
-    beyond = [replace(one, exceeded=["speed"]) for one in POINTS]
+    beyond = [replace(one, limits=[BEYOND]) for one in POINTS]
     none, reason = recommended(beyond, "contour", 1.0)
     assert none is None and "a limit of the machine is exceeded" in reason
 

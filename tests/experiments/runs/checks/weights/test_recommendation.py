@@ -9,14 +9,16 @@ import pytest
 
 from experiments.files.results.run_metrics import FamilyMetrics, RunMetrics
 from experiments.files.results.tuned_result import PathMargins, RobustTest, TunedContour
+from experiments.files.results.verdict import LimitCheck
 from experiments.flags.tuning import Tune
 from experiments.runs.checks.weights.recommendation import (
+    Evidence,
     active_limits,
     exceeded_most,
     flag_allowing,
     hardly_worse,
     may_drift,
-    reasons_against,
+    verdict_on,
 )
 from jcontour.simulation.limit_use import LimitUse
 from tuning.objectives import COUNT_NOISE, AtMost
@@ -64,20 +66,24 @@ def contour(name, training, start, tuned, diverged=False):
     return TunedContour(name=name, training=training, samples=10, metrics=metrics)
 
 
+BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2, unit="m/s")
 GOOD = [contour("part", True, 3e-6, 1e-6), contour("circle", False, 2e-6, 1e-6)]
 SOUND = RobustTest(members=1000, diverged=0, error=2e-6, contour="part")
 
 
 def reasons(**changes):
+    return verdict_on(evidence(**changes)).reasons
+
+
+def evidence(**changes):
     given = {
         "tuned": found(),
         "contours": GOOD,
         "margins": margins(),
         "robust": SOUND,
-        "exceeded": [],
         "error": "contour",
     }
-    return reasons_against(**{**given, **changes})
+    return Evidence(**{**given, **changes})
 
 
 def test_nothing_speaks_against_a_loop_that_is_better_everywhere():
@@ -116,8 +122,8 @@ def test_weights_that_saw_a_single_plant_are_not_loaded():
 
 @pytest.mark.parametrize(("law", "calmer"), [("trapezoidal", True), ("jerk", False)])
 def test_what_asks_for_less_is_told_where_a_limit_is_exceeded(law, calmer):
-    first, second = reasons(exceeded=["speed of X EXCEEDS its limit"], feed_law=law)
-    assert first == "speed of X EXCEEDS its limit"
+    first, second = reasons(limits=[BEYOND], feed_law=law)
+    assert first.startswith("speed of X EXCEEDS its limit: 0.3 of 0.2 m/s")
     assert "--acceleration" in second and ("--feed-law jerk" in second) is calmer
 
 
@@ -141,9 +147,41 @@ def test_what_the_encoders_cannot_tell_is_told_and_no_reason():
     worse = [contour("cam", True, 3e-6, 3.1e-6), contour("ellipse", False, 2e-6, 3e-6)]
     (line,) = reasons(contours=[*GOOD, *worse], finest=0.2e-6)
     assert "ellipse x 1.50" in line and "cam" not in line
-    (told,) = hardly_worse([*GOOD, *worse], "contour", 0.2e-6)
+    (told,) = hardly_worse(evidence(contours=[*GOOD, *worse], finest=0.2e-6))
     assert told.endswith("less than the rounding of the encoders, 0.2 um: cam x 1.03")
-    assert hardly_worse([*GOOD, *worse], "contour", 0.0) == []
+    assert hardly_worse(evidence(contours=[*GOOD, *worse])) == []
+
+
+def test_weights_that_are_worse_in_all_are_not_used_however_little_it_is():
+    """Worse by 4, 13 and 38 %, each less than the encoders can tell; the start keeps its limits."""
+    worse = [contour("part", True, 1e-6, 1.04e-6), contour("circle", False, 1e-6, 1.13e-6)]
+    worse.append(contour("square", False, 1e-6, 1.38e-6))
+    (line,) = reasons(contours=worse, finest=1.4e-6)
+    assert "worse than the start in all" in line and "x 1.17" in line  # (1.04 1.13 1.38)^(1/3)
+    even = [*worse, contour("cam", False, 1.7e-6, 1e-6)]
+    assert reasons(contours=even, finest=1.4e-6) == []
+
+
+START = LimitCheck(name="acceleration of X", value=1.51, allowed=0.5, unit="m/s^2")
+
+
+def test_a_start_that_breaks_a_limit_is_no_loop_to_compare_with():
+    worse = [contour("part", True, 1e-6, 2e-6)]
+    kept = replace(START, value=0.47)
+    seen = evidence(contours=worse, limits=[kept], start_limits=[START])
+    verdict = verdict_on(seen)
+    assert verdict.usable and seen.compared == ""
+    assert "start: not usable, acceleration of X 1.51 of 0.5 m/s^2; tuned 0.47" in verdict.warnings
+    (line,) = reasons(contours=worse, limits=[kept], start_limits=[kept])
+    assert "worse than the start on training contours: part x 2.00" in line
+
+
+def test_without_a_usable_start_the_best_simple_loop_is_what_tuned_weights_have_to_beat():
+    one = contour("part", True, 1e-6, 2e-6)
+    simple = FamilyMetrics(run(1.5e-6), run(1.5e-6))
+    beside = [replace(one, metrics={**one.metrics, "baseline": simple})]
+    (line,) = reasons(contours=beside, start_limits=[START], baseline="baseline")
+    assert "worse than the baseline on training contours: part x 1.33" in line
 
 
 def restless(start, tuned, times, increment=1e-6):
@@ -246,7 +284,5 @@ def test_prices_of_one_limit_are_added_and_free_ones_left_out():
 def test_more_margin_is_more_than_there_is(there, asked):
     lost = RobustTest(members=1000, diverged=2, error=1e-6, contour="square")
     few = replace(margins(), sensitivity=there)
-    (reason,) = reasons_against(
-        found(), [contour("square", True, 2e-6, 1e-6)], few, lost, [], "contour"
-    )
+    (reason,) = reasons(contours=[contour("square", True, 2e-6, 1e-6)], margins=few, robust=lost)
     assert reason.endswith(f"--max-sensitivity {asked}")

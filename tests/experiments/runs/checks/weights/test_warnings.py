@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.files.results.tuned_result import PathMargins, Standstill
+from experiments.files.results.tuned_result import PathMargins
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.checks.weights.warnings import (
     idle_warnings,
@@ -13,7 +13,6 @@ from experiments.runs.checks.weights.warnings import (
     margin_warnings,
     search_warnings,
     slow_warnings,
-    standstill_warnings,
 )
 from tuning.tune import Tuned
 
@@ -134,29 +133,3 @@ def test_a_tool_left_behind_is_told():
     assert lag_warnings({"start": run(), "tuned": run(lag=4.9e-5)}, scenarios()) == []
     [line] = lag_warnings({"start": run(), "tuned": run(lag=1e-3)}, scenarios())
     assert "1000 um" in line and "on eight" in line
-
-
-def at_rest(control, share=0.01, allowed=0.1):
-    run = SimpleNamespace(
-        flags=SimpleNamespace(max_count_noise=share),
-        limits={} if allowed is None else {"count_noise": allowed},
-        machine=SimpleNamespace(control_unit="A"),
-    )
-    rest = None if control is None else Standstill(rms_control=control, rms_increment=0.1)
-    return standstill_warnings(rest, run)
-
-
-def test_a_control_that_counts_drive_at_rest_is_told_with_a_share_that_is_calmer():
-    (line,) = at_rest(0.2622)
-    assert "0.2622 A RMS" in line and "the 0.1 A that they may cause" in line
-    assert "--max-count-noise 0.0038 makes" in line  # 0.01 * 0.1 / 0.2622 = 0.003814
-    (line,) = at_rest(0.2)
-    assert "--max-count-noise 0.005 makes" in line
-    (line,) = at_rest(0.1001)
-    assert "--max-count-noise 0.0099 makes" in line  # down: 0.00999
-
-
-@pytest.mark.parametrize("calm", [{"control": 0.1}, {"control": None}])
-def test_a_control_within_the_noise_of_counts_is_not_told(calm):
-    assert at_rest(**calm) == []
-    assert at_rest(9.0, share=None, allowed=None) == []

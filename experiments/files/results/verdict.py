@@ -1,0 +1,140 @@
+"""Verdict of a command: whether its values may be loaded, every reason against it, every limit.
+
+One rule for all commands: every stated limit is kept, or the verdict names it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+NOT_TO_USE = 3  # exit code of a command whose verdict is against its values
+ROUNDING = 1e-5  # relative: a search ends at its limits to within rounding
+NEAR = 0.9  # of a limit, from which on there is a warning
+RINGING = 0.1  # of a limit, from which on a part between samples is printed
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitCheck:
+    """A stated limit and the largest value that the runs reach.
+
+    Attributes:
+        name: of the quantity, with its axis or input, as "speed of X".
+        value: the largest, in `unit`; infinite where a loop is unstable.
+        allowed: the limit.
+        unit: of both; empty of a ratio.
+        member: contour and plant of the largest value.
+        between: part of the value that is between the samples.
+        slack: relative; a value beyond the limit by no more counts as kept: rounding, counts, or a
+            loop's overshoot of a motion that keeps the limit.
+    """
+
+    name: str
+    value: float
+    allowed: float
+    unit: str = ""
+    member: str = ""
+    between: float = 0.0
+    slack: float = ROUNDING
+
+    @property
+    def kept(self) -> bool:
+        """Whether the value is within the limit; a value that is not a number is not."""
+        return bool(self.value <= (1 + self.slack) * self.allowed)
+
+    @property
+    def near(self) -> bool:
+        """Within the limit by less than a tenth, or beyond it by no more than the slack."""
+        return self.kept and self.value >= NEAR * self.allowed
+
+    @property
+    def size(self) -> str:
+        """Value and limit with their unit."""
+        return f"{self.value:.4g} of {self.allowed:.4g} {self.unit}".rstrip()
+
+    @property
+    def line(self) -> str:
+        """The limit in words, where it is near or exceeded."""
+        how = "is near its limit" if self.kept else "EXCEEDS its limit"
+        if self.kept and self.value > (1 + ROUNDING) * self.allowed:
+            how = f"overshoots its limit, by less than {100 * self.slack:g} %"
+        line = f"{self.name} {how}: {self.size}"
+        if self.between > RINGING * self.allowed:
+            line += f", {self.between:.3g} of it between samples: the control alternates"
+        return f"{line} ({self.member})" if self.member else line
+
+
+def exceeded(limits: Sequence[LimitCheck]) -> list[str]:
+    """A line for every limit that is not kept."""
+    return [one.line for one in limits if not one.kept]
+
+
+def kept_words(limits: Sequence[LimitCheck]) -> str:
+    """Heading of a verdict that tests a loop and does not recommend it."""
+    return "Every stated limit is kept." if limits else "The machine states no limit."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Whether the values of a run may be loaded; `Verdict.of` makes it.
+
+    Attributes:
+        usable: every stated limit is kept, and no reason speaks against the values.
+        reasons: all of them, the limits that are not kept among them.
+        warnings: what to know before the values are loaded.
+        limits: every stated limit.
+        passed: heading of the verdict where nothing speaks against the values.
+    """
+
+    usable: bool
+    reasons: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    limits: list[LimitCheck] = field(default_factory=list)
+    passed: str = "USE THESE VALUES"
+
+    @classmethod
+    def of(
+        cls,
+        limits: Sequence[LimitCheck],
+        reasons: Sequence[str] = (),
+        warnings: Sequence[str] = (),
+        help_with_limits: Sequence[str] = (),
+        passed: str = "USE THESE VALUES",
+    ) -> "Verdict":
+        """Verdict of stated limits and further reasons.
+
+        Args:
+            limits: every stated limit, with what the runs reach.
+            reasons: what else speaks against the values, the gravest first.
+            warnings: what to know before the values are loaded; near limits are added.
+            help_with_limits: what helps where a limit is not kept.
+            passed: heading where nothing speaks against the values.
+        """
+        beyond = exceeded(limits)
+        against = [*reasons, *beyond, *(help_with_limits if beyond else ())]
+        return cls(
+            usable=not against,
+            reasons=against,
+            warnings=[*warnings, *(one.line for one in limits if one.near)],
+            limits=list(limits),
+            passed=passed,
+        )
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code of the command."""
+        return 0 if self.usable else NOT_TO_USE
+
+    @property
+    def heading(self) -> str:
+        """Yes or no."""
+        if self.usable:
+            return self.passed
+        return f"DO NOT {self.passed}" if self.passed.startswith("USE") else "DO NOT USE"
+
+    @property
+    def lines(self) -> list[str]:
+        """Heading, reasons and warnings, as terminal and page show them."""
+        return [
+            self.heading,
+            *(f"  because: {line}" for line in self.reasons),
+            *(f"WARNING: {line}" for line in self.warnings),
+        ]
