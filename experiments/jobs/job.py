@@ -28,6 +28,7 @@ from jcontour.motion.references import Reference, TimeLaw, along, in_time
 
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
 RAPID = 3.0
+SETTLING = 0.25  # [s] after a motion: five time constants of a position loop of 20 1/s
 ROUNDING = 1e-12  # of a contour's length
 STILL = 1e-9  # [m] and of the way: an axis that moves less stands still
 TOOLPATHS = Path(__file__).parent / "toolpaths"
@@ -74,18 +75,19 @@ class Program(NamedTuple):
 
 
 class Job(NamedTuple):
-    """One run along a contour, from the first to the last sample.
+    """One run along a contour: its motion, and the last point held until the tool has settled.
 
     Attributes:
         name: for tables and files.
         contour: the path.
-        arc: arc length at every sample [m].
-        scored: whether every sample counts in the metrics.
+        arc: arc length at every sample of the motion [m].
+        scored: whether every sample counts in the metrics; the held ones count as the last does.
         at_rest: from rest to rest.
         feed_law: in words.
         program: file behind it; None where there is none.
         aside: where it leaves the contour, in blended corners; None where it does not.
         planned: jerk-limited motion behind it; None where there is none.
+        settling: samples of the last point that are held after the motion.
     """
 
     name: str
@@ -97,11 +99,22 @@ class Job(NamedTuple):
     program: Program | None = None
     aside: Aside | None = None
     planned: Planned | None = None
+    settling: int = 0
 
     @property
     def samples(self) -> int:
-        """Control steps of the run."""
+        """Control steps of the motion."""
         return self.arc.size
+
+    @property
+    def steps(self) -> int:
+        """Control steps of the run, those of settling included."""
+        return self.samples + self.settling
+
+    @property
+    def counted(self) -> np.ndarray:
+        """Whether every control step (steps,) counts in the metrics."""
+        return np.pad(self.scored, (0, self.settling), mode="edge")
 
     @property
     def ignored(self) -> tuple[str, ...]:
@@ -142,8 +155,9 @@ class Job(NamedTuple):
                 f"preview: {preview} samples are more than the {self.arc.size} "
                 f"of the whole run along {self.name}"
             )
-        found = along(self.contour, self.arc, dt, preview, self.at_rest, self.scored)
-        return found if self.aside is None else found.aside(*self.aside)
+        arc = np.pad(self.arc, (0, self.settling), mode="edge")
+        found = along(self.contour, arc, dt, preview, self.at_rest, self.counted)
+        return found if self.aside is None else found.aside(*self.aside.held(self.settling))
 
 
 class AxisMove(NamedTuple):
@@ -159,8 +173,13 @@ class AxisMove(NamedTuple):
 
     @property
     def samples(self) -> int:
-        """Control steps of the run."""
+        """Control steps of the run, which rests at its end."""
         return round(self.duration / self.dt) + 1
+
+    @property
+    def steps(self) -> int:
+        """The same."""
+        return self.samples
 
     @property
     def ignored(self) -> tuple[str, ...]:
@@ -228,8 +247,22 @@ def from_rest_to_rest(name: str, contour: Contour, pace: Pace, feed: float) -> J
     pieces = contour.rate.shape
     on = np.full(pieces, np.nan)
     run = along_path(contour, np.full(pieces, feed), np.zeros(pieces, bool), pace, on)
-    every = np.ones(run.arc.size, bool)
-    return Job(name, contour, run.arc, every, True, run.words, aside=run.aside, planned=run.planned)
+    return Job(
+        name,
+        contour,
+        run.arc,
+        np.ones(run.arc.size, bool),
+        True,
+        run.words,
+        aside=run.aside,
+        planned=run.planned,
+        settling=settling_samples(pace.machine.model.dt),
+    )
+
+
+def settling_samples(dt: float) -> int:
+    """Samples of `SETTLING`, at least one."""
+    return max(1, round(SETTLING / dt))
 
 
 def from_file(path: Path, pace: Pace) -> Job:
@@ -275,7 +308,16 @@ def _read(path: Path, pace: Pace) -> Job:
     )
     program = Program(read.line, read.ignored, doubts, read.stops, rapid, read)
     return Job(
-        path.stem, contour, run.arc, scored, True, run.words, program, run.aside, run.planned
+        path.stem,
+        contour,
+        run.arc,
+        scored,
+        True,
+        run.words,
+        program,
+        run.aside,
+        run.planned,
+        settling_samples(machine.model.dt),
     )
 
 

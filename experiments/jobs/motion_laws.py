@@ -35,6 +35,11 @@ class Aside(NamedTuple):
         """Some of the samples."""
         return Aside(self.offset[samples], self.tangent[samples])
 
+    def held(self, samples: int) -> "Aside":
+        """The same, its last sample held for so many more."""
+        more = ((0, samples), (0, 0))
+        return Aside(*(np.pad(rows, more, mode="edge") for rows in self))
+
 
 class AlongPath(NamedTuple):
     """A motion in samples.

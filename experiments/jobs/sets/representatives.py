@@ -53,6 +53,7 @@ def _stretch(job: Job, first: int, number: int) -> Job:
         program=None,
         aside=job.aside and job.aside.some(slice(first, last + 1)),
         planned=None,
+        settling=0,
     )
 
 

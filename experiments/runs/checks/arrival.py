@@ -1,4 +1,4 @@
-"""Whether the tool has arrived when its motion ends: nothing is scored after that."""
+"""Whether the tool has settled when a run is over: nothing is scored after that."""
 
 import numpy as np
 
@@ -11,8 +11,8 @@ FAR = 2.0  # largest contour errors that the tool may be from the end
 def arrival_warnings(replay: Replay, scenarios: Scenarios) -> list[str]:
     """A line for the contour at whose last sample the tool is farthest from its end.
 
-    Told where that is more than `FAR` of the largest contour errors that were scored, of a motion
-    that ends at rest in a cut: what the tool does on the rest of its way is then not known.
+    There is one where that is more than `FAR` of the largest contour errors that were scored, of a
+    motion that ends at rest in a cut: the tool has not settled then.
     """
     lost = np.asarray(replay.metrics.diverged)
     peaks = np.asarray(replay.metrics.peak_contour_error)
@@ -21,7 +21,7 @@ def arrival_warnings(replay: Replay, scenarios: Scenarios) -> list[str]:
         zip(scenarios.jobs, desired(scenarios), scored(scenarios), strict=True)
     ):
         steps = np.linalg.norm(np.diff(points[: job.samples], axis=0), axis=1)
-        last = job.samples - 1
+        last = job.steps - 1
         if not counted[last] or steps[-1:].sum() > RESTS * steps.max(initial=0.0):
             continue
         apart = np.linalg.norm(replay.output[c, :, last] - points[last], axis=1)
@@ -33,7 +33,6 @@ def arrival_warnings(replay: Replay, scenarios: Scenarios) -> list[str]:
         return []
     distance, name, plant = max(told)
     return [
-        f"at its last sample the tool is still {1e6 * distance:.4g} um from the end ({name}, "
-        f"{plant}): what it does until it arrives is not scored. A loop that lags less, or less "
-        "--feed-mm-per-min, shows it; precompensate holds the end and scores it"
+        f"when the run is over the tool is still {1e6 * distance:.4g} um from its end ({name}, "
+        f"{plant}): the loop is slow, or swings; what follows is not scored"
     ]

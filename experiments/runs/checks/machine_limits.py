@@ -153,7 +153,7 @@ def _rapid(scenarios: Scenarios) -> Bool[np.ndarray, "contours steps"]:
     found = np.zeros((len(scenarios.jobs), scenarios.references.steps), bool)
     for row, job in zip(found, scenarios.jobs, strict=True):
         if isinstance(job, Job) and job.program is not None:
-            row[: job.samples] = ~job.scored
+            row[: job.steps] = ~job.counted
     return found
 
 

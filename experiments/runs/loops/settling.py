@@ -18,14 +18,12 @@ FIRST, MOST = 0.25, 2.0  # [s] that are tried, each twice the last; half of it h
 
 
 def with_held_end(job: Task, samples: int) -> Task:
-    """The run with its last point held for so many samples more, scored as the last one is."""
+    """The run whose motion holds its last point for so many samples, and settles no more."""
     if not isinstance(job, Job):
         return job._replace(duration=job.duration + samples * job.dt)
-    more, aside = (0, samples), job.aside
-    if aside is not None:
-        aside = type(aside)(*(np.pad(rows, (more, (0, 0)), mode="edge") for rows in aside))
-    arc, scored = (np.pad(rows, more, mode="edge") for rows in (job.arc, job.scored))
-    return job._replace(arc=arc, scored=scored, aside=aside)
+    aside = job.aside and job.aside.held(samples)
+    arc, scored = (np.pad(rows, (0, samples), mode="edge") for rows in (job.arc, job.scored))
+    return job._replace(arc=arc, scored=scored, aside=aside, settling=0)
 
 
 def settling(job: Task, family: Plant, controller: Controller, dt: float) -> int | None:

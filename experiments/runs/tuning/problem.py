@@ -102,7 +102,7 @@ class TuningRun:
     @property
     def training_samples(self) -> int:
         """Samples of all that is tuned on."""
-        return sum(job.samples for job in self.learned)
+        return sum(job.steps for job in self.learned)
 
     @property
     def by_stretches(self) -> bool:

@@ -15,8 +15,8 @@ def _moves_within(job, machine, speed, acceleration):
     """
     dt = machine.model.dt
     reference = job.reference(dt, PREVIEW)
-    assert reference.steps == job.samples
-    assert reference.position.shape == (job.samples + PREVIEW, machine.model.axes)
+    assert reference.steps == job.steps
+    assert reference.position.shape == (job.steps + PREVIEW, machine.model.axes)
     position = np.asarray(reference.position)
     assert np.isfinite(position).all()
     assert np.asarray(reference.mask)[: job.samples].any()

@@ -135,6 +135,18 @@ def test_a_machine_that_states_its_acceleration_runs_contours_within_half_of_it(
     assert (needed < 1.01 * np.array([1.5, 1.25])).all() and (needed > [1.4, 1.2]).all()
 
 
+def test_a_run_from_rest_to_rest_holds_its_end_for_a_quarter_of_a_second_that_is_scored():
+    pace = Pace(machine_named(EXAMPLE), None, None)
+    found = along_contour("line", line([0.0, 0.0], [9e-3, 0.0]), pace)
+    reference = found.reference(pace.machine.model.dt, 3)
+    held = slice(found.samples, reference.steps)
+    assert (reference.steps - found.samples) * pace.machine.model.dt == pytest.approx(0.25)
+    np.testing.assert_allclose(np.asarray(reference.position)[held], [[9e-3, 0.0]] * 250)
+    assert np.asarray(reference.mask)[: reference.steps].all()
+    free = along_contour("square", polygon(SQUARE), Pace(MACHINES["bridgeport"](), None, None))
+    assert free.steps == free.samples  # it ends in motion
+
+
 def test_a_contour_of_more_axes_than_the_machine_is_refused():
     pace = Pace(machine_named(EXAMPLE), None, None)
     corkscrew = spline([[0.0, 0.0, 0.0], [1e-3, 0.0, 1e-3], [1e-3, 1e-3, 2e-3]])

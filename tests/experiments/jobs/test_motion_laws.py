@@ -116,7 +116,7 @@ def test_a_dwell_holds_the_tool_where_it_is(tmp_path, law):
     assert [found.line_at(int(np.argmax(each))) for each in held] == [4, 7, 7]
     reference = found.reference(1e-3, 1)
     np.testing.assert_allclose(
-        np.asarray(reference.position)[:-1][held[0]][1], [4e-3, 0], atol=1e-12
+        np.asarray(reference.position)[: found.samples][held[0]][1], [4e-3, 0], atol=1e-12
     )
     without = "\n".join(line for line in dwelling.split("\n") if not line.startswith("G4"))
     assert 550 < found.samples - planned_job(tmp_path, without, feed_law=law).samples < 800

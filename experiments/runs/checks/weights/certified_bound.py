@@ -38,7 +38,7 @@ def certified_bound(
     family = machine.exact_family(run.design.fed)
     box = box_of(family[0], bounds, machine, run.design.fed)
     references = jax.device_get(run.problem.references)
-    samples = [job.samples for job in run.learned]
+    samples = [job.steps for job in run.learned]
     largest = process.submit(
         largest_error, stack_plants(family), controller, box, references, samples
     )
