@@ -50,7 +50,11 @@ class Controller(eqx.Module):
 
     @abc.abstractmethod
     def initial_memory(self, reference: Reference) -> Memory:
-        """Memory before the first step of a run that starts as the reference says."""
+        """Memory before the first step of a run that starts as the reference says.
+
+        A run that starts at rest starts in equilibrium: on a machine that stands on the first
+        sample, the first control is `Plant.holding_control` there.
+        """
 
     @abc.abstractmethod
     def step(

@@ -26,11 +26,20 @@ class Plant(eqx.Module):
         """
         return False
 
+    @property
+    def alike_everywhere(self) -> bool | tuple[bool, ...]:
+        """Axes along which the machine is the same at any place, one answer for all or for each.
+
+        A shift of a run along them changes no error. A plant whose physics depends on the place
+        says so.
+        """
+        return True
+
     @abc.abstractmethod
     def initial_state(self, position: Float[Array, " m"], increment: Float[Array, " m"]) -> State:
         """State whose tool passes `position` [m] at a steady `increment` [m per sample].
 
-        A zero increment is rest.
+        A zero increment is rest: `holding_control` keeps that state for ever.
         """
 
     def holding_control(

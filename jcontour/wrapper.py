@@ -26,6 +26,11 @@ class Wrapper(Plant):
         """True if `vmap` over the wrapped plant is faster than a loop on a CPU as well."""
         return self.plant.side_by_side
 
+    @property
+    def alike_everywhere(self) -> bool | tuple[bool, ...]:
+        """Axes along which the wrapped plant is the same at any place."""
+        return self.plant.alike_everywhere
+
     def initial_state(self, position, increment) -> State:
         """State of the wrapped plant in steady motion."""
         return self.plant.initial_state(position, increment)

@@ -123,7 +123,8 @@ def _adaptive(machine: LinearMachine, gain, turn: float, trace) -> AdaptiveZeroP
     first = np.array([-np.exp(-turn), -np.expm1(-turn)])
     estimator = NormalisedLeastSquares(trace, FLOOR, machine.encoder_resolution)
     sensors, dt = _encoders(machine), machine.model.dt
-    return AdaptiveZeroPhaseTracking(gain, first, estimator, sensors, dt, 0.1 * first[1])
+    smallest = 0.1 * first[1]
+    return AdaptiveZeroPhaseTracking(gain, first, estimator, sensors, dt, smallest, machine.holding)
 
 
 def _first_loop(machine: LinearMachine) -> tuple[np.ndarray, float]:

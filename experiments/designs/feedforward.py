@@ -158,7 +158,7 @@ def cascade(machine: LinearMachine, gains: Gains) -> Controller:
     """P-PI on the encoders; of the gains those that it knows."""
     known = {name: gains[name] for name in CascadeGains.__dataclass_fields__ if name in gains}
     axes, dt = len(machine.axes), machine.model.dt
-    loops = Cascade(CascadeGains(**known), motors(axes), dt, _limit(machine))
+    loops = Cascade(CascadeGains(**known), motors(axes), dt, _limit(machine), machine.holding)
     return SpeedByDifference(loops, Sensors(range(axes)), dt)
 
 

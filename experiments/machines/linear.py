@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -147,6 +148,12 @@ class LinearMachine(Machine):
     def largest_control(self) -> float:
         """Smallest of the controls' limits; 1 where none is stated."""
         return 1.0 if self.limits.control is None else float(np.min(self.limits.control))
+
+    @cached_property
+    def holding(self) -> np.ndarray:
+        """Control per m that holds each axis at rest; zero where drives take a speed or a force."""
+        with jax.ensure_compile_time_eval():
+            return np.asarray(self.model.holding_control(jnp.ones(self.model.axes)))
 
     @property
     def unknown_delay(self) -> int:

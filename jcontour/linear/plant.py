@@ -69,6 +69,20 @@ def _steady_state(Sy, Sv, position, increment):
     return position @ Sy.T + increment @ Sv.T
 
 
+class OperatingPoint(NamedTuple):
+    """A standstill that a linear law counts from.
+
+    Attributes:
+        position: of the tool [m].
+        state: of the model there.
+        control: that holds it there.
+    """
+
+    position: Float[Array, " m"]
+    state: Float[Array, " n"]
+    control: Float[Array, " p"]
+
+
 class LinearPlant(Plant):
     """A linear machine, and the model inside a model-based controller.
 
@@ -227,21 +241,28 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
     """
     if plant.motion is not None:
         return plant.motion
-    axes = decoupled_axes(plant.pattern)
-    for axis in axes:
-        if len(axis.inputs) != 1 or len(axis.outputs) != 1:
-            raise ValueError(
-                "steady motion needs axes with one input and one output each, inputs "
-                f"{list(axis.inputs)} and outputs {list(axis.outputs)} hang together; {COUPLED}"
-            )
+    coupled = _coupled_axis(plant.pattern)
+    if coupled is not None:
+        raise ValueError(
+            "steady motion needs axes with one input and one output each, inputs "
+            f"{list(coupled.inputs)} and outputs {list(coupled.outputs)} hang together; {COUPLED}"
+        )
     motion, conditions = _steady_motion(plant)
-    for axis, condition in zip(axes, conditions, strict=True):
+    for axis, condition in zip(decoupled_axes(plant.pattern), conditions, strict=True):
         if is_concrete(condition) and not float(condition) * np.finfo(plant.A.dtype).eps < 1:
             raise ValueError(
                 f"output {axis.outputs[0]}: the axis cannot hold a steady motion "
                 "(its equations are singular)"
             )
     return motion
+
+
+def _coupled_axis(pattern: Pattern) -> Axis | None:
+    """First part that has not one input and one output; None where every part has."""
+    for axis in decoupled_axes(pattern):
+        if len(axis.inputs) != 1 or len(axis.outputs) != 1:
+            return axis
+    return None
 
 
 @eqx.filter_jit
@@ -281,6 +302,25 @@ def _powers_of_two(sizes: Float[Array, " n"]) -> Float[Array, " n"]:
     """Those just above the sizes: columns that are divided by them keep their digits."""
     _, exponents = jnp.frexp(jax.lax.stop_gradient(sizes))
     return jnp.ldexp(jnp.ones_like(sizes), exponents)
+
+
+def operating_point(model: LinearPlant, position: Float[Array, " m"]) -> OperatingPoint:
+    """Standstill at `position` where the model needs a control there, else the origin.
+
+    A model that needs none stands anywhere alike: any point would do. So does one without steady
+    motions, whose runs begin in a state that is given.
+    """
+    origin = OperatingPoint(
+        jnp.zeros(model.axes, model.A.dtype),
+        jnp.zeros(model.states, model.A.dtype),
+        jnp.zeros(model.inputs, model.A.dtype),
+    )
+    if model.motion is None and _coupled_axis(model.pattern) is not None:
+        return origin
+    state = steady_motion(model).state(position, jnp.zeros_like(position))
+    held = OperatingPoint(position, state, _holding(model.A, model.B, state))
+    needed = jnp.any(jnp.abs(held.control) > 0)
+    return jax.tree.map(lambda one, other: jnp.where(needed, one, other), held, origin)
 
 
 @jax.jit

@@ -79,6 +79,11 @@ class TwoLinkArm(Plant):
             setattr(self, name, jnp.broadcast_to(jnp.asarray(value, float), (2,)))
         self.dt = float(dt)
 
+    @property
+    def alike_everywhere(self) -> bool:
+        """Nowhere: angles and inertia depend on the place."""
+        return False
+
     def initial_state(self, position, increment) -> Joints:
         """Elbow bent to the left, the tool in motion.
 

@@ -8,7 +8,8 @@ the thesis, u_r is the control that the motion of the reference needs,
     u_r = k_a a_r + k_v v_r + k_c sign(v_r),     a_r = (v_r(k) - v_r(k-1)) / T_s.
 The integrator is kept as its share w of the control. Against windup w stays within the limits of
 the control, as Lam et al. have it (their section 5), and so does u. Without a limit this is the
-plain PI.
+plain PI. A run begins in equilibrium: w is the control that holds the axis where it stands,
+which a drive needs that takes a position.
 """
 
 import equinox as eqx
@@ -106,6 +107,8 @@ class Cascade(Controller):
         sensors: where the positions and velocities stand in the measurement.
         dt: sample period T_s [s].
         limit: limit of the control, +-: one number or one for each axis; none when infinite.
+        holding: control per m that holds an axis at rest: 1 / K of a drive that takes a position,
+            zero of one that takes a speed or a force.
 
     Raises:
         ValueError: `dt` is not above zero, a limit is not above zero, or the sensors give no
@@ -115,17 +118,25 @@ class Cascade(Controller):
     gains: CascadeGains
     sensors: Sensors
     limit: PerAxis
+    holding: PerAxis
     dt: float = eqx.field(static=True)
     preview: int = eqx.field(static=True, default=1)
 
-    def __init__(self, gains: CascadeGains, sensors: Sensors, dt: float, limit: ArrayLike = np.inf):
+    def __init__(
+        self,
+        gains: CascadeGains,
+        sensors: Sensors,
+        dt: float,
+        limit: ArrayLike = np.inf,
+        holding: ArrayLike = 0.0,
+    ):
         check_limit(limit)
         if not sensors.velocity:
             raise ValueError(
                 "sensors: the velocity loop needs the velocities measured, received positions only"
             )
         self.gains, self.sensors, self.dt = gains, sensors, checked_period(dt)
-        self.limit = jnp.asarray(limit, float)
+        self.limit, self.holding = jnp.asarray(limit, float), jnp.asarray(holding, float)
         self.preview = 1
 
     def prepare(self, reference: Reference) -> CascadePlan:
@@ -148,8 +159,8 @@ class Cascade(Controller):
         return CascadePlan(now, velocity, control)
 
     def initial_memory(self, reference: Reference) -> Axes:
-        """Integrators at zero, in the unit of the control."""
-        return jnp.zeros(self.sensors.axes, reference.position.dtype)
+        """Integrators that hold the axes where the reference begins, in the unit of the control."""
+        return jnp.clip(self.holding * reference.position[0], -self.limit, self.limit)
 
     def step(self, memory: Axes, plan: CascadePlan, measurement) -> tuple[Axes, Axes]:
         """Next integrators and the control, both within the limit."""

@@ -1,10 +1,11 @@
 """Adaptive zero phase error tracking (Tsao & Tomizuka; Smith & Lee, (19)-(21)).
 
     y(k+1) = -a_1 y(k) + b_0 r(k),    r(k) = (y_d(k+1) + a_1 y_d(k)) / b_0         (21)
-    u(k) = k_p (r(k) - y(k))
+    u(k) = k_p (r(k) - y(k)) + u_0
 
 The closed position loop is modelled by one pole. a_1 and b_0 are estimated while the machine
-moves. (21) prints r on its right side, for y_d. Positions count from the start of the run.
+moves. (21) prints r on its right side, for y_d. Positions count from the start of the run,
+where u_0 holds a drive that takes a position.
 """
 
 from typing import NamedTuple
@@ -50,6 +51,7 @@ class AdaptiveZeroPhaseTracking(Controller):
         sensors: where the positions stand in the measurement.
         dt: sample period [s].
         smallest: least b_0 that an estimate may have: the model stays invertible.
+        holding: control per m that holds an axis at rest, as in `Cascade`.
 
     Raises:
         ValueError: the gain, `smallest` or `dt` is not above zero, or b_0 begins below `smallest`.
@@ -61,6 +63,7 @@ class AdaptiveZeroPhaseTracking(Controller):
     estimator: NormalisedLeastSquares
     sensors: Sensors
     smallest: Float[Array, ""]
+    holding: Float[Array, "*m"]
     dt: float = eqx.field(static=True)
     preview: int = eqx.field(static=True, default=1)
 
@@ -72,9 +75,10 @@ class AdaptiveZeroPhaseTracking(Controller):
         sensors: Sensors,
         dt: float,
         smallest: ArrayLike = 0.02,  # a closed loop of 1 rad/s at 20 ms has b_0 = 0.02
+        holding: ArrayLike = 0.0,
     ):
-        self.gain, self.theta, self.smallest = (
-            jnp.asarray(x, float) for x in (gain, theta, smallest)
+        self.gain, self.theta, self.smallest, self.holding = (
+            jnp.asarray(x, float) for x in (gain, theta, smallest, holding)
         )
         for name, value in (("gain", gain), ("smallest", smallest)):
             if is_concrete(value) and not np.all(np.asarray(value) > 0):
@@ -114,7 +118,8 @@ class AdaptiveZeroPhaseTracking(Controller):
         a, b = estimate.theta[:, 0], estimate.theta[:, 1]
         filtered = (plan.later + a * plan.now) / b
         phi = jnp.stack([-position, filtered], axis=-1)
-        return AdaptiveMemory(estimate, phi), self.gain * (filtered - position)
+        control = self.gain * (filtered - position) + self.holding * plan.start
+        return AdaptiveMemory(estimate, phi), control
 
     def _invertible(self, theta: Float[Array, "m 2"]) -> Float[Array, "m 2"]:
         """Nearest parameters whose b_0 is large enough."""

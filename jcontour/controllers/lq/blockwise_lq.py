@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jcontour.controller import check_preview, whole_preview
+from jcontour.controller import whole_preview
 from jcontour.controllers.lq.contouring_lq import (
     LQWeights,
     OutputTerminal,
@@ -19,7 +19,7 @@ from jcontour.controllers.lq.contouring_lq import (
     contour_weight,
     control_weight,
 )
-from jcontour.controllers.lq.planned_feedback import PlannedFeedback
+from jcontour.controllers.lq.planned_feedback import ModelFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.riccati.blockwise import block_ends, blockwise_plan
@@ -27,7 +27,7 @@ from jcontour.riccati.forgetting import forgetful_plan, suits_forgetting
 from jcontour.riccati.receding_horizon import CostToGo
 
 
-class BlockwiseLQ(PlannedFeedback):
+class BlockwiseLQ(ModelFeedback):
     """Controller u = f - F x; every step sees at least `preview` samples of the path.
 
     >>> import numpy as np
@@ -66,13 +66,8 @@ class BlockwiseLQ(PlannedFeedback):
         self.terminal = OutputTerminal() if terminal is None else terminal
         control_weight(model, weights)
 
-    def prepare(self, reference: Reference) -> AffinePlan:
-        """Gain schedule of every step of the reference.
-
-        Raises:
-            ValueError: the reference looks less far ahead than the controller.
-        """
-        check_preview(self, reference)
+    def gain_schedule(self, reference: Reference) -> AffinePlan:
+        """F and f of every step."""
         weights, model, steps = self.weights, self.model, reference.steps
         seen = steps + self.preview
         Q = contour_weight(weights.alpha, weights.beta, reference.tangent[:seen])

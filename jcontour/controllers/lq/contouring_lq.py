@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jcontour.arrays import floating
-from jcontour.controller import check_preview, whole_preview
-from jcontour.controllers.lq.planned_feedback import PlannedFeedback
+from jcontour.controller import whole_preview
+from jcontour.controllers.lq.planned_feedback import ModelFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare
@@ -113,7 +113,7 @@ class RiccatiTerminal(Terminal):
         return dare(model.A, model.B, Q_max, control_weight(model, weights))
 
 
-class ContouringLQ(PlannedFeedback):
+class ContouringLQ(ModelFeedback):
     """Controller u = f - F x with gains made from the next `preview` samples of the path.
 
     >>> from jcontour.geometry.contours import circle
@@ -155,13 +155,8 @@ class ContouringLQ(PlannedFeedback):
         if isinstance(self.terminal, RiccatiTerminal):
             check_dare(model.A, model.B, (weights.alpha + weights.beta) * model.C.T @ model.C, R)
 
-    def prepare(self, reference: Reference) -> AffinePlan:
-        """Gain schedule of every step of the reference.
-
-        Raises:
-            ValueError: the reference looks less far ahead than the controller.
-        """
-        check_preview(self, reference)
+    def gain_schedule(self, reference: Reference) -> AffinePlan:
+        """F and f of every step."""
         weights, model = self.weights, self.model
         stage = weights.stage
         if stage is None:

@@ -12,15 +12,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import check_preview, whole_preview
-from jcontour.controllers.lq.planned_feedback import PlannedFeedback
+from jcontour.controller import whole_preview
+from jcontour.controllers.lq.planned_feedback import ModelFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare, lqr_gain, small_inverse
 from jcontour.tracing import is_concrete
 
 
-class PreviewLQ(PlannedFeedback):
+class PreviewLQ(ModelFeedback):
     """Time-invariant feedback and preview; it cannot tell contour error from tracking error.
 
     >>> from jcontour.plants.bridgeport import bridgeport
@@ -56,13 +56,8 @@ class PreviewLQ(PlannedFeedback):
                 raise ValueError(f"{name}: needs a finite weight above zero, received {weight}")
         check_dare(model.A, model.B, *self._cost())
 
-    def prepare(self, reference: Reference) -> AffinePlan:
-        """Constant gain, and feedforward of every step.
-
-        Raises:
-            ValueError: the reference looks less far ahead than the controller.
-        """
-        check_preview(self, reference)
+    def gain_schedule(self, reference: Reference) -> AffinePlan:
+        """Constant gain, and feedforward of every step."""
         A, B, C = self.model.A, self.model.B, self.model.C
         Q, R = self._cost()
         H = dare(A, B, Q, R)

@@ -47,12 +47,14 @@ class Window(NamedTuple):
         y_d: desired outputs, likewise.
         P: terminal weight, the stage profile included.
         xi_d: its target.
+        held: control that holds the machine where the run begins: it costs nothing.
     """
 
     Q: Float[np.ndarray, "N-1 m m"]
     y_d: Float[np.ndarray, "N-1 m"]
     P: Float[np.ndarray, "t t"]
     xi_d: Float[np.ndarray, " t"]
+    held: Float[np.ndarray, " p"]
 
 
 class TerminalMaps(NamedTuple):

@@ -1,13 +1,14 @@
 """`ContouringLQ` under limits, traceable: weights are tuned with the limits in the loop.
 
 The problem of a sample is that of `TrackingMPC`, in the absolute or the offset-free form,
-    sum_{j=1}^{N-1} stage_j e_j' Q_j e_j + sum_{j=0}^{N-1} (u_j + d)' R (u_j + d) + terminal,
-    x_{j+1} = A x_j + B (u_j + d),
-stated stage by stage and solved by `qp.interior_point`, under `jit`, `vmap` and derivatives. Limits
-on increments need u_{j-1} beside the state, limits on acceleration y_{j-1}: they are there where
-they are needed. Limits on control and increment hold in every plan. Those of state, output, speed
-and acceleration give way where nothing can hold them, at a price far above their multipliers, so
-that elsewhere the answer is that of the hard problem.
+    sum_{j=1}^{N-1} stage_j e_j' Q_j e_j + sum_{j=0}^{N-1} v_j' R v_j + terminal,
+    v_j = u_j + d - u_0,    x_{j+1} = A x_j + B (u_j + d),
+u_0 the control that holds the machine where the run begins, stated stage by stage and solved by
+`qp.interior_point`, under `jit`, `vmap` and derivatives. Limits on increments need u_{j-1} beside
+the state, limits on acceleration y_{j-1}: they are there where they are needed. Limits on control
+and increment hold in every plan. Those of state, output, speed and acceleration give way where
+nothing can hold them, at a price far above their multipliers, so that elsewhere the answer is that
+of the hard problem.
 """
 
 from typing import NamedTuple
@@ -27,7 +28,7 @@ from jcontour.controllers.lq.contouring_lq import (
     control_weight,
 )
 from jcontour.controllers.observers.kalman import DisturbedState
-from jcontour.linear.plant import LinearPlant, steady_motion
+from jcontour.linear.plant import LinearPlant, operating_point, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.mpc.tracking.condense import SOFT, limited_signals, predict
 from jcontour.mpc.tracking.limits import Limits, full_limits
@@ -59,12 +60,14 @@ class Ahead(NamedTuple):
         Q: output weights of samples 1..N-1 with the stage profile.
         y_d: desired outputs there [m].
         H_end, g_end: cost to go at sample N, x' H x + 2 g' x.
+        held: u_0, from which the control counts in the cost.
     """
 
     Q: Float[Array, "T N-1 m m"]
     y_d: Float[Array, "T N-1 m"]
     H_end: Float[Array, "T n n"]
     g_end: Float[Array, "T n"]
+    held: Float[Array, "T p"]
 
 
 class LimitRows(eqx.Module):
@@ -161,7 +164,10 @@ class ConstrainedLQ(Controller):
         end = self.terminal.cost(self.model, weights, Q, position, slice(N, T + N))
         ahead = np.arange(T)[:, None] + np.arange(1, N)
         profile = stage[None, : N - 1, None, None]
-        return Ahead(profile * Q[ahead], position[ahead], stage[-1] * end.H, stage[-1] * end.g)
+        held = operating_point(self.model, position[0]).control
+        held = jnp.broadcast_to(held, (T, *held.shape))
+        H_end, g_end = stage[-1] * end.H, stage[-1] * end.g
+        return Ahead(profile * Q[ahead], position[ahead], H_end, g_end, held)
 
     def initial_memory(self, reference: Reference) -> LimitedMemory:
         """The control that keeps up the motion with which the run begins, cut by its limits."""
@@ -211,7 +217,7 @@ class ConstrainedLQ(Controller):
         R, Q, C = control_weight(model, self.weights), plan.Q, model.C
         H = jnp.zeros((N, size, size)).at[:, -p:, -p:].set(2 * R)
         H = H.at[1:, :n, :n].set(2 * C.T @ Q @ C)
-        h = jnp.zeros((N, size)).at[:, -p:].set(2 * R @ load)
+        h = jnp.zeros((N, size)).at[:, -p:].set(2 * R @ (load - plan.held))
         h = h.at[1:, :n].set(-2 * jnp.einsum("ma,jmk,jk->ja", C, Q, plan.y_d))
         A, B, z = _widened(model, rows.beside, x, memory)
         wide = size - p

@@ -2,8 +2,9 @@
 
 The cost is that of McNab & Tsao, eqs. 4-8 (see `ContouringLQ`, which the absolute form equals where
 no limit is active),
-    sum_{j=1}^{N-1} stage_j e_j' Q_j e_j + sum_{j=0}^{N-1} u_j' R u_j + du_j' S du_j + terminal,
-    Q_j = Q + beta (I - t_j t_j').
+    sum_{j=1}^{N-1} stage_j e_j' Q_j e_j + sum_{j=0}^{N-1} v_j' R v_j + du_j' S du_j + terminal,
+    Q_j = Q + beta (I - t_j t_j'),   v_j = u_j - u_0,
+u_0 the control that holds the machine where the run begins.
 How the model predicts is the form's, see `forms`. A sample has three functions, which `step`
 calls one after the other: `problem` builds the QP, the solver solves it, `applied` makes of the
 answer the control and the next memory.
@@ -22,7 +23,7 @@ from jcontour.controllers.lq.contouring_lq import (
     Terminal,
 )
 from jcontour.host.controller import HostController, Stepped, StepReport
-from jcontour.linear.plant import LinearPlant, SteadyMotion, steady_motion
+from jcontour.linear.plant import LinearPlant, SteadyMotion, operating_point, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.mpc.tracking.condense import Condensed, Prediction, TerminalMaps, Window, predict
 from jcontour.mpc.tracking.forms import AbsoluteForm, Form
@@ -135,11 +136,13 @@ class TrackingMPC(HostController):
         Q = self._Q + self.weights.contour * across
         end, before = position[N : N + steps], position[N - 1 : N - 1 + steps]
         P, xi_d = self._terminal_plan(Q[N : N + steps], end, end - before)
+        held = np.asarray(operating_point(self.model, reference.position[0]).control)
         return Window(
             _windows(Q[1:], N - 1, steps),
             _windows(position[1:], N - 1, steps),
             self._stage[-1] * P,
             xi_d,
+            np.broadcast_to(held, (steps, held.size)),
         )
 
     def initial_memory(self, reference: Reference) -> TrackingMemory:
@@ -181,6 +184,8 @@ class TrackingMPC(HostController):
         condensed = self._softened if soft else self._condensed
         before = memory.control
         w, d = self.form.disturbance(self._A, self._B, memory.state, before, measurement)
+        # counted from the held control, the prediction is the same
+        w, d = w + self._B @ window.held, d - window.held
         known = np.concatenate([self.form.state(measurement), before, w, d])
         return condensed.problem(known, window, out)
 

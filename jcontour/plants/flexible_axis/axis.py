@@ -202,6 +202,13 @@ class _Axis(Plant):
         """True: few numbers leave a core's lanes empty; six axes take hardly longer than one."""
         return True
 
+    @property
+    def alike_everywhere(self) -> tuple[bool, ...]:
+        """Axes without cogging, a force of the place."""
+        p = self.parameters
+        harmonics = np.abs(p.cogging_sine) + np.abs(p.cogging_cosine)
+        return tuple((harmonics.max(axis=-1) == 0.0).tolist())
+
     def _motion(self, position, increment) -> Motion:
         speed = jnp.asarray(increment) / self.dt
         position = jnp.asarray(position)

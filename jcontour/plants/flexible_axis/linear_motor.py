@@ -153,6 +153,11 @@ class DrivenAxis(Plant):
         self.bandwidth = ranked(bandwidth, 1)
         self.voltage_limit = ranked(voltage_limit, 1)
 
+    @property
+    def alike_everywhere(self) -> bool | tuple[bool, ...]:
+        """As the axis is."""
+        return self.axis.alike_everywhere
+
     def initial_state(self, position, increment) -> DrivenState:
         """State of the axis in steady motion, `increment` per sample of this plant; no current."""
         none = jnp.zeros((*jnp.shape(position), 2), position.dtype)

@@ -52,6 +52,11 @@ class _FrictionGantry(Plant):
         self.parameters, self.dt, self.substeps = parameters, float(dt), substeps_of(dt, substeps)
         self.friction = of_sliders(friction)
 
+    @property
+    def alike_everywhere(self) -> tuple[bool, ...]:
+        """Along Y; the place of the head on the beam changes the inertia of twist."""
+        return False, True
+
     def _start(self, position, increment) -> Float[Array, "6"]:
         speed = jnp.asarray(increment) / self.dt
         return self.parameters.motors(untwisted(self.parameters, position, speed))

@@ -164,6 +164,11 @@ class Gantry(Plant):
     ):
         self.parameters, self.dt, self.substeps = parameters, float(dt), substeps_of(dt, substeps)
 
+    @property
+    def alike_everywhere(self) -> tuple[bool, ...]:
+        """Along Y; the place of the head on the beam changes the inertia of twist."""
+        return False, True
+
     def initial_state(self, position, increment) -> Float[Array, "6"]:
         """State without twist, the tool through `position`, at rest or at a steady speed.
 

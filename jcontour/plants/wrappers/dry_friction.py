@@ -18,7 +18,8 @@ class WithDryFriction(Wrapper):
     """A linear plant whose axes feel Coulomb friction.
 
         x(k+1) = A x + B u - E f,     f = F tanh(v / v_0),     v = C (A - I) x / dt
-    E is how a force enters, past a delay of the control; v is the speed of the coming sample. The
+    E is how a force enters, past a delay of the control; v is the speed of the coming sample. Where
+    a drive takes a position, the control is a part of it: v = C ((A - I) x + B u) / dt. The
     friction turns within v_0, four times what F changes the speed in a sample, so that the sampled
     loop of speed and friction is calm; below it the axis creeps where a true one sticks.
 
@@ -35,12 +36,13 @@ class WithDryFriction(Wrapper):
 
     entry: Float[Array, "n m"]
     speed: Float[Array, "m n"]
+    led: Float[Array, "m p"]  # speed by the control
     sharpness: Float[Array, " m"]
     friction: Friction
 
     def step(self, state, control) -> Float[Array, " n"]:
         """A x + B u - E f."""
-        speed = small_product(self.speed, state)
+        speed = small_product(self.speed, state) + small_product(self.led, control)
         force = jnp.tanh(self.sharpness * speed) * self.friction.dry(speed)
         return self.plant.step(state, control) - small_product(self.entry, force)
 
@@ -63,11 +65,13 @@ def with_dry_friction(
     A, C = np.asarray(plant.A), np.asarray(plant.C)
     friction = Friction(np.asarray(force), 0.0, 1.0, 0.0)
     speed = (C @ A - C) / plant.dt
+    takes_position = np.asarray(plant.holding_control(jnp.ones(len(C)))) != 0.0
+    led = C @ np.asarray(plant.B) / plant.dt * takes_position
     responses, state = [np.zeros(speed.shape[0])], np.asarray(entry)
     for _ in range(RESPONSE):
         responses.append(np.diagonal(speed @ state))
         state = A @ state
     quickest = np.abs(np.diff(responses, axis=0)).max(axis=0)
     turning = np.maximum(SLOWEST, SAMPLES * np.asarray(force) * quickest)
-    parts = (jnp.asarray(part) for part in (entry, speed, 1.0 / turning))
+    parts = (jnp.asarray(part) for part in (entry, speed, led, 1.0 / turning))
     return WithDryFriction(plant, *parts, friction)

@@ -44,6 +44,11 @@ class EngineGantry(Plant):
     dt: float = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
 
+    @property
+    def alike_everywhere(self) -> tuple[bool, ...]:
+        """Along Y; the place of the head on the beam changes the inertia of twist."""
+        return False, True
+
     def initial_state(self, position, increment) -> EngineState:
         """State without twist, the tool through `position`, at rest or at a steady speed.
 

@@ -69,6 +69,11 @@ class HardwareInLoop(Plant):
         """Sample period [s]."""
         return self.gantry.dt
 
+    @property
+    def alike_everywhere(self) -> bool | tuple[bool, ...]:
+        """As the gantry is."""
+        return self.gantry.alike_everywhere
+
     def initial_state(self, position, increment) -> Emulated:
         """State of the gantry, and a line that carries the load of a head without current.
 

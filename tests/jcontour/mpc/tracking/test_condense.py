@@ -124,7 +124,7 @@ def test_the_cost_up_to_a_constant(drawn, penalty):
     limits = full_limits(Limits.within(control=1.0, output=0.5), plant)
     maps = TerminalMaps(one.Fx[-1], one.Gx[-1], P)
     problem = Condensed(plant, R, S, stage, np.eye(2), maps, limits, penalty)
-    window = Window(Q, y_d, P, xi_d)
+    window = Window(Q, y_d, P, xi_d, np.zeros(2))
     qp = problem.problem(s, window)
     check_qp(qp)
     again = problem.problem(2 * s, window)
