@@ -7,6 +7,8 @@ from jaxtyping import Float
 from scipy.stats import norm
 
 from experiments.files.results.linear_result import LinearAxisResult
+from experiments.flags.machines import Machine
+from experiments.machines.unsure_resonances import moved, places_around
 from tuning.identification.estimates import CONFIDENCE
 from tuning.identification.linear import evidence
 from tuning.identification.linear.axis_model import AxisModel
@@ -16,6 +18,7 @@ ROUGH = 4  # windows over which the largest acceleration is taken
 THINNED = 4  # frequencies of the intervals for one of the file, but around sharp modes
 UNKNOWN = 1e4  # |G_true / G - 1| that stands for more
 ALIKE = 1.01  # ratio of counts that a log does not tell apart
+RINGS = 0.3  # damping below which a pair of poles is a resonance: it answers 1.75 times
 HIGH = 99.9  # percentile that counts as the largest: encoders have outliers
 
 
@@ -51,18 +54,33 @@ def _friction(found: LinearMachineFound) -> float | None:
 
 
 def _doubt(found: LinearMachineFound) -> dict[str, list]:
-    """Intervals of the responses at a few frequencies, the largest around each."""
-    frequency = np.unique(np.concatenate([one.response.frequency for one in found.axes]))
-    kept = np.unique(np.concatenate([_thinned(one.response.frequency) for one in found.axes]))
+    """Intervals of the responses at a few frequencies, the largest around each.
+
+    A resonance is no surer than that of a data sheet: the record has it at one place of the table,
+    with one part on it and for motions of one size.
+    """
+    dt, modes = found.record.dt, [_ringing(one.fit.model) for one in found.axes]
+    places = [places_around(hertz, dt) for each in modes for hertz, _ in each]
+    own = [_thinned(one.response.frequency) for one in found.axes]
+    kept = np.unique([float(f"{one:.6g}") for one in np.concatenate([*own, *places])])
+    frequency = np.union1d(kept, np.concatenate([one.response.frequency for one in found.axes]))
     edges = np.sqrt(kept[1:] * kept[:-1])
     rows = []
-    for one in found.axes:
+    for one, each in zip(found.axes, modes, strict=True):
         width = np.interp(
             np.log(frequency), np.log(one.response.frequency), one.response.half_width
         )
+        for hertz, damping in each:
+            floor = moved(hertz, damping, Machine.resonance_uncertainty, frequency)
+            width = np.maximum(width, floor)
         parts = np.split(np.minimum(width, UNKNOWN), np.searchsorted(frequency, edges))
         rows.append([float(f"{part.max():.3g}") for part in parts])
-    return {"hertz": [float(f"{one:.4g}") for one in kept], "relative": rows}
+    return {"hertz": kept.tolist(), "relative": rows}
+
+
+def _ringing(model: AxisModel) -> list[tuple[float, float]]:
+    """Frequency [Hz] and damping of the pairs of poles that ring."""
+    return [(hertz, damping) for hertz, damping in _modes(model)[1] if damping < RINGS]
 
 
 def _thinned(frequency: Float[np.ndarray, " F"]) -> Float[np.ndarray, " K"]:

@@ -30,15 +30,15 @@ def unsure_resonances(
         part: by which a frequency may be higher or lower, below 1.
         dt: sample period [s].
     """
-    places = np.unique(np.concatenate([_places(one, dt) for one in hertz if one]))
-    rows = [_off(one, damping, part, places) if one else np.zeros_like(places) for one in hertz]
+    places = np.unique(np.concatenate([places_around(one, dt) for one in hertz if one]))
+    rows = [moved(one, damping, part, places) if one else np.zeros_like(places) for one in hertz]
     return {
         "hertz": [float(f"{one:.6g}") for one in places],
         "relative": [[float(f"{one:.4g}") for one in row] for row in rows],
     }
 
 
-def _places(hertz: float, dt: float) -> Float[np.ndarray, " F"]:
+def places_around(hertz: float, dt: float) -> Float[np.ndarray, " F"]:
     """Frequencies around a resonance, up to half the sampling rate [Hz]."""
     parts = np.concatenate(
         [
@@ -51,10 +51,17 @@ def _places(hertz: float, dt: float) -> Float[np.ndarray, " F"]:
     return found[found < 0.5 / dt]
 
 
-def _off(
+def moved(
     hertz: float, damping: float, part: float, places: Float[np.ndarray, " F"]
 ) -> Float[np.ndarray, " F"]:
-    """Largest |R' / R - 1| of the resonances that there may be."""
+    """Largest |R' / R - 1| of the resonances that there may be in place of the one that is said.
+
+    Args:
+        hertz: resonance that is said [Hz].
+        damping: likewise; the true one may have half of it.
+        part: by which its frequency may be higher or lower.
+        places: frequencies [Hz].
+    """
     said = _factor(hertz, damping, places)
     true = [
         _factor(hertz * shift, z, places)

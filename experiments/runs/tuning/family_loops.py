@@ -1,11 +1,14 @@
 """Sensitivity of the whole family: peaks, and curves over frequency, at the probes of the paths."""
 
+from typing import NamedTuple
+
 import jax
 import numpy as np
 
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
 from experiments.reports.figures.tuning.sensitivity import FamilyCurves
+from jcontour.analysis.frequency_response import Responses
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import (
     LoopPeaks,
@@ -14,7 +17,7 @@ from jcontour.analysis.sensitivity import (
     host_peaks,
     sensitivity_curves,
 )
-from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.analysis.uncertain_loops import GRID, Doubt
 from jcontour.controller import Controller
 from jcontour.devices import on_cpu
 from jcontour.motion.references import Reference
@@ -23,6 +26,20 @@ from jcontour.simulation.evaluation import stack_plants
 
 WINDOWS = 8  # per contour, at which the sensitivity is looked at
 FREQUENCIES = np.geomspace(1e-3, 1.0, 241) * np.pi  # [rad per sample]
+
+
+class LeastKnown(NamedTuple):
+    """Where a loop rests most on what is not known of the response.
+
+    Attributes:
+        hertz: frequency [Hz].
+        relative: by how much the response may be off there.
+        complementary: largest complementary sensitivity of the family there.
+    """
+
+    hertz: float
+    relative: float
+    complementary: float
 
 
 def family_peaks(
@@ -52,6 +69,29 @@ def family_curves(
     stable = np.max(peaks.spectral_radius, axis=0) < 1
     hertz = FREQUENCIES / (2 * np.pi * machine.model.dt)
     return FamilyCurves(hertz, np.where(stable[:, None], curves, np.nan))
+
+
+def least_known(
+    controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
+) -> LeastKnown:
+    """Where the loops of the family rest most on what is not known of the response.
+
+    Raises:
+        ValueError: the machine says nothing of its response.
+    """
+    if (doubt := machine.doubt) is None:
+        raise ValueError("machine: nothing is said of its response")
+    family, windows = _probed(machine, scenarios, fed)
+    with on_cpu():
+        loops = jax.device_get(frozen_family(controller, family, windows))
+    frequency = np.union1d(GRID, doubt.frequency)
+    responses = Responses.of(loops, encoding_of(family, windows))
+    each = np.abs(np.diagonal(responses.control_complementary(frequency), axis1=-2, axis2=-1))
+    largest = np.nan_to_num(each, posinf=0.0).max(axis=tuple(range(each.ndim - 2)))
+    relative = doubt.at(frequency)
+    place, axis = np.unravel_index(np.argmax(relative * largest), relative.shape)
+    hertz = float(frequency[place]) / (2 * np.pi * machine.model.dt)
+    return LeastKnown(hertz, float(relative[place, axis]), float(largest[place, axis]))
 
 
 def _probed(machine: Machine, scenarios: Scenarios, fed: Fed) -> tuple[Plant, Reference]:

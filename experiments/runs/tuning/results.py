@@ -40,16 +40,24 @@ from experiments.runs.checks.weights.stated_limits import stated_limits
 from experiments.runs.checks.weights.unseen_plants import exceeded_unseen, over_family
 from experiments.runs.checks.weights.warnings import idle_warnings, run_warnings
 from experiments.runs.contour_summary import contour_read, peak_place
-from experiments.runs.tuning.family_loops import family_curves, family_peaks
+from experiments.runs.tuning.family_loops import (
+    LeastKnown,
+    family_curves,
+    family_peaks,
+    least_known,
+)
 from experiments.runs.tuning.problem import TuningRun
 from experiments.runs.tuning.searching import Searched
 from jcontour.analysis.sensitivity import LoopPeaks
+from jcontour.analysis.uncertain_loops import BORNE
 from jcontour.controller import Controller
 from jcontour.simulation.evaluation import member, stack_plants
+from tuning.history import FEASIBLE
 from tuning.objectives import LEAST
 from tuning.parameters import Chart
 from tuning.tune import Tuned
 
+SAFE = BORNE * np.exp(FEASIBLE)  # of what a response that is not known may take of a loop
 SHOWN = 12  # contours: more are too many to look at
 
 
@@ -147,6 +155,7 @@ def tuned_result(
             allowing=flag_allowing(limit, tuned.violation, run.flags, run.limits),
             feed_law=run.flags.feed_law,
             lasting=_offset_lasts(run, tuned) if may_drift(margins, contours) else 0.0,
+            unknown=_unknown(run, tuned) if (margins.doubt or 0.0) > SAFE else None,
             unseen=exceeded_unseen(over_family(run, tuned.weights)),
             warnings=[
                 *run_warnings(run, tuned, margins, replays),
@@ -207,6 +216,12 @@ def _offset_lasts(run: TuningRun, tuned: Tuned) -> float:
     references = jax.device_get(run.scenarios.references)
     trained = np.flatnonzero(run.scenarios.training).tolist()
     return max(offset_lasts(plant, controller, member(references, k)) for k in trained)
+
+
+def _unknown(run: TuningRun, tuned: Tuned) -> LeastKnown:
+    """Where the tuned loops rest most on what is not known of the response."""
+    controller = run.controller(tuned.weights)
+    return least_known(controller, run.machine, run.scenarios, run.design.fed)
 
 
 def shown_contours(run: TuningRun, replays: Mapping[str, Replay]) -> list[int]:

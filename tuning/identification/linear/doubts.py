@@ -74,8 +74,10 @@ def notes(axis: LinearAxis) -> list[str]:
             words = f"the response is known to 10 % {shown}; the record does not show whether the "
             words += "axis rings above that. There"
         notes.append(
-            f"{name}: {words} tuned loops stay slow enough for what is possible, and the delay may "
-            f"stand for what is faster: {_advice(axis)}"
+            f"{name}: {words} a resonance may be hidden that answers {evidence.HIDDEN:g} times as "
+            "much: tune recommends no loop whose complementary sensitivity exceeds "
+            f"{1 / evidence.HIDDEN:g} there. The delay may stand for what is faster: "
+            f"{_advice(axis)}"
         )
     if axis.delays:
         found, others = axis.fit.model.delay, " or ".join(map(str, axis.delays))

@@ -48,6 +48,8 @@ FEW = 20.5  # counts between neighbouring positions; of a continuous record they
 WHOLE = 0.1  # of a count that printed digits may round
 MOSTLY = 0.9  # of the steps
 WINDOW = 10  # samples over which a speed is taken
+LOOKED = 0.2  # relative width of the bands in which a spectrum is averaged
+HIDDEN = 10.0  # times that a resonance of damping 0.05 answers more: one that no record shows
 
 
 @dataclass(frozen=True)
@@ -148,6 +150,42 @@ def doubted(
     excess = np.sqrt(np.maximum(left - floor, 0.0) / np.maximum(of_position, 1e-300))
     width = TAKEN * np.interp(response.frequency, hertz[1:], excess[1:])
     return replace(response, half_width=np.maximum(response.half_width, width))
+
+
+def excited_to(
+    response: Response, position: Float[np.ndarray, " T"], residual: Float[np.ndarray, " T"]
+) -> float:
+    """Highest frequency [Hz] up to which the record itself holds the response; 0 where none does.
+
+    With the spectra S_y of what the model answers and S_r of what it leaves, n independent lines
+    of a band tell the response there to
+
+        1.96 sqrt(S_r / (n S_y)),
+
+    whatever the model: its own interval is narrow where nothing moved as well.
+    """
+    rows, dt = min(SPECTRUM, len(position) // 4), 0.4 / response.frequency[-1]
+    sums = []
+    for signal in (residual, position - residual):
+        hertz, power = welch(np.diff(signal, 2), 1 / dt, "blackmanharris", rows)
+        sums.append(np.append(0.0, np.cumsum(power)))
+    band = response.frequency * (1 + LOOKED / 2 * np.array([[-1.0], [1.0]]))
+    low, high = np.searchsorted(hertz, band)
+    high = np.maximum(high, low + 1)
+    left, answer = (one[high] - one[low] for one in sums)
+    lines = np.maximum(LOOKED * response.frequency * len(position) * dt, 1.0)
+    told = 1.96 * np.sqrt(left / np.maximum(answer, 1e-300) / lines) < SHOWN
+    return float(response.frequency[told].max(initial=0.0))
+
+
+def as_excited(response: Response, hertz: float) -> Response:
+    """The response, with that of a hidden resonance where nothing is shown any more.
+
+    A loop may take up half of an interval, so that half of `HIDDEN` stands for it.
+    """
+    above = response.frequency > min(response.band[1], hertz)
+    held = np.where(above, np.maximum(response.half_width, HIDDEN / 2), response.half_width)
+    return replace(response, half_width=held)
 
 
 def inside_region(

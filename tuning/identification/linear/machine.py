@@ -92,6 +92,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     response = held_response(own, equals, others)
     if dispersion > 1:
         response = evidence.doubted(response, position, fit.residual)
+    response = evidence.as_excited(response, evidence.excited_to(response, position, fit.residual))
     surest = response if dispersion > 1 else own
     gain, gain_by = gain_uncertainty(used, fit, surest, response.band)
     return LinearAxis(

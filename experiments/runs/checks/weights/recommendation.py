@@ -15,7 +15,9 @@ from experiments.files.results.tuned_result import (
 )
 from experiments.files.results.verdict import LimitCheck, Verdict
 from experiments.flags.shared import Aimed
+from experiments.runs.tuning.family_loops import LeastKnown
 from experiments.runs.tuning.limits import LIMITS
+from jcontour.analysis.uncertain_loops import BORNE
 from tuning.objectives import COUNT_NOISE, LATE, RATIO, USE_LIMITS
 from tuning.problem import Problem
 from tuning.tune import Price, Tuned
@@ -70,6 +72,8 @@ class Evidence:
         feed_law: of the motions.
         lasting: samples in which an offset of the tool dies out to a third.
         unseen: limits that plants exceed which the tuner did not see, one line each.
+        unknown: where the loops rest most on what is not known of the response, where they rest on
+            too much of it.
         warnings: what to know beside all this.
     """
 
@@ -90,6 +94,7 @@ class Evidence:
     feed_law: str = "jerk"
     lasting: float = 0.0
     unseen: Sequence[str] = ()
+    unknown: LeastKnown | None = None
     warnings: Sequence[str] = ()
 
     @property
@@ -110,6 +115,7 @@ def verdict_on(seen: Evidence) -> Verdict:
             *_adrift(seen.lasting, seen.contours),
             *_late(seen.margins, seen.delay),
             *_infeasible(seen.tuned, seen.limit, seen.allowing),
+            *_unknown(seen.unknown),
             *seen.unseen,
             *worse,
             *_restless(seen),
@@ -272,11 +278,6 @@ def _what_helps(limit: str, allowing: str) -> list[str]:
         return [
             f"the motion asks for more {ASKED.get(words, words)} than the machine has; {TRY_LESS}"
         ]
-    if limit == "response_doubt":
-        return [
-            "the machine's response is not known well enough for any loop that was tried; record "
-            "what shows it: jcontour identify --excite"
-        ]
     if limit == LATE:
         return ["a loop does not bear the delay that --min-delay-margin asks for; ask for less"]
     if limit == COUNT_NOISE:
@@ -291,6 +292,19 @@ def _what_helps(limit: str, allowing: str) -> list[str]:
     if limit == RATIO:
         return [f"a training contour stays worse than was asked for; {allowing} allows it"]
     return [f"lower the feed, or allow these weights: {allowing}"]
+
+
+def _unknown(place: LeastKnown | None) -> list[str]:
+    """A loop that rests on a response that is not known, and the record that shows it."""
+    if place is None:
+        return []
+    off = f"{100 * place.relative:.3g} %" if place.relative < 2 else f"{place.relative:.3g} times"
+    return [
+        f"at {place.hertz:.3g} Hz the machine may answer {off} off its model, and the "
+        f"complementary sensitivity there is {place.complementary:.2g}: at most "
+        f"{BORNE / place.relative:.2g} is safe; record what shows the response there: "
+        "jcontour identify --excite"
+    ]
 
 
 def _help_with(limits: Sequence[LimitCheck], feed_law: str) -> list[str]:

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from experiments.jobs.replays import Scenarios
-from experiments.runs.tuning.family_loops import FREQUENCIES, family_curves, family_peaks
+from experiments.runs.tuning.family_loops import (
+    FREQUENCIES,
+    family_curves,
+    family_peaks,
+    least_known,
+)
+from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import line
@@ -17,6 +23,8 @@ from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import stack_references
 
 DT = 1e-3
+SHOWN = 0.3  # [rad per sample]: nothing is known of what is above
+HIDDEN = Doubt(np.array([1e-3, SHOWN, SHOWN * 1.0001, np.pi]), np.array([[0.1], [0.1], [5], [5]]))
 
 
 def integrator(gain):
@@ -35,12 +43,14 @@ def found():
     scenarios = Scenarios((), (True,), (), stack_references([path]), family[0])  # type: ignore
     tried = law, machine, scenarios, "state"
     peaks = family_peaks(*tried)  # type: ignore[arg-type]
-    return gain, family_curves(*tried, peaks), peaks  # type: ignore[arg-type]
+    doubted = SimpleNamespace(smooth_family=lambda fed: family[:2], model=model, doubt=HIDDEN)
+    least = least_known(law, doubted, scenarios, "state")  # type: ignore[arg-type]
+    return gain, family_curves(*tried, peaks), peaks, least  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
 def test_curves_are_closed_forms(found):
-    gain, curves, _ = found
+    gain, curves, *_ = found
     np.testing.assert_allclose(curves.frequency[-1], 0.5 / DT)
     z = np.exp(1j * FREQUENCIES)
     for k, size in enumerate((1.0, 0.5)):
@@ -50,7 +60,15 @@ def test_curves_are_closed_forms(found):
 
 
 def test_peaks_are_closed_forms(found):
-    gain, _, peaks = found
+    gain, _, peaks, _ = found
     assert peaks.sensitivity.shape == (8, 3)
     np.testing.assert_allclose(peaks.sensitivity[0, :2], [2 / (2 - gain), 2 / (2 - gain / 2)])
     assert np.isinf(peaks.sensitivity[:, 2]).all()
+
+
+def test_a_loop_rests_most_on_the_first_frequency_that_no_record_shows(found):
+    """|T| = g / |exp(j w) - (1 - g)| falls with the frequency; W is five from there on."""
+    gain, _, _, least = found
+    assert least.hertz == pytest.approx(SHOWN / (2 * np.pi * DT), rel=1e-3)
+    wanted = gain / np.abs(np.exp(1j * SHOWN) - (1 - gain))
+    assert least.relative == 5.0 and least.complementary == pytest.approx(wanted, rel=1e-3)

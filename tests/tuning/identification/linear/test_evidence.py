@@ -41,6 +41,24 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     assert 0.90 < np.mean(inside) <= 1.0
 
 
+@pytest.mark.parametrize(("highest", "shown"), [(60.0, 60.0), (500.0, 400.0)])
+def test_a_response_is_shown_as_far_as_the_record_was_excited(highest, shown):
+    """A multisine up to a frequency, behind noise that is far smaller below it."""
+    random, seconds = np.random.default_rng(0), 20.0
+    time = DT * np.arange(int(seconds / DT))
+    lines = np.arange(0.5, highest, 0.5)
+    answer = sum(np.sin(2 * np.pi * f * time + p) for f, p in zip(lines, lines**2, strict=True))
+    noise = 1e-3 * random.standard_normal(time.size)
+    frequency = np.geomspace(0.2, 0.8 * 0.5 / DT, 120)
+    known = evidence.Response(frequency, np.ones(120, complex), np.full(120, 0.01))
+    found = evidence.excited_to(known, answer + noise, noise)
+    assert found == pytest.approx(shown, rel=0.12)
+    held = evidence.as_excited(known, found)
+    above = frequency > found
+    assert np.all(held.half_width[above] == evidence.HIDDEN / 2) and held.band[1] == found
+    assert np.all(held.half_width[~above] == 0.01)
+
+
 def test_the_band_ends_where_intervals_widen():
     frequency = np.array([1.0, 2.0, 4.0, 8.0, 16.0])
     one = evidence.Response(frequency, np.ones(5, complex), np.array([0.5, 0.02, 0.01, 0.05, 0.4]))

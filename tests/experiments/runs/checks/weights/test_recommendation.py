@@ -20,6 +20,7 @@ from experiments.runs.checks.weights.recommendation import (
     may_drift,
     verdict_on,
 )
+from experiments.runs.tuning.family_loops import LeastKnown
 from jcontour.simulation.limit_use import LimitUse
 from tuning.objectives import COUNT_NOISE, AtMost
 from tuning.outcome import LoopPeaks, Outcome
@@ -113,6 +114,13 @@ def test_a_loop_that_drifts_is_no_loop():
     assert "the feedback does next to nothing" in line and "takes 1e+07 samples" in line
     (line,) = reasons(lasting=np.inf)
     assert "stays there" in line
+
+
+def test_a_loop_that_rests_on_what_no_record_shows_is_not_loaded():
+    """The frequency, what is reached there, what is safe, and the record to make."""
+    (line,) = reasons(unknown=LeastKnown(hertz=38.2, relative=5.0, complementary=0.31))
+    for words in ("38.2 Hz", "sensitivity there is 0.31", "at most 0.1 is safe", "--excite"):
+        assert words in line
 
 
 def test_weights_that_saw_a_single_plant_are_not_loaded():
