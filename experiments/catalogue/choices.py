@@ -132,6 +132,12 @@ def read_by(name: str, flags: Flags) -> Flags:
     return replace(flags, **{flag: _usual(flag) for flag in LQ_FLAGS})
 
 
+def names_controller(flags: Controlled) -> bool:
+    """Whether the user names a controller, or numbers that a usual one alone reads."""
+    numbers = any(getattr(flags, flag) != _usual(flag) for flag in LQ_FLAGS)
+    return numbers or flags.controller is not None or bool(flags.weights)
+
+
 def _usual(flag: str) -> Any:
     return next(one.default for one in fields(Controlled) if one.name == flag)
 

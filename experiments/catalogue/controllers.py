@@ -89,6 +89,11 @@ CONTROLLERS = {
     "linear-cascade-feedforward": _linear_cascade(
         "the same fed speed, acceleration and viscous friction", "cascade-feedforward"
     ),
+    "linear-cascade-notch": _linear_cascade(
+        "the same through a notch at the lowest resonance", "cascade-notch"
+    ),
+    "position-loop": _linear_cascade("proportional position loop, fed speed and acceleration"),
+    "position-loop-notch": _linear_cascade("the same through a notch at the lowest resonance"),
     "zpetc": _linear_cascade("zero phase error tracking (Tomizuka) in front of the cascade"),
     "optimal-feedforward": _linear_cascade(
         "l1-optimal feedforward with preview (Alter & Tsao) in front of the cascade"

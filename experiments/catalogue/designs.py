@@ -33,11 +33,15 @@ def lq_designs() -> Mapping[str, MakeDesign]:
 def linear_feedforward_designs() -> Mapping[str, MakeDesign]:
     """Cascades on a machine given by A, B, C, and inverse feedforward in front of them."""
     from experiments.designs import adaptive, feedforward
+    from experiments.designs import simple_loops as simple
 
     design = feedforward.feedforward_design
     return {
         "linear-cascade": design(feedforward.Plain),
-        "linear-cascade-feedforward": design(feedforward.MotionFeedforward),
+        "linear-cascade-feedforward": simple.simple_design(simple.proportional_integral),
+        "linear-cascade-notch": simple.simple_design(simple.notched(simple.proportional_integral)),
+        "position-loop": simple.simple_design(simple.proportional),
+        "position-loop-notch": simple.simple_design(simple.notched(simple.proportional)),
         "zpetc": design(feedforward.ZeroPhase),
         "optimal-feedforward": design(feedforward.Optimal),
         "repetitive": design(adaptive.Repeating),

@@ -9,7 +9,7 @@ G_v is the response of an axis from control to speed. The series goes through w 
 """
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import product
 from typing import Any
 
@@ -22,6 +22,7 @@ from experiments.designs.gains import Gain, GainDesign, Gains
 from experiments.designs.lq.first_loop import SENSITIVITY, sensitivity_peaks, straight_windows
 from experiments.flags.shared import Controlled
 from experiments.machines.linear import LinearMachine
+from experiments.machines.steady_response import steady_response
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward
@@ -81,20 +82,6 @@ class Plain(Scheme):
     def build(self, gains: Gains) -> Controller:
         """The cascade; of the gains those that it knows."""
         return cascade(self.machine, gains)
-
-
-class MotionFeedforward(Plain):
-    """The cascade fed what the motion needs."""
-
-    def gains(self) -> dict[str, Gain]:
-        """Control that holds a speed, and that of the speed's lag."""
-        viscous, inertia = zip(*map(_steady_control, axes_of(self.machine.model)), strict=True)
-        unit = self.machine.control_unit
-        return {
-            "feedforward": Gain(1.0, ""),
-            "inertia": Gain(np.maximum(inertia, 1e-9), f"{unit} s^2/m"),
-            "viscous": Gain(np.maximum(viscous, 1e-9), f"{unit} s/m"),
-        }
 
 
 class _Inverse(Scheme):
@@ -200,28 +187,39 @@ def first_numbers(gains: dict[str, Gain], flags: Controlled) -> dict[str, float]
 
 
 def first_cascade(machine: LinearMachine) -> dict[str, Gain]:
-    """Gains of the fastest cascade of the series that keeps the margin on the family.
+    """Gains of the fastest cascade of the series that keeps the margin on the family."""
+    found = fastest(machine, cascades(machine), lambda gains: cascade(machine, gains))
+    return {name: Gain(found[name], words) for name, words in cascade_units(machine).items()}
 
-    Where none keeps it, those with the smallest peak.
-    """
+
+def cascades(machine: LinearMachine) -> list[Gains]:
+    """Gains of the series, from fast to slow."""
     axes = axes_of(machine.model)
-    series = [_loops(axes, w, c) for w, c in product(CROSSOVERS, CORNERS)]
+    return [_loops(axes, w, c) for w, c in product(CROSSOVERS, CORNERS)]
+
+
+def cascade_units(machine: LinearMachine) -> dict[str, str]:
+    """Units of the gains of a cascade."""
+    return {"position": "1/s", "velocity": f"{machine.control_unit} s/m", "integral_time": "s"}
+
+
+def fastest(
+    machine: LinearMachine, series: Sequence[Gains], build: Callable[[Gains], Controller]
+) -> Gains:
+    """The fastest loop of a series that keeps the margin on the family.
+
+    Where none keeps it, that with the smallest peak.
+
+    Args:
+        machine: whose family it is.
+        series: gains from fast to slow.
+        build: makes the controller of such gains.
+    """
     stacked = jax.tree.map(lambda *values: jnp.stack([jnp.asarray(v) for v in values]), *series)
-    family = stack_plants(machine.smooth_family())
-    peaks = np.asarray(
-        sensitivity_peaks(
-            lambda gains: cascade(machine, gains),
-            stacked,
-            family,
-            straight_windows(machine, 1),
-            machine.doubt,
-        )
-    )
+    family, windows = stack_plants(machine.smooth_family()), straight_windows(machine, 1)
+    peaks = np.asarray(sensitivity_peaks(build, stacked, family, windows, machine.doubt))
     kept = np.flatnonzero(peaks <= SENSITIVITY)
-    found = series[kept[0] if kept.size else int(np.argmin(peaks))]
-    unit = machine.control_unit
-    units = {"position": "1/s", "velocity": f"{unit} s/m", "integral_time": "s"}
-    return {name: Gain(found[name], words) for name, words in units.items()}
+    return series[kept[0] if kept.size else int(np.argmin(peaks))]
 
 
 def _loops(axes: list[TransferFunction], crossover: float, corner: float) -> dict[str, Any]:
@@ -236,14 +234,31 @@ def _loops(axes: list[TransferFunction], crossover: float, corner: float) -> dic
     }
 
 
-def _steady_control(axis: TransferFunction) -> tuple[float, float]:
-    """Control per speed and per acceleration of a slow motion: P^-1 = k_v s + k_a s^2 + ...
+def motion_gains(machine: LinearMachine) -> dict[str, Gain]:
+    """Control that holds a speed, and that of the speed's lag."""
+    axes, levels = axes_of(machine.model), level_gains(machine)
+    viscous, inertia = zip(*map(_steady_control, axes, levels), strict=True)
+    unit = machine.control_unit
+    return {
+        "inertia": Gain(np.maximum(inertia, 1e-9), f"{unit} s^2/m"),
+        "viscous": Gain(np.maximum(viscous, 1e-9), f"{unit} s/m"),
+    }
+
+
+def level_gains(machine: LinearMachine) -> np.ndarray:
+    """(m,) control that holds a position, per metre; 0 of axes that stay where they are."""
+    steady = [steady_response(machine.model, axis) for axis in range(machine.model.axes)]
+    return np.array([1 / one.gain if one.kind == "position" else 0.0 for one in steady])
+
+
+def _steady_control(axis: TransferFunction, level: float) -> tuple[float, float]:
+    """Control per speed and per acceleration of a slow motion: P^-1 = k_0 + k_v s + k_a s^2 + ...
 
     The cascade's speed is that of half a sample later, which is a share of k_a.
     """
     w = np.array([1e-3, 2e-3]) / axis.dt  # [rad/s]
     s = 1j * w
-    inverse = 1 / (axis.response(np.exp(-s * axis.dt)) * s)  # k_v + k_a s
+    inverse = (1 / axis.response(np.exp(-s * axis.dt)) - level) / s  # k_v + k_a s
     viscous = float(np.real(inverse[0]))
     inertia = float(np.imag(inverse[1] - inverse[0]) / (w[1] - w[0]))
     return viscous, inertia - viscous * axis.dt / 2

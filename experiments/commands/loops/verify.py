@@ -8,7 +8,6 @@ import numpy as np
 import xarray as xr
 from rich.console import Console
 
-from experiments.designs.design import with_values
 from experiments.files import run_folder
 from experiments.files.netcdf import save_dataset
 from experiments.files.results.run_metrics import RunMetrics
@@ -16,13 +15,13 @@ from experiments.files.results.stored import Weight, read_result, write_result
 from experiments.files.results.tuned_result import TunedResult
 from experiments.files.results.verdict import LimitCheck, Verdict
 from experiments.flags.loops import Verify
-from experiments.flags.tuning import Tune
 from experiments.jobs.job import Job
 from experiments.machines.machine import Machine
 from experiments.reports import tables
+from experiments.runs.checks.stored_loops import stored_tuning
 from experiments.runs.forecast import Steps
-from experiments.runs.lifecycle import created, finished, resumed
-from experiments.runs.tuning.problem import TuningRun, tuning_run
+from experiments.runs.lifecycle import created, finished
+from experiments.runs.tuning.problem import TuningRun
 from jcontour.host.controller import HostController
 from jcontour.motion.references import Reference
 from jcontour.mpc.tracking.limits import Bounds, Limits
@@ -103,13 +102,10 @@ class Verified:
 
 def command(flags: Verify) -> int:
     """The whole command: replay, print, exit code."""
-    folder, tune = resumed(Tune(resume=flags.run), "tune")
-    found = read_result(folder, TunedResult)
-    run, solver = tuning_run(tune), solver_named(flags.solver)
+    folder = flags.run
+    run, weights = stored_tuning(folder)
+    found, solver = read_result(folder, TunedResult), solver_named(flags.solver)
     limits = limits_of(flags, run.machine)
-    weights = with_values(
-        run.start, {name: w for name, w in found.weights.items() if w is not None}
-    )
     constrained = _constrained(run, weights, limits, solver)
     for reference in _references(run).values():
         constrained.initial_memory(reference)  # raises what does not fit before anything is written

@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -45,8 +46,16 @@ from experiments.runs.tuning.results import (
     tuned_result,
 )
 from experiments.runs.tuning.searching import NothingSound, Searched, searched
+from experiments.runs.tuning.simple_loops import (
+    best_simple,
+    simple_loops,
+    simple_words,
+    simplest,
+    start_kept,
+)
 from tuning.tune import Tuned
 
+SIMPLE = "simple-loop"  # folder of its search
 FIRST = 3  # of many contours, that are named before the tuning
 
 
@@ -78,7 +87,9 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     # the start is tried meanwhile, then the bound is proven
     with Beside(certified_bound.__module__) as process:
         start = start_trial(run, process)
-        found = _descended(run, folder, console)
+        found = _chosen(run, folder, console)
+        if found.run.before is not run.before:
+            start = start_trial(found.run, process)
         run, tuned = found.run, found.tuned
         certified = certified_bound(run, run.controller(tuned.weights), process)
         trials = {"start": start(), "tuned": trial_of(run, tuned)}
@@ -90,6 +101,46 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     told = tuned_result(found, trials, *checks, time.perf_counter() - began)
     store_result(run, told, tuned, folder)
     return told
+
+
+def _chosen(run: TuningRun, folder: Path, console: Console) -> Searched:
+    """The search of the controller, or that of a simple loop where it is as good.
+
+    What is compared with is the start of the controller, or the simple loop where that start is
+    unstable or exceeds a limit.
+
+    Raises:
+        RuntimeError: no point could be evaluated without a diverging plant.
+    """
+    loops = simple_loops(run)
+    if loops:
+        tables.say(console, f"Simple loops, where they begin: {simple_words(loops)}")
+    best = best_simple(loops)
+    if best is None:
+        return _descended(run, folder, console)
+    try:
+        found = _descended(run, folder, console)
+    except RuntimeError:
+        found = None
+
+    def search(simple: TuningRun) -> Searched | None:
+        place = folder / SIMPLE
+        place.mkdir(exist_ok=True)
+        try:
+            return _descended(simple, place, console)
+        except RuntimeError:
+            return None
+
+    chosen = simplest(best, found, search)
+    if chosen is None:
+        return _descended(run, folder, console)  # tells why
+    before = run.before if start_kept(found) or not best.kept else best.run.before
+    if (name := chosen.run.design.name) != run.design.name:
+        tables.say(console, f"Recommended: {name}, no other is better by more than 10 %.")
+    if before is not run.before:
+        why = f"that of {run.design.name} is unstable or exceeds a limit"
+        tables.say(console, f"Start: {before.name}; {why}.")
+    return replace(chosen, run=replace(chosen.run, before=before))
 
 
 def _descended(run: TuningRun, folder: Path, console: Console) -> Searched:

@@ -1,6 +1,6 @@
 """Loops of stored runs: machine, controller and contours of a run of `tune` or `simulate`."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
@@ -12,8 +12,9 @@ from experiments.flags.tuning import Tune
 from experiments.jobs.job import Pace, Task
 from experiments.machines.machine import Fed, Machine
 from experiments.runs.lifecycle import WHERE, resumed, stored_flags
-from experiments.runs.tuning.problem import tuning_run
+from experiments.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.controller import Controller
+from tuning.parameters import Weights
 
 
 @dataclass(frozen=True)
@@ -73,11 +74,22 @@ def loop_named(flags: Controlled, part: str | None) -> StoredLoop:
     return stored_loop(Path(part))
 
 
-def _tuned(folder: Path) -> StoredLoop:
+def stored_tuning(folder: Path) -> tuple[TuningRun, Weights]:
+    """Tuning run of a folder, of the controller that it recommends, and its tuned weights.
+
+    Raises:
+        ValueError: the folder holds no finished run of `tune`.
+    """
     _, flags = resumed(Tune(resume=folder), "tune")
-    named = run_folder.read_json(folder, run_folder.RESULT)["weights"]
-    run = tuning_run(flags)
-    weights = with_values(run.start, {name: w for name, w in named.items() if w is not None})
+    result = run_folder.read_json(folder, run_folder.RESULT)
+    run = tuning_run(replace(flags, controller=flags.controller or result["controller"]))
+    named = {name: value for name, value in result["weights"].items() if value is not None}
+    return run, with_values(run.start, named)
+
+
+def _tuned(folder: Path) -> StoredLoop:
+    run, weights = stored_tuning(folder)
+    flags = run.flags
     design, jobs = run.design, tuple(run.scenarios.jobs_seen(True))
     controller, pace = run.controller(weights), Pace.of(flags, run.machine)
     parts = flags.parts or run.machine.usual.training

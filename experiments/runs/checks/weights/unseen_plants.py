@@ -39,7 +39,7 @@ def over_family(run: TuningRun, weights: Weights) -> OverFamily | None:
     """Weights on the whole family; None where the tuner has seen it."""
     if not run.flags.nominal_only or len(run.machine.family_names) == 1:
         return None
-    whole = tuning_run(replace(run.flags, nominal_only=False), run.before)
+    whole = tuning_run(replace(run.flags, nominal_only=False), run.design)
     z = np.asarray(Chart(whole.problem.space, weights).coordinates())
     point = evaluate_values(whole.problem, whole.start, z)
     return OverFamily(whole, point.outcome, np.asarray(point.limits))
