@@ -9,6 +9,7 @@ from experiments.catalogue.choices import design_for
 from experiments.designs.simple_loops import resonance, simple_names
 from experiments.flags.loops import Simulate
 from experiments.machines.from_file import machine_from
+from experiments.machines.linear import LinearMachine
 from experiments.machines.unsure_resonances import unsure_resonances
 from jcontour.linear.continuous_axes import (
     force_axis,
@@ -26,7 +27,9 @@ def machine(axis, response=None):
     uncertainty = {"gain": 0.1, "delay": 1} | ({} if response is None else {"response": response})
     matrices = {name: np.asarray(getattr(plant, name)).tolist() for name in "ABC"}
     fields = {**matrices, "dt": DT, "known_delay": delay, "uncertainty": uncertainty}
-    return machine_from(json.dumps(fields).encode())
+    found = machine_from(json.dumps(fields).encode())
+    assert isinstance(found, LinearMachine)
+    return found
 
 
 def soft(axis):

@@ -142,9 +142,11 @@ def lower_left_edge(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def place_of(points: Sequence[HistoryPoint], weights: dict[str, Weight]) -> int | None:
-    """First point with these weights; None where there is none."""
+    """First point with these weights; None where there is none, as of another controller."""
     wanted = {name: np.asarray(value) for name, value in weights.items() if value is not None}
     for k, point in enumerate(points):
+        if not wanted.keys() <= point.weights.keys():
+            return None
         tried = {name: np.asarray(point.weights[name]) for name in wanted}
         if all(np.allclose(tried[name], wanted[name], rtol=1e-9) for name in wanted):
             return k

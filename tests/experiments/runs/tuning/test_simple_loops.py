@@ -21,7 +21,7 @@ def loop(name, error, violation=-0.1):
     return SimpleLoop(run, error, violation)  # pyright: ignore[reportArgumentType]
 
 
-def search(error, feasible=True, violation=-0.1, first=-0.1):
+def search(error, feasible=True, violation=-0.1, first: float | None = -0.1):
     """What a search found: its error, and the violation of its first point."""
     problem = SimpleNamespace(objective=lambda outcome: np.array([[error]]))
     row = SimpleNamespace(diverged=first is None, violation=first)
