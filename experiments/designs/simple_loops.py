@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from experiments.designs.feedforward import (
-    CROSSOVERS,
     axes_of,
     cascade,
     cascade_units,
@@ -34,6 +33,7 @@ from tuning.parameters import Fixed, Interval
 PROPORTIONAL, CASCADE = "position-loop", "linear-cascade-feedforward"  # without a notch
 NOTCHED = {PROPORTIONAL: "position-loop-notch", CASCADE: "linear-cascade-notch"}
 ORDERS = ("level", "viscous", "inertia")  # control per position, speed, acceleration
+POSITION_CROSSOVERS = np.geomspace(0.5, 3e-4, 32)  # [rad per sample] from fast to slow
 RINGS = 0.3  # damping below which a pair of poles is a resonance
 USUAL = 0.1  # of the sampling rate: where a notch begins on a machine without one
 DEPTH, DAMPING = 0.2, 0.2  # of a notch that bears a resonance 5 % off: it allows 3 times the gain
@@ -80,7 +80,7 @@ def resonance(model: LinearPlant) -> float | None:
 def proportional(machine: LinearMachine) -> Loop:
     """A proportional position loop, as fast on all axes at first."""
     model, sensors = machine.model, Sensors(range(machine.model.axes))
-    series = [{"position": np.full(model.axes, w / model.dt)} for w in CROSSOVERS]
+    series = [{"position": np.full(model.axes, w / model.dt)} for w in POSITION_CROSSOVERS]
     fed = motion_gains(machine)
     levels = level_gains(machine)
     if levels.any():

@@ -19,6 +19,7 @@ THINNED = 4  # frequencies of the intervals for one of the file, but around shar
 UNKNOWN = 1e4  # |G_true / G - 1| that stands for more
 ALIKE = 1.01  # ratio of counts that a log does not tell apart
 RINGS = 0.3  # damping below which a pair of poles is a resonance: it answers 1.75 times
+DISTURBED = 10.0  # times the noise of the encoder, that a disturbance is told from
 HIGH = 99.9  # percentile that counts as the largest: encoders have outliers
 
 
@@ -43,7 +44,22 @@ def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> d
         "encoder_resolution": counts(found),
         "encoder_noise": noises(found),
         "friction": _friction(found),
+        **_note(found),
     }
+
+
+def _note(found: LinearMachineFound) -> dict[str, str]:
+    """What moves a drive that takes a position beside its command, where that is much."""
+    parts = []
+    for one in found.axes:
+        left = float(np.sqrt(np.mean(one.fit.residual**2)))
+        noise = np.hypot(one.resolution / np.sqrt(12), one.encoder_noise)
+        if one.fit.model.integrators == 0 and left > DISTURBED * noise:
+            parts.append(f"{1e6 * left:.3g} um on {one.name}")
+    if not parts:
+        return {}
+    moved = f"the record holds {', '.join(parts)} RMS that the command does not explain"
+    return {"note": f"{moved}: the machine has it beside every error of a run here"}
 
 
 def _friction(found: LinearMachineFound) -> float | None:

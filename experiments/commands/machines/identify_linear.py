@@ -84,7 +84,8 @@ def _fields(found: LinearMachineFound, name: str, control_unit: str) -> dict[str
         return machine_fields(found, name, control_unit)
     axis = found.axes[0].name
     note = f"{_other(axis)} was not measured: it is a copy of {axis}"
-    return machine_fields(found.twice(_other(axis)), name, control_unit) | {"note": note}
+    fields = machine_fields(found.twice(_other(axis)), name, control_unit)
+    return fields | {"note": "; ".join([note, *filter(None, [fields.get("note")])])}
 
 
 def _other(axis: str) -> str:

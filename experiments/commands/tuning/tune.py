@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -51,7 +50,6 @@ from experiments.runs.tuning.simple_loops import (
     simple_loops,
     simple_words,
     simplest,
-    start_kept,
 )
 from tuning.tune import Tuned
 
@@ -88,8 +86,6 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     with Beside(certified_bound.__module__) as process:
         start = start_trial(run, process)
         found = _chosen(run, folder, console)
-        if found.run.before is not run.before:
-            start = start_trial(found.run, process)
         run, tuned = found.run, found.tuned
         certified = certified_bound(run, run.controller(tuned.weights), process)
         trials = {"start": start(), "tuned": trial_of(run, tuned)}
@@ -105,9 +101,6 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
 
 def _chosen(run: TuningRun, folder: Path, console: Console) -> Searched:
     """The search of the controller, or that of a simple loop where it is as good.
-
-    What is compared with is the start of the controller, or the simple loop where that start is
-    unstable or exceeds a limit.
 
     Raises:
         RuntimeError: no point could be evaluated without a diverging plant.
@@ -134,13 +127,9 @@ def _chosen(run: TuningRun, folder: Path, console: Console) -> Searched:
     chosen = simplest(best, found, search)
     if chosen is None:
         return _descended(run, folder, console)  # tells why
-    before = run.before if start_kept(found) or not best.kept else best.run.before
     if (name := chosen.run.design.name) != run.design.name:
         tables.say(console, f"Recommended: {name}, no other is better by more than 10 %.")
-    if before is not run.before:
-        why = f"that of {run.design.name} is unstable or exceeds a limit"
-        tables.say(console, f"Start: {before.name}; {why}.")
-    return replace(chosen, run=replace(chosen.run, before=before))
+    return chosen
 
 
 def _descended(run: TuningRun, folder: Path, console: Console) -> Searched:

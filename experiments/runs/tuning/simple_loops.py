@@ -1,9 +1,8 @@
 """The simple loops of a drive beside the usual controller of a machine.
 
 Whoever names no controller gets the simplest loop that is good enough. Every simple loop that suits
-the machine is evaluated where it begins, on the contours, family and limits of the run. The best of
-them is what tuned weights are compared with where the start of the usual controller is not to be
-loaded. Where it may come within reach of the tuned controller it is tuned as well, and recommended
+the machine is evaluated where it begins, on the contours, family and limits of the run. Where the
+best of them may come within reach of the tuned controller it is tuned as well, and recommended
 where it is as good.
 """
 
@@ -103,9 +102,7 @@ def of_design(run: TuningRun, design: Design) -> TuningRun:
     before = getattr(problem.limits, "before", None)
     problem = replace(problem, limits=AtMost(before, **limits))
     settings = replace(run.settings, starts=1, scatter=0, steps=STEPS)
-    return replace(
-        run, before=design, design=design, problem=problem, settings=settings, limits=limits
-    )
+    return replace(run, design=design, problem=problem, settings=settings, limits=limits)
 
 
 def _at_start(run: TuningRun) -> SimpleLoop:
@@ -142,14 +139,6 @@ def _recommended(simple: Searched, found: Searched) -> bool:
 def _error(found: Searched) -> float:
     """Objective of what was found."""
     return objective_value(np.asarray(found.run.problem.objective(found.tuned.outcome)))
-
-
-def start_kept(found: Searched | None) -> bool:
-    """Whether the controller was stable within every limit where its search began."""
-    if found is None:
-        return False
-    first = found.tuned.history[0]
-    return not first.diverged and first.violation <= FEASIBLE
 
 
 def simple_words(loops: Sequence[SimpleLoop]) -> str:

@@ -11,7 +11,6 @@ from experiments.runs.tuning.simple_loops import (
     best_simple,
     simple_words,
     simplest,
-    start_kept,
     worth_trying,
 )
 
@@ -21,11 +20,10 @@ def loop(name, error, violation=-0.1):
     return SimpleLoop(run, error, violation)  # pyright: ignore[reportArgumentType]
 
 
-def search(error, feasible=True, violation=-0.1, first: float | None = -0.1):
-    """What a search found: its error, and the violation of its first point."""
+def search(error, feasible=True, violation=-0.1):
+    """What a search found."""
     problem = SimpleNamespace(objective=lambda outcome: np.array([[error]]))
-    row = SimpleNamespace(diverged=first is None, violation=first)
-    tuned = SimpleNamespace(outcome=None, feasible=feasible, violation=violation, history=[row])
+    tuned = SimpleNamespace(outcome=None, feasible=feasible, violation=violation)
     return Searched(SimpleNamespace(problem=problem), tuned, 1)  # pyright: ignore
 
 
@@ -78,8 +76,3 @@ def test_the_simple_loop_is_recommended_where_it_is_as_good(controller, tuned, r
 def test_a_simple_loop_that_is_far_off_is_not_tuned():
     controller = search(10e-6)
     assert simplest(loop("p", 16e-6), controller, lambda run: pytest.fail()) is controller
-
-
-def test_a_start_that_is_unstable_or_beyond_a_limit_is_not_kept():
-    assert start_kept(search(1e-6)) and not start_kept(search(1e-6, first=0.1))
-    assert not start_kept(search(1e-6, first=None)) and not start_kept(None)
