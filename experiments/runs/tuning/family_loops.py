@@ -83,7 +83,7 @@ def least_known(
         raise ValueError("machine: nothing is said of its response")
     family, windows = _probed(machine, scenarios, fed)
     with on_cpu():
-        loops = jax.device_get(frozen_family(controller, family, windows))
+        loops = jax.device_get(frozen_family(family, controller, windows))
     frequency = np.union1d(GRID, doubt.frequency)
     responses = Responses.of(loops, encoding_of(family, windows))
     each = np.abs(np.diagonal(responses.control_complementary(frequency), axis1=-2, axis2=-1))
