@@ -9,6 +9,8 @@ Where that is beyond the limits, the tool is slower than it could be: a motion w
 below h has to follow the rounding.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -30,37 +32,36 @@ ALMOST_ALL = 0.99  # of the chords
 ENOUGH = 0.1  # of the way that is cut
 
 
+class Coarse(NamedTuple):
+    """Step that coordinates are rounded to [m], and how many moves cannot be smoothed for it."""
+
+    step: float
+    moves: int
+
+
 def coarse_coordinates(
     contour: Contour, speed: Float[np.ndarray, " P"], cut: Bool[np.ndarray, " P"], pace: Pace
-) -> tuple[str, ...]:
-    """Advice for a jerk-limited motion that the rounding of coordinates spoils; else none.
+) -> Coarse | None:
+    """Rounding of coordinates that spoils a jerk-limited motion; None where it spoils none.
 
     Args:
         contour: of a file.
         speed: that is asked for along every piece [m/s].
         cut: which pieces are cut.
-        pace: law, limits and tolerance.
+        pace: limits and tolerance.
     """
-    if pace.feed_law != "jerk" or not pace.corner_tolerance:
-        return ()
     limits, tolerance = axis_limits(pace), pace.corner_tolerance
     pieces = unpadded(contour)
     chords = _chords(pieces, cut)
     step = _step_of(pieces.polynomial[chords, 1] * pieces.extent[chords, None])
     if step is None or not tolerance < (1 - ON_STEP) * step <= COARSEST:
-        return ()
+        return None
     by_acceleration = np.sqrt(step / 2 / limits.acceleration.min())  # [s]
     by_jerk = np.cbrt(step / 2 / limits.jerk.min())
     slowed = chords & (pieces.extent < np.pi * speed * max(by_acceleration, by_jerk))
     if pieces.extent[slowed].sum() < ENOUGH * pieces.extent[cut].sum():
-        return ()
-    advice = (
-        f"coordinates are rounded to {1e6 * step:.3g} um, the tolerance is {1e6 * tolerance:.3g} "
-        f"um: {slowed.sum()} short moves cannot be smoothed, which takes time; "
-        f"--corner-tolerance-um {1e6 * step:.3g} smooths them and may leave the part by as much; "
-        "coordinates with more digits need not"
-    )
-    return (advice,)
+        return None
+    return Coarse(step, int(slowed.sum()))
 
 
 def _chords(pieces: Piece, cut: Bool[np.ndarray, " P"]) -> Bool[np.ndarray, " P"]:

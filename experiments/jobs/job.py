@@ -10,12 +10,14 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from experiments.jobs.coarse import coarse_coordinates
 from experiments.jobs.entry import behind_entry
 from experiments.jobs.memory import room
-from experiments.jobs.motion_laws import UM, Aside, along_path
+from experiments.jobs.motion_laws import Aside, along_path, planned_motion
 from experiments.jobs.pace import MM_PER_MIN, Pace
+from experiments.jobs.tolerance_advice import tolerance_advice
 from experiments.machines.machine import Machine
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
@@ -301,9 +303,8 @@ def _read(path: Path, pace: Pace) -> Job:
     doubts = (
         *read.doubts,
         *_unused_unit(path, pace),
-        *coarse_coordinates(contour, speed, ~rapid, pace),
         *_rapid_speed(speed, rapid, machine),
-        *_own_tolerance(read.tolerance, pace),
+        *_tolerance(read, contour, speed, pace, run.planned),
         *_still_axes(contour, machine),
     )
     program = Program(read.line, read.ignored, doubts, read.stops, rapid, read)
@@ -357,17 +358,24 @@ def _rapid_speed(speed: np.ndarray, rapid: np.ndarray, machine: Machine) -> Iter
     yield f"rapid moves at {asked / MM_PER_MIN:.0f} mm/min ({why})"
 
 
-def _own_tolerance(allowed: float | None, pace: Pace) -> Iterator[str]:
-    """What a program allows from its path [m], where the motion has another tolerance."""
-    used = pace.corner_tolerance
-    if allowed is None or pace.feed_law != "jerk" or np.isclose(allowed, used):
-        return
-    own, flag = f"{allowed / UM:.4g} um (P of G64)", f"--corner-tolerance-um {allowed / UM:.4g}"
-    if allowed > used:
-        yield f"the program allows {own}, {used / UM:.4g} um are used: {flag} uses what it allows"
-    else:
-        closer = f"closer than the {used / UM:.4g} um that are used"
-        yield f"the program asks for {own}, {closer}: {flag} keeps to it"
+def _tolerance(
+    read: Toolpath,
+    contour: Contour,
+    speed: Float[np.ndarray, " P"],
+    pace: Pace,
+    planned: Planned | None,
+) -> tuple[str, ...]:
+    """Advice on another tolerance of a jerk-limited motion at the programmed feeds."""
+    if planned is None or pace.override != 1.0:
+        return ()
+
+    def within(tolerance: float) -> Planned:
+        rest = read.rest + read.z_alone
+        other = pace._replace(corner_tolerance=tolerance)
+        return planned_motion(contour, speed, read.rapid, other, rest)
+
+    coarse = coarse_coordinates(contour, speed, ~read.rapid, pace)
+    return tolerance_advice(planned, pace.corner_tolerance, read.tolerance, coarse, within)
 
 
 def _still_axes(contour: Contour, machine: Machine) -> Iterator[str]:

@@ -101,12 +101,23 @@ def axis_limits(pace: Pace) -> AxisLimits:
     return AxisLimits.of(axes, acceleration, jerk, np.inf if speed is None else speed)
 
 
-def _jerk_limited(contour: Contour, feed, rapid, pace: Pace, rest, words: str) -> AlongPath:
+def planned_motion(
+    contour: Contour,
+    feed: Float[np.ndarray, " P"],
+    rapid: Bool[np.ndarray, " P"],
+    pace: Pace,
+    rest: Float[np.ndarray, " P"],
+) -> Planned:
+    """Jerk-limited motion; see `along_path`."""
     changes = np.append(rapid[1:] != rapid[:-1], False)
     rest = np.where(changes & np.isnan(rest), 0.0, rest)
     alike = np.isclose(feed[1:], feed[:-1], rtol=SAME_FEED, atol=0.0)
-    planned = cornered(contour, feed, axis_limits(pace), pace.corner_tolerance, rest, alike)
-    around, motion, rests = planned
+    return cornered(contour, feed, axis_limits(pace), pace.corner_tolerance, rest, alike)
+
+
+def _jerk_limited(contour: Contour, feed, rapid, pace: Pace, rest, words: str) -> AlongPath:
+    planned = planned_motion(contour, feed, rapid, pace, rest)
+    around, motion, rests, _ = planned
     followed = motion.sampled(pace.machine.model.dt, rests)
     arc = around.true_arc(followed)
     place, tangent = _on(around.path, followed)

@@ -33,8 +33,12 @@ def show_simulated(result: SimulatedResult, console: Console) -> None:
 def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
     """How long the motion takes, what limits it, and the peaks of every axis."""
     shares = [
-        [f"time under the limit of {name}", f"{100 * share:.1f} %"]
+        [
+            "time at rest" if name == "rest" else f"time under the limit of {name}",
+            f"{100 * share:.1f} %",
+        ]
         for name, share in motion.shares.items()
+        if share or name != "rest"
     ]
     peaks = [
         [f"peak jerk of {axis}", f"{digits(peak)} of {digits(limit)} m/s^3"]

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
+from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import fitted
 from jcontour.motion.blends import Blends
@@ -39,7 +40,7 @@ class BlendedPath:
         piece: (P',) number of the true piece that a piece is part of; of a blend, the one before.
         blend: (P',) which pieces belong to blends.
         place: (P'+1,) arc length on the true contour where each begins, and the end [m].
-        deviation: bound of the distance between both [m].
+        apart: (P',) bound of the distance between each and the contour [m].
     """
 
     path: Contour
@@ -47,7 +48,12 @@ class BlendedPath:
     piece: Int[np.ndarray, " P"]
     blend: Bool[np.ndarray, " P"]
     place: Float[np.ndarray, " ends"]
-    deviation: float
+    apart: Float[np.ndarray, " P"]
+
+    @property
+    def deviation(self) -> float:
+        """Bound of the distance between both [m]."""
+        return float(self.apart.max())
 
     def feed(self, feed: Float[np.ndarray, " P"]) -> Float[np.ndarray, " Q"]:
         """Feed [m/s] of the pieces of the path; of a blend, the lower one of both sides."""
@@ -65,10 +71,16 @@ class BlendedPath:
         starts = np.append(0.0, np.cumsum(np.asarray(self.path.extent)[mask]))
         return np.interp(arc, starts, self.place)
 
+    def path_arc(self, place: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
+        """Arc length on the path [m] that belongs to one on the true contour."""
+        mask = np.asarray(self.path.mask)
+        starts = np.append(0.0, np.cumsum(np.asarray(self.path.extent)[mask]))
+        return np.interp(place, self.place, starts)
+
 
 def blended(
     contour: Contour,
-    tolerance: float,
+    tolerance: Numbers,
     allowed: Bool[np.ndarray, " joints"] | None = None,
     used: Float[np.ndarray, " joints"] | None = None,
     asked: Asked | None = None,
@@ -85,7 +97,7 @@ def blended(
 
     Args:
         contour: one contour, not a stack.
-        tolerance: greatest distance [m]; 0 leaves the contour as it is.
+        tolerance: greatest distance [m], one or one for every joint; 0 leaves the contour as it is.
         allowed: which of the joints between pieces may be blended; all when not given.
         used: of the tolerance beside every joint [m], by a contour that stands for another one;
             nothing when not given. The deviation counts it.
@@ -96,10 +108,12 @@ def blended(
         ValueError: a tolerance below zero or not finite, a feed that is not finite and above zero,
             or a wrong shape.
     """
-    if not (np.isfinite(tolerance) and tolerance >= 0):
+    tolerance = np.asarray(tolerance, float)
+    if not (np.isfinite(tolerance) & (tolerance >= 0)).all():
         raise ValueError(f"tolerance: needs to be finite and not negative, received {tolerance}")
     pieces = unpadded(contour)
     count = pieces.extent.size
+    tolerance = np.broadcast_to(tolerance, count - 1)
     allowed = np.ones(count - 1, bool) if allowed is None else np.asarray(allowed, bool)
     if allowed.shape != (count - 1,):
         raise ValueError(f"allowed: needs shape ({count - 1},), received {allowed.shape}")
@@ -108,10 +122,11 @@ def blended(
     found = joints(pieces)
     rough = (found.turn > ROUNDING) | (found.bend > 0)
     at = np.flatnonzero(allowed & rough & (found.turn < SHARPEST))
-    if tolerance > 0 and at.size > 0:
+    at = at[tolerance[at] > 0]
+    if at.size > 0:
         most = SHARE * np.minimum(pieces.extent[at], pieces.extent[at + 1])
         blends = Blends(pieces, at, found.turn[at] > CORNER, most)
-        left = SAFETY * (tolerance - used[at])
+        left = SAFETY * (tolerance[at] - used[at])
         blends = within(blends, left)
         if asked is not None:
             blends = as_needed(blends, left, asked.lower[at], asked.limits)
@@ -119,7 +134,7 @@ def blended(
         if blends.at.size > 0:
             return _assembled(contour, blends, used[blends.at])
     starts, every = np.append(0.0, np.cumsum(pieces.extent)), np.arange(count)
-    return BlendedPath(contour, contour, every, np.zeros(count, bool), starts, 0.0)
+    return BlendedPath(contour, contour, every, np.zeros(count, bool), starts, 0.0 * every)
 
 
 def _assembled(contour: Contour, blends: Blends, used: Float[np.ndarray, " B"]) -> BlendedPath:
@@ -150,8 +165,8 @@ def _assembled(contour: Contour, blends: Blends, used: Float[np.ndarray, " B"]) 
     piece = np.concatenate([kept, joint])[order]
     blend = np.concatenate([np.zeros(kept.size, bool), np.ones(joint.size, bool)])[order]
     path = from_pieces(whole, fit_error=fit.error, newton_steps=NEWTON_STEPS)
-    most = float((deviation + used).max()) + fit.error
-    return BlendedPath(path, contour, piece, blend, np.append(place, starts[-1]), most)
+    apart = np.concatenate([np.zeros(kept.size), (deviation + used)[number] + fit.error])[order]
+    return BlendedPath(path, contour, piece, blend, np.append(place, starts[-1]), apart)
 
 
 def _cut(pieces: Piece, by, extent) -> Piece:

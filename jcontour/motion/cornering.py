@@ -8,6 +8,10 @@ of a line from rest to rest is known in closed form. That of a curve is estimate
 and the most that limits allow anywhere on it, so that it is rather too short. Where stops look
 quicker, the path is planned again without blends there. A joint that is stopped in once stays so:
 there is an end.
+
+A larger tolerance is not used where it saves no time. The motion is planned again with less of it,
+everywhere at first. Where a piece of the contour is then passed later than before, its joints keep
+what they had. The rest goes on with less, down to the finest.
 """
 
 from typing import NamedTuple
@@ -16,6 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry.contour import Contour
+from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.blending import BlendedPath
 from jcontour.motion.feed_laws import SharpTurnError
@@ -28,14 +33,22 @@ from jcontour.motion.rests import Rests, rest_of_pieces
 from jcontour.motion.smoothing import smooth_path
 
 WORTH = 1e-3  # of the duration: a smaller gain needs no second plan, unless it decides
+FINEST = 2e-6  # [m] of a deviation: to take less of it is not worth another plan
+LESS = 7.0  # times less of the tolerance in the next plan
+TRIES = 6  # plans with less of the tolerance
 
 
 class Planned(NamedTuple):
-    """A jerk-limited motion, the path with blends that it runs along, and where it rests."""
+    """A jerk-limited motion, the path with blends that it runs along, and where it rests.
+
+    Attributes:
+        passed: joints of the contour that it need not stop in.
+    """
 
     around: BlendedPath
     motion: JerkLimitedMotion
     rests: Rests
+    passed: Bool[np.ndarray, " joints"]
 
     @property
     def duration(self) -> float:
@@ -51,6 +64,82 @@ def cornered(
     rest: Float[np.ndarray, " P"] | None = None,
     alike: Bool[np.ndarray, " joints"] | None = None,
 ) -> Planned:
+    """Quickest motion within a tolerance of a contour, with no more of it than the time needs.
+
+    The motion is that of `quickest`, or one that is longer by a thousandth at most and nearer to
+    the contour: each of its joints has the tolerance, or a seventh of it, or a seventh of that, and
+    so on, down to 2 um.
+
+    Args:
+        contour: one contour, not a stack.
+        feed: greatest speed on every piece [m/s].
+        limits: of the axes.
+        tolerance: greatest distance from the contour [m]; 0 stops in every corner.
+        rest: see `quickest`.
+        alike: see `smooth_path`.
+
+    Raises:
+        ValueError: as `quickest`.
+        SharpTurnError: as `quickest`.
+    """
+    best = quickest(contour, feed, limits, tolerance, rest, alike)
+    rest = rest_of_pieces(rest, feed.size)
+    most, before = (1 + WORTH) * best.motion.duration, _elapsed(best)
+    given = np.full(feed.size - 1, float(tolerance))
+    open_ = np.ones(given.size, bool)
+    for _ in range(TRIES):
+        open_ &= _far(best.around) & (given > FINEST)
+        if not open_.any():
+            break
+        less = np.where(open_, np.maximum(FINEST, given / LESS), given)
+        latest = _planned(contour, feed, limits, less, best.passed, rest, alike)
+        nearer = latest.around.deviation <= best.around.deviation
+        if nearer and latest.motion.duration <= most:
+            best, given = latest, less
+            continue
+        later = _later(_elapsed(latest) - before, WORTH / 2 * best.motion.duration)
+        still = open_ & ~(later[1:] | later[:-1])
+        if (still == open_).all():
+            break
+        open_ = still
+    return best
+
+
+def _later(excess: Float[np.ndarray, " P"], allowed: float) -> Bool[np.ndarray, " P"]:
+    """Fewest pieces without which the excess of their times [s] sums to what is allowed."""
+    excess = np.maximum(excess, 0.0)
+    order = np.argsort(-excess)
+    left = excess.sum() - np.cumsum(excess[order])
+    later = np.zeros(excess.size, bool)
+    later[order[: 1 + np.count_nonzero(left > allowed)]] = True
+    return later
+
+
+def _far(around: BlendedPath) -> Bool[np.ndarray, " joints"]:
+    """Joints of the contour beside which a path leaves it by more than the finest deviation."""
+    count = int(np.asarray(around.contour.mask).sum())
+    begin, end = around.piece, np.append(around.piece[1:], count - 1)
+    far = around.apart > FINEST
+    change = np.zeros(count + 2, int)  # of the ranges of pieces beside these, from joint to joint
+    np.add.at(change, begin[far], 1)
+    np.add.at(change, end[far] + 2, -1)
+    return np.cumsum(change)[1:-2] > 0
+
+
+def _elapsed(planned: Planned) -> Float[np.ndarray, " P"]:
+    """Time that a motion takes for every piece of the contour [s]."""
+    starts = np.append(0.0, np.cumsum(unpadded(planned.around.contour).extent))
+    return np.diff(planned.motion.reached(planned.around.path_arc(starts)))
+
+
+def quickest(
+    contour: Contour,
+    feed: Float[np.ndarray, " P"],
+    limits: AxisLimits,
+    tolerance: float,
+    rest: Float[np.ndarray, " P"] | None = None,
+    alike: Bool[np.ndarray, " joints"] | None = None,
+) -> Planned:
     """Quickest motion that is found within a tolerance of a contour, from rest to rest.
 
     On lines it is never slower than one that stops in every corner, but for a ten-thousandth where
@@ -59,7 +148,7 @@ def cornered(
     >>> from jcontour.geometry import contours
     >>> limits = AxisLimits.of(2, acceleration=[0.1, 10.0], jerk=[1.0, 1000.0])
     >>> corner = contours.polyline([[0.0, 0.0], [10e-3, 1e-3], [10e-3, 30e-3]])
-    >>> cornered(corner, np.full(2, 0.1), limits, 2e-6).motion.stops.size  # one in the corner
+    >>> quickest(corner, np.full(2, 0.1), limits, 2e-6).motion.stops.size  # one in the corner
     3
 
     Args:
@@ -76,23 +165,32 @@ def cornered(
         SharpTurnError: as `jerk_limited`, with the number of the piece of the contour.
     """
     rest = rest_of_pieces(rest, feed.size)
-
-    def planned(passed: Bool[np.ndarray, " joints"]) -> Planned:
-        around = smooth_path(contour, tolerance, passed, alike, Asked(feed, limits))
-        stopping = around.joint(np.flatnonzero(~passed))
-        try:
-            motion = jerk_limited(around.path, around.feed(feed), limits, stopping)
-        except SharpTurnError as error:  # told of the piece of the contour
-            raise SharpTurnError(int(around.piece[error.piece]), error.steps) from None
-        return Planned(around, motion, _rests(around, motion, rest))
-
     passed = np.isnan(rest[:-1])
-    best = latest = planned(passed)
+    best = latest = _planned(contour, feed, limits, tolerance, passed, rest, alike)
     while (stopping := passed & _better_stopped(latest, feed, limits, ~passed)).any():
         passed = passed & ~stopping
-        latest = planned(passed)
+        latest = _planned(contour, feed, limits, tolerance, passed, rest, alike)
         best = min(best, latest, key=lambda one: one.motion.duration)
     return best
+
+
+def _planned(
+    contour: Contour,
+    feed: Float[np.ndarray, " P"],
+    limits: AxisLimits,
+    tolerance: Numbers,
+    passed: Bool[np.ndarray, " joints"],
+    rest: Float[np.ndarray, " P"],
+    alike: Bool[np.ndarray, " joints"] | None,
+) -> Planned:
+    """Motion past some joints, within a tolerance at every one of them; it stops in the others."""
+    around = smooth_path(contour, tolerance, passed, alike, Asked(feed, limits))
+    stopping = around.joint(np.flatnonzero(~passed))
+    try:
+        motion = jerk_limited(around.path, around.feed(feed), limits, stopping)
+    except SharpTurnError as error:  # told of the piece of the contour
+        raise SharpTurnError(int(around.piece[error.piece]), error.steps) from None
+    return Planned(around, motion, _rests(around, motion, rest), passed)
 
 
 def _rests(around: BlendedPath, motion: JerkLimitedMotion, rest: Float[np.ndarray, " P"]) -> Rests:
@@ -109,7 +207,7 @@ def _better_stopped(
     stopped_in: Bool[np.ndarray, " joints"],
 ) -> Bool[np.ndarray, " joints"]:
     """Joints between legs that a motion passes, and rather should stop in."""
-    around, motion, _ = planned
+    around, motion = planned.around, planned.motion
     pieces = unpadded(around.contour)
     smooth = joints(pieces).smooth(feed, float(limits.acceleration.min()))
     found = ~smooth | (feed[1:] != feed[:-1]) | stopped_in

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry.along_pieces import jet
+from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import Fit, fitted
 from jcontour.motion.jerk_limited.limits import Asked
@@ -129,19 +130,20 @@ class _Sampled(NamedTuple):
     fourth: Float[np.ndarray, " I"]
 
 
-def followed(runs: Runs, tolerance: float, asked: Asked | None = None) -> Curves:
+def followed(runs: Runs, tolerance: Numbers, asked: Asked | None = None) -> Curves:
     """Runs as curves within a tolerance, which begin and end in the points of their runs.
 
     A run has no curve where a knot for every piece is not enough.
 
     Args:
         runs: what is followed.
-        tolerance: greatest distance [m], above 0.
+        tolerance: greatest distance [m], one or one for every run, above 0.
         asked: feed of every piece of the runs, and limits. Curves are about as close as that lets
             them be, as close as the tolerance alone wants them when not given.
     """
     count = np.diff(runs.edges)
-    most, wanted = np.full(count.size, np.inf), np.full(count.size, tolerance)
+    tolerance = np.broadcast_to(np.asarray(tolerance, float), count.shape)
+    most, wanted = np.full(count.size, np.inf), tolerance
     room = count  # for knots
     splines = _first_splines(runs)
     found: list[tuple[_Splines, np.ndarray]] = []
@@ -167,7 +169,7 @@ def followed(runs: Runs, tolerance: float, asked: Asked | None = None) -> Curves
         wanted = np.where(closer, 0.5 * farthest, wanted)
         far = np.unique(sampled.cell[~(distance <= wanted[of])])
         splines = splines.halved(far).only(closer | (open_ & ~near))
-    return _curves(runs, found, most, tolerance)
+    return _curves(runs, found, most, FIT * tolerance.min())
 
 
 def _easy(
@@ -270,9 +272,9 @@ def _curves(
     runs: Runs,
     found: list[tuple[_Splines, np.ndarray]],
     most: Float[np.ndarray, " R"],
-    tolerance: float,
+    near: float,
 ) -> Curves:
-    """Quintic pieces of splines that were found round by round; the last one of every run."""
+    """Quintic pieces near the splines [m] that were found round by round; the last of every run."""
     from scipy.interpolate import BSpline
 
     if not any(rows.size for _, rows in found):
@@ -299,7 +301,7 @@ def _curves(
         frame,
         begin,
         end,
-        FIT * tolerance,
+        near,
     )
     return Curves(fit, runs.of[runs.piece(fit.begin)], most + fit.error)
 

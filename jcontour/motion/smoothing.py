@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
+from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.blending import BlendedPath, blended
 from jcontour.motion.jerk_limited.joints import joints, unpadded
@@ -30,7 +31,7 @@ LONGEST = 1000.0  # piece of a run, in tolerances: a longer one stands for itsel
 
 def smooth_path(
     contour: Contour,
-    tolerance: float,
+    tolerance: Numbers,
     allowed: Bool[np.ndarray, " joints"] | None = None,
     alike: Bool[np.ndarray, " joints"] | None = None,
     asked: Asked | None = None,
@@ -39,7 +40,8 @@ def smooth_path(
 
     Args:
         contour: one contour, not a stack.
-        tolerance: greatest distance [m]; 0 leaves the contour as it is.
+        tolerance: greatest distance [m], one or one for every joint: a run has the largest of its
+            joints; 0 leaves the contour as it is.
         allowed: which of the joints between pieces may be smoothed or blended; all when not given.
         alike: at which of them the feed stays the same; others are blended only.
         asked: what the path is to be passed at. No more of the tolerance is used than that needs,
@@ -54,37 +56,41 @@ def smooth_path(
     if alike.shape != every.shape:
         raise ValueError(f"alike: needs shape {every.shape}, received {alike.shape}")
     asked = None if asked is None else asked.checked(every.size + 1)
-    if not tolerance > 0 or allowed.shape != every.shape:
+    tolerance = np.asarray(tolerance, float)
+    if not (tolerance > 0).all() or allowed.shape != every.shape:
         return blended(contour, tolerance, allowed, asked=asked)
-    found, within, apart = smoothed(contour, SHARE * tolerance, allowed & alike, asked)
+    tolerance = np.broadcast_to(tolerance, every.shape)
+    found, within = smoothed(contour, SHARE * tolerance, allowed & alike, asked)
     joint = np.minimum(found.piece[:-1], allowed.size - 1)  # at the end of each piece
-    used = np.maximum(apart[:-1], apart[1:])
+    used = np.maximum(found.apart[:-1], found.apart[1:])
     if asked is not None:
         asked = asked._replace(feed=found.feed(asked.feed))
-    around = blended(found.path, tolerance, within | allowed[joint], used, asked)
+    # beside a run that uses more than its joint may, the joint has as much
+    left = np.maximum(tolerance[joint], used / SHARE)
+    around = blended(found.path, left, within | allowed[joint], used, asked)
     return BlendedPath(
         path=around.path,
         contour=contour,
         piece=found.piece[around.piece],
         blend=around.blend,
         place=found.true_arc(around.place),
-        deviation=max(around.deviation, found.deviation),
+        apart=np.maximum(around.apart, found.apart[around.piece]),
     )
 
 
 def smoothed(
     contour: Contour,
-    tolerance: float,
+    tolerance: Float[np.ndarray, " joints"],
     alike: Bool[np.ndarray, " joints"],
     asked: Asked | None = None,
-) -> tuple[BlendedPath, Bool[np.ndarray, " inner"], Float[np.ndarray, " P"]]:
-    """Path with its runs smoothed, which of its joints lie within a run, deviations of its pieces.
+) -> tuple[BlendedPath, Bool[np.ndarray, " inner"]]:
+    """Path with its runs smoothed, and which of its joints lie within a run.
 
     It is the contour itself where there are no runs. No piece of it counts as a blend.
 
     Args:
         contour: one contour, not a stack.
-        tolerance: greatest distance [m], above 0.
+        tolerance: greatest distance at every joint [m], above 0.
         alike: joints at which pieces may belong to one run.
         asked: what the path is to be passed at; see `followed`.
     """
@@ -95,9 +101,13 @@ def smoothed(
     first, last, runs = _runs(pieces, tolerance, alike)
     if asked is not None:
         asked = asked._replace(feed=asked.feed[_covered(first, last, every.size)])
-    curves = followed(runs, tolerance, asked) if first.size else None
+    curves = None
+    if first.size:  # a run is from its first joint up to the one before its last piece
+        edges = np.stack([first, last], axis=1).ravel()
+        own = np.maximum.reduceat(np.append(tolerance, 0.0), edges)[::2]
+        curves = followed(runs, own, asked)
     if curves is None or curves.run.size == 0:
-        return BlendedPath(contour, contour, every, none, starts, 0.0), none[:-1], 0.0 * every
+        return BlendedPath(contour, contour, every, none, starts, 0.0 * every), none[:-1]
     smooth = np.unique(curves.run)
     rest = every[~_covered(first[smooth], last[smooth], every.size)]
     fit, run = curves.fit, curves.run
@@ -115,14 +125,14 @@ def smoothed(
     apart = joined(np.zeros(rest.size), curves.deviation[run])
     whole = jax.tree.map(joined, pieces.taken(rest), fit.pieces())
     path = BlendedPath(
-        path=from_pieces(whole, fit_error=FIT * tolerance, newton_steps=NEWTON_STEPS),
+        path=from_pieces(whole, fit_error=FIT * tolerance.min(), newton_steps=NEWTON_STEPS),
         contour=contour,
         piece=joined(rest, piece),
         blend=np.zeros(order.size, bool),
         place=np.append(joined(starts[rest], place), starts[-1]),
-        deviation=float(apart.max()),
+        apart=apart,
     )
-    return path, goes_on[:-1], apart
+    return path, goes_on[:-1]
 
 
 def _covered(first: np.ndarray, last: np.ndarray, count: int) -> Bool[np.ndarray, " count"]:
@@ -134,7 +144,7 @@ def _covered(first: np.ndarray, last: np.ndarray, count: int) -> Bool[np.ndarray
 
 
 def _runs(
-    pieces: Piece, tolerance: float, alike: np.ndarray
+    pieces: Piece, tolerance: Float[np.ndarray, " joints"], alike: np.ndarray
 ) -> tuple[Int[np.ndarray, " R"], Int[np.ndarray, " R"], Runs]:
     """First and last piece of every run of pieces that stand for a curve, and the runs."""
     jump, bend = joints(pieces)

@@ -100,7 +100,8 @@ class MotionSummary:
         cycle_time: [s], rests included.
         stops: on the way.
         deviation: bound of the distance of its path from the contour [m].
-        shares: of the time in which a limit acts: feed, speed, acceleration and jerk of an axis.
+        shares: of the cycle time under the feed, the speed, the acceleration and the jerk of an
+            axis, and the tolerance of corners; and at rest. Together they are 1.
         jerk_limit, peak_jerk, peak_acceleration: one number per axis.
         gap: about the time that the planner left to gain [s].
         dwell: time that it rests, in dwells and while Z moves alone [s].

@@ -58,7 +58,7 @@ def test_summary_adds_up(tmp_path):
     assert found.planned is not None
     summary = motion_summary(found.planned)
     assert abs(summary.cycle_time - (found.samples - 1) * 1e-3) <= 1e-3
-    assert sum(summary.shares.values()) <= 1 + 1e-9
+    assert sum(summary.shares.values()) == pytest.approx(1.0)
     assert max(summary.peak_jerk) <= 500.0 * (1 + 1e-9)
 
 
@@ -127,8 +127,8 @@ def test_dwells_are_in_the_cycle_time(tmp_path):
     assert still.planned is not None and dwelling.planned is not None
     before, after = motion_summary(still.planned), motion_summary(dwelling.planned)
     assert after.cycle_time == pytest.approx(before.cycle_time + 0.75) and after.dwell == 0.75
-    shares = [sum(one.shares.values()) * one.cycle_time for one in (before, after)]
-    assert shares[0] == pytest.approx(shares[1])
+    assert after.shares["rest"] == pytest.approx(0.75 / after.cycle_time)
+    assert sum(after.shares.values()) == pytest.approx(1.0)
     rows = [[*column.cells][1] for column in motion_table(after, "XY").columns]
     assert rows == ["of it at rest", "0.750 s"]
     assert [*motion_table(before, "XY").columns[0].cells][1] == "stops on the way"

@@ -5,8 +5,9 @@ import pytest
 
 from jcontour.geometry import contours
 from jcontour.geometry.pieces import Piece
+from jcontour.geometry.toolpaths import parse_gcode
 from jcontour.motion.blending import blended
-from jcontour.motion.cornering import cornered
+from jcontour.motion.cornering import FINEST, WORTH, cornered, quickest
 from jcontour.motion.feed_laws import SharpTurnError
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.planning import jerk_limited
@@ -108,3 +109,39 @@ def test_a_slow_program_leaves_its_tolerance_and_takes_no_longer():
     assert found.motion.stops.size == 2
     assert found.duration < 1.001 * longest.duration
     assert found.around.deviation < 0.2 * whole.deviation
+
+
+def arcs(count: int = 72, radius: float = 4.0, begin: str = "") -> contours.Contour:
+    """A circle [mm] in arcs whose ends are rounded to a micrometre, as CAM systems write them."""
+    angle = 2 * np.pi * np.arange(count + 1) / count
+    x, y = np.round([radius * np.cos(angle), radius * np.sin(angle)], 3)
+    lines = [f"G3 X{x[k + 1]:.3f} Y{y[k + 1]:.3f} I{-x[k]:.3f} J{-y[k]:.3f}" for k in range(count)]
+    program = "\n".join(["G21 F3000", begin or f"G0 X{radius}", *lines])
+    return parse_gcode(program).contour
+
+
+def test_a_large_tolerance_is_not_used_where_it_saves_no_time():
+    """At 50 mm/s around 4 mm the feed takes half of the acceleration, whatever the tolerance."""
+    path = arcs()
+    limits = AxisLimits.of(2, acceleration=[1.5, 1.25], jerk=[75.0, 62.5], speed=0.2)
+    feed = np.full(72, 0.05)
+    near, far = (cornered(path, feed, limits, tolerance) for tolerance in (2e-6, 100e-6))
+    assert quickest(path, feed, limits, 100e-6).around.deviation > 30e-6
+    assert far.duration < (1 + WORTH) * near.duration
+    assert far.around.deviation <= FINEST
+    time = np.linspace(0, far.motion.duration, 5001)
+    for values, limit in zip(far.motion.axes_at(time), limits, strict=True):
+        assert (np.abs(values) <= limit * (1 + 1e-9)).all()
+
+
+def test_a_tolerance_is_used_in_the_corners_that_need_it_alone():
+    """Two sides with a corner between them lead to the circle; none is short enough for its run."""
+    path = arcs(begin="G1 X-30 Y100\nX4 Y100\nX4 Y0")
+    limits = AxisLimits.of(2, acceleration=[1.5, 1.25], jerk=[75.0, 62.5], speed=0.2)
+    feed = np.full(path.rate.size, 0.05)
+    whole, found = (plan(path, feed, limits, 100e-6) for plan in (quickest, cornered))
+    assert found.duration < (1 + WORTH) * whole.duration
+    assert found.duration < 0.995 * cornered(path, feed, limits, 2e-6).duration
+    in_corner = found.around.piece <= 2
+    assert found.around.apart[in_corner].max() > 90e-6
+    assert found.around.apart[~in_corner].max() < 0.2 * whole.around.apart[~in_corner].max()
