@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.machines.machine import Fed, Machine
+from experiments.machines.uncertainty import with_corners
 from jcontour.plant import Plant
 from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
 from jcontour.simulation.evaluation import stack_plants
@@ -74,16 +75,18 @@ class MotorMeasuredMachine(Machine):
         return [self.true_plant(member, fed) for member in self.members]
 
     def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant:
-        """Stiffness, masses and delay drawn evenly from their intervals.
+        """Stiffness, masses and delay drawn evenly from their intervals, then their corners.
 
         A delay has parts of a sample.
         """
         random = np.random.default_rng(seed)
-        stiffness = 1 + self.stiffness_known_to * random.uniform(-1, 1, count)
-        mass = 1 + self.mass_known_to * random.uniform(-1, 1, count)
-        delay = random.uniform(0, LATE, count)
-        drawn = zip(stiffness.tolist(), mass.tolist(), delay.tolist(), strict=True)
-        return stack_plants([self.true_plant(Member("random", *one), fed) for one in drawn])
+        known_to = self.stiffness_known_to, self.mass_known_to
+        off = [1 + part * random.uniform(-1, 1, count) for part in known_to]
+        drawn = np.column_stack([*off, random.uniform(0, LATE, count)])
+        low, high = [1 - part for part in known_to], [1 + part for part in known_to]
+        # a hair inside: every member's delay has a part of a sample, and one structure
+        members = with_corners(drawn, [*low, 1e-9], [*high, LATE - 1e-9]).tolist()
+        return stack_plants([self.true_plant(Member("random", *one), fed) for one in members])
 
     @property
     def family_names(self) -> list[str]:

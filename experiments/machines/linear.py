@@ -194,7 +194,7 @@ class LinearMachine(Machine):
         return self.counted(self._member(Delayed, gains, late), fed)
 
     def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
-        """Gains and delays drawn evenly from their intervals, a delay with parts of a sample."""
+        """Gains and delays drawn evenly from their intervals, then the corners of these."""
         if self.gain == 0 and self.delay == 0:
             return None
         drawn = random_members(count, seed, self.model.inputs, self.gain, self.delay)

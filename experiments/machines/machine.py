@@ -177,7 +177,7 @@ class Machine(abc.ABC):
         """
 
     def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
-        """Plants drawn at random from within the family's intervals, stacked; sensors as they are.
+        """Plants drawn from the family's intervals, and its corners; sensors as they are, stacked.
 
         None where the family is a single plant.
 

@@ -91,7 +91,7 @@ class PlantMachine(Machine):
         return self.smooth_family(fed)
 
     def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
-        """Gains and delays drawn evenly from their intervals, a delay with parts of a sample."""
+        """Gains and delays drawn evenly from their intervals, then the corners of these."""
         self._check(fed)
         gain, delay, _ = self.uncertainty
         if gain == 0 and delay == 0:

@@ -5,9 +5,11 @@ Where nothing is stated the usual is assumed, as `jcontour machine` writes it.
 """
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from experiments.files import checks
 from experiments.files.checks import MachineError
@@ -98,11 +100,29 @@ def family_members(inputs: int, gain: float, delay: int) -> list[Member]:
 def random_members(
     count: int, seed: int, inputs: int, gain: float, delay: int
 ) -> Sequence[tuple[np.ndarray, float]]:
-    """Gains (p,) and delays drawn evenly from their intervals, a delay with parts of a sample."""
+    """Gains (p,) and delays drawn evenly from their intervals, then the corners of these.
+
+    A delay has parts of a sample.
+    """
     random = np.random.default_rng(seed)
     gains = 1 + gain * random.uniform(-1, 1, (count, inputs))
     delays = random.uniform(0, delay, count)
-    return list(zip(gains, delays.tolist(), strict=True))
+    low, high = [1 - gain] * inputs + [0.0], [1 + gain] * inputs + [float(delay)]
+    drawn = with_corners(np.column_stack([gains, delays]), low, high)
+    return [(row[:-1], float(row[-1])) for row in drawn]
+
+
+def with_corners(
+    drawn: Float[np.ndarray, "n d"], low: Sequence[float], high: Sequence[float]
+) -> Float[np.ndarray, "n d"]:
+    """Draws from intervals, the last of them replaced by the corners where there are more draws.
+
+    >>> with_corners(np.full((5, 2), 0.5), [0.0, 0.0], [1.0, 2.0])[1:].tolist()
+    [[0.0, 0.0], [0.0, 2.0], [1.0, 0.0], [1.0, 2.0]]
+    """
+    corners = np.array(list(product(*zip(low, high, strict=True))))
+    kept = len(drawn) - len(corners)
+    return drawn if kept < 1 else np.concatenate([drawn[:kept], corners])
 
 
 def _doubt(value: Any, plant: LinearPlant) -> Doubt | None:

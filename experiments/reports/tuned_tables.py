@@ -149,7 +149,9 @@ def robust_lines(result: TunedResult) -> list[str]:
     lost = "none diverges" if test.diverged == 0 else f"{test.diverged} DIVERGE"
     worst = f"worst RMS {result.error} error {1e6 * test.error:.4g} um on {test.contour}"
     drawn = "" if result.margins.doubt is None else "; none has another response"
-    return [f"{test.members} random plants of the family: {lost}, {worst}{drawn}"]
+    return [
+        f"{test.members} plants of the family, at its corners and at random: {lost}, {worst}{drawn}"
+    ]
 
 
 def standstill_lines(result: TunedResult) -> list[str]:

@@ -88,19 +88,21 @@ class GapRow:
 
 @dataclass(frozen=True, kw_only=True)
 class RobustTest:
-    """Random plants of the family, gains and delays anywhere in their intervals.
+    """Plants of the family, its corners and gains and delays anywhere in their intervals.
 
     Attributes:
         members: plants that were run on every training contour, with all effects.
         diverged: how many of them diverged.
         error: largest RMS error of the others [m].
         contour: where it occurred.
+        uses: largest value over its limit, of every limit that the machine states.
     """
 
     members: int
     diverged: int
     error: float
     contour: str
+    uses: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -148,7 +148,7 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     )
     limits = lag_limit(machine, design, references) | named_limits(flags)
     limits |= effort_limit(flags, usual, problem, design.start)
-    stated = _stated_limits(machine)
+    stated = stated_axis_limits(machine)
     kept = [] if design.keeps_limits else _named(stated)
     if machine.doubt is not None:
         limits["response_doubt"] = BORNE
@@ -203,7 +203,7 @@ def _objective(flags: Tune, machine: Machine) -> Objective:
     return OBJECTIVES[name, machine.error]
 
 
-def _stated_limits(machine: Machine) -> AxisLimits:
+def stated_axis_limits(machine: Machine) -> AxisLimits:
     """Limits that the machine states, and what of its acceleration the samples hide."""
     stated = machine.limits._asdict() | {"hidden": machine.hidden_acceleration}
     return AxisLimits(

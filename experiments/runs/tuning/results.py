@@ -36,7 +36,7 @@ from experiments.runs.checks.weights.recommendation import (
 )
 from experiments.runs.checks.weights.robustness import robust_test
 from experiments.runs.checks.weights.standstill import standstill
-from experiments.runs.checks.weights.stated_limits import stated_limits
+from experiments.runs.checks.weights.stated_limits import family_limits, stated_limits
 from experiments.runs.checks.weights.unseen_plants import exceeded_unseen, over_family
 from experiments.runs.checks.weights.warnings import idle_warnings, run_warnings
 from experiments.runs.contour_summary import contour_read, peak_place
@@ -144,7 +144,7 @@ def tuned_result(
             margins=margins,
             robust=robust,
             error=error,
-            limits=checks["tuned"],
+            limits=[*checks["tuned"], *family_limits(robust)],
             start_limits=checks["start"],
             start_unstable=_unstable(trials["start"]),
             baseline="baseline" if "baseline" in trials else "start",

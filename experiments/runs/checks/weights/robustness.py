@@ -1,4 +1,4 @@
-"""Random plants of the family under tuned weights: the tuner has seen its corners only."""
+"""Corners and random plants of the family under tuned weights: the tuner has seen a few."""
 
 import equinox as eqx
 import jax
@@ -7,11 +7,13 @@ import numpy as np
 from experiments.files.results.tuned_result import RobustTest
 from experiments.jobs.replays import Scenarios, prepared_plans
 from experiments.machines.machine import Fed, Machine
+from experiments.runs.tuning.problem import stated_axis_limits
 from jcontour.controller import Controller, Plan
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import follow
 from jcontour.simulation.evaluation import platform_batching, stack_references
+from jcontour.simulation.limit_use import AxisLimits, LimitUse, limit_use
 from jcontour.simulation.metrics import Metrics, score_signals
 
 MEMBERS = 1000
@@ -21,7 +23,10 @@ SIDE_BY_SIDE = 100  # plants that are stepped together: fast on a CPU, little me
 def robust_test(
     controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed, seed: int
 ) -> RobustTest | None:
-    """Random plants with all effects on every training contour; None for a family of one plant."""
+    """Random plants, and the corners of the family, with all effects on every training contour.
+
+    None for a family of one plant.
+    """
     family = machine.random_family(MEMBERS, seed, fed)
     if family is None:
         return None
@@ -29,7 +34,8 @@ def robust_test(
     dt, preview = scenarios.references.dt, scenarios.references.preview
     references = stack_references([job.reference(dt, preview) for job in jobs])
     plans = prepared_plans(controller, references)
-    metrics = jax.device_get(_metrics(family, controller, references, plans))
+    limits = stated_axis_limits(machine)
+    metrics, uses = jax.device_get(_metrics(family, controller, references, plans, limits))
     errors = np.asarray(getattr(metrics, f"rms_{machine.error}_error"))  # (contour, member)
     lost = np.asarray(metrics.diverged)
     largest = np.where(lost, -1.0, errors)
@@ -39,20 +45,32 @@ def robust_test(
         diverged=int(lost.any(axis=0).sum()),
         error=float(largest.max()),
         contour=jobs[contour].name,
+        uses={
+            name: float(np.where(lost, 0.0, getattr(uses, name)).max())
+            for name in uses._fields
+            if getattr(limits, name) is not None
+        },
     )
 
 
 @eqx.filter_jit
-def _metrics(family: Plant, controller: Controller, references: Reference, plans: Plan) -> Metrics:
-    """Metrics (contour, member)."""
+def _metrics(
+    family: Plant,
+    controller: Controller,
+    references: Reference,
+    plans: Plan,
+    limits: AxisLimits,
+) -> tuple[Metrics, LimitUse]:
+    """Metrics and use of the machine's limits (contour, member)."""
     groups = jax.tree.map(lambda leaf: leaf.reshape(-1, SIDE_BY_SIDE, *leaf.shape[1:]), family)
 
-    def on_contour(planned: tuple[Reference, Plan]) -> Metrics:
+    def on_contour(planned: tuple[Reference, Plan]) -> tuple[Metrics, LimitUse]:
         reference, plan = planned
 
-        def on_plant(plant: Plant) -> Metrics:
+        def on_plant(plant: Plant) -> tuple[Metrics, LimitUse]:
             run = follow(plant, controller, plan, reference)
-            return score_signals(run.output, run.control, reference)
+            signals = run.output, run.control, reference
+            return score_signals(*signals), limit_use(*signals, limits)
 
         grouped = jax.lax.map(jax.vmap(on_plant), groups)
         return jax.tree.map(lambda leaf: leaf.reshape(MEMBERS), grouped)

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from experiments.files.results.run_metrics import RunMetrics
-from experiments.files.results.tuned_result import PathMargins, Standstill
-from experiments.files.results.verdict import LimitCheck
+from experiments.files.results.tuned_result import PathMargins, RobustTest, Standstill
+from experiments.files.results.verdict import ROUNDING, LimitCheck
 from experiments.jobs.replays import Replay
-from experiments.runs.checks.machine_limits import machine_limits
+from experiments.runs.checks.machine_limits import OVERSHOOT, machine_limits
 from experiments.runs.tuning.limits import LIMITS
 from experiments.runs.tuning.problem import TuningRun
 from jcontour.analysis.uncertain_loops import BORNE
@@ -37,6 +37,22 @@ def stated_limits(
         *_metrics(run, replay),
         *_loops(run, margins),
         *_standstill(run, rest),
+    ]
+
+
+def family_limits(robust: RobustTest | None) -> list[LimitCheck]:
+    """Limits of the machine at the corners of the family and at random within it, as shares."""
+    if robust is None:
+        return []
+    return [
+        LimitCheck(
+            name=f"{name.replace('increment', 'control increment')} of any axis over its limit",
+            value=used,
+            allowed=1.0,
+            member=f"{robust.members} plants at corners of the family and at random",
+            slack=OVERSHOOT if name == "speed" else ROUNDING,
+        )
+        for name, used in robust.uses.items()
     ]
 
 

@@ -14,9 +14,9 @@ from experiments.files.results.stored import read_result
 from experiments.flags.loops import Simulate
 
 
-def simulated(folder, machine_file, part_file, *flags):
+def simulated(folder, machine_file, part_file, *flags, code=0):
     named = ["simulate", str(part_file), "--plant", str(machine_file), "--preview", "4"]
-    assert main([*named, *flags, "--out", str(folder)]) == 0
+    assert main([*named, *flags, "--out", str(folder)]) == code
     return folder
 
 
@@ -92,7 +92,7 @@ def test_a_control_that_is_no_number_is_told(tmp_path, machine_file, part_file, 
     (tmp_path / "own.py").write_text(NAN)
     own, run = f"{tmp_path}/own.py:Rooted", tmp_path / "run"
     named = [str(part_file), "--plant", str(machine_file), "--controller", own]
-    assert main(["simulate", *named, "--out", str(run)]) == 0
+    assert main(["simulate", *named, "--out", str(run)]) == 3  # it diverges
     said = " ".join(capsys.readouterr().out.split())
     assert "control is NaN (not a number) from sample 0 (part, nominal): look for" in said
     assert "Next: mend what is NaN (not a number), see the warning" in said
@@ -115,7 +115,8 @@ def test_a_drive_at_its_limit_in_a_rapid_move_is_told(tmp_path, machine_fields, 
     limits = machine_fields["limits"] | {"speed": 200.0, "control": 100.0}
     machine.write_text(json.dumps(machine_fields | {"limits": limits}))
     part.write_text("G21 G90 F600\nG1 Y2\nG0 X40\nG1 Y0\n")
-    told = read_result(simulated(tmp_path / "run", machine, part), SimulatedResult).verdict.warnings
+    run = simulated(tmp_path / "run", machine, part, code=3)  # the rapid move is too quick
+    told = read_result(run, SimulatedResult).verdict.warnings
     assert any("control of input 1 is at its limit in a rapid move" in line for line in told)
     assert f"WARNING: {told[0]}" in " ".join(capsys.readouterr().out.split())
     part.write_text("G21 G90 F600\nG1 X4\nG1 Y5\n")
@@ -132,7 +133,7 @@ def test_a_motion_that_exceeds_a_limit_itself_is_told_before_its_tool(
     machine = tmp_path / "weak.json"
     limits = machine_fields["limits"] | {"acceleration": 200.0}
     machine.write_text(json.dumps(machine_fields | {"limits": limits}))
-    jumping = simulated(tmp_path / "a", machine, part_file, "--feed-law", "trapezoidal")
+    jumping = simulated(tmp_path / "a", machine, part_file, "--feed-law", "trapezoidal", code=3)
     told = read_result(jumping, SimulatedResult).verdict.warnings
     assert told[0].startswith("acceleration that the motion itself asks for EXCEEDS the limit: ")
     assert f"WARNING: {told[0]}" in " ".join(capsys.readouterr().out.split())

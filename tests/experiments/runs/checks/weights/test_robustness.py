@@ -1,6 +1,7 @@
 """The robust test, against one run after another."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -70,6 +71,14 @@ def test_members_lie_within_the_stated_intervals(machine):
     assert gains.min() >= 0.9 and gains.max() <= 1.1 and np.ptp(gains) > 0.19
     assert late.min() >= 0 and late.max() <= 2 and np.ptp(late) > 1.9
     assert np.any(late % 1 > 0.1)
+
+
+def test_the_corners_of_gains_and_delay_are_among_them(machine):
+    family = machine.random_family(50, 1).plant.plant  # behind counts and encoders
+    gains, late = np.asarray(family.gains), np.asarray(family.plant.samples)
+    members = np.round(np.column_stack([gains, late]), 12).tolist()
+    for corner in product((0.9, 1.1), (0.9, 1.1), (0.0, 2.0)):
+        assert list(corner) in members
 
 
 def test_a_machine_that_is_known_exactly_has_no_random_members(machine):
