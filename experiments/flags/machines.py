@@ -74,6 +74,8 @@ class Machine(Common):
     file: Positional[Path | None] = None
     """Machine to check and draw: a file, or a name from `jcontour list`; a new one when not
     given."""
+    example: Path | None = None
+    """Write the machine file of an example here, to begin from: a mill with two axes."""
     axes: tuple[str, ...] = ("X", "Y")
     """Names of two or three axes. Where a flag below takes numbers, give one for all, or one for
     each."""

@@ -38,7 +38,7 @@ class MachineFlags(RunsCode):
 
     plant: str = "bridgeport"  # the machine of McNab & Tsao's paper
     """Machine: a name from `jcontour list`, or a JSON or npz file.
-    Format: experiments/machines/example.json. Or FILE.py:NAME: a plant, or what makes one."""
+    `jcontour machine --example FILE` writes one. Or FILE.py:NAME: a plant, or what makes one."""
     feed_mm_per_min: float | None = None
     """Feed [mm/min] instead of the programmed one; 3000 where nothing is programmed."""
     acceleration: float | None = None

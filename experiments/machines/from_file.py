@@ -36,7 +36,8 @@ is nested), all lengths in `length_unit`:
 
 Or a flexible axis, whose fields are those of `axis_files`: an object with "kind": "flexible-axis".
 
-`experiments/machines/example.json` is one. The tool starts in steady motion, so every axis needs
+`example.json` beside this file is one; `jcontour machine --example FILE` writes it.
+The tool starts in steady motion, so every axis needs
 one input and one output of its own.
 """
 

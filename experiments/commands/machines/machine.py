@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+import experiments.machines
 from experiments.catalogue.choices import machine_named
 from experiments.files import run_folder
 from experiments.files.results.machine_result import AxisSummary, MachineResult
@@ -20,7 +21,8 @@ from experiments.reports import tables
 from experiments.reports.figures.machines.machine import machine_figure
 from experiments.reports.figures.shared.png import save_figure
 
-OF_A_CHECK = ("file", "json")  # flags that do not describe a machine
+EXAMPLE = Path(experiments.machines.__file__).parent / "example.json"
+OF_NO_MACHINE = ("file", "example", "json")  # flags that do not describe a machine
 SOUND = "The file is sound."
 HEADINGS = ("axis", "settles to", "per unit", "rise ms", "delay", "most m/s^2", "resonance Hz")
 UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2", "nothing": ""}
@@ -28,7 +30,9 @@ UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2", "nothing":
 
 def command(flags: Flags) -> int:
     """The whole command: build or read, check, draw, print, exit code."""
-    if flags.file is None:
+    if flags.example is not None:
+        result, machine, path = _example(flags)
+    elif flags.file is None:
         result, machine, path = _built(flags)
     else:
         result, machine, path = _read(flags)
@@ -46,36 +50,56 @@ def _built(flags: Flags) -> tuple[MachineResult, Machine, Path]:
     Raises:
         ValueError: bad input, or the file exists; nothing has been written then.
     """
-    path = _json(flags.out or Path(flags.name))
-    if path.exists():
-        raise ValueError(f"out: {path} exists; give another name")
+    path = _new("out", flags.out or Path(flags.name))
     found = built_machine(flags)
     text = run_folder.json_text(found.fields) + "\n"
     machine = machine_from(text.encode(), flags.name)
+    return _written(machine, text, path, found.words, found.warnings)
+
+
+def _example(flags: Flags) -> tuple[MachineResult, Machine, Path]:
+    """Write the example, and draw it.
+
+    Raises:
+        ValueError: the file exists, or other flags describe a machine; nothing has been written.
+    """
+    _check_alone(flags, "write the example")
+    if flags.file is not None:
+        raise ValueError("file: is to be checked; leave it out to write the example")
+    path, text = _new("example", flags.example), EXAMPLE.read_text()
+    return _written(machine_from(text.encode(), EXAMPLE.stem), text, path, [], [])
+
+
+def _written(
+    machine: Machine, text: str, path: Path, words: list[str], warnings: list[str]
+) -> tuple[MachineResult, Machine, Path]:
     picture = path.with_suffix(".png")
-    result = _result(machine, path, picture, found.words, found.warnings)
+    result = _result(machine, path, picture, words, warnings)
     path.parent.mkdir(parents=True, exist_ok=True)
     run_folder.write(path, lambda temporary: temporary.write_text(text))
     _draw(machine, picture)
     return result, machine, path
 
 
-def _json(path: Path) -> Path:
-    """A name that the commands take for a machine file."""
-    return path if path.suffix.lower() == ".json" else path.with_name(f"{path.name}.json")
+def _new(flag: str, given: Path) -> Path:
+    """Path of a new machine file, with a name that the commands take for one."""
+    path = given if given.suffix.lower() == ".json" else given.with_name(f"{given.name}.json")
+    if path.exists():
+        raise ValueError(f"{flag}: {path} exists; give another name")
+    return path
+
+
+def _check_alone(flags: Flags, purpose: str) -> None:
+    """Raise ValueError where flags describe a new machine."""
+    for one in fields(flags):
+        if one.name not in OF_NO_MACHINE and getattr(flags, one.name) != one.default:
+            name = one.name.replace("_", "-")
+            raise ValueError(f"{name}: describes a new machine; leave it out to {purpose}")
 
 
 def _read(flags: Flags) -> tuple[MachineResult, Machine, Path]:
     """Check an existing file, or a machine of the catalogue, and draw it."""
-    given = [
-        one.name
-        for one in fields(flags)
-        if one.name not in OF_A_CHECK and getattr(flags, one.name) != one.default
-    ]
-    if given:
-        raise ValueError(
-            f"{given[0].replace('_', '-')}: describes a new machine; leave it out to check a file"
-        )
+    _check_alone(flags, "check a file")
     machine = machine_named(str(flags.file))
     path = Path(str(flags.file))
     picture = path.with_suffix(".png") if path.suffix else Path(f"{machine.name}.png")

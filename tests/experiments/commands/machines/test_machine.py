@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from experiments.catalogue.choices import machine_named
 from experiments.cli import main
 from jcontour.linear.continuous_axes import sampled_machine, speed_axis
 
@@ -23,6 +24,19 @@ def test_a_new_machine_is_written_checked_and_simulated(tmp_path, capsys):
     flags = ["--plant", str(path), "--json", "--out", str(tmp_path / "run")]
     assert main(["simulate", "circle", *flags]) == 0
     assert not json.loads(capsys.readouterr().out)["plants"]["nominal"]["diverged"]
+
+
+def test_the_example_is_written_without_a_checkout(tmp_path, capsys):
+    path = tmp_path / "mill.json"
+    assert main(["machine", "--example", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert f"Written: {path}" in told and f"jcontour tune --plant {path}" in told
+    machine = machine_named(str(path))
+    assert machine.axes == ("X", "Y") and machine.name == "example-mill"
+    assert main(["machine", "--example", str(path)]) == 2
+    assert "exists; give another name" in capsys.readouterr().err
+    assert main(["machine", "--gain", "1", "--example", str(tmp_path / "other.json")]) == 2
+    assert "gain: describes a new machine" in capsys.readouterr().err
 
 
 def recorded(path, axis, dt=1e-3):
