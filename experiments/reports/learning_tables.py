@@ -23,17 +23,23 @@ def show_learned(result: LearnedResult, console: Console) -> None:
 def before(result: LearnedResult) -> list[str]:
     """The law, and what is said before the first lap."""
     numbers = ", ".join(f"{name} {value:g}" for name, value in result.numbers.items())
-    place = f"{result.bound_member}, {result.bound_hz:.4g} Hz"
+    place = f"{result.ratio_member}, {result.ratio_hz:.4g} Hz"
     if result.assured:
         words = (
-            "By its linear models, frozen at three places of the lap and without dry friction, "
-            "the laps converge on the whole family: each comes at least this much closer, "
-            f"x {result.bound:.3g} ({place})."
+            "By its linear models, without dry friction, the laps converge on the whole family: "
+            "away from the ends of the lap each comes closer by the factor "
+            f"{result.ratio:.3g} at least, for every correction ({place})."
+        )
+    elif result.ratio < 1:
+        words = (
+            "By its linear models, without dry friction, each lap comes closer by the factor "
+            f"{result.ratio:.3g} ({place}). This is an estimate at three places of the lap and no "
+            "bound: the loop or the law changes along it."
         )
     else:
         words = (
-            f"WARNING: it is not sure that the laps converge: bound {result.bound:.3g}, not below "
-            f"one ({place})."
+            f"WARNING: it is not sure that the laps converge: ratio from lap to lap "
+            f"{result.ratio:.3g}, not below one ({place})."
         )
     return [f"Law: {result.law}, {numbers}. {words}"]
 

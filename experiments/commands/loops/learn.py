@@ -123,7 +123,12 @@ def _known(prepared: Prepared, names: list[str], dt: float) -> dict:
     """What was known before the first lap."""
     found = prepared.convergence
     hertz = found.frequency / (2 * np.pi * dt)
-    return {"bound": found.bound, "bound_member": names[found.member], "bound_hz": hertz}
+    return {
+        "ratio": found.estimate,
+        "ratio_member": names[found.member],
+        "ratio_hz": hertz,
+        "proven": found.invariant,
+    }
 
 
 def _found(seconds: float, samples: int) -> str:

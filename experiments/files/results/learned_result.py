@@ -67,9 +67,11 @@ class LearnedResult:
         law: name of the learning law.
         numbers: of the law, by name.
         laps: how many were asked for.
-        bound: largest ratio of the correction's distance from its limit, from lap to lap.
-        bound_member: machine of the family that has it.
-        bound_hz: frequency at which it is [Hz].
+        ratio: largest ratio of the correction's distance from its limit, from lap to lap.
+        ratio_member: machine of the family that has it.
+        ratio_hz: frequency at which it is [Hz].
+        proven: whether the ratio is a bound; it is an estimate where the loop or the law changes
+            along the lap.
         noise_um: RMS error of the tool that noise alone makes, without learning.
         machines: the linear model, the same with noise, and the family.
         verdict: on that reference.
@@ -87,9 +89,10 @@ class LearnedResult:
     law: str
     numbers: dict[str, float]
     laps: int
-    bound: float
-    bound_member: str
-    bound_hz: float
+    ratio: float
+    ratio_member: str
+    ratio_hz: float
+    proven: bool
     noise_um: float
     machines: list[LearnedMachine]
     verdict: Verdict
@@ -98,4 +101,4 @@ class LearnedResult:
     @property
     def assured(self) -> bool:
         """Whether the laps converge on the whole family, known before the first."""
-        return self.bound < 1
+        return self.proven and self.ratio < 1

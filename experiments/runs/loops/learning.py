@@ -21,9 +21,8 @@ from experiments.runs.loops.learned_machines import (
 )
 from jcontour.controllers.learning.convergence import (
     Convergence,
+    answers,
     frequency_response,
-    iteration_sizes,
-    worst_of,
 )
 from jcontour.controllers.learning.laps import (
     LearningLaw,
@@ -32,13 +31,12 @@ from jcontour.controllers.learning.laps import (
     paying_laps,
 )
 from jcontour.controllers.learning.norm_optimal import NormOptimal, norm_optimal
-from jcontour.controllers.learning.p_type import PType, smoothing_response
+from jcontour.controllers.learning.p_type import PType
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import family_batching, stack_plants
 from jcontour.simulation.metrics import Metrics, score_signals
 
 SMOOTHINGS = (0, 1, 2, 4, 8, 16, 32, 64, 128, 256, 512)  # tried in turn
-PLACES = (0.25, 0.5, 0.75)  # of the lap, where a loop that changes along it is frozen
 CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
 SLOW = 8  # half periods of a lap, below which the lag of a loop is read from its phase
 LINEAR, NOISY = "linear model", "linear model, encoder noise"
@@ -55,23 +53,22 @@ class Prepared(NamedTuple):
 def prepared_law(one: Setting, flags: Learn) -> Prepared:
     """The law that the flags ask for.
 
-    Its smoothing is the least with which the laps converge on the whole family, unless it is given;
-    where there is none, the one with the least bound.
+    Its smoothing is the least with which the ratio from lap to lap is below one on the whole
+    family, unless it is given; where there is none, the one with the least ratio.
     """
     nominal = linear_nominal(one)
     run = one.laps(lambda lap: nominal)
     slopes = _slopes(one)
     family = [partial(slopes, plant) for plant in linear_family(one)]
-    places = sorted({int(part * one.shape[0]) for part in PLACES})
     base = _first_law(one, run, flags)
-    sizes, frequency = iteration_sizes(base, family, one.shape, places)
+    smoothings = SMOOTHINGS if flags.smoothing is None else (flags.smoothing,)
+    known = answers(base, family, one.shape, max(smoothings))
     tried = []
-    for smoothing in SMOOTHINGS if flags.smoothing is None else (flags.smoothing,):
-        filtered = sizes * smoothing_response(frequency, smoothing)[:, 0, 0]
-        tried.append((worst_of(filtered, frequency), smoothing))
-        if tried[-1][0].assured:
+    for smoothing in smoothings:
+        tried.append((known.convergence(smoothing), smoothing))
+        if tried[-1][0].estimate < 1:
             break
-    found, smoothing = min(tried, key=lambda one: one[0].bound)
+    found, smoothing = min(tried, key=lambda one: one[0].estimate)
     law, numbers = _smoothed(base, smoothing)
     return Prepared(law, numbers, found)
 

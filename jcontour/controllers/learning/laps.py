@@ -44,25 +44,13 @@ class Lap(NamedTuple):
 
 
 class LearningLaw(eqx.Module):
-    """Rule by which a correction follows from the last one and its error."""
+    """Rule by which a correction follows from the last one and its error, linear in both."""
 
     @abc.abstractmethod
     def update(
         self, correction: Float[Array, "T m"], error: Float[Array, "T m"]
     ) -> Float[Array, "T m"]:
         """Correction of the next lap."""
-
-    @abc.abstractmethod
-    def iteration(self, frequency: Float[np.ndarray, " W"], place: int) -> Callable[[Any], Any]:
-        """Map from a machine's response to the matrix M by which a correction becomes the next.
-
-            c_{j+1} = M c_j + what the first error gives
-        The response is that of the measured positions to the correction, (W, m, m) like M.
-
-        Args:
-            frequency: [rad per sample], evenly from zero to pi.
-            place: sample of the lap around which the responses hold.
-        """
 
 
 class Learned(Wrapper):

@@ -25,9 +25,8 @@ from jax.scipy.sparse.linalg import cg
 from jaxtyping import Array, ArrayLike, Float
 
 from jcontour.controller import checked_gain
-from jcontour.controllers.learning.convergence import frequency_response
 from jcontour.controllers.learning.laps import LearningLaw, RunLap
-from jcontour.controllers.learning.p_type import smoothed, smoothing_response
+from jcontour.controllers.learning.p_type import smoothed
 from jcontour.motion.references import Reference
 from jcontour.tracing import is_concrete
 
@@ -117,17 +116,6 @@ class NormOptimal(LearningLaw):
         else:
             change = self._by_conjugate_gradients(transposed, right)
         return smoothed(correction + change, self.smoothing)
-
-    def iteration(self, frequency, place: int):
-        """T -> Q (H + prices)^-1 (effort + G' W (G - T)), H = G' W G, W and G at the place."""
-        G = frequency_response(self.model, self.tangent.shape, place, frequency)
-        t = np.asarray(self.tangent)[place]
-        eye = np.eye(len(t))
-        W = eye - float(self.contouring) * np.outer(t, t)
-        back = np.conj(np.swapaxes(G, 1, 2)) @ W
-        inverse = np.linalg.inv(back @ G + float(self.effort + self.size) * eye)
-        inverse *= smoothing_response(frequency, self.smoothing)
-        return lambda response: inverse @ (float(self.effort) * eye + back @ (G - response))
 
     def _by_conjugate_gradients(self, transposed: Callable[[Any], Any], right: Array) -> Array:
         """Solution of the equation without its matrix."""

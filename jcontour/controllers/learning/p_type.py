@@ -61,12 +61,6 @@ class PType(LearningLaw):
         ahead = jnp.concatenate([error[self.lead :], beyond])
         return smoothed(correction + self.gain * ahead, self.smoothing)
 
-    def iteration(self, frequency, place: int):
-        """T -> Q (I - gain exp(jw lead) T); the same anywhere in the lap."""
-        Q, w = smoothing_response(frequency, self.smoothing), np.asarray(frequency)[:, None, None]
-        ahead = float(self.gain) * np.exp(1j * w * self.lead)
-        return lambda response: Q * (np.eye(response.shape[-1]) - ahead * response)
-
 
 def smoothed(signal: Float[Array, "T m"], times: int) -> Float[Array, "T m"]:
     """The signal after (1/4, 1/2, 1/4), passed so often; its ends are held."""
@@ -78,13 +72,6 @@ def smoothed(signal: Float[Array, "T m"], times: int) -> Float[Array, "T m"]:
         return (held[:-2] + 2 * x + held[2:]) / 4, None
 
     return jax.lax.scan(once, signal, length=times)[0]
-
-
-def smoothing_response(
-    frequency: Float[np.ndarray, " W"], times: int
-) -> Float[np.ndarray, "W 1 1"]:
-    """Response cos(w/2)^(2n) of the filter at frequencies [rad per sample]."""
-    return np.cos(np.asarray(frequency) / 2)[:, None, None] ** (2 * times)
 
 
 def smoothing_of(bandwidth: float, dt: float) -> int:

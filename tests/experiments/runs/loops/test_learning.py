@@ -80,7 +80,7 @@ def test_the_law_says_before_that_random_stiffnesses_converge_and_they_do(axis):
         )
         for k in stiffnesses()[:6]
     ]
-    assert convergence(prepared.law, some, axis.shape, (100,)).assured
+    assert convergence(prepared.law, some, axis.shape).assured
 
 
 @pytest.mark.slow

@@ -6,20 +6,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.signal import dfreqresp, dlti
+from scipy.optimize import minimize_scalar
+from scipy.signal import dfreqresp, dlti, lfilter
 
 from jcontour.arrays import placed
 from jcontour.controllers.learning.convergence import (
+    answers,
     convergence,
     frequency_response,
-    iteration_sizes,
-    worst_of,
 )
 from jcontour.controllers.learning.laps import Lap, diverged_lap, learn
 from jcontour.controllers.learning.norm_optimal import NormOptimal
 from jcontour.controllers.learning.p_type import PType
 
 STEPS = 400
+ABOVE = 1.0013  # of the maximum, at most, where a bound may be
 
 
 def first_order(pole):
@@ -44,10 +45,95 @@ def test_the_response_is_that_of_the_transfer_function():
 def test_the_bound_of_a_p_type_law(gain, bound):
     """1 - g T: of T = 1 ... 1/3 on the real axis the ends count, at zero and at Nyquist."""
     found = convergence(PType(gain), [first_order(0.5)], (STEPS, 1))
-    exact = np.abs(1 - gain * 0.5 / (1 - 0.5 * np.exp(-1j * np.linspace(0, np.pi, 512)))).max()
-    assert found.bound == pytest.approx(exact, rel=1e-12)
-    assert found.bound == pytest.approx(bound, rel=1e-12)
+    assert bound - 1e-12 <= found.bound <= ABOVE * bound
     assert found.assured is (gain < 2)
+
+
+def answering(h):
+    """Convolution with an impulse response as long as the lap."""
+    both = 2 * len(h)
+    H = placed(np.fft.rfft(h, both)[:, None])
+
+    def linear(c):
+        return jnp.fft.irfft(H * jnp.fft.rfft(c, both, axis=0), both, axis=0)[: len(c)]
+
+    return linear
+
+
+def resonant(steps, direct, gain, pole):
+    """Impulse response of direct - gain Re(1 / (1 - pole / z))."""
+    k = np.arange(steps)
+    h = -gain * np.abs(pole) ** k * np.cos(np.angle(pole) * k)
+    h[0] += direct
+    return h
+
+
+def highest(direct, gain, pole):
+    """Maximum of |1 - H| around the angle of the pole, by a search of its own."""
+
+    def size(w):
+        z = np.exp(1j * w)
+        H = direct - gain * 0.5 * (1 / (1 - pole / z) + 1 / (1 - np.conj(pole) / z))
+        return np.abs(1 - H)
+
+    angle, width = np.angle(pole), 50 * (1 - np.abs(pole))
+    fine = angle + np.linspace(-width, width, 20001)
+    top = fine[np.argmax(size(fine))]
+    step = fine[1] - fine[0]
+    found = minimize_scalar(
+        lambda w: -size(w),
+        bounds=(top - step, top + step),
+        method="bounded",
+        options={"xatol": 1e-12},
+    )
+    return max(size(top), -found.fun)
+
+
+def test_a_resonance_between_the_frequencies_of_a_grid_is_in_the_bound():
+    """One so narrow that 512 frequencies miss it; the laps get worse, as the bound says."""
+    w0, steps = 1.0482222, 8000
+    r = np.exp(-0.002 * w0)
+    h = resonant(steps, 0.9, 2.1 * (1 - r), r * np.exp(1j * w0))
+    found = convergence(PType(1.0), [answering(h)], (steps, 1))
+    wanted = highest(0.9, 2.1 * (1 - r), r * np.exp(1j * w0))
+    assert wanted == pytest.approx(1.151, abs=5e-4)
+    assert wanted <= found.bound <= ABOVE * wanted
+    assert not found.assured and found.frequency == pytest.approx(w0, abs=1e-3)
+    error = np.cos(w0 * np.arange(steps))
+    sizes = [np.linalg.norm(error)]
+    for _ in range(8):
+        error = error - lfilter(h, 1, error)
+        sizes.append(np.linalg.norm(error))
+    assert sizes[-1] > 1.5 * sizes[0]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_bound_is_above_the_maximum_of_random_lightly_damped_loops(seed):
+    random = np.random.default_rng(seed)
+    pole = (1 - 10 ** random.uniform(-2.5, -1.5)) * np.exp(1j * random.uniform(0.1, 3.0))
+    gain = random.uniform(1.0, 5.0) * (1 - np.abs(pole))
+    h = resonant(8192, 0.9, gain, pole)
+    found = convergence(PType(1.0), [answering(h)], (len(h), 1))
+    wanted = highest(0.9, gain, pole)
+    assert wanted - 1e-6 <= found.bound <= ABOVE * wanted
+
+
+def test_two_axes_that_are_coupled():
+    """Largest singular value of I - H, H = H_1 R with a constant matrix R."""
+    R = np.array([[1.0, 0.4], [-0.2, 0.8]])
+    h = resonant(512, 0.5, 0.1, 0.9 * np.exp(0.7j))
+    one = answering(h)
+    found = convergence(PType(1.0), [lambda c: one(c @ R.T)], (512, 2))
+    H = np.fft.rfft(h, 2**16)[:, None, None] * R
+    wanted = np.linalg.norm(np.eye(2) - H, 2, axis=(1, 2)).max()
+    assert wanted - 1e-9 <= found.bound <= ABOVE * wanted
+
+
+def test_a_loop_that_changes_along_the_lap_has_an_estimate_and_no_bound():
+    gains = placed(np.linspace(0.5, 1.0, STEPS)[:, None])
+    found = convergence(PType(1.0), [lambda c: gains * c], (STEPS, 1))
+    assert found.estimate == pytest.approx(1 - float(gains[STEPS // 4, 0]), rel=2e-3)
+    assert found.bound == np.inf and not found.assured
 
 
 def test_the_worst_member_is_named():
@@ -76,7 +162,8 @@ def test_a_norm_optimal_law_on_its_own_model_is_assured():
     """M = effort / (|G|^2 + effort + size), largest where the model answers least."""
     law = NormOptimal(first_order(0.5), np.zeros((STEPS, 1)), 0.0, 0.1, 0.05)
     found = convergence(law, [first_order(0.5)], (STEPS, 1))
-    assert found.bound == pytest.approx(0.1 / (1 / 9 + 0.15), rel=1e-10)
+    wanted = 0.1 / (1 / 9 + 0.15)
+    assert wanted - 1e-9 <= found.bound <= ABOVE * wanted
 
 
 def test_a_norm_optimal_law_on_the_opposite_of_its_model_is_not():
@@ -85,7 +172,8 @@ def test_a_norm_optimal_law_on_the_opposite_of_its_model_is_not():
 
     law = NormOptimal(first_order(0.5), np.zeros((STEPS, 1)), 0.0, 0.1, 0.0)
     found = convergence(law, [first_order(0.5), against], (STEPS, 1))
-    assert found.member == 1 and found.bound == pytest.approx((0.1 + 2) / 1.1, rel=1e-10)
+    wanted = (0.1 + 2) / 1.1
+    assert found.member == 1 and wanted - 1e-9 <= found.bound <= ABOVE * wanted
     ramp = np.linspace(0.0, 1.0, STEPS)[:, None]
 
     def run(u, lap):
@@ -100,21 +188,22 @@ def test_bad_input():
     with pytest.raises(ValueError, match="family: there is no machine in it"):
         convergence(PType(1.0), [], (STEPS, 1))
     with pytest.raises(ValueError, match="places: need to be from 0 to 399, received 400"):
-        convergence(PType(1.0), [first_order(0.5)], (STEPS, 1), places=[400])
+        frequency_response(first_order(0.5), (STEPS, 1), 400, np.zeros(1))
+    with pytest.raises(ValueError, match="shape: needs a lap of at least eight samples"):
+        convergence(PType(1.0), [first_order(0.5)], (7, 1))
 
 
 def test_a_filter_scales_the_sizes_of_the_law_without_it():
-    """So that many filters need the responses of the family once."""
+    """So that many filters need the answers of the family once."""
     members = [first_order(0.5), first_order(0.8)]
-    sizes, frequency = iteration_sizes(PType(0.7, 1), members, (STEPS, 1), (50, 100))
-    assert sizes.shape == (2, 2, len(frequency))
+    known = answers(PType(0.7, 1), members, (STEPS, 1), smoothing=40)
     for smoothing in (0, 3, 40):
-        whole = convergence(PType(0.7, 1, smoothing), members, (STEPS, 1), (50, 100))
-        found = worst_of(sizes * np.cos(frequency / 2) ** (2 * smoothing), frequency)
-        assert found.bound == pytest.approx(whole.bound, rel=1e-12)
-        assert found[1:] == whole[1:]
+        whole = convergence(PType(0.7, 1, smoothing), members, (STEPS, 1))
+        found = known.convergence(smoothing)
+        assert found.bound == pytest.approx(whole.bound, rel=2e-3)
+        assert found.member == whole.member
 
 
 def test_what_is_not_finite_is_the_worst():
-    sizes = np.array([[[0.5, np.nan], [2.0, 0.1]]])
-    assert worst_of(sizes, np.array([0.0, 1.0])) == (np.inf, 0, 1.0)
+    found = convergence(PType(1.0), [first_order(0.5), lambda c: c / 0], (STEPS, 1))
+    assert found.member == 1 and found.estimate == np.inf and not found.assured

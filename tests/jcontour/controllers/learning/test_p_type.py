@@ -1,6 +1,5 @@
 """The P-type law against reference numbers and against its own filter by SciPy."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -53,19 +52,6 @@ def test_the_filter_halves_the_amplitude_at_its_bandwidth(frequency):
     wave = np.cos(2 * np.pi * frequency * 1e-3 * np.arange(4001))
     found = np.asarray(smoothed(placed(wave[:, None]), times))[2000, 0]
     assert found == pytest.approx(0.5 * wave[2000], abs=0.08)
-
-
-def test_the_iteration_is_what_an_update_does_to_a_wave():
-    """A correction exp(jwk) on a loop that answers T exp(jwk) without a first error."""
-    law, w, T = PType(0.7, lead=2, smoothing=3), 0.4, 0.8 * np.exp(-0.9j)
-    (M,) = law.iteration(np.array([w]), 0)(np.array([[[T]]]))
-    wave = np.exp(1j * w * np.arange(60))[:, None]
-    parts = [
-        np.asarray(eqx.filter_jit(law.update)(c, e))
-        for c, e in ((wave.real, -(T * wave).real), (wave.imag, -(T * wave).imag))
-    ]
-    found = (parts[0] + 1j * parts[1])[30] / wave[30]
-    np.testing.assert_allclose(found, M[0], atol=1e-13)
 
 
 @pytest.mark.parametrize(
