@@ -3,6 +3,7 @@
     minimise over c  f(c)  with  least <= c'' <= most
 by the alternating direction method of multipliers (Boyd, Parikh, Chu, Peleato & Eckstein 2011,
 sections 3.1 to 3.4). c'' has a copy z within the bounds, with the scaled multiplier u:
+
     c <- argmin of f(c) + penalty mean |c'' - z + u|^2
     h <- RELAXED c'' + (1 - RELAXED) z,    z <- clip(h + u),    u <- u + h - z
 They balance two residuals by the penalty. Here the cost is flat and the bounds count: the penalty

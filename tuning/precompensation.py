@@ -2,6 +2,7 @@
 
 The reference p(k) is shifted by c(k), zero at both ends and where it is held. With
 e_i(c) = p - y_i(p + c), the error of plant i,
+
     minimise over c the largest over i of  J_i(c) + size |c|^2 + roughness |c''|^2, all means
     J_i = mean of e_i' W e_i,   W = (1 - contouring) I + contouring (I - t t')
 over the samples that count; where the reference rests nothing is along it, and W = I. c'' is the
@@ -9,6 +10,7 @@ second difference, with no shift before and after. It may be bounded, so that th
 asks for no more acceleration than the machine has (`bends`).
 Of a linear loop e_i is affine in c. For weights lambda_i >= 0 of sum one, the minimum of
 sum_i lambda_i J_i solves
+
     (sum_i lambda_i G_i' W G_i + R) d = sum_i lambda_i G_i' W e_i - R c,   R = size + roughness D' D
 by conjugate gradients, G_i a run's derivative and G_i' the same backwards. Multiplicative weights
 (Arora, Hazan & Kale 2012) raise lambda of the plants that are worse off: with the right lambda the

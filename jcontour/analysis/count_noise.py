@@ -3,8 +3,10 @@
 A rounded position is wrong by up to half a count, evenly and anew at every sample: white noise of
 standard deviation q / sqrt(12) for counts of length q (Widrow & Kollar, Quantization Noise, 2008).
 In the letters of `frozen_loops`, with such noise n(k) on the positions and z(k) = (x, w, n(k-1)):
+
     z(k+1) = M z(k) + N n(k),        u(k) = C z(k) + F n(k)
 For noise of variance 1 the control vector has the mean square
+
     r^2 = tr(C P C' + F F'),         P = M P M' + N N'
 Its slope is that of both equations together, by the adjoint Q = M' Q M + C' C.
 """

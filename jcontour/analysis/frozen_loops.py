@@ -1,6 +1,7 @@
 """Frozen loops: the closed loop linearised at one step of a run.
 
 For small changes, the plan of that step held for ever, v the control that acts on the plant:
+
     x(k+1) = A x(k) + B v(k),        y(k) = H x(k)                        the plant
     w(k+1) = W w(k) + E y(k),        u(k) = K w(k) + D y(k)               the controller
 x is the state of the plant, w the memory of the controller; v = u closes the loop. All floating

@@ -3,6 +3,7 @@
 A frozen loop (`frozen_loops`) is linearised at the first step of a probe, plant and controller in
 steady motion there. d_u is added to the control behind the controller, d_y to the positions that
 the sensors show:
+
     S_u = I + C (zI - M)^-1 B         d_u -> u + d_u,       T_u = S_u - I
     S_y = I + H (zI - M)^-1 E         d_y -> y + d_y,       T_y = S_y - I
 M is the closed loop, z = exp(j w), w in rad per sample. A peak is the largest singular value over

@@ -3,6 +3,7 @@
 The true plant is P (I + E W), E diagonal with entries of magnitude at most 1 at every frequency, W
 diagonal: the relative uncertainty of the response behind each control. The closed loop is stable
 for all of them if the nominal one is, and
+
     max over w of sigma(W T_u) < 1,        T_u = (I - K P)^-1 K P
 (small gain; Skogestad & Postlethwaite, Multivariable Feedback Control, section 8.6). For one axis
 by itself this is necessary too.

@@ -2,6 +2,7 @@
 
 An observer around a controller without memory keeps its own form: correction, gains, prediction.
 Any other controller is affine in memory x and measurement y, with the matrices of its step:
+
     x(k+1) = A x + E y + w_k,   u = f_k - F_k x - D_k y
 They are its Jacobians, and w and f its step at zero. Every operation of the step is looked at first
 (`guarantees.affine`): what is not affine is told. Limits that it keeps its memory within, as

@@ -19,6 +19,7 @@ class Contour(eqx.Module):
     """Path in arc length s [m].
 
     With s from its own start, each piece is
+
         p(s) = sum_i polynomial[i] s^i + cosine cos(rate s) + sine sin(rate s)
     Everything works under jit and vmap, over points as well as over stacked contours (then every
     array has a leading axis).

@@ -24,6 +24,21 @@ from jcontour.geometry.coordinates import (
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import quintic_pieces
 
+__all__ = [
+    "Contour",
+    "arc",
+    "chain",
+    "circle",
+    "ellipse",
+    "from_pieces",
+    "lemniscate",
+    "line",
+    "polygon",
+    "polyline",
+    "spline",
+    "stack",
+]
+
 # of the nearest point on helices and quintics; distances are then good to 1e-10 of the size, at
 # centres of curvature too
 NEWTON_STEPS = 4
@@ -380,3 +395,7 @@ def _check_alike(name: str, contours: Sequence[Contour]) -> None:
             f"{name}: needs single contours, at least one, with the same number of axes, "
             f"received pieces of shape {shapes}"
         )
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -68,6 +68,14 @@ from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import FASTEST, SHORTEST, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
 
+__all__ = [
+    "Toolpath",
+    "ToolpathError",
+    "parse_gcode",
+    "read_csv",
+    "read_gcode",
+]
+
 Axes = Literal["XY", "XYZ"]
 # [rad] of turn, up to which G61 passes a joint. LinuxCNC does where the turn takes a tenth of the
 # acceleration within a cycle of 1 ms (tp.c): 0.005 at 50 mm/s and 2.5 m/s^2
@@ -304,3 +312,7 @@ def _pieces(start, end, centre, angle, normal) -> Piece:
     polynomial[:, 0], polynomial[:, 1] = np.where(turns, centre, start), along / extent[:, None]
     sine = np.sign(angle)[:, None] * np.cross(normal, radial)
     return Piece(polynomial, radial, sine, np.abs(angle) / extent, np.zeros(angle.size), extent)
+
+
+def __dir__() -> list[str]:
+    return __all__

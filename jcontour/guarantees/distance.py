@@ -3,6 +3,7 @@
 At sample k the tool is at y + a n + b t: y without disturbance, n normal and t tangent to the path
 at the point nearest to y, |a| <= nu and |b| <= tau. With p(s) the point of the path nearest to
 y + s t, and w = y + s t - p(s) = w_n + w_t t,
+
     dist <= max over |s| <= tau of sqrt((|w_n| + nu)^2 + w_t^2)
 as p(s) is no farther than that from any y + s t + a n. It grows by no more than the tool moves, and
 is convex in w. Beside a line it is also at most the largest distance of the corners (+-nu, +-tau)

@@ -8,6 +8,7 @@ sweep back together, one lag at a time.
 
 A long run is cut into blocks. The sweep of a sample ends where the block before its own begins, at
 the sample b; there the state lies in a box |z(b)| <= V, found by the same sweep. So
+
     sup |e(k)| <= sum over j >= b  +  |c(k)' M(k-1) ... M(b)| V
 which bounds the exact value from above; both are the same where there is one block.
 """

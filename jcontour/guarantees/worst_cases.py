@@ -2,6 +2,7 @@
 
 With the frame (n, t) at the point of the path nearest to the undisturbed y, and nu, tau the peak
 bounds of the deviation along n and t:
+
     v = max over k and s in {-1, 0, 1} of  nu(k) + dist(y(k) + s tau(k) t(k), path)
 That is the bound of `certificates` but for what lies between the three places, and for the sum:
 there nu and the part of the distance along n are added first, the part along t at right angles.

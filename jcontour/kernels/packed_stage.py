@@ -2,6 +2,7 @@
 
 The equations are those of `window_sweep`; only entries that can be non-zero are kept, see
 `packing`. With M = [A B] and a 1 behind the state,
+
     Hz = M' H_{j+1} M,   G = (Hz_uu + R)^-1,   K_j = G Hz_ux,   H_j = Hz_xx - Hz_xu K_j + C' Q_j C
 """
 

@@ -2,6 +2,7 @@
 
 The equations are those of `window_sweep`, with the inputs eliminated before the model acts. With a
 1 behind the state, so that H has g in its last column,
+
     G = (B' H B + R)^-1,   L = G B' H,   K = L A,   H_j = A' (H - H B L) A + C' Q_j C,   H = H_{j+1}
 Kernels of a GPU compute with vectors over their lanes (`gain_lanes`), programs for a CPU with eight
 lanes (`kernels.sweeps.stage_sweep`).

@@ -6,6 +6,7 @@
 A resonance of frequency w and damping z is a factor w^2 / (s^2 + 2 z w s + w^2). The sampled
 machine is exact under a control that is held over each sample: of a delay L = (d + g) dt, 0 <= g <
 1, the old control acts over the first g dt of a sample,
+
     x(k+1) = A(dt) x(k) + A((1-g) dt) B(g dt) u(k-d-1) + B((1-g) dt) u(k-d)
 """
 

@@ -231,6 +231,7 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
     A plant that was given its maps returns them. Otherwise its axes need to be decoupled, each
     with one input and one output. An axis with n_i states solves, for x and the constant control u
     that carries it on,
+
         C A^j x + sum_{i<j} C A^i B u = y + j dy,   j = 0..n_i.
     McNab & Tsao, Appendix, with the third row at x_d(k + N_p). We scale every column, as states
     have units of their own: those of a delay line count the control in steps of the position.

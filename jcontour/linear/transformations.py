@@ -80,6 +80,7 @@ def _late_motion(plant: LinearPlant, motion: SteadyMotion, samples: int) -> Stea
     """Maps that also hold the line of controls.
 
     In steady motion the state y -> Sy y + Sv dy goes on to Sy (y + dy) + Sv dy under the control u:
+
         B u = (I - A) (Sy y + Sv dy) + Sy dy
     """
     stays = jnp.eye(plant.states, dtype=plant.A.dtype) - plant.A

@@ -2,6 +2,7 @@
 
 With dx_k = x_k - x_{k-1} and du_k = u_k - u_{k-1}, and a control that acts one sample late (Lam,
 eq. 6),
+
     [dx_{k+1}; du_k; y_{k+1}] = [[A, B, 0], [0, 0, 0], [C A, C B, I]] [dx_k; du_{k-1}; y_k]
                                 + [0; I; 0] du_k
 A constant force changes x, but not how dx moves on: it cancels.

@@ -19,6 +19,12 @@ from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.rests import Rests, rest_of_pieces
 
+__all__ = [
+    "SharpTurnError",
+    "constant_feed",
+    "trapezoidal",
+]
+
 MOST_SAMPLES = 20_000_000  # 160 MB for the arc length alone
 # of a sample: a run that is this close to a whole number of samples has that number
 SAMPLE_ROUNDING = 1e-6
@@ -393,3 +399,7 @@ def _check_samples(steps: float) -> int:
             f"feed, dt: the run would have {steps:.3g} samples, more than {MOST_SAMPLES}"
         )
     return int(steps)
+
+
+def __dir__() -> list[str]:
+    return __all__

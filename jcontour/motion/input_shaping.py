@@ -3,14 +3,17 @@
     shaped(t) = sum_i a_i r(t - t_i),     t_0 = 0,  sum_i a_i = 1
 Behind a shaper a mode s^2 + 2 zeta w s + w^2 vibrates on, once the reference has come to rest. Its
 share of what an impulse at t = 0 makes of it is, with t_n the last of the times,
+
     V(w, zeta) = exp(-zeta w t_n) | sum_i a_i exp((zeta + j sqrt(1 - zeta^2)) w t_i) |
 With half a period h = pi / (w sqrt(1 - zeta^2)) and K = exp(-zeta w h), all at times 0, h, 2 h:
+
     ZV    [1, K] / (1 + K)                            V = 0
     ZVD   [1, 2 K, K^2] / (1 + K)^2                   V = 0 and dV/dw = 0
     EI    [1 + G, 2 (1 - G) K, (1 + G) K^2] / N       V = `vibration`
 EI has zeros on either side of the mode in return, and the widest band below `vibration`. Here
 G = V (1 + K)^2 / (4 K^2 - V (1 - K)^2) and N = (1 + K)^2 + G (1 - K)^2. Without damping K = 1,
 G = V, and for a mode at w'
+
     V_ZV  = |cos(pi w' / 2 w)|
     V_ZVD = cos^2(pi w' / 2 w)
     V_EI  = |(1 - G) + (1 + G) cos(pi w' / w)| / 2

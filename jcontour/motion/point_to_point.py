@@ -2,6 +2,7 @@
 
 A time law gives the arc length at a time since its beginning; `references.in_time` samples it along
 a contour, which is a `line` of one axis for a machine with a single one:
+
     in_time(line([0.0], [0.1]), PointToPoint(0.1, 0.1, 4.0), duration=2.2, dt=1e-3, dwell=0.1)
 """
 
@@ -29,6 +30,7 @@ class PointToPoint:
 
     It is a trapezoid of speed, or an S-curve. With T_j the time in which the acceleration is built
     up and T_a that in which the speed is,
+
         v = j T_j (T_a - T_j),    distance = v (T_a + T_v),
     where T_v, the cruise, is positive only if the feed is reached, and T_a > 2 T_j only if the
     acceleration is (Biagiotti & Melchiorri, Trajectory Planning for Automatic Machines and Robots,

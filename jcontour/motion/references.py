@@ -19,6 +19,14 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import polyline
 from jcontour.told_values import shape, told
 
+__all__ = [
+    "Reference",
+    "along",
+    "from_samples",
+    "in_time",
+    "pad",
+]
+
 # times (S,) [s], none negative -> arc lengths (S,) [m]
 TimeLaw = Callable[[np.ndarray], np.ndarray]
 # of a contour's size: samples farther from it belong to another contour, or to another unit
@@ -422,3 +430,7 @@ def _check_finite(**named) -> None:
     for name, values in named.items():
         if not np.isfinite(values).all():
             raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")
+
+
+def __dir__() -> list[str]:
+    return __all__

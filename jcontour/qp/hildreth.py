@@ -2,6 +2,7 @@
 
 With P = A H^-1 A' over box and rows, A = [I; C], the multipliers are improved one at a time until
 none moves:
+
     lambda_i <- lambda_i + (a_i' z - b_i) / P_ii,     b_i the limit it would push against, zero
     where it would pull; z = -H^-1 (g + A' lambda)
 Hildreth (1957); Wang, Model Predictive Control System Design (2009), 2.4.4, here with both limits

@@ -1,16 +1,19 @@
 """Primal-dual interior point for `StagedQP`: traceable, batched by `vmap`, differentiable.
 
 With a slack s >= 0 and a multiplier l >= 0 for every finite limit g' v <= b, Newton's method on
+
     H v + h + G' l = 0 along the model,    s + G v - t = b,    s l = mu
 as mu goes to zero, with Mehrotra's predictor and corrector (SIAM J. Optimization 2, 1992). A limit
 that gives way has t >= 0 beyond it, at a price r a unit, and g >= 0 with l + g = r, t g = mu. Each
 step is one Riccati sweep with
+
     H + G' W G,    W = 1 / (s / l + t / g)
 as of the linear-quadratic problem without limits (Rao, Wright & Rawlings, J. Optimization Theory
 and Applications 99, 1998).
 
 Derivative of the trajectory: by the implicit function theorem at the answer, with the last W: one
 sweep. The equations above, mu held, give the multipliers' change
+
     dl = W (d(G v - b) + (t / g) dr):
 beyond a limit all of its price's change, W t / g = 1 nearly. Where a limit is about to become
 active the derivative is between those of either side. An answer that is not solved has NaN for a

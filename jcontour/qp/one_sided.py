@@ -1,8 +1,10 @@
 """Limits of a `StagedQP` one by one, and Newton's equations of each, number by number.
 
 For a limit g' v <= b with a slack s and a multiplier l, and t, g where it gives way at a price r,
+
     s + g' v - t = b,    l + g = r,    s l = c1,    t g = c2
 a step along which g' v changes by d changes the multiplier by
+
     dl = W (d + pushed),    W = 1 / (s / l + t / g)
 and the others so that each equation holds. All arguments are arrays of one shape, whatever it is:
 `interior_point` has all limits of a problem in them, a kernel one limit of many problems.

@@ -3,6 +3,7 @@
 minimise  1/2 z' H z + g' z    subject to    lower <= z <= upper,    lower_rows <= C z <= upper_rows
 
 With one multiplier per bound, box first and rows after it, (mu, lambda), an answer is optimal when
+
     H z + g + mu + C' lambda = 0                          (dual residual)
     the limits hold                                       (primal residual)
     z' H z + g' z + sum of multiplier times bound = 0     (duality gap)

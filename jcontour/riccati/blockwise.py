@@ -3,6 +3,7 @@
 A receding horizon of N_p samples costs N_p stages at every sample. Here the horizon ends at one
 sample for N_p steps: the first of them sees 2 N_p - 1 samples, the last one N_p. One backward sweep
 gives the gains of them all, so a sample costs two stages, however far it sees:
+
     (H, g) at the end from the terminal cost, then eqs. 12 and 13 of McNab & Tsao down to the first
     step of the block; eq. 11 at each of its steps
 The blocks are swept side by side (by `kernels.sweeps.block_sweep`, on a GPU by

@@ -2,6 +2,7 @@
 
 At every step k the finite-horizon problem over j = 1..N_p is solved backward from its terminal cost
 (H, g):
+
     K_j = (B' H_{j+1} B + R)^-1 B' H_{j+1} A
     H_j = A' H_{j+1} (A - B K_j) + C' Q_j C
     g_j = (A - B K_j)' g_{j+1} - C' Q_j y_d(k+j)

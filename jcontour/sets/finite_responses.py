@@ -2,8 +2,10 @@
 
 A policy that answers every disturbance w(k) with X_j w(k) in the state and U_j w(k) in the control,
 j samples later, makes
+
     X_0 = E,   X_{j+1} = A X_j + B U_j,   X_N = 0.
 The largest value of a signal c x + d u under |w_i| <= 1 is its peak, the l1 norm of its response:
+
     sum_{j<N} |c X_j + d U_j|_1.
 """
 

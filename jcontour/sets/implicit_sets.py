@@ -1,6 +1,7 @@
 """Robust control invariant sets that are never written down as rows.
 
 With the responses X, U of `finite_responses` and h_j, the growth of a signal's peak over j samples,
+
     R = { x : there are x_0 = x, u_0..u_N with x_{j+1} = A x_j + B u_j,
               |c x_j + d u_j| <= limit - h_j,   j = 0..N,   h_N the whole peak,
               x_N = A x_N + B u_N }.

@@ -3,6 +3,7 @@
     x(k+1) = M x(k) + E w(k),   |w_i| <= 1
 All that the disturbances can do to the state is the set sum_j M^j E W, the smallest invariant set
 (Kolmanovsky & Gilbert 1998). Its support in the direction c, the largest c x, is the series
+
     sum_j |c M^j E|_1.
 With M' P M <= g^2 P the terms from N on add at most |c|_{P^-1} sum_i |M^N E_i|_P / (1 - g).
 """

@@ -2,8 +2,10 @@
 
 The tool may be anywhere between the radii R - eps and R + eps. Chapter 5 cuts this ring into convex
 pieces between an inner polygon around the inner circle, whose vertices are at
+
     l_vert = (R - eps) / cos(pi / n_in)
 from the centre, and an outer polygon inside the outer circle, whose sides are at
+
     l_side = (R + eps) cos(pi / n_out).
 For R = 80 mm and eps = 4 mm the printed (10, 10) leaves the circle itself outside the outer
 polygon; line 5 of the algorithm makes it (10, 11).

@@ -2,6 +2,7 @@
 
     x(k+1) = A x(k) + B u(k) + E w(k),   |w_i| <= 1
 A controller chooses u(k) before it knows w(k). If it keeps |c x| <= limit for every w, then
+
     |c (x(k+1) - E w(k))| <= limit - |c E|_1
 at every sample, for the w that does act. Along a known reference and under one chosen sequence w
 these are linear rows of (x, u, tolerance). Their least tolerance is a lower bound for every

@@ -2,12 +2,14 @@
 
     x(k+1) = A_k x(k) + B_k u(k) + E_k w(k),   |w_i(k)| <= 1
 The answer to w(k) is X_kj w(k) in the state and U_kj w(k) in the control, at sample k+1+j:
+
     X_k0 = E_k,   X_k(j+1) = A_(k+1+j) X_kj + B_(k+1+j) U_kj,   X_kN = 0.
 A machine whose model switches along its path is of this form: an answer that begins before a switch
 ends after it. No set is handed over to another, which Yuan's Algorithm 3 and (5.43) leave open. The
 models have to be known ahead, as those along a known path are.
 
 At sample t a plan that was made j samples before has lost
+
     h_tj = sum_{i=1..j} |c_t X_(t-i)(i-1) + d_t U_(t-i)(i-1)|_1
 of the room of a signal c_t x + d_t u; h_tN is its peak.
 """

@@ -1,6 +1,7 @@
 """How much of a machine's limits a run uses, axis by axis.
 
 Speed and acceleration are those of the tool, by differences of its samples:
+
     v(k) = (y(k+1) - y(k)) / dt,   a(k) = (v(k+1) - v(k)) / dt
 To the largest a is added the largest that its samples hide, `between_samples`. Both need not occur
 at once: what is used is at most this.

@@ -2,6 +2,7 @@
 
 A chunk knows the state it starts in and the samples that it and its preview see. Inside it the
 closed loop is affine,
+
     x(k+1) = M_k x(k) + v_k,   M_k = A - B F_k,   v_k = B f_k,
 and (M_2, v_2) after (M_1, v_1) is (M_2 M_1, M_2 v_1 + v_2): on a GPU all states come from an
 associative scan over time, on a CPU from a plain one. Only signals are kept; the derivative

@@ -5,6 +5,7 @@
 The position loop is proportional, the velocity loop proportional-integral. The integrator is
 updated before it is used. v_r = (r(k+1) - r(k)) / T_s is the velocity of the reference. On top of
 the thesis, u_r is the control that the motion of the reference needs,
+
     u_r = k_a a_r + k_v v_r + k_c sign(v_r),     a_r = (v_r(k) - v_r(k-1)) / T_s.
 The integrator is kept as its share w of the control. Against windup w stays within the limits of
 the control, as Lam et al. have it (their section 5), and so does u. Without a limit this is the

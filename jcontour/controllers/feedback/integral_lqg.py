@@ -3,6 +3,7 @@
     u = u_d - K (xf - x_d) - K_i w,     w(k+1) = w(k) + T (y_i - C_i x_d)
 y_i are the measured positions to be reached, C_i their rows of the model, and xf is the filtered
 estimate of `kalman`. K and K_i are the LQ gain of the model with its integrals,
+
     [x; w](k+1) = [A, 0; T C_i, I] [x; w] + [B; 0] u.
 The measurement is integrated, not the estimate: a load or a wrong input gain biases the estimate,
 and its integral would settle at the biased value. Without the integral both leave an error at rest

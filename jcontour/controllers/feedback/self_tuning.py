@@ -9,6 +9,7 @@ Of Horowitz & McCormick in the volume of 1990 there is no text here: this is the
     u(k) = (k_p (r - y(k)) - k_r (y(k) - y(k-1))) / (2 max(b, b_min))
 b_min is a part of the first b, P_max a multiple of the first P: no unit is favoured. With the
 right b the poles are the roots of
+
     z^3 + ((k_p + k_r)/2 - 2) z^2 + (1 + k_p/2) z - k_r/2.
 """
 

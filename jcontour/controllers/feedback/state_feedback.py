@@ -1,9 +1,11 @@
 """State feedback towards a steady target: u = u_d - K (x - x_d) (Yuan, section 2.2.3).
 
 The quasi-steady target of the thesis treats the reference as if it stood still:
+
     [A - I, B; C, 0] [x_d; u_d] = [0; y]
 It lags behind a moving reference, because x_d is at rest. The moving target solves the same
 equations for steady motion,
+
     x_d = N_y y + N_v dy,   u_d = U_y y + U_v dy,   dy = y(k+1) - y(k)
     [A - I, B; C, 0] [N_v; U_v] = [N_y; 0]
 so that a model of the machine follows a ramp without error.

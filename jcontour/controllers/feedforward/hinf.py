@@ -4,6 +4,7 @@
 
 The least value is the largest singular value of M(S) (Sarason): M(S) v = J w. The optimum is the
 all-pass filter
+
     E = J (sum w_i phi_i) / (sum v_i phi_i),   |E| = J on the unit circle.
 Alter & Tsao, eq. 3: the norm is the largest ratio of RMS error to RMS reference.
 """

@@ -3,6 +3,7 @@
     u(k) = u_n(k) + [C(y(k)) - C(y_n(k))],    u_n = F(lambda) r(k + N_p),   y_n = P u_n
 C is the feedback with its own reference and memory, run once on the machine and once on the
 nominal machine P. Of a linear feedback this is the loop of Alter & Tsao,
+
     u = C_fb (r_p - y) + C_ff r_p   with   C_ff = F - C_fb,
 whatever the feedback feeds forward itself. The nominal motion depends on the reference only: it is
 computed before the run. It has acted on the preview already when the run starts; the machine has

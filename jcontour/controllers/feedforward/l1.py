@@ -4,6 +4,7 @@
 
 The norm is the largest error over all references within +-1 (Alter & Tsao, eq. 5). The optimum is
 an FIR filter (Dahleh & Pearson). Its dual,
+
     maximise Re sum_i a_i M(z_i)   with   |Re sum_i a_i z_i^k| <= 1 for all k,
 proves that no filter is better. The samples z_i^k decay, so finitely many k decide: the program
 grows until the rest is known to be below one.

@@ -7,6 +7,7 @@ is one of these, and no other filter is (Alter & Tsao, eq. 7). Polynomials are a
 lambda = z^-1; |z_i| < 1.
 
 The conditions are written in the orthonormal basis of Takenaka and Malmquist,
+
     phi_i = sqrt(1 - |z_i|^2) / (1 - z_i* lambda) prod_{j<i} (lambda - z_j) / (1 - z_j* lambda),
 where they are well conditioned, near and repeated zeros included: the space is shifted by the
 lower triangular S, and the conditions read E(S) = M(S).

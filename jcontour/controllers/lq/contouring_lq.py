@@ -1,6 +1,7 @@
 """Receding-horizon LQ contouring control (McNab & Tsao).
 
 Over the next N_p samples, with e = y - y_d, minimise
+
     sum_j  stage_j (alpha |e_j|^2 + beta |(I - r r') e_j|^2) + rho |u_{j-1}|^2   + terminal
 and apply the first control (eqs. 4-8, index j throughout). Lag along the path is forgiven, distance
 from it is not.

@@ -2,6 +2,7 @@
 
 A drive that takes a position needs a control u_0 to stand where a run begins, in the state x_0. The
 control costs what it differs from that: the law is planned for the run moved to the origin,
+
     u = u_0 + f - F (x - x_0).
 u_0 and x_0 are zero where a drive takes a speed or a force.
 """

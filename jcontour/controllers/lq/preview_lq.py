@@ -2,6 +2,7 @@
 
 The infinite-horizon problem with a fixed weight Q = alpha I is solved once; the next N_p samples
 enter through constant feedforward gains, and the path continues beyond them at its last speed:
+
     u(k) = -K x(k) - G_N x_d(k+N_p) + sum_{j=1}^{N_p-1} G_j y_d(k+j)
     G_j = (B'HB + R)^-1 B' (A_c')^{j-1} C'Q,   A_c = A - B K
 """

@@ -3,6 +3,7 @@
     d = Q (P_n^-1 x_m - u),    u = u_inner - d          (Yuan, eqs. 2.6 and 2.7, Fig. 2.7)
 The estimate d is subtracted from the control of the wrapped controller. P_n is a double integrator,
 b0 / s^2 with b0 = k_t / M. It is inverted in the form the controller meets, under zero-order hold:
+
     P_n = b0 T^2 / 2 (z + 1) / (z - 1)^2,    Q = D(1) / 2 (z + 1) / D(z)
     Q P_n^-1 = D(1) / (b0 T^2) (z - 1)^2 / D(z)
 D has the poles exp(s T) of s^2 + 2 zeta w s + w^2. Q keeps the zero at -1 of the sampled model,

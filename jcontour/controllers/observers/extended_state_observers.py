@@ -6,6 +6,7 @@ The disturbance zeta is everything beyond a double integrator. y is the measured
 motor, u the control that acts, after the subtraction. Every step first updates the estimate, then
 subtracts. The linear observer (LESO) has phi_i(e) = e and all three poles at the bandwidth w:
 l = (3 w, 3 w^2, w^3). The thesis does not say how it is sampled, so there are three forms:
+
     ExactLESO    zero-order hold of u and y of the previous sample; stable at any bandwidth
     EulerLESO    the same by forward Euler; unstable where w dt >= 2
     CurrentLESO  exact prediction, then correction by the newest y; all poles at exp(-w dt)

@@ -1,6 +1,7 @@
 """State observers around any state-feedback controller, for machines that measure positions only.
 
 With innovation v = y - C xh and steady-state gain L:
+
     xf = xh + L v,    xh(k+1) = A xf + B u.
 The filter form feeds xf to the controller: it needs the current measurement in time. The predictor
 form feeds xh and does not need it. The offset-free form estimates a constant disturbance d of the

@@ -2,6 +2,7 @@
 
 The state is split into the measured part s and the rest, A = [[A11, A12], [A21, A22]],
 B = [B1; B2]. With z = rest - L_r s,
+
     Lambda = A22 - L_r A12                                                     (4.9)
     z(k+1) = Lambda z + (B2 - L_r B1) u + (Lambda L_r + A21 - L_r A11) s       (4.10)
 The estimation error obeys Lambda. With the thesis's L_r it is stable for the zero-order-hold model

@@ -1,6 +1,7 @@
 """Filters on the control of any controller: notches against a resonance, low passes against noise.
 
 A section H(s) of second order becomes, by Tustin's rule s = c (z - 1) / (z + 1),
+
     y(k) = b0 x(k) + b1 x(k-1) + b2 x(k-2) - a1 y(k-1) - a2 y(k-2)
 with c = 2 / dt, or c = w / tan(w dt / 2), which keeps the gain exact at w (prewarped). It runs in
 the transposed direct form.

@@ -14,12 +14,14 @@ cogging need the tubes at that sample only, so that one pass from the begin find
 move the undisturbed run; unknown ones make the tube: e(k) = e_run(k) +- B(k).
 
 A slider that is caught stops at once. That is a friction of another size over this substep, and
+
     a small difference of what else the substep moves, taken as a column of its own;
     where the drive pushes harder than f_c + f_s against the motion that ends, a larger friction
     over one substep of the sample. A second time would need the drive to turn by 2 (f_c + f_s)
     within the sample, which is checked.
 
 Over a substep the forces change, and a friction that replaces them does too. With F for the drive:
+
     the friction of a motor that sticks follows F from stage to stage, behind f_c + f_s;
     that of a stop is F and viscous friction on the mean of the stages. At one of them it is more,
     by as much as dry(v) is less there than on the mean. All speeds are near rest then.

@@ -3,9 +3,11 @@
     g_i = c_i (1 + delta_i),   |delta_i| <= h_i,   c the middle of the cell
 A signal e(delta) under one disturbance is close to its multilinear interpolation between the
 corners. The interpolation is a mean of the corners, so that their exact peak bounds bound it:
+
     sup |e(delta)| <= max over the corners of sup |e|  +  sum_i h_i^2 / 2 max |d2 e / d delta_i^2|
 Let F and A be the loop's answers at the middle, of e and of v = u - u_0 + force, to a force more;
 u_0 as in `gained_loops`. Then d2 e / d delta_i^2 = 2 F A_ii v_i at delta. For all delta of the cell
+
     |v| <= V,   V = V0 + |A| h V                          V0 at the middle
     |A_i v_i| <= S,   S = |A| (V_i + h S)                 |A_i s_i| <= W,   W = |A| (S_i + h W)
     1/2 |d2 e / d delta_i^2| <= |F| (S_i + h W)

@@ -4,6 +4,7 @@
 u_0 holds the plant at rest where the run begins: zero where drives take a speed or a force, see
 `plants.wrappers.gains`. With b_i the column of force i, and k_i, d_i the rows of control i in state
 and disturbance:
+
     M(g) = M + sum_i (g_i - 1) b_i k_i',   E(g) = E + sum_i (g_i - 1) b_i (d_i + 1 at force i)'
 The run without disturbance moves by the same loop under the force (g_i - 1) (u_i - u_0i). Whole
 samples of delay between gain and control change nothing: a constant gain may act before the delay

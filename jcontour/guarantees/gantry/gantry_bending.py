@@ -4,6 +4,7 @@
 z and v are deviations from a run of the machine, M and B its Jacobians there. With J, H the first
 and second derivatives of the rates over all states that the tube allows, and d the deviation at a
 Runge-Kutta stage,
+
     tau_i = 1/2 d_i' |H| d_i + h a_i |J| tau_(i-1)        of the rate at stage i
     rho of a substep = h/6 (tau_1 + 2 tau_2 + 2 tau_3 + tau_4)
 J and H are intervals that contain all values, not samples (`second_derivatives`).

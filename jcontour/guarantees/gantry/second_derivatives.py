@@ -1,6 +1,7 @@
 """Values, slopes and second derivatives of a function over boxes, as intervals that contain them.
 
 The function's operations are followed one by one, each on value, slopes and second derivatives:
+
     (a b)'' = a'' b + a' b' + b' a' + a b'',   f(a)'' = f'(a) a'' + f''(a) a' a'
 """
 

@@ -3,11 +3,14 @@
 Under the constant output weight q I the axes of a decoupled plant do not know of each other, and
 every window of a run is one problem. Per axis, backward over the controls l = N_p - 1..0, with
 H = H_{l+1} and one lane per member:
+
     G_l = (B' H B + R)^-1,   K_l = G_l B' H A
 Then, with a lane per member and sample, what output j makes of a push at control l; it is scaled
 with the root of its entry of the stage profile s:
+
     Z_jl = sqrt(s_j) C A_{j-1} .. A_{l+1} B,   A_i = A - B K_i
 `rank_one_lanes` needs of it
+
     K = K_0,   O_j = sqrt(s_j) C A_{j-1} .. A_0,   D_ij = sum_l Z_il G_l Z_jl',   E_j = G_0 Z_j0'
 """
 

@@ -2,6 +2,7 @@
 
 There is one lane per step and member of the batch. For the cotangent Kbar of K_0 = [F, -f], as in
 `window_sweep`,
+
     U_1 = B G,  V_1 = (A - B K_0) Kbar',  W_{j+1} = A W_j - B (K_j W_j),   Qbar_j = C U_j V_j' C',
     Rbar += K_j U_j V_j' K_j'
 The kernel sweeps again and keeps the K_j of its lanes in a scratch that stays in the cache: as many

@@ -1,8 +1,10 @@
 """The closed loop of a linear plant under a gain schedule on a GPU.
 
 There is one lane per member of the batch, with the state in registers.
+
     x(k+1) = A x + B u,  u = f - F x,  y = C x
 Its derivative goes backward in time with the costate l(k) of x(k):
+
     v = ubar + B' l(k+1),   l(k) = C' ybar + A' l(k+1) - F' v
     Fbar = -v x',   fbar = v,   x0bar = l(0)
 """

@@ -4,6 +4,7 @@ A contouring window has the weight Q_j = q I - b r_j r_j' (`contouring_lq.contou
 + beta, b = beta). Under q I alone it is the same problem at every step: `constant_lanes` solves it
 once per run. The change is a system of the window's length, whatever the number of states. With
 d_j = sqrt(s_j) y_d(k+j), and K, O, D, E of `constant_lanes`:
+
     S_ij = 1_ij - b r_i' D_ij r_j,   S z_j = E_j r_j
     w_i = r_i' (q sum_j D_ij d_j - d_i)
     F = K - b sum_j z_j r_j' O_j,   f = sum_j (q E_j d_j + b z_j w_j)

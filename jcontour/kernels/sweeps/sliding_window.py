@@ -2,9 +2,11 @@
 
 A span of samples, from the state x at its first to the state and the costate l behind its last, is
 a linear map,
+
     x_end = A z - C l_end,      l = J z + A_x' l_end,      z = (x, 1),
 whose C and J_x are symmetric and not negative. A cost to go l_end = H z_end behind it becomes the
 one in front,
+
     J z + A_x' l_end,      l_end = H_x (I + C H_x)^-1 (A z - C h) + h,      H = (H_x, h),
 and two spans in a row are one: the associative elements of the Riccati recursion (Sarkka &
 Garcia-Fernandez, "Temporal parallelization of dynamic programming and linear quadratic control",

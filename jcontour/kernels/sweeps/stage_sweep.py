@@ -1,6 +1,7 @@
 """The Riccati sweep of many windows on the CPU, eight of them at a time.
 
 Every lane is a window of S stages, behind which a cost to go remains:
+
     H = H_end;   for s = S - 1 .. 0:   K_s, G_s = the best control before H,
                                        H = the cost in front of it + scale_s C' Q_s C
 (`kernels.written_stage`, where the equations are). The windows of a run's steps slide over its

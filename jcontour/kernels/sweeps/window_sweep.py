@@ -3,14 +3,17 @@
 The state carries a 1 behind it, so that H holds g in its last column, K = [F, -f] and Q = [[Q, -Q
 y_d], [-y_d' Q, .]]. With M = [A B], one stage back is a product with constant matrices and an
 elimination of the p inputs:
+
     Hz = M' H_{j+1} M,   G = (Hz_uu + R)^-1,   K_j = G Hz_ux,   H_j = Hz_xx - Hz_xu K_j + C' Q_j C
 Hz is linear in H: its upper triangle, for all steps at once, is one matrix product for every two
 axes that nothing couples. On a CPU the gains come from `stage_sweep`, where it suits.
 
 Derivative: at the optimum the gains do not move the cost. With the closed loop A_j = A - B K_j,
+
     dH_j = A_j' dH_{j+1} A_j + K_j' dR K_j + C' dQ_j C,   dK_0 = G (B' dH_1 A_0 - dR K_0)
 so a cotangent Kbar of K_0 reaches stage j as two bundles of p predicted trajectories instead of a
 matrix of H's size:
+
     U_1 = B G,  V_1 = A_0 Kbar',  U_{j+1} = A_j U_j,  V_{j+1} = A_j V_j;   Qbar_j = C U_j V_j' C',
     Rbar += K_j U_j V_j' K_j'
 """

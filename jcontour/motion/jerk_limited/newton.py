@@ -1,6 +1,7 @@
 """The quickest warp of time between two stops, by a primal-dual interior point method, compiled.
 
 Every step solves Newton's equations for
+
     minimise T(c) = sum weight / sqrt(u)    subject to    g(c) >= 0,    g_i z_i = mu,
 with mu sent to zero (Nocedal & Wright, Numerical Optimization, chapter 19). The curvature of g is
 left out: it is that of 1 / sqrt(u), whose tangent lies below it, so that a step along which the

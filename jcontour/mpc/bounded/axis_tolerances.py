@@ -1,6 +1,7 @@
 """The tolerance that a controller of a given length can promise on one axis, and its limits.
 
 In coordinates of the steady motion along the reference r, d = r(k+1) - r(k),
+
     s = x - Sy r - Sv d,   u~ = u - k d,   s(k+1) = A s + B u~ + E w - Sv (d(k+1) - d(k)),
 k d the control that carries the motion on. A reference that is not known ahead is a disturbance
 whose size is its largest change of d, (acceleration) dt^2; a previewed one is none. The motion

@@ -1,6 +1,7 @@
 """MPC that keeps signals within limits along a nominal run, on a model that changes on the way.
 
 With e = x - z(k), du = u - v(k) the deviations from the run (z, v), a sample solves
+
     minimise    sum_j |rows e_j|_Q^2 + |du_j|_R^2
     subject to  e_0 = x - z(k),   e_(j+1) = A_(k+j) e_j + B_(k+j) du_j,   e_N = 0,
                 |value + row e_j| <= limit - h_(k+j)j,   |du_j| <= room - h_(k+j)j

@@ -2,6 +2,7 @@
 
     x(k+1) = A x(k) + B u(k) + E w(k),   |w_i| <= 1
 Along the nominal run (z, v) of `nominal_runs`, with e = x - z, a sample solves
+
     minimise    sum_j |C (e_j + sum_{i<j} X_i w^)|_Q^2 + |du_j + sum_{i<j} U_i w^|_R^2
     subject to  e_0 = x - z(k),   e_{j+1} = A e_j + B du_j,   e_N = 0,
                 |signal of sample k+j| <= limit - h_j,

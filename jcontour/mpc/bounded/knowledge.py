@@ -2,6 +2,7 @@
 
 The state is measured as it is, or it is the estimate z = x - e of a filter on encoders, which moves
 as
+
     z(k+1) = A z(k) + B u(k) + L i(k+1),   i the innovation.
 All i within their largest size are then the disturbances of z, E = L |i|, and what the estimate
 misses of the tool, |C e|, is added to a tolerance of z. That innovations depend on each other and

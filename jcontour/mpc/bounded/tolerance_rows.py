@@ -3,6 +3,7 @@
 In the frame of the reference point p_k, tangent t and normal n, the tool is at p_k + nu n + tau t.
 The distance to the path is 1-Lipschitz, so with D_k(b) the largest distance of p_k + sigma t from
 the path over |sigma| <= b,
+
     |nu| <= eps - D_k(b) and |tau| <= b    keep the tool within eps of the path,
 on lines, arcs, splines and at corners. D is the largest of samples along the tangent, plus half of
 their spacing. On a single axis the tracking error itself is kept within eps.

@@ -3,6 +3,7 @@
 What is constant is made once, the rest at every step, compiled. At sample k, along estimates
 theta_b of the path parameter at the evaluation points, with p(theta) ~ p_b + p'_b (theta -
 theta_b),
+
     e_b = y_b - p_b - p'_b (theta - theta_b),   t_b = p'_b / |p'_b|
     J = sum_b w_b (q_c |e_b|^2 + (q_l - q_c) (t_b . e_b)^2) - q_theta sum_i theta_i h / T + sum_b
     r_b ((du_b)' R_u du_b + R_v dv_b^2)

@@ -2,10 +2,12 @@
 
 With z = (u_0, ..., u_{N-1}) and what is known at the sample, s = (x_0, u_{-1}, w, d), everything
 ahead is affine:
+
     x_{j+1} = A x_j + B v_j + w,    v_j = u_j + d
     x_j = Fx_j s + Gx_j z,    y_j = C x_j = Fy_j s + Gy_j z
 `w` is a constant disturbance of the state, `d` one of the controls: v is what the machine feels.
 Their values are the form's. The cost
+
     sum_{j=1}^{N-1} stage_j (y_j - y_d,j)' Q_j (y_j - y_d,j) + sum_j v_j' R v_j + du_j' S du_j +
     (xi_N - xi_d)' P (xi_N - xi_d)
 becomes 1/2 z' H z + g' z, divided by one constant so that H is of order one; every row of limits is

@@ -1,6 +1,7 @@
 """`ContouringLQ` under limits, traceable: weights are tuned with the limits in the loop.
 
 The problem of a sample is that of `TrackingMPC`, in the absolute or the offset-free form,
+
     sum_{j=1}^{N-1} stage_j e_j' Q_j e_j + sum_{j=0}^{N-1} v_j' R v_j + terminal,
     v_j = u_j + d - u_0,    x_{j+1} = A x_j + B (u_j + d),
 u_0 the control that holds the machine where the run begins, stated stage by stage and solved by

@@ -2,9 +2,11 @@
 
 Absolute form: x_{j+1} = A x_j + B u_j, there are none.
 Offset-free form: an observer estimates a constant load d of the controls,
+
     x_{j+1} = A x_j + B (u_j + d),
 and u_j + d costs, what the machine feels. A constant load then leaves no error at rest.
 Velocity form: the prediction goes on from the last change,
+
     x_{j+1} - x_j = A (x_j - x_{j-1}) + B (u_j - u_{j-1}),
 the machine of Lam, eq. 6. Written in absolute controls it is the model under the constant
 disturbance w = x_0 - A x_{-1} - B u_{-1}, so all forms share one QP. A constant load then leaves

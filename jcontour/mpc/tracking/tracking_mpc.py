@@ -2,6 +2,7 @@
 
 The cost is that of McNab & Tsao, eqs. 4-8 (see `ContouringLQ`, which the absolute form equals where
 no limit is active),
+
     sum_{j=1}^{N-1} stage_j e_j' Q_j e_j + sum_{j=0}^{N-1} v_j' R v_j + du_j' S du_j + terminal,
     Q_j = Q + beta (I - t_j t_j'),   v_j = u_j - u_0,
 u_0 the control that holds the machine where the run begins.

@@ -1,17 +1,20 @@
 """Feedback linearisation of the gantry: currents cancel the coupling of head and beam.
 
 Yuan, section 5.4.2, with nominal parameters:
+
     i_x  = M_e / k_x       (-x_h theta'^2 + d theta'' + y_N'' s) + i'_x                 (5.30)
     i_y1 = M_e / k_y       (s x_h'' + d s theta'' - x_h s theta'^2 + 2 x_h' c theta'
                             + d theta'^2 c) + i'_y1                                     (5.32)
     i_y2 = M_e / (k_y L)   (d x_h'' + d s y_N'' + 2 theta' x_h' x_h) + i'_y2            (5.34)
 No sensor measures q''. We take it from the model that is to remain, under i', with the head where
 it is:
+
     M_e x_h'' + b_x x_h' = k_x i'_x                                                     (5.31)
     M_t y_N'' + 2 b_y y_N' + m theta'' = k_y i'_y1                                      (5.33)
     m y_N'' + J theta'' + 2 b_y L^2 theta' + 2 k_r theta = k_y L i'_y2                  (5.35)
 with m = M_e x_h - M_d L; the thesis's k_y1 in (5.33) is k_y. This closes the algebraic loop. A
 plant of the nominal parameters then moves as the model says, but for these terms on the left sides:
+
     across    (c - 1) m theta'' + M_d L s theta'^2
     turning   (c - 1) m y_N'' + 2 k_s L^2 s (1 - c) + (1 - c) k_y L i_y2
               - (1 - c^2) 2 b_y L^2 theta'

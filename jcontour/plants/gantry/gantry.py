@@ -98,6 +98,7 @@ class EquationOfMotion(NamedTuple):
         """Acceleration q'' = M^-1 (Q - h), in closed form.
 
         The head's line, M_e (x_h'' + s y_N'' + d theta'') = r_x, subtracted from the others leaves
+
             (M_t - M_e s^2) y_N'' + c (M_e x_h - M_d L) theta''  = r_y - s r_x
             c (M_e x_h - M_d L) y_N'' + (J - M_e d^2) theta''    = r_theta - d r_x.
         Each entry ends in its own division: a compiler that never repeats a division then keeps

@@ -3,6 +3,7 @@
 A beam slides along y and turns about z. The drives are point masses at its ends, the head slides
 along it. The drives' currents, their friction and the lateral springs are actuators on sites at the
 joints, along the axes of the world:
+
     force = gain u - stiffness x - damping v
 with the position x against a site at rest. So the kinematics of the engine make (5.5), (5.6) and
 the spring of the potential.

@@ -2,10 +2,12 @@
 
 The computer simulates y_N and theta. At every sample it sends the bench i_x and a load current that
 makes the bench behave like the head,
+
     k_A i_T = M_A ((k_A / M_A - k_x / M_e) i_x - (b_A / M_A - b_x / M_e) x_h' - d_x)       (5.46)
 Both act `delay` samples later and are held. (5.8), (5.9) go on with the bench's x_h, x_h', x_h''
 and with i_1, i_2 at once. If nothing were late and the load were continuous, the bench would be the
 head but for its dry friction,
+
     x_h'' = k_x / M_e i_x - b_x / M_e x_h' + d_x - F_fn / M_A                              (5.47)
 d_x is taken at the measured state under the currents being sent. Held and late, it is more than a
 disturbance: its term -d theta'' closes a loop through the beam. See `twist_damping`.
