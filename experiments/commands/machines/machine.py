@@ -31,7 +31,7 @@ UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2", "nothing":
 def command(flags: Flags) -> int:
     """The whole command: build or read, check, draw, print, exit code."""
     if flags.example is not None:
-        result, machine, path = _example(flags)
+        result, machine, path = _example(flags, flags.example)
     elif flags.file is None:
         result, machine, path = _built(flags)
     else:
@@ -57,7 +57,7 @@ def _built(flags: Flags) -> tuple[MachineResult, Machine, Path]:
     return _written(machine, text, path, found.words, found.warnings)
 
 
-def _example(flags: Flags) -> tuple[MachineResult, Machine, Path]:
+def _example(flags: Flags, given: Path) -> tuple[MachineResult, Machine, Path]:
     """Write the example, and draw it.
 
     Raises:
@@ -66,7 +66,7 @@ def _example(flags: Flags) -> tuple[MachineResult, Machine, Path]:
     _check_alone(flags, "write the example")
     if flags.file is not None:
         raise ValueError("file: is to be checked; leave it out to write the example")
-    path, text = _new("example", flags.example), EXAMPLE.read_text()
+    path, text = _new("example", given), EXAMPLE.read_text()
     return _written(machine_from(text.encode(), EXAMPLE.stem), text, path, [], [])
 
 
