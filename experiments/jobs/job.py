@@ -144,7 +144,8 @@ class Job(NamedTuple):
         """Line of the program that the run is on; None where there is no program."""
         if self.program is None:
             return None
-        return int(self.program.line[_piece_at(self.contour, self.arc[sample])])
+        last = min(sample, self.samples - 1)  # it settles on the line that it came to
+        return int(self.program.line[_piece_at(self.contour, self.arc[last])])
 
     def reference(self, dt: float, preview: int) -> Reference:
         """Samples of the run, with `preview` more appended.

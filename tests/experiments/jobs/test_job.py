@@ -121,6 +121,7 @@ def test_a_drawing_is_run_at_the_feed_with_rapid_moves_between_contours():
     found = from_file(plate, Pace(machine_named(EXAMPLE), 0.1, None))
     assert found.ignored == ("1 TEXT (layer notes)",) and found.line_at(0) == 20
     assert 0 < np.count_nonzero(~found.scored) < found.samples / 2
+    assert found.line_at(found.steps - 1) == found.line_at(found.samples - 1)
 
 
 def test_a_machine_that_states_its_acceleration_runs_contours_within_half_of_it():
