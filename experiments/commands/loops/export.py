@@ -5,6 +5,7 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from experiments.files import run_folder
 from experiments.files.results.exported_result import ExportedResult
@@ -36,8 +37,8 @@ ALIKE = 1e-8  # of the largest control: sums in another order differ by less, a 
 ROUNDED = 1e-3  # of the largest control: rounding that is told as a warning
 AWAY = 1e-4  # [m] from the first point, for which it is told what the control does
 ENDS = {  # by whether the planned run comes to rest
-    True: "End: the planned tool rests at the last sample; hold that sample.",
-    False: "End: the planned tool does not rest at the last sample; stop the drive by other means.",
+    True: "End: the plan rests at the last sample; hold that sample.",
+    False: "End: the tool does not rest at the last sample; stop the drive by other means.",
     None: "End: the planned run ends in motion; stop the drive by other means before it does.",
 }
 LOOSE = (
@@ -69,7 +70,7 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
             f"export: on {job.name} {loop.name} is not its linear form: the controls differ by "
             f"{apart:.3g}; does a limit act? Another --along or a lower feed stays within it"
         )
-    law, plan = affine.law, affine.plan_along(y)
+    law, plan = affine.law, affine.plan_along(_planned(loop, job, y))
     tried = off_the_plan(law, plan, u)
     rounded = rounding(affine, plan, tried, _precision(flags))
     margins, warnings = _margins(flags.run)
@@ -178,6 +179,21 @@ def _recorded(loop: StoredLoop, job: Task) -> tuple[AffineLaw, np.ndarray, np.nd
             "another one, as contouring-lq, preview-lq or a cascade, has one"
         ) from None
     return affine, y, u
+
+
+def _planned(
+    loop: StoredLoop, job: Task, recorded: Float[np.ndarray, "T q"]
+) -> Float[np.ndarray, "T q"]:
+    """Measurements that the plan is told from: the reference itself, where positions are measured.
+
+    The law is the same about any of them. About the reference the plan ends where the program does,
+    without counts and noise. A plant that measures more has no reference of it: the recorded run is
+    taken.
+    """
+    reference = job.reference(loop.machine.model.dt, loop.controller.preview)
+    position = np.asarray(reference.position)[: reference.steps]
+    known = loop.fed == "outputs" and loop.machine.sensed == ("m",) * position.shape[1]
+    return position if known and position.shape == recorded.shape else recorded
 
 
 def _units(loop: StoredLoop, measured: int) -> Units:

