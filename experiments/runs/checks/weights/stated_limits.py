@@ -46,7 +46,7 @@ def family_limits(robust: RobustTest | None) -> list[LimitCheck]:
         return []
     return [
         LimitCheck(
-            name=f"{name.replace('increment', 'control increment')} of any axis over its limit",
+            name=f"largest share of the limit of {name.replace('increment', 'control increment')}",
             value=used,
             allowed=1.0,
             member=f"{robust.members} plants at corners of the family and at random",
