@@ -18,23 +18,25 @@ from jaxtyping import Array, Float
 from scipy.linalg import solve_continuous_lyapunov
 
 
-def rate_bound(
+def admissible_rate(
     matrix: Callable[[Array], Any], parameters: Sequence[float] | Float[np.ndarray, "_"]
 ) -> float:
-    """Largest rate |p'| up to which the loop is proven stable [parameter per second].
+    """Estimate of the largest rate |p'| at which the loop is stable [parameter per second].
 
         1 / max over p of |dP/dp|,   A' dP + dP A = -(dA' P + P dA)
+
+    The maximum is that over the parameters given: one over the whole interval would be a bound.
 
     A mass on a spring whose damping is scheduled:
 
     >>> def damped(p):
     ...     return jnp.array([[0.0, 1.0], [-1.0, -1.0]]) - p * jnp.array([[0.0, 0.0], [0.0, 1.0]])
-    >>> round(rate_bound(damped, np.linspace(0.0, 1.0, 11)), 3)
+    >>> round(admissible_rate(damped, np.linspace(0.0, 1.0, 11)), 3)
     1.0
 
     Args:
         matrix: A (n, n) at a parameter, traceable.
-        parameters: where it is looked at; close enough to miss nothing.
+        parameters: grid on which the maximum is taken; a finer one can only lower the estimate.
 
     Raises:
         ValueError: there is no parameter, or the frozen loop is not stable at one.

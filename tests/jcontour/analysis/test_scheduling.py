@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jcontour.analysis.scheduling import rate_bound, turning
+from jcontour.analysis.scheduling import admissible_rate, turning
 
 DATA = Path(__file__).parents[2] / "data" / "adaptive" / "companions.json"
 INTEGRATED, EXACT, EIGENVALUES = json.loads(DATA.read_text())["lpv_frozen"]
@@ -47,14 +47,14 @@ def test_it_grows_all_the_same():
     np.testing.assert_allclose(found, exact, rtol=1e-8)
 
 
-def test_below_the_bound_it_dies_out():
-    bound = rate_bound(turning, np.linspace(0, 2 * np.pi, 37))
-    assert 0 < bound < 1
-    assert np.linalg.norm(ended(0.99 * bound, 80.0)) < 1e-3
+def test_below_the_admissible_rate_it_dies_out():
+    rate = admissible_rate(turning, np.linspace(0, 2 * np.pi, 37))
+    assert 0 < rate < 1
+    assert np.linalg.norm(ended(0.99 * rate, 80.0)) < 1e-3
     assert np.linalg.norm(ended(1.0, 10.0)) > 100
 
 
-def test_the_bound_against_differences_of_lyapunov_matrices():
+def test_the_rate_against_differences_of_lyapunov_matrices():
     """The largest |P(p + h) - P(p - h)| / 2h, each P by its Kronecker form."""
 
     def P(angle):
@@ -64,18 +64,18 @@ def test_the_bound_against_differences_of_lyapunov_matrices():
 
     angles = np.linspace(0, np.pi, 13)
     slopes = [np.linalg.norm(P(a + 1e-5) - P(a - 1e-5), 2) / 2e-5 for a in angles]
-    assert rate_bound(turning, angles) == pytest.approx(1 / max(slopes), rel=1e-6)
+    assert admissible_rate(turning, angles) == pytest.approx(1 / max(slopes), rel=1e-6)
 
 
-def test_a_matrix_that_does_not_move_has_no_bound():
+def test_a_matrix_that_does_not_move_may_move_at_any_rate():
     def still(p):
         return np.array([[-1.0, 0.0], [0.0, -2.0]]) + 0 * p
 
-    assert rate_bound(still, [0.0, 1.0]) == np.inf
+    assert admissible_rate(still, [0.0, 1.0]) == np.inf
 
 
 def test_bad_input():
     with pytest.raises(ValueError, match="parameters: need at least one"):
-        rate_bound(turning, [])
+        admissible_rate(turning, [])
     with pytest.raises(ValueError, match="frozen at 2 is not stable.*real part 1"):
-        rate_bound(lambda p: (p - 1) * np.eye(2), [0.0, 2.0])
+        admissible_rate(lambda p: (p - 1) * np.eye(2), [0.0, 2.0])

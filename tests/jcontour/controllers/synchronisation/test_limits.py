@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.synchronisation.limits import (
+    SampledLoop,
     bound_of_equal_axes,
     check_coupling,
     continuous_bound,
@@ -19,6 +20,7 @@ from jcontour.controllers.synchronisation.limits import (
 from jcontour.controllers.synchronisation.speed_axes import speed_axes
 
 NAMES = ("sync_nominal", "sync_low_kc")
+BETWEEN = 1e-4  # relative: what the proof takes off for frequencies between those of the grid
 
 
 def loops(numbers, name):
@@ -31,11 +33,26 @@ def loops(numbers, name):
         yield sampled, made
 
 
+def matrices(loop, beta):
+    """A_c0 and A_c1, written out."""
+    C = np.array([[1 + beta, -beta], [-beta, 1 + beta]])
+    inverse = np.diag(1 / loop.b_d)
+    first = inverse - loop.adaptation * C
+    return first, np.diag(loop.a_d / loop.b_d) - np.diag(loop.proportional) @ C
+
+
+def between(loop, beta):
+    """Most by which an eigenvalue is smaller between 721 frequencies than at one of them."""
+    return np.linalg.norm(matrices(loop, beta)[1], 2) * (1 - np.cos(np.pi / 1440))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_bounds_are_those_of_the_reference(synchronisation_numbers, name):
     for sampled, loop in loops(synchronisation_numbers, name):
         np.testing.assert_allclose(loop.adaptation, sampled["K"], rtol=1e-14)
-        np.testing.assert_allclose(positive_real_bound(loop), sampled["beta_limit_spr"], rtol=1e-8)
+        bound, on_grid = positive_real_bound(loop), sampled["beta_limit_spr"]
+        np.testing.assert_allclose(bound, on_grid, rtol=BETWEEN)
+        assert bound <= on_grid
         np.testing.assert_allclose(exact_bound(loop), sampled["beta_limit_lti"], rtol=1e-8)
         formula = bound_of_equal_axes(loop)
         np.testing.assert_allclose(formula, sampled["beta_limit_formula"], rtol=1e-12)
@@ -47,9 +64,21 @@ def test_margins_are_those_of_the_reference(synchronisation_numbers, name):
         for row in sampled["rows"]:
             beta = float(row["beta"])
             margin, radius = positive_real_margin(loop, beta), loop_radius(loop, beta)
-            np.testing.assert_allclose(margin, row["spr_margin"], rtol=1e-8)
+            np.testing.assert_allclose(margin + between(loop, beta), row["spr_margin"], rtol=1e-8)
             np.testing.assert_allclose(radius, row["loop_spectral_radius"], rtol=1e-8)
             assert has_stable_poles(loop, beta) is row["spr_poles_stable"]
+
+
+def test_the_margin_holds_between_the_frequencies_of_its_grid():
+    """The Hermitian part has the smallest eigenvalue 5.5 - 3 c - sqrt(13 - 12 c), c = cos w.
+
+    It is smallest at c = 3/4, between two frequencies of the grid, and 5/4 there.
+    """
+    loop, beta = SampledLoop(np.array([0.3, 0.9]), np.full(2, 0.1), np.array([0.0, 2.0]), 1.5), 2.0
+    cosine = np.cos(np.linspace(0, np.pi, 721))
+    assert np.min(5.5 - 3 * cosine - np.sqrt(13 - 12 * cosine)) > 1.25 + 1e-6
+    margin = positive_real_margin(loop, beta)
+    assert margin <= 1.25 <= margin + between(loop, beta)
 
 
 def test_no_bound_in_continuous_time_for_equal_gains():
