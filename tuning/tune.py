@@ -25,6 +25,7 @@ from tuning.descents.quadratic_step import Model
 from tuning.descents.stabilise import Measured, loop_radii, stabilised
 from tuning.effort import THOROUGH, Effort
 from tuning.history import FEASIBLE, Evaluated, next_start, rank, sound
+from tuning.objectives import AtMost
 from tuning.outcome import Outcome
 from tuning.parameters import Chart, Weights
 from tuning.point import Point, evaluate_point, evaluate_values
@@ -80,8 +81,30 @@ class Price(NamedTuple):
     price: float
 
 
+class Exceeded(NamedTuple):
+    """A limit that the weights do not keep, where they exceed it most.
+
+    Attributes:
+        name: of the limit.
+        row: index of the contour, or of the probe for a limit on the loops.
+        plant: index in the family.
+        value: what the weights reach, in the unit of the limit.
+        allowed: the limit; 1 where the limits are a function, and the value is relative to it.
+    """
+
+    name: str
+    row: int
+    plant: int
+    value: float
+    allowed: float
+
+    def __str__(self) -> str:
+        where = f"row {self.row}, plant {self.plant}"
+        return f"{self.name} is {self.value:.4g}, allowed {self.allowed:.4g} ({where})"
+
+
 class Tuned(NamedTuple):
-    """Result of a run.
+    """Result of a run; its `repr` says which limits are not kept.
 
     Attributes:
         weights: the best feasible weights; those of least violation when none is feasible.
@@ -96,6 +119,7 @@ class Tuned(NamedTuple):
         stabilised: whether a start diverged, and its descent began at weights that were found for
             their stable loops.
         stationary: whether the descent that found the weights ended where nothing promises more.
+        exceeded: every limit that is not kept; empty of a feasible result.
     """
 
     weights: Weights
@@ -108,6 +132,16 @@ class Tuned(NamedTuple):
     prices: list[Price]
     stabilised: bool
     stationary: bool
+    exceeded: tuple[Exceeded, ...] = ()
+
+    def __repr__(self) -> str:
+        if self.feasible:
+            verdict = "keeps every limit"
+        else:
+            verdict = "EXCEEDS LIMITS: " + "; ".join(map(str, self.exceeded))
+        points = f"{len(self.history)} points, {self.diverged_points} diverged"
+        weights = jax.tree.map(np.asarray, self.weights)
+        return f"Tuned({verdict}; weights {weights}; {points})"
 
 
 def tune(
@@ -117,6 +151,9 @@ def tune(
     on_step: Callable[[TuneState], None] = lambda state: None,
 ) -> Tuned:
     """Weights that make the objective small within the limits.
+
+    Where no point keeps the limits, the result is that of least violation: `feasible` is false,
+    and `exceeded` has the limits that it does not keep.
 
     Args:
         problem: the tuning problem.
@@ -159,6 +196,7 @@ def result(problem: Problem, start: Weights, state: TuneState) -> Tuned:
         prices=_named(problem, best, ended.prices[best.start]) if of_descent else [],
         stabilised=state.stabilised,
         stationary=bool(of_descent and ended.stationary[best.start]),
+        exceeded=_exceeded(problem, best),
     )
 
 
@@ -332,6 +370,24 @@ def _nothing_stable(problem: Problem, start: Weights, state: TuneState) -> str:
 def _named(problem: Problem, best: Evaluated, prices: np.ndarray) -> list[Price]:
     entries = problem.limit_entries(best.outcome)
     return [Price(*entry, float(value)) for entry, value in zip(entries, prices, strict=True)]
+
+
+def _exceeded(problem: Problem, best: Evaluated) -> tuple[Exceeded, ...]:
+    """Limits that a point does not keep, each by its worst entry."""
+    if best.violation <= FEASIBLE:
+        return ()
+    limits = problem.limits
+    named = zip(limits.names, limits.bounds, strict=True) if isinstance(limits, AtMost) else ()
+    bounds = {name: float(bound) for name, bound in named}
+    violations = np.asarray(limits(best.outcome))
+    entries = problem.limit_entries(best.outcome)
+    worst: dict[str, Exceeded] = {}
+    for k in np.argsort(violations)[::-1]:
+        entry, violation = entries[k], violations[k]
+        if violation > FEASIBLE and entry.name not in worst:
+            allowed = bounds.get(entry.name, 1.0)
+            worst[entry.name] = Exceeded(*entry, float(np.exp(violation) * allowed), allowed)
+    return tuple(worst.values())
 
 
 def _first(problem: Problem, start: Weights) -> np.ndarray:

@@ -86,6 +86,7 @@ def test_finds_the_constrained_optimum_that_scipy_finds(limited, states):
     assert wanted.success
     assert 1e6 * float(tuned.outcome.metrics.rms_contour_error.mean()) <= wanted.fun * 1.001
     assert tuned.feasible and tuned.violation <= FEASIBLE
+    assert tuned.exceeded == () and "keeps every limit" in repr(tuned)
     np.testing.assert_array_equal(limited.metrics(tuned.weights).diverged, False)
 
 
@@ -103,12 +104,16 @@ def test_progress_is_told_after_every_step(limited, states):
     assert len(tuned.history) == len(states[-1].history)
 
 
-@pytest.mark.slow
 def test_limits_out_of_reach_give_the_least_violating_point(proportional_problem):
-    problem = proportional_problem(AtMost(rms_tracking_error=1e-7))
-    tuned = tune(problem, START, replace(THOROUGH, starts=1, scatter=0, steps=12))
+    problem = proportional_problem(AtMost(rms_increment=1.0, rms_tracking_error=1e-7))
+    tuned = tune(problem, START, replace(CAREFUL, steps=3))
     assert not tuned.feasible and tuned.violation > 1
     assert tuned.violation == min(row.violation for row in tuned.history if not row.diverged)
+    (limit,) = tuned.exceeded
+    errors = np.asarray(tuned.outcome.metrics.rms_tracking_error)
+    assert limit[:3] == ("rms_tracking_error", *np.unravel_index(np.argmax(errors), errors.shape))
+    assert limit[3:] == pytest.approx((errors.max(), 1e-7), rel=1e-12)
+    assert f"rms_tracking_error is {errors.max():.4g}, allowed 1e-07" in repr(tuned)
 
 
 def test_every_start_diverging_is_an_error(limited):
