@@ -1,4 +1,4 @@
-"""`jcontour compare`: what changed between two tuned runs, and which is better where."""
+"""`jcontour compare`: what changed between two runs of a command, and which is better where."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,8 +9,9 @@ from typing import Any
 from rich.console import Console
 
 from experiments.files import run_folder
+from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import Weight, read_result, stored_as, to_json
-from experiments.files.results.tuned_result import TunedContour, TunedResult
+from experiments.files.results.tuned_result import TunedResult
 from experiments.files.results.verdict import Verdict
 from experiments.flags.others import Compare
 from experiments.reports import tables
@@ -19,6 +20,8 @@ from experiments.runs.checks.weights.comparable import (
     CONTROLS,
     INCREMENTS,
     SAME,
+    ComparableContour,
+    ComparableRun,
     comparable,
     control_units,
     same_period,
@@ -27,7 +30,7 @@ from experiments.runs.checks.weights.comparable import (
 )
 
 UNCOMPARED = ("json", "out", "resume", "rollouts")
-NEITHER = "neither"  # is better: the smaller number is of a run that `tune` said DO NOT USE of
+NEITHER = "neither"  # is better: the smaller number is of a run with the verdict DO NOT USE
 SIDES = ("first", "second", "same", NEITHER)
 HEADINGS = {name: heading.replace("\n", " ") for name, heading, _ in COLUMNS}
 FACTORS = {name: factor for name, _, factor in COLUMNS}
@@ -53,13 +56,14 @@ class ComparedMetric:
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedResult:
-    """Two tuned runs side by side; every pair is first, second.
+    """Two runs side by side; every pair is first, second.
 
     Attributes:
+        command: that made both, `tune` or `simulate`.
         machines: their names.
         settings, versions: those that differ.
         weights: None where a run has no such weight.
-        verdicts: of `tune` on the weights.
+        verdicts: of the command on the weights.
         control_units: of the machines.
         sample_periods: [s]; None of a run of an older version.
         unlike: names of contours that both runs have, in another size or place.
@@ -68,8 +72,10 @@ class ComparedResult:
         margins: largest spectral radius, delay margin, peak sensitivity; None where it is unknown.
         better: number of metrics in which either is better, both are the same, or neither is
             better as the one with the smaller number must not be used.
+        cycle_times: of every contour that both runs have [s]; None where it is unknown.
     """
 
+    command: str
     runs: list[str]
     machines: list[str]
     settings: dict[str, Any]
@@ -83,6 +89,7 @@ class ComparedResult:
     margins: dict[str, list[float | None]] = stored_as("safety")
     metrics: list[ComparedMetric]
     better: dict[str, int]
+    cycle_times: dict[str, list[float | None]]
 
 
 def command(flags: Compare) -> int:
@@ -99,15 +106,18 @@ def run(first: Path, second: Path) -> ComparedResult:
     """Settings that differ, weights, and every metric of every contour that both runs have.
 
     Raises:
-        RunError: a folder is not that of a finished tuning run, or of an older version.
+        RunError: a folder is not that of a finished run of `tune` or `simulate`, the commands of
+            both differ, or a run is of an older version.
     """
     folders = (first, second)
-    settings = [run_folder.opened(folder, "tune") for folder in folders]
-    a, b = (read_result(folder, TunedResult) for folder in folders)
+    command = _command(first)
+    settings = [run_folder.opened(folder, command) for folder in folders]
+    a, b = (_read(folder, command) for folder in folders)
     unlike, motions = unlike_paths(a, b), unlike_motions(a, b)
     rows = _rows(a, b, [*unlike, *motions])
     names = list(dict.fromkeys((*a.weights, *b.weights)))
     return ComparedResult(
+        command=command,
         runs=[str(folder) for folder in folders],
         machines=[a.machine.name, b.machine.name],
         settings=_changed([one["flags"] for one in settings], without=UNCOMPARED),
@@ -118,17 +128,44 @@ def run(first: Path, second: Path) -> ComparedResult:
         sample_periods=[a.sample_period, b.sample_period],
         unlike=unlike,
         motions=motions,
-        margins={
-            "largest_frozen_spectral_radius": [
-                a.margins.spectral_radius,
-                b.margins.spectral_radius,
-            ],
-            "delay_samples": [a.margins.delay_samples, b.margins.delay_samples],
-            "peak_sensitivity": [a.margins.sensitivity, b.margins.sensitivity],
-        },
+        margins=_margins(a, b),
         metrics=rows,
         better={side: sum(row.better == side for row in rows) for side in SIDES},
+        cycle_times=_cycle_times(a, b),
     )
+
+
+def _command(folder: Path) -> str:
+    """`simulate` of a run of that command, else `tune`, which the second folder needs, too."""
+    named = run_folder.read_json(folder, run_folder.SETTINGS).get("command")
+    return "simulate" if named == "simulate" else "tune"
+
+
+def _read(folder: Path, command: str) -> ComparableRun:
+    if command == "tune":
+        return ComparableRun.of_tuned(read_result(folder, TunedResult))
+    return ComparableRun.of_simulated(read_result(folder, SimulatedResult))
+
+
+def _margins(first: ComparableRun, second: ComparableRun) -> dict[str, list[float | None]]:
+    """Margins of both; none of `simulate`."""
+    a, b = first.margins, second.margins
+    if a is None or b is None:
+        return {}
+    return {
+        "largest_frozen_spectral_radius": [a.spectral_radius, b.spectral_radius],
+        "delay_samples": [a.delay_samples, b.delay_samples],
+        "peak_sensitivity": [a.sensitivity, b.sensitivity],
+    }
+
+
+def _cycle_times(first: ComparableRun, second: ComparableRun) -> dict[str, list[float | None]]:
+    """Durations of the contours that both runs have."""
+    a, b = (
+        {one.name: None if one.read is None else one.read.duration for one in run.contours}
+        for run in (first, second)
+    )
+    return {name: [a[name], b[name]] for name in a if name in b}
 
 
 def _changed(both: Sequence[dict[str, Any]], without: Sequence[str] = ()) -> dict[str, list[Any]]:
@@ -139,7 +176,9 @@ def _changed(both: Sequence[dict[str, Any]], without: Sequence[str] = ()) -> dic
     return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def _rows(first: TunedResult, second: TunedResult, unlike: Sequence[str]) -> list[ComparedMetric]:
+def _rows(
+    first: ComparableRun, second: ComparableRun, unlike: Sequence[str]
+) -> list[ComparedMetric]:
     others = {contour.name: contour for contour in second.contours}
     both_contour = first.error == second.error == "contour"
     metrics = [name for name, _, _ in columns_of("contour" if both_contour else "tracking")]
@@ -159,15 +198,15 @@ def _rows(first: TunedResult, second: TunedResult, unlike: Sequence[str]) -> lis
 
 
 def _row(
-    first: TunedContour,
-    second: TunedContour,
+    first: ComparableContour,
+    second: ComparableContour,
     plant: str,
     metric: str,
     usable: Sequence[bool] | None,
 ) -> ComparedMetric:
     """Both numbers, and which is better where the weights that may be used are told."""
     both = (first, second)
-    a, b = (getattr(getattr(one.metrics["tuned"], plant), metric) for one in both)
+    a, b = (getattr(getattr(one.metrics, plant), metric) for one in both)
     training = (first.training, second.training)
     better = "" if usable is None else _better(a, b, usable)
     return ComparedMetric(first.name, plant, metric, a, b, training, better)
@@ -210,7 +249,8 @@ def show(found: ComparedResult, console: Console) -> None:
     rows = [_cells(row) for row in shown]
     first, second = found.control_units
     units = f"; controls in {first}" if first == second else ""
-    title = f"Tuned weights of both, smaller is better{units}"
+    whose = "Tuned weights" if found.command == "tune" else "Runs"
+    title = f"{whose} of both, smaller is better{units}"
     console.print(tables.plain_table(title, headings, rows, 3))
     tables.say(console, *better_for(found), recommendation(found))
 
@@ -310,9 +350,20 @@ def better_for(found: ComparedResult) -> list[str]:
             a, b = (FACTORS[metric] * _largest(rows, side) for side in SIDES[:2])
             told = f"{words}, worst contour and plant"
             lines.append(_line(told, (a, b), units, usable, alike))
-    a, b = found.margins["peak_sensitivity"]
+    a, b = found.margins.get("peak_sensitivity", (None, None))
     if a is not None and b is not None:
         lines.append(_line("Peak sensitivity over the family", (a, b), ("", ""), usable, alike))
+    return [*lines, *_quicker(found)]
+
+
+def _quicker(found: ComparedResult) -> list[str]:
+    """A line for every contour whose cycle times differ, of the same path."""
+    lines = []
+    for name, (a, b) in found.cycle_times.items():
+        if a is None or b is None or name in found.unlike or _smaller(a, b) == "same":
+            continue
+        times = f"{digits(a)} against {digits(b)} s"
+        lines.append(f"Cycle time of {name}: {times}: the {_smaller(a, b)} is quicker.")
     return lines
 
 
@@ -360,17 +411,21 @@ def _line(
 
 
 def recommendation(found: ComparedResult) -> str:
-    """Which weights may be loaded; what `tune` advised against is never recommended."""
-    first, second = _usable(found)
+    """Which weights may be loaded; what the command advised against is never recommended."""
+    command, (first, second) = found.command, _usable(found)
+    both = "Both may be loaded" if command == "tune" else "Both keep every stated limit"
     if not (first or second):
-        return "Load neither: `tune` said DO NOT USE of both."
+        return f"Load neither: `{command}` said DO NOT USE of both."
     if first != second:
         side, other = ("first", "second") if first else ("second", "first")
-        return f"Only the {side} may be loaded: `tune` said DO NOT USE of the {other}."
+        return f"Only the {side} may be loaded: `{command}` said DO NOT USE of the {other}."
     if not found.metrics:
         return "The runs have no contour in common: there is nothing to compare."
     if not _alike(found):
-        return "No contour is the same path and motion in both: tune both on one part, at one feed."
+        return (
+            "No contour is the same path and motion in both: "
+            f"{command} both on one part, at one feed."
+        )
     if not _same_machine(found):
-        return "Both may be loaded, each on its own machine: neither is called better."
-    return "Both may be loaded: the lines above say which is better for what."
+        return f"{both}, each on its own machine: neither is called better."
+    return f"{both}: the lines above say which is better for what."

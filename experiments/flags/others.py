@@ -11,7 +11,7 @@ from experiments.flags.shared import Common
 
 @dataclass(frozen=True)
 class Compare(Common):
-    """Compare two tuned runs: what changed in the settings, and which is better where."""
+    """Compare two runs of `tune`, or two of `simulate`: what changed, and which is better where."""
 
     first: Positional[Path] = Path()
     """Run folder."""

@@ -143,6 +143,7 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
         peak=peak_place(scenarios, replayed, 0, machine.error),
         motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
         verdict=_verdict(scenarios, replayed, machine),
+        sample_period=float(machine.model.dt),
     )
 
 

@@ -49,6 +49,7 @@ class SimulatedResult:
         peak: where the largest error is.
         motion: what is asked of the machine, where it is limited in jerk.
         verdict: every stated limit of the machine, and plants that diverge.
+        sample_period: of machine and controller [s]; None in folders of older versions.
     """
 
     machine: MachineSummary
@@ -67,3 +68,4 @@ class SimulatedResult:
     motion: MotionSummary | None = None
     video: VideoResult | None = None
     verdict: Verdict
+    sample_period: float | None = None

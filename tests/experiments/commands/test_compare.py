@@ -1,4 +1,4 @@
-"""Two tuned runs side by side."""
+"""Two runs of a command side by side."""
 
 import json
 import math
@@ -15,6 +15,7 @@ from experiments.files.results.run_metrics import (
     MachineSummary,
     RunMetrics,
 )
+from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import write_result
 from experiments.files.results.tuned_result import PathMargins, TunedContour, TunedResult
 from experiments.files.results.verdict import Verdict
@@ -93,6 +94,34 @@ def stored(folder, alpha, value, command="tune", **others):
     settings = {"command": command, "flags": flags, "versions": {}}
     (folder / SETTINGS).write_text(json.dumps(settings))
     write_result(folder, made(alpha, value, **others))
+    return folder
+
+
+def simulated(folder, values, gain=1.0, **others):
+    """Run of `simulate` on plants that have these numbers in every metric."""
+    tuned = made(1.0, 0.0, **others)
+    (contour,) = tuned.contours
+    nominal = contour.metrics["tuned"].nominal
+    fields_ = [name for name in vars(nominal) if name != "diverged"]
+    plants = [replace(nominal, **dict.fromkeys(fields_, value)) for value in values]
+    folder.mkdir()
+    settings = {"command": "simulate", "flags": {"weights": f"kp={gain}"}, "versions": {}}
+    (folder / SETTINGS).write_text(json.dumps(settings))
+    result = SimulatedResult(
+        machine=tuned.machine,
+        controller="linear-cascade",
+        weights={"kp": gain},
+        error=tuned.error,
+        contour=contour.name,
+        feed_law=contour.feed_law,
+        samples=5,
+        preview=0,
+        plants=dict(zip(("nominal", "late", "light"), plants, strict=True)),
+        read=contour.read,
+        verdict=Verdict.of([]),
+        sample_period=tuned.sample_period,
+    )
+    write_result(folder, result)
     return folder
 
 
@@ -258,8 +287,44 @@ def test_not_a_run(tmp_path):
     a = stored(tmp_path / "a", 1.0, 1e-6)
     with pytest.raises(RunError, match="not a run folder"):
         run(a, tmp_path / "none")
-    with pytest.raises(RunError, match="not of 'tune'"):
-        run(a, stored(tmp_path / "c", 1.0, 1e-6, command="simulate"))
+    with pytest.raises(RunError, match="holds a run of 'front', not of 'tune'"):
+        run(a, stored(tmp_path / "c", 1.0, 1e-6, command="front"))
+    with pytest.raises(RunError, match="holds a run of 'tune', not of 'simulate'"):
+        run(simulated(tmp_path / "d", [1e-6] * 3), a)
+
+
+def test_two_simulated_runs_are_compared_nominal_and_worst(tmp_path):
+    a = simulated(tmp_path / "a", [1e-6, 5e-6, 2e-6])
+    b = simulated(tmp_path / "b", [2e-6, 3e-6, 4e-6], gain=2.0)
+    found = run(a, b)
+    rows = {(row.plant, row.metric): row for row in found.metrics}
+    assert {metric for _, metric in rows} == {name for name, _, _ in COLUMNS}
+    for name, _, _ in COLUMNS:
+        nominal, worst = rows["nominal", name], rows["worst", name]
+        assert (nominal.first, nominal.second, nominal.better) == (1e-6, 2e-6, "first")
+        assert (worst.first, worst.second, worst.better) == (5e-6, 4e-6, "second")
+    assert found.weights == {"kp": [1.0, 2.0]} and found.margins == {}
+    text = said(found)
+    assert (
+        "RMS contour error, worst contour and plant: 5 against 4 um: the second is better." in text
+    )
+    assert "may be loaded" not in text  # a simulation recommends no weights
+
+
+def test_cycle_times_of_simulated_runs_are_compared(tmp_path):
+    a = simulated(tmp_path / "a", [1e-6] * 3, duration=1.5)
+    found = run(a, simulated(tmp_path / "b", [2e-6] * 3, duration=1.2))
+    assert found.cycle_times == {"circle": [1.5, 1.2]} and list(found.motions) == ["circle"]
+    text = said(found)
+    assert "Cycle time of circle: 1.5 against 1.2 s: the second is quicker." in text
+    assert "is better." not in text  # errors along another motion say nothing
+    assert "quicker" not in said(run(a, a))
+
+
+def test_simulated_runs_of_different_machines_are_told(tmp_path):
+    a = simulated(tmp_path / "a", [1e-6] * 3)
+    text = said(run(a, simulated(tmp_path / "b", [2e-6] * 3, machine="mill")))
+    assert "different machines, lathe and mill" in text and "is better." not in text
 
 
 def test_a_run_of_another_form_says_why_it_does_not_open(tmp_path):

@@ -1,11 +1,20 @@
-"""Whether numbers of two tuned runs can be compared: the same path, motion, unit and sample."""
+"""Runs that can be compared, and which of their numbers: the same path, motion, unit and sample."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from experiments.files.results.run_metrics import ContourRead
-from experiments.files.results.tuned_result import TunedContour, TunedResult
+from experiments.files.results.run_metrics import (
+    ContourRead,
+    FamilyMetrics,
+    MachineSummary,
+    RunMetrics,
+)
+from experiments.files.results.simulated_result import SimulatedResult
+from experiments.files.results.stored import Weight
+from experiments.files.results.tuned_result import PathMargins, TunedResult
+from experiments.files.results.verdict import Verdict
 
 SAME = 1e-3  # relative: a smaller difference is called none
 UNNAMED = "control unit"  # of a machine that does not say its unit
@@ -13,12 +22,100 @@ CONTROLS = ("rms_control", "peak_control")
 INCREMENTS = ("rms_increment", "peak_increment")
 
 
-def unlike_paths(first: TunedResult, second: TunedResult) -> list[str]:
+@dataclass(frozen=True, kw_only=True)
+class ComparableContour:
+    """One contour of a run.
+
+    Attributes:
+        training: whether the weights were tuned on it.
+        metrics: of the weights of the run.
+        read: what the contour is; None in folders of older versions.
+        feed_law: of the motion, in words; empty likewise.
+    """
+
+    name: str
+    training: bool
+    metrics: FamilyMetrics
+    read: ContourRead | None = None
+    feed_law: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparableRun:
+    """What a run of `tune` and one of `simulate` have in common.
+
+    Attributes:
+        error: the error that counts, "contour" or "tracking".
+        margins: None of `simulate`, which looks at none.
+        sample_period: [s]; None in folders of older versions.
+    """
+
+    machine: MachineSummary
+    error: str
+    weights: dict[str, Weight]
+    verdict: Verdict
+    contours: list[ComparableContour]
+    margins: PathMargins | None = None
+    sample_period: float | None = None
+
+    @classmethod
+    def of_tuned(cls, result: TunedResult) -> "ComparableRun":
+        """The tuned weights on all contours."""
+        contours = [
+            ComparableContour(
+                name=one.name,
+                training=one.training,
+                metrics=one.metrics["tuned"],
+                read=one.read,
+                feed_law=one.feed_law,
+            )
+            for one in result.contours
+        ]
+        return cls(
+            machine=result.machine,
+            error=result.error,
+            weights=result.weights,
+            verdict=result.verdict,
+            contours=contours,
+            margins=result.margins,
+            sample_period=result.sample_period,
+        )
+
+    @classmethod
+    def of_simulated(cls, result: SimulatedResult) -> "ComparableRun":
+        """The controller on its one contour."""
+        contour = ComparableContour(
+            name=result.contour,
+            training=False,
+            metrics=_over_family(list(result.plants.values())),
+            read=result.read,
+            feed_law=result.feed_law,
+        )
+        return cls(
+            machine=result.machine,
+            error=result.error,
+            weights=result.weights,
+            verdict=result.verdict,
+            contours=[contour],
+            sample_period=result.sample_period,
+        )
+
+
+def _over_family(plants: list[RunMetrics]) -> FamilyMetrics:
+    """The nominal plant, which is the first, and the worst of all metric by metric."""
+    worst = {
+        one.name: np.max([getattr(plant, one.name) for plant in plants]).item()
+        for one in fields(RunMetrics)
+    }
+    return FamilyMetrics(plants[0], RunMetrics(**worst))
+
+
+def unlike_paths(first: ComparableRun, second: ComparableRun) -> list[str]:
     """Names of contours that are not the same path in both runs, as those made for other parts."""
     return [a.name for a, b in _pairs(first, second) if _other_path(a.read, b.read)]
 
 
-def unlike_motions(first: TunedResult, second: TunedResult) -> dict[str, list[str]]:
+def unlike_motions(first: ComparableRun, second: ComparableRun) -> dict[str, list[str]]:
     """Motion in either run of every contour that is the same path, but not the same motion."""
     slack = 2 * max(one.sample_period or 0.0 for one in (first, second))
     found = {}
@@ -28,7 +125,7 @@ def unlike_motions(first: TunedResult, second: TunedResult) -> dict[str, list[st
     return found
 
 
-def comparable(metric: str, first: TunedResult, second: TunedResult) -> bool:
+def comparable(metric: str, first: ComparableRun, second: ComparableRun) -> bool:
     """Whether a metric has the same unit in both runs; an increment is one per sample."""
     mine, other = control_units(first, second)
     units = mine == other
@@ -37,7 +134,7 @@ def comparable(metric: str, first: TunedResult, second: TunedResult) -> bool:
     return units or metric not in CONTROLS
 
 
-def control_units(first: TunedResult, second: TunedResult) -> list[str]:
+def control_units(first: ComparableRun, second: ComparableRun) -> list[str]:
     """Units of the controls; one without a name is that of its machine alone."""
     machines = [first.machine, second.machine]
     units = [machine.control_unit for machine in machines]
@@ -51,7 +148,9 @@ def same_period(first: float | None, second: float | None) -> bool:
     return first is None or second is None or bool(np.isclose(first, second, rtol=1e-9, atol=0))
 
 
-def _pairs(first: TunedResult, second: TunedResult) -> Iterator[tuple[TunedContour, TunedContour]]:
+def _pairs(
+    first: ComparableRun, second: ComparableRun
+) -> Iterator[tuple[ComparableContour, ComparableContour]]:
     others = {contour.name: contour for contour in second.contours}
     return ((one, others[one.name]) for one in first.contours if one.name in others)
 
@@ -64,7 +163,7 @@ def _other_path(first: ContourRead | None, second: ContourRead | None) -> bool:
     return len(a) != len(b) or not np.allclose(a, b, rtol=SAME, atol=SAME * first.length)
 
 
-def _other_motion(first: TunedContour, second: TunedContour, slack: float) -> bool:
+def _other_motion(first: ComparableContour, second: ComparableContour, slack: float) -> bool:
     """Whether feed law or duration differ, by more than some samples' time [s]."""
     if first.feed_law and second.feed_law and first.feed_law != second.feed_law:
         return True
@@ -72,7 +171,7 @@ def _other_motion(first: TunedContour, second: TunedContour, slack: float) -> bo
     return a is not None and b is not None and not np.isclose(a, b, rtol=SAME, atol=slack)
 
 
-def _motion_words(contour: TunedContour) -> str:
+def _motion_words(contour: ComparableContour) -> str:
     """Feed law and duration, as far as they are known."""
     duration = None if contour.read is None else contour.read.duration
     lasting = "" if duration is None else f"{duration:.4g} s"
