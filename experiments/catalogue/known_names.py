@@ -13,7 +13,7 @@ from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
 from experiments.catalogue.machines import MACHINES
 from experiments.catalogue.own_classes import FILE, check_ending, check_own, own_name, perhaps
 from experiments.catalogue.plants import PLANTS
-from experiments.files.checks import MachineError
+from experiments.files.checks import EXAMPLE, MachineError
 from experiments.plain_numbers import named_numbers
 
 DRAWINGS = (".dxf", ".svg")  # read as a whole
@@ -29,7 +29,9 @@ def check_plant(name: str) -> None:
     if name in MACHINES or own_name(name):
         return
     check_ending("plant", name)
-    known = f"give {', '.join(MACHINES)}, a JSON or npz file, or a class of yours as {FILE}"
+    known = (
+        f"give {', '.join(MACHINES)}, a JSON or npz file ({EXAMPLE}), or a class of yours as {FILE}"
+    )
     if name in PLANTS:
         raise ValueError(f"plant: {name} is for Python only, see `jcontour list`; {known}")
     if not Path(name).suffix or _almost_own(name):
@@ -95,7 +97,7 @@ def check_flags(flags: Any) -> None:
     contour, parts = getattr(flags, "contour", None), getattr(flags, "parts", ())
     if plant is not None:
         check_plant(plant)
-        _check_file(plant, MACHINES)
+        _check_file(plant, MACHINES, f"; {EXAMPLE}")
     if controller is not None:
         check_controller(controller)
         if own_name(controller):
@@ -129,7 +131,8 @@ def _check_feed_law(flags: Any) -> None:
             )
 
 
-def _check_file(name: str, known: dict[str, Any]) -> None:
+def _check_file(name: str, known: dict[str, Any], where_missing: str = "") -> None:
+    """Refuse what is no known name and no file; the end of the line helps where there is none."""
     if name in known:
         return
     own = own_name(name)
@@ -141,7 +144,8 @@ def _check_file(name: str, known: dict[str, Any]) -> None:
         with path.open("rb"):
             pass
     except OSError as error:
-        raise MachineError(f"{path}: cannot be read ({error.strerror or error})") from None
+        help = where_missing if own is None and isinstance(error, FileNotFoundError) else ""
+        raise MachineError(f"{path}: cannot be read ({error.strerror or error}){help}") from None
     if own is not None:
         check_own(own)
 

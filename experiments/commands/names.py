@@ -6,6 +6,7 @@ from experiments.catalogue.machines import MACHINES
 from experiments.catalogue.plants import PLANTS
 from experiments.commands.reproduce import experiments_found
 from experiments.files import run_folder
+from experiments.files.checks import EXAMPLE
 from experiments.flags.others import Listing
 from experiments.reports.tables import console_of, plain_table, say
 
@@ -49,7 +50,7 @@ def command(flags: Listing) -> int:
         )
     say(
         console,
-        "--plant also takes a machine file (JSON, npz), "
+        f"--plant also takes a machine file (JSON, npz; {EXAMPLE}), "
         "contours and parts a toolpath file (.ngc, .dxf, .svg, .csv).",
     )
     return 0

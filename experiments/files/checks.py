@@ -10,6 +10,7 @@ import numpy as np
 
 METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}  # units of length in files
 LONGEST = 200  # characters of an error of others that is told
+EXAMPLE = "`jcontour machine --example FILE` writes one"  # of a machine file
 LARGEST = 1e12  # of any number: beyond it squares overflow somewhere
 
 

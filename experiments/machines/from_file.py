@@ -123,7 +123,8 @@ def _json_fields(content: bytes) -> dict[str, Any]:
         raise MachineError(f"file: {error}") from None
     if not isinstance(fields, dict):
         raise MachineError(
-            f"file: needs a JSON object with A, B, C, dt, received {checks.shown(fields)}"
+            f"file: needs a JSON object with A, B, C, dt, received {checks.shown(fields)}; "
+            f"{checks.EXAMPLE}"
         )
     return fields
 

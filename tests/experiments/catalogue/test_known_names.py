@@ -97,7 +97,8 @@ def test_known_names_pass(flags):
     ("flags", "says"),
     [
         (Tune(parts=("circle", "none.csv")), "none.csv: cannot be read"),
-        (Simulate(plant="none.json"), "none.json: cannot be read"),
+        (Simulate(plant="none.json"), "none.json: cannot be read.*jcontour machine --example FILE"),
+        (Simulate(plant="lathe"), "none named 'lathe'.*jcontour machine --example FILE"),
         (Simulate(plant="xy"), "give bridgeport, xy-table, emps, flexible-axis"),
         (Tune(controller="pid"), "give one of contouring-lq, "),
     ],
