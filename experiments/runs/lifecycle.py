@@ -62,7 +62,8 @@ def created(flags: Any, command: str) -> Path:
         RunError: the folder holds something already, or cannot be made.
     """
     folder = flags.out or run_folder.default_folder(command)
-    kept = replace(flags, json=False, trust_code=False, out=None)
+    passing = {"json": False, "trust_code": False, "out": None}  # of this call; few take all
+    kept = replace(flags, **{name: off for name, off in passing.items() if hasattr(flags, name)})
     return run_folder.create(folder, command, kept, inputs(flags))
 
 
