@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from experiments.cli import _chosen
+from experiments.cli import COMMANDS, _chosen
 from experiments.commands.loops.simulate import next_steps
 from experiments.files.trusted_code import trust
 from experiments.flags.loops import Simulate
 from experiments.flags.tuning import Rank, Tune
-from experiments.runs.lifecycle import created, ranked_words, same_task, tuning_words
+from experiments.runs.lifecycle import created, ranked_words, same_task, stored_flags, tuning_words
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,14 @@ def test_parts_machine_and_pace_are_told_again(flags, words, tmp_path):
     command = type(flags).__name__.lower()
     folder = created(flags.__class__(**{**vars(flags), "out": tmp_path / "run"}), command)
     assert same_task(folder, command) == words
+
+
+@pytest.mark.parametrize("kind", [kind for kind in COMMANDS if hasattr(kind, "out")])
+def test_every_command_keeps_its_flags_in_a_folder_of_its_own(kind, tmp_path):
+    command, _ = COMMANDS[kind]
+    folder = created(kind(json=True, out=tmp_path / "run"), command)
+    kept = stored_flags(folder, command, kind)
+    assert not kept.json and kept.out is None
 
 
 def test_names_with_spaces_are_quoted(tmp_path):
