@@ -40,7 +40,7 @@ class Section(NamedTuple):
 
 def sections(job: Task) -> list[Section]:
     """All sections of a run; a single one where nothing is to be done between its moves."""
-    last = job.samples - 1
+    last = job.steps - 1
     if not isinstance(job, Job) or job.program is None or job.program.read is None:
         return [Section(0, last)]
     read = job.program.read
@@ -66,7 +66,7 @@ def halted(job: Task) -> np.ndarray:
 
     There the tool has to come to the program's place: it rests for as long as that takes.
     """
-    found = np.zeros(job.samples, bool)
+    found = np.zeros(job.steps, bool)
     for section in sections(job):
         if section.rapid:
             found[section.first : section.last + 1] = True

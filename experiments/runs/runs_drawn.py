@@ -20,7 +20,7 @@ def contour_runs(
     compared by their RMS errors.
     """
     by = "peak" if len(replays) == 1 else "rms"
-    steps = scenarios.jobs[index].samples
+    steps = scenarios.jobs[index].steps
     nominal = tuple(_drawn(label, NOMINAL, one, index, 0, steps) for label, one in replays.items())
     rows = [nominal]
     if len(scenarios.plants) > 1:
@@ -53,7 +53,7 @@ def _worst(
 ) -> DrawnRun:
     plant = worst_plant(replay, index, error, by)
     words = f"{LARGEST[by]} ({scenarios.plants[plant]})"
-    return _drawn(label, words, replay, index, plant, scenarios.jobs[index].samples)
+    return _drawn(label, words, replay, index, plant, scenarios.jobs[index].steps)
 
 
 def _drawn(label: str, words: str, replay: Replay, index: int, plant: int, steps: int) -> DrawnRun:

@@ -236,7 +236,7 @@ def _notes(flags: Export, loop: StoredLoop, job: Task) -> list[str]:
         f"Axes: {', '.join(machine.axes)}. y: {measured} as `simulate` measures them, SI units.",
         f"u: {machine.control_unit}.",
         f"Family: {'; '.join(machine.family_names)}.",
-        f"Plan: {job.name}, {job.feed_law}, {job.samples} samples.",
+        f"Plan: {job.name}, {job.feed_law}, {job.steps} samples.",
     ]
 
 

@@ -55,7 +55,7 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
         tables.say(console, outline(job, machine.model.dt, len(machine.family_names), doing))
         began = time.perf_counter()
         prepared = prepared_law(one, flags)
-        tables.say(console, _found(time.perf_counter() - began, job.samples))
+        tables.say(console, _found(time.perf_counter() - began, job.steps))
         folder = created(flags, "learn")
         learner = Learner(one, prepared.law, flags.seed)
         steps = Steps(status, "lap", flags.laps)
@@ -79,7 +79,7 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
         error=machine.error,
         contour=job.name,
         feed_law=job.feed_law,
-        samples=job.samples,
+        samples=job.steps,
         law=flags.law,
         numbers=prepared.numbers,
         laps=flags.laps,

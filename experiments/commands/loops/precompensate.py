@@ -80,7 +80,7 @@ def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult
         controller=loop.name,
         contour=job.name,
         error=machine.error,
-        samples=job.samples,
+        samples=job.steps,
         roughness=found.roughness,
         largest=float(np.linalg.norm(found.found.correction, axis=1).max()),
         chord=max((one.chord for one in moves), default=None),
@@ -109,7 +109,7 @@ def _read(job: Task) -> Toolpath | None:
 def _cut(job: Task) -> np.ndarray | None:
     """Which samples are cut, where not all are."""
     read = _read(job)
-    return job.scored if isinstance(job, Job) and read is not None and read.rapid.any() else None
+    return job.counted if isinstance(job, Job) and read is not None and read.rapid.any() else None
 
 
 def _head(source: str, result: BentResult) -> list[str]:

@@ -18,12 +18,10 @@ FIRST, MOST = 0.25, 2.0  # [s] that are tried, each twice the last; half of it h
 
 
 def with_held_end(job: Task, samples: int) -> Task:
-    """The run whose motion holds its last point for so many samples, and settles no more."""
-    if not isinstance(job, Job):
-        return job._replace(duration=job.duration + samples * job.dt)
-    aside = job.aside and job.aside.held(samples)
-    arc, scored = (np.pad(rows, (0, samples), mode="edge") for rows in (job.arc, job.scored))
-    return job._replace(arc=arc, scored=scored, aside=aside, settling=0)
+    """The run whose last point is held for so many samples."""
+    if isinstance(job, Job):
+        return job._replace(settling=samples)
+    return job._replace(duration=job.duration + samples * job.dt)
 
 
 def settling(job: Task, family: Plant, controller: Controller, dt: float) -> int | None:

@@ -65,7 +65,7 @@ def test_the_tool_is_down_where_it_rests_before_a_cut(machine, tmp_path):
 
 def test_the_reference_is_held_in_rapid_moves_and_where_it_stops(machine, tmp_path):
     job = run_of(PART, machine, tmp_path)
-    x, y = places(job, machine, slice(None, job.samples)).T
+    x, y = places(job, machine, slice(None, job.steps)).T
     held = halted(job)
     rapid = ((x > 5.01) | (y > 0.01)) & (x < 7.99)
     assert held[rapid].all() and held[0]
@@ -88,11 +88,11 @@ def test_the_reference_is_held_in_rapid_moves_and_where_it_stops(machine, tmp_pa
 )
 def test_it_is_prepared_where_more_than_its_axes_is_asked_for(text, asked, machine, tmp_path):
     job = run_of(text, machine, tmp_path)
-    assert sections(job) == [Section(0, job.samples - 1, asked=asked)]
+    assert sections(job) == [Section(0, job.steps - 1, asked=asked)]
 
 
 def test_points_and_built_in_contours_are_one_section(machine, tmp_path):
     points = run_of("0,0\n5,0\n5,5\n", machine, tmp_path, "points.csv")
     circle = job_named("circle", Pace(machine, None, None))
     for job in (points, circle):
-        assert sections(job) == [Section(0, job.samples - 1)]
+        assert sections(job) == [Section(0, job.steps - 1)]

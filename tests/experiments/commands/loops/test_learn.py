@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.catalogue.choices import machine_named
 from experiments.cli import main
 from experiments.commands.loops.learn import run, verdict_on
 from experiments.files.results.learned_result import LearnedMachine, LearnedResult, StoredLap
 from experiments.files.results.stored import from_json, read_result, to_json
 from experiments.files.results.verdict import LimitCheck
 from experiments.flags.loops import Learn
+from experiments.jobs.job import Pace, from_file
 from experiments.reports.figures.tuning.learning import learning
 from experiments.reports.learning_tables import after, before, loading
 
@@ -101,7 +103,10 @@ def test_a_p_type_law_takes_the_lag_of_the_loop(tmp_path, machine_file, part_fil
 
 @pytest.mark.slow
 def test_what_a_control_loads_is_the_shifted_reference(tmp_path, machine_fields, part_file, capsys):
-    """On a machine that states no limit; the units of its file do not matter."""
+    """On a machine that states no limit; the units of its file do not matter.
+
+    A lap ends where the tool has settled: the last point is held, and the shift goes on.
+    """
     machine_file = tmp_path / "machine.json"
     machine_file.write_text(json.dumps({**machine_fields, "limits": {}}))
     found = learned(tmp_path / "run", machine_file, part_file, "--laps", "3")
@@ -113,6 +118,11 @@ def test_what_a_control_loads_is_the_shifted_reference(tmp_path, machine_fields,
     assert f"as lap {best.lap} of the linear model had it" in said
     rows = np.loadtxt(tmp_path / "run" / "reference.csv", delimiter=",", skiprows=1)
     assert len(rows) == found.samples
+    machine = machine_named(str(machine_file))
+    job = from_file(part_file, Pace(machine, None, None))
+    place = 1e3 * np.asarray(job.reference(machine.model.dt, 0).position)
+    assert job.samples < len(rows) == len(place)
+    np.testing.assert_allclose(rows[:, 1:3], place, atol=1e-3 * best.largest_um + 1e-9)
     speeds = 1e-3 * np.diff(rows[:, 1:3], axis=0) / np.diff(rows[:, :1], axis=0)
     assert np.abs(speeds).max() == pytest.approx(best.speed, rel=1e-3)
 

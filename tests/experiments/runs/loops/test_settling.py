@@ -61,7 +61,7 @@ def test_the_last_sample_is_held_and_scored_as_it_is():
     before = run()
     after = with_held_end(before, 7)
     found, usual = (jax.device_get(one.reference(DT, 3)) for one in (after, before))
-    assert after.samples == STEPS + 7 and found.steps == STEPS + 7
+    assert after.steps == STEPS + 7 and found.steps == STEPS + 7
     assert np.array_equal(found.position[:STEPS], usual.position[:STEPS])
     assert np.all(found.position[STEPS:] == usual.position[STEPS - 1])
     assert np.array_equal(np.flatnonzero(found.mask), np.arange(25, STEPS + 7))
