@@ -41,7 +41,15 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("plants", "kernels", "sets", "controller", "wrapper"),
         ("linear", "motion"),
         ("geometry", "native", "plant", "sensors"),
-        ("tracing", "devices", "compiled", "told_values", "largest", "arrays"),
+        (
+            "tracing",
+            "devices",
+            "compiled",
+            "told_values",
+            "largest",
+            "arrays",
+            "regular_files",
+        ),
     ),
     "experiments": (
         ("cli", "examples"),

@@ -26,6 +26,9 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "jcontour/motion/jerk_limited": "jcontour/motion/jerk_limited/test_planning.py",
     "jcontour/geometry/csv_points.py": "jcontour/geometry/test_toolpaths.py",
     "jcontour/geometry/toolpath_text.py": "jcontour/geometry/test_toolpaths.py",
+    # a reader of logs, and what may run of a run folder
+    "experiments/files/mat_file.py": "experiments/files/test_log_table.py",
+    "experiments/files/trusted_code.py": "experiments/catalogue/test_own_classes.py",
     # the names of the catalogue
     "experiments/catalogue/contours.py": "experiments/catalogue/test_choices.py",
     "experiments/catalogue/controllers.py": "test_contracts.py",

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jcontour.controller import Controller, Wrapper
 from jcontour.motion.references import Reference
@@ -36,6 +36,12 @@ class Biquad(eqx.Module):
                 raise ValueError(
                     f"filter: is not stable, its poles are {np.array2string(poles, precision=4)}"
                 )
+
+    def steady(self, x: Float[Array, "*p"]) -> Float[Array, "2 *p"]:
+        """Memory under a constant x, whose output is H(1) x with H(1) = sum b / (1 + sum a)."""
+        (b0, _, b2), (_, a2) = self.numerator, self.denominator
+        y = jnp.sum(self.numerator) / (1 + jnp.sum(self.denominator)) * x
+        return jnp.stack([y - b0 * x, b2 * x - a2 * y])
 
     def step(
         self, memory: Float[Array, "2 *p"], x: Float[Array, "*p"]
@@ -115,7 +121,7 @@ class FilterMemory(NamedTuple):
 
 
 class Filtered(Wrapper):
-    """Any controller with a filter on every control; it starts at zero.
+    """Any controller with a filter on every control; which starts in equilibrium.
 
     >>> from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
     >>> from jcontour.sensors import motors
@@ -128,16 +134,18 @@ class Filtered(Wrapper):
         controller: the wrapped controller.
         filter: filter of its controls.
         inputs: number of controls p.
+        holding: control per m that holds an axis at rest, as in `Cascade`.
     """
 
     controller: Controller
     filter: Biquad
     inputs: int = eqx.field(static=True)
+    holding: Float[ArrayLike, "*p"] = 0.0
 
     def initial_memory(self, reference: Reference) -> FilterMemory:
-        """Filter at rest, and the memory of the wrapped controller."""
-        rest = jnp.zeros((2, self.inputs), self.filter.numerator.dtype)
-        return FilterMemory(rest, self.controller.initial_memory(reference))
+        """Filter in its steady state under the control that holds the first place, and the rest."""
+        held = jnp.broadcast_to(self.holding * reference.position[0], (self.inputs,))
+        return FilterMemory(self.filter.steady(held), self.controller.initial_memory(reference))
 
     def step(
         self, memory: FilterMemory, plan: Any, measurement: Any

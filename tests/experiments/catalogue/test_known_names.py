@@ -14,11 +14,10 @@ SCRIPT = """
 import sys
 from experiments.cli import main
 code = main(sys.argv[1:])
-heavy = {"jax", "jcontour", "mujoco", "scipy", "matplotlib", "xarray"} & set(sys.modules)
+heavy = {"jax", "mujoco", "scipy", "matplotlib", "xarray"} & set(sys.modules)
 assert not heavy, heavy
 sys.exit(code)
 """
-READER = SCRIPT.replace('"jcontour", ', "")  # the library's reader of programs is light
 
 
 def slow(*case):
@@ -56,7 +55,7 @@ def test_names_are_answered_without_anything_heavy(arguments, code, says):
 def test_a_fault_of_a_part_is_told_without_anything_heavy(tmp_path, command, name, text, says):
     (tmp_path / name).write_text(text)
     done = subprocess.run(
-        [sys.executable, "-c", READER, command, str(tmp_path / name)],
+        [sys.executable, "-c", SCRIPT, command, str(tmp_path / name)],
         capture_output=True,
         text=True,
     )

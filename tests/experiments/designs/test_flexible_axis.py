@@ -119,10 +119,8 @@ def test_what_is_kept_of_a_design(machine, tmp_path):
 
 
 def test_other_machines_are_refused(machine):
-    with pytest.raises(
-        ValueError, match="cascade-notch needs a flexible axis; bridgeport takes contouring-lq"
-    ):
-        design_for(bridgeport_machine(), Simulate(controller="cascade-notch"))
+    with pytest.raises(ValueError, match="cascade-leso needs a flexible axis; bridgeport takes"):
+        design_for(bridgeport_machine(), Simulate(controller="cascade-leso"))
     with pytest.raises(ValueError, match="flexible-axis takes cascade"):
         design_for(machine, Simulate(controller="contouring-lq"))
 

@@ -56,7 +56,8 @@ def test_a_jerk_above_its_limit_is_found(monkeypatch):
 def test_a_corner_cut_too_far_is_found(monkeypatch):
     def loose(contour, feed, limits, tolerance, alike):
         planned = cornered(contour, feed, limits, 2 * tolerance)
-        return planned._replace(around=dataclasses.replace(planned.around, deviation=0.0))
+        apart = np.zeros_like(planned.around.apart)
+        return planned._replace(around=dataclasses.replace(planned.around, apart=apart))
 
     monkeypatch.setattr(kept_promises, "cornered", loose)
     assert broken(checked(4, "lines")) == ["deviation"]

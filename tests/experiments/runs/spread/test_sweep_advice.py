@@ -9,6 +9,7 @@ import xarray as xr
 from experiments.catalogue.choices import machine_named
 from experiments.cli import _chosen
 from experiments.files.results.swept_result import BestDesign, SweepResult
+from experiments.files.trusted_code import trust
 from experiments.flags.loops import Simulate
 from experiments.flags.tuning import Sweep, Tune
 from experiments.runs.spread.sweep_advice import edge_lines, limit_lines, next_steps, repeated
@@ -37,6 +38,7 @@ class Proportional(Controller):
 
 def test_what_is_tuned_next_is_the_controller_that_was_swept(tmp_path):
     (tmp_path / "mine.py").write_text(OWN)
+    trust(OWN.encode())  # as a command that names it does
     flags = Sweep(
         parts=("circle",),
         controller=f"{tmp_path / 'mine.py'}:Proportional",
@@ -61,6 +63,7 @@ def test_what_is_tuned_next_is_the_controller_that_was_swept(tmp_path):
 
 def test_the_best_point_is_run_again_with_what_did_not_vary(tmp_path):
     (tmp_path / "mine.py").write_text(OWN)
+    trust(OWN.encode())  # as a command that names it does
     mine = f"{tmp_path / 'mine.py'}:Proportional"
     given = {"controller": mine, "weights": ("feedforward=2",), "previews": (0,)}
     flags = Sweep(parts=("circle", "square"), **given)
