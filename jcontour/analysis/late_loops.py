@@ -7,10 +7,11 @@ again under a longer one.
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
+from jcontour.analysis.frozen_loops import CutLoops, FrozenLoop, LinearLaw, LinearMachine
 from jcontour.analysis.spectral import dominant, real_outer, times
+from jcontour.linear.plant import spectral_radius
 
 
 def late_measures(loop: FrozenLoop, samples: int) -> tuple[Float[np.ndarray, "*loops"], FrozenLoop]:
@@ -37,6 +38,33 @@ def late_measures(loop: FrozenLoop, samples: int) -> tuple[Float[np.ndarray, "*l
         kept = larger[..., None, None]
         slope = jax.tree.map(lambda a, b, kept=kept: np.where(kept, a, b), other_slope, slope)
     return radius, slope
+
+
+def delay_margins(loop: FrozenLoop, most: int) -> Int[np.ndarray, "*loops"]:
+    """Most samples d such that every delay from 0 to d leaves the loop stable.
+
+    -1 where the loop is unstable without one; larger margins than `most` are not followed.
+
+    Args:
+        loop: batched in front; plant and controller may have different batches that go together.
+        most: at least 0.
+    """
+    cut = [np.asarray(matrices, float) for matrices in loop.cut()]
+    batch = np.broadcast_shapes(*(matrices.shape[:-2] for matrices in cut))
+    flat = [
+        np.broadcast_to(one, (*batch, *one.shape[-2:])).reshape(-1, *one.shape[-2:]) for one in cut
+    ]
+    # loops of several probes are the same where the controller does not change along the path
+    rows = np.concatenate([one.reshape(len(one), -1) for one in flat], axis=1)
+    _, once, alike = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    loops = CutLoops(*flat).at(once)
+    margin = np.where(spectral_radius(loops.closed()) < 1, 0, -1)
+    for delay in range(1, most + 1):
+        left = np.flatnonzero(margin == delay - 1)
+        if left.size == 0:
+            break
+        margin[left[spectral_radius(loops.at(left).late(delay)) < 1]] = delay
+    return margin[alike.ravel()].reshape(batch)
 
 
 def _late(loop: FrozenLoop, samples: int) -> tuple[np.ndarray, FrozenLoop]:

@@ -22,6 +22,7 @@ from experiments.runs.spread.best_designs import (
     Beyond,
     Chosen,
     DesignLoops,
+    DesignMargins,
     chosen,
     largest_of,
     within_limits,
@@ -34,8 +35,10 @@ from experiments.runs.spread.sweep_advice import (
     repeated,
 )
 from experiments.runs.spread.sweep_asked import Swept, swept_of
-from experiments.runs.spread.sweep_runs import found_along
+from experiments.runs.spread.sweep_runs import DIMENSIONS, found_along
 from experiments.runs.tuning.limits import named_limits
+
+LOOPS = 100  # designs of a preview whose margins are stored: about ten seconds
 
 
 def command(flags: Sweep) -> int:
@@ -51,6 +54,7 @@ def command(flags: Sweep) -> int:
         result = summary_of(dataset, error, picks)
         write_result(folder, result)
     lines = [*diverged_lines(dataset, names, error), *limit_lines(asked, dataset, result)]
+    lines += margin_lines(asked)
     lines += [*edge_of(asked, result, dataset), *repeated(asked, result)]
     then = [*lines, *next_steps(asked, result)]
     return finished(folder, result, flags, _shown(names, error), then)
@@ -69,24 +73,53 @@ def judged(asked: Swept, dataset: xr.Dataset) -> tuple[xr.Dataset, list[BestDesi
     worst = np.where(kept, worst_errors(dataset, error)[0], np.inf)
     increments = largest_of(dataset, "rms_increment")
     samples, best = np.full(len(dataset.preview), -1), []
+    margins = [np.full(dataset.diverged.shape, np.nan) for _ in DesignMargins._fields]
     for p, preview in enumerate(asked.flags.previews):
-        if not kept[p].any():
-            continue
         design = asked.design(preview)
         loops = DesignLoops(asked.flags, design, asked.machine, asked.scenarios(design))
+        if not design.learns:
+            looked = np.argsort(worst_errors(dataset, error)[0][p], kind="stable")[:LOOPS]
+            varied = {name: dataset[name].values[looked] for name in asked.values}
+            for values, found in zip(margins, loops.of_all(varied), strict=True):
+                values[p, looked] = found
+        if not kept[p].any():
+            continue
 
         def beyond(sample: int, loops: DesignLoops = loops) -> Beyond:
             return loops.beyond(_weights(dataset, asked.values, sample))
 
-        found = chosen(worst[p], increments[p], beyond)
-        assert found is not None  # one is kept
-        samples[p] = found.sample
-        best.append(_best(asked, dataset, p, found, loops))
+        choice = chosen(worst[p], increments[p], beyond)
+        assert choice is not None  # one is kept
+        samples[p] = choice.sample
+        best.append(_best(asked, dataset, p, choice, loops))
     told = {
+        "peak_sensitivity": (DIMENSIONS, margins[0], {"units": "1", "long_name": "Ms", **_known()}),
+        "delay_margin": (DIMENSIONS, margins[1], {"units": "samples", **_known()}),
         "within_limits": (("preview", "sample"), kept.astype("i1")),
         "best": ("preview", samples, {"long_name": "best sample within the limits; -1: none"}),
     }
     return dataset.assign(told), best
+
+
+def _known() -> dict[str, str]:
+    """Attribute of the margins that says which are known."""
+    return {
+        "comment": "NaN: the controller learns while it runs and has no linear loop, or the "
+        f"design is not one of the {LOOPS} with the least errors of its preview; an unstable loop "
+        "has the sensitivity inf and the delay margin -1"
+    }
+
+
+def margin_lines(asked: Swept) -> list[str]:
+    """Designs whose margins are not in the netCDF file."""
+    if any(asked.design(preview).learns for preview in asked.flags.previews):
+        return [
+            "The controller learns while it runs: Ms and delay margin in the table are of the "
+            "loop that it begins with, sweep.nc has none"
+        ]
+    if asked.count > LOOPS:
+        return [f"Ms and delay margin are stored of the {LOOPS} best designs of every preview"]
+    return []
 
 
 def _best(

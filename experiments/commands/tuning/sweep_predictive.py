@@ -254,7 +254,10 @@ def dataset_of(asked: PredictiveSwept, runs: list[PredictiveRun]) -> xr.Dataset:
     for name, values in asked.values.items():
         unit = asked.kind.weights[name][1]
         coordinates[name] = ("sample", np.asarray(values), {"units": unit})
-    attributes = {"title": f"jcontour sweep: {asked.flags.controller} on {asked.flags.plant}"}
+    attributes = {
+        "title": f"jcontour sweep: {asked.flags.controller} on {asked.flags.plant}",
+        "comment": "predictive control has no linear loop: no Ms and no delay margin",
+    }
     dataset = xr.Dataset(data, coordinates, {**attributes, **run_folder.versions()})
     for name in ("rms_contour_error", "peak_contour_error"):
         dataset[name].attrs["units"] = "m"

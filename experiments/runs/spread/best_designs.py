@@ -5,6 +5,7 @@ design: they are looked at in the best designs alone, one after the other, until
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -21,13 +22,17 @@ from experiments.machines.machine import Machine
 from experiments.runs.checks.weights.path_margins import path_margins
 from experiments.runs.tuning.family_loops import WINDOWS
 from experiments.runs.tuning.limits import counted, loop_limits, noise_limit
+from jcontour.analysis.frozen_loops import FrozenLoop
+from jcontour.analysis.late_loops import delay_margins
 from jcontour.analysis.sensitivity import LoopPeaks, frozen_family
+from jcontour.analysis.stability import DELAY_SEARCH
 from jcontour.simulation.evaluation import stack_plants
 from tuning.loops import Looked, ProbedLoops
 from tuning.objectives import COUNT_NOISE, LATE
 
 ALIKE = 0.01  # of the least error: what counts of encoders and the places of a grid decide
 LOOKED_AT = 100  # designs whose loops are looked at: at most ten seconds for each preview
+AT_ONCE = 20  # designs whose loops are made in one program
 UNSTABLE = "spectral_radius"
 
 Beyond = dict[str, float]  # limit that is broken -> largest value, SI
@@ -105,6 +110,18 @@ def chosen(
     return first
 
 
+class DesignMargins(NamedTuple):
+    """Margins of the frozen loops of many designs, the worst of the probes of each contour.
+
+    Attributes:
+        sensitivity: peak Ms; infinite of an unstable loop.
+        delay: samples of extra delay that all loops bear; -1 where one is unstable as it is.
+    """
+
+    sensitivity: Float[np.ndarray, "D C P"]
+    delay: Float[np.ndarray, "D C P"]
+
+
 class DesignLoops:
     """Frozen loops of the designs with one preview, along the contours of a sweep.
 
@@ -124,6 +141,7 @@ class DesignLoops:
         more = flags.min_delay_margin
         self._loops = ProbedLoops.of(self._family, references, WINDOWS, more, count=count)
         self._frozen = eqx.filter_jit(self._matrices)
+        self._many = eqx.filter_jit(jax.vmap(self._matrices))
 
     def beyond(self, varied: dict[str, float]) -> Beyond:
         """Limits that the loops of a design break, with what it has; a radius from 1 on always.
@@ -152,14 +170,44 @@ class DesignLoops:
         controller = design.build(with_values(design.start, varied))
         return path_margins(controller, self._machine, self._scenarios, design.fed, peaks)
 
+    def of_all(self, varied: dict[str, Float[np.ndarray, " D"]]) -> DesignMargins:
+        """Ms and delay margins of many designs, of which `AT_ONCE` are looked at together."""
+        count, plants = len(next(iter(varied.values()))), len(self._machine.family_names)
+        contours = len(self._scenarios.jobs)
+        found = []
+        for first in range(0, count, AT_ONCE):
+            # always as many, the last one again and again: one program
+            rows = np.minimum(np.arange(first, first + AT_ONCE), count - 1)
+            designs = {name: np.asarray(column, float)[rows] for name, column in varied.items()}
+            matrices = jax.device_get(self._many(designs))
+            kept = min(AT_ONCE, count - first)
+            loops = jax.tree.map(
+                lambda leaf, kept=kept: leaf[:kept].reshape(-1, *leaf.shape[2:]), matrices
+            )
+            peaks = _looked(replace(self._loops, more=0, count=None), loops).peaks
+            assert peaks is not None  # they always are
+            margins = delay_margins(loops, DELAY_SEARCH)
+            shape = (kept, contours, WINDOWS, plants)
+            found.append(
+                (peaks.sensitivity.reshape(shape).max(axis=2), margins.reshape(shape).min(axis=2))
+            )
+        return DesignMargins(
+            *(np.concatenate(parts).astype(float) for parts in zip(*found, strict=True))
+        )
+
     def _look(self, varied: dict[str, float]) -> tuple[Looked, LoopPeaks]:
         numbers = {name: np.asarray(value, float) for name, value in varied.items()}
         matrices = jax.device_get(self._frozen(numbers))
-        still = jax.tree.map(lambda leaf: np.zeros((*leaf.shape, 0)), matrices)
-        looked, _ = self._loops.look(matrices, still)
+        looked = _looked(self._loops, matrices)
         assert looked.peaks is not None  # they always are
         return looked, looked.peaks
 
     def _matrices(self, varied: dict[str, Any]):
         controller = self._design.build(with_values(self._design.start, varied))
         return frozen_family(self._family, controller, self._loops.windows)
+
+
+def _looked(loops: ProbedLoops, matrices: FrozenLoop) -> Looked:
+    """What is seen of frozen loops, without slopes."""
+    still = jax.tree.map(lambda leaf: np.zeros((*leaf.shape, 0)), matrices)
+    return loops.look(matrices, still)[0]

@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import expm
 
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
-from jcontour.analysis.late_loops import late_measures
+from jcontour.analysis.late_loops import delay_margins, late_measures
 
 
 def random_loop(random, batch=(), n=3, c=2, p=2, q=2):
@@ -99,3 +99,28 @@ def test_a_loop_that_is_not_finite_has_no_slope():
 def test_no_delay_is_refused():
     with pytest.raises(ValueError, match="samples: needs a delay of one at least, received 0"):
         late_measures(random_loop(np.random.default_rng(0)), 0)
+
+
+def test_the_delay_margin_ends_at_the_first_unstable_delay():
+    """Integrator of gain g: z^d (z - 1) + g is stable below g = 2 sin(pi / (4 d + 2))."""
+
+    def loop(gain):
+        none = np.zeros((len(gain), 1, 0))
+        one = np.ones((1, 1, 1))
+        law = LinearLaw(none[:, :0], none.swapaxes(1, 2), none, -gain[:, None, None])
+        return FrozenLoop(LinearMachine(one, one, one), law)
+
+    most = [2 * np.sin(np.pi / (4 * d + 2)) for d in range(5)]
+    gain = np.array([2.1, *(0.999 * np.array(most)), 0.5 * most[4], 0.999 * most[2]])
+    assert delay_margins(loop(gain), 4).tolist() == [-1, 0, 1, 2, 3, 4, 4, 2]
+    assert delay_margins(loop(gain), 0).tolist() == [-1, 0, 0, 0, 0, 0, 0, 0]
+
+
+def test_a_delay_beyond_an_unstable_one_is_no_margin():
+    w, zeta, dt = 2 * np.pi * 120.0, 0.05, 1e-3
+    continuous = np.array([[0.0, 1.0, 0.0], [-(w**2), -2 * zeta * w, w**2], [0.0, 0.0, 0.0]])
+    step = expm(continuous * dt)
+    machine = LinearMachine(step[:2, :2], step[:2, 2:], np.array([[0.0, 1.0]]))
+    none = np.zeros((1, 0))
+    law = LinearLaw(np.zeros((0, 0)), none.T, none, np.array([[-0.4 / w]]))
+    assert delay_margins(FrozenLoop(machine, law), 7) == 1  # stable again at 7 samples

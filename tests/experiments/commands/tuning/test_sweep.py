@@ -2,11 +2,13 @@
 
 import json
 import shlex
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from experiments.cli import main
+from experiments.commands.tuning.sweep import LOOPS, margin_lines
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import read_result
@@ -73,6 +75,20 @@ def test_the_summary_is_that_of_the_metrics(swept, dataset):
 
 
 @pytest.mark.slow
+def test_margins_of_every_design_are_stored(swept, dataset):
+    """Those of the best design are those of the table, which are found in other runs."""
+    (best,) = read_result(swept, SweepResult).best
+    row = dataset.isel(preview=0, sample=int(dataset.best[0]))
+    assert float(row.peak_sensitivity.max()) == pytest.approx(best.sensitivity, rel=1e-9)
+    assert float(row.delay_margin.sel(plant="nominal").min()) == best.delay_samples
+    assert (dataset.peak_sensitivity.units, dataset.delay_margin.units) == ("1", "samples")
+    unstable = ~np.isfinite(dataset.peak_sensitivity.values)
+    np.testing.assert_array_equal(unstable, dataset.delay_margin.values == -1)
+    assert not np.isnan(dataset.peak_sensitivity.values).any()
+    assert unstable.any() and not unstable.all()
+
+
+@pytest.mark.slow
 def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept, capsys):
     assert main(["sweep", "--resume", str(swept)]) == 0
     printed = capsys.readouterr().out
@@ -114,6 +130,20 @@ def test_limits_on_runs_decide_which_design_is_the_best(swept, dataset, flags, t
     assert (result.within, result.best[0].looked) == (1, 1)
     assert result.best[0].beyond["peak_sensitivity"] == pytest.approx(result.best[0].sensitivity)
     assert found.best.values.tolist() == [int(np.argmin(peaks))]
+
+
+@pytest.mark.parametrize(
+    ("learns", "count", "says"),
+    [
+        (True, 4, "learns while it runs"),
+        (False, LOOPS + 1, f"the {LOOPS} best"),
+        (False, LOOPS, ""),
+    ],
+)
+def test_designs_without_stored_margins_are_told(learns, count, says):
+    flags, design = SimpleNamespace(previews=(4,)), SimpleNamespace(learns=learns)
+    lines = margin_lines(SimpleNamespace(flags=flags, design=lambda preview: design, count=count))
+    assert len(lines) == bool(says) and all(says in line for line in lines)
 
 
 def test_a_limit_that_a_sweep_does_not_look_at_is_no_flag_of_it(capsys):
