@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import jax
-import jax.numpy as jnp
 
 
 def platform() -> str:
@@ -20,28 +19,10 @@ def on_gpu() -> bool:
 
 @contextmanager
 def on_cpu() -> Iterator[None]:
-    """Everything within it is computed on the CPU: the kernels of a GPU have a reverse mode only.
+    """Everything within it is computed on the CPU: what is few and small is faster there.
 
     Raises:
         RuntimeError: JAX has been told to do without its CPU (`JAX_PLATFORMS`).
     """
     with jax.default_device(jax.local_devices(backend="cpu")[0]):
         yield
-
-
-def number_size(arrays) -> int | None:
-    """Bytes of a number; None where the types are not those of the kernels."""
-    types = {jnp.result_type(leaf) for leaf in jax.tree.leaves(arrays)}
-    if types not in ({jnp.dtype("float32")}, {jnp.dtype("float64")}):
-        return None
-    return types.pop().itemsize
-
-
-def suits_native(*arrays) -> bool:
-    """Whether loops compiled for the CPU (`jcontour.native`) take numbers of these types."""
-    return platform() == "cpu" and number_size(arrays) == 8
-
-
-def suits_gpu_code(*arrays) -> bool:
-    """Whether our own code for a GPU (`jcontour.native.gpu_code`) takes numbers of these types."""
-    return on_gpu() and number_size(arrays) is not None

@@ -20,7 +20,6 @@ active the derivative is between those of either side. An answer that is not sol
 derivative, in both directions.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -29,7 +28,6 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jcontour.devices import suits_gpu_code, suits_native
 from jcontour.qp.limit_rows import gram, one_sided_limits, pulled, rows
 from jcontour.qp.one_sided import (
     Changes,
@@ -77,9 +75,6 @@ from jcontour.qp.staged import (
 
 # of a limit's width: so much larger are slacks in derivatives; with less, rounding hides H behind W
 SOFTENED = 1e-6
-# states, controls and rows of a stage that our machine code takes: it is written out number by
-# number, and more would take a minute on a GPU; XLA's own loops are some eight times slower
-MOST_WRITTEN = 24
 PASSES = 4  # of a derivative: each makes what that changes smaller by as much again
 
 
@@ -109,8 +104,7 @@ def solve(qp: StagedQP, guess: Float[Array, "N p"] | None = None) -> Answer:
     """Answer to a problem; its trajectory has derivatives with respect to every number of it.
 
     The trajectory alone has them: those of the multipliers, of the residual and of `beyond` are
-    zero. `beyond` follows from the trajectory, where its slope is needed. A second derivative is
-    an error of JAX where compiled code of our own solves the problem, on a CPU and on a GPU.
+    zero. `beyond` follows from the trajectory, where its slope is needed.
 
     A problem without an answer, or with numbers that are not finite, is not `solved`: what its
     trajectory holds then means nothing, and its derivative is NaN.
@@ -210,29 +204,8 @@ def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) ->
 
 def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Limits]:
     limits = one_sided_limits(qp)
-    found = _written_out(qp)
-    if found is not None:
-        last = found(qp, guess)
-        residual = jnp.where(_stated(qp), last.residual, jnp.inf)
-        known = residual, residual <= SOLVED, last.iterations, last.beyond
-        return Answer(last.point.at, last.point.l, *known), last.point, limits
     point, iterations = _converged(qp, limits, guess)
     return _checked(qp, point, limits, iterations), point, limits
-
-
-def _written_out(qp: StagedQP) -> Callable | None:
-    """The same in machine code of our own, where there is one for a problem of this size."""
-    if not 0 < qp.D.shape[0] <= MOST_WRITTEN - qp.D.shape[1] or 0 in qp.B.shape:
-        return None
-    if suits_gpu_code(qp):
-        from jcontour.qp.lanes.on_gpu import found
-
-        return found
-    if suits_native(qp):
-        from jcontour.qp.lanes.on_cpu import found
-
-        return found
-    return None
 
 
 def _converged(qp: StagedQP, limits: Limits, guess) -> tuple[Point, Array]:

@@ -6,15 +6,15 @@ For a limit g' v <= b with a slack s and a multiplier l, and t, g where it gives
 a step along which g' v changes by d changes the multiplier by
 
     dl = W (d + pushed),    W = 1 / (s / l + t / g)
-and the others so that each equation holds. All arguments are arrays of one shape, whatever it is:
-`interior_point` has all limits of a problem in them, a kernel one limit of many problems.
+and the others so that each equation holds. All arguments are arrays of one shape.
 """
 
 from typing import Any, NamedTuple
 
-from jcontour.kernels.arithmetic import is_finite, larger, smaller, where
+import jax.numpy as jnp
+from jaxtyping import Array
 
-Numbers = Any  # arrays of all limits, or numbers of one in a kernel (`kernels.arithmetic`)
+Numbers = Array  # of all limits
 
 
 class Limits(NamedTuple):
@@ -73,14 +73,14 @@ class Newton(NamedTuple):
 
 def sides(upper: Numbers, lower: Numbers, penalty: Numbers) -> tuple[Limits, Limits]:
     """Limits of rows from above and from below, the arrays all of one shape."""
-    above, below = is_finite(upper), is_finite(lower)
-    high, low = where(above, upper, 0.0), where(below, -lower, 0.0)
-    largest = larger(abs(high), abs(low))
-    one = where(largest > 0, largest, 1.0)
-    half = where(above & below, 0.5 * (high + low), one)
-    width = where(half > 0, half, one)
-    soft = is_finite(penalty)
-    price = [where(there & soft, penalty, 1.0) for there in (above, below)]
+    above, below = jnp.isfinite(upper), jnp.isfinite(lower)
+    high, low = jnp.where(above, upper, 0.0), jnp.where(below, -lower, 0.0)
+    largest = jnp.maximum(abs(high), abs(low))
+    one = jnp.where(largest > 0, largest, 1.0)
+    half = jnp.where(above & below, 0.5 * (high + low), one)
+    width = jnp.where(half > 0, half, one)
+    soft = jnp.isfinite(penalty)
+    price = [jnp.where(there & soft, penalty, 1.0) for there in (above, below)]
     return (
         Limits(high, above, above & soft, price[0], width),
         Limits(low, below, below & soft, price[1], width),
@@ -97,11 +97,11 @@ def first_point(at, slack: Numbers, mu: Numbers, limits: Limits, room: float) ->
         limits: the limits.
         room: of a limit's width that a slack begins with, at least.
     """
-    s = where(limits.there, larger(slack, room * limits.width), 1.0)
-    l = where(limits.there, mu / s, 0.0)  # noqa: E741
-    l = where(limits.gives, smaller(l, 0.5 * limits.price), l)  # noqa: E741
-    g = where(limits.gives, limits.price - l, 1.0)
-    return Point(at, s, l, where(limits.gives, mu / g, 0.0), g)
+    s = jnp.where(limits.there, jnp.maximum(slack, room * limits.width), 1.0)
+    l = jnp.where(limits.there, mu / s, 0.0)  # noqa: E741
+    l = jnp.where(limits.gives, jnp.minimum(l, 0.5 * limits.price), l)  # noqa: E741
+    g = jnp.where(limits.gives, limits.price - l, 1.0)
+    return Point(at, s, l, jnp.where(limits.gives, mu / g, 0.0), g)
 
 
 def newton(point: Point, limits: Limits, rows: Numbers) -> Newton:
@@ -109,27 +109,27 @@ def newton(point: Point, limits: Limits, rows: Numbers) -> Newton:
     _, s, l, t, g = point  # noqa: E741
     return Newton(
         missed_by(point, limits, rows),
-        where(limits.gives, l + g - limits.price, 0.0),
-        where(limits.there, l / softened_slack(point, limits), 0.0),
-        where(limits.there, 1 / l, 0.0),
-        where(limits.gives, 1 / g, 0.0),
+        jnp.where(limits.gives, l + g - limits.price, 0.0),
+        jnp.where(limits.there, l / softened_slack(point, limits), 0.0),
+        jnp.where(limits.there, 1 / l, 0.0),
+        jnp.where(limits.gives, 1 / g, 0.0),
     )
 
 
 def missed_by(point: Point, limits: Limits, rows: Numbers) -> Numbers:
     """By how much s + g' v - t = b is missed."""
-    return where(limits.there, point.s + rows - point.t - limits.bound, 0.0)
+    return jnp.where(limits.there, point.s + rows - point.t - limits.bound, 0.0)
 
 
 def softened_slack(point: Point, limits: Limits) -> Numbers:
     """Slack over multiplier, times the multiplier: s + l t / g."""
-    way = where(limits.gives, point.t / point.g, 0.0)
+    way = jnp.where(limits.gives, point.t / point.g, 0.0)
     return point.s + way * point.l
 
 
 def products(point: Point, limits: Limits) -> tuple[Numbers, Numbers]:
     """Products s l and t g: c1 and c2 of a predictor, whose aim is zero."""
-    return point.s * point.l, point.t * where(limits.gives, point.g, 0.0)
+    return point.s * point.l, point.t * jnp.where(limits.gives, point.g, 0.0)
 
 
 def corrected(
@@ -137,14 +137,14 @@ def corrected(
 ) -> tuple[Numbers, Numbers]:
     """Products c1 and c2 of a corrector: with those of the predictor's steps, less the aim."""
     c1, c2 = products(point, limits)
-    c1 = where(limits.there, c1 + share * steps.s * steps.l - target, 0.0)
-    return c1, where(limits.gives, c2 + share * steps.t * steps.g - target, 0.0)
+    c1 = jnp.where(limits.there, c1 + share * steps.s * steps.l - target, 0.0)
+    return c1, jnp.where(limits.gives, c2 + share * steps.t * steps.g - target, 0.0)
 
 
 def pushes(here: Newton, point: Point, limits: Limits, c1: Numbers, c2: Numbers) -> Numbers:
     """Change of g' v that would change the multipliers as a step does where nothing moves."""
     way = (c2 - point.t * here.price_missed) * here.over_g
-    return where(limits.there, here.missed - c1 * here.over_l + way, 0.0)
+    return jnp.where(limits.there, here.missed - c1 * here.over_l + way, 0.0)
 
 
 def changes(
@@ -153,7 +153,7 @@ def changes(
     """Changes with a step, `moved` is its change of g' v and what was pushed."""
     dl = here.weight * moved
     ds = -(c1 + point.s * dl) * here.over_l
-    dg = where(limits.gives, -here.price_missed - dl, 0.0)
+    dg = jnp.where(limits.gives, -here.price_missed - dl, 0.0)
     return Changes(ds, dl, -(c2 + point.t * dg) * here.over_g, dg)
 
 
@@ -167,8 +167,8 @@ def possible(point: Point, steps: Changes, limits: Limits) -> Numbers:
         (point.g, steps.g, limits.gives),
     ):
         falls = counts & (change < 0)
-        part = where(falls, -value / where(falls, change, 1.0), 1.0)
-        longest = smaller(longest, part)
+        part = jnp.where(falls, -value / jnp.where(falls, change, 1.0), 1.0)
+        longest = jnp.minimum(longest, part)
     return longest
 
 

@@ -13,8 +13,6 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from jcontour.kernels.arithmetic import inverse_root
-
 
 class StagedQP(NamedTuple):
     """The numbers of one problem; limits may be infinite, and differ from stage to stage.
@@ -190,7 +188,7 @@ def cholesky(G) -> list[list]:
     p = len(G)
     R: list[list] = [[0.0] * p for _ in range(p)]
     for i in range(p):
-        R[i][i] = inverse_root(G[i][i] - _sum(R[k][i] ** 2 for k in range(i)))
+        R[i][i] = lax.rsqrt(G[i][i] - _sum(R[k][i] ** 2 for k in range(i)))
         for j in range(i + 1, p):
             R[i][j] = (G[i][j] - _sum(R[k][i] * R[k][j] for k in range(i))) * R[i][i]
     return R

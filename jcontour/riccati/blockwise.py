@@ -6,20 +6,24 @@ gives the gains of them all, so a sample costs two stages, however far it sees:
 
     (H, g) at the end from the terminal cost, then eqs. 12 and 13 of McNab & Tsao down to the first
     step of the block; eq. 11 at each of its steps
-The blocks are swept side by side (by `kernels.sweeps.block_sweep`, on a GPU by
-`kernels.gpu.block_lanes`), and the last one ends with the run. A run of at most N_p steps is one
-block: its gains are those of the whole path, the limit of every receding horizon.
+The blocks are swept side by side, and the last one ends with the run. A run of at most N_p steps is
+one block: its gains are those of the whole path, the limit of every receding horizon.
 """
-
-from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour.kernels.dispatch import suits_lanes
-from jcontour.kernels.sweeps.block_sweep import block_sweep
-from jcontour.linear.plant import AffinePlan, LinearPlant
+from jcontour.linear.plant import AffinePlan, LinearPlant, Pattern
+from jcontour.riccati.packed_stage import (
+    cost_entries,
+    cost_in_front,
+    packed_cost,
+    packed_stage,
+    stage_maps,
+)
+from jcontour.riccati.packing import packing
 from jcontour.riccati.receding_horizon import (
     MOST_STATES,
     CostToGo,
@@ -51,8 +55,6 @@ def blockwise_plan(
         terminal: cost to go at the samples of `block_ends`, blocks in front.
         preview: samples N_p of a block.
     """
-    if suits_lanes(model.pattern, model, Q, y_d, R, terminal):
-        return _by_lanes(preview, model, Q, y_d, R, terminal)
     if model.states > MOST_STATES:
         return swept(preview, model, Q, y_d, R, terminal)
     steps, matrices = Q.shape[0] - preview, (model.A, model.B, model.C)
@@ -61,24 +63,70 @@ def blockwise_plan(
     return AffinePlan(_in_time(F, steps), _in_time(f, steps))
 
 
-@partial(jax.custom_vjp, nondiff_argnums=(0,))
-def _by_lanes(preview: int, model: LinearPlant, Q, y_d, R, terminal: CostToGo) -> AffinePlan:
-    """Plan from the GPU's kernel, with the derivative of the sweep in XLA."""
-    from jcontour.kernels.gpu.block_lanes import block_plan  # loads Pallas
+def block_sweep(
+    pattern: Pattern, seen: Int[Array, "seen blocks"], preview: int, A, B, C, Q, y_d, R, H, g
+) -> tuple[Float[Array, "N_p blocks p n"], Float[Array, "N_p blocks p"]]:
+    """Gains F, f of the steps of every block.
 
-    matrices = model.A, model.B, model.C
-    return AffinePlan(*block_plan(model.pattern, preview, *matrices, Q, y_d, R, *terminal))
+    Args:
+        pattern: non-zeros of the model.
+        seen: samples of every block, its steps first, then those ahead of its last step.
+        preview: steps N_p of a block.
+        A: (n, n).
+        B: (n, p).
+        C: (m, n).
+        Q: output weight at every sample (S, m, m).
+        y_d: desired output at every sample (S, m) [m].
+        R: control weight (p, p).
+        H: cost to go at the end of every block's horizon (blocks, n, n).
+        g: likewise (blocks, n).
+    """
+    cost = cost_entries(Q, y_d)[:, seen]
+    return _gains(pattern, _swept(pattern, preview, A, B, C, cost, R, H, g))
 
 
-def _lanes_fwd(preview: int, *arguments):
-    return _by_lanes(preview, *arguments), arguments
+def remembering_sweep(
+    pattern: Pattern, seen: Int[Array, "seen blocks"], preview: int, A, B, C, Q, y_d, R, H, g
+) -> tuple[
+    Float[Array, "N_p blocks p n"], Float[Array, "N_p blocks p"], Float[Array, "blocks n n"]
+]:
+    """Gains as those of `block_sweep`, and what each block's sweep remembers of (H, g).
+
+    That is the product of A - B F of the stages behind the block's steps, the last one on the left;
+    the order of the states is of no account. It has no derivative.
+    """
+    cost = cost_entries(Q, y_d)[:, seen]
+    F, f = _gains(pattern, _swept(pattern, cost.shape[1], A, B, C, cost, R, H, g))
+
+    def on(product, F):
+        return (A[None] - jnp.einsum("np,bpm->bnm", B, F)) @ product, None
+
+    start = jnp.broadcast_to(jnp.eye(len(A), dtype=F.dtype), H.shape)
+    behind = jax.lax.stop_gradient(F[preview:])
+    return F[:preview], f[:preview], jax.lax.scan(on, start, behind)[0]
 
 
-def _lanes_bwd(preview: int, arguments, cotangent):
-    return jax.vjp(partial(swept, preview), *arguments)[1](cotangent)
+def _gains(pattern: Pattern, K):
+    K = jnp.moveaxis(K, -1, 1)
+    return K[..., np.argsort(packing(pattern).order)], -K[..., -1]
 
 
-_by_lanes.defvjp(_lanes_fwd, _lanes_bwd)
+def _swept(
+    pattern: Pattern, preview: int, A, B, C, cost: Float[Array, "q seen blocks"], R, H, g
+) -> Float[Array, "N_p p size blocks"]:
+    """Gains K = [F, -f] in XLA; the states are in the order of `packing`."""
+    pack, maps = packing(pattern), stage_maps(pattern, A, B, C)
+    rows = jnp.moveaxis(cost, 1, 0)
+
+    def back(H, cost):
+        found = packed_stage(pack, maps, R, H)
+        return cost_in_front(pack, maps, found, cost), jnp.stack(found.K)
+
+    def ahead(H, cost):
+        return back(H, cost)[0], None
+
+    first, _ = jax.lax.scan(ahead, packed_cost(pack, H, g), rows[preview:], reverse=True)
+    return jax.lax.scan(back, first, rows[:preview], reverse=True)[1]
 
 
 def swept(preview: int, model: LinearPlant, Q, y_d, R, terminal: CostToGo) -> AffinePlan:

@@ -23,20 +23,20 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jcontour.devices import on_gpu
-from jcontour.kernels.sweeps.block_sweep import remembering_sweep
 from jcontour.linear.plant import AffinePlan, LinearPlant
-from jcontour.native.numbers import WIDTH
+from jcontour.riccati.blockwise import remembering_sweep
 from jcontour.riccati.receding_horizon import MOST_STATES, CostToGo
 
 MEMORY = 250  # M [samples]: within them the paper's weights have forgotten
+WIDTH = 8  # blocks that a CPU's vector unit sweeps at once
 FORGOTTEN = 1e-12  # relative difference of gains: rounding over so many stages is 1e-14
 
 
 def suits_forgetting(preview: int, model: LinearPlant) -> bool:
     """Whether the short sweep is worth it: a preview of 2 M, in float64, on a CPU.
 
-    In float32 nothing is forgotten to `FORGOTTEN`. A GPU fills its lanes with the blocks of a
-    batch, and `vmap` would sweep both there.
+    In float32 nothing is forgotten to `FORGOTTEN`. A GPU is filled by the blocks of a batch, and
+    `vmap` would sweep both there.
     """
     double = model.A.dtype == jnp.float64
     return preview >= 2 * MEMORY and model.states <= MOST_STATES and double and not on_gpu()

@@ -12,20 +12,17 @@ The gains depend on the future of the reference only, never on the state. All st
 swept together: axis T in front, j the only loop.
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from jcontour.kernels.dispatch import block_length, suits_lanes, suits_rank_one, suits_spans
-from jcontour.kernels.sweeps.sliding_window import sliding_plan
-from jcontour.kernels.sweeps.window_sweep import window_plan
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.riccati.algebraic import small_inverse
+from jcontour.riccati.sliding_window import block_length, sliding_plan, suits_spans
+from jcontour.riccati.window_sweep import window_plan
 
 MOST_STATES = 20  # of the fast sweep; its matrices grow with the fourth power
 
@@ -37,20 +34,6 @@ class CostToGo(NamedTuple):
     g: Float[Array, "T n"]
 
 
-class RankOne(NamedTuple):
-    """Parts of an output weight Q = q I - b r r', where the control weight is rho I.
-
-    Attributes:
-        constant: q.
-        change: b.
-        direction: r of every sample.
-    """
-
-    constant: Float[Array, ""]
-    change: Float[Array, ""]
-    direction: Float[Array, "S m"]
-
-
 def receding_horizon_plan(
     model: LinearPlant,
     Q: Float[Array, "S m m"],
@@ -58,15 +41,12 @@ def receding_horizon_plan(
     stage: Float[Array | np.ndarray, " N_p"],
     R: Float[Array, "p p"],
     terminal: CostToGo | None,
-    parts: RankOne | None = None,
 ) -> AffinePlan:
-    """Gains F, f (u = f - F x) of every step of a run.
+    """Gains F, f (u = f - F x) of every step of a run, for any machine.
 
     Long windows whose stage profile is known to be uniform are composed from spans
-    (`kernels.sweeps.sliding_window`). Others are swept stage by stage: by the GPU's kernels where
-    they take the plant, by `kernels.sweeps.window_sweep` elsewhere. Short windows of decoupled axes
-    are solved on a GPU as a change of the weight (`kernels.gpu.rank_one_lanes`), where its parts
-    are known.
+    (`riccati.sliding_window`). Others are swept stage by stage (`riccati.window_sweep`). Short
+    windows of decoupled axes need no sweep: see `riccati.decoupled`.
 
     Args:
         model: A, B, C.
@@ -77,24 +57,12 @@ def receding_horizon_plan(
         R: control weight.
         terminal: cost to go at j = N_p for every step, T in front. None: sample N_p has the
             ordinary weight, stage[N_p] Q, and S needs to be T + N_p exactly.
-        parts: those of Q, over the same samples; None where Q has another form.
     """
     seen = Q.shape[0] if terminal is None else terminal.g.shape[0] + stage.shape[0]
     Q, y_d = Q[:seen], y_d[:seen]  # the reference may look further ahead than the controller
-    if parts is not None and terminal is None:
-        parts = RankOne(*parts[:2], parts.direction[:seen])
-        if suits_rank_one(model.pattern, stage.shape[0], model, Q, y_d, stage, R, parts):
-            return _by_rank_one(model, Q, y_d, jnp.asarray(stage), R, parts)
-    lanes = suits_lanes(model.pattern, model, Q, y_d, stage, R, terminal)
-    if suits_spans(stage if terminal is None else stage[:-1], lanes):
+    if suits_spans(stage if terminal is None else stage[:-1]):
         return AffinePlan(*_composed(model, stage[0] * Q, y_d, stage.shape[0], R, terminal))
     stage = jnp.asarray(stage)
-    if lanes:
-        from jcontour.kernels.gpu.lane_plan import lane_plan  # loads Pallas
-
-        end = () if terminal is None else tuple(terminal)
-        F, f = lane_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, end)  # pyright: ignore[reportGeneralTypeIssues]
-        return AffinePlan(F, f)
     if terminal is None:
         cost = output_cost(model, Q[stage.shape[0] :], y_d[stage.shape[0] :])
         terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
@@ -102,38 +70,6 @@ def receding_horizon_plan(
         return readable_plan(model, Q, y_d, stage, R, terminal)
     F, f = window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal)
     return AffinePlan(F, f)
-
-
-@jax.custom_vjp
-def _by_rank_one(model: LinearPlant, Q, y_d, stage, R, parts: RankOne) -> AffinePlan:
-    """Plan from the GPU's kernels for the parts of Q, with the derivative of the sweep by Q."""
-    from jcontour.kernels.gpu.rank_one_lanes import rank_one_gains  # loads Pallas
-
-    matrices = model.A, model.B, model.C
-    return AffinePlan(*rank_one_gains(model.pattern, *matrices, *parts, y_d, stage, R))
-
-
-def _rank_one_fwd(*arguments):
-    values = jax.tree.map(lambda leaf: leaf.value, arguments)
-    moves = any(leaf.perturbed for leaf in jax.tree.leaves(arguments[0]))
-    return _by_rank_one(*values), (values[:-1], () if moves else None)
-
-
-def _rank_one_bwd(kept, cotangent):
-    from jcontour.kernels.gpu.lanes import dense  # loads Pallas
-
-    (model, *data), moves = kept
-    cotangent = jax.tree.map(dense, cotangent, is_leaf=lambda bar: isinstance(bar, SymbolicZero))
-
-    def plan(model, *data):
-        return receding_horizon_plan(model, *data, None)
-
-    if moves is not None:
-        return *jax.vjp(plan, model, *data)[1](cotangent), None
-    return None, *jax.vjp(partial(plan, model), *data)[1](cotangent), None
-
-
-_by_rank_one.defvjp(_rank_one_fwd, _rank_one_bwd, symbolic_zeros=True)
 
 
 def _composed(model: LinearPlant, Q, y_d, preview: int, R, terminal: CostToGo | None):
@@ -182,7 +118,7 @@ def readable_plan(
 ) -> AffinePlan:
     """Gains of every step as the equations say it, stage by stage.
 
-    `kernels.sweeps.window_sweep` is tested equal to it.
+    The definition: `window_sweep`, `sliding_window` and `decoupled` are tested equal to it.
     """
     steps, preview = terminal.g.shape[0], stage.shape[0]
     Q, y_d, stage = jnp.asarray(Q), jnp.asarray(y_d), jnp.asarray(stage)  # NumPy has no index j

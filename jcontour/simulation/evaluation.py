@@ -6,7 +6,6 @@ they are vectorised (`vmap`).
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -16,12 +15,10 @@ import numpy as np
 
 from jcontour.controller import Controller, Plan
 from jcontour.geometry.contours import stack as stack_contours
-from jcontour.kernels.dispatch import suits_loop, suits_metrics
-from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference, pad
 from jcontour.plant import Plant
-from jcontour.simulation.closed_loop import check_kinds, check_run, follow, start_state
-from jcontour.simulation.metrics import SEARCH_REACH, Metrics, score_signals
+from jcontour.simulation.closed_loop import check_kinds, check_run, follow
+from jcontour.simulation.metrics import score_signals
 from jcontour.simulation.numbered import Numbered
 
 # Members whose intermediate numbers a derivative may keep: about 1 MB each for 500 steps. Beyond,
@@ -125,40 +122,9 @@ def _followed(
     window: tuple[int, int] | None,
     score: Score,
 ) -> Any:
-    """Score of one run.
-
-    A linear plant under u = f - F x has a kernel on a GPU, which returns no rollout.
-    """
-    static = isinstance(plan, AffinePlan) and controller.initial_memory(reference) is None
-    if (
-        static and type(plant) is LinearPlant and score is score_signals
-    ):  # a wrapper may measure less than the state
-        start = start_state(plant, reference)
-        if suits_loop(plant.pattern, plant, plan, start):
-            return _by_lanes(plant, plan, start, reference, window)
+    """Score of one run."""
     rollout = follow(plant, controller, plan, reference)
     return score(rollout.output, rollout.control, reference, window)
-
-
-def _by_lanes(
-    plant: LinearPlant,
-    plan: AffinePlan,
-    start: Any,
-    reference: Reference,
-    window: tuple[int, int] | None,
-) -> Metrics:
-    """Metrics by the kernels of a GPU."""
-    # imported here: they load Pallas, which a CPU has no use for
-    from jcontour.kernels.gpu.lane_score import LaneScore, lane_score
-    from jcontour.kernels.gpu.metric_lanes import lane_metrics
-
-    score = LaneScore(partial(score_signals, window=window))
-    if suits_metrics(reference.contour, plant, reference.position, reference.contour.start):
-        samples = (0, reference.steps) if window is None else window
-        score = score._replace(lanes=partial(lane_metrics, SEARCH_REACH, samples))
-    model = plant.A, plant.B, plant.C
-    metrics = lane_score(plant.pattern, score, *model, plan.F, plan.f, start, reference)
-    return eqx.tree_at(lambda found: found.diverged, metrics, replace_fn=lambda flag: flag != 0)
 
 
 def stack_plants(plants: Sequence[Plant]) -> Plant:

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller
-from jcontour.kernels.dispatch import on_gpu
+from jcontour.devices import on_gpu
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import check_run, start_state

@@ -21,7 +21,6 @@ from experiments.benchmarks.speed.lq_cases import (
     formulation,
     paper_case,
     sized_case,
-    work,
 )
 from experiments.benchmarks.speed.lq_results import (
     DeviceRate,
@@ -33,12 +32,12 @@ from experiments.benchmarks.speed.lq_results import (
 )
 from experiments.benchmarks.speed.lq_tables import figures, show
 from experiments.benchmarks.speed.plain_loops import compiled_loop, numpy_loop
-from experiments.benchmarks.speed.timings import arithmetic_rate, seconds, timed
+from experiments.benchmarks.speed.timings import seconds, timed
 from experiments.flags.others import Bench
 from experiments.reports import tables
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
-from jcontour.kernels.dispatch import on_gpu
+from jcontour.devices import on_gpu
 from jcontour.simulation.devices import Spread, device_mesh
 from jcontour.simulation.evaluation import member, platform_batching
 from jcontour.simulation.programs import run_program
@@ -56,10 +55,6 @@ COMPARED = 16  # runs whose gains are compared with those of a CPU
 def measured(flags: Bench, tell: Tell) -> LQBench:
     """Measure everything; `tell` receives a line after each part."""
     batches = flags.batch or ((1024, 65536) if on_gpu() else (1, 256))
-    rates = {}
-    for dtype in (DOUBLE, SINGLE):
-        rates[dtype.name] = arithmetic_rate(dtype)
-        tell(f"arithmetic, {dtype.name}: {tables.digits(1e-9 * rates[dtype.name])} GFLOP/s")
     loops = {}
     for name, loop in (("NumPy loop", numpy_loop), ("compiled loop", compiled_loop)):
         loops[name] = 1 / looped(loop, STEPS)
@@ -67,14 +62,13 @@ def measured(flags: Bench, tell: Tell) -> LQBench:
     runs = []
     for dtype in (DOUBLE, SINGLE):
         for batch in batches:
-            runs.append(rates_of(paper_case(dtype), batch, rates[dtype.name], loops["NumPy loop"]))
+            runs.append(rates_of(paper_case(dtype), batch, loops["NumPy loop"]))
             tell(_told(f"{dtype.name}, batch {batch}", runs[-1].forward))
     sizes = []
     for states in SIZES:
-        sizes.append(of_size(states, max(batches) // 16 or 1, rates["float64"]))
+        sizes.append(of_size(states, max(batches) // 16 or 1))
         tell(_told(f"states {sizes[-1].states}", sizes[-1].forward))
     return LQBench(
-        rates=rates,
         loops=loops,
         runs=runs,
         sizes=sizes,
@@ -88,13 +82,12 @@ def _told(what: str, rate: float) -> str:
     return f"{what}: {figures(rate)} runs per second"
 
 
-def rates_of(case: Case, batch: int, rate: float, numpy_rate: float) -> RunRates:
+def rates_of(case: Case, batch: int, numpy_rate: float) -> RunRates:
     """Speed forward, with gradient, and with gradient of the profile too.
 
     Args:
         case: machine and run.
         batch: runs at once.
-        rate: operations per second of the device.
         numpy_rate: runs per second of the NumPy loop.
     """
     batching, weights = platform_batching(), case.weights(batch)
@@ -113,7 +106,6 @@ def rates_of(case: Case, batch: int, rate: float, numpy_rate: float) -> RunRates
         gradient_ratio=gradient.running / forward.running,
         profile_ratio=profile.running / forward.running,
         times_numpy=batch / forward.running / numpy_rate,
-        share_of_rate=work(case) * batch / forward.running / rate,
         compiling=forward.compiling,
         compiling_gradient=gradient.compiling,
         memory=forward.memory,
@@ -122,7 +114,7 @@ def rates_of(case: Case, batch: int, rate: float, numpy_rate: float) -> RunRates
     )
 
 
-def of_size(states: tuple[int, ...], batch: int, rate: float) -> SizeRate:
+def of_size(states: tuple[int, ...], batch: int) -> SizeRate:
     """Speed forward on a machine whose axes have these numbers of states."""
     case = sized_case(states)
     found = timed(lambda w: platform_batching()(case.metrics, w), case.weights(batch))
@@ -132,17 +124,13 @@ def of_size(states: tuple[int, ...], batch: int, rate: float) -> SizeRate:
         batch=batch,
         by=formulation(case),
         forward=batch / found.running,
-        share_of_rate=work(case) * batch / found.running / rate,
         compiling=found.compiling,
         apart=apart(case),
     )
 
 
 def apart(case: Case) -> float:
-    """Largest difference of the gains from those of a CPU, over the largest gain.
-
-    There they are swept by XLA, whatever the form is here.
-    """
+    """Largest difference of the gains from those of a CPU, over the largest gain."""
 
     def gains(weights):
         controller = case.law(case.plant, LQWeights(*weights), case.preview)

@@ -1,4 +1,4 @@
-"""Machines and runs that `jcontour bench lq` times, and the operations that their gains take."""
+"""Machines and runs that `jcontour bench lq` times."""
 
 from typing import Any, NamedTuple
 
@@ -9,12 +9,6 @@ import numpy as np
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line
-from jcontour.kernels.dispatch import (
-    multiplications,
-    rank_one_multiplications,
-    suits_lanes,
-    suits_rank_one,
-)
 from jcontour.linear.continuous_axes import (
     ContinuousAxis,
     sampled_machine,
@@ -24,7 +18,7 @@ from jcontour.linear.continuous_axes import (
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference, along
 from jcontour.plants import bridgeport
-from jcontour.simulation.evaluation import evaluate, stack_plants, stack_references
+from jcontour.simulation.evaluation import evaluate, member, stack_plants, stack_references
 from jcontour.simulation.metrics import Metrics
 
 STEPS, PREVIEW = 500, 10  # a quarter of a second at the paper's 2 kHz, and its usual horizon
@@ -109,23 +103,11 @@ def _axis(states: int, faster: float, dt: float) -> ContinuousAxis:
 
 
 def formulation(case: Case) -> str:
-    """Formulation that `receding_horizon_plan` chooses here: kernels or XLA."""
-    pattern = case.plant.pattern
-    if suits_rank_one(pattern, case.preview, case.plant):
-        return "rank one"
-    return "kernels" if suits_lanes(pattern, case.plant) else "XLA"
-
-
-def work(case: Case) -> float:
-    """Floating-point operations of the gains of one run, over the plant's non-zeros.
-
-    Everything else in a run is not counted.
-    """
-    pattern, preview = case.plant.pattern, case.preview
-    step = preview * multiplications(pattern)
-    if suits_rank_one(pattern, preview, case.plant):
-        step = rank_one_multiplications(pattern, preview)
-    return 2.0 * case.references.steps * step
+    """Form that `evaluate` chooses here: the kernels, or XLA with or without a sweep."""
+    reference = member(case.references, 0)
+    controller = case.law(case.plant, LQWeights(1.0, 1.0, 1.0), case.preview)
+    problem = controller.decoupled_problem(reference)
+    return "sweep" if problem is None else "algebra"
 
 
 def cast(tree: Any, dtype: np.dtype) -> Any:

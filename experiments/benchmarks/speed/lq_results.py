@@ -15,7 +15,6 @@ class RunRates:
         gradient_ratio: time with gradient over time without.
         profile_ratio: likewise, with the gradient of the profile too.
         times_numpy: runs per second over those of the NumPy loop.
-        share_of_rate: operations of the Riccati sweeps over the device's measured rate.
         compiling: [s].
         compiling_gradient: [s].
         memory: [bytes].
@@ -30,7 +29,6 @@ class RunRates:
     gradient_ratio: float
     profile_ratio: float
     times_numpy: float
-    share_of_rate: float
     compiling: float
     compiling_gradient: float
     memory: int
@@ -48,7 +46,6 @@ class SizeRate:
         batch: runs at once.
         by: formulation that is chosen.
         forward: runs per second.
-        share_of_rate: as of `RunRates`.
         compiling: [s].
         apart: largest difference of the gains from those of a CPU, over the largest gain.
     """
@@ -58,7 +55,6 @@ class SizeRate:
     batch: int
     by: str
     forward: float
-    share_of_rate: float
     compiling: float
     apart: float
 
@@ -108,11 +104,9 @@ class LQBench:
     """All measurements.
 
     Attributes:
-        rates: measured operations per second, by type.
         loops: runs per second of the plain loops.
     """
 
-    rates: dict[str, float]
     loops: dict[str, float]
     runs: list[RunRates]
     sizes: list[SizeRate]

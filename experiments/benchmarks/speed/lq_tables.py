@@ -18,7 +18,6 @@ RUNS = {  # heading of a column -> field, factor
     "gradient /\nforward": ("gradient_ratio", 1.0),
     "with\nprofile": ("profile_ratio", 1.0),
     "times\nNumPy": ("times_numpy", 1.0),
-    "% of\nrate": ("share_of_rate", 100.0),
 }
 COSTS = {
     "batch": ("batch", 1.0),
@@ -31,7 +30,6 @@ OTHERS = {
     "inputs": ("inputs", 1.0),
     "batch": ("batch", 1.0),
     "runs/s": ("forward", 1.0),
-    "% of\nrate": ("share_of_rate", 100.0),
     "compile\ns": ("compiling", 1.0),
     "gains\napart": ("apart", 1.0),
 }
@@ -69,9 +67,6 @@ def show(console: Console, result: LQBench) -> None:
     for name, rate in result.loops.items():
         counted = "float64, tracking and projected error only"
         lines.append(f"{name:<14} {tables.digits(rate)} runs/s, {counted}")
-    for name, rate in result.rates.items():
-        counted = "multiplications and additions in registers"
-        lines.append(f"{name:<14} {tables.digits(1e-9 * rate)} GFLOP/s measured: {counted}")
     tables.say(console, *lines)
 
 

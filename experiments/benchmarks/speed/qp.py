@@ -17,7 +17,6 @@ from rich.console import Console
 from experiments.benchmarks.speed.timings import seconds, timed
 from experiments.flags.others import Bench
 from experiments.reports import tables
-from jcontour.native.calls import alone
 from jcontour.qp.interior_point import solve
 from jcontour.qp.problem import QP
 from jcontour.qp.solvers import DAQP, ProxQP, Solver
@@ -60,12 +59,10 @@ class QPBench:
     Attributes:
         times: of them.
         active: part of the controls that is at a limit.
-        alone: whether one thread of this computer had all the work.
     """
 
     times: list[BatchTime]
     active: float
-    alone: bool
 
 
 def show(console: Console, result: QPBench) -> None:
@@ -83,8 +80,6 @@ def show(console: Console, result: QPBench) -> None:
         f"{100 * result.active:.0f} % of them at a limit"
     )
     console.print(tables.plain_table(title, columns, lines, text_columns=1))
-    if result.alone:
-        console.print("On one thread: this jaxlib has an interface that jcontour does not know.")
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> QPBench:
@@ -98,7 +93,7 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> QPBench:
     for solver in (DAQP(), ProxQP()):
         times.append(_one_by_one(solver, few))
         tell(f"{solver.name}, one by one: {times[-1].solving:.4g} ms")
-    return QPBench(times, active, alone())
+    return QPBench(times, active)
 
 
 def random_problems(batch: int) -> StagedQP:

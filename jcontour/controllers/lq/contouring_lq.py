@@ -21,7 +21,8 @@ from jcontour.controllers.lq.planned_feedback import ModelFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare
-from jcontour.riccati.receding_horizon import CostToGo, RankOne, output_cost, receding_horizon_plan
+from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan, suits_decoupled
+from jcontour.riccati.receding_horizon import CostToGo, output_cost, receding_horizon_plan
 from jcontour.tracing import is_concrete
 
 
@@ -158,22 +159,33 @@ class ContouringLQ(ModelFeedback):
 
     def gain_schedule(self, reference: Reference) -> AffinePlan:
         """F and f of every step."""
+        problem = self.decoupled_problem(reference)
+        if problem is not None:
+            return decoupled_plan(problem)
         weights, model = self.weights, self.model
         stage = weights.stage
         if stage is None:
             stage = np.ones(self.preview, model.A.dtype)
         seen = reference.steps + self.preview
-        tangent = reference.tangent[:seen]
-        Q = contour_weight(weights.alpha, weights.beta, tangent)
-        parts, terminal = None, None
-        if not weights.rho.ndim:
-            parts = RankOne(weights.alpha + weights.beta, weights.beta, tangent)
+        Q = contour_weight(weights.alpha, weights.beta, reference.tangent[:seen])
+        terminal = None
         if not isinstance(self.terminal, OutputTerminal):
             ends = slice(self.preview, seen)
             cost = self.terminal.cost(model, weights, Q, reference.position[:seen], ends)
             terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
         R = control_weight(model, weights)
-        return receding_horizon_plan(model, Q, reference.position[:seen], stage, R, terminal, parts)
+        return receding_horizon_plan(model, Q, reference.position[:seen], stage, R, terminal)
+
+    def decoupled_problem(self, reference: Reference) -> ContouringProblem | None:
+        """Problem that needs no sweep: axes without coupling, a short window, output terminal."""
+        weights, seen = self.weights, reference.steps + self.preview
+        if weights.rho.ndim or not isinstance(self.terminal, OutputTerminal):
+            return None
+        if not suits_decoupled(self.model.pattern, self.preview):
+            return None
+        cost = weights.alpha, weights.beta, weights.rho, weights.stage
+        samples = reference.tangent[:seen], reference.position[:seen]
+        return ContouringProblem(self.model, *cost, *samples, self.preview)
 
 
 def check_stage(weights: LQWeights, preview: int) -> None:

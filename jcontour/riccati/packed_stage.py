@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.kernels.packing import Block, Packing, congruence, packing, seen_entries
 from jcontour.linear.plant import Pattern
+from jcontour.riccati.packing import Block, Packing, congruence, packing, seen_entries
 
 
 class Stage(NamedTuple):
@@ -102,7 +102,7 @@ def cost_in_front(
 
 
 def definite_inverse(M: list[list[Any]]) -> list[list[Any]]:
-    """Inverse of a positive definite matrix whose entries are vectors over time, or over lanes.
+    """Inverse of a positive definite matrix whose entries are vectors over time.
 
     Gauss-Jordan, which needs no pivots for such a matrix.
     """

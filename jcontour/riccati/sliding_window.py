@@ -20,12 +20,21 @@ Time is on the last axis of every array, as in `window_sweep`; what is the same 
 entry there.
 """
 
+import math
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour.devices import on_gpu
+from jcontour.tracing import is_concrete
+
+# [samples] below, the plain sweep is faster (on a CPU: N_p = 55 forward and 150 backward)
+SHORTEST_WINDOW = {"cpu": 80, "gpu": 150}
+# blocks side by side on a CPU: their matrices stay in a core's second-level cache
+LONGEST_ROW = 100
 FEW = 3  # inputs or outputs: loops over them are written out
 Cost = Float[Array, "n n+1 t"]  # H_x and h
 
@@ -45,6 +54,26 @@ class Model(NamedTuple):
     B: Float[Array, "n p"]
     C: Float[Array, "m n"]
     W: Float[Array, "p p 1"]
+
+
+def suits_spans(stage) -> bool:
+    """Whether spans suit a stage profile: long enough, and known to be uniform.
+
+    A profile that falls geometrically would need R to fall with it: spans are alike up to a scale
+    of J against C only as long as that scale is the same at every sample, and the ratio of Q to R
+    is not.
+    """
+    return (
+        len(stage) >= SHORTEST_WINDOW["gpu" if on_gpu() else "cpu"]
+        and is_concrete(stage)
+        and bool(np.all(np.asarray(stage) == np.asarray(stage)[0]))
+    )
+
+
+def block_length(window: int, steps: int) -> int:
+    """Samples of a block: many small ones for a GPU; on a CPU no more than its cache holds."""
+    side_by_side = 1 if on_gpu() else -(-steps // LONGEST_ROW)
+    return min(window, max(2 * math.isqrt(window), side_by_side))
 
 
 def sliding_plan(

@@ -6,7 +6,7 @@ elimination of the p inputs:
 
     Hz = M' H_{j+1} M,   G = (Hz_uu + R)^-1,   K_j = G Hz_ux,   H_j = Hz_xx - Hz_xu K_j + C' Q_j C
 Hz is linear in H: its upper triangle, for all steps at once, is one matrix product for every two
-axes that nothing couples. On a CPU the gains come from `stage_sweep`, where it suits.
+axes that nothing couples.
 
 Derivative: at the optimum the gains do not move the cost. With the closed loop A_j = A - B K_j,
 
@@ -28,7 +28,8 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from jcontour.kernels.packed_stage import (
+from jcontour.linear.plant import Pattern
+from jcontour.riccati.packed_stage import (
     cost_entries,
     cost_in_front,
     extended,
@@ -36,9 +37,7 @@ from jcontour.kernels.packed_stage import (
     packed_stage,
     stage_maps,
 )
-from jcontour.kernels.packing import packing, seen_entries
-from jcontour.kernels.sweeps.stage_sweep import stage_sweep, suits_stages
-from jcontour.linear.plant import Pattern
+from jcontour.riccati.packing import packing, seen_entries
 
 BLOCK = 512  # steps swept together: their numbers stay in a core's second-level cache
 
@@ -101,7 +100,7 @@ def _windows(cost: Float[Array, "q S"], count: int, length: int) -> Float[Array,
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _plan(pattern: Pattern, A, B, C, data: SweepData):
-    return _in_time(pattern, _gains(pattern, False, A, B, C, data))
+    return _in_time(pattern, _sweep(pattern, stage_maps(pattern, A, B, C), data))
 
 
 @partial(_plan.defjvp, symbolic_zeros=True)
@@ -109,11 +108,15 @@ def _plan_jvp(pattern: Pattern, primals, tangents):
     *model, data = primals
     # a model that is identified: differentiate the sweep itself
     if not all(_still(tangent) for tangent in tangents[:3]):
-        return jax.jvp(partial(_swept, pattern), primals, _without_symbols(tangents))
+
+        def swept(A, B, C, data):
+            return _in_time(pattern, _sweep(pattern, stage_maps(pattern, A, B, C), data))
+
+        return jax.jvp(swept, primals, _without_symbols(tangents))
     given = tangents[3]._asdict()
     moved = {name: t for name, t in given.items() if t is not None and not _still(t)}
     maps = stage_maps(pattern, *model)
-    gains = _gains(pattern, True, *model, data)
+    gains = _sweep(pattern, maps, data)
     plan = _in_time(pattern, gains)
 
     @jax.jit  # traced once, used three times
@@ -131,11 +134,6 @@ def _plan_jvp(pattern: Pattern, primals, tangents):
     if not moved:
         return plan, jax.tree.map(jnp.zeros_like, plan)
     return plan, linear_map(forward, backward, moved, plan)
-
-
-def _swept(pattern: Pattern, A, B, C, data: SweepData):
-    """Gains F, f by the sweep in XLA, whose derivative is that of every operation."""
-    return _in_time(pattern, _sweep(pattern, stage_maps(pattern, A, B, C), data))
 
 
 def _still(tangent) -> bool:
@@ -179,33 +177,8 @@ def _in_time(pattern: Pattern, gains: Gains):
     return gains.first[:, back].transpose(2, 0, 1), -gains.first[:, -1].T
 
 
-def _gains(pattern: Pattern, later: bool, A, B, C, data: SweepData) -> Gains:
-    """Gains by the fastest form that takes the numbers; later ones are left out unless wanted."""
-    if suits_stages(pattern, A, B, C, data):
-        return _by_eight(pattern, later, A, B, C, data)
-    return _sweep(pattern, stage_maps(pattern, A, B, C), data)
-
-
-@partial(jax.custom_jvp, nondiff_argnums=(0, 1))
-def _by_eight(pattern: Pattern, later: bool, A, B, C, data: SweepData) -> Gains:
-    preview = data.stage.shape[0]
-    cost = data.cost[:, 1:-1] if preview > 1 else data.cost[:, :0]
-    kept, scale = preview if later else 1, data.stage[:-1]
-    K, G, _ = stage_sweep(pattern, A, B, C, data.R, cost, scale, data.H, data.g, kept)
-    return Gains(K[0], K[1:], G)
-
-
-@_by_eight.defjvp
-def _by_eight_jvp(pattern: Pattern, later: bool, primals, tangents):
-    def gains(A, B, C, data: SweepData) -> Gains:
-        found = _sweep(pattern, stage_maps(pattern, A, B, C), data)
-        return found if later else found._replace(later=found.later[:0])
-
-    return jax.jvp(gains, primals, tangents)
-
-
 def _sweep(pattern: Pattern, maps, data: SweepData) -> Gains:
-    """Gains in XLA: the form that the others are tested equal to, and the one of derivatives."""
+    """Gains of all steps."""
     pack, preview = packing(pattern), data.stage.shape[0]
     steps = data.cost.shape[1] - preview
 

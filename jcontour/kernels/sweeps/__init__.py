@@ -1,1 +1,0 @@
-"""Riccati sweeps with time on the last axis, and those that LLVM compiles for a CPU."""
