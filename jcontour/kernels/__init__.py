@@ -1,1 +1,19 @@
-"""Fast forms of what the library also says in readable form; each is tested equal to that."""
+"""Whole runs in one kernel, in Warp: for a GPU, and for a CPU where it is asked for.
+
+Warp is the extra `fast` (and part of `cuda`). Without it everything is computed in plain JAX, which
+is what the kernels are tested equal to.
+"""
+
+import os
+from importlib.util import find_spec
+
+from jcontour.devices import on_gpu, platform
+
+ASKED = "JCONTOUR_FAST"  # environment variable: 1 for the kernels on a CPU, 0 for none on a GPU
+
+
+def wanted() -> bool:
+    """Whether runs are computed by kernels: on a GPU, or where `JCONTOUR_FAST` is 1."""
+    asked = os.environ.get(ASKED, "1" if on_gpu() else "0")
+    suits = on_gpu() or platform() == "cpu"
+    return suits and asked == "1" and find_spec("warp") is not None

@@ -22,6 +22,7 @@ Derivatives pass S by the implicit function theorem, dv = S^-1 (d(right) - dS v)
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -32,7 +33,7 @@ from jcontour.linear.plant import AffinePlan, LinearPlant, Pattern, decoupled_ax
 LONGEST_WINDOW = 40  # samples: beyond, a sweep over the horizon is as fast
 
 
-class ContouringProblem(NamedTuple):
+class ContouringProblem(eqx.Module):
     """Receding-horizon contouring problem of a run: output terminal, control weight rho I.
 
     Attributes:
@@ -53,7 +54,7 @@ class ContouringProblem(NamedTuple):
     stage: Float[Array, " N_p"] | None
     tangent: Float[Array, "S m"]
     y_d: Float[Array, "S m"]
-    preview: int
+    preview: int = eqx.field(static=True)
 
 
 class AxisWindow(NamedTuple):
@@ -74,13 +75,13 @@ def axis_windows(model: LinearPlant, preview: int) -> list[AxisWindow]:
     """Free and forced response of every axis, in the order of the outputs."""
     windows = []
     for axis in decoupled_axes(model.pattern):
-        (output,), (control,), states = axis.outputs, axis.inputs, jnp.array(axis.states, int)
+        (output,), (control,), states = axis.outputs, axis.inputs, np.array(axis.states)
         A, B, C = model.A[states][:, states], model.B[states, control], model.C[output, states]
         rows = [C]
         for _ in range(preview):
             rows.append(rows[-1] @ A)
         h = jnp.stack(rows[:-1]) @ B
-        lag = jnp.arange(preview)[:, None] - jnp.arange(preview)
+        lag = np.subtract.outer(np.arange(preview), np.arange(preview))
         windows.append(AxisWindow(jnp.stack(rows[1:]), jnp.where(lag >= 0, h[lag], 0.0)))
     return windows
 
@@ -91,8 +92,8 @@ def remaining(
     """M_a and kappa M_a D h_a of every axis."""
     G = jnp.stack([window.G for window in windows])
     if stage is not None:
-        G = jnp.sqrt(stage)[:, None] * G
-    M = jnp.linalg.inv(jnp.eye(G.shape[1], dtype=G.dtype) + kappa * G @ G.mT)
+        G = jnp.sqrt(stage)[None, :, None] * G
+    M = jnp.linalg.inv(jnp.eye(G.shape[1], dtype=G.dtype)[None] + kappa * G @ G.mT)
     return M, kappa * jnp.einsum("aij,aj->ai", M, G[:, :, 0])
 
 
@@ -103,11 +104,11 @@ def decoupled_plan(problem: ContouringProblem) -> AffinePlan:
     windows = axis_windows(model, N)
     M, Mh = remaining(windows, q / problem.rho, problem.stage)
     steps = problem.tangent.shape[0] - N
-    ahead = jnp.arange(N)[:, None] + jnp.arange(1, steps + 1)
+    ahead = np.add.outer(np.arange(N), np.arange(1, steps + 1))
     tangent, y_d = problem.tangent.T[:, ahead], problem.y_d.T[:, ahead]
     weights = _weights(M, Mh, problem.alpha / q, problem.beta / q, tangent)
     if problem.stage is not None:
-        weights = jnp.sqrt(problem.stage)[:, None] * weights
+        weights = jnp.sqrt(problem.stage)[None, None, :, None] * weights
     inputs = np.array([axis.inputs[0] for axis in axes])
     F = jnp.zeros((steps, model.inputs, model.states), M.dtype)
     for b, (axis, window) in enumerate(zip(axes, windows, strict=True)):
@@ -119,9 +120,8 @@ def decoupled_plan(problem: ContouringProblem) -> AffinePlan:
 
 def _weights(M, Mh, tracked, forgiven, r: Float[Array, "m N_p T"]) -> Float[Array, "m m N_p T"]:
     """Weights of the free errors of all axes (second) in the control of every axis (first)."""
-    S = jnp.eye(r.shape[1], dtype=r.dtype)[..., None] * (
-        tracked + forgiven * (1 - jnp.sum(r**2, axis=0))
-    )
+    diagonal = tracked + forgiven * (1 - jnp.sum(r**2, axis=0))
+    S = jnp.eye(r.shape[1], dtype=r.dtype)[..., None] * diagonal[None]
     for M_a, r_a in zip(forgiven * M, r, strict=True):
         S = S + M_a[..., None] * (r_a[:, None] * r_a[None])
     X = _solved(jnp.moveaxis(S, -1, 0), (r * Mh[..., None]).transpose(2, 1, 0)).transpose(2, 1, 0)

@@ -6,17 +6,21 @@ they are vectorised (`vmap`).
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from functools import partial
+from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jcontour import kernels
 from jcontour.controller import Controller, Plan
 from jcontour.geometry.contours import stack as stack_contours
+from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference, pad
 from jcontour.plant import Plant
+from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan
 from jcontour.simulation.closed_loop import check_kinds, check_run, follow
 from jcontour.simulation.metrics import score_signals
 from jcontour.simulation.numbered import Numbered
@@ -35,6 +39,14 @@ TOLD: dict[str, Callable[[Reference], Any]] = {
     "a preview of {} samples": lambda reference: reference.preview,
     "a sample period of {} s": lambda reference: reference.dt,
 }
+
+
+@runtime_checkable
+class DecoupledLaw(Protocol):
+    """A controller whose run needs no gains where axes are decoupled; see `riccati.decoupled`."""
+
+    def decoupled_problem(self, reference: Reference) -> ContouringProblem | None:
+        """Problem of a run; None where it needs gains."""
 
 
 def one_by_one(function: Callable, members: Any) -> Any:
@@ -106,12 +118,37 @@ def evaluate(
     batching = platform_batching() if batching is None else batching
 
     def on_contour(reference: Reference) -> Any:
+        if score is score_signals and (run := _without_gains(controller, plants, reference)):
+            return each(lambda plant: run(plant, window), plants)
         plan = controller.prepare(reference)
         return each(
             lambda plant: _followed(plant, controller, plan, reference, window, score), plants
         )
 
     return batching(on_contour, references)
+
+
+def _without_gains(controller: Controller, plants: Plant, reference: Reference) -> Any:
+    """Metrics (plant, window) by the kernels, where they are wanted and take the run."""
+    if not kernels.wanted() or type(plants) is not LinearPlant:
+        return None  # a wrapper may measure less than the state
+    problem = None
+    if isinstance(controller, DecoupledLaw):
+        problem = controller.decoupled_problem(reference)
+    if problem is None:
+        return None
+    from jcontour.kernels import lq_metrics  # loads Warp
+
+    if not lq_metrics.suits(problem, plants, reference):
+        return None
+
+    def readable(problem, plant, reference, window):
+        plan = decoupled_plan(problem)
+        return _followed(plant, controller, plan, reference, window, score_signals)
+
+    return lambda plant, window: lq_metrics.metrics(
+        problem, plant, reference, window, partial(readable, window=window)
+    )
 
 
 def _followed(

@@ -153,14 +153,7 @@ def score_signals(
 
     Axes between those two are runs of one reference, and then every number has these axes (*runs).
     """
-    first, last = (0, reference.steps) if window is None else window
-    whole = first % 1 == 0 and last % 1 == 0
-    if not (whole and 0 <= first < last <= reference.steps):
-        raise ValueError(
-            f"window: needs whole numbers 0 <= a < b <= {reference.steps} steps, received {window}"
-        )
-    index = jnp.arange(reference.steps)
-    mask = reference.mask[: reference.steps] & (index >= first) & (index < last)
+    mask = scored_samples(reference, window)
     pairs = mask[1:] & mask[:-1]
     tracking = tracking_error(output, reference)
     distance = _norm(tracking)
@@ -176,6 +169,22 @@ def score_signals(
         duration=jnp.broadcast_to(duration, output.shape[1:-1]),
         diverged=jnp.any(lost, axis=0) | ~jnp.all(jnp.isfinite(scored_control), axis=(0, -1)),
     )
+
+
+def scored_samples(reference: Reference, window: tuple[int, int] | None) -> Bool[Array, " T"]:
+    """Which control steps count.
+
+    Raises:
+        ValueError: as `score`.
+    """
+    first, last = (0, reference.steps) if window is None else window
+    whole = first % 1 == 0 and last % 1 == 0
+    if not (whole and 0 <= first < last <= reference.steps):
+        raise ValueError(
+            f"window: needs whole numbers 0 <= a < b <= {reference.steps} steps, received {window}"
+        )
+    index = jnp.arange(reference.steps)
+    return reference.mask[: reference.steps] & (index >= first) & (index < last)
 
 
 def _rms_and_peak(

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import jcontour.kernels.sweeps.block_sweep as block_sweep
 import jcontour.riccati.forgetting as forgetting
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import (
@@ -85,13 +84,8 @@ def test_short_sweep_and_its_difference_are_those_of_horizons(coupled_plant, mon
     assert 1e-6 < 0.2 * largest < float(apart) <= (1 + 1e-9) * largest
 
 
-@pytest.mark.parametrize("native", [True, pytest.param(False, marks=pytest.mark.slow)])
-def test_what_is_remembered_is_the_product_of_the_loops_behind_a_block(
-    coupled_plant, monkeypatch, native
-):
+def test_what_is_remembered_is_the_product_of_the_loops_behind_a_block(coupled_plant, monkeypatch):
     monkeypatch.setattr(forgetting, "_apart", lambda _: jnp.zeros(()))
-    if not native:
-        monkeypatch.setattr(block_sweep, "suits_stages", lambda *_: False)
     plant = coupled_plant(3, 4, 2)
     Q, y_d, R = problem(plant, STEPS, STEPS + LENGTH + MEMORY)
     _, found = short(plant, Q, y_d, R)

@@ -1,15 +1,10 @@
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-import pytest
 
-from jcontour.controllers.lq.contouring_lq import contour_weight
 from jcontour.linear.plant import LinearPlant
-from jcontour.riccati import receding_horizon
 from jcontour.riccati.receding_horizon import (
     CostToGo,
-    RankOne,
     receding_horizon_plan,
     scheduled_plan,
 )
@@ -67,33 +62,3 @@ def test_scheduled_gains_take_the_model_of_each_sample():
         M = np.linalg.inv(B[k].T @ H @ B[k] + R)
         np.testing.assert_allclose(plan.F[k], M @ B[k].T @ H @ A[k], rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(plan.f[k], -M @ B[k].T @ g, rtol=1e-9, atol=1e-10)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("model_moves", [False, True])
-def test_parts_of_the_weight_give_the_plan_and_derivative_of_the_whole(monkeypatch, model_moves):
-    random, N, T = np.random.default_rng(3), 3, 4
-    matrices = np.diag([0.9, 0.7]), np.eye(2), np.array([[1.0, 0], [0, 2]])
-    tangent, y_d = random.standard_normal((2, T + N, 2))
-    tangent = jnp.asarray(tangent / np.linalg.norm(tangent, axis=1, keepdims=True))
-    model, stage = LinearPlant(*matrices, 1.0), jnp.linspace(0.5, 1.5, N)
-    monkeypatch.setattr(receding_horizon, "suits_rank_one", lambda *_: True)
-
-    def value(whole: bool, weights, y_d, stage, A):
-        alpha, beta, rho = weights
-        Q = contour_weight(alpha, beta, tangent)
-        parts = None if whole else RankOne(alpha + beta, beta, tangent)
-        moved = eqx.tree_at(lambda model: model.A, model, A) if model_moves else model
-        plan = receding_horizon_plan(moved, Q, y_d, stage, rho * jnp.eye(2), None, parts)
-        return jnp.sum(jnp.sin(plan.F)) + jnp.sum(jnp.cos(plan.f))
-
-    arguments = jnp.array([0.5, 2.0, 0.3]), jnp.asarray(y_d), stage, model.A
-    found, wanted = (
-        jax.jit(jax.value_and_grad(lambda *some, whole=whole: value(whole, *some), (0, 1, 2, 3)))(
-            *arguments
-        )
-        for whole in (False, True)
-    )
-    for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
-    assert model_moves == bool(jnp.any(found[1][3] != 0))

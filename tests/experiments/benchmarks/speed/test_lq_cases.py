@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from jcontour.kernels.dispatch import multiplications
 
 from experiments.benchmarks.speed import lq_cases
-from jcontour.kernels.dispatch import multiplications
 
 
 def test_the_work_is_counted_from_the_plant():
