@@ -56,6 +56,16 @@ def inverse_root(s: wp.float32) -> wp.float32:  # noqa: F811
     ...
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    asm volatile("" ::: "memory");
+#endif
+""")
+def read_anew():
+    """What was read from memory is read again after it, and not kept in registers."""
+    ...
+
+
 @lru_cache
 def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
     """Kernels for m axes of at most n states and a window of N samples.
@@ -271,6 +281,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
                 for i in range(N):
                     c[i] += R[i] * s[i]
                 u[a] = -paired(Mh, a, tid, e)
+            read_anew()
             v = solved(cholesky(S), c)
             for a in range(m):
                 u[a] += forgiven * paired(Mh, a, tid, wp.cw_mul(tangents(r, a, k), v))
@@ -337,6 +348,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
             L = cholesky(S)
             v = solved(L, c)
             for a in range(m):
+                read_anew()
                 R = tangents(r, a, k)
                 lags = wp.cw_mul(R, v)
                 eta = free(ahead, scale, x, a, now, tid) - desired(y_d, scale, a, k, tid)
@@ -348,6 +360,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
                 u2[a] = -paired(Mh, a, tid, e2)
                 e1 -= eta
                 s1, s2 = Window(), Window()
+                read_anew()
                 for i in range(N):
                     for j in range(i):
                         entry = M[a * T + i * (i + 1) // 2 + j, tid]
@@ -361,6 +374,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
                 for i in range(N):
                     c1[i] += R[i] * s1[i]
                     c2[i] += R[i] * (s2[i] + lags[i])
+            read_anew()
             v1, v2 = solved(L, c1), solved(L, c2)
             for a in range(m):
                 R = tangents(r, a, k)

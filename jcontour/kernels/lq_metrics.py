@@ -61,12 +61,13 @@ def metrics(
         window: samples a..b-1 that are scored; all when not given.
         readable: the same metrics in plain JAX, for slopes with other numbers than the weights.
     """
-    weights = problem.alpha, problem.beta, problem.rho
-    others, tree = jax.tree.flatten((problem, plant, reference))
+    weights = _weights_of(problem)
+    kept = eqx.tree_at(_weights_of, problem, (None, None, None))
+    others, tree = jax.tree.flatten((kept, plant, reference))
 
     def rebuilt(weights, others) -> tuple[ContouringProblem, LinearPlant, Reference]:
         problem, *rest = jax.tree.unflatten(tree, others)
-        return eqx.tree_at(lambda p: (p.alpha, p.beta, p.rho), problem, weights), *rest
+        return eqx.tree_at(_weights_of, problem, weights, is_leaf=_is_none), *rest
 
     @jax.custom_jvp
     def of(weights, others) -> Metrics:
@@ -93,6 +94,14 @@ def metrics(
         return value, Metrics(*numbers, *still)
 
     return of(weights, others)
+
+
+def _weights_of(problem: ContouringProblem) -> tuple:
+    return problem.alpha, problem.beta, problem.rho
+
+
+def _is_none(leaf: Any) -> bool:
+    return leaf is None
 
 
 def _is_leaf(leaf: Any) -> bool:
@@ -137,7 +146,12 @@ def _launched(
     own = jnp.stack(own).astype(double)[:, None]
     state = start_state(plant, reference)
     padded = partial(_padded, [axis.states for axis in axes], n)
-    A = jnp.stack([padded(a, plant.A[np.array(axis.states)].T).T for a, axis in enumerate(axes)])
+    A = jnp.stack(
+        [
+            jnp.pad(plant.A[np.ix_(axis.states, axis.states)], (0, n - len(axis.states)))
+            for axis in axes
+        ]
+    )
     B = jnp.stack([padded(a, plant.B[:, axis.inputs[0]]) for a, axis in enumerate(axes)])
     C = jnp.stack([padded(a, plant.C[axis.outputs[0]]) for a, axis in enumerate(axes)])
     ahead = jnp.stack([jnp.pad(one.O, ((0, 0), (0, n - one.O.shape[1]))) for one in windows])
