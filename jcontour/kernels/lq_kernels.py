@@ -8,8 +8,10 @@ The cost is homogeneous in (alpha, beta, rho): the slopes with log kappa and wit
 kappa dM/dkappa = M M - M,
     kappa d/dkappa: S v' = r'M (e' + M eta - eta),    u' = -(kappa M h)' (M eta + e' - f r v')
           d/df:     S v' = r'M (e' - r v) + |r|^2 v,  u' = -(kappa M h)' (e' - r v - f r v')
-with e' = O x', the slope of the free error. M is read from memory at every step: it would not fit
-into registers.
+with e' = O x', the slope of the free error.
+
+M does not fit into registers, nor do the addresses of its numbers. A compiler keeps both if it can,
+and spills them. So each reading adds a zero to its index that comes from memory (`zero`).
 """
 
 # ruff: noqa: UP018 (a number that a kernel changes is made by its type)
@@ -56,30 +58,20 @@ def inverse_root(s: wp.float32) -> wp.float32:  # noqa: F811
     ...
 
 
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    asm volatile("" ::: "memory");
-#endif
-""")
-def read_anew():
-    """What was read from memory is read again after it, and not kept in registers."""
-    ...
-
-
 @lru_cache
 def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
     """Kernels for m axes of at most n states and a window of N samples.
 
     Arrays of a run: f and t (2, runs), the lower triangles of M (m T, runs), kappa M h (m N, runs),
     the roots of the profile (N, runs) or (0, 0). What all runs share: A (1, m, n, n), B, C (1, m,
-    n), O (1, m, N, n), zeros (steps,), tangents and desired positions (m, S), arc lengths, what is
-    scored (steps,), the first state (m, n), the pieces of the contour, and its length, size,
-    closedness and number of pieces.
+    n), O (1, m, N, n), zeros (steps + 2,), tangents and desired positions (m, S), arc lengths,
+    what is scored (steps,), the first state (m, n), the pieces of the contour, and its length,
+    size, closedness and number of pieces.
     """
     T = N * (N + 1) // 2  # numbers of a symmetric matrix, its lower triangle row by row
     Point, Window = (wp.types.vector(length=k, dtype=real) for k in (m, N))
     Triangle, States = (wp.types.vector(length=k, dtype=real) for k in (T, m * n))
-    Sums, Slope = wp.types.vector(length=ROWS, dtype=real), wp.types.matrix((2, ROWS), real)
+    Sums = wp.types.vector(length=ROWS, dtype=real)
     Row, Rows, Cube, Tensor = (wp.array(dtype=real, ndim=k) for k in (1, 2, 3, 4))
 
     @wp.func(inline=True)
@@ -249,16 +241,17 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
     @wp.kernel(enable_backward=False, module="unique")
     def run(
         f: Rows, M: Rows, Mh: Rows, scale: Rows, A: Tensor, B: Cube, C: Cube, ahead: Tensor,
-        model: wp.array(dtype=int), r: Rows, y_d: Rows, arc: Row, scored: wp.array(dtype=int),
+        zero: wp.array(dtype=int), r: Rows, y_d: Rows, arc: Row, scored: wp.array(dtype=int),
         start: Rows, pieces: Rows, whole: Row,
         out: Rows,  # (2 ROWS + 1, runs): sums, peaks, whether it diverged
     ):  # fmt: skip
-        tid = wp.tid()
-        forgiven, tracked = f[0, tid], f[1, tid]
+        own = wp.tid()
+        forgiven, tracked = f[0, own], f[1, own]
         x, last, before = begun(start), Point(), int(0)
         sums, peaks, lost = Sums(), Sums(), real(0.0)
         for k in range(scored.shape[0]):
-            now = model[k]  # read anew at every step: kept by every thread, O and A would spill
+            now = zero[k]
+            tid = own + now
             S, c, u = Triangle(), Window(), Point()
             for i in range(N):
                 lost_square = real(1.0)
@@ -281,10 +274,11 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
                 for i in range(N):
                     c[i] += R[i] * s[i]
                 u[a] = -paired(Mh, a, tid, e)
-            read_anew()
             v = solved(cholesky(S), c)
+            tid = own + zero[k + 1]
+            late = k + zero[k + 1]
             for a in range(m):
-                u[a] += forgiven * paired(Mh, a, tid, wp.cw_mul(tangents(r, a, k), v))
+                u[a] += forgiven * paired(Mh, a, tid, wp.cw_mul(tangents(r, a, late), v))
             y, tangent = output(C, x, now), sample(r, k)
             error = y - sample(y_d, k)
             if scored[k] != 0:
@@ -305,26 +299,28 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
             before = int(scored[k])
             x = moved(A, B, x, u, now)
         for i in range(ROWS):
-            out[i, tid] = sums[i]
-            out[ROWS + i, tid] = peaks[i]
-        out[2 * ROWS, tid] = lost
+            out[i, own] = sums[i]
+            out[ROWS + i, own] = peaks[i]
+        out[2 * ROWS, own] = lost
 
     @wp.kernel(enable_backward=False, module="unique")
     def slopes(
         f: Rows, M: Rows, Mh: Rows, scale: Rows, A: Tensor, B: Cube, C: Cube, ahead: Tensor,
-        model: wp.array(dtype=int), r: Rows, y_d: Rows, arc: Row, scored: wp.array(dtype=int),
+        zero: wp.array(dtype=int), r: Rows, y_d: Rows, arc: Row, scored: wp.array(dtype=int),
         start: Rows, pieces: Rows, whole: Row,
         out: Rows, slope: Cube,  # (2, 2 ROWS, runs): of half of the sums and peaks
     ):  # fmt: skip
-        tid = wp.tid()
-        forgiven, tracked = f[0, tid], f[1, tid]
-        x, x1, x2, before = begun(start), States(), States(), int(0)
-        last, last1, last2 = Point(), Point(), Point()
-        sums, peaks, lost, sum_slopes, peak_slopes = Sums(), Sums(), real(0.0), Slope(), Slope()
+        """A thread a run and slope: that with log kappa first, then that with f."""
+        runs = f.shape[1]
+        of_f = wp.tid() // runs  # alike in all threads of a warp, but one
+        own = wp.tid() - of_f * runs
+        forgiven, tracked = f[0, own], f[1, own]
+        x, dx, before, last, dlast = begun(start), States(), int(0), Point(), Point()
+        sums, peaks, lost, sum_slopes, peak_slopes = Sums(), Sums(), real(0.0), Sums(), Sums()
         for k in range(scored.shape[0]):
-            now = model[k]
-            S, c, c1, c2 = Triangle(), Window(), Window(), Window()
-            u, u1, u2 = Point(), Point(), Point()
+            now = zero[k]
+            tid = own + now
+            S, c, dc, u, du = Triangle(), Window(), Window(), Point(), Point()
             for i in range(N):
                 lost_square = real(1.0)
                 for a in range(m):
@@ -347,80 +343,64 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
                     c[i] += R[i] * s[i]
             L = cholesky(S)
             v = solved(L, c)
+            tid = own + zero[k + 1]
+            again = own + zero[k + 2]
+            now = int(zero[k + 1])
+            late = k + now
             for a in range(m):
-                read_anew()
-                R = tangents(r, a, k)
+                R = tangents(r, a, late)
                 lags = wp.cw_mul(R, v)
-                eta = free(ahead, scale, x, a, now, tid) - desired(y_d, scale, a, k, tid)
+                eta = free(ahead, scale, x, a, now, tid) - desired(y_d, scale, a, late, tid)
                 eta -= forgiven * lags
                 u[a] = -paired(Mh, a, tid, eta)
-                e1 = times(M, a, tid, eta) + free(ahead, scale, x1, a, now, tid)
-                e2 = free(ahead, scale, x2, a, now, tid) - lags
-                u1[a] = -paired(Mh, a, tid, e1)
-                u2[a] = -paired(Mh, a, tid, e2)
-                e1 -= eta
-                s1, s2 = Window(), Window()
-                read_anew()
-                for i in range(N):
-                    for j in range(i):
-                        entry = M[a * T + i * (i + 1) // 2 + j, tid]
-                        s1[i] += entry * e1[j]
-                        s1[j] += entry * e1[i]
-                        s2[i] += entry * e2[j]
-                        s2[j] += entry * e2[i]
-                    entry = M[a * T + i * (i + 1) // 2 + i, tid]
-                    s1[i] += entry * e1[i]
-                    s2[i] += entry * e2[i]
-                for i in range(N):
-                    c1[i] += R[i] * s1[i]
-                    c2[i] += R[i] * (s2[i] + lags[i])
-            read_anew()
-            v1, v2 = solved(L, c1), solved(L, c2)
+                change = free(ahead, scale, dx, a, now, tid)
+                if of_f == 0:
+                    change += times(M, a, tid, eta)
+                    du[a] = -paired(Mh, a, tid, change)
+                    change -= eta
+                    lags = Window()
+                else:
+                    change -= lags
+                    du[a] = -paired(Mh, a, tid, change)
+                dc += wp.cw_mul(R, times(M, a, again, change) + lags)
+            dv = solved(L, dc)
             for a in range(m):
-                R = tangents(r, a, k)
-                u1[a] += forgiven * paired(Mh, a, tid, wp.cw_mul(R, v1))
-                u2[a] += forgiven * paired(Mh, a, tid, wp.cw_mul(R, v2))
-            y, y1, y2 = output(C, x, now), output(C, x1, now), output(C, x2, now)
-            tangent = sample(r, k)
+                du[a] += forgiven * paired(Mh, a, again, wp.cw_mul(tangents(r, a, late), dv))
+            y, dy, tangent = output(C, x, now), output(C, dx, now), sample(r, k)
             error = y - sample(y_d, k)
             if scored[k] != 0:
                 across = error - tangent * wp.dot(error, tangent)
                 offset = from_contour(pieces, whole, y, error, arc[k])
-                squares, ds = Sums(), Slope()
+                squares, ds = Sums(), Sums()
                 squares[0] = wp.length_sq(offset)
+                ds[0] = wp.dot(offset, dy)
                 squares[1] = wp.length_sq(across)
+                ds[1] = wp.dot(across, dy)
                 squares[2] = wp.length_sq(error)
+                ds[2] = wp.dot(error, dy)
                 squares[3] = wp.length_sq(u)
-                ds[0, 0] = wp.dot(offset, y1)
-                ds[1, 0] = wp.dot(offset, y2)
-                ds[0, 1] = wp.dot(across, y1)
-                ds[1, 1] = wp.dot(across, y2)
-                ds[0, 2] = wp.dot(error, y1)
-                ds[1, 2] = wp.dot(error, y2)
-                ds[0, 3] = wp.dot(u, u1)
-                ds[1, 3] = wp.dot(u, u2)
+                ds[3] = wp.dot(u, du)
                 if before != 0:
                     squares[4] = wp.length_sq(u - last)
-                    ds[0, 4] = wp.dot(u - last, u1 - last1)
-                    ds[1, 4] = wp.dot(u - last, u2 - last2)
+                    ds[4] = wp.dot(u - last, du - dlast)
                 sums += squares
                 sum_slopes += ds
                 for i in range(ROWS):
                     if squares[i] > peaks[i]:
                         peaks[i] = squares[i]
-                        peak_slopes[0, i] = ds[0, i]
-                        peak_slopes[1, i] = ds[1, i]
+                        peak_slopes[i] = ds[i]
                 if not (squares[2] <= whole[1] * whole[1]) or not wp.isfinite(squares[3]):
                     lost = real(1.0)
-            last, last1, last2 = u, u1, u2
+            last, dlast = u, du
             before = int(scored[k])
-            x, x1, x2 = moved(A, B, x, u, now), moved(A, B, x1, u1, now), moved(A, B, x2, u2, now)
+            x, dx = moved(A, B, x, u, now), moved(A, B, dx, du, now)
         for i in range(ROWS):
-            out[i, tid] = sums[i]
-            out[ROWS + i, tid] = peaks[i]
-            for t in range(2):
-                slope[t, i, tid] = sum_slopes[t, i]
-                slope[t, ROWS + i, tid] = peak_slopes[t, i]
-        out[2 * ROWS, tid] = lost
+            slope[of_f, i, own] = sum_slopes[i]
+            slope[of_f, ROWS + i, own] = peak_slopes[i]
+            if of_f == 0:
+                out[i, own] = sums[i]
+                out[ROWS + i, own] = peaks[i]
+        if of_f == 0:
+            out[2 * ROWS, own] = lost
 
     return Kernels(run, slopes)

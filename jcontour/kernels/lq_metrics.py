@@ -160,7 +160,7 @@ def _launched(
     pieces += [row[:, None] for row in (contour.rate, contour.start, contour.extent)]
     whole = contour.length, contour.size, contour.closed, jnp.sum(contour.mask)
     shared = [
-        A[None], B[None], C[None], ahead[None], jnp.zeros(steps, "int32"),
+        A[None], B[None], C[None], ahead[None], jnp.zeros(steps + 2, "int32"),
         problem.tangent.T, problem.y_d.T, reference.arc[:steps],
         scored_samples(reference, window).astype("int32"),
         jnp.stack([padded(a, state) for a in range(len(axes))]),
