@@ -39,7 +39,6 @@ IGNORED_WARNINGS = (
     ".*os.fork.*:RuntimeWarning",  # commands in processes of their own
     ":ResourceWarning",
     "Setting the shape on a NumPy array",  # python-control, with NumPy 2.5
-    "The Pallas Triton backend is deprecated",  # the other one has no float64
     # the other worker is just writing the program: this one compiles it for itself
     "Error reading persistent compilation cache",
 )

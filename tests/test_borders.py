@@ -22,6 +22,7 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.qp": {"qpsolvers", "proxsuite", "daqp"},
     "jcontour.compiled": {"numba"},
     "jcontour.native": {"numba", "llvmlite"},
+    "jcontour.kernels": {"warp"},  # where the user has installed it
     "jcontour.plants.gantry.engines.mujoco_engine": {"mujoco"},
     "jcontour.plants.gantry.engines.mjx_engine": {"mujoco"},
     "experiments.files.results.stored": {"cattrs"},
@@ -37,8 +38,8 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("mpc", "export"),
         ("guarantees",),
         ("analysis", "host", "controllers"),
-        ("simulation", "riccati", "qp"),
-        ("plants", "kernels", "sets", "controller", "wrapper"),
+        ("simulation", "riccati", "qp", "kernels"),
+        ("plants", "sets", "controller", "wrapper"),
         ("linear", "motion"),
         ("geometry", "native", "plant", "sensors"),
         (

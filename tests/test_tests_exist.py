@@ -16,10 +16,13 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     # what readers of drawings are made of
     "jcontour/geometry/drawings": "jcontour/geometry/drawings/test_dxf.py",
     "jcontour/analysis/loop_slopes.py": "jcontour/analysis/test_peak_search.py",
-    # loops for the CPU, beside what they do faster
-    "jcontour/native/interface.py": "jcontour/native/test_calls.py",
-    "jcontour/native/gpu_operations.py": "jcontour/native/test_gpu_code.py",
-    "jcontour/qp/lanes": "jcontour/qp/test_lanes.py",
+    # all forms of the gains, and whole runs in a kernel, against the readable one
+    "jcontour/riccati/decoupled.py": "jcontour/riccati/test_laws.py",
+    "jcontour/riccati/packed_stage.py": "jcontour/riccati/test_laws.py",
+    "jcontour/riccati/packing.py": "jcontour/riccati/test_laws.py",
+    "jcontour/riccati/sliding_window.py": "jcontour/riccati/test_laws.py",
+    "jcontour/riccati/window_sweep.py": "jcontour/riccati/test_laws.py",
+    "jcontour/kernels": "jcontour/kernels/test_lq_metrics.py",
     "jcontour/qp/path.py": "jcontour/qp/test_interior_point.py",
     "jcontour/qp/limit_rows.py": "jcontour/qp/test_interior_point.py",
     # the parts of a planned motion

@@ -9,12 +9,23 @@ import time
 from dataclasses import dataclass
 from importlib import import_module
 
+from experiments.benchmarks import stored_results
 from experiments.files import run_folder
 from experiments.files.results.stored import to_json
 from experiments.flags.others import Bench
 from experiments.reports import tables
 
-PACKAGES = ("numpy", "numba", "jax", "jaxlib", "daqp", "proxsuite", "mujoco", "mujoco-mjx")
+PACKAGES = (
+    "numpy",
+    "numba",
+    "jax",
+    "jaxlib",
+    "warp-lang",
+    "daqp",
+    "proxsuite",
+    "mujoco",
+    "mujoco-mjx",
+)
 UNKNOWN = "unknown"
 ROOMS = {  # of `experiments/benchmarks`: the parts in each
     "speed": ("mpc", "qp", "lq", "gantry"),
@@ -55,10 +66,17 @@ def command(flags: Bench) -> int:
     machine = hardware()
     with progress.status("measuring: keep the computer quiet"):
         result = part.measured(flags, lambda line: tables.say(progress, line))
+    rates = part.rates(result) if hasattr(part, "rates") else {}
+    named = to_json(machine)
+    if flags.keep is not None and rates:
+        stored_results.add(flags.keep, flags.what, named, rates)
     if flags.json:
         print(run_folder.json_text({"machine": to_json(machine), **to_json(result)}))
         return 0
     console = tables.console_of()
+    changes = stored_results.changes(flags.what, named, rates)
+    if changes is not None:
+        console.print(changes)
     part.show(console, result)
     rows = [f"{name:<10} {value}" for name, value in vars(machine).items()]
     tables.say(console, *rows, f"All numbers for a program: jcontour bench {flags.what} --json")

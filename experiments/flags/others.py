@@ -95,6 +95,6 @@ class Bench(Common):
     keep: Path | None = None
     """File that keeps what is done; with it, a second run goes on.
     Tuners: every start, JSON. Motion: every path, identify: every axis, whole_way: every
-    machine, CSV."""
+    machine, CSV. LQ, QP: results that later ones are compared with, JSON."""
     figure: Path | None = None
     """Tuners: PNG file for the best value so far against evaluations."""

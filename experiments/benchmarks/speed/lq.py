@@ -18,6 +18,7 @@ from experiments.benchmarks.speed.lq_cases import (
     SIZES,
     STEPS,
     Case,
+    coupled_case,
     formulation,
     paper_case,
     sized_case,
@@ -42,7 +43,7 @@ from jcontour.simulation.devices import Spread, device_mesh
 from jcontour.simulation.evaluation import member, platform_batching
 from jcontour.simulation.programs import run_program
 
-__all__ = ["measured", "show"]  # a part of `bench`
+__all__ = ["measured", "rates", "show"]  # a part of `bench`
 
 Tell = Callable[[str], None]  # receives a line after every measurement
 
@@ -66,8 +67,11 @@ def measured(flags: Bench, tell: Tell) -> LQBench:
             tell(_told(f"{dtype.name}, batch {batch}", runs[-1].forward))
     sizes = []
     for states in SIZES:
-        sizes.append(of_size(states, max(batches) // 16 or 1))
+        named = " + ".join(map(str, states))
+        sizes.append(rate_of(sized_case(states), named, max(batches) // 16 or 1))
         tell(_told(f"states {sizes[-1].states}", sizes[-1].forward))
+    sizes.append(rate_of(coupled_case(), "8 coupled", max(batches) // 16 or 1))
+    tell(_told("states 8 coupled", sizes[-1].forward))
     return LQBench(
         loops=loops,
         runs=runs,
@@ -76,6 +80,22 @@ def measured(flags: Bench, tell: Tell) -> LQBench:
         devices=over_devices(max(batches), tell),
         program=program(),
     )
+
+
+def rates(result: LQBench) -> dict[str, float]:
+    """Runs per second by name, for `stored_results`."""
+    found = {}
+    for run in result.runs:
+        name = f"{run.type}, batch {run.batch}"
+        found[f"{name}, forward"] = run.forward
+        found[f"{name}, value and gradient"] = run.gradient
+        found[f"{name}, with a profile"] = run.forward / run.profile_ratio
+    for size in result.sizes:
+        found[f"{size.states} states, batch {size.batch}, forward"] = size.forward
+    for row in result.previews:
+        name = f"preview {row.preview} {row.horizon}, {row.steps} steps, batch {row.batch}"
+        found[name] = 1e3 * row.batch / row.milliseconds
+    return found
 
 
 def _told(what: str, rate: float) -> str:
@@ -114,12 +134,11 @@ def rates_of(case: Case, batch: int, numpy_rate: float) -> RunRates:
     )
 
 
-def of_size(states: tuple[int, ...], batch: int) -> SizeRate:
-    """Speed forward on a machine whose axes have these numbers of states."""
-    case = sized_case(states)
+def rate_of(case: Case, states: str, batch: int) -> SizeRate:
+    """Speed forward on a machine of another size."""
     found = timed(lambda w: platform_batching()(case.metrics, w), case.weights(batch))
     return SizeRate(
-        states=" + ".join(map(str, states)),
+        states=states,
         inputs=case.plant.inputs,
         batch=batch,
         by=formulation(case),

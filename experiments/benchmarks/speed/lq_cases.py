@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jcontour import kernels
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line
@@ -15,7 +16,7 @@ from jcontour.linear.continuous_axes import (
     speed_axis,
     with_resonance,
 )
-from jcontour.linear.plant import LinearPlant
+from jcontour.linear.plant import LinearPlant, Pattern, steady_motion
 from jcontour.motion.references import Reference, along
 from jcontour.plants import bridgeport
 from jcontour.simulation.evaluation import evaluate, member, stack_plants, stack_references
@@ -84,6 +85,14 @@ def sized_case(states: tuple[int, ...]) -> Case:
     return Case.of(plant, reference, PREVIEW, DOUBLE)
 
 
+def coupled_case() -> Case:
+    """The paper's machine and run, where nothing says that its axes are decoupled."""
+    case, table = paper_case(DOUBLE), bridgeport()
+    every = Pattern(*(tuple((True,) * M.shape[1] for _ in M) for M in (table.A, table.B, table.C)))
+    plant = LinearPlant(table.A, table.B, table.C, table.dt, every, steady_motion(table))
+    return Case.of(plant, member(case.references, 0), PREVIEW, DOUBLE)
+
+
 def machine(states: tuple[int, ...]) -> LinearPlant:
     """Speed drives in front of flexible structures, with these numbers of states in the axes.
 
@@ -103,11 +112,12 @@ def _axis(states: int, faster: float, dt: float) -> ContinuousAxis:
 
 
 def formulation(case: Case) -> str:
-    """Form that `evaluate` chooses here: the kernels, or XLA with or without a sweep."""
+    """Form that `evaluate` chooses here: a kernel, or XLA without or with a sweep."""
     reference = member(case.references, 0)
-    controller = case.law(case.plant, LQWeights(1.0, 1.0, 1.0), case.preview)
-    problem = controller.decoupled_problem(reference)
-    return "sweep" if problem is None else "algebra"
+    controller = ContouringLQ(case.plant, LQWeights(1.0, 1.0, 1.0), case.preview)
+    if controller.decoupled_problem(reference) is None:
+        return "sweep"
+    return "kernel" if kernels.wanted() else "algebra"
 
 
 def cast(tree: Any, dtype: np.dtype) -> Any:

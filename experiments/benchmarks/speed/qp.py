@@ -96,6 +96,16 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> QPBench:
     return QPBench(times, active)
 
 
+def rates(result: QPBench) -> dict[str, float]:
+    """Problems per second by name, for `stored_results`."""
+    found = {}
+    for row in result.times:
+        found[f"{row.solver}, {row.batch} problems, solve"] = 1e3 * row.batch / row.solving
+        if row.with_slopes is not None:
+            found[f"{row.solver}, {row.batch} problems, slopes"] = 1e3 * row.batch / row.with_slopes
+    return found
+
+
 def random_problems(batch: int) -> StagedQP:
     """Stable machines, a convex cost of states and controls, slopes and drift; no limits yet."""
     random = np.random.default_rng(0)

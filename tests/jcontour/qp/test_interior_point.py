@@ -241,7 +241,6 @@ def test_equal_limits_fix_a_control(boxed, one_of, condensed):
 @pytest.mark.slow
 def test_more_iterations_than_needed_spoil_nothing(limited, monkeypatch):
     """Once no limit's product is aimed at less, rounding cannot grow with W."""
-    monkeypatch.setattr(interior_point, "suits_native", lambda *_: False)
     for name in ("CLOSE", "CLOSEST"):
         monkeypatch.setattr(interior_point, name, 0.0)
     found = jax.jit(jax.vmap(lambda qp: solve(qp)))(limited)

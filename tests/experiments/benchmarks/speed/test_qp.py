@@ -19,22 +19,15 @@ ROWS = [
 
 def test_a_row_says_who_was_timed_and_its_numbers():
     page = io.StringIO()
-    qp.show(Console(file=page, width=120), qp.QPBench(ROWS, 0.5, alone=False))
+    qp.show(Console(file=page, width=120), qp.QPBench(ROWS, 0.5))
     lines = page.getvalue().splitlines()
     assert "50 % of them at a limit" in lines[0]
     row = next(line for line in lines if "one by one" in line)
-    assert "thread" not in page.getvalue()
     assert row.split()[-7:] == ["one", "100", "9", "none", "90", "1e-12", "0"]
 
 
-def test_work_of_one_thread_alone_is_told():
-    page = io.StringIO()
-    qp.show(Console(file=page, width=120), qp.QPBench(ROWS, 0.5, alone=True))
-    assert "On one thread" in page.getvalue()
-
-
 def test_it_loads_back_from_json():
-    found = qp.QPBench(ROWS, 0.5, alone=True)
+    found = qp.QPBench(ROWS, 0.5)
     assert from_json(to_json(found), qp.QPBench) == found
 
 

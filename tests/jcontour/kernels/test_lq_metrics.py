@@ -1,0 +1,105 @@
+"""Whole runs in a kernel against plain JAX: metrics and slopes; and slopes against differences."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour import kernels
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.geometry.contours import circle, polyline
+from jcontour.linear.transformations import with_input_gains
+from jcontour.motion.references import along
+from jcontour.plants import bridgeport
+from jcontour.simulation.evaluation import evaluate, stack_plants, stack_references
+
+pytest.importorskip("warp", reason="the extra fast is not installed")
+
+STEPS, N = 60, 4
+WEIGHTS = np.array([[1.0, 5.0, 1e-10], [0.2, 9.0, 1e-11]])
+
+
+@pytest.fixture(scope="module")
+def references():
+    table = bridgeport()
+    arc = 4e-5 * np.arange(STEPS)
+    corner = polyline([[0.0, 0.0], [1e-3, 0.0], [1e-3, 2e-3]])
+    scored = np.arange(STEPS) % 7 != 3
+    return stack_references(
+        [
+            along(circle(0.02), arc, table.dt, N, at_rest=False),
+            along(corner, arc, table.dt, N, at_rest=True, scored=scored),
+        ]
+    )
+
+
+def runs(references, window, weights, profile=None):
+    """Numbers of all runs on two machines, (reference, machine, number), and who diverged."""
+    table = bridgeport()
+    family = stack_plants([table, with_input_gains(table, [0.9, 1.1])])
+    controller = ContouringLQ(table, LQWeights(*weights, profile), N)
+    found = evaluate(controller, family, references, window)
+    return jnp.stack(jax.tree.leaves(found)[:-2], axis=-1), found.diverged
+
+
+def by(monkeypatch, asked, function, *arguments):
+    monkeypatch.setenv(kernels.ASKED, asked)
+    assert kernels.wanted() == (asked == "1")
+    return jax.device_get(jax.jit(function)(*arguments))
+
+
+def close(found, wanted, tolerance):
+    scale = np.maximum(np.abs(wanted), 1e-9)
+    assert np.max(np.abs(found - wanted) / scale) < tolerance
+
+
+@pytest.mark.parametrize("profile", [None, np.array([0.5, 1.0, 1.5, 2.0])])
+@pytest.mark.parametrize("window", [None, (5, 50)])
+def test_metrics_are_those_of_plain_jax(monkeypatch, references, window, profile):
+    many = jax.vmap(partial(runs, references, window, profile=profile))
+    (found, lost), (wanted, _) = (by(monkeypatch, asked, many, WEIGHTS) for asked in "10")
+    close(found, wanted, 1e-9)
+    assert found.shape == (2, 2, 2, 10) and not lost.any()
+
+
+def test_slopes_are_those_of_plain_jax_in_both_modes_and_of_differences(monkeypatch, references):
+    def numbers(weights):
+        return runs(references, None, weights)[0]
+
+    for mode in (jax.jacfwd, jax.jacrev):
+        found, wanted = (by(monkeypatch, asked, mode(numbers), WEIGHTS[0]) for asked in "10")
+        scale = np.max(np.abs(wanted * WEIGHTS[0]), axis=-1, keepdims=True)
+        np.testing.assert_array_less(np.abs(found - wanted) * WEIGHTS[0], 1e-7 * scale)
+    monkeypatch.setenv(kernels.ASKED, "1")
+    step = 1e-5
+    for which in range(3):
+        change = step * WEIGHTS[0] * np.eye(3)[which]
+        ends = [np.asarray(jax.jit(numbers)(WEIGHTS[0] + sign * change)) for sign in (1, -1)]
+        difference = (ends[0] - ends[1]) / (2 * step)
+        error = np.abs(found[..., which] * WEIGHTS[0][which] - difference)
+        np.testing.assert_array_less(error, 1e-5 * np.abs(ends[0]) + 1e-15)
+
+
+def test_slopes_with_other_numbers_are_those_of_the_readable_form(monkeypatch, references):
+    def error(profile):
+        return jnp.sum(runs(references, None, WEIGHTS[0], profile)[0][..., 0])
+
+    profile = np.array([0.5, 1.0, 1.5, 2.0])
+    found, wanted = (by(monkeypatch, asked, jax.grad(error), profile) for asked in "10")
+    np.testing.assert_allclose(found, wanted, rtol=1e-7)
+
+
+def test_a_run_that_diverges_is_told(monkeypatch, references):
+    table = bridgeport()
+    family = stack_plants([table])
+    mirrored = type(table)(table.A, -table.B, table.C, table.dt)
+
+    def lost(weights):
+        controller = ContouringLQ(mirrored, LQWeights(*weights), N)
+        return evaluate(controller, family, references).diverged
+
+    found, wanted = (by(monkeypatch, asked, lost, WEIGHTS[0]) for asked in "10")
+    np.testing.assert_array_equal(found, wanted)
+    assert found.any()
