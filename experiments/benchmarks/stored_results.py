@@ -36,14 +36,16 @@ def changes(part: str, machine: dict[str, str], rates: dict[str, float]) -> Tabl
     alike = [one for one in read().get(part, []) if one["devices"] == machine["devices"]]
     if not alike:
         return None
-    last, lines = alike[-1], []
+    last, lines, slower = alike[-1], [], []
     for name, before in last["rates"].items():
         if name in rates:
             ratio = rates[name] / before
-            slower = ratio < SLOWER
-            line = [name, f"{before:,.4g}", f"{rates[name]:,.4g}", f"{ratio:.2f}"]
-            mark = "[red]{}[/red]" if slower else "{}"
-            lines.append([*map(mark.format, line), mark.format("slower" if slower else "")])
+            slower.append(ratio < SLOWER)
+            numbers = f"{before:,.4g}", f"{rates[name]:,.4g}", f"{ratio:.2f}"
+            lines.append([name, *numbers, "slower" if slower[-1] else ""])
     title = f"Since {last['date']}, {last['devices']}, {last['versions']}"
     columns = ["per second", "stored", "now", "ratio", ""]
-    return tables.plain_table(title, columns, lines, text_columns=1)
+    table = tables.plain_table(title, columns, lines, text_columns=1)
+    for row, is_slower in zip(table.rows, slower, strict=True):
+        row.style = "red" if is_slower else None
+    return table

@@ -14,7 +14,9 @@ M does not fit into registers, nor do the addresses of its numbers. A compiler k
 and spills them. So each reading adds a zero to its index that comes from memory (`zero`).
 """
 
-# ruff: noqa: UP018 (a number that a kernel changes is made by its type)
+# The language of a kernel is not quite Python: a number that changes is made by its type.
+# ruff: noqa: UP018
+# pyright: reportArgumentType=false, reportOperatorIssue=false
 
 from functools import lru_cache
 from typing import NamedTuple

@@ -25,7 +25,7 @@ from jcontour.simulation.closed_loop import start_state
 from jcontour.simulation.metrics import Metrics, scored_samples
 from jcontour.tracing import is_concrete
 
-wp.config.quiet = True
+wp.config.quiet = True  # pyright: ignore[reportAttributeAccessIssue]
 REAL = {"float32": wp.float32, "float64": wp.float64}
 BLOCK = 64  # threads; a kernel is compiled anew for every other number
 MOST_STATES = 16  # of an axis: loops over more are not unrolled

@@ -1,6 +1,6 @@
 """Whole runs in a kernel against plain JAX: metrics and slopes; and slopes against differences."""
 
-from functools import partial
+from functools import cache, partial
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,7 @@ WEIGHTS = np.array([[1.0, 5.0, 1e-10], [0.2, 9.0, 1e-11]])
 
 @pytest.fixture(scope="module")
 def references():
-    table = bridgeport()
+    table = machines()[0]
     arc = 4e-5 * np.arange(STEPS)
     corner = polyline([[0.0, 0.0], [1e-3, 0.0], [1e-3, 2e-3]])
     scored = np.arange(STEPS) % 7 != 3
@@ -35,12 +35,19 @@ def references():
     )
 
 
+@cache
+def machines():
+    """The table, and a family of it: made before anything is traced."""
+    table = bridgeport()
+    mirrored = with_input_gains(table, [-1.0, -1.0])
+    return table, stack_plants([table, with_input_gains(table, [0.9, 1.1])]), mirrored
+
+
 def runs(references, window, weights, profile=None):
     """Numbers of all runs on two machines, (reference, machine, number), and who diverged."""
-    table = bridgeport()
-    family = stack_plants([table, with_input_gains(table, [0.9, 1.1])])
+    table, family, _ = machines()
     controller = ContouringLQ(table, LQWeights(*weights, profile), N)
-    found = evaluate(controller, family, references, window)
+    found = evaluate(family, controller, references, window)
     return jnp.stack(jax.tree.leaves(found)[:-2], axis=-1), found.diverged
 
 
@@ -92,13 +99,11 @@ def test_slopes_with_other_numbers_are_those_of_the_readable_form(monkeypatch, r
 
 
 def test_a_run_that_diverges_is_told(monkeypatch, references):
-    table = bridgeport()
-    family = stack_plants([table])
-    mirrored = type(table)(table.A, -table.B, table.C, table.dt)
+    _, family, mirrored = machines()
 
     def lost(weights):
-        controller = ContouringLQ(mirrored, LQWeights(*weights), N)
-        return evaluate(controller, family, references).diverged
+        law = ContouringLQ(mirrored, LQWeights(*weights), N)
+        return evaluate(family, law, references).diverged
 
     found, wanted = (by(monkeypatch, asked, lost, WEIGHTS[0]) for asked in "10")
     np.testing.assert_array_equal(found, wanted)
