@@ -16,7 +16,7 @@ and spills them. So each reading adds a zero to its index that comes from memory
 
 # The language of a kernel is not quite Python: a number that changes is made by its type.
 # ruff: noqa: UP018
-# pyright: reportArgumentType=false, reportOperatorIssue=false
+# pyright: reportArgumentType=false, reportOperatorIssue=false, reportRedeclaration=false
 
 from functools import lru_cache
 from typing import NamedTuple

@@ -200,12 +200,16 @@ def _designed(own: Float[Array, "rows runs"], responses, dtype) -> list[Array]:
         identity = jnp.eye(G.shape[-1])[None, None]
         whole = jnp.linalg.inv(identity + kappa[:, None, None, None] * G @ G.mT)
         M = jnp.moveaxis(whole[:, :, i, j], 0, -1)
-        Mh = kappa * jnp.moveaxis(jnp.einsum("baij,baj->bai", whole, G[..., 0]), 0, -1)
+        Mh = kappa[None, None] * jnp.moveaxis(jnp.einsum("baij,baj->bai", whole, G[..., 0]), 0, -1)
     else:
         U, square, h = responses
         scale = jnp.zeros((0, 0))
-        M = jnp.einsum("apq,aqb->apb", U[:, i] * U[:, j], 1 / (1 + kappa * square[..., None]))
-        Mh = jnp.einsum("aiq,aqb->aib", U, h[..., None] / (1 / kappa + square[..., None]))
+        M = jnp.einsum(
+            "apq,aqb->apb", U[:, i] * U[:, j], 1 / (1 + kappa[None, None] * square[..., None])
+        )
+        Mh = jnp.einsum(
+            "aiq,aqb->aib", U, h[..., None] / (1 / kappa[None, None] + square[..., None])
+        )
     rows = jnp.stack([forgiven, tracked]), M, Mh, scale
     runs = own.shape[1]
     return [one.reshape(-1, runs).astype(dtype) if one.size else one.astype(dtype) for one in rows]
