@@ -66,7 +66,8 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
 
     Arrays of a run: f and t (2, runs), the lower triangles of M (m T, runs), kappa M h (m N, runs),
     the roots of the profile (N, runs) or (0, 0). What all runs share: A (1, m, n, n), B, C (1, m,
-    n), O (1, m, N, n), zeros (steps + 2,), tangents and desired positions (m, S), arc lengths,
+    n), O (1, m, N, n), zeros (steps + 2,), tangents and desired positions (m, S),
+    what the model's response at rest is above its position (m, N), the control there, arc lengths,
     what is scored (steps,), the first state (m, n), the pieces of the contour, and its length,
     size, closedness and number of pieces.
     """
@@ -95,10 +96,10 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
         return e
 
     @wp.func(inline=True)
-    def desired(y_d: Rows, scale: Rows, a: int, k: int, tid: int) -> Window:
+    def desired(y_d: Rows, rest: Rows, scale: Rows, a: int, k: int, tid: int) -> Window:
         w = Window()
         for i in range(N):
-            w[i] = y_d[a, k + 1 + i]
+            w[i] = y_d[a, k + 1 + i] + rest[a, i]
             if scale.shape[0] > 0:
                 w[i] *= scale[i, tid]
         return w
@@ -179,6 +180,13 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
         return p
 
     @wp.func(inline=True)
+    def sample_of(row: Row) -> Point:
+        p = Point()
+        for a in range(m):
+            p[a] = row[a]
+        return p
+
+    @wp.func(inline=True)
     def begun(start: Rows) -> States:
         x = States()
         for a in range(m):
@@ -243,8 +251,8 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
     @wp.kernel(enable_backward=False, module="unique")
     def run(
         f: Rows, M: Rows, Mh: Rows, scale: Rows, A: Tensor, B: Cube, C: Cube, ahead: Tensor,
-        zero: wp.array(dtype=int), r: Rows, y_d: Rows, arc: Row, scored: wp.array(dtype=int),
-        start: Rows, pieces: Rows, whole: Row,
+        zero: wp.array(dtype=int), r: Rows, y_d: Rows, rest: Rows, hold: Row, arc: Row,
+        scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
         out: Rows,  # (2 ROWS + 1, runs): sums, peaks, whether it diverged
     ):  # fmt: skip
         own = wp.tid()
@@ -254,7 +262,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
         for k in range(scored.shape[0]):
             now = zero[k]
             tid = own + now
-            S, c, u = Triangle(), Window(), Point()
+            S, c, u = Triangle(), Window(), sample_of(hold)
             for i in range(N):
                 lost_square = real(1.0)
                 for a in range(m):
@@ -262,7 +270,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
                 S[i * (i + 1) // 2 + i] = tracked + forgiven * lost_square
             for a in range(m):
                 R = tangents(r, a, k)
-                e = free(ahead, scale, x, a, now, tid) - desired(y_d, scale, a, k, tid)
+                e = free(ahead, scale, x, a, now, tid) - desired(y_d, rest, scale, a, k, tid)
                 s = Window()
                 for i in range(N):
                     for j in range(i):
@@ -275,7 +283,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
                     S[i * (i + 1) // 2 + i] += forgiven * R[i] * R[i] * entry
                 for i in range(N):
                     c[i] += R[i] * s[i]
-                u[a] = -paired(Mh, a, tid, e)
+                u[a] -= paired(Mh, a, tid, e)
             v = solved(cholesky(S), c)
             tid = own + zero[k + 1]
             late = k + zero[k + 1]
@@ -308,8 +316,8 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
     @wp.kernel(enable_backward=False, module="unique")
     def slopes(
         f: Rows, M: Rows, Mh: Rows, scale: Rows, A: Tensor, B: Cube, C: Cube, ahead: Tensor,
-        zero: wp.array(dtype=int), r: Rows, y_d: Rows, arc: Row, scored: wp.array(dtype=int),
-        start: Rows, pieces: Rows, whole: Row,
+        zero: wp.array(dtype=int), r: Rows, y_d: Rows, rest: Rows, hold: Row, arc: Row,
+        scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
         out: Rows, slope: Cube,  # (2, 2 ROWS, runs): of half of the sums and peaks
     ):  # fmt: skip
         """A thread a run and slope: that with log kappa first, then that with f."""
@@ -322,7 +330,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
         for k in range(scored.shape[0]):
             now = zero[k]
             tid = own + now
-            S, c, dc, u, du = Triangle(), Window(), Window(), Point(), Point()
+            S, c, dc, u, du = Triangle(), Window(), Window(), sample_of(hold), Point()
             for i in range(N):
                 lost_square = real(1.0)
                 for a in range(m):
@@ -330,7 +338,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
                 S[i * (i + 1) // 2 + i] = tracked + forgiven * lost_square
             for a in range(m):
                 R = tangents(r, a, k)
-                e = free(ahead, scale, x, a, now, tid) - desired(y_d, scale, a, k, tid)
+                e = free(ahead, scale, x, a, now, tid) - desired(y_d, rest, scale, a, k, tid)
                 s = Window()
                 for i in range(N):
                     for j in range(i):
@@ -352,9 +360,9 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
             for a in range(m):
                 R = tangents(r, a, late)
                 lags = wp.cw_mul(R, v)
-                eta = free(ahead, scale, x, a, now, tid) - desired(y_d, scale, a, late, tid)
+                eta = free(ahead, scale, x, a, now, tid) - desired(y_d, rest, scale, a, late, tid)
                 eta -= forgiven * lags
-                u[a] = -paired(Mh, a, tid, eta)
+                u[a] -= paired(Mh, a, tid, eta)
                 change = free(ahead, scale, dx, a, now, tid)
                 if of_f == 0:
                     change += times(M, a, tid, eta)

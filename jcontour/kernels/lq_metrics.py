@@ -18,7 +18,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from jcontour.kernels.lq_kernels import LONGEST_WINDOW, ROWS, kernels
-from jcontour.linear.plant import LinearPlant, decoupled_axes
+from jcontour.linear.plant import LinearPlant, decoupled_axes, operating_point
 from jcontour.motion.references import Reference
 from jcontour.riccati.decoupled import ContouringProblem, axis_windows
 from jcontour.simulation.closed_loop import start_state
@@ -155,13 +155,17 @@ def _launched(
     B = jnp.stack([padded(a, plant.B[:, axis.inputs[0]]) for a, axis in enumerate(axes)])
     C = jnp.stack([padded(a, plant.C[axis.outputs[0]]) for a, axis in enumerate(axes)])
     ahead = jnp.stack([jnp.pad(one.O, ((0, 0), (0, n - one.O.shape[1]))) for one in windows])
+    at = operating_point(problem.model, reference.position[0])
+    inputs = np.array([axis.inputs[0] for axis in axes])
+    held = [one.O @ at.state[np.array(a.states)] for one, a in zip(windows, axes, strict=True)]
+    rest = jnp.stack(held) - at.position[:, None]
     contour = reference.contour
     pieces = [contour.polynomial[:, 0], contour.polynomial[:, 1], contour.cosine, contour.sine]
     pieces += [row[:, None] for row in (contour.rate, contour.start, contour.extent)]
     whole = contour.length, contour.size, contour.closed, jnp.sum(contour.mask)
     shared = [
         A[None], B[None], C[None], ahead[None], jnp.zeros(steps + 2, "int32"),
-        problem.tangent.T, problem.y_d.T, reference.arc[:steps],
+        problem.tangent.T, problem.y_d.T, rest, at.control[inputs], reference.arc[:steps],
         scored_samples(reference, window).astype("int32"),
         jnp.stack([padded(a, state) for a in range(len(axes))]),
         jnp.concatenate(pieces, axis=1),
@@ -227,8 +231,8 @@ def _caller(size: tuple[int, int, int], dtype: str, with_slopes: bool, profiled:
         runs = own.shape[1]
         shapes = {"out": (2 * ROWS + 1, runs)}
         shapes |= {"slope": (2, 2 * ROWS, runs)} if with_slopes else {}
-        rows = _designed(own, shared[:parts], dtype)
-        return tuple(launch(*rows, *shared[parts:], launch_dims=runs, output_dims=shapes))
+        rows, threads = _designed(own, shared[:parts], dtype), runs * (1 + with_slopes)
+        return tuple(launch(*rows, *shared[parts:], launch_dims=threads, output_dims=shapes))
 
     @call.def_vmap
     def more(size, batched, *given):

@@ -45,6 +45,10 @@ class AffinePlan(eqx.Module):
     F: Float[Array, "T p n"]
     f: Float[Array, "T p"]
 
+    def at(self, point: "OperatingPoint") -> "AffinePlan":
+        """The law u = u_0 + f - F (x - x_0), which counts from a standstill."""
+        return AffinePlan(self.F, self.f + (point.control[None] + self.F @ point.state))
+
 
 class SteadyMotion(eqx.Module):
     """Maps from a steady motion of the tool to the state.

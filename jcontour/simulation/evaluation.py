@@ -17,7 +17,7 @@ import numpy as np
 from jcontour import kernels
 from jcontour.controller import Controller, Plan
 from jcontour.geometry.contours import stack as stack_contours
-from jcontour.linear.plant import LinearPlant
+from jcontour.linear.plant import LinearPlant, operating_point
 from jcontour.motion.references import Reference, pad
 from jcontour.plant import Plant
 from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan
@@ -143,7 +143,9 @@ def _without_gains(controller: Controller, plants: Plant, reference: Reference) 
         return None
 
     def readable(problem, plant, reference, window):
-        plan = decoupled_plan(problem)
+        at = operating_point(problem.model, reference.position[0])
+        moved = eqx.tree_at(lambda one: one.y_d, problem, problem.y_d - at.position[None])
+        plan = decoupled_plan(moved).at(at)
         return _followed(plant, controller, plan, reference, window, score_signals)
 
     return lambda plant, window: lq_metrics.metrics(

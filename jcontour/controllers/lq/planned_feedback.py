@@ -51,5 +51,4 @@ class ModelFeedback(PlannedFeedback):
         check_preview(self, reference)
         at = operating_point(self.model, reference.position[0])
         moved = replace(reference, position=reference.position - at.position[None])
-        plan = self.gain_schedule(moved)
-        return AffinePlan(plan.F, plan.f + (at.control[None] + plan.F @ at.state))
+        return self.gain_schedule(moved).at(at)
