@@ -11,7 +11,7 @@ kappa dM/dkappa = M M - M,
 with e' = O x', the slope of the free error.
 
 M does not fit into registers, nor do the addresses of its numbers. A compiler keeps both if it can,
-and spills them. So each reading adds a zero to its index that comes from memory (`zero`).
+and spills them. So a run adds a zero from memory (`zero`) to the index of each reading.
 """
 
 # The language of a kernel is not quite Python: a number that changes is made by its type.
@@ -74,7 +74,8 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
     T = N * (N + 1) // 2  # numbers of a symmetric matrix, its lower triangle row by row
     Point, Window = (wp.types.vector(length=k, dtype=real) for k in (m, N))
     Triangle, States = (wp.types.vector(length=k, dtype=real) for k in (T, m * n))
-    Sums = wp.types.vector(length=ROWS, dtype=real)
+    Windows, Triangles = (wp.types.vector(length=k, dtype=real) for k in (m * N, m * T))
+    Sums, Slope = wp.types.vector(length=ROWS, dtype=real), wp.types.matrix((2, ROWS), real)
     Row, Rows, Cube, Tensor = (wp.array(dtype=real, ndim=k) for k in (1, 2, 3, 4))
 
     @wp.func(inline=True)
@@ -103,17 +104,6 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
             if scale.shape[0] > 0:
                 w[i] *= scale[i, tid]
         return w
-
-    @wp.func(inline=True)
-    def times(M: Rows, a: int, tid: int, e: Window) -> Window:
-        s = Window()
-        for i in range(N):
-            for j in range(i):
-                entry = M[a * T + i * (i + 1) // 2 + j, tid]
-                s[i] += entry * e[j]
-                s[j] += entry * e[i]
-            s[i] += M[a * T + i * (i + 1) // 2 + i, tid] * e[i]
-        return s
 
     @wp.func(inline=True)
     def cholesky(S: Triangle) -> Triangle:
@@ -313,104 +303,164 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
             out[ROWS + i, own] = peaks[i]
         out[2 * ROWS, own] = lost
 
+    @wp.func(inline=True)
+    def all_axes(rows: Rows, tid: int) -> Triangles:
+        """M of all axes; the loop is longer than Warp unrolls, so that M lies in local memory."""
+        M = Triangles()
+        for k in range(m * T):
+            M[k] = rows[k, tid]
+        return M
+
+    @wp.func(inline=True)
+    def factored(M: Triangles, R: Windows, forgiven: real, tracked: real) -> Triangle:
+        S = Triangle()
+        for i in range(N):
+            lost_square = real(1.0)
+            for a in range(m):
+                lost_square -= R[a * N + i] * R[a * N + i]
+            S[i * (i + 1) // 2 + i] = tracked + forgiven * lost_square
+            for j in range(i + 1):
+                s = real(0.0)
+                for a in range(m):
+                    s += R[a * N + i] * R[a * N + j] * M[a * T + i * (i + 1) // 2 + j]
+                S[i * (i + 1) // 2 + j] += forgiven * s
+        return cholesky(S)
+
+    @wp.func(inline=True)
+    def times_all(M: Triangles, e: Windows) -> Windows:
+        s = Windows()
+        for a in range(m):
+            for i in range(N):
+                for j in range(i):
+                    entry = M[a * T + i * (i + 1) // 2 + j]
+                    s[a * N + i] += entry * e[a * N + j]
+                    s[a * N + j] += entry * e[a * N + i]
+                s[a * N + i] += M[a * T + i * (i + 1) // 2 + i] * e[a * N + i]
+        return s
+
+    @wp.func(inline=True)
+    def free_all(ahead: Tensor, scale: Rows, x: States, now: int, tid: int) -> Windows:
+        e = Windows()
+        for a in range(m):
+            w = free(ahead, scale, x, a, now, tid)
+            for i in range(N):
+                e[a * N + i] = w[i]
+        return e
+
+    @wp.func(inline=True)
+    def desired_all(y_d: Rows, rest: Rows, scale: Rows, k: int, tid: int) -> Windows:
+        e = Windows()
+        for a in range(m):
+            w = desired(y_d, rest, scale, a, k, tid)
+            for i in range(N):
+                e[a * N + i] = w[i]
+        return e
+
+    @wp.func(inline=True)
+    def tangents_all(r: Rows, k: int) -> Windows:
+        R = Windows()
+        for a in range(m):
+            for i in range(N):
+                R[a * N + i] = r[a, k + 1 + i]
+        return R
+
+    @wp.func(inline=True)
+    def along(R: Windows, s: Windows) -> Window:
+        c = Window()
+        for i in range(N):
+            for a in range(m):
+                c[i] += R[a * N + i] * s[a * N + i]
+        return c
+
+    @wp.func(inline=True)
+    def spread(R: Windows, v: Window) -> Windows:
+        w = Windows()
+        for a in range(m):
+            for i in range(N):
+                w[a * N + i] = R[a * N + i] * v[i]
+        return w
+
+    @wp.func(inline=True)
+    def command(Mh: Windows, e: Windows) -> Point:
+        u = Point()
+        for a in range(m):
+            for i in range(N):
+                u[a] -= Mh[a * N + i] * e[a * N + i]
+        return u
+
     @wp.kernel(enable_backward=False, module="unique")
     def slopes(
-        f: Rows, M: Rows, Mh: Rows, scale: Rows, A: Tensor, B: Cube, C: Cube, ahead: Tensor,
-        zero: wp.array(dtype=int), r: Rows, y_d: Rows, rest: Rows, hold: Row, arc: Row,
-        scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
+        f: Rows, M_rows: Rows, Mh_rows: Rows, scale: Rows, A: Tensor, B: Cube, C: Cube,
+        ahead: Tensor, zero: wp.array(dtype=int), r: Rows, y_d: Rows, rest: Rows, hold: Row,
+        arc: Row, scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
         out: Rows, slope: Cube,  # (2, 2 ROWS, runs): of half of the sums and peaks
     ):  # fmt: skip
-        """A thread a run and slope: that with log kappa first, then that with f."""
-        runs = f.shape[1]
-        of_f = wp.tid() // runs  # alike in all threads of a warp, but one
-        own = wp.tid() - of_f * runs
-        forgiven, tracked = f[0, own], f[1, own]
-        x, dx, before, last, dlast = begun(start), States(), int(0), Point(), Point()
-        sums, peaks, lost, sum_slopes, peak_slopes = Sums(), Sums(), real(0.0), Sums(), Sums()
+        """Both slopes of a run by one thread: with log kappa, and with f."""
+        tid = wp.tid()
+        forgiven, tracked = f[0, tid], f[1, tid]
+        M, Mh = all_axes(M_rows, tid), Windows()
+        for k in range(m * N):
+            Mh[k] = Mh_rows[k, tid]
+        x, x1, x2, before = begun(start), States(), States(), int(0)
+        last, last1, last2 = Point(), Point(), Point()
+        sums, peaks, lost, sum_slopes, peak_slopes = Sums(), Sums(), real(0.0), Slope(), Slope()
         for k in range(scored.shape[0]):
             now = zero[k]
-            tid = own + now
-            S, c, dc, u, du = Triangle(), Window(), Window(), sample_of(hold), Point()
-            for i in range(N):
-                lost_square = real(1.0)
-                for a in range(m):
-                    lost_square -= r[a, k + 1 + i] * r[a, k + 1 + i]
-                S[i * (i + 1) // 2 + i] = tracked + forgiven * lost_square
-            for a in range(m):
-                R = tangents(r, a, k)
-                e = free(ahead, scale, x, a, now, tid) - desired(y_d, rest, scale, a, k, tid)
-                s = Window()
-                for i in range(N):
-                    for j in range(i):
-                        entry = M[a * T + i * (i + 1) // 2 + j, tid]
-                        s[i] += entry * e[j]
-                        s[j] += entry * e[i]
-                        S[i * (i + 1) // 2 + j] += forgiven * R[i] * R[j] * entry
-                    entry = M[a * T + i * (i + 1) // 2 + i, tid]
-                    s[i] += entry * e[i]
-                    S[i * (i + 1) // 2 + i] += forgiven * R[i] * R[i] * entry
-                for i in range(N):
-                    c[i] += R[i] * s[i]
-            L = cholesky(S)
-            v = solved(L, c)
-            tid = own + zero[k + 1]
-            again = own + zero[k + 2]
-            now = int(zero[k + 1])
-            late = k + now
-            for a in range(m):
-                R = tangents(r, a, late)
-                lags = wp.cw_mul(R, v)
-                eta = free(ahead, scale, x, a, now, tid) - desired(y_d, rest, scale, a, late, tid)
-                eta -= forgiven * lags
-                u[a] -= paired(Mh, a, tid, eta)
-                change = free(ahead, scale, dx, a, now, tid)
-                if of_f == 0:
-                    change += times(M, a, tid, eta)
-                    du[a] = -paired(Mh, a, tid, change)
-                    change -= eta
-                    lags = Window()
-                else:
-                    change -= lags
-                    du[a] = -paired(Mh, a, tid, change)
-                dc += wp.cw_mul(R, times(M, a, again, change) + lags)
-            dv = solved(L, dc)
-            for a in range(m):
-                du[a] += forgiven * paired(Mh, a, again, wp.cw_mul(tangents(r, a, late), dv))
-            y, dy, tangent = output(C, x, now), output(C, dx, now), sample(r, k)
+            R = tangents_all(r, k)
+            e = free_all(ahead, scale, x, now, tid) - desired_all(y_d, rest, scale, k, tid)
+            e1 = free_all(ahead, scale, x1, now, tid)
+            e2 = free_all(ahead, scale, x2, now, tid)
+            L = factored(M, R, forgiven, tracked)
+            s = times_all(M, e)
+            lags = spread(R, solved(L, along(R, s)))
+            p = times_all(M, lags)
+            eta, M_eta = e - forgiven * lags, s - forgiven * p
+            u = sample_of(hold) + command(Mh, eta)
+            v1 = solved(L, along(R, times_all(M, e1 + M_eta - eta)))
+            u1 = command(Mh, M_eta + e1 - forgiven * spread(R, v1))
+            v2 = solved(L, along(R, times_all(M, e2) - p + lags))
+            u2 = command(Mh, e2 - lags - forgiven * spread(R, v2))
+            y, y1, y2 = output(C, x, now), output(C, x1, now), output(C, x2, now)
+            tangent = sample(r, k)
             error = y - sample(y_d, k)
             if scored[k] != 0:
                 across = error - tangent * wp.dot(error, tangent)
                 offset = from_contour(pieces, whole, y, error, arc[k])
-                squares, ds = Sums(), Sums()
+                squares, ds = Sums(), Slope()
                 squares[0] = wp.length_sq(offset)
-                ds[0] = wp.dot(offset, dy)
                 squares[1] = wp.length_sq(across)
-                ds[1] = wp.dot(across, dy)
                 squares[2] = wp.length_sq(error)
-                ds[2] = wp.dot(error, dy)
                 squares[3] = wp.length_sq(u)
-                ds[3] = wp.dot(u, du)
+                ds[0, 0] = wp.dot(offset, y1)
+                ds[1, 0] = wp.dot(offset, y2)
+                ds[0, 1] = wp.dot(across, y1)
+                ds[1, 1] = wp.dot(across, y2)
+                ds[0, 2] = wp.dot(error, y1)
+                ds[1, 2] = wp.dot(error, y2)
+                ds[0, 3] = wp.dot(u, u1)
+                ds[1, 3] = wp.dot(u, u2)
                 if before != 0:
                     squares[4] = wp.length_sq(u - last)
-                    ds[4] = wp.dot(u - last, du - dlast)
+                    ds[0, 4] = wp.dot(u - last, u1 - last1)
+                    ds[1, 4] = wp.dot(u - last, u2 - last2)
                 sums += squares
                 sum_slopes += ds
                 for i in range(ROWS):
                     if squares[i] > peaks[i]:
                         peaks[i] = squares[i]
-                        peak_slopes[i] = ds[i]
+                        peak_slopes[0, i] = ds[0, i]
+                        peak_slopes[1, i] = ds[1, i]
                 if not (squares[2] <= whole[1] * whole[1]) or not wp.isfinite(squares[3]):
                     lost = real(1.0)
-            last, dlast = u, du
+            last, last1, last2 = u, u1, u2
             before = int(scored[k])
-            x, dx = moved(A, B, x, u, now), moved(A, B, dx, du, now)
+            x, x1, x2 = moved(A, B, x, u, now), moved(A, B, x1, u1, now), moved(A, B, x2, u2, now)
         for i in range(ROWS):
-            slope[of_f, i, own] = sum_slopes[i]
-            slope[of_f, ROWS + i, own] = peak_slopes[i]
-            if of_f == 0:
-                out[i, own] = sums[i]
-                out[ROWS + i, own] = peaks[i]
-        if of_f == 0:
-            out[2 * ROWS, own] = lost
+            out[i, tid] = sums[i]
+            out[ROWS + i, tid] = peaks[i]
+            for t in range(2):
+                slope[t, i, tid] = sum_slopes[t, i]
+                slope[t, ROWS + i, tid] = peak_slopes[t, i]
+        out[2 * ROWS, tid] = lost
 
     return Kernels(run, slopes)

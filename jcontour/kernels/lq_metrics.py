@@ -231,8 +231,8 @@ def _caller(size: tuple[int, int, int], dtype: str, with_slopes: bool, profiled:
         runs = own.shape[1]
         shapes = {"out": (2 * ROWS + 1, runs)}
         shapes |= {"slope": (2, 2 * ROWS, runs)} if with_slopes else {}
-        rows, threads = _designed(own, shared[:parts], dtype), runs * (1 + with_slopes)
-        return tuple(launch(*rows, *shared[parts:], launch_dims=threads, output_dims=shapes))
+        rows = _designed(own, shared[:parts], dtype)
+        return tuple(launch(*rows, *shared[parts:], launch_dims=runs, output_dims=shapes))
 
     @call.def_vmap
     def more(size, batched, *given):
