@@ -117,7 +117,10 @@ def notched(make: Callable[[LinearMachine], Loop]) -> Callable[[LinearMachine], 
 
         def build(gains: Gains) -> Controller:
             filter = notch(gains["notch"], gains["depth"], gains["notch_damping"], dt, prewarp=True)
-            return Filtered(inner.build(gains), filter, machine.model.inputs, machine.holding)
+            inputs, holding = machine.model.inputs, machine.holding
+            return Filtered(
+                controller=inner.build(gains), filter=filter, inputs=inputs, holding=holding
+            )
 
         return inner._replace(fed={**_ahead(inner.fed, late), **section}, build=build)
 
