@@ -33,7 +33,8 @@ def command(flags: Rank) -> int:
         result = ranked(ranking, folder, tables.console_of(quiet=flags.json))
         save_figure(ranking_figure(result), folder / "ranking.png")
         write_result(folder, result)
-    return finished(folder, result, flags, show, next_steps(result, same_task(folder, "rank")))
+    then = next_steps(result, same_task(folder, "rank"))
+    return finished(folder, result, flags, show, then, result.verdict)
 
 
 def show(result: RankedResult, console: Console) -> None:
@@ -46,8 +47,7 @@ def show(result: RankedResult, console: Console) -> None:
     rows = [_row(row, placed[0]) for row in placed]
     console.print(tables.plain_table(title, COLUMNS, rows))
     failed = [f"{row.label}: no place, {row.failure}" for row in result.rows if row.failure]
-    warnings = [f"WARNING: {line}" for line in result.warnings]
-    tables.say(console, *failed, *_left_out(result.learning), *warnings)
+    tables.say(console, *failed, *_left_out(result.learning))
 
 
 def _left_out(names: list[str]) -> list[str]:

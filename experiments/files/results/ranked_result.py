@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from experiments.files.results.run_metrics import MachineSummary
 from experiments.files.results.stored import Weight
+from experiments.files.results.verdict import Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +38,8 @@ class Ranked:
         peak_sensitivity: largest Ms at the probes of the training contours, over the family; None
             where a frozen loop is unstable, or none is looked at.
         learns: the controller changes while it runs; Ms is that of the loop that it begins with.
-        feasible: whether every limit of the tuner holds.
+        feasible: whether every limit holds, those of the machine with all effects.
+        exceeded: limits of the machine that its runs do not keep, a line each.
         stationary: whether the search had ended.
         evaluations: points that were evaluated.
         weights: by name.
@@ -54,6 +56,7 @@ class Ranked:
     peak_sensitivity: float | None = None
     learns: bool = False
     feasible: bool = False
+    exceeded: list[str] = field(default_factory=list)
     stationary: bool = False
     evaluations: int = 0
     weights: dict[str, Weight] | None = None
@@ -67,13 +70,13 @@ class RankedResult:
     Attributes:
         error: the error that counts, "contour" or "tracking".
         evaluations: that each of them was allowed.
+        verdict: whether a controller keeps every limit.
         learning: names of controllers that were left out, as they learn while they run.
-        warnings: what is to be known of the machine and its family, one line each.
     """
 
     machine: MachineSummary
     error: str
     evaluations: int
     rows: list[Ranked]
+    verdict: Verdict
     learning: list[str] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)

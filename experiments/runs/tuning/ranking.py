@@ -29,12 +29,14 @@ from experiments.files import run_folder
 from experiments.files.checkpoints import load_state, save_state
 from experiments.files.results.ranked_result import Candidate, Ranked, RankedResult
 from experiments.files.results.stored import from_json, to_json
+from experiments.files.results.verdict import Verdict, exceeded
 from experiments.flags.shared import Aimed
 from experiments.flags.tuning import Rank, Tune
 from experiments.jobs.job import Pace
 from experiments.jobs.replays import Replay, replay
 from experiments.machines.machine import Machine
 from experiments.reports.progress import progress_of
+from experiments.runs.checks.machine_limits import machine_limits
 from experiments.runs.checks.weights.recommendation import ALONE
 from experiments.runs.checks.weights.unseen_plants import over_family
 from experiments.runs.tuning.limits import loop_limits
@@ -198,15 +200,31 @@ def ranked(ranking: Ranking, folder: Path, console: Console) -> RankedResult:
             console.print(f"{index + 1} of {len(ranking.candidates)}: {candidate.controller}")
             rows.append(_row(ranking, candidate, place, console))
             run_folder.write_json(place / ROW, to_json(rows[-1]))
-    machine = ranking.machine
+    machine, rows = ranking.machine, sorted(rows, key=_place)
     return RankedResult(
         machine=machine_summary(machine),
         error=machine.error,
         evaluations=ranking.flags.evaluations,
-        rows=sorted(rows, key=_place),
+        rows=rows,
+        verdict=verdict_on(
+            rows, [*machine.remarks, *([ALONE] if len(machine.family_names) == 1 else [])]
+        ),
         learning=ranking.learning,
-        warnings=[*machine.remarks, *([ALONE] if len(machine.family_names) == 1 else [])],
     )
+
+
+def verdict_on(rows: Sequence[Ranked], warnings: Sequence[str]) -> Verdict:
+    """Verdict on a ranking: a controller follows every contour within every limit."""
+    usable = [row.label for row in rows if row.failure is None and row.feasible]
+    against = [] if usable else ["no controller keeps every limit", *map(_against, rows)]
+    passed = f"USE {usable[0]}, tuned" if usable else "USE ANY OF THEM"
+    return Verdict.of([], against, warnings, passed=passed)
+
+
+def _against(row: Ranked) -> str:
+    """What speaks against a controller."""
+    limits = "; ".join(row.exceeded) or "beyond a limit of the tuner"
+    return f"{row.label}: {row.failure or limits}"
 
 
 def _row(ranking: Ranking, candidate: Candidate, place: Path, console: Console) -> Ranked:
@@ -248,6 +266,8 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
     family = over_family(run, tuned.weights)
     loops = (tuned if family is None else family).outcome.loops
     peak = np.inf if loops is None else float(np.max(loops.sensitivity))
+    limits = machine_limits(tried, run.scenarios, run.machine)
+    sound = bool(tuned.feasible) and (family is None or family.feasible)
     held_out, training = (_errors(run, tried, trained) for trained in (False, True))
     found = replace(
         row,
@@ -257,7 +277,8 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
         training=_typical(training),
         peak_sensitivity=peak if np.isfinite(peak) else None,
         learns=run.design.learns,
-        feasible=bool(tuned.feasible) and (family is None or family.feasible),
+        feasible=sound and all(one.kept for one in limits),
+        exceeded=exceeded(limits),
         stationary=bool(tuned.stationary),
         evaluations=len(tuned.history),
         weights=plain_weights(tuned.weights),

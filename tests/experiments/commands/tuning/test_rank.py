@@ -12,10 +12,12 @@ from experiments.commands.tuning.rank import next_steps, show
 from experiments.files.results.ranked_result import Candidate, Ranked, RankedResult
 from experiments.files.results.run_metrics import MachineSummary
 from experiments.files.results.stored import from_json, read_result, to_json
+from experiments.files.results.verdict import Verdict
 from experiments.flags.tuning import Tune
 from experiments.reports.tables import console_of
 from experiments.runs.tuning import ranking
 from experiments.runs.tuning.problem import tuning_run
+from experiments.runs.tuning.ranking import verdict_on
 from jcontour.simulation.evaluation import evaluate, stack_plants, stack_references
 
 MACHINE = MachineSummary("table", "A", ("X", "Y"), "encoders")
@@ -28,6 +30,7 @@ def row(label, held_out, feasible=True, **others):
 
 RESULT = RankedResult(
     machine=MACHINE,
+    verdict=Verdict.of([]),
     error="contour",
     evaluations=40,
     rows=[
@@ -113,11 +116,18 @@ def test_those_that_learn_are_told(capsys):
     assert "Left out: run-out. They learn" in capsys.readouterr().out
 
 
-def test_a_family_that_is_assumed_or_a_single_plant_is_told(capsys):
-    show(RESULT, console_of())
-    assert "WARNING" not in capsys.readouterr().out
-    show(replace(RESULT, warnings=["the weights were tried on a single plant"]), console_of())
-    assert "WARNING: the weights were tried on a single plant" in capsys.readouterr().out
+def test_the_verdict_is_for_the_best_that_keeps_every_limit():
+    line = "acceleration of X EXCEEDS its limit: 7 of 4 m/s^2"
+    beyond = row("beyond", 1e-6, feasible=False, exceeded=[line])
+    verdict = verdict_on([*RESULT.rows, beyond], ["the weights were tried on a single plant"])
+    assert verdict.exit_code == 0 and verdict.heading == "USE good, tuned"
+    assert verdict.warnings == ["the weights were tried on a single plant"]
+    verdict = verdict_on([beyond, RESULT.rows[2]], [])
+    assert verdict.exit_code == 3 and verdict.heading.startswith("DO NOT USE")
+    assert verdict.reasons[1:] == [
+        f"beyond: {line}",
+        "failed: a plant of the family diverges on cam",
+    ]
 
 
 def test_what_to_do_next():
@@ -129,7 +139,7 @@ def test_what_to_do_next():
     assert (
         next_steps(own, " part.ngc")[-1] == "Next: jcontour tune part.ngc --controller mine.py:PD"
     )
-    nothing = RankedResult(machine=MACHINE, error="contour", evaluations=1, rows=RESULT.rows[2:])
+    nothing = replace(RESULT, rows=RESULT.rows[2:])
     assert "no controller could be tried" in next_steps(nothing, "")[0]
     beyond = replace(nothing, rows=[row("beyond", 1e-6, feasible=False)])
     assert "no controller keeps every limit; allow more" in next_steps(beyond, "")[0]

@@ -4,6 +4,7 @@ import pytest
 
 from experiments.files.results.ranked_result import Candidate, Ranked, RankedResult
 from experiments.files.results.run_metrics import MachineSummary
+from experiments.files.results.verdict import Verdict
 from experiments.reports.figures.tuning.ranking import ranking_figure
 
 
@@ -17,7 +18,10 @@ def row(label, held_out, **others):
 
 def drawn(rows):
     machine = MachineSummary("table", "A", ("X", "Y"), "encoders")
-    result = RankedResult(machine=machine, error="contour", evaluations=40, rows=rows)
+
+    result = RankedResult(
+        machine=machine, error="contour", evaluations=40, rows=rows, verdict=Verdict.of([])
+    )
     (axes,) = ranking_figure(result).axes
     return axes
 
