@@ -79,14 +79,24 @@ class MotorMeasuredMachine(Machine):
 
         A delay has parts of a sample.
         """
+        return stack_plants([self.true_plant(one, fed) for one in self._drawn(count, seed)])
+
+    def random_names(self, count: int, seed: int) -> list[str]:
+        """Names of those."""
+        return [one.name for one in self._drawn(count, seed)]
+
+    def _drawn(self, count: int, seed: int) -> list[Member]:
         random = np.random.default_rng(seed)
         known_to = self.stiffness_known_to, self.mass_known_to
         off = [1 + part * random.uniform(-1, 1, count) for part in known_to]
         drawn = np.column_stack([*off, random.uniform(0, LATE, count)])
         low, high = [1 - part for part in known_to], [1 + part for part in known_to]
         # a hair inside: every member's delay has a part of a sample, and one structure
-        members = with_corners(drawn, [*low, 1e-9], [*high, LATE - 1e-9]).tolist()
-        return stack_plants([self.true_plant(Member("random", *one), fed) for one in members])
+        rows = with_corners(drawn, [*low, 1e-9], [*high, LATE - 1e-9]).tolist()
+        return [
+            Member(f"stiffness x {k:.3g}, masses x {m:.3g}, {late:.3g} samples late", k, m, late)
+            for k, m, late in rows
+        ]
 
     @property
     def family_names(self) -> list[str]:

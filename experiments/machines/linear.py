@@ -180,7 +180,7 @@ class LinearMachine(Machine):
         """The members without friction, behind encoders that do not round, or their state."""
         return [self.exact_plant(gains, late, fed) for _, gains, late in self.members]
 
-    def exact_plant(self, gains: np.ndarray, late: int, fed: Fed = "outputs") -> Plant:
+    def exact_plant(self, gains: np.ndarray, late: float, fed: Fed = "outputs") -> Plant:
         """The machine with other input gains and more delay, linear: no friction, no counts."""
         plant = self.frictionless._member(Delayed, gains, late)
         return plant if fed == "state" else Encoders(plant)
@@ -189,7 +189,7 @@ class LinearMachine(Machine):
         """The members with friction and whole counts; a state is measured as it is."""
         return [self.true_plant(gains, late, fed) for _, gains, late in self.members]
 
-    def true_plant(self, gains: np.ndarray, late: int, fed: Fed = "outputs") -> Plant:
+    def true_plant(self, gains: np.ndarray, late: float, fed: Fed = "outputs") -> Plant:
         """The machine with other input gains and more delay, with friction and whole counts."""
         return self.counted(self._member(Delayed, gains, late), fed)
 
@@ -197,9 +197,18 @@ class LinearMachine(Machine):
         """Gains and delays drawn evenly from their intervals, then the corners of these."""
         if self.gain == 0 and self.delay == 0:
             return None
-        drawn = random_members(count, seed, self.model.inputs, self.gain, self.delay)
-        late = [self._member(PartlyDelayed, gain, delay) for gain, delay in drawn]
+        late = [
+            self._member(PartlyDelayed, gains, delay)
+            for _, gains, delay in self._drawn(count, seed)
+        ]
         return stack_plants([self.counted(plant, fed) for plant in late])
+
+    def random_names(self, count: int, seed: int) -> list[str]:
+        """Names of those."""
+        return [one.name for one in self._drawn(count, seed)]
+
+    def _drawn(self, count: int, seed: int) -> list[Member]:
+        return random_members(count, seed, self.model.inputs, self.gain, self.delay)
 
     def _member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
         """The machine behind a delay line, with friction, its state measured."""

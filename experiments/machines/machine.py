@@ -186,6 +186,10 @@ class Machine(abc.ABC):
         """
         return None
 
+    def random_names(self, count: int, seed: int) -> list[str]:
+        """Name of every plant of that family: its gains, masses or delay."""
+        return []
+
     def independent(self) -> tuple[str, Plant] | None:
         """Name of an engine that others have written, and the nominal true plant in it.
 

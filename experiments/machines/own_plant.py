@@ -93,11 +93,18 @@ class PlantMachine(Machine):
     def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
         """Gains and delays drawn evenly from their intervals, then the corners of these."""
         self._check(fed)
-        gain, delay, _ = self.uncertainty
-        if gain == 0 and delay == 0:
+        if self.uncertainty.gain == 0 and self.uncertainty.delay == 0:
             return None
-        drawn = random_members(count, seed, self.model.inputs, gain, delay)
-        return stack_plants([self._member(PartlyDelayed, *one) for one in drawn])
+        drawn = self._drawn(count, seed)
+        return stack_plants([self._member(PartlyDelayed, one.gains, one.late) for one in drawn])
+
+    def random_names(self, count: int, seed: int) -> list[str]:
+        """Names of those."""
+        return [one.name for one in self._drawn(count, seed)]
+
+    def _drawn(self, count: int, seed: int) -> list[Member]:
+        gain, delay, _ = self.uncertainty
+        return random_members(count, seed, self.model.inputs, gain, delay)
 
     def _member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
         depth = max(self.uncertainty.delay, 1)

@@ -47,7 +47,7 @@ class Member(NamedTuple):
 
     name: str
     gains: np.ndarray
-    late: int
+    late: float
 
 
 def stated_uncertainty(given: Any, model: LinearPlant) -> Uncertainty:
@@ -90,17 +90,21 @@ def family_members(inputs: int, gain: float, delay: int) -> list[Member]:
     found = [Member("nominal", unchanged, 0)]
     for side in (1, -1) if gain > 0 else ():
         gains = 1 + side * gain * sign
-        found.append(Member("gains " + ", ".join(f"{one:.3g}" for one in gains), gains, 0))
-    for late in range(1, delay + 1):
-        samples = "sample" if late == 1 else "samples"
-        found.append(Member(f"{late} {samples} late", unchanged, late))
+        found.append(Member(_gains(gains), gains, 0))
+    found += [Member(_late(late), unchanged, late) for late in range(1, delay + 1)]
     return found
 
 
-def random_members(
-    count: int, seed: int, inputs: int, gain: float, delay: int
-) -> Sequence[tuple[np.ndarray, float]]:
-    """Gains (p,) and delays drawn evenly from their intervals, then the corners of these.
+def _gains(gains: Float[np.ndarray, " p"]) -> str:
+    return "gains " + ", ".join(f"{one:.3g}" for one in gains)
+
+
+def _late(samples: float) -> str:
+    return f"{samples:.3g} {'sample' if samples == 1 else 'samples'} late"
+
+
+def random_members(count: int, seed: int, inputs: int, gain: float, delay: int) -> list[Member]:
+    """Plants with gains and delays drawn evenly from their intervals, then their corners.
 
     A delay has parts of a sample.
     """
@@ -109,7 +113,10 @@ def random_members(
     delays = random.uniform(0, delay, count)
     low, high = [1 - gain] * inputs + [0.0], [1 + gain] * inputs + [float(delay)]
     drawn = with_corners(np.column_stack([gains, delays]), low, high)
-    return [(row[:-1], float(row[-1])) for row in drawn]
+    return [
+        Member(f"{_gains(gains)}, {_late(late)}", gains, float(late))
+        for gains, late in zip(drawn[:, :-1], drawn[:, -1], strict=True)
+    ]
 
 
 def with_corners(

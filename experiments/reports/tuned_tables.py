@@ -147,7 +147,9 @@ def robust_lines(result: TunedResult) -> list[str]:
     if test is None:
         return []
     lost = "none diverges" if test.diverged == 0 else f"{test.diverged} DIVERGE"
-    worst = f"worst RMS {result.error} error {1e6 * test.error:.4g} um on {test.contour}"
+    worst = (
+        f"worst RMS {result.error} error {1e6 * test.error:.4g} um on {test.contour} ({test.plant})"
+    )
     drawn = "" if result.margins.doubt is None else "; none has another response"
     return [
         f"{test.members} plants of the family, at its corners and at random: {lost}, {worst}{drawn}"

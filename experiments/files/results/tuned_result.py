@@ -95,14 +95,18 @@ class RobustTest:
         diverged: how many of them diverged.
         error: largest RMS error of the others [m].
         contour: where it occurred.
+        plant: on which.
         uses: largest value over its limit, of every limit that the machine states.
+        users: plant and contour of that value.
     """
 
     members: int
     diverged: int
     error: float
     contour: str
+    plant: str = ""
     uses: dict[str, float] = field(default_factory=dict)
+    users: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

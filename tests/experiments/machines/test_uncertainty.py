@@ -60,9 +60,10 @@ def test_gains_are_off_in_opposite_ways():
 
 
 def test_random_gains_and_delays_fill_their_intervals():
-    gains, delays = zip(*random_members(400, 0, 2, 0.1, 2), strict=True)
+    names, gains, delays = zip(*random_members(400, 0, 2, 0.1, 2), strict=True)
     assert 0.09 < np.abs(np.array(gains) - 1).max() <= 0.1 + 1e-12
     assert 0 <= min(delays) < 0.1 and 1.9 < max(delays) <= 2
+    assert names[-1] == "gains 1.1, 1.1, 2 samples late"
 
 
 def test_the_line_of_what_is_assumed():

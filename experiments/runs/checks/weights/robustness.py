@@ -39,17 +39,22 @@ def robust_test(
     errors = np.asarray(getattr(metrics, f"rms_{machine.error}_error"))  # (contour, member)
     lost = np.asarray(metrics.diverged)
     largest = np.where(lost, -1.0, errors)
-    contour = int(np.argmax(largest.max(axis=1)))
+    names = machine.random_names(MEMBERS, seed)
+    contour, plant = np.unravel_index(np.argmax(largest), largest.shape)
+    used = {
+        name: np.where(lost, 0.0, getattr(uses, name))
+        for name in uses._fields
+        if getattr(limits, name) is not None
+    }
+    users = {name: np.unravel_index(np.argmax(one), one.shape) for name, one in used.items()}
     return RobustTest(
         members=MEMBERS,
         diverged=int(lost.any(axis=0).sum()),
         error=float(largest.max()),
         contour=jobs[contour].name,
-        uses={
-            name: float(np.where(lost, 0.0, getattr(uses, name)).max())
-            for name in uses._fields
-            if getattr(limits, name) is not None
-        },
+        plant=names[plant],
+        uses={name: float(one.max()) for name, one in used.items()},
+        users={name: f"{jobs[c].name}, {names[k]}" for name, (c, k) in users.items()},
     )
 
 

@@ -49,7 +49,7 @@ def family_limits(robust: RobustTest | None) -> list[LimitCheck]:
             name=f"largest share of the limit of {name.replace('increment', 'control increment')}",
             value=used,
             allowed=1.0,
-            member=f"{robust.members} plants at corners of the family and at random",
+            member=robust.users.get(name, ""),
             slack=OVERSHOOT if name == "speed" else ROUNDING,
         )
         for name, used in robust.uses.items()

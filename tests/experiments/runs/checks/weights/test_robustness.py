@@ -60,7 +60,9 @@ def test_it_counts_what_single_runs_show(drift, machine, monkeypatch):
     assert found.members == FEW and found.diverged == lost.any(axis=0).sum()
     kept = np.where(lost, -1.0, errors)
     assert found.error == pytest.approx(kept.max(), rel=1e-6)
-    assert found.contour == ("arc", "line")[int(np.argmax(kept.max(axis=1)))]
+    contour, plant = np.unravel_index(np.argmax(kept), kept.shape)
+    assert found.contour == ("arc", "line")[contour]
+    assert found.plant == machine.random_names(FEW, 3)[plant]
     assert (found.diverged > 0) is (drift > 1e-3)
 
 
