@@ -4,7 +4,7 @@ One rule for all commands: every stated limit is kept, or the verdict names it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 NOT_TO_USE = 3  # exit code of a command whose verdict is against its values
 ROUNDING = 1e-5  # relative: a search ends at its limits to within rounding
@@ -78,17 +78,17 @@ class Verdict:
 
     Attributes:
         usable: every stated limit is kept, and no reason speaks against the values.
+        heading: yes or no, in words.
         reasons: all of them, the limits that are not kept among them.
         warnings: what to know before the values are loaded.
         limits: every stated limit.
-        passed: heading of the verdict where nothing speaks against the values.
     """
 
     usable: bool
-    reasons: list[str] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
-    limits: list[LimitCheck] = field(default_factory=list)
-    passed: str = "USE THESE VALUES"
+    heading: str
+    reasons: list[str]
+    warnings: list[str]
+    limits: list[LimitCheck]
 
     @classmethod
     def of(
@@ -110,25 +110,19 @@ class Verdict:
         """
         beyond = exceeded(limits)
         against = [*reasons, *beyond, *(help_with_limits if beyond else ())]
+        refused = f"DO NOT {passed}" if passed.startswith("USE") else "DO NOT USE"
         return cls(
             usable=not against,
             reasons=against,
             warnings=[*warnings, *(one.line for one in limits if one.near)],
             limits=list(limits),
-            passed=passed,
+            heading=refused if against else passed,
         )
 
     @property
     def exit_code(self) -> int:
         """Exit code of the command."""
         return 0 if self.usable else NOT_TO_USE
-
-    @property
-    def heading(self) -> str:
-        """Yes or no."""
-        if self.usable:
-            return self.passed
-        return f"DO NOT {self.passed}" if self.passed.startswith("USE") else "DO NOT USE"
 
     @property
     def lines(self) -> list[str]:

@@ -44,3 +44,11 @@ def test_it_comes_back_from_its_file():
     assert from_json(to_json(verdict), Verdict) == verdict
     lost = from_json(to_json(Verdict.of([replace(HUM, value=math.inf)])), Verdict)
     assert not lost.usable and not lost.limits[0].kept
+
+
+def test_its_file_holds_every_field_and_the_heading_that_is_printed():
+    refused = to_json(Verdict.of([HUM], passed="Every stated limit is kept."))
+    assert refused["heading"] == "DO NOT USE" and refused["reasons"]
+    kept = to_json(Verdict.of([]))
+    expected = {"usable": True, "heading": "USE THESE VALUES"}
+    assert kept == expected | {"reasons": [], "warnings": [], "limits": []}
