@@ -8,8 +8,7 @@ import pytest
 
 from experiments.files.results.stored import from_json, to_json
 from experiments.papers.lam.claims import CONTROLLERS, MPCC, claims
-from experiments.papers.lam.experiment import Settings, run
-from experiments.papers.lam.figures import along_the_path, contour, draw, trade_off
+from experiments.papers.lam.figures import along_the_path, contour, trade_off
 from experiments.papers.lam.result import Lobes, Point, Result, Trace
 from experiments.papers.lam.runs import lobes, machines, point, traced, tracked
 from experiments.papers.verdicts import Verdict
@@ -125,10 +124,3 @@ def test_tracking_arrives_and_a_faster_reference_leaves_more_error():
     least = 0.9 * float(small.length) / speeds[0]  # [s] that the slow reference takes, 10 % off
     assert least < slow.score.time < np.inf and np.isfinite(fast.score.time)
     assert slow.score.rms < fast.score.rms and slow.limited < fast.limited
-
-
-@pytest.mark.slow
-def test_whole_paper_in_its_quick_form(tmp_path):
-    result = run(Settings(quick=True), tmp_path)
-    assert {one.controller for one in result.trade_off} == set(CONTROLLERS)
-    assert len(result.claims) == 6 and len(draw(result, tmp_path)) == 3

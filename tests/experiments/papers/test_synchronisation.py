@@ -10,7 +10,7 @@ import pytest
 from experiments.files.results.stored import from_json, to_json
 from experiments.papers.synchronisation.claims import FAST, SLOW, claims
 from experiments.papers.synchronisation.experiment import BETAS, Settings, run
-from experiments.papers.synchronisation.figures import continuous, draw, fast, slow
+from experiments.papers.synchronisation.figures import continuous, fast, slow
 from experiments.papers.synchronisation.result import CONTINUOUS, Result
 from experiments.papers.synchronisation.runs import NOMINAL, UNEQUAL, WEAK, turns
 from experiments.papers.verdicts import Verdict
@@ -136,14 +136,3 @@ def test_figures_show_the_numbers(result):
         curve = result.curve(NOMINAL, period, beta)
         np.testing.assert_array_equal(panels[1].lines[1].get_ydata(), curve.e2)
         assert len(panels[2].lines) == 5
-
-
-@pytest.mark.slow
-def test_a_quick_run_draws_everything(tmp_path):
-    quick = run(Settings(quick=True), tmp_path)
-    assert quick.curves[0].time_s.size == 601
-    assert [path.name for path in draw(quick, tmp_path)] == [
-        "figures-3-to-6.png",
-        "figures-9-to-11.png",
-        "figures-12-to-14.png",
-    ]

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from experiments.papers.verdicts import Verdict
 from experiments.papers.yuan_tracking.claims import COLUMNS, OBSERVERS, claims, row_of, table_rows
 from experiments.papers.yuan_tracking.experiment import CONFIRMED, PUBLISHED, Settings, run
-from experiments.papers.yuan_tracking.figures import draw, errors, positions, ranking, twin
+from experiments.papers.yuan_tracking.figures import errors, positions, ranking, twin
 from experiments.papers.yuan_tracking.result import (
     TASKS,
     FamilyRow,
@@ -229,10 +229,3 @@ def test_figures_show_the_numbers():
 def test_unknown_controllers_are_refused(tmp_path):
     with pytest.raises(ValueError, match="no controller 'magic'"):
         run(Settings(tuned=("magic",)), tmp_path)
-
-
-@pytest.mark.slow
-def test_whole_chapter_in_its_quick_form(tmp_path):
-    result = run(Settings(quick=True), tmp_path)
-    assert len(result.tables) == 6 and len(result.claims) == 6
-    assert len(draw(result, tmp_path)) == 6
