@@ -2,6 +2,8 @@ import json
 
 import pytest
 
+from tests.experiments.tour import Tour
+
 MACHINE = {
     "name": "tiny",
     "length_unit": "mm",
@@ -25,25 +27,34 @@ def two_axes(axis):
     return {**axis, "A": A, "B": B, "C": C}
 
 
-@pytest.fixture(scope="module")
+PART = "G21 G90\nG1 X2 F3000\nG3 X2 Y2 I0 J1\nG1 X0\nG1 Y0\n"
+
+
+@pytest.fixture(scope="session")
+def tour(tmp_path_factory):
+    """Name of a stop -> what its command left; see `tests.experiments.tour`."""
+    return Tour(tmp_path_factory.mktemp("tour"), two_axes(MACHINE), PART)
+
+
+@pytest.fixture(scope="session")
 def inputs(tmp_path_factory):
     return tmp_path_factory.mktemp("inputs")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def machine_fields():
     return two_axes(MACHINE)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def machine_file(inputs, machine_fields):
     path = inputs / "machine.json"
     path.write_text(json.dumps(machine_fields))
     return path
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def part_file(inputs):
     path = inputs / "part.ngc"
-    path.write_text("G21 G90\nG1 X2 F3000\nG3 X2 Y2 I0 J1\nG1 X0\nG1 Y0\n")
+    path.write_text(PART)
     return path

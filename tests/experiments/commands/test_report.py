@@ -33,19 +33,13 @@ def test_out_is_a_folder_or_a_page_by_its_suffix(tmp_path):
         page_at(tmp_path / "taken")
 
 
-@pytest.mark.slow
-def test_a_run_has_its_page_beside_it_and_two_runs_share_one(
-    tmp_path, machine_file, part_file, capsys
-):
-    runs = [tmp_path / "one", tmp_path / "two"]
-    for run, preview in zip(runs, ("4", "5"), strict=True):
-        flags = ["--plant", str(machine_file), "--preview", preview, "--out", str(run)]
-        assert main(["simulate", str(part_file), *flags]) == 0
-        assert f"Page: {run / FILE}" in capsys.readouterr().out
+def test_a_run_has_its_page_beside_it_and_two_runs_share_one(tour, tmp_path, capsys):
+    runs = [tour(name).folder for name in ("simulate", "tune")]
+    for run in runs:
         assert (run / FILE).stat().st_size < 1_000_000
     out = tmp_path / "both.html"
     assert main(["report", *map(str, runs), "--json", "--out", str(out)]) == 0
     assert json.loads(capsys.readouterr().out) == {"page": str(out), "bytes": out.stat().st_size}
-    assert '"name":"one"' in out.read_text() and '"name":"two"' in out.read_text()
+    assert '"name":"simulate"' in out.read_text() and '"name":"tune"' in out.read_text()
     assert main(["report", str(runs[0]), "--out", str(tmp_path / "new" / "folder")]) == 0
     assert (tmp_path / "new" / "folder" / FILE).read_text().startswith("<!")

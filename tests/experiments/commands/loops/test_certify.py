@@ -1,7 +1,5 @@
 """`certify` from the command line."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -14,21 +12,12 @@ from experiments.files.results.tuned_result import TunedResult
 
 
 @pytest.fixture(scope="module")
-def simulated(tmp_path_factory, machine_file, part_file):
-    folder = tmp_path_factory.mktemp("simulated") / "run"
-    flags = ["--plant", str(machine_file), "--preview", "4", "--json", "--out", str(folder)]
-    assert main(["simulate", str(part_file), *flags]) == 0
-    return folder
+def simulated(tour):
+    return tour("simulate").folder
 
 
-@pytest.mark.slow
-def test_every_plant_of_a_simulated_run_is_certified(simulated, tmp_path, capsys):
-    capsys.readouterr()
-    out = tmp_path / "certified"
-    assert main(["certify", str(simulated), "--force", "0.5", "--json", "--out", str(out)]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    result = read_result(out, CertifiedResult)
-    assert [row["plant"] for row in summary["rows"]] == [row.plant for row in result.rows]
+def test_every_plant_of_a_simulated_run_is_certified(tour):
+    out, result = tour("certify").folder, tour("certify").result(CertifiedResult)
     assert len(result.rows) == 4 and result.force == 0.5 and result.encoder == 0.5e-6
     for row in result.rows:
         assert row.nominal < row.reached <= row.bound and row.counted <= row.bound
@@ -43,21 +32,13 @@ def test_every_plant_of_a_simulated_run_is_certified(simulated, tmp_path, capsys
     assert (out / "certificate.png").exists()
 
 
-@pytest.mark.slow
-def test_a_tuned_run_is_certified_with_its_weights(tmp_path, machine_file, part_file, capsys):
-    tuned, out = tmp_path / "tuned", tmp_path / "certified"
-    effort = "--scatter 0 --starts 1 --steps 1 --preview 4".split()
-    flags = ["--plant", str(machine_file), "--json", "--out", str(tuned)]
-    assert main(["tune", str(part_file), *flags, *effort]) == 0
-    assert main(["certify", str(tuned), "--out", str(out)]) == 0
-    told = capsys.readouterr().out
-    result = read_result(out, CertifiedResult)
+def test_a_tuned_run_is_certified_with_its_weights(tour):
+    result = tour("certify-tuned").result(CertifiedResult)
     assert result.force == 1.0  # control_noise of the machine file
-    proven = read_result(tuned, TunedResult).certified
+    proven = tour("tune").result(TunedResult).certified
     assert proven.error == pytest.approx(result.worst.bound, rel=1e-9)
     assert (proven.contour, proven.plant) == (result.worst.contour, result.worst.plant)
     assert all(row.reached <= row.bound for row in result.rows)
-    assert "Proven for every force of up to 1 " in told and "An attack reaches" in told
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """`export` from the command line."""
 
-import json
 import shutil
 
 import numpy as np
@@ -22,17 +21,9 @@ def simulated(folder, machine_file, part_file, *flags):
     return folder
 
 
-@pytest.mark.slow
-def test_a_simulated_run_becomes_code_that_gives_its_controls(
-    tmp_path, machine_file, part_file, capsys
-):
-    run = simulated(tmp_path / "run", machine_file, part_file, *SHORT)
-    capsys.readouterr()
-    out = tmp_path / "exported"
-    assert main(["export", str(run), "--c", "--st", "--python", "--json", "--out", str(out)]) == 0
-    told = json.loads(capsys.readouterr().out)
-    found = read_result(out, ExportedResult)
-    assert told["states"] == found.states == 6  # two axes of two states, a load on each control
+def test_a_simulated_run_becomes_code_that_gives_its_controls(tour):
+    out, found = tour("export").folder, tour("export").result(ExportedResult)
+    assert found.states == 6  # two axes of two states, a load on each control
     assert found.difference < 1e-12 * found.largest_control
     assert [one.compiler.split()[0] for one in found.compiled] == [
         name for name in ("gcc", "clang") if shutil.which(name)
@@ -46,7 +37,7 @@ def test_a_simulated_run_becomes_code_that_gives_its_controls(
     assert "Family: nominal; gains 1.1, 0.9;" in head and "Margins: not known" in head
     assert "LREAL" in (out / "controller.st").read_text()
     rows = np.loadtxt(out / "plan.csv", delimiter=",", skiprows=1)
-    assert len(rows) == told["samples"] > 149  # those of the part, and rest
+    assert len(rows) == found.samples > 149  # those of the part, and rest
     assert np.abs(rows[-1, 2:4]).max() < 0.05 * found.largest_control  # at rest
     assert np.all(rows[-1, 4:6] == 0)  # where the program ends
     # no counts: the reference asks for half of the machine's 4 m/s^2, in samples of 2 ms
@@ -90,14 +81,8 @@ def test_what_a_step_beside_the_start_does_is_told(tmp_path, machine_file, part_
     )
 
 
-@pytest.mark.slow
-def test_a_tuned_run_has_its_margins_in_the_head(tmp_path, machine_file, part_file):
-    run, out = tmp_path / "tuned", tmp_path / "exported"
-    effort = "--scatter 0 --starts 1 --steps 1 --preview 4".split()
-    flags = ["--plant", str(machine_file), "--json", "--out", str(run)]
-    assert main(["tune", str(part_file), *flags, *effort]) == 0
-    assert main(["export", str(run), "--out", str(out)]) == 0
-    head = (out / "controller.h").read_text()
+def test_a_tuned_run_has_its_margins_in_the_head(tour):
+    head = (tour("export-tuned").folder / "controller.h").read_text()
     assert "Margins: gain" in head and " in the family." in head
 
 

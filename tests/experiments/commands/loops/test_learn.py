@@ -25,12 +25,10 @@ def learned(folder, machine_file, part_file, *flags, code=0):
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory, machine_file, part_file):
-    folder = tmp_path_factory.mktemp("learned") / "run"
-    return learned(folder, machine_file, part_file, "--laps", "6")
+def result(tour):
+    return tour("learn").result(LearnedResult)
 
 
-@pytest.mark.slow
 def test_every_machine_has_its_laps(result):
     assert [one.name for one in result.machines[:3]] == [
         "linear model",
@@ -43,14 +41,12 @@ def test_every_machine_has_its_laps(result):
         assert one.best_um == one.tool_um[one.pays_until - 1] <= 1.05 * min(one.tool_um)
 
 
-@pytest.mark.slow
 def test_the_linear_model_has_its_error_measured_and_noise_adds_to_it(result):
     model, noise = result.machines[:2]
     np.testing.assert_allclose(model.tool_um, model.measured_um, rtol=1e-12)
     assert noise.tool_um != noise.measured_um and result.noise_um > 0
 
 
-@pytest.mark.slow
 def test_what_is_expected_happens(result):
     """The gains change along the part: there is an estimate, and nothing is assured."""
     assert result.ratio < 1 and not result.proven and not result.assured
@@ -73,7 +69,6 @@ def test_numbers_of_the_other_law_are_refused(flags, says):
         run(flags)
 
 
-@pytest.mark.slow
 def test_learning_reaches_the_noise(result):
     """What is left is what the model leaves at its corners, and at most twice the noise."""
     model, noise = result.machines[:2]
@@ -127,7 +122,6 @@ def test_what_a_control_loads_is_the_shifted_reference(tmp_path, machine_fields,
     assert np.abs(speeds).max() == pytest.approx(best.speed, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_what_asks_for_too_much_or_helps_nothing_is_not_loaded(result):
     fields = to_json(result)
     one = {"lap": 3, "error_um": 1.0, "largest_um": 9.0, "first_um": 0.0, "speed": 0.2}
@@ -143,15 +137,6 @@ def test_what_asks_for_too_much_or_helps_nothing_is_not_loaded(result):
     assert line.startswith("Nothing to load")
 
 
-@pytest.mark.slow
-def test_json_is_the_result_alone(tmp_path, machine_file, part_file, capsys, result):
-    learned(tmp_path / "run", machine_file, part_file, "--laps", "6", "--json")
-    stored = json.loads(capsys.readouterr().out)
-    del stored["run"]
-    assert from_json(stored, LearnedResult) == result
-
-
-@pytest.mark.slow
 def test_the_figure_has_a_curve_for_every_machine(result):
     (axes,) = learning(result).axes
     assert len(axes.lines) == len(result.machines) + 1
@@ -163,7 +148,6 @@ def machine_of(tool, measured, **more):
     return LearnedMachine(name="m", tool_um=tool, measured_um=measured, control=control, **more)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("one", "says"),
     [

@@ -21,14 +21,10 @@ BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2, unit="m/s")
 
 
 @pytest.fixture(scope="module")
-def bent(tmp_path_factory, machine_file, part_file):
-    out = tmp_path_factory.mktemp("bent") / "run"
-    flags = ["--plant", str(machine_file), "--out", str(out)]
-    assert main(["precompensate", str(part_file), *flags]) == 0
-    return out
+def bent(tour):
+    return tour("precompensate").folder
 
 
-@pytest.mark.slow
 def test_the_nominal_and_the_worst_machine_come_nearer(bent):
     result = read_result(bent, BentResult)
     assert result.nominal_gain > 20 and result.worst_gain > 2 and verdict_on(result).usable

@@ -21,11 +21,10 @@ def simulated(folder, machine_file, part_file, *flags, code=0):
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory, machine_file, part_file):
-    return simulated(tmp_path_factory.mktemp("simulated") / "run", machine_file, part_file)
+def run(tour):
+    return tour("simulate").folder
 
 
-@pytest.mark.slow
 def test_the_result_and_its_signals_agree(run):
     result = read_result(run, SimulatedResult)
     signals = load_dataset(run / "rollouts.nc").isel(design=0, contour=0)

@@ -1,6 +1,5 @@
 """`tolerance` from the command line: kept within the bounds, refused in one line."""
 
-import json
 import re
 from dataclasses import replace
 
@@ -15,16 +14,11 @@ from experiments.reports.tolerance_tables import findings, promise
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory, machine_file, part_file):
-    folder = tmp_path_factory.mktemp("tolerance") / "run"
-    flags = ["--plant", str(machine_file), "--force", "0.5", "--length", "8"]
-    assert (
-        main(["tolerance", str(part_file), *flags, "--json", "--out", str(folder)]) == 3
-    )  # acceleration
-    return folder
+def kept(tour):
+    assert tour("tolerance").code == 3  # acceleration
+    return tour("tolerance").folder
 
 
-@pytest.mark.slow
 def test_within_the_bounds_the_tolerance_and_the_limits_are_kept(kept):
     result, data = read_result(kept, ToleranceResult), load_dataset(kept / "runs.nc")
     assert result.length == 8 and result.force == 0.5 and result.encoder == 0.5e-6
@@ -44,7 +38,6 @@ def test_within_the_bounds_the_tolerance_and_the_limits_are_kept(kept):
     assert (kept / "tolerance.png").exists()
 
 
-@pytest.mark.slow
 def test_an_acceleration_beyond_the_limit_is_warned_of_in_the_runs(kept):
     """The machine allows 4 m/s^2. At the samples the late one alone takes more.
 
@@ -66,7 +59,6 @@ def test_an_acceleration_beyond_the_limit_is_warned_of_in_the_runs(kept):
     assert "does not know those of acceleration" in result.verdict.reasons[-1]
 
 
-@pytest.mark.slow
 def test_words_say_what_is_promised_and_to_whom(kept):
     result = read_result(kept, ToleranceResult)
     promised = " ".join(promise(result))
@@ -104,10 +96,3 @@ def test_bad_input_is_one_line(flags, told, machine_file, part_file, tmp_path, c
 def test_simulate_says_which_command_runs_it(capsys):
     assert main(["simulate", "--controller", "bounded-mpc"]) == 2
     assert "run it with `jcontour tolerance`" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_one_object_is_printed_as_json(tmp_path, capsys):
-    out = tmp_path / "run"
-    assert main(["tolerance", "circle", "--length", "8", "--json", "--out", str(out)]) == 0
-    assert json.loads(capsys.readouterr().out)["length"] == 8

@@ -20,16 +20,12 @@ from jcontour.simulation.traversal import traversal_score
 USUAL = Asked(0.3, 200.0, (60.0, 60.0), 7, 4.0, 250.0)
 
 
-@pytest.mark.slow
-def test_trace_arrives_and_stores_what_it_did(tmp_path, capsys):
-    assert main(["trace", "square", "--json", "--out", str(tmp_path / "run")]) == 0
-    summary = json.loads(capsys.readouterr().out)
+def test_trace_arrives_and_stores_what_it_did(tour):
+    summary, result = tour("trace").stored(), tour("trace").result(Traversed)
     assert summary["arrived"] and summary["residual"] <= 1e-8 and 0.1 < summary["time_s"] < 2
     assert summary["peak_um"] < 100
     assert np.abs(summary["signals"]["control"]).max() <= 0.5 + 1e-9
-    stored = {path.name for path in (tmp_path / "run").iterdir()}
-    assert stored == {"settings.json", "result.json", "trace.png", "path.png"}
-    result = read_result(tmp_path / "run", Traversed)
+    assert tour("trace").files() == {"settings.json", "result.json", "trace.png", "path.png"}
     assert result.signals is not None and result.signals.tool_mm.shape == (result.steps, 2)
     assert result.rms_um == summary["rms_um"] and result.end_mm is not None
     assert result.arrived and 0 < result.end_mm < 0.01

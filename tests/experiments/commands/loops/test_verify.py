@@ -1,6 +1,5 @@
 """`verify` from the command line."""
 
-import json
 from dataclasses import replace
 from io import StringIO
 
@@ -22,7 +21,6 @@ from experiments.commands.loops.verify import (
 )
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.run_metrics import RunMetrics
-from experiments.files.results.stored import read_result
 from experiments.files.results.verdict import Verdict
 from experiments.flags.loops import Verify
 from experiments.machines.machine import MachineLimits
@@ -30,25 +28,13 @@ from experiments.machines.machine import MachineLimits
 EFFORT = "--scatter 0 --starts 1 --steps 2 --preview 4".split()
 
 
-@pytest.fixture(scope="module")
-def tuned(tmp_path_factory, machine_file, part_file):
-    folder = tmp_path_factory.mktemp("tuned") / "run"
-    where = ["--plant", str(machine_file), "--json", "--out", str(folder)]
-    assert main(["tune", str(part_file), *where, *EFFORT]) == 0
-    return folder
-
-
-@pytest.mark.slow
-def test_verify_tells_what_limits_cost(tuned, tmp_path, capsys):
-    capsys.readouterr()
-    out = tmp_path / "verified"
-    code = main(["verify", str(tuned), "--max-increment", "5", "--json", "--out", str(out)])
-    summary = json.loads(capsys.readouterr().out)
-    gaps = summary["gaps"]
-    assert code == (0 if summary["verdict"]["usable"] else 3)
+def test_verify_tells_what_limits_cost(tour):
+    visit = tour("verify")
+    out, gaps = visit.folder, visit.stored()["gaps"]
+    assert visit.code == (0 if visit.stored()["verdict"]["usable"] else 3)
     assert any(gap["active_fraction"] > 0 for gap in gaps)
     assert all(gap["residual"] <= 1e-8 for gap in gaps)
-    assert read_result(out, Verified).gaps[0].contour == gaps[0]["contour"]
+    assert visit.result(Verified).gaps[0].contour == gaps[0]["contour"]
     stored = sorted(out.glob("run-*.nc"))
     assert len(stored) == len(gaps)
     assert all(max(gap["reached"]["increment"]) <= 5 * (1 + 1e-9) for gap in gaps)
@@ -59,7 +45,7 @@ def test_verify_tells_what_limits_cost(tuned, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_limits_that_a_start_is_outside_of_leave_no_folder(tuned, tmp_path, capsys):
+def test_limits_that_a_start_is_outside_of_leave_no_folder(tmp_path, capsys):
     """The same command with another limit then has the folder to itself."""
     out = tmp_path / "verified"
     assert main(["tune", "circle", "--json", "--out", str(tmp_path / "run"), *EFFORT]) == 0

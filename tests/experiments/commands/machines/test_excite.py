@@ -7,13 +7,8 @@ import numpy as np
 from experiments.cli import main
 
 
-def test_both_programs_are_written(tmp_path, capsys):
-    limits = tmp_path / "limits.json"
-    limits.write_text(json.dumps({"travel": 400, "speed": 250, "acceleration": 2000, "dt": 0.002}))
-    folder = tmp_path / "run"
-    assert main(["identify", "--excite", str(limits), "--out", str(folder)]) == 0
-    printed = capsys.readouterr().out
-    assert "with nothing in the way" in printed and "x_command y_command" in printed
+def test_both_programs_are_written(tour):
+    folder = tour("excite").folder
     rows = np.loadtxt(folder / "excite.csv", delimiter=",", skiprows=1)
     assert (folder / "excite.csv").read_text().startswith("time_s,x_mm,y_mm\n")
     assert rows.shape[1] == 3 and np.allclose(np.diff(rows[:, 0]), 0.002)

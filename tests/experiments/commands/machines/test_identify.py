@@ -20,13 +20,10 @@ HEADER = "time,motor_position,current_q"
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("identified") / "run"
-    assert main(["identify", "--demo", "--encoder-um", "0.5", "--out", str(folder)]) == 0
-    return folder, json.loads((folder / "result.json").read_text())
+def demo(tour):
+    return tour("identify").folder, tour("identify").stored()
 
 
-@pytest.mark.slow
 def test_the_demonstration(demo):
     """What the numbers have to be is the business of the library's tests; here that they arrive."""
     folder, summary = demo

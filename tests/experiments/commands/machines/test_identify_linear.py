@@ -15,8 +15,6 @@ from experiments.files.results.linear_result import LinearMachineResult
 from experiments.files.results.stored import read_result
 from experiments.machines.from_file import load_machine
 from experiments.machines.linear import LinearMachine
-from experiments.reports.identified_tables import show
-from experiments.reports.tables import console_of
 from jcontour.linear.continuous_axes import speed_axis
 from jcontour.plants import emps
 from tuning.identification.linear.output_error import AxisRecord, Structure, fitted
@@ -24,11 +22,8 @@ from tuning.identification.linear.recording import RecordedAxis, recorded
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("linear") / "run"
-    flags = ["identify", "--machine", "linear", "--demo", "--out", str(folder)]
-    assert main([*flags, "--most-order", "1", "--most-delay", "4"]) == 0
-    return folder
+def demo(tour):
+    return tour("identify-linear").folder
 
 
 @pytest.mark.slow
@@ -52,14 +47,6 @@ def test_the_demonstration(demo):
         assert one.delay * result.dt == pytest.approx(delay)
         assert one.time_constants == pytest.approx([constant], rel=0.05)
     assert load_machine(demo / "machine.json").model.axes == 2
-
-
-@pytest.mark.slow
-def test_what_is_printed(demo, capsys):
-    show(read_result(demo, LinearMachineResult), console_of())
-    printed = capsys.readouterr().out
-    for words in ("integrator, ", "mm/s", "Family: every gain to", "Change them to those of"):
-        assert words in printed
 
 
 @pytest.mark.slow

@@ -32,13 +32,10 @@ def flags(machine_file, part_file):
 
 
 @pytest.fixture(scope="module")
-def traced(tmp_path_factory, flags):
-    folder = tmp_path_factory.mktemp("front") / "run"
-    assert main(["front", *flags, "--out", str(folder)]) == 0
-    return folder
+def traced(tour):
+    return tour("front").folder
 
 
-@pytest.mark.slow
 def test_every_file_is_there(traced):
     assert {path.name for path in traced.iterdir()} == {
         "settings.json",
@@ -57,7 +54,6 @@ def test_every_file_is_there(traced):
     }
 
 
-@pytest.mark.slow
 def test_a_point_of_the_page_has_the_runs_of_its_budget(traced):
     page, result = page_data(traced), read_result(traced, FrontResult)
     points = page["points"]["points"]
@@ -66,7 +62,6 @@ def test_a_point_of_the_page_has_the_runs_of_its_budget(traced):
     assert page["contours"] and page["plants"][0] == "nominal"
 
 
-@pytest.mark.slow
 def test_default_budgets_bite(traced):
     """From the least increment that the cap allows, which costs error, to what the best need."""
     result = read_result(traced, FrontResult)
@@ -82,7 +77,6 @@ def test_default_budgets_bite(traced):
     assert result.slack == [point.budget for point in result.points if point.slack]
 
 
-@pytest.mark.slow
 def test_a_machine_that_stands_still_is_no_answer(traced):
     """It has no contour error; the tracking error is capped where no flag does."""
     result = read_result(traced, FrontResult)
@@ -92,7 +86,6 @@ def test_a_machine_that_stands_still_is_no_answer(traced):
     assert next_steps(result, "")[0].startswith("The RMS tracking error is held below ")
 
 
-@pytest.mark.slow
 def test_the_netcdf_file_holds_the_points(traced):
     points = read_result(traced, FrontResult).points
     dataset = load_dataset(traced / "front.nc")
@@ -103,7 +96,6 @@ def test_the_netcdf_file_holds_the_points(traced):
     assert dataset.rms_contour_error.attrs["units"] == "m"
 
 
-@pytest.mark.slow
 def test_a_finished_front_can_be_told_again(traced, capsys):
     before = json.loads((traced / "result.json").read_text())
     assert main(["front", "--resume", str(traced), "--json"]) == 0

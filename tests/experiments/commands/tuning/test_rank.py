@@ -50,16 +50,11 @@ RESULT = RankedResult(
 
 
 @pytest.fixture(scope="module")
-def folder(machine_file, part_file, tmp_path_factory):
+def folder(tour):
     """A ranking of two controllers after a few evaluations."""
-    folder = tmp_path_factory.mktemp("rank") / "run"
-    words = [str(part_file), "--plant", str(machine_file), "--preview", "4", "--evaluations", "3"]
-    controllers = ["--controllers", "contouring-lq-kalman", "contouring-lq"]
-    assert main(["rank", *words, *controllers, "--out", str(folder)]) == 0
-    return folder
+    return tour("rank").folder
 
 
-@pytest.mark.slow
 def test_each_has_the_same_evaluations_and_the_best_comes_first(folder):
     rows = read_result(folder, RankedResult).rows
     assert {row.label for row in rows} == {"contouring-lq-kalman", "contouring-lq"}
@@ -71,7 +66,6 @@ def test_each_has_the_same_evaluations_and_the_best_comes_first(folder):
     assert (folder / "ranking.png").exists()
 
 
-@pytest.mark.slow
 def test_errors_are_those_of_the_true_family_on_contours_that_were_not_trained_on(
     folder, machine_file, part_file
 ):
@@ -89,7 +83,6 @@ def test_errors_are_those_of_the_true_family_on_contours_that_were_not_trained_o
     assert row.held_out == pytest.approx(math.prod(worst) ** (1 / len(worst)), rel=1e-9)
 
 
-@pytest.mark.slow
 def test_a_stored_ranking_is_told_without_tuning(folder, capsys, monkeypatch):
     monkeypatch.setattr(ranking, "_row", None)
     before = json.loads((folder / "result.json").read_text())

@@ -33,10 +33,9 @@ def flags(machine_file, part_file):
 
 
 @pytest.fixture(scope="module")
-def swept(tmp_path_factory, flags):
-    folder = tmp_path_factory.mktemp("sweep") / "run"
-    assert main(["sweep", *flags, "--devices", "1", "--out", str(folder)]) == 0
-    return folder
+def swept(tour):
+    """Four designs with one preview; the large alpha diverges where a drive is late."""
+    return tour("sweep").folder
 
 
 @pytest.fixture(scope="module")
@@ -44,13 +43,11 @@ def dataset(swept):
     return load_dataset(swept / "sweep.nc")
 
 
-@pytest.mark.slow
 def test_every_file_is_there(swept):
     found = {path.name for path in swept.iterdir()}
     assert found == {"settings.json", "inputs", "parts", "sweep.nc", "sweep.png", "result.json"}
 
 
-@pytest.mark.slow
 def test_designs_are_the_grid(dataset):
     places = list(zip(dataset.alpha.values, dataset.beta.values, strict=True))
     assert places == [(2, 0.5), (2, 5), (2e6, 0.5), (2e6, 5)]
@@ -58,7 +55,6 @@ def test_designs_are_the_grid(dataset):
     assert dataset.rms_contour_error.attrs["units"] == "m" and dataset.plant.values[0] == "nominal"
 
 
-@pytest.mark.slow
 def test_the_summary_is_that_of_the_metrics(swept, dataset):
     result = read_result(swept, SweepResult)
     lost = dataset.diverged.values.astype(bool).any(axis=(2, 3))[0]
@@ -74,7 +70,6 @@ def test_the_summary_is_that_of_the_metrics(swept, dataset):
     assert best.worst_um == errors[i].max() and best.nominal_um == errors[i, :, 0].max()
 
 
-@pytest.mark.slow
 def test_margins_of_every_design_are_stored(swept, dataset):
     """Those of the best design are those of the table, which are found in other runs."""
     (best,) = read_result(swept, SweepResult).best
@@ -88,7 +83,6 @@ def test_margins_of_every_design_are_stored(swept, dataset):
     assert unstable.any() and not unstable.all()
 
 
-@pytest.mark.slow
 def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept, capsys):
     assert main(["sweep", "--resume", str(swept)]) == 0
     printed = capsys.readouterr().out
@@ -152,7 +146,6 @@ def test_a_limit_that_a_sweep_does_not_look_at_is_no_flag_of_it(capsys):
     assert "--max-effort" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_weights_stand_beside_the_errors_in_json(swept):
     (best,) = json.loads((swept / "result.json").read_text())["best"]
     names = ["preview", "alpha", "beta", "worst_um", "nominal_um", "sensitivity", "delay_samples"]

@@ -11,7 +11,7 @@ from experiments.catalogue.choices import machine_named
 from experiments.cli import main
 from experiments.commands.tuning.tune import held_out_words, next_steps
 from experiments.files.netcdf import load_dataset
-from experiments.files.results.stored import read_result, to_json
+from experiments.files.results.stored import to_json
 from experiments.files.results.tuned_result import TunedResult
 from experiments.files.results.verdict import Verdict
 from experiments.flags.tuning import Tune
@@ -26,32 +26,25 @@ FILES = {
 
 
 @pytest.fixture(scope="module")
-def tuned(tmp_path_factory, machine_file, part_file):
-    folder = tmp_path_factory.mktemp("tuned") / "run"
-    effort = "--preview 4 --scatter 2 --starts 2 --steps 8".split()
-    machine = ["--plant", str(machine_file), "--alpha", "1e3", "--beta", "1e4"]
-    assert main(["tune", str(part_file), *machine, *effort, "--out", str(folder)]) == 0
-    return folder
+def tuned(tour):
+    return tour("tune").folder
 
 
 @pytest.fixture(scope="module")
-def result(tuned):
-    return read_result(tuned, TunedResult)
+def result(tour):
+    return tour("tune").result(TunedResult)
 
 
-@pytest.mark.slow
 def test_its_files_are_there(tuned):
     assert FILES <= {path.name for path in tuned.iterdir()}
 
 
-@pytest.mark.slow
 def test_the_result_loads_into_what_it_was_made_from(tuned, result):
     stored = json.loads((tuned / "result.json").read_text())
     assert to_json(result) == stored
     assert {"safety", "safety_of_start", "values", "gap"} <= set(stored)
 
 
-@pytest.mark.slow
 def test_tuned_weights_are_better_on_what_was_tuned(tuned, result):
     """Objective and metrics agree with the rollouts, computed again from the signals."""
     contours = {one.name: one for one in result.contours}
@@ -70,7 +63,6 @@ def test_tuned_weights_are_better_on_what_was_tuned(tuned, result):
     assert result.verdict.usable and result.verdict.reasons == []
 
 
-@pytest.mark.slow
 def test_where_the_peak_is(tuned, result, part_file):
     """The place is on the line of the program that is named, or on a blend at its end."""
     part = next(one for one in result.contours if one.name == "part")
@@ -88,7 +80,6 @@ def test_where_the_peak_is(tuned, result, part_file):
     assert on_line[line] < 2e-3  # [mm] that corners are blended within
 
 
-@pytest.mark.slow
 def test_what_was_read(result):
     part = next(one for one in result.contours if one.name == "part")
     assert part.read.pieces == 4 and part.read.ignored == ()
@@ -97,7 +88,6 @@ def test_what_was_read(result):
     np.testing.assert_allclose(part.read.high, [3e-3, 2e-3], atol=2e-5)
 
 
-@pytest.mark.slow
 def test_the_history_holds_every_point(tuned, result):
     points = json.loads((tuned / "history.json").read_text())
     assert len(points) == result.evaluated_points
@@ -112,7 +102,6 @@ def test_the_history_holds_every_point(tuned, result):
     assert chosen == pytest.approx(smooth, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_files_that_a_drive_loads_are_there_and_named(tuned, result):
     assert set(result.files) == {"gains*.csv", "observer.json"}
     for pattern in result.files:
