@@ -2,6 +2,7 @@
 
 import gc
 import hashlib
+import json
 import os
 import shutil
 import signal
@@ -52,6 +53,14 @@ QUICKLY_COMPILED = "JAX_DISABLE_MOST_OPTIMIZATIONS"
 IN_ONE_PIECE = "--xla_cpu_parallel_codegen_split_count=1"
 QUICKLY_COMPILED_LOOPS = "1"  # Numba's level; 0 does not compile all of them
 MOST_MAPS = 2500  # some thousand programs; they take about 1 GB
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--keep-snapshots",
+        action="store_true",
+        help="write what the commands print into tests/snapshots",
+    )
 
 
 def pytest_configure(config):
@@ -159,6 +168,25 @@ def _maps() -> float:
             return sum(1 for _ in maps)
     except OSError:
         return float("inf")
+
+
+@pytest.fixture
+def kept_numbers(request):
+    """(file, name, numbers, abs) -> None: the numbers are those in `tests/snapshots`, to 1e-6.
+
+    With --keep-snapshots and -n 0 they are written there: read the difference.
+    """
+
+    def compare(file, name, numbers, rel=1e-6, abs=1e-12):
+        path = Path(__file__).parent / "snapshots" / f"{file}.json"
+        kept = json.loads(path.read_text()) if path.exists() else {}
+        if request.config.getoption("keep_snapshots"):
+            rounded = {key: float(f"{value:.9g}") for key, value in numbers.items()}
+            kept = dict(sorted((kept | {name: rounded}).items()))
+            path.write_text(json.dumps(kept, indent=1) + "\n")
+        assert numbers == pytest.approx(kept[name], rel=rel, abs=abs)
+
+    return compare
 
 
 def _coupled_plant(seed: int, states: int, axes: int, dt: float = 1e-3) -> LinearPlant:

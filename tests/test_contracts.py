@@ -216,6 +216,12 @@ def loop(closed_loop, request):
 
 
 @pytest.fixture
+def name(request):
+    """Name of the controller."""
+    return request.node.callspec.params["loop"]
+
+
+@pytest.fixture
 def keeps(loop):
     """Law -> the runs of the controller; the test is skipped where it excuses itself."""
 
@@ -300,6 +306,32 @@ def test_a_run_goes_on_from_any_sample(keeps):
         whole = jax.tree.map(lambda leaf: leaf[RESTART:], getattr(begun, rows))
         again = jax.tree.map(lambda leaf: leaf[:left], getattr(resumed, rows))
         assert_alike(again, whole)
+
+
+def test_controls_are_those_that_were_kept(loop, name, kept_numbers):
+    """No truth of its own: a change of a law is seen here, the truth is in the law's own tests."""
+    rows = np.asarray(loop.once.control)[[0, 1, RESTART, STEPS - 1]]
+    numbers = {f"{k} {i}": float(u) for k, row in enumerate(rows) for i, u in enumerate(row)}
+    kept_numbers("controls", name, numbers, rel=1e-6, abs=1e-7 * float(np.abs(rows).max()))
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_plants_move_as_was_kept(name, kept_numbers):
+    """No truth of its own, as above: some steps under a control that changes."""
+    plant, model = PLANTS[name].make(), PLANTS[name].machine().model
+    control = np.array([0.1, -0.2, 0.3])[: model.inputs]
+    start = eqx.filter_jit(plant.initial_state)(np.full(model.axes, 1e-3), np.zeros(model.axes))
+
+    @jax.jit
+    def moved(state):
+        def step(state, k):
+            return plant.step(state, control * (-1.0) ** k), plant.output(state)
+
+        return jax.lax.scan(step, state, jnp.arange(1, 9))[1]
+
+    way = np.asarray(moved(start)) - 1e-3
+    numbers = {f"{k} {i}": float(y) for k, row in enumerate(way) for i, y in enumerate(row)}
+    kept_numbers("plants", name, numbers, rel=1e-6, abs=1e-7 * float(np.abs(way).max()))
 
 
 @pytest.mark.parametrize("name", PLANTS)
