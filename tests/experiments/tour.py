@@ -119,5 +119,6 @@ def masked(text: str) -> str:
     text = re.sub(r"(?<![\w.])[-+−]?\d[\d,_]*(\.\d+)?(e[-+]?\d+)?", "#", text)
     text = re.sub(r"([─━═╌╶╴]+ *)+", "─", text)
     lines = [re.sub(r"\s+", " ", line).strip() for line in text.splitlines()]
-    lines = [line for line in lines if "#:#:#" not in line]  # progress
+    # neither progress nor the compilers of this computer
+    lines = [line for line in lines if "#:#:#" not in line and not line.startswith("Checked: ")]
     return re.sub(r"\n{2,}", "\n\n", "\n".join(lines)).strip() + "\n"
