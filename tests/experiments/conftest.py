@@ -31,9 +31,18 @@ PART = "G21 G90\nG1 X2 F3000\nG3 X2 Y2 I0 J1\nG1 X0\nG1 Y0\n"
 
 
 @pytest.fixture(scope="session")
-def tour(tmp_path_factory):
-    """Name of a stop -> what its command left; see `tests.experiments.tour`."""
+def whole_tour(tmp_path_factory):
     return Tour(tmp_path_factory.mktemp("tour"), two_axes(MACHINE), PART)
+
+
+@pytest.fixture
+def tour(whole_tour, monkeypatch):
+    """Name of a stop -> what its command left; the test runs in the folder of the tour.
+
+    See `tests.experiments.tour`.
+    """
+    monkeypatch.chdir(whole_tour.folder)
+    return whole_tour
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from experiments.files.results.stored import read_result
 from experiments.files.results.tuned_result import TunedResult
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def simulated(tour):
     return tour("simulate").folder
 

@@ -24,7 +24,7 @@ def learned(folder, machine_file, part_file, *flags, code=0):
     return read_result(folder, LearnedResult)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def result(tour):
     return tour("learn").result(LearnedResult)
 

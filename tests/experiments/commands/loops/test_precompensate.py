@@ -20,7 +20,7 @@ from tuning.precompensation import Precompensated
 BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2, unit="m/s")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def bent(tour):
     return tour("precompensate").folder
 

@@ -20,7 +20,7 @@ def simulated(folder, machine_file, part_file, *flags, code=0):
     return folder
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def run(tour):
     return tour("simulate").folder
 

@@ -13,7 +13,7 @@ from experiments.files.results.tolerance_result import ToleranceResult
 from experiments.reports.tolerance_tables import findings, promise
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def kept(tour):
     assert tour("tolerance").code == 3  # acceleration
     return tour("tolerance").folder

@@ -19,7 +19,7 @@ from experiments.reports.tables import console_of
 HEADER = "time,motor_position,current_q"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def demo(tour):
     return tour("identify").folder, tour("identify").stored()
 

@@ -21,7 +21,7 @@ from tuning.identification.linear.output_error import AxisRecord, Structure, fit
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def demo(tour):
     return tour("identify-linear").folder
 

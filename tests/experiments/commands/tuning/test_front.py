@@ -31,7 +31,7 @@ def flags(machine_file, part_file):
     ]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def traced(tour):
     return tour("front").folder
 

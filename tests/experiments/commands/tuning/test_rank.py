@@ -49,7 +49,7 @@ RESULT = RankedResult(
 )
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def folder(tour):
     """A ranking of two controllers after a few evaluations."""
     return tour("rank").folder

@@ -32,13 +32,13 @@ def flags(machine_file, part_file):
     return [str(part_file), "--plant", str(machine_file), *vary]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def swept(tour):
     """Four designs with one preview; the large alpha diverges where a drive is late."""
     return tour("sweep").folder
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def dataset(swept):
     return load_dataset(swept / "sweep.nc")
 

@@ -25,12 +25,12 @@ FILES = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def tuned(tour):
     return tour("tune").folder
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def result(tour):
     return tour("tune").result(TunedResult)
 
