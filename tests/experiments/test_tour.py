@@ -20,7 +20,6 @@ NUMBERS = (
     "sweep",
     "sweep-predictive",
     "trace",
-    "excite",
     "identify",
     "identify-linear",
 )
