@@ -43,7 +43,7 @@ def test_a_command_prints_what_it_printed(tour, name, request):
 
 
 def test_every_snapshot_is_of_a_command():
-    assert {path.stem for path in SNAPSHOTS.glob("*.txt")} == set(STOPS)
+    assert {path.stem for path in SNAPSHOTS.glob("*.txt")} <= set(STOPS)
 
 
 @pytest.mark.parametrize("name", stops(NUMBERS))
