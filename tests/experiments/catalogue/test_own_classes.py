@@ -305,7 +305,7 @@ def test_a_file_states_what_is_not_known_of_its_plants(files, tmp_path):
 def test_simulate_with_controller_and_plant_of_files(capsys, files, tmp_path):
     flags = ["--controller", f"{files}/mine.py:PD", "--plant", f"{files}/plants.py:Sliding"]
     run = tmp_path / "run"
-    assert main(["simulate", "circle", *flags, "--json", "--out", str(run)]) == 0
+    assert main(["simulate", "circle", *flags, "--json", "--out", str(run)]) == 3  # unstable
     found = json.loads(capsys.readouterr().out)  # what the file prints is not there
     assert found["controller"] == "mine.py:PD" and len(found["plants"]) == 4
     assert {path.name for path in run.glob("inputs/*/*")} == {"mine.py", "plants.py"}
