@@ -4,6 +4,7 @@ A fault is told in one line, in the user's words.
 """
 
 import json
+import math
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,8 @@ def number(name: str, value: Any, least: float = -LARGEST, above: float | None =
     """A finite number of at least `least`, and above `above` where that is given."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise MachineError(f"{name}: needs a number, received {shown(value)}")
+    if LARGEST < value < math.inf:
+        raise MachineError(f"{name}: needs to be at most {LARGEST:g}, received {shown(value)}")
     if not (abs(value) <= LARGEST and value >= least and (above is None or value > above)):
         bound = f"above {above:g}" if above is not None else f"of at least {least:g}"
         raise MachineError(f"{name}: needs a finite number {bound}, received {shown(value)}")

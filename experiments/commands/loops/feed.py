@@ -71,7 +71,7 @@ def show(result: FeedResult, console: Console) -> None:
     rows = [_cells(point, result) for point in result.points]
     console.print(tables.plain_table(title, HEADINGS, rows, text_columns=0))
     for point in result.points:
-        for line in exceeded(point.limits):
+        for line in [*point.not_followed, *exceeded(point.limits)]:
             tables.say(console, f"{point.override:g} %: {line}")
         if point.diverged:
             tables.say(console, f"{point.override:g} %: DIVERGES on {', '.join(point.diverged)}")
@@ -97,7 +97,8 @@ def _cells(point: FeedPoint, result: FeedResult) -> list[str]:
     ]
     verdict = "recommended" if point.override == result.recommended else ""
     if not point.sound:
-        verdict = "DIVERGES" if point.diverged else "EXCEEDS"
+        stays = "DOES NOT FOLLOW" if point.not_followed else "EXCEEDS"
+        verdict = "DIVERGES" if point.diverged else stays
     errors = [tables.digits(1e6 * size) for size in sizes]
     time = f"{point.cycle_time:.3f}"
     return [f"{point.override:g}", time, *errors, tables.digits(worst.peak_control), verdict]

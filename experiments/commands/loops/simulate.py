@@ -28,7 +28,7 @@ from experiments.reports.figures.shared.beside import drawn_by
 from experiments.reports.figures.shared.png import image
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
-from experiments.runs.checks.arrival import arrival_warnings
+from experiments.runs.checks.arrival import arrival_warnings, motions_not_followed
 from experiments.runs.checks.between_samples import swing_warnings
 from experiments.runs.checks.lost_numbers import NAN, lost_numbers
 from experiments.runs.checks.machine_limits import drives_at_limits_in_rapids, machine_limits
@@ -148,14 +148,17 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
 
 
 def _verdict(scenarios: Scenarios, replayed: Replay, machine: Machine) -> Verdict:
-    """Limits of the machine, and plants that diverge."""
+    """Limits of the machine, plants that diverge, and motions that are not followed."""
     diverged = np.asarray(replayed.metrics.diverged)[0]
     lost = [name for name, gone in zip(scenarios.plants, diverged, strict=True) if gone]
     limits = machine_limits(replayed, scenarios, machine)
     many = f"{len(lost)} of {len(scenarios.plants)} plants"
     return Verdict.of(
         limits,
-        [f"it diverges on {many}: {', '.join(lost)}"] if lost else [],
+        [
+            *([f"it diverges on {many}: {', '.join(lost)}"] if lost else []),
+            *motions_not_followed(replayed, scenarios),
+        ],
         [
             *machine.remarks,
             *lost_numbers(replayed, scenarios),

@@ -18,6 +18,7 @@ class FeedPoint:
         limits: of the machine.
         deviation: of the motion itself from the part, in blended corners, at most [m].
         planned: a line for every limit that the motion itself exceeds.
+        not_followed: a line where the tool does not follow the motion.
     """
 
     override: float
@@ -27,11 +28,13 @@ class FeedPoint:
     limits: list[LimitCheck]
     deviation: float = 0.0
     planned: list[str] = field(default_factory=list)
+    not_followed: list[str] = field(default_factory=list)
 
     @property
     def sound(self) -> bool:
         """Every plant follows, within the machine's limits."""
-        return not self.diverged and all(one.kept for one in self.limits)
+        follows = not self.diverged and not self.not_followed
+        return follows and all(one.kept for one in self.limits)
 
 
 @dataclass(frozen=True, kw_only=True)

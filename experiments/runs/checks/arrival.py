@@ -1,4 +1,7 @@
-"""Whether the tool has settled when a run is over: nothing is scored after that."""
+"""Whether the tool follows its motion, and has settled when a run is over.
+
+Errors from the path alone do not tell: a tool that rests on it has none.
+"""
 
 import numpy as np
 
@@ -6,6 +9,29 @@ from experiments.jobs.replays import Replay, Scenarios, desired, scored
 
 RESTS = 0.05  # of the largest step of a motion: the last one, where it ends at rest
 FAR = 2.0  # largest contour errors that the tool may be from the end
+FOLLOWED = 0.5  # of the length of a motion, that the tool needs to move
+
+
+def motions_not_followed(replay: Replay, scenarios: Scenarios) -> list[str]:
+    """A line for every contour along which the tool of a plant moves less than `FOLLOWED` of it."""
+    lines = []
+    for c, points in enumerate(desired(scenarios)):
+        count = scenarios.jobs[c].samples
+        asked = _length(points[:count])
+        moved = _length(replay.output[c, :, :count])
+        worst = int(np.nanargmin(np.append(moved, np.inf)))
+        if worst < moved.size and moved[worst] < FOLLOWED * asked:
+            lines.append(
+                f"the tool moves {1e3 * moved[worst]:.4g} of {1e3 * asked:.4g} mm "
+                f"({scenarios.jobs[c].name}, {scenarios.plants[worst]}): it does not follow"
+            )
+    return lines
+
+
+def _length(points: np.ndarray) -> np.ndarray:
+    """Length of motions, (..., time, axis), from sample to sample [m]."""
+    with np.errstate(over="ignore", invalid="ignore"):  # of runs that diverge
+        return np.linalg.norm(np.diff(points, axis=-2), axis=-1).sum(axis=-1)
 
 
 def arrival_warnings(replay: Replay, scenarios: Scenarios) -> list[str]:

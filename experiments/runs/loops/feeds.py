@@ -11,6 +11,7 @@ from experiments.flags.loops import Feed
 from experiments.jobs.job import Job, Task
 from experiments.jobs.replays import Scenarios, replay
 from experiments.plain_numbers import WholePath
+from experiments.runs.checks.arrival import motions_not_followed
 from experiments.runs.checks.machine_limits import machine_limits
 from experiments.runs.checks.planned_limits import limits_exceeded_by_plan
 from experiments.runs.checks.stored_loops import StoredLoop, loop_named
@@ -68,6 +69,7 @@ def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
             limits=machine_limits(found, scenarios, loop.machine),
             deviation=_deviation(job),
             planned=limits_exceeded_by_plan(scenarios, loop.machine),
+            not_followed=motions_not_followed(found, scenarios),
         )
 
 
@@ -95,7 +97,7 @@ def recommended(
     """
     sound = [point for point in points if point.sound]
     if not sound:
-        return None, "at every feed a plant diverges or a limit of the machine is exceeded"
+        return None, "at every feed a plant does not follow or a limit of the machine is exceeded"
     if tolerance is not None:
         return _quickest_within(tolerance, sound, error)
     best = sound[0]

@@ -168,6 +168,7 @@ def test_an_npz_that_says_a_thing_twice_is_refused(names):
         ({"limits": {"jerk": 1.0}}, "limits: there is no field 'jerk'"),
         ({"limits": {"speed": [1.0, 2.0, 3.0]}}, "limits.speed: needs one number or 2"),
         ({"limits": {"control": -1.0}}, "limits.control: needs a finite number above 0"),
+        ({"limits": {"control": 1e30}}, "limits.control: needs to be at most 1e+12, received"),
         (
             {"encoder_resolution": [0.001, 0.005, 0.001]},
             "encoder_resolution: needs one number or 2, received 3",

@@ -14,6 +14,7 @@ from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import read_result
 from experiments.files.results.verdict import LimitCheck, Verdict
 from experiments.reports import tables
+from experiments.runs.loops.feeds import recommended
 
 BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2)
 METRICS = RunMetrics(*[1e-6] * 11, diverged=False)
@@ -83,6 +84,15 @@ def test_slower_feeds_are_no_help_where_the_motion_itself_exceeds_a_limit(planne
     beyond = [replace(point(feed, planned), limits=[BEYOND]) for feed in (50, 100)]
     [line] = next_steps(replace(result_of(beyond), recommended=None))
     assert ("slower --overrides" in line) is not bool(planned)
+
+
+def test_a_feed_at_which_the_tool_rests_is_not_recommended(capsys):
+    resting = replace(point(50, []), not_followed=["the tool moves 0 of 2 mm"])
+    assert not resting.sound
+    best, why = recommended([resting], "contour", 1e-3)
+    assert best is None and "does not follow" in why
+    show(replace(result_of([resting]), recommended=None), tables.console_of())
+    assert "50 %: the tool moves 0 of 2 mm" in capsys.readouterr().out
 
 
 def point(feed, planned):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.jobs.replays import Replay, Scenarios
-from experiments.runs.checks.arrival import arrival_warnings
+from experiments.runs.checks.arrival import arrival_warnings, motions_not_followed
 
 SAMPLES, PEAK = 101, 2e-6
 TO_REST = 1e-3 * (1 - np.cos(np.pi * np.arange(SAMPLES) / (SAMPLES - 1))) / 2
@@ -45,3 +45,18 @@ def test_a_tool_that_has_not_arrived_is_told():
 )
 def test_otherwise_nothing_is_told(given):
     assert told(**given) == []
+
+
+@pytest.mark.parametrize(("moved", "lines"), [(0.0, 1), (0.49, 1), (0.51, 0), (1.0, 0)])
+def test_a_tool_that_moves_less_than_half_of_the_way_does_not_follow(moved, lines):
+    """To and fro: the tool ends where it should, also one that rests on the path all the time."""
+    path = np.concatenate([TO_REST, TO_REST[::-1]])
+    position = np.stack([path, np.zeros(len(path))], axis=1)[None]
+    output = np.stack([position, moved * position], axis=1)
+    output[0, 0, -1] = np.nan  # lost: told as diverged
+    references = SimpleNamespace(steps=len(path), position=position)
+    jobs = (SimpleNamespace(name="part", samples=len(path)),)
+    found = Scenarios(cast(Any, jobs), (True,), ("lost", "late"), cast(Any, references), 0)
+    told = motions_not_followed(Replay(cast(Any, None), output, output, output), found)
+    assert len(told) == lines
+    assert all(f"moves {2 * moved:.4g} of 2 mm (part, late)" in line for line in told)
