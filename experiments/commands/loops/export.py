@@ -4,8 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from experiments.files import run_folder
 from experiments.files.results.exported_result import ExportedResult
@@ -70,7 +71,7 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
             f"export: on {job.name} {loop.name} is not its linear form: the controls differ by "
             f"{apart:.3g}; does a limit act? Another --along or a lower feed stays within it"
         )
-    law, plan = affine.law, affine.plan_along(_planned(loop, job, y))
+    law, plan = affine.law, affine.plan_along(_planned(loop, job))
     tried = off_the_plan(law, plan, u)
     rounded = rounding(affine, plan, tried, _precision(flags))
     margins, warnings = _margins(flags.run)
@@ -181,19 +182,22 @@ def _recorded(loop: StoredLoop, job: Task) -> tuple[AffineLaw, np.ndarray, np.nd
     return affine, y, u
 
 
-def _planned(
-    loop: StoredLoop, job: Task, recorded: Float[np.ndarray, "T q"]
-) -> Float[np.ndarray, "T q"]:
-    """Measurements that the plan is told from: the reference itself, where positions are measured.
+def _planned(loop: StoredLoop, job: Task) -> Float[np.ndarray, "T q"]:
+    """Measurements about which the law is written: those of the nominal model on the reference.
 
     The law is the same about any of them. About the reference the plan ends where the program does,
-    without counts and noise. A plant that measures more has no reference of it: the recorded run is
-    taken.
+    without counts and noise. At every sample the model is in steady motion through the reference;
+    positions are then the reference itself.
     """
     reference = job.reference(loop.machine.model.dt, loop.controller.preview)
-    position = np.asarray(reference.position)[: reference.steps]
-    known = loop.fed == "outputs" and loop.machine.sensed == ("m",) * position.shape[1]
-    return position if known and position.shape == recorded.shape else recorded
+    plant, steps = loop.machine.nominal(loop.fed), reference.steps
+    position = jnp.asarray(reference.position)[:steps]
+    increment = jnp.diff(position, axis=0, prepend=position[:1] - reference.start_increment[None])
+
+    def measured(position: Array, increment: Array) -> Array:
+        return row(plant.measure(plant.initial_state(position, increment)))
+
+    return np.asarray(jax.vmap(measured)(position, increment))
 
 
 def _units(loop: StoredLoop, measured: int) -> Units:

@@ -66,6 +66,10 @@ def test_other_controllers_have_a_linear_form(
     assert "typedef float real;" in (out / "controller.h").read_text()
     assert ("MOST[2]" in (out / "controller.c").read_text()) is (name == "linear-cascade")
     assert not found.warnings
+    with (out / "plan.csv").open() as plan:
+        measured = [word[0] == "r" for word in plan.readline().split(",")]
+        rows = np.loadtxt(plan, delimiter=",")[:, measured]
+    assert np.abs(rows[-1]).max() < 1e-12  # at rest where the program ends, positions and state
 
 
 @pytest.mark.slow
