@@ -75,7 +75,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "tuning/identification/linear/gain_uncertainty.py": (
         "tuning/identification/linear/test_dry_friction.py"
     ),
-    "experiments/runs/tuning/results.py": "experiments/runs/tuning/test_problem.py",
     "experiments/files/checkpoints.py": "experiments/runs/tuning/test_problem.py",
     "experiments/files/checks.py": "experiments/machines/test_from_file.py",
     "experiments/files/results/exported_result.py": "experiments/commands/loops/test_export.py",

@@ -37,14 +37,14 @@ def show_tuned(result: TunedResult, console: Console) -> None:
 
 
 def error_table(result: TunedResult) -> Table:
-    """RMS error of start and tuned weights on every contour, nominal plant and worst of the family.
+    """RMS error of start, or baseline, and tuned weights: nominal plant, worst of the family.
 
     Contours that the tuner has never seen stand below the others.
     """
     headings = [
         f"{plant}\n{words}"
         for plant in ("nominal", "worst")
-        for words in ("start", "tuned", "change %")
+        for words in (result.contours[0].compared, "tuned", "change %")
     ]
     rows = _by_training(result, _error_cells)
     effects = result.machine.nonsmooth_effects
@@ -53,16 +53,16 @@ def error_table(result: TunedResult) -> Table:
 
 
 def effort_table(result: TunedResult) -> Table:
-    """Peak error, lag and effort of start and tuned weights, worst of the family."""
+    """Peak error, lag and effort of start, or baseline, and tuned weights, worst of the family."""
     columns = [column for column in EFFORT if column[0] != f"rms_{result.error}_error"]
     headings = [
         f"{heading.replace('{error}', result.error)}\n{design}"
         for _, heading, _ in columns
-        for design in ("start", "tuned")
+        for design in (result.contours[0].compared, "tuned")
     ]
 
     def cells(contour: TunedContour, error: str) -> list[str]:
-        pairs = [contour.metrics[design].worst for design in ("start", "tuned")]
+        pairs = [contour.metrics[design].worst for design in (contour.compared, "tuned")]
         return [
             _number(factor * getattr(one, name.replace("{error}", error)), one.diverged)
             for name, _, factor in columns
@@ -92,7 +92,9 @@ def _by_training(
 def _error_cells(contour: TunedContour, error: str) -> list[str]:
     cells = []
     for plant in ("nominal", "worst"):
-        start, tuned = (getattr(contour.metrics[name], plant) for name in ("start", "tuned"))
+        start, tuned = (
+            getattr(contour.metrics[name], plant) for name in (contour.compared, "tuned")
+        )
         before, after = rms_error(start, error), rms_error(tuned, error)
         lost = start.diverged or tuned.diverged
         change = "" if lost else f"{100 * (after / before - 1):+.0f}"
@@ -158,7 +160,7 @@ def robust_lines(result: TunedResult) -> list[str]:
 
 def standstill_lines(result: TunedResult) -> list[str]:
     """What rounding makes the controls do while the tool is held."""
-    if set(result.standstill) != {"start", "tuned"}:
+    if not {"start", "tuned"} <= set(result.standstill):
         return []
     start, tuned = result.standstill["start"], result.standstill["tuned"]
     unit = result.machine.control_unit
@@ -231,7 +233,7 @@ def limit_words(name: str, bound: float) -> str:
 
 
 def _ratio(contour: TunedContour, error: str) -> float | None:
-    start, tuned = (contour.metrics[name].worst for name in ("start", "tuned"))
+    start, tuned = (contour.metrics[name].worst for name in (contour.compared, "tuned"))
     if start.diverged or tuned.diverged:
         return None
     return rms_error(tuned, error) / rms_error(start, error)

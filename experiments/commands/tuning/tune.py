@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -36,6 +36,7 @@ from experiments.runs.tuning.regret import with_regret
 from experiments.runs.tuning.results import (
     SHOWN,
     Trial,
+    baseline_trial,
     confirmed,
     history_of,
     robust_trial,
@@ -46,7 +47,9 @@ from experiments.runs.tuning.results import (
 )
 from experiments.runs.tuning.searching import NothingSound, Searched, searched
 from experiments.runs.tuning.simple_loops import (
+    SimpleLoop,
     best_simple,
+    is_chosen,
     simple_loops,
     simple_words,
     simplest,
@@ -85,27 +88,32 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     # the start is tried meanwhile, then the bound is proven
     with Beside(certified_bound.__module__) as process:
         start = start_trial(run, process)
-        found = _chosen(run, folder, console)
-        run, tuned = found.run, found.tuned
+        loops = [] if is_chosen(run.flags) else simple_loops(run)
+        found = _chosen(run, loops, folder, console)
+        asked, run, tuned = run, found.run, found.tuned
         certified = certified_bound(run, run.controller(tuned.weights), process)
         trials = {"start": start(), "tuned": trial_of(run, tuned)}
+        baseline = baseline_trial(asked, trials["start"], loops)
         with drawn_beside(figures(run, trials, folder)):
             store_runs(run, tuned, trials, folder, console)
             robust = robust_trial(run, tuned)
             in_engine = confirmed(run, tuned, trials["tuned"].replay)
         checks = robust, in_engine, certified()
+    if baseline is not None:
+        trials["baseline"] = baseline
     told = tuned_result(found, trials, *checks, time.perf_counter() - began)
     store_result(run, told, tuned, folder)
     return told
 
 
-def _chosen(run: TuningRun, folder: Path, console: Console) -> Searched:
-    """The search of the controller, or that of a simple loop where it is as good.
+def _chosen(
+    run: TuningRun, loops: Sequence[SimpleLoop], folder: Path, console: Console
+) -> Searched:
+    """The search of the controller, or that of one of the simple loops where it is as good.
 
     Raises:
         RuntimeError: no point could be evaluated without a diverging plant.
     """
-    loops = simple_loops(run)
     if loops:
         tables.say(console, f"Simple loops, where they begin: {simple_words(loops)}")
     best = best_simple(loops)

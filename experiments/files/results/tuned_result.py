@@ -154,7 +154,8 @@ class TunedContour:
 
     Attributes:
         samples: control steps of the run.
-        metrics: of the start weights and of the tuned ones.
+        metrics: of the start weights and of the tuned ones; of a baseline where the start is not
+            usable.
         read: what the contour is; None in folders of older versions, as `peak`.
         peak: where the tuned weights leave the largest error.
         shown: whether tables and figures show it; of many contours they show some.
@@ -169,6 +170,11 @@ class TunedContour:
     peak: PeakPlace | None = None
     shown: bool = True
     feed_law: str = ""
+
+    @property
+    def compared(self) -> str:
+        """Loop that the tuned one is compared with in tables."""
+        return "baseline" if "baseline" in self.metrics else "start"
 
 
 @dataclass(frozen=True, kw_only=True)

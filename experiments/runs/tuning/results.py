@@ -1,7 +1,7 @@
 """Results of a tuning run: replays, margins, gap to the machine with all effects, history."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
@@ -48,6 +48,7 @@ from experiments.runs.tuning.family_loops import (
 )
 from experiments.runs.tuning.problem import TuningRun
 from experiments.runs.tuning.searching import Searched
+from experiments.runs.tuning.simple_loops import SimpleLoop, best_simple, simple_loops
 from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.analysis.uncertain_loops import BORNE
 from jcontour.controller import Controller
@@ -63,12 +64,16 @@ SHOWN = 12  # contours: more are too many to look at
 
 @dataclass(frozen=True)
 class Trial:
-    """Weights on the machines with all effects: every run, margins and curves, standstill."""
+    """Weights on the machines with all effects: every run, margins and curves, standstill.
+
+    `name` is that of the controller where it is not the tuned one.
+    """
 
     replay: Replay
     margins: PathMargins
     curves: FamilyCurves
     standstill: Standstill | None
+    name: str = ""
 
 
 def trial_of(run: TuningRun, tuned: Tuned) -> Trial:
@@ -96,6 +101,30 @@ def start_trial(run: TuningRun, process: Beside) -> Callable[[], Trial]:
     """
     controller = run.before.build(run.before.start)
     return process.submit(tried, controller, run.machine, run.scenarios, run.design.fed)
+
+
+def baseline_trial(run: TuningRun, start: Trial, loops: Sequence[SimpleLoop]) -> Trial | None:
+    """The best simple loop within every limit, with its first gains, where the start is not usable.
+
+    Args:
+        run: of the tuning.
+        start: the design that the tuned one is compared with else.
+        loops: simple loops where they begin, if they are known.
+    """
+    if keeps_limits(run, start):
+        return None
+    best = best_simple([one for one in loops or simple_loops(run) if one.kept])
+    if best is None:
+        return None
+    simple = best.run
+    controller = simple.controller(simple.start)
+    trial = tried(controller, simple.machine, simple.scenarios, simple.design.fed)
+    return replace(trial, name=simple.design.name) if keeps_limits(simple, trial) else None
+
+
+def keeps_limits(run: TuningRun, trial: Trial) -> bool:
+    """Whether a trial is that of a stable loop within every stated limit."""
+    return not _unstable(trial) and all(one.kept for one in stated_limits(run, *_tests(trial)))
 
 
 def tried(
@@ -127,7 +156,7 @@ def tuned_result(
     certified: CertifiedBound | None,
     seconds: float,
 ) -> TunedResult:
-    """The whole result; `trials` are those of the start and of the tuned weights."""
+    """The whole result; `trials` are those of the start, a baseline and the tuned weights."""
     run, tuned = searched.run, searched.tuned
     found, margins = trials["tuned"].replay, trials["tuned"].margins
     replays = {name: trial.replay for name, trial in trials.items()}
@@ -160,6 +189,7 @@ def tuned_result(
             warnings=[
                 *run_warnings(run, tuned, margins, replays),
                 *idle_warnings(searched.idle),
+                *_baseline_words(trials),
             ],
         )
     )
@@ -208,6 +238,13 @@ def _unstable(trial: Trial) -> str:
     if np.any(trial.replay.metrics.diverged):
         return "a plant of the family diverges"
     return "" if trial.margins.stable else "a frozen loop is open or unstable"
+
+
+def _baseline_words(trials: Mapping[str, Trial]) -> list[str]:
+    if "baseline" not in trials:
+        return []
+    name = trials["baseline"].name
+    return [f"the baseline is {name} with its first gains, the best simple loop within every limit"]
 
 
 def _offset_lasts(run: TuningRun, tuned: Tuned) -> float:

@@ -6,15 +6,17 @@ best of them may come within reach of the tuned controller it is tuned as well, 
 where it is as good.
 """
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from experiments.catalogue.choices import design_for, names_controller
+from experiments.catalogue.choices import UnreadFlagWarning, design_for, names_controller
 from experiments.designs.design import Design, by_name
 from experiments.designs.simple_loops import NOTCHED, simple_names
+from experiments.flags.tuning import Tune
 from experiments.machines.linear import LinearMachine
 from experiments.runs.tuning.limits import lag_limit, named_limits
 from experiments.runs.tuning.problem import TuningRun
@@ -54,18 +56,27 @@ class SimpleLoop(NamedTuple):
 def simple_loops(run: TuningRun) -> list[SimpleLoop]:
     """The simple loops that suit the machine where they begin, the simplest first.
 
-    None where the user names a controller, its weights or an objective of its own.
+    None where the objective is no error of single runs, or the state is measured.
     """
     flags, machine = run.flags, run.machine
-    asked = names_controller(flags) or flags.free is not None or flags.objective in SEVERAL
-    if asked or not isinstance(machine, LinearMachine):
+    other = flags.objective in SEVERAL or run.design.fed != "outputs"
+    if other or not isinstance(machine, LinearMachine):
         return []
     try:
         names = simple_names(machine)
     except ValueError:  # coupled axes
         return []
-    designs = {name: design_for(machine, replace(flags, controller=name)) for name in names}
+    with warnings.catch_warnings():  # the flags are for those that read them
+        warnings.simplefilter("ignore", UnreadFlagWarning)
+        designs = {
+            name: design_for(machine, replace(flags, controller=name, weights=())) for name in names
+        }
     return [_at_start(of_design(run, one)) for one in worth_trying(designs)]
+
+
+def is_chosen(flags: Tune) -> bool:
+    """Whether the user names a controller or its weights: no other one is recommended then."""
+    return names_controller(flags) or flags.free is not None
 
 
 def worth_trying(designs: Mapping[str, Design]) -> list[Design]:

@@ -134,7 +134,10 @@ def start_lines(seen: Evidence) -> list[str]:
             after = tuned.get(one.name)
             now = "" if after is None else f"; tuned {after.value:.4g}"
             why.append(f"{one.name} {one.size}{now}")
-    return [f"start: not usable, {line}" for line in why]
+    lines = [f"start: not usable, {line}" for line in why]
+    if lines and not seen.compared:
+        lines.append("compared with no other loop: no simple loop keeps every limit as it begins")
+    return lines
 
 
 def exceeded_most(problem: Problem, tuned: Tuned) -> str:
