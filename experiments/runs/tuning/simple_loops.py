@@ -30,6 +30,7 @@ AS_GOOD = 1.1  # times the error of the best: what is simpler is then recommende
 PAYS = 1.5  # times the gain of the position loop: less is not worth a notch
 REACH = 1.5  # times the error of the tuned controller: what a short descent may gain
 STEPS = 6  # iterations of that descent
+HALVINGS = 5  # of a gain that breaks a limit: at 1/32 it hardly follows
 SEVERAL = ("regret", "certified")
 Search = Callable[[TuningRun], Searched | None]
 
@@ -117,6 +118,22 @@ def of_design(run: TuningRun, design: Design) -> TuningRun:
 
 
 def _at_start(run: TuningRun) -> SimpleLoop:
+    """The loop with the fastest gain, from that of its start down, that keeps every limit.
+
+    The first gain keeps the margins of the family; the limits of the machine may ask for less.
+    Where none keeps them the loop is that of the start.
+    """
+    loop = first = _evaluated(run)
+    for _ in range(HALVINGS):
+        if loop.kept or not np.isfinite(loop.error):
+            break
+        design = loop.run.design
+        slower = {**design.start, "position": design.start["position"] / 2}
+        loop = _evaluated(replace(loop.run, design=replace(design, start=slower)))
+    return loop if loop.kept else first
+
+
+def _evaluated(run: TuningRun) -> SimpleLoop:
     z = np.asarray(Chart(run.problem.space, run.start).coordinates())
     point = evaluate_values(run.problem, run.start, z)
     if point.diverged:

@@ -1,10 +1,12 @@
 """Which loop is recommended: closed cases with errors and violations that are given."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from experiments.runs.tuning import simple_loops
 from experiments.runs.tuning.searching import Searched
 from experiments.runs.tuning.simple_loops import (
     SimpleLoop,
@@ -13,6 +15,14 @@ from experiments.runs.tuning.simple_loops import (
     simplest,
     worth_trying,
 )
+
+
+@dataclasses.dataclass
+class Namespaced:
+    """A run or a design, as far as the search for its first gain reads it."""
+
+    design: object = None
+    start: dict | None = None
 
 
 def loop(name, error, violation=-0.1):
@@ -35,6 +45,19 @@ def test_the_simplest_that_is_as_good_as_any_within_a_tenth():
     assert best_simple(beyond[2:]) is None and best_simple([]) is None
     words = simple_words([*loops[:1], *beyond[1:]])
     assert words == "p 23 um; pi 2 um, 22 % beyond a limit; lost unstable"
+
+
+@pytest.mark.parametrize(("allowed", "begins"), [(40.0, 32.0), (9.0, 8.0), (0.5, 32.0)])
+def test_the_fastest_gain_within_the_limits_begins(monkeypatch, allowed, begins):
+    """At 0.5 none of the halved gains keeps the limit: the loop is that of the first one."""
+
+    def evaluated(run):
+        return SimpleLoop(run, 1e-6, float(np.log(run.design.start["position"] / allowed)))
+
+    monkeypatch.setattr(simple_loops, "_evaluated", evaluated)
+    design = Namespaced(start={"position": 32.0, "viscous": 1.0})
+    loop = simple_loops._at_start(Namespaced(design=design))  # pyright: ignore[reportArgumentType]
+    assert loop.run.design.start == {"position": begins, "viscous": 1.0}
 
 
 def test_a_notch_is_tried_where_it_raises_the_gain_and_else_the_loop_without():
