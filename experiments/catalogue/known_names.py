@@ -102,6 +102,8 @@ def check_flags(flags: Any) -> None:
         check_controller(controller)
         if own_name(controller):
             _check_file(controller, {})
+    if getattr(flags, "resume", None):  # parts beside it are refused, whatever they are
+        return
     for name in (*parts, *([contour] if contour else [])):
         check_contour(name)
         _check_file(name, CONTOURS)
