@@ -74,13 +74,20 @@ class Pace(NamedTuple):
             return limit
         return SHARE * limit
 
+    @property
+    def largest_jerk(self) -> float:
+        """Jerk with which an axis builds up its acceleration within one sample [m/s^3]."""
+        limit = self.axis_acceleration
+        most = self.acceleration_or_default if limit is None else float(limit.max())
+        return most / float(self.machine.model.dt)
+
     @classmethod
     def of(cls, flags: MachineFlags, machine: Machine) -> "Pace":
         """Pace that the flags ask for.
 
         Raises:
-            ValueError: a feed, acceleration or jerk that is not finite and above zero, or a
-                corner tolerance or a distance to join that is negative.
+            ValueError: a feed, acceleration or jerk that is not finite and above zero, a corner
+                tolerance or a distance to join that is negative, or a jerk that no sample shows.
         """
         for name, value in (
             ("feed-mm-per-min", flags.feed_mm_per_min),
@@ -96,7 +103,7 @@ class Pace(NamedTuple):
         ):
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: needs to be finite and not negative, received {value}")
-        return cls(
+        pace = cls(
             machine,
             feed,
             flags.acceleration,
@@ -106,3 +113,9 @@ class Pace(NamedTuple):
             drawing_unit=None if flags.drawing_unit is None else DRAWING_UNITS[flags.drawing_unit],
             join=1e-6 * flags.join_um,
         )
+        if flags.jerk is not None and flags.jerk > pace.largest_jerk:
+            raise ValueError(
+                f"jerk: beyond {pace.largest_jerk:.4g} m/s^3 the acceleration builds up within a "
+                f"sample and no limit remains, received {flags.jerk:g}"
+            )
+        return pace

@@ -22,7 +22,7 @@ def motions_not_followed(replay: Replay, scenarios: Scenarios) -> list[str]:
         worst = int(np.nanargmin(np.append(moved, np.inf)))
         if worst < moved.size and moved[worst] < FOLLOWED * asked:
             lines.append(
-                f"the tool moves {1e3 * moved[worst]:.4g} of {1e3 * asked:.4g} mm "
+                f"the tool moves {round(1e3 * moved[worst], 6):.4g} of {1e3 * asked:.4g} mm "
                 f"({scenarios.jobs[c].name}, {scenarios.plants[worst]}): it does not follow"
             )
     return lines

@@ -92,8 +92,9 @@ def recommended(
     """The feed to run, and why.
 
     The quickest one within the tolerance. Without one, the last at which a rise of the feed still
-    takes half as much off the cycle time: beyond it the machine only accelerates. Where every rise
-    does, as at constant feed, the time tells no feed from another: only the machine's limits do.
+    takes half as much off the cycle time, or adds no error: beyond it the machine only accelerates.
+    Where every rise does, as at constant feed, the time tells no feed from another: only the
+    machine's limits do.
     """
     sound = [point for point in points if point.sound]
     if not sound:
@@ -103,19 +104,21 @@ def recommended(
     best = sound[0]
     for point in sound[1:]:
         rise, gain = point.override / best.override, best.cycle_time / point.cycle_time
-        if np.log(gain) < PAYS * np.log(rise):
+        cost = _peak(point, error) / _peak(best, error) - 1
+        if cost > 0 and np.log(gain) < PAYS * np.log(rise):
             words = f"{100 * (rise - 1):.0f} % more feed takes {100 * (1 - 1 / gain):.0f} % off"
-            cost = _peak(point, error) / _peak(best, error) - 1
-            more = f"{100 * abs(cost):.0f} % {'more' if cost > 0 else 'less'} error"
-            return best, f"beyond it {words} the cycle time, with {more}"
+            return best, f"beyond it {words} the cycle time, with {100 * cost:.0f} % more error"
         best = point
     if best is not points[-1]:
         return best, "the quickest of these that the machine follows within its limits"
     if len(points) == 1:
         return best, "the only one of these; --tolerance-um says what the part allows"
+    if _peak(best, error) <= min(_peak(point, error) for point in sound):
+        return best, "the quickest of these, and no slower one has less error"
     return None, (
-        "each rise of the feed takes at least half as many per cent off the cycle time, so time "
-        "alone names none: give --tolerance-um, the largest error that the part allows"
+        "each rise of the feed takes at least half as many per cent off the cycle time, or adds "
+        "no error, so time alone names none: give --tolerance-um, the largest error that the "
+        "part allows"
     )
 
 

@@ -75,7 +75,12 @@ def test_summary_sees_ramps_of_a_millisecond_in_a_minute(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "given"), [("jerk", {"jerk": 0.0}), ("corner", {"corner_tolerance_um": -1.0})]
+    ("name", "given"),
+    [
+        ("jerk", {"jerk": 0.0}),
+        ("jerk: beyond 1500 m/s", {"jerk": 1501.0}),  # 1.5 m/s^2 within a sample of 1 ms
+        ("corner", {"corner_tolerance_um": -1.0}),
+    ],
 )
 def test_bad_limits_are_refused(tmp_path, name, given):
     with pytest.raises(ValueError, match=name):

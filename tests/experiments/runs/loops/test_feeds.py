@@ -39,6 +39,13 @@ def test_the_quickest_within_the_tolerance():
     assert none is None and "least largest error is 2 um" in reason
 
 
+def test_a_quicker_feed_with_no_more_error_always_pays():
+    points = [point(50, 0.75, 1.68), point(100, 0.535, 1.63)]  # 29 % of the time for twice the feed
+    best, reason = recommended(points, "contour", None)
+    assert best is points[1] and "no slower one has less error" in reason
+    assert recommended([points[0], point(100, 0.535, 1.7)], "contour", None)[0] is points[0]
+
+
 def result(tolerance, deviation, tuned):
     return result_of([replace(one, deviation=deviation) for one in POINTS], tolerance, tuned)
 
