@@ -1,7 +1,6 @@
 """Names on a command line, checked before heavy imports: a slip is answered at once."""
 
 import errno
-import json
 import math
 import stat
 from dataclasses import fields
@@ -51,12 +50,12 @@ def check_contour(name: str) -> None:
 
 def _what_takes(folder: Path) -> str:
     """What may be done with a folder, a run or not."""
-    from experiments.files.run_folder import RESULT  # loads NumPy
+    from experiments.files.run_folder import RESULT, read_json
 
     try:
-        weights = json.loads((folder / RESULT).read_text())["weights"]
+        weights = read_json(folder, RESULT)["weights"]
         words = [f"{name}={_value(value)}" for name, value in weights.items() if value is not None]
-    except (OSError, ValueError, KeyError, AttributeError, TypeError):
+    except (ValueError, KeyError, AttributeError, TypeError):
         return f"give one of {', '.join(CONTOURS)}, or a toolpath file"
     return (
         "`jcontour feed`, `precompensate`, `verify`, `certify`, `export` and `report` take the "

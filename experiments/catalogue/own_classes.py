@@ -108,7 +108,7 @@ def check_own(own: OwnName) -> None:
     A file that cannot be parsed, or makes names while it runs, is told when it is run.
     """
     try:
-        tree = ast.parse(own.path.read_bytes())
+        tree = ast.parse(content_of(own.path, MOST_BYTES))
     except (OSError, SyntaxError, ValueError):
         return
     first, known = own.name.split(".")[0], set()
@@ -177,7 +177,8 @@ def own_machine(own: OwnName) -> "Machine":
     try:
         if not linear:
             check_plant(plant, axes_of(plant))
-        return make(plant, name, vars(_module(own.path, own.path.read_bytes())).get(FAMILY))
+        module = _module(own.path, content_of(own.path, MOST_BYTES))
+        return make(plant, name, vars(module).get(FAMILY))
     except (ContractError, checks.MachineError) as error:
         raise _broken(own, error) from None
     except Exception as error:  # the file's code runs in it: whatever fails is told with its line
@@ -208,7 +209,7 @@ def _made(own: OwnName, kind: type, arguments: tuple[Any, ...]) -> Any:
 
 def _found(own: OwnName) -> Any:
     try:
-        source = own.path.read_bytes()
+        source = content_of(own.path, MOST_BYTES)
     except OSError as error:
         raise ValueError(f"{own.path}: cannot be read ({error.strerror or error})") from None
     try:
@@ -233,7 +234,7 @@ def _missing(own: OwnName) -> ValueError:
 
 def _defined(path: Path) -> list[str]:
     """Public classes and functions of a Python file, in its order."""
-    body = ast.parse(path.read_bytes()).body
+    body = ast.parse(content_of(path, MOST_BYTES)).body
     names = [one.name for one in body if isinstance(one, ast.ClassDef | ast.FunctionDef)]
     return [name for name in names if not name.startswith("_")]
 

@@ -16,7 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from experiments.files.checks import json_value
+from jcontour.regular_files import content_of
+
 SETTINGS, RESULT = "settings.json", "result.json"
+MOST_BYTES = 512 * 2**20  # of such a file
 
 
 class RunError(ValueError):
@@ -145,11 +149,13 @@ def read_json(folder: Path, name: str) -> dict[str, Any]:
         RunError: it is missing or not a JSON object.
     """
     try:
-        found = json.loads((folder / name).read_text())
-    except OSError:
+        found = json_value(content_of(folder / name, MOST_BYTES))
+    except (FileNotFoundError, NotADirectoryError):
         raise RunError(
             f"{folder}: is not a run folder, or its run has not ended ({name} is missing)"
         ) from None
+    except OSError as error:
+        raise RunError(f"{folder / name}: cannot be read ({error.strerror or error})") from None
     except ValueError:
         raise RunError(f"{folder / name}: is not JSON") from None
     if not isinstance(found, dict):

@@ -1,5 +1,6 @@
 import json
 import math
+import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +33,14 @@ def test_a_run_of_another_command_or_version_is_told(tmp_path):
     (folder / run_folder.SETTINGS).write_text('{"command": "tune"}')
     with pytest.raises(run_folder.RunError, match="a run of another version of jcontour"):
         run_folder.opened(folder, "tune")
+
+
+def test_a_file_that_is_no_json_or_never_ends_is_told(tmp_path):
+    (tmp_path / "deep.json").write_text("[" * 100_000)
+    os.mkfifo(tmp_path / "pipe.json")  # nothing ever writes into it
+    for name, words in (("deep.json", "is not JSON"), ("pipe.json", "not a regular file")):
+        with pytest.raises(run_folder.RunError, match=words):
+            run_folder.read_json(tmp_path, name)
 
 
 def test_an_empty_folder_is_taken(tmp_path):
