@@ -52,7 +52,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
             "control_unit": result["machine"]["control_unit"],
             "controller": result["controller"],
             "error": result["error"],
-            "verdict": _verdict(result),
+            "verdict": None if command == "front" else _verdict(result["verdict"]),
             "lines": _lines(result),
             "sensitivity": _sensitivity(folder),
             "limit": result.get("limits", {}).get("peak_sensitivity"),
@@ -69,11 +69,9 @@ def _word(value: Any) -> str:
     return " ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
-def _verdict(result: dict[str, Any]) -> dict[str, Any] | None:
+def _verdict(stored: dict[str, Any]) -> dict[str, Any]:
     """Lines that the terminal prints, and whether they are against the values."""
-    if "verdict" not in result:
-        return None
-    verdict = from_json(result["verdict"], Verdict)
+    verdict = from_json(stored, Verdict)
     return {"usable": verdict.usable, "lines": verdict.lines}
 
 
