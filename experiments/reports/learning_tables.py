@@ -57,18 +57,14 @@ def loading(result: LearnedResult, file: str) -> list[str]:
     one = result.stored
     if one is None:
         return ["Nothing to load: no lap of the linear model is better than the first"]
-    asks = f"up to {digits(one.speed)} m/s and {digits(one.acceleration)} m/s^2"
     if not result.verdict.usable:
-        return [
-            f"Not written: {file}: what lap {one.lap} of the linear model learned asks an axis for "
-            f"{asks}"
-        ]
+        return [f"Not written: {file}, as lap {one.lap} of the linear model had it"]
     weights = ", ".join(f"{name} {_told(value)}" for name, value in result.weights.items())
     return [
         f"Load: {file}: the reference at every sample as lap {one.lap} of the linear model had it "
         f"({digits(one.error_um)} um), shifted by up to {digits(one.largest_um)} um; it begins "
         f"{digits(one.first_um)} um beside the part, a step for the tool that stands there, and "
-        f"then asks an axis for {asks}",
+        f"then asks an axis for up to {digits(one.speed)} m/s and {digits(one.acceleration)} m/s^2",
         f"      It is for {result.controller} with {weights}, and for no other one; on the machine "
         "go on from it lap by lap",
     ]
