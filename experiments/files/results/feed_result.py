@@ -63,9 +63,7 @@ class FeedResult:
     @property
     def undecided(self) -> bool:
         """Whether several feeds will do, and only a tolerance names one."""
-        if self.recommended is not None or self.tolerance is not None:
-            return False
-        return any(point.sound for point in self.points)
+        return self.recommended is None and self.verdict.usable
 
     @property
     def corners_decide(self) -> bool:

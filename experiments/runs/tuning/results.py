@@ -21,6 +21,7 @@ from experiments.files.results.tuned_result import (
     TunedContour,
     TunedResult,
 )
+from experiments.files.results.verdict import ROUNDING
 from experiments.jobs.replays import Replay, Scenarios, replay, scored
 from experiments.machines.machine import Fed, Machine
 from experiments.reports.figures.tuning.sensitivity import FamilyCurves
@@ -53,12 +54,11 @@ from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.analysis.uncertain_loops import BORNE
 from jcontour.controller import Controller
 from jcontour.simulation.evaluation import member, stack_plants
-from tuning.history import FEASIBLE
 from tuning.objectives import LEAST
 from tuning.parameters import Chart
 from tuning.tune import Tuned
 
-SAFE = BORNE * np.exp(FEASIBLE)  # of what a response that is not known may take of a loop
+SAFE = BORNE * (1 + ROUNDING)  # of what a response that is not known may take of a loop
 SHOWN = 12  # contours: more are too many to look at
 
 
