@@ -82,7 +82,8 @@ def test_what_the_motion_itself_exceeds_is_told_once(capsys):
 @pytest.mark.parametrize("planned", [["speed"], []])
 def test_slower_feeds_are_no_help_where_the_motion_itself_exceeds_a_limit(planned):
     beyond = [replace(point(feed, planned), limits=[BEYOND]) for feed in (50, 100)]
-    [line] = next_steps(replace(result_of(beyond), recommended=None))
+    none = Verdict.of([], ["none will do"])
+    [line] = next_steps(replace(result_of(beyond), recommended=None, verdict=none))
     assert ("slower --overrides" in line) is not bool(planned)
 
 
