@@ -121,7 +121,7 @@ class FilterMemory(NamedTuple):
 
 
 class Filtered(Wrapper):
-    """Any controller with a filter on every control; which starts in equilibrium.
+    """Any controller with a filter on every control, which starts in equilibrium.
 
     >>> from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
     >>> from jcontour.sensors import motors
@@ -134,17 +134,19 @@ class Filtered(Wrapper):
         controller: the wrapped controller.
         filter: filter of its controls.
         inputs: number of controls p.
-        holding: control per m that holds an axis at rest, as in `Cascade`.
+        holding: control per m that holds an axis at rest, as in `Cascade`; none when not given.
     """
 
     controller: Controller
     filter: Biquad
     inputs: int = eqx.field(static=True)
-    holding: Float[ArrayLike, "*p"] = 0.0
+    holding: Float[ArrayLike, "*p"] | None = None
 
     def initial_memory(self, reference: Reference) -> FilterMemory:
         """Filter in its steady state under the control that holds the first place, and the rest."""
-        held = jnp.broadcast_to(self.holding * reference.position[0], (self.inputs,))
+        held = jnp.zeros(self.inputs, self.filter.numerator.dtype)
+        if self.holding is not None:
+            held = held + self.holding * reference.position[0]
         return FilterMemory(self.filter.steady(held), self.controller.initial_memory(reference))
 
     def step(

@@ -8,6 +8,7 @@ from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.wrappers.filters import Biquad, Filtered, low_pass, notch, tustin
 from jcontour.geometry.contours import circle
+from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.simulation.closed_loop import prepared, simulate
 
@@ -75,6 +76,14 @@ def test_filtered_controls_are_the_filter_of_the_controls(two_axes):
     np.testing.assert_allclose(
         rollout.control, lfilter(*coefficients(filter), raw, axis=0), rtol=1e-9
     )
+
+
+def test_a_filter_of_three_controls_on_two_axes_begins_at_zero(two_axes):
+    reference = along(circle(1e-3), 2.5e-5 * np.arange(6), two_axes.dt, 3, at_rest=False)
+    machine = LinearPlant(0.5 * np.eye(2), np.ones((2, 3)), np.eye(2), two_axes.dt)
+    inside = ContouringLQ(machine, LQWeights(3.0, 5.0, 2e-9), 3)
+    memory = Filtered(inside, low_pass(100.0, 0.7, DT), 3).initial_memory(reference)
+    np.testing.assert_array_equal(memory.filter, np.zeros((2, 3)))
 
 
 @pytest.mark.slow
