@@ -118,7 +118,7 @@ def evaluate(
     batching = platform_batching() if batching is None else batching
 
     def on_contour(reference: Reference) -> Any:
-        if score is score_signals and (run := _without_gains(controller, plants, reference)):
+        if score is score_signals and (run := _without_gains(plants, controller, reference)):
             return each(lambda plant: run(plant, window), plants)
         plan = controller.prepare(reference)
         return each(
@@ -128,8 +128,8 @@ def evaluate(
     return batching(on_contour, references)
 
 
-def _without_gains(controller: Controller, plants: Plant, reference: Reference) -> Any:
-    """Metrics (plant, window) by the kernels, where they are wanted and take the run."""
+def _without_gains(plants: Plant, controller: Controller, reference: Reference) -> Any:
+    """Metrics by a kernel, a function of plant and window; None where no kernel takes the run."""
     if not kernels.wanted() or type(plants) is not LinearPlant:
         return None  # a wrapper may measure less than the state
     problem = None

@@ -193,3 +193,16 @@ def test_bad_controllers_are_named(any_type, two_axes):
 def test_a_schedule_needs_the_whole_preview(two_axes):
     with pytest.raises(ValueError, match="preview"):
         ContouringLQ(two_axes, LQWeights(1, 1, 1), 5).prepare(reference_of(0, 2, 3))
+
+
+def test_a_subclass_may_have_a_law_of_its_own(two_axes):
+    class Halved(ContouringLQ):
+        def step(self, memory, plan, measurement):
+            memory, control = super().step(memory, plan, measurement)
+            return memory, 0.5 * control
+
+    given, reference = (two_axes, LQWeights(3.0, 5.0, 2e-9), 3), reference_of(5, 2, 3)
+    assert ContouringLQ(*given).decoupled_problem(reference) is not None
+    assert Halved(*given).decoupled_problem(reference) is None  # no kernel stands for its run
+    plans = [law(*given).prepare(reference) for law in (ContouringLQ, Halved)]
+    np.testing.assert_allclose(plans[0].F, plans[1].F, rtol=1e-7)
