@@ -82,7 +82,7 @@ def block_sweep(
         g: likewise (blocks, n).
     """
     cost = cost_entries(Q, y_d)[:, seen]
-    return _gains(pattern, _swept(pattern, preview, A, B, C, cost, R, H, g))
+    return _gains(pattern, _packed_sweep(pattern, preview, A, B, C, cost, R, H, g))
 
 
 def remembering_sweep(
@@ -96,7 +96,7 @@ def remembering_sweep(
     the order of the states is of no account. It has no derivative.
     """
     cost = cost_entries(Q, y_d)[:, seen]
-    F, f = _gains(pattern, _swept(pattern, cost.shape[1], A, B, C, cost, R, H, g))
+    F, f = _gains(pattern, _packed_sweep(pattern, cost.shape[1], A, B, C, cost, R, H, g))
 
     def on(product, F):
         return (A[None] - jnp.einsum("np,bpm->bnm", B, F)) @ product, None
@@ -111,10 +111,10 @@ def _gains(pattern: Pattern, K):
     return K[..., np.argsort(packing(pattern).order)], -K[..., -1]
 
 
-def _swept(
+def _packed_sweep(
     pattern: Pattern, preview: int, A, B, C, cost: Float[Array, "q seen blocks"], R, H, g
 ) -> Float[Array, "N_p p size blocks"]:
-    """Gains K = [F, -f] in XLA; the states are in the order of `packing`."""
+    """Gains K = [F, -f] of the first samples; the states are in the order of `packing`."""
     pack, maps = packing(pattern), stage_maps(pattern, A, B, C)
     rows = jnp.moveaxis(cost, 1, 0)
 
