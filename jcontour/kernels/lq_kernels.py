@@ -2,10 +2,12 @@
 
 The algebra is that of `riccati.decoupled`. With f = beta / (alpha + beta), t = 1 - f, and the
 errors of the window scaled by the root of the stage profile, a step solves
+
     S v = sum_a r_a (M_a e_a),   S_ij = 1_ij (t + f (1 - |r_i|^2)) + f sum_a r_ai M_aij r_aj
     eta_a = e_a - f r_a v,       u_a = -(kappa M_a h_a)' eta_a
 The cost is homogeneous in (alpha, beta, rho): the slopes with log kappa and with f say all. From
 kappa dM/dkappa = M M - M,
+
     kappa d/dkappa: S v' = r'M (e' + M eta - eta),    u' = -(kappa M h)' (M eta + e' - f r v')
           d/df:     S v' = r'M (e' - r v) + |r|^2 v,  u' = -(kappa M h)' (e' - r v - f r v')
 with e' = O x', the slope of the free error.

@@ -195,7 +195,7 @@ def _responses(G: Float[Array, "m N N"], stage) -> tuple[Array, ...]:
 
 
 def _designed(own: Float[Array, "rows runs"], responses, dtype) -> list[Array]:
-    """What a run's kernel reads of its own: shares, triangles of M, kappa M h, profile."""
+    """Rows that each run's kernel reads for itself: shares, triangles of M, kappa M h, profile."""
     kappa, forgiven, tracked, *stage = own
     i, j = np.tril_indices(responses[0].shape[1])
     if stage:

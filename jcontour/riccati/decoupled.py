@@ -1,15 +1,19 @@
 """Receding-horizon gains of machines with decoupled axes, without a sweep over the horizon.
 
 An axis a with one input and one output, state x_a, sees over the window of samples k+1..k+N
+
     y_a = O_a x_a + G_a U_a,   row i of O_a: c_a A_a^i,   G_a[i, j] = h_a[i - j] = c_a A_a^(i-j) b_a
 With D = diag(sqrt(stage)), e_a = D (y_a - y_d,a), r_i the tangent, v_i = sum_a r_ai e_ai the lag,
 kappa = (alpha + beta) / rho and gamma = beta / (alpha + beta), the cost of `contouring_lq` over rho
 is
+
     kappa sum_i (|e_i|^2 - gamma v_i^2) + |U|^2
 and is stationary where U_a = -kappa G_a' D eta_a,  eta_a = e_a - gamma r_a v. With the free errors
 eps_a = D (O_a x_a - y_d,a) this is
+
     eta_a = M_a (eps_a - gamma r_a v),   M_a = (I + kappa D G_a G_a' D)^-1
 the same at all steps of a run. Multiplied by r_a and summed it leaves one system a step:
+
     S v = sum_a r_a (M_a eps_a),   S_ij = 1_ij (1 - gamma |r_i|^2) + gamma sum_a r_ai M_aij r_aj
     u_a = -kappa (M_a D h_a)' (eps_a - gamma r_a v)
 S is positive definite. It is the Woodbury identity for the rank-one part of Q (McNab & Tsao, eq. 8,
