@@ -153,7 +153,7 @@ class TunedContour:
     """One contour of a tuning run, for training or held out.
 
     Attributes:
-        samples: control steps of the run.
+        samples: control steps of the motion, without those in which it settles.
         metrics: of the start weights and of the tuned ones; of a baseline where the start is not
             usable.
         read: what the contour is; None in folders of older versions, as `peak`.
