@@ -58,11 +58,16 @@ class Loop(NamedTuple):
 def simple_names(machine: LinearMachine) -> list[str]:
     """Names of the simple loops that suit a machine, the simplest first.
 
+    None where a positive control moves an axis backwards: their gains are not negative.
+
     Raises:
         ValueError: the axes are coupled, or axis i is not driven by control i.
     """
     axes_of(machine.model)
-    kinds = {steady_response(machine.model, axis).kind for axis in range(machine.model.axes)}
+    steady = [steady_response(machine.model, axis) for axis in range(machine.model.axes)]
+    if any(one.gain < 0 for one in steady):
+        return []
+    kinds = {one.kind for one in steady}
     suiting = {PROPORTIONAL: {"speed", "position"}, CASCADE: {"speed", "acceleration"}}
     names = [name for name, takes in suiting.items() if kinds <= takes]
     rings = resonance(machine.model) is not None

@@ -1,6 +1,7 @@
 """Simple loops: which suit a machine, their first gains, and feedforward through a notch."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from jcontour.linear.continuous_axes import (
     speed_axis,
     with_resonance,
 )
+from jcontour.linear.transformations import with_input_gains
 
 DT, HERTZ, DAMPING = 1e-3, 22.0, 0.04
 
@@ -52,6 +54,8 @@ def test_loops_suit_what_the_drive_takes(router):
     assert simple_names(machine(position_axis(1.0, 0.02, 0.0))) == [p]
     assert simple_names(machine(force_axis(50.0, 90.0, 0.0, 0.0))) == [pi]
     assert simple_names(router) == [p, f"{p}-notch", pi, "linear-cascade-notch"]
+    backwards = with_input_gains(machine(position_axis(1.0, 0.02, 0.0)).model, [1.0, -1.0])
+    assert simple_names(replace(router, model=backwards)) == []  # gains are not negative
 
 
 def test_a_notch_stands_at_the_resonance_and_allows_three_times_the_gain(router):
