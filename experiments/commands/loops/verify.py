@@ -1,6 +1,6 @@
 """`jcontour verify RUN`: tuned weights replayed under the limits of the machine at every sample."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -120,7 +120,7 @@ def command(flags: Verify) -> int:
         bounds,
         rows,
         run.machine.control_unit,
-        verdict_on(rows, bounds, run.machine.control_unit),
+        verdict_on(rows, bounds, run.machine.control_unit, found.verdict.beside_limits),
     )
     write_result(out, result)
     rests = any(isinstance(job, Job) and job.at_rest for job in run.scenarios.jobs)
@@ -323,13 +323,21 @@ def _most(gap: GapRow, name: str, limits: Mapping[str, list | None]) -> tuple[fl
     return float(largest[axis]), float(most[axis])
 
 
-def verdict_on(rows: list[GapRow], limits: Mapping[str, list | None], unit: str) -> Verdict:
+def verdict_on(
+    rows: list[GapRow],
+    limits: Mapping[str, list | None],
+    unit: str,
+    tuned: Sequence[str] = (),
+) -> Verdict:
     """Verdict on runs under limits: every one goes through, within every limit.
+
+    What spoke against the tuned weights besides limits still does: no constraint mends a margin.
 
     Args:
         rows: of the table.
         limits: lower and upper bounds by name; None where there are none.
         unit: of the controls.
+        tuned: reasons of `tune` against the weights, besides limits.
     """
     checks = []
     for name in (name for name, bounds in limits.items() if bounds is not None):
@@ -353,7 +361,9 @@ def verdict_on(rows: list[GapRow], limits: Mapping[str, list | None], unit: str)
         if row.fallbacks
     ]
     helps = ["the model keeps to its limits; another plant, counts or a fallback may not"]
-    return Verdict.of(checks, stopped, held, helps, "USE THESE VALUES UNDER THEIR LIMITS")
+    return Verdict.of(
+        checks, [*tuned, *stopped], held, helps, "USE THESE VALUES UNDER THEIR LIMITS"
+    )
 
 
 def _next(

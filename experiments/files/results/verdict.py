@@ -120,6 +120,12 @@ class Verdict:
         )
 
     @property
+    def beside_limits(self) -> list[str]:
+        """Reasons that are no limit and no help with limits."""
+        beyond = exceeded(self.limits)
+        return self.reasons[: self.reasons.index(beyond[0])] if beyond else self.reasons
+
+    @property
     def exit_code(self) -> int:
         """Exit code of the command."""
         return 0 if self.usable else NOT_TO_USE

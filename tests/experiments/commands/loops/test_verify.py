@@ -123,6 +123,11 @@ def test_a_limit_that_a_machine_exceeds_is_told_loudly():
     assert "--acceleration" in line
     within = verdict_on([kept], ASKED, "V")
     assert within.exit_code == 0 and within.reasons == []
+    unstable = verdict_on(
+        [kept], ASKED, "V", Verdict.of(verdict.limits, ["unstable"]).beside_limits
+    )
+    assert unstable.exit_code == 3 and unstable.reasons == ["unstable"]
+    assert verdict.beside_limits == []  # what constraints may mend
     stopped = verdict_on([replace(kept, failure="step 3: infeasible")], ASKED, "V")
     assert stopped.exit_code == 3 and "step 3: infeasible" in stopped.reasons[0]
 
