@@ -1,16 +1,18 @@
 """The receding-horizon LQ run and its slopes in Warp: one thread a run, gains never formed.
 
-The algebra is that of `riccati.decoupled`. With f = beta / (alpha + beta), t = 1 - f, and the
-errors of the window scaled by the root of the stage profile, a step solves
+The algebra is that of `riccati.decoupled`. With f = beta / (alpha + beta), w = f v, and the errors
+of the window scaled by the root of the stage profile, a step solves
 
-    S v = sum_a r_a (M_a e_a),   S_ij = 1_ij (t + f (1 - |r_i|^2)) + f sum_a r_ai M_aij r_aj
-    eta_a = e_a - f r_a v,       u_a = -(kappa M_a h_a)' eta_a
+    S w = sum_a r_a (f M_a e_a),   S_ij = 1_ij (1 - f |r_i|^2) + sum_a r_ai (f M_aij) r_aj
+    eta_a = e_a - r_a w,           u_a = -(kappa M_a h_a)' eta_a
 The cost is homogeneous in (alpha, beta, rho): the slopes with log kappa and with f say all. From
 kappa dM/dkappa = M M - M,
 
-    kappa d/dkappa: S v' = r'M (e' + M eta - eta),    u' = -(kappa M h)' (M eta + e' - f r v')
-          d/df:     S v' = r'M (e' - r v) + |r|^2 v,  u' = -(kappa M h)' (e' - r v - f r v')
-with e' = O x', the slope of the free error.
+    kappa d/dkappa: S w' = r'(f M e' + f (M M - M) eta),  u' = -(kappa M h)' (e' - r w')
+                                                               - (kappa M M h)' eta
+          d/df:     S w' = r' f M e' + v,                 u' = -(kappa M h)' (e' - r w')
+
+with e' = O x', the slope of the free error. f is at least `LEAST`, so that v = w / f.
 
 M does not fit into registers, nor do the addresses of its numbers. A compiler keeps both if it can,
 and spills them. So a run adds a zero from memory (`zero`) to the index of each reading.
@@ -27,6 +29,8 @@ import warp as wp
 
 ROWS = 5  # squares: contour, projected, tracking, control, increment
 LONGEST_WINDOW = 16  # samples: loops over more are not unrolled
+LANES = 32  # runs side by side in memory
+LEAST = 1e-20  # of f
 
 
 class Kernels(NamedTuple):
@@ -62,48 +66,68 @@ def inverse_root(s: wp.float32) -> wp.float32:  # noqa: F811
     ...
 
 
+@wp.func_native("return numbers.data[first + k];")
+def at(numbers: wp.array(dtype=wp.float64), first: wp.int64, k: int) -> wp.float64:
+    """A number, without a multiplication by a stride: `k` is a constant of the instruction."""
+    ...
+
+
+@wp.func_native("return numbers.data[first + k];")
+def at(numbers: wp.array(dtype=wp.float32), first: wp.int64, k: int) -> wp.float32:  # noqa: F811
+    """A number, without a multiplication by a stride: `k` is a constant of the instruction."""
+    ...
+
+
 @lru_cache
-def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
+def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> Kernels:
     """Kernels for m axes of at most n states and a window of N samples.
 
-    Arrays of a run: f and t (2, runs), the lower triangles of M (m T, runs), kappa M h (m N, runs),
-    the roots of the profile (N, runs) or (0, 0). What all runs share: A (1, m, n, n), B, C (1, m,
-    n), O (1, m, N, n), zeros (steps + 2,), tangents and desired positions (m, S),
-    what the model's response at rest is above its position (m, N), the control there, arc lengths,
-    what is scored (steps,), the first state (m, n), the pieces of the contour, and its length,
-    size, closedness and number of pieces.
+    Arrays of a run: f (1, runs), and in tiles of `LANES` runs (tiles, rows, LANES) the lower
+    triangles of f M (m T rows) and kappa M h (m N rows), for slopes both followed by their slopes
+    with log kappa; the roots of the profile (N, runs). What all runs share: A (m n n), B, C
+    (m n), O (m N n), zeros (steps + 2,), tangents and desired positions (m S), what the model's
+    response at rest is above its position (m N), the control there, arc lengths, what is scored
+    (steps,), the first state (m, n), the pieces of the contour, and its length, size, closedness
+    and number of pieces.
     """
     T = N * (N + 1) // 2  # numbers of a symmetric matrix, its lower triangle row by row
     Point, Window = (wp.types.vector(length=k, dtype=real) for k in (m, N))
     Triangle, States = (wp.types.vector(length=k, dtype=real) for k in (T, m * n))
-    Windows, Triangles = (wp.types.vector(length=k, dtype=real) for k in (m * N, m * T))
     Sums, Slope = wp.types.vector(length=ROWS, dtype=real), wp.types.matrix((2, ROWS), real)
-    Row, Rows, Cube, Tensor = (wp.array(dtype=real, ndim=k) for k in (1, 2, 3, 4))
+    Row, Rows, Cube = (wp.array(dtype=real, ndim=k) for k in (1, 2, 3))
 
     @wp.func(inline=True)
-    def tangents(r: Rows, a: int, k: int) -> Window:
-        w = Window()
+    def tile(rows: int, tid: int) -> wp.int64:
+        """Index of the first of a run's numbers; the next are `LANES` apart."""
+        return wp.int64(tid // LANES) * wp.int64(rows * LANES) + wp.int64(tid % LANES)
+
+    @wp.func(inline=True)
+    def ahead_of(rows: Row, stride: int, a: int, k: int) -> Window:
+        """Samples k + 1 to k + N of an axis."""
+        w, first = Window(), wp.int64(a * stride + k + 1)
         for i in range(N):
-            w[i] = r[a, k + 1 + i]
+            w[i] = at(rows, first, i)
         return w
 
     @wp.func(inline=True)
-    def free(ahead: Tensor, scale: Rows, x: States, a: int, now: int, tid: int) -> Window:
+    def free(observed: Row, scale: Rows, x: States, a: int, now: int, tid: int) -> Window:
         """Free outputs of an axis over the window, scaled."""
         e = Window()
         for i in range(N):
             for q in range(n):
-                e[i] += ahead[now, a, i, q] * x[a * n + q]
-            if scale.shape[0] > 0:
+                e[i] += at(observed, wp.int64(now), (a * N + i) * n + q) * x[a * n + q]
+            if wp.static(profiled):
                 e[i] *= scale[i, tid]
         return e
 
     @wp.func(inline=True)
-    def desired(y_d: Rows, rest: Rows, scale: Rows, a: int, k: int, tid: int) -> Window:
-        w = Window()
+    def desired(
+        y_d: Row, rest: Row, scale: Rows, stride: int, a: int, k: int, now: int, tid: int
+    ) -> Window:
+        w = ahead_of(y_d, stride, a, k)
         for i in range(N):
-            w[i] = y_d[a, k + 1 + i] + rest[a, i]
-            if scale.shape[0] > 0:
+            w[i] += at(rest, wp.int64(now), a * N + i)
+            if wp.static(profiled):
                 w[i] *= scale[i, tid]
         return w
 
@@ -139,36 +163,36 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
         return v
 
     @wp.func(inline=True)
-    def paired(Mh: Rows, a: int, tid: int, e: Window) -> real:
+    def paired(Mh: Row, first: wp.int64, a: int, e: Window) -> real:
         """Product (kappa M h)' e of an axis."""
         u = real(0.0)
         for i in range(N):
-            u += Mh[a * N + i, tid] * e[i]
+            u += at(Mh, first, (a * N + i) * LANES) * e[i]
         return u
 
     @wp.func(inline=True)
-    def moved(A: Tensor, B: Cube, x: States, u: Point, now: int) -> States:
+    def moved(A: Row, B: Row, x: States, u: Point, now: int) -> States:
         new = States()
         for a in range(m):
             for i in range(n):
-                new[a * n + i] = B[now, a, i] * u[a]
+                new[a * n + i] = at(B, wp.int64(now), a * n + i) * u[a]
                 for q in range(n):
-                    new[a * n + i] += A[now, a, i, q] * x[a * n + q]
+                    new[a * n + i] += at(A, wp.int64(now), (a * n + i) * n + q) * x[a * n + q]
         return new
 
     @wp.func(inline=True)
-    def output(C: Cube, x: States, now: int) -> Point:
+    def output(C: Row, x: States, now: int) -> Point:
         y = Point()
         for a in range(m):
             for q in range(n):
-                y[a] += C[now, a, q] * x[a * n + q]
+                y[a] += at(C, wp.int64(now), a * n + q) * x[a * n + q]
         return y
 
     @wp.func(inline=True)
-    def sample(rows: Rows, k: int) -> Point:
+    def sample(rows: Row, stride: int, k: int) -> Point:
         p = Point()
         for a in range(m):
-            p[a] = rows[a, k]
+            p[a] = rows[a * stride + k]
         return p
 
     @wp.func(inline=True)
@@ -242,47 +266,48 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
 
     @wp.kernel(enable_backward=False, module="unique")
     def run(
-        f: Rows, M: Rows, Mh: Rows, scale: Rows, A: Tensor, B: Cube, C: Cube, ahead: Tensor,
-        zero: wp.array(dtype=int), r: Rows, y_d: Rows, rest: Rows, hold: Row, arc: Row,
+        f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
+        zero: wp.array(dtype=int), r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
         scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
         out: Rows,  # (2 ROWS + 1, runs): sums, peaks, whether it diverged
     ):  # fmt: skip
         own = wp.tid()
-        forgiven, tracked = f[0, own], f[1, own]
+        forgiven = f[0, own]
+        stride = scored.shape[0] + N
+        own_M, own_Mh = tile(m * T, own), tile(m * N, own)
         x, last, before = begun(start), Point(), int(0)
         sums, peaks, lost = Sums(), Sums(), real(0.0)
         for k in range(scored.shape[0]):
             now = zero[k]
-            tid = own + now
+            at_M, at_Mh = own_M + wp.int64(now), own_Mh + wp.int64(now)
             S, c, u = Triangle(), Window(), sample_of(hold)
             for i in range(N):
-                lost_square = real(1.0)
-                for a in range(m):
-                    lost_square -= r[a, k + 1 + i] * r[a, k + 1 + i]
-                S[i * (i + 1) // 2 + i] = tracked + forgiven * lost_square
+                S[i * (i + 1) // 2 + i] = real(1.0)
             for a in range(m):
-                R = tangents(r, a, k)
-                e = free(ahead, scale, x, a, now, tid) - desired(y_d, rest, scale, a, k, tid)
+                R = ahead_of(r, stride, a, k)
+                e = free(observed, scale, x, a, now, own) - desired(
+                    y_d, rest, scale, stride, a, k, now, own
+                )
                 s = Window()
                 for i in range(N):
                     for j in range(i):
-                        entry = M[a * T + i * (i + 1) // 2 + j, tid]
+                        entry = at(M, at_M, (a * T + i * (i + 1) // 2 + j) * LANES)
                         s[i] += entry * e[j]
                         s[j] += entry * e[i]
-                        S[i * (i + 1) // 2 + j] += forgiven * R[i] * R[j] * entry
-                    entry = M[a * T + i * (i + 1) // 2 + i, tid]
+                        S[i * (i + 1) // 2 + j] += R[i] * R[j] * entry
+                    entry = at(M, at_M, (a * T + i * (i + 1) // 2 + i) * LANES)
                     s[i] += entry * e[i]
-                    S[i * (i + 1) // 2 + i] += forgiven * R[i] * R[i] * entry
+                    S[i * (i + 1) // 2 + i] += R[i] * R[i] * (entry - forgiven)
                 for i in range(N):
                     c[i] += R[i] * s[i]
-                u[a] -= paired(Mh, a, tid, e)
-            v = solved(cholesky(S), c)
-            tid = own + zero[k + 1]
-            late = k + zero[k + 1]
+                u[a] -= paired(Mh, at_Mh, a, e)
+            w = solved(cholesky(S), c)
+            late = zero[k + 1]
             for a in range(m):
-                u[a] += forgiven * paired(Mh, a, tid, wp.cw_mul(tangents(r, a, late), v))
-            y, tangent = output(C, x, now), sample(r, k)
-            error = y - sample(y_d, k)
+                lag = wp.cw_mul(ahead_of(r, stride, a, k + late), w)
+                u[a] += paired(Mh, own_Mh + wp.int64(late), a, lag)
+            y, tangent = output(C, x, now), sample(r, stride, k)
+            error = y - sample(y_d, stride, k)
             if scored[k] != 0:
                 across = error - tangent * wp.dot(error, tangent)
                 offset = from_contour(pieces, whole, y, error, arc[k])
@@ -306,125 +331,99 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
         out[2 * ROWS, own] = lost
 
     @wp.func(inline=True)
-    def all_axes(rows: Rows, tid: int) -> Triangles:
-        """M of all axes; the loop is longer than Warp unrolls, so that M lies in local memory."""
-        M = Triangles()
-        for k in range(m * T):
-            M[k] = rows[k, tid]
-        return M
-
-    @wp.func(inline=True)
-    def factored(M: Triangles, R: Windows, forgiven: real, tracked: real) -> Triangle:
+    def factored(M: Row, first: wp.int64, r: Row, stride: int, k: int, forgiven: real) -> Triangle:
         S = Triangle()
         for i in range(N):
-            lost_square = real(1.0)
-            for a in range(m):
-                lost_square -= R[a * N + i] * R[a * N + i]
-            S[i * (i + 1) // 2 + i] = tracked + forgiven * lost_square
-            for j in range(i + 1):
-                s = real(0.0)
-                for a in range(m):
-                    s += R[a * N + i] * R[a * N + j] * M[a * T + i * (i + 1) // 2 + j]
-                S[i * (i + 1) // 2 + j] += forgiven * s
-        return cholesky(S)
-
-    @wp.func(inline=True)
-    def times_all(M: Triangles, e: Windows) -> Windows:
-        s = Windows()
+            S[i * (i + 1) // 2 + i] = real(1.0)
         for a in range(m):
+            R = ahead_of(r, stride, a, k)
             for i in range(N):
                 for j in range(i):
-                    entry = M[a * T + i * (i + 1) // 2 + j]
-                    s[a * N + i] += entry * e[a * N + j]
-                    s[a * N + j] += entry * e[a * N + i]
-                s[a * N + i] += M[a * T + i * (i + 1) // 2 + i] * e[a * N + i]
-        return s
-
-    @wp.func(inline=True)
-    def free_all(ahead: Tensor, scale: Rows, x: States, now: int, tid: int) -> Windows:
-        e = Windows()
-        for a in range(m):
-            w = free(ahead, scale, x, a, now, tid)
-            for i in range(N):
-                e[a * N + i] = w[i]
-        return e
-
-    @wp.func(inline=True)
-    def desired_all(y_d: Rows, rest: Rows, scale: Rows, k: int, tid: int) -> Windows:
-        e = Windows()
-        for a in range(m):
-            w = desired(y_d, rest, scale, a, k, tid)
-            for i in range(N):
-                e[a * N + i] = w[i]
-        return e
-
-    @wp.func(inline=True)
-    def tangents_all(r: Rows, k: int) -> Windows:
-        R = Windows()
-        for a in range(m):
-            for i in range(N):
-                R[a * N + i] = r[a, k + 1 + i]
-        return R
-
-    @wp.func(inline=True)
-    def along(R: Windows, s: Windows) -> Window:
-        c = Window()
-        for i in range(N):
-            for a in range(m):
-                c[i] += R[a * N + i] * s[a * N + i]
-        return c
-
-    @wp.func(inline=True)
-    def spread(R: Windows, v: Window) -> Windows:
-        w = Windows()
-        for a in range(m):
-            for i in range(N):
-                w[a * N + i] = R[a * N + i] * v[i]
-        return w
-
-    @wp.func(inline=True)
-    def command(Mh: Windows, e: Windows) -> Point:
-        u = Point()
-        for a in range(m):
-            for i in range(N):
-                u[a] -= Mh[a * N + i] * e[a * N + i]
-        return u
+                    entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * LANES)
+                    S[i * (i + 1) // 2 + j] += R[i] * R[j] * entry
+                entry = at(M, first, (a * T + i * (i + 1) // 2 + i) * LANES)
+                S[i * (i + 1) // 2 + i] += R[i] * R[i] * (entry - forgiven)
+        return cholesky(S)
 
     @wp.kernel(enable_backward=False, module="unique")
     def slopes(
-        f: Rows, M_rows: Rows, Mh_rows: Rows, scale: Rows, A: Tensor, B: Cube, C: Cube,
-        ahead: Tensor, zero: wp.array(dtype=int), r: Rows, y_d: Rows, rest: Rows, hold: Row,
-        arc: Row, scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
+        f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
+        zero: wp.array(dtype=int), r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
+        scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
         out: Rows, slope: Cube,  # (2, 2 ROWS, runs): of half of the sums and peaks
     ):  # fmt: skip
         """Both slopes of a run by one thread: with log kappa, and with f."""
-        tid = wp.tid()
-        forgiven, tracked = f[0, tid], f[1, tid]
-        M, Mh = all_axes(M_rows, tid), Windows()
-        for k in range(m * N):
-            Mh[k] = Mh_rows[k, tid]
+        own = wp.tid()
+        forgiven = f[0, own]
+        stride = scored.shape[0] + N
+        own_M, own_Mh = tile(2 * m * T, own), tile(2 * m * N, own)
         x, x1, x2, before = begun(start), States(), States(), int(0)
         last, last1, last2 = Point(), Point(), Point()
         sums, peaks, lost, sum_slopes, peak_slopes = Sums(), Sums(), real(0.0), Slope(), Slope()
         for k in range(scored.shape[0]):
             now = zero[k]
-            R = tangents_all(r, k)
-            e = free_all(ahead, scale, x, now, tid) - desired_all(y_d, rest, scale, k, tid)
-            e1 = free_all(ahead, scale, x1, now, tid)
-            e2 = free_all(ahead, scale, x2, now, tid)
-            L = factored(M, R, forgiven, tracked)
-            s = times_all(M, e)
-            lags = spread(R, solved(L, along(R, s)))
-            p = times_all(M, lags)
-            eta, M_eta = e - forgiven * lags, s - forgiven * p
-            u = sample_of(hold) + command(Mh, eta)
-            v1 = solved(L, along(R, times_all(M, e1 + M_eta - eta)))
-            u1 = command(Mh, M_eta + e1 - forgiven * spread(R, v1))
-            v2 = solved(L, along(R, times_all(M, e2) - p + lags))
-            u2 = command(Mh, e2 - lags - forgiven * spread(R, v2))
+            at_M, at_Mh = own_M + wp.int64(now), own_Mh + wp.int64(now)
+            c, c1, c2 = Window(), Window(), Window()
+            u, u1, u2 = sample_of(hold), Point(), Point()
+            for a in range(m):
+                e = free(observed, scale, x, a, now, own) - desired(
+                    y_d, rest, scale, stride, a, k, now, own
+                )
+                e1 = free(observed, scale, x1, a, now, own)
+                e2 = free(observed, scale, x2, a, now, own)
+                u[a] -= paired(Mh, at_Mh, a, e)
+                u1[a] -= paired(Mh, at_Mh, a, e1) + paired(Mh, at_Mh, a + m, e)
+                u2[a] -= paired(Mh, at_Mh, a, e2)
+                s, s1, s2 = Window(), Window(), Window()
+                for i in range(N):
+                    for j in range(i):
+                        entry = at(M, at_M, (a * T + i * (i + 1) // 2 + j) * LANES)
+                        s[i] += entry * e[j]
+                        s[j] += entry * e[i]
+                        s1[i] += entry * e1[j]
+                        s1[j] += entry * e1[i]
+                        s2[i] += entry * e2[j]
+                        s2[j] += entry * e2[i]
+                    entry = at(M, at_M, (a * T + i * (i + 1) // 2 + i) * LANES)
+                    s[i] += entry * e[i]
+                    s1[i] += entry * e1[i]
+                    s2[i] += entry * e2[i]
+                R = ahead_of(r, stride, a, k)
+                for i in range(N):
+                    c[i] += R[i] * s[i]
+                    c1[i] += R[i] * s1[i]
+                    c2[i] += R[i] * s2[i]
+            late = zero[k + 1]
+            L = factored(M, own_M + wp.int64(late), r, stride, k + late, forgiven)
+            w = solved(L, c)
+            late = zero[k + 2]
+            at_M, at_Mh = own_M + wp.int64(late), own_Mh + wp.int64(late)
+            for a in range(m):
+                lag = wp.cw_mul(ahead_of(r, stride, a, k + late), w)
+                eta = (
+                    free(observed, scale, x, a, late, own)
+                    - desired(y_d, rest, scale, stride, a, k + late, late, own)
+                    - lag
+                )
+                u[a] += paired(Mh, at_Mh, a, lag)
+                u1[a] += paired(Mh, at_Mh, a + m, lag)
+                s = Window()
+                for i in range(N):
+                    for j in range(i):
+                        entry = at(M, at_M, ((a + m) * T + i * (i + 1) // 2 + j) * LANES)
+                        s[i] += entry * eta[j]
+                        s[j] += entry * eta[i]
+                    s[i] += at(M, at_M, ((a + m) * T + i * (i + 1) // 2 + i) * LANES) * eta[i]
+                c1 += wp.cw_mul(ahead_of(r, stride, a, k + late), s)
+            w1, w2 = solved(L, c1), solved(L, w / forgiven + c2)
+            late = zero[k + 1]
+            for a in range(m):
+                R = ahead_of(r, stride, a, k + late)
+                u1[a] += paired(Mh, own_Mh + wp.int64(late), a, wp.cw_mul(R, w1))
+                u2[a] += paired(Mh, own_Mh + wp.int64(late), a, wp.cw_mul(R, w2))
             y, y1, y2 = output(C, x, now), output(C, x1, now), output(C, x2, now)
-            tangent = sample(r, k)
-            error = y - sample(y_d, k)
+            tangent = sample(r, stride, k)
+            error = y - sample(y_d, stride, k)
             if scored[k] != 0:
                 across = error - tangent * wp.dot(error, tangent)
                 offset = from_contour(pieces, whole, y, error, arc[k])
@@ -458,11 +457,11 @@ def kernels(m: int, n: int, N: int, real=wp.float64) -> Kernels:
             before = int(scored[k])
             x, x1, x2 = moved(A, B, x, u, now), moved(A, B, x1, u1, now), moved(A, B, x2, u2, now)
         for i in range(ROWS):
-            out[i, tid] = sums[i]
-            out[ROWS + i, tid] = peaks[i]
+            out[i, own] = sums[i]
+            out[ROWS + i, own] = peaks[i]
             for t in range(2):
-                slope[t, i, tid] = sum_slopes[t, i]
-                slope[t, ROWS + i, tid] = peak_slopes[t, i]
-        out[2 * ROWS, tid] = lost
+                slope[t, i, own] = sum_slopes[t, i]
+                slope[t, ROWS + i, own] = peak_slopes[t, i]
+        out[2 * ROWS, own] = lost
 
     return Kernels(run, slopes)

@@ -17,7 +17,7 @@ from jax.custom_batching import custom_vmap
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from jcontour.kernels.lq_kernels import LONGEST_WINDOW, ROWS, kernels
+from jcontour.kernels.lq_kernels import LANES, LEAST, LONGEST_WINDOW, ROWS, kernels
 from jcontour.linear.plant import LinearPlant, decoupled_axes, operating_point
 from jcontour.motion.references import Reference
 from jcontour.riccati.decoupled import ContouringProblem, axis_windows
@@ -141,7 +141,7 @@ def _launched(
     n, steps = max(len(axis.states) for axis in axes), reference.steps
     windows = axis_windows(problem.model, N)
     q = problem.alpha + problem.beta
-    own = [q / problem.rho, problem.beta / q, problem.alpha / q]
+    own = [q / problem.rho, jnp.maximum(problem.beta / q, LEAST)]
     own += [] if problem.stage is None else list(problem.stage)
     own = jnp.stack(own).astype(double)[:, None]
     state = start_state(plant, reference)
@@ -164,8 +164,9 @@ def _launched(
     pieces += [row[:, None] for row in (contour.rate, contour.start, contour.extent)]
     whole = contour.length, contour.size, contour.closed, jnp.sum(contour.mask)
     shared = [
-        A[None], B[None], C[None], ahead[None], jnp.zeros(steps + 2, "int32"),
-        problem.tangent.T, problem.y_d.T, rest, at.control[inputs], reference.arc[:steps],
+        A.ravel(), B.ravel(), C.ravel(), ahead.ravel(), jnp.zeros(steps + 2, "int32"),
+        problem.tangent.T.ravel(), problem.y_d.T.ravel(), rest.ravel(),
+        at.control[inputs], reference.arc[:steps],
         scored_samples(reference, window).astype("int32"),
         jnp.stack([padded(a, state) for a in range(len(axes))]),
         jnp.concatenate(pieces, axis=1),
@@ -194,35 +195,49 @@ def _responses(G: Float[Array, "m N N"], stage) -> tuple[Array, ...]:
     return jnp.asarray(U), jnp.asarray(sigma**2), jnp.asarray(sigma * V[:, :, 0])
 
 
-def _designed(own: Float[Array, "rows runs"], responses, dtype) -> list[Array]:
-    """Rows that each run's kernel reads for itself: shares, triangles of M, kappa M h, profile."""
-    kappa, forgiven, tracked, *stage = own
+def _designed(own: Float[Array, "rows runs"], responses, dtype, with_slopes: bool) -> list[Array]:
+    """Numbers that each run's kernel reads for itself: f, triangles of f M, kappa M h, profile.
+
+    With slopes M is followed by M M - M, and kappa M h by kappa M M h.
+    """
+    kappa, forgiven, *stage = own
     i, j = np.tril_indices(responses[0].shape[1])
     if stage:
-        (G,), scale = responses, jnp.sqrt(own[3:])
+        (G,), scale = responses, jnp.sqrt(own[2:])
         G = jnp.moveaxis(scale, 1, 0)[:, None, :, None] * G[None]
         identity = jnp.eye(G.shape[-1])[None, None]
         whole = jnp.linalg.inv(identity + kappa[:, None, None, None] * G @ G.mT)
-        M = jnp.moveaxis(whole[:, :, i, j], 0, -1)
-        Mh = kappa[None, None] * jnp.moveaxis(jnp.einsum("baij,baj->bai", whole, G[..., 0]), 0, -1)
+        column = kappa[:, None, None] * jnp.einsum("baij,baj->bai", whole, G[..., 0])
+        if with_slopes:
+            column = jnp.concatenate([column, jnp.einsum("baij,baj->bai", whole, column)], axis=1)
+            whole = jnp.concatenate([whole, whole @ whole - whole], axis=1)
+        M, Mh = jnp.moveaxis(whole[:, :, i, j], 0, -1), jnp.moveaxis(column, 0, -1)
     else:
         U, square, h = responses
         scale = jnp.zeros((0, 0))
-        M = jnp.einsum(
-            "apq,aqb->apb", U[:, i] * U[:, j], 1 / (1 + kappa[None, None] * square[..., None])
-        )
-        Mh = jnp.einsum(
-            "aiq,aqb->aib", U, h[..., None] / (1 / kappa[None, None] + square[..., None])
-        )
-    rows = jnp.stack([forgiven, tracked]), M, Mh, scale
-    runs = own.shape[1]
-    return [one.reshape(-1, runs).astype(dtype) if one.size else one.astype(dtype) for one in rows]
+        values = 1 / (1 + kappa[None, None] * square[..., None])
+        column = h[..., None] / (1 / kappa[None, None] + square[..., None])
+        if with_slopes:
+            U = jnp.concatenate([U, U])
+            column = jnp.concatenate([column, values * column])
+            values = jnp.concatenate([values, values * (values - 1)])
+        M = jnp.einsum("apq,aqb->apb", U[:, i] * U[:, j], values)
+        Mh = jnp.einsum("aiq,aqb->aib", U, column)
+    rows = forgiven[None], _tiled(forgiven[None, None] * M), _tiled(Mh), scale
+    return [one.astype(dtype) for one in rows]
+
+
+def _tiled(rows: Float[Array, "*rows runs"]) -> Float[Array, " numbers"]:
+    """Numbers of `LANES` runs side by side, one row after the other."""
+    rows = rows.reshape(-1, rows.shape[-1])
+    rows = jnp.pad(rows, ((0, 0), (0, -rows.shape[1] % LANES)))
+    return rows.reshape(len(rows), -1, LANES).swapaxes(0, 1).ravel()
 
 
 @lru_cache
 def _caller(size: tuple[int, int, int], dtype: str, with_slopes: bool, profiled: bool):
     """Function of a run's weights (rows, runs) and the shared arrays; see `kernels`."""
-    kernel = kernels(*size, REAL[dtype])[with_slopes]
+    kernel = kernels(*size, REAL[dtype], profiled)[with_slopes]
     launch = wp.jax_kernel(kernel, num_outputs=1 + with_slopes, block_dim=BLOCK)
     parts = 1 if profiled else 3
 
@@ -231,7 +246,7 @@ def _caller(size: tuple[int, int, int], dtype: str, with_slopes: bool, profiled:
         runs = own.shape[1]
         shapes = {"out": (2 * ROWS + 1, runs)}
         shapes |= {"slope": (2, 2 * ROWS, runs)} if with_slopes else {}
-        rows = _designed(own, shared[:parts], dtype)
+        rows = _designed(own, shared[:parts], dtype, with_slopes)
         return tuple(launch(*rows, *shared[parts:], launch_dims=runs, output_dims=shapes))
 
     @call.def_vmap
