@@ -32,9 +32,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour.devices import on_gpu
 from jcontour.linear.plant import AffinePlan, LinearPlant, Pattern, decoupled_axes
 
 LONGEST_WINDOW = 40  # samples: beyond, a sweep over the horizon is as fast
+LONGEST_ON_GPU = 16  # samples: beyond, the systems of all steps fill its memory
 
 
 class ContouringProblem(eqx.Module):
@@ -72,7 +74,7 @@ def suits_decoupled(pattern: Pattern, preview: int) -> bool:
     """Whether the window is short, and every axis has an input and an output of its own."""
     axes = decoupled_axes(pattern)
     alone = all(len(axis.inputs) == len(axis.outputs) == 1 and axis.states for axis in axes)
-    return alone and preview <= LONGEST_WINDOW
+    return alone and preview <= (LONGEST_ON_GPU if on_gpu() else LONGEST_WINDOW)
 
 
 def axis_windows(model: LinearPlant, preview: int) -> list[AxisWindow]:
