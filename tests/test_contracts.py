@@ -245,7 +245,7 @@ def test_float64_and_the_same_bits_twice(keeps):
 def test_jit_is_no_jit(keeps):
     """The first steps with nothing compiled but single operations."""
     loop = keeps("jit")
-    memory, state = loop.begun.memory, loop.begun.state
+    memory, state = jax.tree.map(jnp.asarray, (loop.begun.memory, loop.begun.state))
     plan = loop.controller.prepare(loop.begun.reference)
     controls = []
     for k in range(2):

@@ -129,20 +129,21 @@ def shift_of(plant, axes):
 
 
 def shifted(reference, shift):
-    return replace(reference, position=reference.position + shift[None])
+    return replace(reference, position=jnp.asarray(reference.position) + shift[None])
 
 
 def at_rest(reference):
     """The same samples, all at the first place."""
     still = np.repeat(np.asarray(reference.position)[:1], len(reference.position), axis=0)
-    return replace(reference, position=still, start_increment=np.zeros(still.shape[1]))
+    start_increment = jnp.zeros(still.shape[1])
+    return replace(reference, position=jnp.asarray(still), start_increment=start_increment)
 
 
 def run(plant, controller, reference):
     """All runs of a controller are one program: it has the start as an argument."""
     begin = eqx.filter_jit(plant.initial_state)
     start = begin(np.asarray(reference.position)[0], reference.start_increment)
-    found = simulate(plant, controller, reference, jax.tree.map(np.asarray, start))
+    found = simulate(plant, controller, reference, start)
     wanted = np.asarray(reference.position)[: reference.steps]
     return np.asarray(found.output) - wanted, np.asarray(found.control)
 
@@ -197,7 +198,7 @@ WRAPPED = {
     LateSensors: lambda: LateSensors(lags(), 1, 2),
     Delayed: lambda: Delayed(lags(), 2, 2, 2),
     PartlyDelayed: lambda: PartlyDelayed(lags(), 0.5, 1, 2),
-    Disturbed: lambda: Disturbed(lags(), noise=np.ones((1, 2))),
+    Disturbed: lambda: Disturbed(lags(), noise=jnp.ones((1, 2))),
     WithDryFriction: rubbed,
     Encoders: lambda: Encoders(lags()),
     Sensed: lambda: Sensed(lags(), Sensors([0, 1]).positions),

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 from experiments.jobs.job import Job, Program
@@ -58,7 +60,11 @@ def scenarios(
     arc = np.tile(np.linspace(0.0, 1e-2, samples), (contours, 1))
     entry = np.zeros((contours, axes))
     steps = samples if steps is None else steps
-    references = Reference(position, tangent, arc, mask, entry, LINE, canonical.DT, steps)
+    stacked = [jnp.asarray(one) for one in (position, tangent, arc, mask, entry)]
+    first = Reference(*(one[0] for one in stacked), LINE, canonical.DT, steps)
+    references = eqx.tree_at(
+        lambda r: [r.position, r.tangent, r.arc, r.mask, r.start_increment], first, stacked
+    )
     seen = (True,) * contours if training is None else training
     return Scenarios(tuple(jobs), tuple(seen), tuple(plants), references, canonical.family(2))
 

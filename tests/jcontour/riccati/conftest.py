@@ -4,6 +4,7 @@ from functools import partial
 from types import SimpleNamespace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -44,12 +45,15 @@ def data(plant: LinearPlant, steps: int, preview: int):
 
     terminal = CostToGo(positive(steps, n), random.standard_normal((steps, n)))
     stage = random.uniform(0.5, 2.0, preview)
-    return (
-        positive(steps + preview, m),
-        random.standard_normal((steps + preview, m)),
-        stage,
-        positive(p),
-        terminal,
+    return jax.tree.map(
+        jnp.asarray,
+        (
+            positive(steps + preview, m),
+            random.standard_normal((steps + preview, m)),
+            stage,
+            positive(p),
+            terminal,
+        ),
     )
 
 
