@@ -29,6 +29,7 @@ LIMITS = {  # flag -> metric, factor to SI
     "max_peak_increment": ("peak_increment", 1.0),
 }
 MOVING = 0.5  # of the error of a tool that stands still: most that one may lag
+AT_REST = 0.8  # of the noise of counts: held between two counts a tool had up to 1.22 times it
 LATE_RADIUS = 0.999  # of a loop at its delay margin: a ring has decayed after a few 1000 samples
 
 
@@ -132,6 +133,9 @@ def loop_limits(flags: Limited) -> dict[str, float]:
 def noise_limit(flags: Limited, machine: Machine, design: Design) -> dict[str, float]:
     """Bound on the RMS control by encoder counts, as a part of the machine's largest control.
 
+    The search takes rounding for white noise. That of a held tool is none, and may cause more: the
+    search keeps `AT_REST` of what is allowed.
+
     None where nothing is counted, or the machine states no limit of its control.
 
     Raises:
@@ -141,7 +145,7 @@ def noise_limit(flags: Limited, machine: Machine, design: Design) -> dict[str, f
     share = None if part is None else _above_zero("max_count_noise", part)
     if share is None or largest is None or design.fed == "state" or machine.resolution is None:
         return {}
-    return {COUNT_NOISE: share * float(np.min(largest))}
+    return {COUNT_NOISE: AT_REST * share * float(np.min(largest))}
 
 
 def counted(limits: dict[str, float], machine: Machine) -> float | np.ndarray | None:

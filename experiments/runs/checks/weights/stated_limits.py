@@ -13,7 +13,7 @@ from experiments.files.results.tuned_result import PathMargins, RobustTest, Stan
 from experiments.files.results.verdict import ROUNDING, LimitCheck
 from experiments.jobs.replays import Replay
 from experiments.runs.checks.machine_limits import OVERSHOOT, machine_limits
-from experiments.runs.tuning.limits import LIMITS
+from experiments.runs.tuning.limits import AT_REST, LIMITS
 from experiments.runs.tuning.problem import TuningRun
 from jcontour.analysis.uncertain_loops import BORNE
 from tuning.objectives import COUNT_NOISE
@@ -100,13 +100,13 @@ def _standstill(run: TuningRun, rest: Standstill | None) -> Iterator[LimitCheck]
 
     The search takes their rounding for white noise; at rest it hardly changes between samples.
     """
-    allowed = run.limits.get(COUNT_NOISE)
-    if rest is None or allowed is None:
+    searched = run.limits.get(COUNT_NOISE)
+    if rest is None or searched is None:
         return
     yield LimitCheck(
         name="RMS control by encoder counts at rest",
         value=rest.rms_control,
-        allowed=allowed,
+        allowed=searched / AT_REST,
         unit=run.machine.control_unit,
         member="family, held between two counts",
     )

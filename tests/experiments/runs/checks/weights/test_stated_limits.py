@@ -11,6 +11,7 @@ from experiments.flags.tuning import Tune
 from experiments.jobs.replays import Replay
 from experiments.machines.machine import MachineLimits
 from experiments.runs.checks.weights.stated_limits import stated_limits
+from experiments.runs.tuning.limits import AT_REST
 from jcontour.analysis.uncertain_loops import BORNE
 from tuning.objectives import COUNT_NOISE
 
@@ -69,7 +70,7 @@ def test_a_limit_of_the_flags_holds_for_the_worst_plant_of_the_training_contours
 
 def test_counts_at_rest_and_loops_have_limits_too():
     rest = Standstill(rms_control=0.1696, rms_increment=0.1)
-    found = checks(Tune(), {COUNT_NOISE: 0.15}, rest, doubt=object())
+    found = checks(Tune(), {COUNT_NOISE: AT_REST * 0.15}, rest, doubt=object())
     assert [one.value for one in found.values()] == [1.9, 0.4, 0.1696]
     assert [one.allowed for one in found.values()] == [2.0, BORNE, 0.15]
     assert [one.kept for one in found.values()] == [True, True, False]
