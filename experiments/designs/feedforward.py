@@ -157,22 +157,27 @@ def feedforward_design(
     def design(name: str, line: str, machine: LinearMachine, flags: Controlled) -> GainDesign:
         found = scheme(machine, flags)
         gains = {**first_cascade(machine), **found.gains()}
-        start = {key: gain.start for key, gain in gains.items()}
-        space = {key: gain.parameter for key, gain in gains.items()}
-        preview = found.build(start).preview
-        return GainDesign(
-            name,
-            machine,
-            start,
-            space,
-            preview,
-            "outputs",
-            lambda _, values: found.build(values),
-            line,
-            gains,
-        )
+        return gain_design(name, line, machine, gains, found.build)
 
     return design
+
+
+def gain_design(
+    name: str,
+    line: str,
+    machine: LinearMachine,
+    gains: dict[str, Gain],
+    build: Callable[[Gains], Controller],
+) -> GainDesign:
+    """Design of a controller on the outputs that `build` makes of its gains."""
+    start = {key: gain.start for key, gain in gains.items()}
+    space = {key: gain.parameter for key, gain in gains.items()}
+    preview = build(start).preview
+
+    def make(_: LinearMachine, values: Gains) -> Controller:
+        return build(values)
+
+    return GainDesign(name, machine, start, space, preview, "outputs", make, line, gains)
 
 
 def first_numbers(gains: dict[str, Gain], flags: Controlled) -> dict[str, float]:

@@ -16,6 +16,7 @@ from experiments.designs.feedforward import (
     cascade_units,
     cascades,
     fastest,
+    gain_design,
     level_gains,
     motion_gains,
 )
@@ -152,19 +153,6 @@ def simple_design(
         fed = {key: gain.start for key, gain in loop.fed.items()}
         first = fastest(machine, loop.series, lambda gains: loop.build({**fed, **gains}))
         gains = {key: Gain(first[key], unit) for key, unit in loop.units.items()} | loop.fed
-        start = {key: gain.start for key, gain in gains.items()}
-        space = {key: gain.parameter for key, gain in gains.items()}
-        preview = loop.build(start).preview
-        return GainDesign(
-            name,
-            machine,
-            start,
-            space,
-            preview,
-            "outputs",
-            lambda _, values: loop.build(values),
-            line,
-            gains,
-        )
+        return gain_design(name, line, machine, gains, loop.build)
 
     return design
