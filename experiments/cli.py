@@ -25,8 +25,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     tuning.Front: ("front", "experiments.commands.tuning.front"),
     tuning.Rank: ("rank", "experiments.commands.tuning.rank"),
     tuning.Sweep: ("sweep", "experiments.commands.tuning.sweep"),
-    loops.Verify: ("verify", "experiments.commands.loops.verify"),
-    loops.Certify: ("certify", "experiments.commands.loops.certify"),
+    loops.Check: ("check", "experiments.commands.loops.check"),
     loops.Tolerance: ("tolerance", "experiments.commands.loops.tolerance"),
     loops.Export: ("export", "experiments.commands.loops.export"),
     loops.Trace: ("trace", "experiments.commands.loops.trace"),
@@ -34,10 +33,14 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     machines.Identify: ("identify", "experiments.commands.machines.identify"),
     machines.Machine: ("machine", "experiments.commands.machines.machine"),
     others.Bench: ("bench", "experiments.commands.bench"),
-    others.Compare: ("compare", "experiments.commands.compare"),
     others.Report: ("report", "experiments.commands.report"),
     others.Listing: ("list", "experiments.commands.names"),
     others.Reproduce: ("reproduce", "experiments.commands.reproduce"),
+}
+RENAMED = {  # command of the version before -> what does it now
+    "verify": "check RUN",
+    "certify": "check RUN --bound",
+    "compare": "report RUN RUN",
 }
 BAD_INPUT, INTERRUPTED, CUT_OFF = 2, 130, 1
 TRACEBACK = "JCONTOUR_TRACEBACK"
@@ -182,9 +185,7 @@ def _check_runs(flags: Any) -> None:
     """Tell that a run folder is needed before the work begins."""
     if isinstance(flags, others.Report):
         named = flags.runs
-    elif isinstance(flags, others.Compare):
-        named = (flags.first, flags.second)
-    elif isinstance(flags, (loops.Verify, loops.Certify, loops.Export)):
+    elif isinstance(flags, (loops.Check, loops.Export)):
         named = (flags.run,)
     else:
         return
@@ -203,6 +204,8 @@ def _check_out(flags: Any) -> None:
 def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
     if arguments[:1] == ["reproduce"] and len(arguments) > 1 and not arguments[1].startswith("-"):
         return import_module("experiments.commands.reproduce").chosen(arguments[1], arguments[2:])
+    if arguments and arguments[0] in RENAMED:
+        raise ValueError(f"{arguments[0]}: it is `jcontour {RENAMED[arguments[0]]}` now")
     flags = fitted_help.read(_any_command(), arguments, "jcontour", _DESCRIPTION)
     _, module = COMMANDS[type(flags)]
     return flags, lambda flags: import_module(module).command(flags)  # devices are set up first

@@ -58,7 +58,7 @@ def _what_takes(folder: Path) -> str:
     except (ValueError, KeyError, AttributeError, TypeError):
         return f"give one of {', '.join(CONTOURS)}, or a toolpath file"
     return (
-        "`jcontour feed`, `precompensate`, `verify`, `certify`, `export` and `report` take the "
+        "`jcontour feed`, `precompensate`, `check`, `export` and `report` take the "
         f"folder of a run; `simulate PART --weights {' '.join(words)}` runs its weights on a part"
     )
 

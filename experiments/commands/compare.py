@@ -1,4 +1,4 @@
-"""`jcontour compare`: what changed between two runs of a command, and which is better where."""
+"""Comparison of two runs of a command: what changed, and which is better where."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,10 +10,9 @@ from rich.console import Console
 
 from experiments.files import run_folder
 from experiments.files.results.simulated_result import SimulatedResult
-from experiments.files.results.stored import Weight, read_result, stored_as, to_json
+from experiments.files.results.stored import Weight, read_result, stored_as
 from experiments.files.results.tuned_result import TunedResult
 from experiments.files.results.verdict import Verdict
-from experiments.flags.others import Compare
 from experiments.reports import tables
 from experiments.reports.tables import COLUMNS, columns_of, digits
 from experiments.runs.checks.weights.comparable import (
@@ -90,16 +89,6 @@ class ComparedResult:
     metrics: list[ComparedMetric]
     better: dict[str, int]
     cycle_times: dict[str, list[float | None]]
-
-
-def command(flags: Compare) -> int:
-    """The whole command: compare, print, exit code."""
-    found = run(flags.first, flags.second)
-    if flags.json:
-        print(run_folder.json_text(to_json(found)))
-    else:
-        show(found, tables.console_of())
-    return 0
 
 
 def run(first: Path, second: Path) -> ComparedResult:

@@ -63,8 +63,9 @@ def check_named(command: str, folders: Sequence[Path]) -> None:
     """
     if folders and all(folder != Path() or (folder / SETTINGS).exists() for folder in folders):
         return
-    needed = "two run folders" if len(folders) == 2 else "a run folder"
-    raise RunError(f"{command}: needs {needed}; `jcontour tune PART` makes one and prints its name")
+    raise RunError(
+        f"{command}: needs a run folder; `jcontour tune PART` makes one and prints its name"
+    )
 
 
 def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:

@@ -154,14 +154,18 @@ class Trace(Common):
 
 
 @dataclass(frozen=True)
-class Verify(RunsCode):
-    """Replay a tuned run through a constrained MPC with the same weights.
+class Check(Bounded):
+    """Check a stored run: under the machine's limits at every sample, or (--bound) by a proof.
 
-    The tables say where limits act, and what they cost.
+    Limits: a tuned run goes through constrained MPC with the same weights; the tables say where
+    limits act, and what they cost. --bound: the largest contour error of the loop under bounded
+    disturbances, with the error that an attack within the bounds reaches.
     """
 
     run: Positional[Path] = Path()
-    """Run folder of `jcontour tune`."""
+    """Run folder of `jcontour tune`; with --bound of `simulate` too, of a linear machine."""
+    bound: bool = False  # it takes a linear machine
+    """Prove the largest contour error instead of keeping the limits."""
     max_control: float | None = None
     """Limit on every control [control unit]; the machine's own when not given."""
     max_increment: float | None = None
@@ -176,24 +180,11 @@ class Verify(RunsCode):
     Stop the run, hold the last control, or soften the limits."""
     solver: str = SOLVER
     """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
-    out: Path | None = None
-    """Run folder; runs/verify-<time> when not given. It must not hold another run."""
-
-
-@dataclass(frozen=True)
-class Certify(Bounded):
-    """Prove the largest contour error that a loop can have under bounded disturbances.
-
-    Beside it stands the error that an attack within the bounds really reaches.
-    """
-
-    run: Positional[Path] = Path()
-    """Run folder of `jcontour tune` or `jcontour simulate`, of a linear machine."""
     cells: int = 0  # each takes seconds, on a long part half a minute
-    """Prove it for all gains of the family's box too, cut into at most so many cells per delay.
-    16 are enough for two axes of 10 %. 0: for the plants of the family alone."""
+    """--bound: prove it for all gains of the family's box too, cut into at most so many cells per
+    delay. 16 are enough for two axes of 10 %. 0: for the plants of the family alone."""
     out: Path | None = None
-    """Run folder; runs/certify-<time> when not given. It must not hold another run."""
+    """Run folder; runs/check-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)

@@ -10,21 +10,17 @@ from experiments.flags.shared import Common
 
 
 @dataclass(frozen=True)
-class Compare(Common):
-    """Compare two runs of `tune`, or two of `simulate`: what changed, and which is better where."""
-
-    first: Positional[Path] = Path()
-    """Run folder."""
-    second: Positional[Path] = Path()
-    """Run folder."""
-
-
-@dataclass(frozen=True)
 class Report(Common):
-    """Write one page of stored runs for a browser: everything inside, nothing loaded."""
+    """Write one page of stored runs for a browser, and compare runs of one command.
+
+    The page has everything inside and loads nothing. Of several runs of `tune`, or of `simulate`,
+    each is compared with the first: what changed, and which is better where.
+    """
 
     runs: Positional[tuple[Path, ...]] = ()
     """Run folders of `jcontour tune`, `simulate` or `front`."""
+    page: bool = True
+    """The page; --no-page leaves the comparison alone."""
     out: Path | None = None
     """Folder for report.html, or the page itself where the name ends in .html.
     The first run's folder when not given."""

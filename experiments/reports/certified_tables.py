@@ -1,4 +1,4 @@
-"""Tables that `jcontour certify` prints."""
+"""Tables that `jcontour check --bound` prints."""
 
 from rich.console import Console
 

@@ -61,7 +61,7 @@ def findings(result: ToleranceResult) -> list[str]:
         told.append(
             f"NOT FOR THE WHOLE FAMILY: {'; '.join(over)} left the tolerance. Nothing is promised "
             "for plants that differ from the model: load it on a machine whose delay and gains you "
-            "know. `jcontour certify` bounds the error of a tuned loop on every plant."
+            "know. `jcontour check --bound` bounds the error of a tuned loop on every plant."
         )
     elif others:
         told.append("The other plants kept it too, though nothing is promised for them.")

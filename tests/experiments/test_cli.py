@@ -13,7 +13,7 @@ import pytest
 from experiments import cli
 from experiments.catalogue.known_names import FIRST_LINES, check_plant
 from experiments.catalogue.plants import PLANTS
-from experiments.cli import main
+from experiments.cli import RENAMED, main
 
 # command -> module that reads its parts
 PARTS_READ = {"tune": "runs.tuning.problem", "simulate": "commands.loops.simulate"}
@@ -192,21 +192,22 @@ def test_unknown_name(capsys, tmp_path, monkeypatch, arguments):
     refused(capsys, tmp_path, arguments, arguments[-1])
 
 
-@pytest.mark.parametrize("name", ["verify", "certify", "export", "report", "compare"])
+@pytest.mark.parametrize("name", ["check", "export", "report"])
 def test_a_missing_run_folder_is_told_with_what_makes_one(capsys, tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
-    needed = "two run folders" if name == "compare" else "a run folder"
-    told = f"{name}: needs {needed}; `jcontour tune PART` makes one and prints its name\n"
+    told = f"{name}: needs a run folder; `jcontour tune PART` makes one and prints its name\n"
     refused(capsys, tmp_path, [name], told)
 
 
-def test_the_second_run_folder_may_be_missing_and_this_folder_may_be_one(
-    capsys, tmp_path, monkeypatch
-):
+@pytest.mark.parametrize("name", ["verify", "certify", "compare"])
+def test_the_name_of_a_version_before_says_the_new_one(capsys, tmp_path, name):
+    refused(capsys, tmp_path, [name, "runs/first"], f"{name}: it is `jcontour {RENAMED[name]}` now")
+
+
+def test_this_folder_may_be_the_run(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    refused(capsys, tmp_path, ["compare", "runs/first"], "compare: needs two run folders")
     (tmp_path / "settings.json").write_text('{"command": "front", "flags": {}}')
-    refused(capsys, tmp_path, ["verify"], "holds a run of 'front', not of 'tune'")
+    refused(capsys, tmp_path, ["check"], "holds a run of 'front', not of 'tune'")
 
 
 def test_traceback_on_request(monkeypatch):

@@ -46,12 +46,13 @@ def test_whole_run_killed_and_resumed(tmp_path, machine_file, part_file):
     assert first == second
     for name in ("gains.csv", "observer.json", "history.json"):
         assert (tmp_path / "alone" / name).read_bytes() == (tmp_path / "killed" / name).read_bytes()
+    both = [str(tmp_path / name) for name in ("alone", "killed")]
     compared = subprocess.run(
-        [*command[:-1], "compare", str(tmp_path / "alone"), str(tmp_path / "killed"), "--json"],
+        [*command[:-1], "report", *both, "--no-page", "--json"],
         capture_output=True,
         text=True,
     )
-    summary = json.loads(compared.stdout)
+    (summary,) = json.loads(compared.stdout)["comparisons"]
     assert (
         summary["settings"] == {} and summary["better"]["first"] == summary["better"]["second"] == 0
     )

@@ -15,7 +15,7 @@ NUMBERS = (
     "feed",
     "precompensate",
     "learn",
-    "certify",
+    "check-bound",
     "tolerance",
     "sweep",
     "sweep-predictive",

@@ -251,11 +251,11 @@ def next_steps(found: TunedResult, folder: Path) -> list[str]:
     """Next steps with a tuned run."""
     if not found.verdict.usable:
         return []
-    steps = [f"jcontour compare {folder} OTHER    (which of two runs is better where)"]
+    steps = [f"jcontour report {folder} OTHER    (which of two runs is better where)"]
     if found.limitable:
-        steps.append(f"jcontour verify {folder}    (the same weights under the machine's limits)")
+        steps.append(f"jcontour check {folder}    (the same weights under the machine's limits)")
     if found.terminal is not None:
-        steps.append(f"jcontour certify {folder}    (the largest error it can have, proven)")
+        steps.append(f"jcontour check {folder} --bound    (the largest error it can have, proven)")
     task = ranked_words(folder)
     steps.append(f"jcontour rank{task}    (every controller that suits, as P-PI, tuned alike)")
     load = [f"Load: {name}: {words}" for name, words in found.files.items()]

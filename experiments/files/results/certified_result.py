@@ -1,4 +1,4 @@
-"""Result of `jcontour certify`: what `result.json` of its run folder holds."""
+"""Result of `jcontour check --bound`: what `result.json` of its run folder holds."""
 
 from dataclasses import dataclass
 

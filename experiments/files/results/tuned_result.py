@@ -185,7 +185,7 @@ class TunedResult:
         error: the error that counts, "contour" or "tracking".
         terminal: cost at the end of an LQ controller's horizon; None for other controllers.
         model_delay: samples of the unknown delay in an LQ controller's model; None likewise.
-        limitable: a constrained MPC has the same weights: `jcontour verify` replays it.
+        limitable: a constrained MPC has the same weights: `jcontour check` replays it.
         files: what a drive loads, and how it is read.
         start, weights: before and after tuning.
         weight_lines: the tuned weights with their units, for people.

@@ -335,12 +335,12 @@ def sent(files, tmp_path, monkeypatch):
     return run
 
 
-COMMANDS = ("export", "certify", "feed", "precompensate")
+COMMANDS = ("export", "check --bound", "feed", "precompensate")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_run_folder_of_somebody_else_runs_no_code_unasked(capsys, sent, command):
-    assert main([command, str(sent), "--out", str(sent.parent / "out")]) == 2
+    assert main([*command.split(), str(sent), "--out", str(sent.parent / "out")]) == 2
     told = capsys.readouterr().err
     assert "inputs/0/mine.py: this Python file" in told and told.endswith("--trust-code\n")
     assert not (sent.parent / "has-run").exists()

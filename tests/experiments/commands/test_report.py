@@ -15,7 +15,7 @@ def test_faults_are_told_in_a_line(tmp_path, capsys):
     assert "report: needs a run folder" in capsys.readouterr().err
     assert main(["report", str(tmp_path)]) == 2
     assert "is not a run folder" in capsys.readouterr().err
-    (tmp_path / "settings.json").write_text('{"command": "verify", "flags": {}}')
+    (tmp_path / "settings.json").write_text('{"command": "check", "flags": {}}')
     assert main(["report", str(tmp_path)]) == 2
     told = capsys.readouterr().err
     assert told.count("\n") == 1 and "pages are made of tune, simulate, front" in told
@@ -39,7 +39,10 @@ def test_a_run_has_its_page_beside_it_and_two_runs_share_one(tour, tmp_path, cap
         assert (run / FILE).stat().st_size < 1_000_000
     out = tmp_path / "both.html"
     assert main(["report", *map(str, runs), "--json", "--out", str(out)]) == 0
-    assert json.loads(capsys.readouterr().out) == {"page": str(out), "bytes": out.stat().st_size}
+    written = {"page": str(out), "bytes": out.stat().st_size, "comparisons": []}
+    assert json.loads(capsys.readouterr().out) == written
+    assert main(["report", str(runs[0]), "--no-page"]) == 2
+    assert "needs two runs of tune" in capsys.readouterr().err
     assert '"name":"simulate"' in out.read_text() and '"name":"tune"' in out.read_text()
     assert main(["report", str(runs[0]), "--out", str(tmp_path / "new" / "folder")]) == 0
     assert (tmp_path / "new" / "folder" / FILE).read_text().startswith("<!")

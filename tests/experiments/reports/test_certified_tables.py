@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from rich.console import Console
 
-from experiments.commands.loops.certify import verdict_on
+from experiments.commands.loops.check_bound import verdict_on
 from experiments.files.results.certified_result import CertifiedResult, CertifiedRow
 from experiments.files.results.run_metrics import MachineSummary, PeakPlace
 from experiments.files.results.verdict import Verdict

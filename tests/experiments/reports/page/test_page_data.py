@@ -67,8 +67,8 @@ def test_a_run_without_signals_has_a_page(run_folder, tmp_path):
 def test_other_folders_are_told_in_a_line(run_folder, tmp_path):
     with pytest.raises(RunError, match="is not a run folder"):
         page_data(tmp_path)
-    (tmp_path / "settings.json").write_text('{"command": "verify"}')
-    with pytest.raises(RunError, match="'verify'; pages are made of tune, simulate, front"):
+    (tmp_path / "settings.json").write_text('{"command": "check"}')
+    with pytest.raises(RunError, match="'check'; pages are made of tune, simulate, front"):
         page_data(tmp_path)
     settings = json.loads((run_folder / "settings.json").read_text())
     (tmp_path / "settings.json").write_text(json.dumps(settings))

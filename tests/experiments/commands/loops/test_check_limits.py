@@ -1,4 +1,4 @@
-"""`verify` from the command line."""
+"""`check` under limits from the command line."""
 
 from dataclasses import replace
 from io import StringIO
@@ -9,7 +9,7 @@ from rich.console import Console
 
 from experiments.catalogue.choices import machine_named
 from experiments.cli import main
-from experiments.commands.loops.verify import (
+from experiments.commands.loops.check_limits import (
     AT_FEED,
     AWAY,
     GapRow,
@@ -22,14 +22,14 @@ from experiments.commands.loops.verify import (
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.run_metrics import RunMetrics
 from experiments.files.results.verdict import Verdict
-from experiments.flags.loops import Verify
+from experiments.flags.loops import Check
 from experiments.machines.machine import MachineLimits
 
 EFFORT = "--scatter 0 --starts 1 --steps 2 --preview 4".split()
 
 
-def test_verify_tells_what_limits_cost(tour):
-    visit = tour("verify")
+def test_what_limits_cost(tour):
+    visit = tour("check")
     out, gaps = visit.folder, visit.stored()["gaps"]
     assert visit.code == (0 if visit.stored()["verdict"]["usable"] else 3)
     assert any(gap["active_fraction"] > 0 for gap in gaps)
@@ -49,32 +49,32 @@ def test_limits_that_a_start_is_outside_of_leave_no_folder(tmp_path, capsys):
     """The same command with another limit then has the folder to itself."""
     out = tmp_path / "verified"
     assert main(["tune", "circle", "--json", "--out", str(tmp_path / "run"), *EFFORT]) == 0
-    words = ["verify", str(tmp_path / "run"), "--out", str(out), "--max-speed-mm-s"]
+    words = ["check", str(tmp_path / "run"), "--out", str(out), "--max-speed-mm-s"]
     assert main([*words, "1"]) == 2
     assert "the start is outside the limits" in capsys.readouterr().err and not out.exists()
 
 
-def test_verify_needs_a_run(tmp_path, capsys):
-    assert main(["verify", str(tmp_path)]) == 2
+def test_it_needs_a_run(tmp_path, capsys):
+    assert main(["check", str(tmp_path)]) == 2
     assert "settings.json" in capsys.readouterr().err
 
 
 def test_limits_of_the_machine_and_of_the_flags(machine_file):
     machine = machine_named(str(machine_file))
-    own = limits_of(Verify(), machine)
-    changed = limits_of(Verify(max_control=7.0, max_speed_mm_s=50.0), machine)
+    own = limits_of(Check(), machine)
+    changed = limits_of(Check(max_control=7.0, max_speed_mm_s=50.0), machine)
     assert own.speed[1].tolist() == [0.2, 0.2]
     assert changed.speed[1] == 0.05 and changed.control[1] == 7.0
     assert changed.increment[1].tolist() == own.increment[1].tolist()
     with pytest.raises(ValueError, match="max-control"):
-        limits_of(Verify(max_control=-1.0), machine)
+        limits_of(Check(max_control=-1.0), machine)
 
 
 def test_the_default_machine_states_a_limit_and_one_without_is_told():
     machine = machine_named("bridgeport")
-    assert limits_of(Verify(), machine).control[1].tolist() == [10.0, 10.0]
+    assert limits_of(Check(), machine).control[1].tolist() == [10.0, 10.0]
     with pytest.raises(ValueError, match="bridgeport states no limits; give --max-control"):
-        limits_of(Verify(), replace(machine, limits=MachineLimits()))
+        limits_of(Check(), replace(machine, limits=MachineLimits()))
 
 
 def row(without, within, active=0.5, failure="", reached=None):

@@ -1,4 +1,4 @@
-"""`jcontour certify RUN`: the largest error that a stored loop can have, and an attack near it."""
+"""`jcontour check RUN --bound`: largest error that a stored loop can have, an attack near it."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from experiments.files.netcdf import save_dataset
 from experiments.files.results.certified_result import CertifiedResult, CertifiedRow
 from experiments.files.results.stored import write_result
 from experiments.files.results.verdict import LimitCheck, Verdict, kept_words
-from experiments.flags.loops import Certify
+from experiments.flags.loops import Check
 from experiments.machines.disturbance_bounds import bounds_of, linear_machine, warn_of_doubt
 from experiments.reports import tables
 from experiments.reports.certified_tables import show_certified
@@ -25,7 +25,7 @@ from experiments.runs.tuning.results import machine_summary
 ATTACK = "attack.nc"
 
 
-def command(flags: Certify) -> int:
+def command(flags: Check) -> int:
     """The whole command: prove, attack, print, exit code."""
     found, folder = run(flags)
     then = [
@@ -37,7 +37,7 @@ def command(flags: Certify) -> int:
     return finished(folder, found, flags, show_certified, then, found.verdict)
 
 
-def run(flags: Certify) -> tuple[CertifiedResult, Path]:
+def run(flags: Check) -> tuple[CertifiedResult, Path]:
     """Certify all contours and plants of a stored run; the result and the run folder.
 
     Raises:
@@ -72,7 +72,7 @@ def run(flags: Certify) -> tuple[CertifiedResult, Path]:
         rows=rows,
         verdict=verdict_on(rows, limits, machine.control_unit),
     )
-    folder = created(flags, "certify")
+    folder = created(flags, "check")
     _save(worst, loop, folder)
     save_figure(certificate_figure(_drawn(worst, machine.error)), folder / "certificate.png")
     write_result(folder, result)
@@ -131,7 +131,7 @@ def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:
     }
     time = one.reference.dt * np.arange(found.bound.size)
     title = {
-        "title": "jcontour certify: attack on the largest bound",
+        "title": "jcontour check: attack on the largest bound",
         "contour": one.row.contour,
         "plant": one.row.plant,
         "attacked_sample": found.worst,

@@ -1,4 +1,4 @@
-"""`jcontour verify RUN`: tuned weights replayed under the limits of the machine at every sample."""
+"""`jcontour check RUN`: tuned weights replayed under the limits of the machine at every sample."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from experiments.files.results.run_metrics import RunMetrics
 from experiments.files.results.stored import Weight, read_result, write_result
 from experiments.files.results.tuned_result import TunedResult
 from experiments.files.results.verdict import LimitCheck, Verdict
-from experiments.flags.loops import Verify
+from experiments.flags.loops import Check
 from experiments.jobs.job import Job
 from experiments.machines.machine import Machine
 from experiments.reports import tables
@@ -78,7 +78,7 @@ class GapRow:
 
 @dataclass(frozen=True)
 class Verified:
-    """Result of `verify`.
+    """Result of `check`.
 
     Attributes:
         tuned: folder of the tuned run.
@@ -100,7 +100,7 @@ class Verified:
     verdict: Verdict
 
 
-def command(flags: Verify) -> int:
+def command(flags: Check) -> int:
     """The whole command: replay, print, exit code."""
     folder = flags.run
     run, weights = stored_tuning(folder)
@@ -109,7 +109,7 @@ def command(flags: Verify) -> int:
     constrained = _constrained(run, weights, limits, solver)
     for reference in _references(run).values():
         constrained.initial_memory(reference)  # raises what does not fit before anything is written
-    out = created(flags, "verify")
+    out = created(flags, "check")
     rows = _replayed(run, weights, constrained, limits, flags, out)
     bounds = {name: _listed(pair) for name, pair in limits._asdict().items()}
     result = Verified(
@@ -129,7 +129,7 @@ def command(flags: Verify) -> int:
     return finished(out, result, flags, show, then, result.verdict)
 
 
-def limits_of(flags: Verify, machine: Machine) -> Limits:
+def limits_of(flags: Check, machine: Machine) -> Limits:
     """The machine's limits, each replaced where a flag gives another.
 
     Raises:
@@ -147,7 +147,7 @@ def limits_of(flags: Verify, machine: Machine) -> Limits:
         sizes[name] = factor * value
     if all(size is None for size in sizes.values()):
         raise ValueError(
-            f"verify: {machine.name} states no limits; give --max-control, --max-increment, "
+            f"check: {machine.name} states no limits; give --max-control, --max-increment, "
             "--max-speed-mm-s or another"
         )
     return Limits.within(**sizes)
@@ -164,7 +164,7 @@ def _constrained(
     controller = run.design.constrained(weights, limits, solver)
     if controller is None:
         raise ValueError(
-            f"verify: {run.design.name} has no form that keeps to limits at every sample; "
+            f"check: {run.design.name} has no form that keeps to limits at every sample; "
             "contouring-lq has one"
         )
     return controller
@@ -175,7 +175,7 @@ def _replayed(
     weights: Weights,
     constrained: HostController,
     limits: Limits,
-    flags: Verify,
+    flags: Check,
     out: Path,
 ) -> list[GapRow]:
     """Every contour on every plant, stored as they are done: kept if the rest is interrupted."""
@@ -246,7 +246,7 @@ def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
         "fallback": (("time",), fallback, {"long_name": "1 where the fallback acted"}),
     }
     title = {
-        "title": "jcontour verify: under limits",
+        "title": "jcontour check: under limits",
         "contour": gap.contour,
         "plant": gap.plant,
         "failure": gap.failure,

@@ -1,10 +1,10 @@
-"""`certify` from the command line."""
+"""`check --bound` from the command line."""
 
 import numpy as np
 import pytest
 
 from experiments.cli import main
-from experiments.commands.loops.certify import ATTACK
+from experiments.commands.loops.check_bound import ATTACK
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.certified_result import CertifiedResult
 from experiments.files.results.stored import read_result
@@ -17,7 +17,7 @@ def simulated(tour):
 
 
 def test_every_plant_of_a_simulated_run_is_certified(tour):
-    out, result = tour("certify").folder, tour("certify").result(CertifiedResult)
+    out, result = tour("check-bound").folder, tour("check-bound").result(CertifiedResult)
     assert len(result.rows) == 4 and result.force == 0.5 and result.encoder == 0.5e-6
     for row in result.rows:
         assert row.nominal < row.reached <= row.bound and row.counted <= row.bound
@@ -33,7 +33,7 @@ def test_every_plant_of_a_simulated_run_is_certified(tour):
 
 
 def test_a_tuned_run_is_certified_with_its_weights(tour):
-    result = tour("certify-tuned").result(CertifiedResult)
+    result = tour("check-bound-tuned").result(CertifiedResult)
     assert result.force == 1.0  # control_noise of the machine file
     proven = tour("tune").result(TunedResult).certified
     assert proven.error == pytest.approx(result.worst.bound, rel=1e-9)
@@ -45,7 +45,7 @@ def test_a_tuned_run_is_certified_with_its_weights(tour):
 def test_all_gains_are_certified_at_every_delay(simulated, tmp_path, capsys):
     out = tmp_path / "cells"
     flags = ["--force", "0.5", "--cells", "3", "--out", str(out)]
-    assert main(["certify", str(simulated), *flags]) == 0
+    assert main(["check", str(simulated), "--bound", *flags]) == 0
     result = read_result(out, CertifiedResult)
     assert result.gain == 0.1
     assert [row.plant for row in result.rows[4:]] == ["all gains, 0 late", "all gains, 1 late"]
@@ -67,15 +67,15 @@ def test_faults_are_told_in_a_line_and_nothing_is_written(simulated, tmp_path, c
         "cells: needs at least zero, received -1": ("--cells", "-1"),
     }
     for line, flags in faults.items():
-        assert main(["certify", str(simulated), *flags, "--out", str(out)]) == 2
+        assert main(["check", str(simulated), "--bound", *flags, "--out", str(out)]) == 2
         assert line in capsys.readouterr().err
     assert not out.exists()
 
 
 def test_a_run_without_a_loop_is_told(tmp_path, capsys):
-    assert main(["certify", str(tmp_path)]) == 2
+    assert main(["check", str(tmp_path), "--bound"]) == 2
     assert "settings.json" in capsys.readouterr().err
     (tmp_path / "settings.json").write_text('{"command": "front", "flags": {}}')
-    assert main(["certify", str(tmp_path)]) == 2
+    assert main(["check", str(tmp_path), "--bound"]) == 2
     told = capsys.readouterr().err
     assert "holds a run of 'front'; a loop is stored by 'tune' and 'simulate'" in told
