@@ -122,8 +122,8 @@ def test_what_parts_the_bench_from_the_gantry(result):
     pull = FREQUENCY**2 * dry.peak_x_error_m  # [m/s^2] of the follower; 0.125 more by feedforward
     assert abs(pull - breaking_away) < 0.15
     assert ideal.distance_m < late.distance_m < dry.distance_m
-    assert ideal.distance_m == pytest.approx(0.55e-6, rel=0.05)  # papers/README
-    assert dry.distance_m == pytest.approx(629e-6, rel=0.05)  # papers/README
+    assert ideal.distance_m == pytest.approx(0.55e-6, rel=0.05)  # evidence/yuan-gantry.md
+    assert dry.distance_m == pytest.approx(629e-6, rel=0.05)  # evidence/yuan-gantry.md
     assert [row.diverged for row in rows] == [False] * 6 + [True]
     time, twice_inertia = result.emulated.time_s, 2 * float(thesis_gantry().inertia(0.0))
     rate = -alone.twist_damping / twice_inertia
@@ -142,8 +142,8 @@ def test_holding_alone_costs_more_damping_than_the_beam_has(result):
     lost = [viscous - held.twist_damping, viscous - late.twist_damping]
     wanted = [1.6 * 538.26 * np.sin(samples * 538.26 * SAMPLE) for samples in (0.5, 1.5)]
     np.testing.assert_allclose(lost, wanted, rtol=1e-4)
-    assert viscous < lost[0] == pytest.approx(441, abs=1)  # papers/README
-    assert lost[1] - lost[0] == pytest.approx(419, abs=1)  # papers/README
+    assert viscous < lost[0] == pytest.approx(441, abs=1)  # evidence/yuan-gantry.md
+    assert lost[1] - lost[0] == pytest.approx(419, abs=1)  # evidence/yuan-gantry.md
 
 
 def verdicts(result):

@@ -146,7 +146,7 @@ def test_intervals_cover_as_often_as_they_promise():
     """The 95 % intervals hold the truth in 90 to 99 % of commissionings.
 
     Each has noise of its own, in the loop and in the records. All parameters are counted together;
-    `tuning/identification/README.md` says how often each one is held over 200 seeds.
+    `evidence/identification.md` says how often each one is held over 200 seeds.
     """
     errors = []
     for seed in range(12):

@@ -1,7 +1,8 @@
-"""The pages are true: their examples run, their links lead somewhere, their commands exist."""
+"""The pages are true: examples run, links lead somewhere, commands and files exist."""
 
 import re
 from dataclasses import fields
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -10,15 +11,23 @@ from experiments.cli import COMMANDS
 from experiments.commands.reproduce import experiments_found
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("jcontour", "tuning", "experiments")
-PAGES = ["README.md"] + [
+SITE = "experiments/docs"
+LIBRARY = f"{SITE}/how-to/use-the-library.md"
+READMES = ["README.md"] + [
     path.relative_to(ROOT).as_posix()
-    for room in ROOMS
-    for path in sorted((ROOT / room).rglob("README.md"))
+    for folder in ("jcontour", "tuning", "experiments")
+    for path in sorted((ROOT / folder).rglob("README.md"))
 ]
-OWN_TEST = ("README.md", "jcontour/README.md")  # what their examples print is looked at, too
+PAGES = READMES + [
+    path.relative_to(ROOT).as_posix() for path in sorted((ROOT / SITE).rglob("*.md"))
+]
+FILES = [path.as_posix() for path in ROOT.rglob("*.py") if ".venv" not in path.parts]
+OWN_TEST = ("README.md", LIBRARY)  # what their examples print is looked at, too
+FIRST_PAGE, PAGE = 8000, 4000  # bytes
 FLAGS = {name: kind for kind, (name, _) in COMMANDS.items()}
 COMMAND = re.compile(r"\bjcontour ([a-z]+)([^&#\n]*)")
+DATE = re.compile(r"\b20\d\d-\d\d-\d\d\b")
+HASH = re.compile(r"\b(?=[a-f]*\d)(?=\d*[a-f])[0-9a-f]{7,40}\b")
 
 
 def text_of(page):
@@ -53,7 +62,7 @@ def test_the_own_controller_of_the_readme_runs(capsys):
 
 @pytest.mark.slow
 def test_the_examples_of_the_library_guide_run(capsys):
-    run_blocks("jcontour/README.md")
+    run_blocks(LIBRARY)
     lines = capsys.readouterr().out.splitlines()
     ahead = [line.split() for line in lines if " ahead: " in line]
     for words in ahead:  # |b|^(N_p - 1): Alter & Tsao, eq. 8
@@ -83,8 +92,16 @@ def test_the_examples_of_the_library_guide_run(capsys):
     assert residual <= 1e-8
 
 
-def test_the_readme_is_short():
-    assert len((ROOT / "README.md").read_bytes()) <= 9000
+@pytest.mark.parametrize("page", READMES)
+def test_readmes_are_short(page):
+    assert len((ROOT / page).read_bytes()) <= (FIRST_PAGE if page == "README.md" else PAGE)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_pages_have_no_history(page):
+    """A page tells how things are: neither when they were measured nor by which commit."""
+    text = re.sub(r"```.*?```", "", text_of(page), flags=re.DOTALL)
+    assert not DATE.findall(text) + HASH.findall(text)
 
 
 OTHERS = [page for page in PAGES if page not in OWN_TEST and python_blocks(page)]
@@ -97,13 +114,15 @@ def test_other_examples_run(page):
 
 @pytest.mark.parametrize("page", PAGES)
 def test_links_lead_somewhere(page):
-    """Files and folders that a page links to exist, and so do the headings."""
+    """Files, folders and pictures that a page links to exist, and so do the headings."""
     for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
         if target.startswith(("http://", "https://")):
             continue
         file, _, heading = target.partition("#")
         linked = (ROOT / page).parent / file if file else ROOT / page
         assert linked.exists(), f"{page} links to {target}"
+        if page.startswith(SITE):  # a folder of its own, without the files around it
+            assert linked.resolve().is_relative_to(ROOT / SITE), f"{page} links to {target}"
         if heading:
             assert heading in anchors(linked.read_text()), f"{page} links to {target}"
 
@@ -112,6 +131,17 @@ def anchors(text):
     """Names that a heading is linked by: lower case, without punctuation, hyphens for blanks."""
     headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading).lower().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_files_and_modules_exist(page):
+    """Python files that a page names, and modules that it takes docstrings from."""
+    for name in re.findall(r"`([\w/-]+\.py)`", text_of(page)):
+        if name == "mine.py" or "NAME" in name:  # the reader's
+            continue
+        assert any(file.endswith(f"/{name}") for file in FILES), f"{page}: there is no {name}"
+    for module in re.findall(r"^::: ([\w.]+)$", text_of(page), re.MULTILINE):
+        import_module(module)
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -125,10 +155,32 @@ def test_commands_exist(page):
             assert set(papers) <= set(experiments_found()), f"{page}: {arguments}"
             continue
         known = {field.name for field in fields(FLAGS[name])} | {"help"}
-        given = {flag.replace("-", "_") for flag in re.findall(r"--([a-z][a-z-]*)", arguments)}
+        flags = re.findall(r"--(?:no-)?([a-z][a-z-]*)", arguments)
+        given = {flag.replace("-", "_") for flag in flags}
         assert given <= known, f"{page}: jcontour {name} has no flag {given - known}"
 
 
 def test_the_commands_of_the_readme_are_all_of_them():
     table = re.findall(r"^\| `jcontour ([a-z]+)", text_of("README.md"), re.MULTILINE)
     assert sorted(table) == sorted(FLAGS)
+
+
+def test_every_paper_has_its_parts_and_its_page():
+    """The recipe of `contributing.md`."""
+    parts = ("SOURCE", "PUBLISHED", "Settings", "run", "draw", "show")
+    for name in experiments_found():
+        module = import_module(f"experiments.papers.{name.replace('-', '_')}.experiment")
+        assert all(hasattr(module, part) for part in parts), name
+        assert (ROOT / SITE / f"evidence/{name}.md").exists(), name
+
+
+def test_every_package_has_its_reference():
+    """The pages of the API name every folder of the library."""
+    named = {
+        module
+        for page in PAGES
+        for module in re.findall(r"^::: ([\w.]+)$", text_of(page), re.MULTILINE)
+    }
+    internal = {"jcontour.native", "jcontour.kernels"}  # compiled forms of what others document
+    folders = {f"jcontour.{path.parent.name}" for path in (ROOT / "jcontour").glob("*/__init__.py")}
+    assert folders - internal <= named and {"tuning"} <= named
