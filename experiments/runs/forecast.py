@@ -109,6 +109,5 @@ def check_memory(job: Task, plants: int, there: float | None = None) -> None:
         raise ValueError(
             f"{job.name}: {job.samples:,} samples on {plants} plants need about "
             f"{1e-9 * takes:.0f} GB of memory, {1e-9 * there:.0f} are free: give a "
-            "higher feed or a part of the program, or run it piece by piece in Python "
-            "(jcontour.simulation.programs.run_program)"
+            "higher feed or a part of the program"
         )

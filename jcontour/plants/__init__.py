@@ -11,7 +11,6 @@ from jcontour.plants.gantry.motor_bench.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
 from jcontour.plants.servo_axes import servo_axes
 from jcontour.plants.three_link import ThreeLink, manipulator_path, three_servos
-from jcontour.plants.two_link_arm import TwoLinkArm
 from jcontour.plants.wrappers.delays import Delayed, LateSensors
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import CountingEncoders, Encoders, Quantised, Sensed
@@ -42,7 +41,6 @@ __all__ = [
     "SmoothFrictionGantry",
     "StickSlipGantry",
     "ThreeLink",
-    "TwoLinkArm",
     "bridgeport",
     "exact_bridgeport",
     "euler_model",

@@ -19,10 +19,19 @@ from jcontour.controllers.synchronisation.adaptive import (
     SynchronisedGains,
 )
 from jcontour.motion.references import from_samples
-from jcontour.plants.two_link_arm import TwoLinkArm
 from jcontour.sensors import motors
 
 DT, STEPS = 1e-3, 4
+
+
+class Slide(eqx.Module):
+    """Kinematics of joints that are the axes of the tool."""
+
+    def tool(self, angle):
+        return angle
+
+    def jacobian(self, angle):
+        return np.eye(2)
 
 
 def cascade(dt):
@@ -42,7 +51,7 @@ SAMPLED = {
     "time delay": lambda dt: TimeDelayControl(400.0, 40.0, 1.0, motors(2), dt),
     "zpetc": lambda dt: ZeroPhaseTracking(PreviewFilter([1.0], [1.0], 0), 1.0, motors(2), dt),
     "adaptive zpetc": adaptive_zpetc,
-    "cartesian": lambda dt: CartesianControl(TwoLinkArm(dt=DT), 1.0, 1.0, np.zeros((STEPS, 2)), dt),
+    "cartesian": lambda dt: CartesianControl(Slide(), 1.0, 1.0, np.zeros((STEPS, 2)), dt),
 }
 CONTROLLERS = SAMPLED | {
     "self-tuning": lambda dt: SelfTuning(0.02, 0.25, motors(2), gain=0.01),

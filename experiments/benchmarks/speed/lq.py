@@ -27,7 +27,6 @@ from experiments.benchmarks.speed.lq_results import (
     DeviceRate,
     LQBench,
     PreviewTime,
-    ProgramTime,
     RunRates,
     SizeRate,
 )
@@ -41,7 +40,6 @@ from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.devices import on_gpu
 from jcontour.simulation.devices import Spread, device_mesh
 from jcontour.simulation.evaluation import member, platform_batching
-from jcontour.simulation.programs import run_program
 
 __all__ = ["measured", "rates", "show"]  # a part of `bench`
 
@@ -49,7 +47,6 @@ Tell = Callable[[str], None]  # receives a line after every measurement
 
 PREVIEWS = (10, 25, 200, 1000)
 BLOCKS = (200, 1000)  # previews of horizons that move on by blocks
-LONG = 1_000_000  # steps: 500 s of machining
 COMPARED = 16  # runs whose gains are compared with those of a CPU
 
 
@@ -78,7 +75,6 @@ def measured(flags: Bench, tell: Tell) -> LQBench:
         sizes=sizes,
         previews=previews(tell),
         devices=over_devices(max(batches), tell),
-        program=program(),
     )
 
 
@@ -197,19 +193,6 @@ def over_devices(batch: int, tell: Tell) -> list[DeviceRate]:
         found.append(DeviceRate(count, batch * count, rate, rate / slowest))
         tell(_told(f"devices {count}", rate))
     return found
-
-
-def program() -> ProgramTime:
-    """One long program, float64: outputs and controls of all steps."""
-    steps = LONG if on_gpu() else LONG // 10
-    case = paper_case(DOUBLE, steps)
-    controller = ContouringLQ(case.plant, LQWeights(1.0, 5.0, 1e-10), case.preview)
-
-    def run(reference):
-        return run_program(case.plant, controller, reference)
-
-    spent = timed(run, member(case.references, 0))
-    return ProgramTime(steps, 1e3 * spent.running, spent.compiling)
 
 
 def looped(loop: Callable, steps: int) -> float:

@@ -91,15 +91,6 @@ class DeviceRate:
 
 
 @dataclass(frozen=True)
-class ProgramTime:
-    """Time of one long program."""
-
-    steps: int
-    milliseconds: float
-    compiling: float
-
-
-@dataclass(frozen=True)
 class LQBench:
     """All measurements.
 
@@ -112,4 +103,3 @@ class LQBench:
     sizes: list[SizeRate]
     previews: list[PreviewTime]
     devices: list[DeviceRate]
-    program: ProgramTime

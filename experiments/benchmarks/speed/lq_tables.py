@@ -62,8 +62,7 @@ def show(console: Console, result: LQBench) -> None:
     console.print(_table(title, result.previews, {"horizon moves on": "horizon"}, WINDOWS))
     title = "Devices, float64, the same batch on each"
     console.print(_table(title, result.devices, {}, DEVICES))
-    steps, spent, compiling = (tables.digits(value) for value in vars(result.program).values())
-    lines = [f"one program of {steps} steps: {spent} ms, compiled in {compiling} s"]
+    lines = []
     for name, rate in result.loops.items():
         counted = "float64, tracking and projected error only"
         lines.append(f"{name:<14} {tables.digits(rate)} runs/s, {counted}")

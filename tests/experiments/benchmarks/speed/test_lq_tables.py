@@ -28,7 +28,6 @@ RESULT = results.LQBench(
     sizes=[results.SizeRate("2 + 2", 2, 16, "XLA", 640.0, 0.25, 1e-12)],
     previews=[results.PreviewTime(25, "by blocks", 5000, 1, 17.0, 1.25)],
     devices=[results.DeviceRate(2, 512, 43_000.0, 2.0)],
-    program=results.ProgramTime(100_000, 330.0, 0.75),
 )
 
 

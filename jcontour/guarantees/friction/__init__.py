@@ -1,1 +1,0 @@
-"""Largest errors of a flexible axis with stick, slip and cogging."""
