@@ -16,7 +16,7 @@ BELOW = {
 }
 
 LIBRARY = {"jax", "equinox", "jaxtyping", "optax", "numpy", "scipy"}
-APPLICATION = {"matplotlib", "tyro", "rich", "xarray", "h5netcdf", "h5py", "PIL"}
+APPLICATION = {"matplotlib", "tyro", "rich", "xarray", "h5netcdf", "h5py"}
 ALLOWED = {"jcontour": LIBRARY, "tuning": LIBRARY, "experiments": LIBRARY | APPLICATION}
 ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.qp": {"qpsolvers", "proxsuite", "daqp"},
@@ -30,7 +30,6 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "experiments.benchmarks.speed.plain_loops": {"numba"},  # what `bench` compares with
     "experiments.benchmarks.searches.search_methods": {"cmaes", "optuna"},
     "experiments.runs.spread.cluster": {"dask", "distributed"},  # where the user has installed them
-    "experiments.video.gantry_video": {"imageio_ffmpeg"},  # where the user has installed it
 }
 
 FLOORS = {  # top to bottom: a room imports its own floor and those below
@@ -61,7 +60,6 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("designs", "reports"),
         ("jobs",),
         ("machines",),
-        ("video",),
         (
             "files",
             "flags",

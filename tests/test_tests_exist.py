@@ -107,7 +107,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/designs/gains.py": "experiments/designs/test_flexible_axis.py",
     "experiments/jobs": "experiments/designs/test_flexible_axis.py",
     "experiments/machines/families.py": "experiments/machines/test_flexible_axis.py",
-    "experiments/video": "experiments/video/test_gantry_video.py",
     "experiments/examples": "experiments/examples/test_examples.py",
     # a paper is tested as a whole
     "experiments/papers/alter_tsao": "experiments/papers/test_alter_tsao.py",

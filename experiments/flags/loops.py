@@ -30,9 +30,6 @@ class Simulate(Controlled):
     contour: Positional[str | None] = None
     """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv).
     The machine's usual contour when not given."""
-    video: bool = False  # it needs MuJoCo and a renderer
-    """Gantry: film its MuJoCo model on the contour, the twist of the beam magnified.
-    MP4 with the extra `video`, else GIF."""
     rollouts: Rollouts = ROLLOUTS
     """Samples kept in rollouts.nc: all, some, or no file; `auto` thins what is large.
     Figures are drawn from all."""

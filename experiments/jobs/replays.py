@@ -3,8 +3,7 @@
 Tables, figures and netCDF are made of them.
 """
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -17,7 +16,7 @@ from experiments.jobs.job import Task
 from experiments.machines.machine import Fed, Machine
 from jcontour.controller import Controller, Plan
 from jcontour.motion.references import Reference, pad
-from jcontour.plant import Plant, State
+from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import check_run, follow, prepared
 from jcontour.simulation.evaluation import (
     family_batching,
@@ -28,23 +27,18 @@ from jcontour.simulation.evaluation import (
 )
 from jcontour.simulation.metrics import Metrics, contour_error, score_signals
 
-Watch = Callable[[Plant, State], Any]  # what is kept of a state beside its output: arrays
-
 
 class Replay(NamedTuple):
     """Metrics and signals of all runs.
 
     Metrics have the axes (contour, plant). Output [m], control and contour error vector [m] are
     those of every sample, with the axes (contour, plant, time, ...).
-
-    What was watched beside them has the same axes; None where nothing was.
     """
 
     metrics: Metrics
     output: np.ndarray
     control: np.ndarray
     contour_error: np.ndarray
-    watched: Any = None
 
 
 class Scenarios(NamedTuple):
@@ -89,17 +83,17 @@ class Scenarios(NamedTuple):
         return [job for job, seen in zip(self.jobs, self.training, strict=True) if seen is trained]
 
 
-def replay(controller: Controller, scenarios: Scenarios, watch: Watch | None = None) -> Replay:
-    """Run the controller over all scenarios, and keep what `watch` sees at every sample.
+def replay(controller: Controller, scenarios: Scenarios) -> Replay:
+    """Run the controller over all scenarios.
 
     Raises:
         ValueError: the preview or the sample period does not fit.
     """
     check_run(scenarios.family, controller, scenarios.references)
     references, plans = scenarios.references, prepared_plans(controller, scenarios.references)
-    output, control, watched = _runs(scenarios.family, controller, references, plans, watch)
+    output, control = _runs(scenarios.family, controller, references, plans)
     metrics, error = _scored(output, control, references)
-    return Replay(*jax.device_get((metrics, output, control, error, watched)))
+    return Replay(*jax.device_get((metrics, output, control, error)))
 
 
 def prepared_plans(controller: Controller, references: Reference) -> Plan:
@@ -112,17 +106,16 @@ def prepared_plans(controller: Controller, references: Reference) -> Plan:
 
 @eqx.filter_jit
 def _runs(
-    family: Plant, controller: Controller, references: Reference, plans: Plan, watch: Watch | None
+    family: Plant, controller: Controller, references: Reference, plans: Plan
 ) -> tuple[Any, ...]:
-    """Output, control, and what was watched, (contour, plant, time, ...)."""
+    """Output and control (contour, plant, time, ...)."""
 
     def on_contour(planned: tuple[Reference, Plan]):
         reference, plan = planned
 
         def on_plant(plant: Plant):
             run = follow(plant, controller, plan, reference)
-            watched = None if watch is None else jax.vmap(partial(watch, plant))(run.state)
-            return run.output, run.control, watched
+            return run.output, run.control
 
         return family_batching(family)(on_plant, family)
 

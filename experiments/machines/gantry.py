@@ -5,7 +5,7 @@ Motor positions are measured; stiffness is known to a fifth, masses to a tenth.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import ClassVar
 
 import equinox as eqx
@@ -17,7 +17,6 @@ from jaxtyping import Array, Float
 from experiments.machines.count_noise import rounding_noise
 from experiments.machines.families import LATE, Member, MotorMeasuredMachine, late
 from experiments.machines.machine import Fed, MachineLimits, Usual
-from experiments.video.film import FilmMaker
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.plant import Plant
 from jcontour.plants.friction import Friction
@@ -124,12 +123,6 @@ class GantryMachine(MotorMeasuredMachine):
 
         plant = self._limited(GantryMuJoCo(self.parameters, self.model.dt), 0)
         return "MuJoCo", _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
-
-    def film(self) -> FilmMaker | None:
-        """Film of its MuJoCo model at the states of the run."""
-        from experiments.video.gantry_video import pose, record
-
-        return FilmMaker(pose, partial(record, self.parameters))
 
     def nominal(self, fed: Fed = "outputs") -> Plant:
         """Plant with its limits, without dry friction.

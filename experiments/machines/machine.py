@@ -10,7 +10,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from experiments.video.film import FilmMaker
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.linear.between_samples import hidden_acceleration
 from jcontour.linear.plant import LinearPlant
@@ -195,10 +194,6 @@ class Machine(abc.ABC):
 
         None where there is no such engine.
         """
-        return None
-
-    def film(self) -> FilmMaker | None:
-        """Maker of films of a run; None where nothing draws the machine."""
         return None
 
     def hosted(self, period: float | None = None) -> Hosted:

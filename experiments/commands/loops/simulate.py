@@ -1,7 +1,6 @@
 """`jcontour simulate`: one controller on one contour, on every plant of the machine's family."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +12,13 @@ from experiments.catalogue.choices import design_for, job_named, machine_named, 
 from experiments.catalogue.contours import CONTOURS
 from experiments.designs.design import Design, plain_weights
 from experiments.files.results.run_metrics import RunMetrics
-from experiments.files.results.simulated_result import SimulatedResult, VideoResult
-from experiments.files.results.stored import from_json, write_result
+from experiments.files.results.simulated_result import SimulatedResult
+from experiments.files.results.stored import write_result
 from experiments.files.results.verdict import Verdict, kept_words
 from experiments.flags.loops import Simulate
 from experiments.jobs.job import Job, Pace, Task
 from experiments.jobs.listed_moves import listed_moves
-from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored
+from experiments.jobs.replays import Replay, Scenarios, replay
 from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.figures.loops.contours import figures_of
@@ -39,8 +38,6 @@ from experiments.runs.lifecycle import created, finished, tuning_words
 from experiments.runs.motion_summary import motion_summary
 from experiments.runs.runs_drawn import contour_runs
 from experiments.runs.tuning.results import machine_summary
-from experiments.video.film import Film, FilmMaker, VideoError
-from experiments.video.film import lines as video_lines
 
 
 def command(flags: Simulate) -> int:
@@ -49,15 +46,9 @@ def command(flags: Simulate) -> int:
         return _list_moves(flags)
     with tables.console_of(stderr=True, quiet=flags.json).status("planning the motion") as status:
         found, folder, line = run(flags, status)
-    video = found.video or VideoResult()
-    told = video_lines(vars(video), folder) if video.file else []
     nominal = next(iter(found.plants.values()))
     then = next_steps(flags, nominal.diverged, any(NAN in one for one in found.verdict.warnings))
-    lines = [*told, line, *then]
-    code = finished(folder, found, flags, show_simulated, lines, found.verdict)
-    if video.failure:
-        raise ValueError(f"{video.failure}; the rest of the run is in {folder}")
-    return code
+    return finished(folder, found, flags, show_simulated, [line, *then], found.verdict)
 
 
 def _list_moves(flags: Simulate) -> int:
@@ -80,7 +71,6 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path, str]:
         ValueError: bad input; nothing has been written then.
     """
     machine = machine_named(flags.plant)
-    maker = _film_maker(machine) if flags.video else None
     # the part comes before the design: a fault in line 1 of a program is told at once
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
     flags = seeing_all(flags, job)
@@ -92,7 +82,7 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path, str]:
     scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
     with Beside(image.__module__) as process:
         drawn = _drawn(process, _motion(job, machine))
-        replayed = replay(design.build(design.start), scenarios, maker and maker.watch)
+        replayed = replay(design.build(design.start), scenarios)
         status.update("writing and drawing")
         folder = created(flags, "simulate")
         found = simulated_result(design, scenarios, replayed)
@@ -103,10 +93,6 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path, str]:
         for name, save in drawn.items():
             save(folder / f"{name}.png")
     write_result(folder, found)
-    if maker:
-        title = f"{design.name} on {found.contour}"
-        found = replace(found, video=_filmed(maker, scenarios, replayed, folder, title))
-        write_result(folder, found)
     return found, folder, line
 
 
@@ -188,41 +174,3 @@ def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> 
         ]
     part = [] if flags.contour is None else [flags.contour]
     return [f"Next: jcontour tune{tuning_words(part, vars(flags))}"]
-
-
-def film_of(scenarios: Scenarios, found: Replay, title: str) -> Film:
-    """The first contour on the nominal plant, from its first scored sample to its last.
-
-    Raises:
-        VideoError: the run diverged.
-    """
-    if np.asarray(found.metrics.diverged)[0, 0]:
-        raise VideoError(
-            f"video: the run on the {scenarios.plants[0]} plant diverged, there is nothing to show"
-        )
-    first, last = np.flatnonzero(scored(scenarios)[0])[[0, -1]]
-    shown = slice(first, last + 1)
-    time = scenarios.references.dt * np.arange(first, last + 1)
-    watched, tool, error = (
-        np.asarray(rows)[0, 0, shown] for rows in (found.watched, found.output, found.contour_error)
-    )
-    return Film(time, watched, tool, error, desired(scenarios)[0, shown], title)
-
-
-def _film_maker(machine: Machine) -> FilmMaker:
-    maker = machine.film()
-    if maker is None:
-        raise ValueError(
-            f"video: needs a machine that can be drawn, as a gantry can; {machine.name} cannot"
-        )
-    return maker
-
-
-def _filmed(
-    maker: FilmMaker, scenarios: Scenarios, found: Replay, folder: Path, title: str
-) -> VideoResult:
-    """The video, or the reason why there is none: the run itself is good."""
-    try:
-        return from_json(maker.record(film_of(scenarios, found, title), folder), VideoResult)
-    except VideoError as error:
-        return VideoResult(failure=str(error))

@@ -14,30 +14,6 @@ from experiments.files.results.verdict import Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
-class VideoResult:
-    """The video of a run, or the reason why there is none.
-
-    Attributes:
-        failure: one line; the other fields are None then.
-        file: name in the run folder.
-        pace: slower or faster than real time, in words.
-        seconds: its length.
-        twist_factor, error_factor: magnification of beam twist and contour error.
-        peak_twist_rad: largest twist [rad].
-        magnified: the same in words.
-    """
-
-    failure: str | None = None
-    file: str | None = None
-    pace: str | None = None
-    seconds: float | None = None
-    twist_factor: int | None = None
-    error_factor: int | None = None
-    peak_twist_rad: float | None = None
-    magnified: str | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
 class SimulatedResult:
     """One controller on one contour, over the family of plants.
 
@@ -66,6 +42,5 @@ class SimulatedResult:
     read: ContourRead | None = None
     peak: PeakPlace | None = None
     motion: MotionSummary | None = None
-    video: VideoResult | None = None
     verdict: Verdict
     sample_period: float | None = None

@@ -1,1 +1,0 @@
-"""A run of the gantry as a film."""
