@@ -9,12 +9,12 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
                radius R (R < 0: the long way round); P turns; G17 XY, G18 ZX, G19 YZ; motion along
                the normal makes a helix; I J K without an end point is a full circle
     cycles     G73 G74 G81 to G86 G88 G89 as moves, with G98 G99, R, Q and L
-    places     G28 G30 G28.1 G30.1, G28 X as printers write it, G53, G54 to G59.3, G10 L2 L20, G52,
+    places     G28 G30 G28.1 G30.1, G53, G54 to G59.3, G10 L2 L20, G52,
                G92 and its kin, G43.1
     dwells     G4 P (seconds, as in LinuxCNC; some controls mean milliseconds), or X without P; P of
                the cycles that dwell
-    stops      M0 M1 M3 to M9 M19 M52 M60 M61 M64 M65 M66 M68 M100 to M199 without those of
-               printers, changes of offsets (G54 to G59.3, G43 G49, G92 and its kin, G10) and
+    stops      M0 M1 M3 to M9 M19 M52 M60 M61 M64 M65 M66 M68 M100 to M199 but the fans M106 and
+               M107, changes of offsets (G54 to G59.3, G43 G49, G92 and its kin, G10) and
                (MSG, ...), as in LinuxCNC; under G61.1 after every move, under G61 in corners;
                moves along Z alone where two axes are traced
     modes      G20 G21 (G70 G71) inch and mm; G90 G91 end points; G90.1 G91.1 centres; F feed per
@@ -24,21 +24,16 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
                subprograms in files NAME.ngc beside the program
     told       in `ignored`, as they move nothing here: G40, G43, G64 (P is kept), G96, G97,
                G4 without a time, M codes that neither stop nor lead elsewhere, and D, E, H, S, T;
-               tools have no length; lines for grbl itself, as $H and ?; texts behind M117 and M118
-               or M0, as printers show them
-    printers   in programs with an extruder (E), heaters or checks of printers: M17 M18 M82 to M92,
-               M100 and above with all words of their line (M862.3 P "MK3S"), and macros
-               (EXCLUDE_OBJECT_START) are told as well; G29 G32 to G34 and G10 G11 without words
-               stop; what shifts or repeats moves (M206, M808) is an error
+               tools have no length; lines for grbl itself, as $H and ?
     ends       M2, M30, M99 in the program itself, the second %
     layout     (comments (also nested)), ; comments, N line numbers; case and white space mean
                nothing; a line that begins with / is skipped, as with the block-delete switch on;
                (ABORT, ...) is an error
 
 Anything else is an error with its line number: cutter compensation (G41, G42), probing, threads,
-splines, a feed per turn (G95), axes other than X, Y and Z. The machine starts at X0 Y0 Z0 in mm,
-absolute, XY plane, G98 (LinuxCNC: G99), without a feed; a first move that no motion code leads is a
-rapid one.
+splines, a feed per turn (G95), axes other than X, Y and Z. Programs of 3D printers are not read.
+The machine starts at X0 Y0 Z0 in mm, absolute, XY plane, G98 (LinuxCNC: G99), without a feed; a
+first move that no motion code leads is a rapid one.
 """
 
 from os import PathLike

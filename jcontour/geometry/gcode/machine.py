@@ -233,6 +233,8 @@ class Machine:
         return lengths
 
     def _move(self, values: dict[str, float], on_machine: bool) -> None:
+        if "E" in values:
+            raise ToolpathError(f"E feeds a filament in a move: {codes.NO_PRINTERS}")
         motion = self._assumed(values) if self.motion is None else self.motion
         if on_machine:
             self._move_on_machine(values)

@@ -11,11 +11,6 @@ from jcontour.geometry.gcode.language.blocks import NOTHING, SKIPPED, Block, OWo
 from jcontour.geometry.gcode.language.expressions import evaluated, whole
 from jcontour.geometry.gcode.language.flow import Structure, structure, told_label
 from jcontour.geometry.gcode.language.parameters import Locals, Parameters
-from jcontour.geometry.gcode.language.printer_lines import (
-    glues_extruder,
-    is_for_a_printer,
-    printer_line,
-)
 from jcontour.geometry.gcode.language.repetition import Repetition
 from jcontour.geometry.gcode.language.sender_lines import sender_word
 from jcontour.geometry.gcode.machine import Machine
@@ -69,16 +64,6 @@ class Source:
     def structure(self) -> Structure:
         """Where its O-words lead."""
         return structure(self.lines)
-
-    @cached_property
-    def prints(self) -> bool:
-        """Whether it is for a printer."""
-        return is_for_a_printer(self.lines)
-
-    @cached_property
-    def glues_extruder(self) -> bool:
-        """Whether E right behind a number is the word of its extruder."""
-        return glues_extruder(self.lines)
 
 
 @dataclass
@@ -170,8 +155,8 @@ class Program:
         self.begun = True
         if block.abort is not None:
             raise ToolpathError(f"the program aborts: {shown(block.abort, 80)}")
-        if block.waits:
-            self.machine.tracer.stop(block.waits)
+        if block.shows_message:
+            self.machine.tracer.stop("(MSG)")
         if block.flow is not None:
             self._flow(frame, index, block.flow)
         else:
@@ -204,11 +189,7 @@ class Program:
         if word is not None:
             self.machine.ignored.add(word)
             return NOTHING
-        own = printer_line(line, lambda: self.frames[0].source.prints)
-        if own is not None:
-            self.machine.ignored.add(own.word)
-            return Block(waits=own.word) if own.stops else NOTHING
-        return read_block(line, lambda: self.frames[0].source.glues_extruder)
+        return read_block(line)
 
     def _percent(self, line: str) -> None:
         """The first % opens a program, the next one ends it."""

@@ -27,12 +27,6 @@ INNERMOST = r"\([^()]*\)"
 NESTED = rf"\((?:[^()]|\((?:[^()]|{INNERMOST})*\))*\)"
 COMMENT = re.compile(rf"{NESTED}|\([^)]*\)|(\().*|;.*")  # a ( without its ) is kept
 ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
-DISPLAYED = re.compile(  # text for a screen follows
-    r"\s*(?:[Nn][0-9]+\s*)?[Mm](11[78](?![0-9.])|0?[01](?=\s+[A-Za-z]{2}))"
-)
-HOMED = re.compile(  # axes without numbers; W: without levelling, O: where it has to be
-    r"(?:[Nn][0-9]+)?[Gg]28(?=[A-Za-z])[OWow]?([XYZxyz]*)[OWow]?"
-)
 MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
 PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
 WORD = re.compile(rf"([A-Za-z])({NUMBER})")
@@ -77,21 +71,21 @@ class Block(NamedTuple):
         settings: parameters and values, in force once all words have their numbers.
         flow: O-word, which stands alone.
         abort: message of (ABORT, ...), None without one.
-        waits: why the motion stops before it: (MSG) is shown, or a command of printers; or "".
+        shows_message: whether it has (MSG, ...), before which the motion stops.
     """
 
     words: tuple[tuple[str, float | Expression], ...] = ()
     settings: tuple[tuple[Key, Expression], ...] = ()
     flow: OWord | None = None
     abort: str | None = None
-    waits: str = ""
+    shows_message: bool = False
 
 
 NOTHING = Block()
 SKIPPED = Block()  # it says something, but begins with /
 
 
-def read_block(line: str, glued: Callable[[], bool] = lambda: False) -> Block:
+def read_block(line: str) -> Block:
     """Read a line.
 
     >>> read_block("n10 g1 x2.5 (to the right)").words
@@ -99,15 +93,10 @@ def read_block(line: str, glued: Callable[[], bool] = lambda: False) -> Block:
 
     Args:
         line: of a program.
-        glued: says whether E right behind a number is the word of an extruder in the program, asked
-            only where it may be an exponent.
 
     Raises:
         ToolpathError: it is no line of a program.
     """
-    displayed = DISPLAYED.match(line)
-    if displayed:
-        return Block(words=(("M", float(displayed[1])),))
     if "(" in line or ";" in line:
         stripped = COMMENT.sub(r"\1 ", line)
         text = "".join(stripped.split())
@@ -122,26 +111,15 @@ def read_block(line: str, glued: Callable[[], bool] = lambda: False) -> Block:
         return NOTHING if text == "/" else SKIPPED
     if not text:
         return said
-    exponents = bool(EXPONENT.search(stripped)) and not (M66.search(text) or glued())
+    exponents = bool(EXPONENT.search(stripped)) and not M66.search(text)
     if PLAIN.fullmatch(text) and not ("o" in text or "O" in text or exponents):
         words = [(letter.upper(), float(number)) for letter, number in WORD.findall(text)]
         return said._replace(words=tuple(words))
-    homed = HOMED.fullmatch(text)
-    if homed:
-        return said._replace(
-            words=(("G", 28.0), *((axis, _here(axis)) for axis in homed[1].upper()))
-        )
     try:
         found = _read(Cursor(text), stripped, exponents)
     except RecursionError:
         raise ToolpathError("an expression is nested too deeply") from None
-    return found._replace(abort=said.abort, waits=said.waits)
-
-
-def _here(axis: str) -> Expression:
-    """Number of an axis word that moves nowhere: `G28 X` of printers' firmware homes X at once."""
-    name = f"_{axis.lower()}"
-    return lambda parameters: 0.0 if parameters.value("_incremental") else parameters.value(name)
+    return found._replace(abort=said.abort, shows_message=said.shows_message)
 
 
 def _check_brackets(stripped: str, line: str) -> None:
@@ -158,10 +136,10 @@ def _said(line: str) -> Block:
     if not comments:
         return NOTHING
     match = ABORT.match(comments[-1])
-    waits = "(MSG)" if MESSAGE.match(comments[-1]) else ""
-    if match is None and not waits:
+    shows_message = bool(MESSAGE.match(comments[-1]))
+    if match is None and not shows_message:
         return NOTHING
-    return Block(abort=match[1].strip() if match else None, waits=waits)
+    return Block(abort=match[1].strip() if match else None, shows_message=shows_message)
 
 
 def _read(cursor: Cursor, line: str, exponents: bool) -> Block:

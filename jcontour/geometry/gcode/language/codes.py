@@ -55,7 +55,12 @@ REFUSED = {
     870: "boring from behind",
     950: "a feed per turn of a spindle",
 }
-REFUSED_M = {96: "a jump on a signal", 97: "a call of lines; M98 calls a subprogram"}  # of Haas
+NO_PRINTERS = "programs of 3D printers are not read"
+REFUSED_M = {
+    96: "a jump on a signal",  # of Haas, as the next one
+    97: "a call of lines; M98 calls a subprogram",
+    **dict.fromkeys((104, 109, 140, 190), f"a heater: {NO_PRINTERS}"),
+}
 LETTERS = {  # that belong to a code, besides those of motion
     20: "P",
     30: "P",
@@ -75,15 +80,12 @@ LETTERS = {  # that belong to a code, besides those of motion
 END = frozenset({2, 30})  # M codes that end the program
 CALL, RETURN = 98, 99  # M codes of subprograms
 FLOW = frozenset({CALL, RETURN})
-PRINTING = frozenset(  # fans, heaters, reports of printers and their kin; they have M82 to M92, too
-    {104, 105, 106, 107, 108, 109, 110, 111, 112, 113, 114, 115, 116, 117, 118, 119}
-    | {120, 121, 140, 141, 149, 150, 155, 190, 191}
-)
+FANS = frozenset({106, 107})  # of Marlin, which lasers burn by: they stop no motion
 # M codes for which motion stops, as LinuxCNC's task controller waits for it before it carries them
 # out (emctaskmain.cc): spindle, tool, coolant, outputs set at once, adaptive feed, and the user's
 # own M100 to M199, before the move of their line; pauses after it. Outputs in time with the motion
 # (M62, M63, M67) do not stop it; neither does S here, of which lasers have one a line.
-STOPPING = frozenset({3, 4, 5, 6, 7, 8, 9, 19, 52, 61, 64, 65, 66, 68, *range(100, 200)}) - PRINTING
+STOPPING = frozenset({3, 4, 5, 6, 7, 8, 9, 19, 52, 61, 64, 65, 66, 68, *range(100, 200)}) - FANS
 PAUSES = frozenset({0, 1, 60})
 INVALIDATE, SAVE, RESTORE, SAVE_IN_SUBPROGRAM = 71, 70, 72, 73  # M codes of the modal state
 MOST_M = 9999

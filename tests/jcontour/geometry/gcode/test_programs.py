@@ -44,10 +44,10 @@ FEEDS = {  # [mm/min] of cutting moves
 }
 DWELLS = {"safe_start": [(1, 2.5)], "cycles": [(37, 0.1)]}  # moves before them, seconds
 TOLD = {
-    "safe_start": {"E", "G40", "G43", "G50", "G69", "H"}
-    | {"M104", "M3", "M5", "M6", "M8", "M9", "S", "T"},
+    "safe_start": {"G40", "G43", "G50", "G69", "H"}
+    | {"M106", "M3", "M5", "M6", "M8", "M9", "S", "T"},
     "numbered": set(),
-    "by_hand": {"$H", "?", "M0", "M117", "M118"},
+    "by_hand": {"$H", "?", "M0"},
 }
 
 
@@ -241,20 +241,21 @@ def test_spindle_tool_coolant_and_pauses_stop():
     assert stops_of(program) == [(3, 1, "M8 M4"), (4, 3, "M1"), (8, 5, "M5 M9")]
 
 
-def test_the_users_own_codes_stop_and_those_of_printers_do_not():
-    program = "F600 G1 X1\nM101\nX2\nM106 S99\nX3\nM52 P1\nX4\nM61 Q1\nX5 M53 P1\nM140 X6"
+def test_the_users_own_codes_stop_and_fans_do_not():
+    program = "F600 G1 X1\nM101\nX2\nM106 S99\nX3\nM52 P1\nX4\nM61 Q1\nX5 M53 P1\nM107 X6"
     assert stops_of(program) == [(2, 1, "M101"), (6, 3, "M52"), (8, 4, "M61")]
 
 
-def test_homing_as_printers_write_it_moves_the_named_axes_alone():
-    """From (15, 25, 5) in a shifted system, absolute and incremental."""
-    for mode, place in (("G90", "X5 Y5 Z5"), ("G91", "X15 Y25 Z5")):
-        program = f"{mode} G21 G0 {place}\nG28 X\nN3 g28 z y (home)"
-        shifted = "G10 L2 P1 X10 Y20\n" + program if mode == "G90" else program
-        ends = [np.array(move.end) / MM for move in moves(shifted)]
-        np.testing.assert_allclose(ends, [[15, 25, 5], [0, 25, 5], [0, 0, 0]], atol=1e-9)
-    with pytest.raises(ToolpathError, match="line 1: cannot read 'X F3'"):
-        moves("G28 X F3")
+@pytest.mark.parametrize("line", ["M104 S200", "m109 s200", "M140 S60", "G1X10Y5E0.3", "X3 E4"])
+def test_programs_of_printers_are_refused(line):
+    with pytest.raises(ToolpathError, match="line 2: .*programs of 3D printers are not read"):
+        moves(f"G1 F600 X1\n{line}")
+
+
+@pytest.mark.parametrize("line", ["#1=1E3", "X1e-3"])
+def test_exponents_are_refused(line):
+    with pytest.raises(ToolpathError, match="line 2: cannot read '.*controls know no exponents"):
+        moves(f"G1 F600 X1\n{line}")
 
 
 def test_codes_of_look_ahead_are_told():
