@@ -238,31 +238,6 @@ def test_list_as_json(capsys):
             check_plant(name)
 
 
-@pytest.mark.slow
-def test_simulate(tmp_path, machine_file):
-    command = [
-        sys.executable,
-        "-m",
-        "experiments.cli",
-        "simulate",
-        "circle",
-        "--plant",
-        str(machine_file),
-        "--json",
-    ]
-    done = subprocess.run(
-        [*command, "--out", str(tmp_path / "run")], capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["contour"] == "circle"
-    assert {path.name for path in (tmp_path / "run").glob("*.*")} >= {
-        "settings.json",
-        "result.json",
-        "rollouts.nc",
-        "contour-circle.png",
-    }
-
-
 @pytest.mark.parametrize(
     ("category", "said"),
     [(UserWarning, "jcontour: WARNING: beta is 9\n"), (RuntimeWarning, "RuntimeWarning: beta is")],

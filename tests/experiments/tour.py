@@ -39,7 +39,7 @@ STOPS: Mapping[str, str] = {  # name -> command; a name in braces is the run fol
     "check-bound-tuned": "check {tune} --bound",
     "tolerance": f"tolerance part.ngc {MACHINE} --force 0.5 --length 8",
     "export": "export {simulate} --c --st --python",
-    "export-tuned": "export {tune}",
+    "export-tuned": "export {tune} --single",
     "front": f"front part.ngc {MACHINE} --points 2 --preview 4 --max-sensitivity None",
     "rank": f"rank part.ngc {MACHINE} --preview 4 --evaluations 3 "
     "--controllers contouring-lq-kalman contouring-lq",

@@ -1,70 +1,27 @@
-"""Exchange of probes on integrators under a gain that doubles on a few samples, in closed form.
-
-z + g - 1 = 0 with g = k b, b the bump: the radius is |1 - g|, and Ms = 2 / (2 - g) at z = -1.
-"""
+"""Exchange of probes under a gain that doubles on a few samples, in closed form: see `bumped`."""
 
 from dataclasses import replace
-from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 import pytest
 
-from jcontour.controller import Controller
-from jcontour.geometry.contours import line
-from jcontour.linear.plant import LinearPlant
-from jcontour.motion.references import along
-from jcontour.simulation.evaluation import stack_plants, stack_references
+from tests.tuning import bumped
+from tests.tuning.bumped import HIGH
 from tuning.effort import THOROUGH
 from tuning.exchange import STABLE, exchanged
 from tuning.loops import ProbedLoops
-from tuning.objectives import AtMost, mean_tracking_error, no_limits
-from tuning.parameters import Interval, Positive
-from tuning.problem import Problem
+from tuning.objectives import AtMost, no_limits
+from tuning.parameters import Interval
 from tuning.tune import tune
 
-STEPS, FEW, MANY = 64, 4, 64
-HIGH, SAMPLES = 2.2, (30, 31)  # of the gain: between the probes that a search begins with
+FEW, MANY = 4, 64
+SAMPLES = (30, 31)  # between the probes that a search begins with
 START = {"gain": jnp.asarray(0.4)}
 EFFORT = replace(THOROUGH, starts=1, scatter=0)
-STEP = 1e-4  # [m] per sample
-
-
-class Bumped(Controller):
-    """u = k b (y_d - x) with b = `high` on some samples and 1 on all others."""
-
-    gain: Any
-    high: float = eqx.field(static=True)
-    preview: int = eqx.field(static=True, default=0)
-
-    def prepare(self, reference):
-        sample = jnp.round(reference.position[: reference.steps] / STEP)
-        bump = jnp.isin(sample, jnp.asarray(SAMPLES, float))
-        return jnp.where(bump, self.high, 1.0), reference.position[: reference.steps]
-
-    def initial_memory(self, reference):
-        return None
-
-    def step(self, memory, plan, measurement):
-        bump, wanted = plan
-        return None, self.gain * bump * (wanted - measurement)
 
 
 def problem_of(limits=no_limits, high=HIGH, looks=False):
-    plants = stack_plants([LinearPlant([[1.0]], [[1.0]], [[1.0]], 1e-3)])
-    path = line(np.zeros(1), np.full(1, STEP * STEPS))
-    references = stack_references([along(path, STEP * np.arange(STEPS), 1e-3, 0, at_rest=False)])
-    loops = ProbedLoops.of(plants, references, FEW) if looks else None
-    return Problem(
-        lambda weights: Bumped(weights["gain"], high),
-        plants,
-        references,
-        mean_tracking_error,
-        {"gain": Positive()},
-        limits,
-        loops=loops,
-    )
+    return bumped.problem_of(SAMPLES, limits, high, FEW if looks else None)
 
 
 def probes(problem):
@@ -134,7 +91,6 @@ def test_a_loop_that_is_worse_than_those_seen_but_within_its_limit_is_left_out()
     assert exchanged(problem, START, tuned, FEW, MANY) is None
 
 
-@pytest.mark.slow
 def test_what_cannot_be_exchanged_is_refused(proportional_problem, loop_peaks):
     problem = problem_of(AtMost(peak_sensitivity=2.0), high=1.0, looks=True)
     tuned = tune(problem, START, EFFORT)

@@ -34,7 +34,6 @@ def states(problems):
     return seen, points
 
 
-@pytest.mark.slow
 def test_points_respect_their_budgets_and_larger_budgets_are_never_worse(states):
     points = states[1]
     assert len(points) == 3

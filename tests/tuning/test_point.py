@@ -15,7 +15,6 @@ def test_rows_count_by_their_geometric_mean():
     assert objective_value(np.zeros((1, 2))) == pytest.approx(LEAST)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("objective", [typical_contour_error, worst_contour_error])
 def test_numbers_are_the_stated_ones_and_their_slopes_those_of_differences(
     proportional_problem, loop_peaks, objective
@@ -47,7 +46,7 @@ def test_numbers_are_the_stated_ones_and_their_slopes_those_of_differences(
     assert at(np.log([1e40, 0.8])).diverged  # not finite
 
 
-@pytest.mark.parametrize("looked_at", [pytest.param(True, marks=pytest.mark.slow), False])
+@pytest.mark.parametrize("looked_at", [True, False])
 def test_values_alone_are_those_that_come_with_slopes(proportional_problem, loop_peaks, looked_at):
     names = {"rms_increment": 1e-5} | ({"peak_sensitivity": 1.2} if looked_at else {})
     problem = proportional_problem(AtMost(**names), loops=loop_peaks if looked_at else None)
@@ -74,7 +73,6 @@ def test_errors_of_zero_have_slopes(proportional_problem):
     np.testing.assert_array_equal(point.slopes.errors, 0.0)
 
 
-@pytest.mark.slow
 def test_an_unstable_loop_is_divergence(proportional_problem, loop_peaks):
     """Gains just above 2 do not leave the circle within its 20 samples."""
     z = np.log([2.01, 0.8])
@@ -84,20 +82,12 @@ def test_an_unstable_loop_is_divergence(proportional_problem, loop_peaks):
     assert np.all(point.departures < 0) and np.isfinite(point.slopes.departures).all()
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        np.ones((0, 3)),
-        pytest.param(np.ones(3), marks=pytest.mark.slow),
-        pytest.param(np.ones((1, 2, 3)), marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("values", [np.ones((0, 3)), np.ones(3), np.ones((1, 2, 3))])
 def test_values_without_rows_are_refused(proportional_problem, values):
     with pytest.raises(ValueError, match="objective: needs rows of values"):
         evaluate_point(proportional_problem(objective=lambda outcome: values), START, Z)
 
 
-@pytest.mark.slow
 def test_loops_that_are_not_looked_at_cannot_be_limited(proportional_problem):
     problem = proportional_problem(AtMost(peak_sensitivity=2.0))
     with pytest.raises(ValueError, match="peak_sensitivity: .* windows"):

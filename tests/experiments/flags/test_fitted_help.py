@@ -30,7 +30,6 @@ def test_no_line_of_any_command_is_wider_than_the_terminal(capsys, monkeypatch, 
     assert broken == whole and len(broken) > 60
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", experiments_found())
 def test_nor_of_any_experiment(capsys, monkeypatch, name):
     narrow = helped(capsys, monkeypatch, ["reproduce", name], 80)

@@ -15,13 +15,9 @@ DT = 1e-3
 HERTZ, DAMPING = 45.0, 0.08
 
 
-@pytest.fixture(
-    scope="module",
-    params=[(4000, 3, 4), pytest.param((8000, 4, 6), marks=pytest.mark.slow)],
-    ids=lambda param: f"{param[0]} rows",
-)
-def found(request):
-    rows, most_poles, most_delay = request.param
+@pytest.fixture(scope="module")
+def found():
+    rows, most_poles, most_delay = 4000, 3, 4
     soft = with_resonance(position_axis(1.0, 0.004, 2 * DT), 2 * np.pi * HERTZ, DAMPING)
     axes = (
         RecordedAxis(speed_axis(0.02, 0.01, 2 * DT), "speed", 1e-6, 0.5e-6, 1e-3, (500.0,)),

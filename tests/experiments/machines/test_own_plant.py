@@ -82,7 +82,6 @@ def test_a_plant_that_says_nothing_has_two_axes():
     assert (axes_of(Sliding()), axes_of(Single())) == (2, 1)
 
 
-@pytest.mark.slow
 def test_a_plant_may_say_how_many_axes_it_has():
     machine = machine_of(Single(), "slide")
     assert machine.axes == ("X",) and machine.model.inputs == 1 and machine.error == "tracking"

@@ -7,7 +7,6 @@ from experiments.machines.xy_table import xy_table_machine
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 
 
-@pytest.mark.slow
 def test_a_controller_on_the_host_meets_friction():
     hosted = xy_table_machine().hosted()
     assert isinstance(hosted.plant, FrictionXYTable) and hosted.plant.dt == 1e-3
@@ -15,7 +14,6 @@ def test_a_controller_on_the_host_meets_friction():
     np.testing.assert_array_equal(hosted.model.A, xy_table(4e-3).A)
 
 
-@pytest.mark.slow
 def test_another_period_is_a_whole_number_of_samples():
     assert xy_table_machine().hosted(7e-3).every == 7
     with pytest.raises(ValueError, match="^period-ms: needs a whole number of samples of 1 ms"):

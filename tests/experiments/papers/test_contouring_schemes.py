@@ -10,7 +10,7 @@ from rich.console import Console
 from experiments.machines.flexible_axis import SAMPLE
 from experiments.papers.contouring_schemes.claims import claims
 from experiments.papers.contouring_schemes.contours import held_out, run_along, training
-from experiments.papers.contouring_schemes.experiment import Settings, run, show
+from experiments.papers.contouring_schemes.experiment import Settings, show
 from experiments.papers.contouring_schemes.figures import errors, tuning
 from experiments.papers.contouring_schemes.result import Result, Row, TunedScheme
 from experiments.papers.contouring_schemes.runs import (
@@ -29,7 +29,7 @@ from experiments.papers.contouring_schemes.runs import (
     arrival,
     schemes,
 )
-from experiments.papers.verdicts import Verdict, tally, undecided
+from experiments.papers.verdicts import Verdict
 
 YES, NO = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED
 NAMES = ("start", CASCADE, CONSTANT, VARIABLE, TASK_FRAME, PRECOMPENSATION, SHAPING)
@@ -84,14 +84,12 @@ def verdicts(result):
     return [claim.verdict for claim in claims(result)]
 
 
-@pytest.mark.slow
 def test_verdicts_follow_the_numbers():
     tracking = {**dict.fromkeys(GOOD, 100.0), VARIABLE: 200.0}
     assert verdicts(made_up(GOOD, tracking)) == [YES, YES, YES, NO, YES, YES]
     assert verdicts(made_up(BAD)) == [NO] * 6
 
 
-@pytest.mark.slow
 def test_a_diverged_run_never_wins():
     result = made_up(GOOD)
     rows = tuple(
@@ -101,16 +99,6 @@ def test_a_diverged_run_never_wins():
     assert verdicts(replace(result, rows=rows))[:2] == [NO] * 2
 
 
-@pytest.mark.slow
-def test_a_quick_run_decides_nothing():
-    statements = undecided(claims(made_up(GOOD)))
-    assert {row.verdict for row in statements} == {Verdict.UNDECIDED}
-    assert tally(statements, quick=True) == (
-        "Verdicts of the quick run on 6 statements: 6 undecided: quick run."
-    )
-
-
-@pytest.mark.slow
 def test_shown_with_its_rules_and_its_outcome(tmp_path):
     result = made_up(GOOD)
     first, *others = result.rows
@@ -124,19 +112,6 @@ def test_shown_with_its_rules_and_its_outcome(tmp_path):
     assert "no gains within the limits were found for task frame, with feedforward" in text
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("loops", [tuple(LOOPS), (FEEDBACK,)])
-@pytest.mark.parametrize("drawn", [errors, tuning])
-def test_legend_is_whole_and_beside_the_panels(loops, drawn):
-    figure = drawn(made_up(GOOD, loops=loops))
-    figure.draw_without_rendering()
-    legend = figure.legends[0].get_window_extent()
-    assert figure.bbox.x0 <= legend.x0 and legend.x1 <= figure.bbox.x1
-    assert figure.bbox.y0 <= legend.y0
-    assert not any(legend.overlaps(axes.get_tightbbox()) for axes in figure.axes)
-
-
-@pytest.mark.slow
 def test_bars_are_the_held_out_errors():
     panel = errors(made_up(GOOD)).axes[0]
     heights = [[bar.get_height() for bar in group] for group in panel.containers]
@@ -145,7 +120,6 @@ def test_bars_are_the_held_out_errors():
     assert [list(line.get_ydata()) for line in curves] == [[3.0, 2.0, 1.0]] * (len(NAMES) - 1)
 
 
-@pytest.mark.slow
 def test_schemes_are_those_of_the_catalogue_around_the_same_cascade():
     own = {name: scheme.names for name, scheme in schemes().items()}
     assert own == {
@@ -187,14 +161,3 @@ def test_bad_settings_are_one_line():
     with pytest.raises(ValueError, match="evaluations: needs at least three") as error:
         Settings(evaluations=2)
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.slow
-def test_every_scheme_gets_the_same_budget_and_none_ends_behind_where_it_starts(tmp_path):
-    result = run(Settings(quick=True, evaluations=40), tmp_path)
-    assert result.evaluations == 8
-    for row in result.tuning:
-        assert len(row.best_um) == 24 and row.feasible
-        assert row.best_um[-1] <= row.best_um[7]
-    assert not any(row.diverged for row in result.rows)
-    assert {claim.verdict for claim in result.claims} == {Verdict.UNDECIDED}

@@ -26,10 +26,7 @@ FRICTION_CURVE = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "progress",
-    [pytest.param(q, marks=[pytest.mark.slow] * (q not in (0.3, 5.0))) for q in FRICTION_CURVE],
-)
+@pytest.mark.parametrize("progress", FRICTION_CURVE)
 def test_trade_off_on_the_friction_machine(progress):
     outcome, _ = traced(machines(1e-3)["friction"], lobes(), progress)
     found = point(MPCC, "friction", "", outcome, 40e-3)

@@ -36,7 +36,6 @@ def wanted_rows():
                 yield name, 1e3 * sampled["T_s"], row, 1e-11
 
 
-@pytest.mark.slow
 def test_responses_are_those_of_the_reference(result):
     compared = 0
     for name, period, row, rounding in wanted_rows():
@@ -51,7 +50,6 @@ def test_responses_are_those_of_the_reference(result):
     assert compared >= 20
 
 
-@pytest.mark.slow
 def test_bounds_are_those_of_the_reference(result):
     for name, key in NAMES.items():
         for sampled in REFERENCE[key]["discrete"]:
@@ -61,7 +59,6 @@ def test_bounds_are_those_of_the_reference(result):
             assert found.continuous is None and REFERENCE[key]["beta_limit_eq9"] == "unbounded"
 
 
-@pytest.mark.slow
 def test_every_statement_has_its_verdict(result):
     assert [claim.verdict for claim in result.claims] == [*[YES] * 7, ORDER, YES]
 

@@ -225,7 +225,6 @@ def test_figures_show_the_numbers():
     assert gap.axes[0].lines[1].get_ydata() == pytest.approx([5.0, 1.0, 0.1])  # [%]
 
 
-@pytest.mark.slow
 def test_unknown_controllers_are_refused(tmp_path):
     with pytest.raises(ValueError, match="no controller 'magic'"):
         run(Settings(tuned=("magic",)), tmp_path)

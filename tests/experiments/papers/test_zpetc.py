@@ -10,7 +10,6 @@ import pytest
 from experiments.papers.verdicts import Verdict
 from experiments.papers.zpetc.claims import agrees, claims
 from experiments.papers.zpetc.experiment import Settings, run
-from experiments.papers.zpetc.figures import draw
 from experiments.papers.zpetc.runs import (
     FAST,
     FITTED_GAIN,
@@ -32,8 +31,6 @@ from experiments.papers.zpetc.runs import (
     tracking_phase,
     units,
 )
-from experiments.papers.zpetc.tables import show
-from experiments.reports.tables import console_of
 from jcontour.controllers.feedforward.preview_filter import PreviewFilter
 from jcontour.controllers.feedforward.zpetc import zero_phase_filter
 from jcontour.plants.three_link import SERVO_GAIN
@@ -151,7 +148,6 @@ def judged(result, claim):
     return next((c.finding, c.verdict) for c in claims(result) if c.claim == claim)
 
 
-@pytest.mark.slow
 def test_a_phase_error_is_seen(result):
     claim = "zero phase error at all frequencies"
     assert judged(result, claim)[1] is YES
@@ -159,13 +155,11 @@ def test_a_phase_error_is_seen(result):
     assert judged(replace(result, gain_error=left), claim)[1] is NO
 
 
-@pytest.mark.slow
 def test_equation_5_is_judged_as_printed(result):
     assert judged(result, "y / y_d with the integrator")[1] is NO
     assert judged(replace(result, printed_5=1e-12), "y / y_d with the integrator")[1] is YES
 
 
-@pytest.mark.slow
 def test_convergence_is_that_of_the_parameters(result):
     claim = "the parameters converge in all simulations"
     finding, found = judged(result, claim)
@@ -179,7 +173,6 @@ def test_convergence_is_that_of_the_parameters(result):
         assert judged(replace(result, adaptive=moved), claim)[1] is wanted
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ahead", "wanted"),
     [((), NO), ((0,), NO), ((0, 1), NEAR), ((0, 1, 2), YES)],
@@ -244,11 +237,3 @@ def test_one_wrong_digit_is_seen():
     one = next(row for row in models() if row.item == "(16)" and row.pole_rad_s == 567.5)
     assert agrees(one)
     assert not agrees(replace(one, zero=one.zero + 1e-4))
-
-
-@pytest.mark.slow
-def test_figures_and_tables(result, tmp_path, capsys):
-    assert len(draw(result, tmp_path)) == 5
-    show(result, console_of())
-    printed = " ".join(capsys.readouterr().out.split())
-    assert "forgetting factor" in printed and "but for the best, 0.05 s" in printed

@@ -9,11 +9,14 @@ from experiments.catalogue.machines import MACHINES
 from experiments.jobs.contours import BUILT_IN
 from experiments.jobs.job import Job, Pace, at_constant_feed, from_file
 from experiments.jobs.sets.stretches import shortened
+from experiments.machines.machine import MachineLimits
 from experiments.reports.simulated_tables import motion_table
 from experiments.reports.tables import read_line
 from experiments.runs.contour_summary import cycle_time, read_of
 from experiments.runs.motion_summary import motion_summary
 from jcontour.geometry.contours import circle, line
+from tests.canonical import DT
+from tests.experiments import small_runs
 
 
 @pytest.fixture
@@ -104,3 +107,18 @@ def test_an_open_contour_at_constant_feed_is_run_once():
 def test_a_run_from_rest_to_rest_tells_nothing_of_laps(program):
     job, found = read(program, "jerk")
     assert found.way is None and found.entry == 0.0 and ";" not in told(job)
+
+
+def test_rapid_moves_and_plunges_are_in_the_cycle_time_at_every_feed(tmp_path):
+    """At most 0.2 m/s, 2 m/s^2, which builds up in 20 ms: L / v + v / a + 20 ms, or without v."""
+    path = tmp_path / "part.ngc"
+    path.write_text("G21 G90\nG1 X10 F3000\nG0 Z5\nG0 Y20\nG1 Z0 F600\nG1 X0 F3000\n")
+    limits = MachineLimits(speed=np.full(2, 0.2), acceleration=np.full(2, 4.0))
+    machine = small_runs.machine(limits)
+    speed = (math.sqrt(0.04**2 + 4 * 0.04) - 0.04) / 2  # of the rapid move of 20 mm
+    rapid = 0.02 / speed + speed / 2 + 0.02
+    slow = 0.01 / 0.025 + 2 * math.sqrt(0.025 / 100)  # never at 2 m/s^2
+    usual = 0.01 / 0.05 + 0.05 / 2 + 0.02
+    for override, wanted in ((0.5, 2 * slow + rapid + 1.0), (1.0, 2 * usual + rapid + 0.5)):
+        job = from_file(path, Pace(machine, None, None, override=override))
+        assert cycle_time(job, DT) == pytest.approx(wanted, abs=6e-3)

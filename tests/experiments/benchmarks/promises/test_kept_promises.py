@@ -63,13 +63,6 @@ def test_a_corner_cut_too_far_is_found(monkeypatch):
     assert broken(checked(4, "lines")) == ["deviation"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, 400, 40))
-def test_many_paths_keep_all_promises(first):
-    found = [checked(seed) for seed in range(first, first + 40)]
-    assert [(row.seed, broken(row)) for row in found if broken(row)] == []
-
-
 @pytest.mark.parametrize("turn", [-4.5, -0.3, 0.3, 2.0, 6.0])
 def test_the_distance_from_an_arc_is_that_from_its_nearest_point(turn):
     piece = unpadded(contours.arc([3e-3, 1e-3], [1e-3, 2e-3], turn)).taken(0)

@@ -8,9 +8,7 @@ from experiments.benchmarks.promises.random_paths import KINDS, random_path
 from jcontour.motion.jerk_limited.joints import joints, unpadded
 
 
-@pytest.mark.parametrize(
-    "seed", [0, 1, 4, 8, *(pytest.param(k, marks=pytest.mark.slow) for k in (2, 3, 5, 6, 7))]
-)
+@pytest.mark.parametrize("seed", range(len(KINDS)))
 def test_paths_have_two_to_fifty_pieces_that_meet(seed):
     path = random_path(seed)
     pieces = jax.tree.map(lambda rows: np.asarray(rows)[:, None], path.contour.pieces)

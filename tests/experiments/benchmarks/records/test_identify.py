@@ -122,19 +122,3 @@ def test_the_quick_sines_show_a_resonance_that_arcs_and_lines_hide():
     assert found.fit.model.delay == 2 and not found.unseen
     off = found.fit.model.response(2 * np.pi * HERTZ) / response(hidden, HERTZ) - 1
     assert np.abs(off).max() < 0.02
-
-
-@pytest.mark.slow
-def test_a_start_without_a_filter_finds_what_the_first_filter_hides():
-    """One pole of 7.6 ms; once a pair of poles on the unit circle was found beside it."""
-    hidden, found = excited(16, 0)
-    assert len(found.fit.model.denominator) == 1 and found.fit.model.delay == 0
-    off = found.fit.model.response(2 * np.pi * HERTZ) / response(hidden, HERTZ) - 1
-    assert np.abs(off).max() < 1e-3
-
-
-@pytest.mark.slow
-def test_a_delay_that_hides_a_resonance_is_not_called_certain():
-    """A slow cascade hides 88 Hz: 6 samples stand for it, and the axis's 3 are said too."""
-    _, found = excited(18, 0)
-    assert 3 in {found.fit.model.delay, *found.delays}

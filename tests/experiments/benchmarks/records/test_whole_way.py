@@ -20,7 +20,6 @@ from experiments.reports.tables import console_of
 HERTZ = np.array([0.5, 5.0, 60.0])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("takes", ["speed", "position", "force"])
 def test_the_true_file_answers_as_the_hidden_axes(takes):
     """Delays of the two axes differ: one is in the states, the other shared."""
@@ -158,10 +157,3 @@ def test_the_machine_runs_what_identify_advises(first, second, record, speed, mo
     program, fields = whole_way._as_advised([], 0)
     assert program == record and fields["found"] is given[record][0]
     assert fields["limits"] == {"speed": [speed, 0.05]}
-
-
-@pytest.mark.slow
-def test_a_hidden_drive_is_tuned_as_if_it_were_known():
-    flags = Bench(what="whole_way", seeds=1, evaluations=15)
-    (way,) = measured(flags, lambda _: None).machines
-    assert way.sound and not way.lost and way.ratio < 1.1

@@ -25,8 +25,6 @@ from experiments.files.results.verdict import Verdict
 from experiments.flags.loops import Check
 from experiments.machines.machine import MachineLimits
 
-EFFORT = "--scatter 0 --starts 1 --steps 2 --preview 4".split()
-
 
 def test_what_limits_cost(tour):
     visit = tour("check")
@@ -42,16 +40,6 @@ def test_what_limits_cost(tour):
         set(gap["reached"]) == {"control", "increment", "speed", "acceleration"} for gap in gaps
     )
     assert np.abs(np.diff(load_dataset(stored[0]).control.values, axis=0)).max() <= 5 * (1 + 1e-9)
-
-
-@pytest.mark.slow
-def test_limits_that_a_start_is_outside_of_leave_no_folder(tmp_path, capsys):
-    """The same command with another limit then has the folder to itself."""
-    out = tmp_path / "verified"
-    assert main(["tune", "circle", "--json", "--out", str(tmp_path / "run"), *EFFORT]) == 0
-    words = ["check", str(tmp_path / "run"), "--out", str(out), "--max-speed-mm-s"]
-    assert main([*words, "1"]) == 2
-    assert "the start is outside the limits" in capsys.readouterr().err and not out.exists()
 
 
 def test_it_needs_a_run(tmp_path, capsys):

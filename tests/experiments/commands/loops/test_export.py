@@ -3,22 +3,9 @@
 import shutil
 
 import numpy as np
-import pytest
 
 from experiments.cli import main
 from experiments.files.results.exported_result import ExportedResult
-from experiments.files.results.stored import read_result
-
-SHORT = ("--preview", "4")  # of controllers that see ahead
-
-
-def simulated(folder, machine_file, part_file, *flags):
-    words = ["--plant", str(machine_file), "--json", "--out", str(folder)]
-    assert main(["simulate", str(part_file), *words, *flags]) in (
-        0,
-        3,
-    )  # its limits are not looked at here
-    return folder
 
 
 def test_a_simulated_run_becomes_code_that_gives_its_controls(tour):
@@ -48,56 +35,15 @@ def test_a_simulated_run_becomes_code_that_gives_its_controls(tour):
     assert found.end == "End: the plan rests at the last sample; hold that sample."
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "flags"),
-    [("preview-lq", SHORT), ("contouring-lq-state", SHORT), ("linear-cascade", ())],
-)
-def test_other_controllers_have_a_linear_form(
-    tmp_path, machine_file, part_file, name, flags, capsys
-):
-    run = simulated(tmp_path / "run", machine_file, part_file, "--controller", name, *flags)
-    out = tmp_path / "exported"
-    assert main(["export", str(run), "--single", "--out", str(out)]) == 0
-    told = capsys.readouterr().out
-    found = read_result(out, ExportedResult)
-    assert found.precision == "single" and found.gain_sets >= 1
-    assert "Next: compile controller.c" in told and "no warning" in told
-    assert "typedef float real;" in (out / "controller.h").read_text()
-    assert ("MOST[2]" in (out / "controller.c").read_text()) is (name == "linear-cascade")
-    assert not found.warnings
-    with (out / "plan.csv").open() as plan:
-        measured = [word[0] == "r" for word in plan.readline().split(",")]
-        rows = np.loadtxt(plan, delimiter=",")[:, measured]
-    assert np.abs(rows[-1]).max() < 1e-12  # at rest where the program ends, positions and state
-
-
-@pytest.mark.slow
-def test_what_a_step_beside_the_start_does_is_told(tmp_path, machine_file, part_file, capsys):
-    """A cascade without its integral: gains position and velocity, and 0.1 mm in one sample."""
-    flags = ["--controller", "linear-cascade", "--weights", "position=30", "velocity=800"]
-    flags += ["integral_time=1e9"]
-    run = simulated(tmp_path / "run", machine_file, part_file, *flags)
-    assert main(["export", str(run), "--out", str(tmp_path / "exported")]) == 0
-    wanted = 800 * (30 + 1 / 0.002) * 1e-4
-    assert (
-        f"From 0.1 mm beside it the control jumps by up to {wanted:.3g} " in capsys.readouterr().out
-    )
-
-
-def test_a_tuned_run_has_its_margins_in_the_head(tour):
+def test_a_tuned_run_has_its_margins_in_the_head_and_the_numbers_of_the_drive(tour):
     head = (tour("export-tuned").folder / "controller.h").read_text()
     assert "Margins: gain" in head and " in the family." in head
+    assert tour("export-tuned").result(ExportedResult).precision == "single"
+    assert "typedef float real;" in head
 
 
-@pytest.mark.slow
-def test_what_cannot_be_exported_is_told_in_a_line(tmp_path, machine_file, part_file, capsys):
-    run = simulated(tmp_path / "run", machine_file, part_file, "--controller", "adaptive-zpetc")
-    assert main(["export", str(run), "--out", str(tmp_path / "none")]) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1 and "adaptive-zpetc has no linear form" in told
-    assert not (tmp_path / "none").exists()
-    assert main(["export", str(run), "--along", "moon"]) == 2
+def test_a_contour_that_the_run_has_not_is_told(tour, capsys):
+    assert main(["export", str(tour("simulate").folder), "--along", "moon"]) == 2
     assert "along: the run has part; received 'moon'" in capsys.readouterr().err
 
 

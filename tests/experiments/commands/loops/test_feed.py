@@ -33,28 +33,6 @@ def test_a_stored_run_at_several_feeds(tour):
     assert found.undecided and "feed.png" in tour("feed").files()
 
 
-@pytest.mark.slow
-def test_rapid_moves_and_plunges_are_in_the_cycle_time(tmp_path, machine_file):
-    """At most 0.2 m/s, 2 m/s^2, which builds up in 20 ms: L / v + v / a + 20 ms, or without v."""
-    part, out = tmp_path / "part.ngc", tmp_path / "feed"
-    part.write_text("G21 G90\nG1 X10 F3000\nG0 Z5\nG0 Y20\nG1 Z0 F600\nG1 X0 F3000\n")
-    flags = ["--plant", str(machine_file), "--preview", "4", "--overrides", "50", "100"]
-    main(["feed", str(part), *flags, "--out", str(out)])
-    speed = (math.sqrt(0.04**2 + 4 * 0.04) - 0.04) / 2  # of the rapid move of 20 mm
-    rapid = 0.02 / speed + speed / 2 + 0.02
-    slow = 0.01 / 0.025 + 2 * math.sqrt(0.025 / 100)  # never at 2 m/s^2
-    usual = 0.01 / 0.05 + 0.05 / 2 + 0.02
-    found = [point.cycle_time for point in read_result(out, FeedResult).points]
-    assert found == pytest.approx([2 * slow + rapid + 1.0, 2 * usual + rapid + 0.5], abs=6e-3)
-
-
-@pytest.mark.slow
-def test_a_tolerance_that_no_feed_keeps_ends_with_code_3(tmp_path, machine_file, part_file, capsys):
-    flags = ["--plant", str(machine_file), "--overrides", "100", "--tolerance-um", "1e-6"]
-    assert main(["feed", str(part_file), *flags, "--out", str(tmp_path / "feed")]) == 3
-    assert "no feed keeps it" in capsys.readouterr().out
-
-
 def test_a_tolerance_that_is_missing_is_no_failure(tmp_path, capsys):
     """A circle at constant feed: half the time at twice the feed, one lap of 2 pi mm."""
     out = tmp_path / "feed"
@@ -131,19 +109,3 @@ def test_bad_input_is_one_line(flags, told, tmp_path, capsys):
     (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
     assert re.search(told, line)
     assert not (tmp_path / "feed").exists()
-
-
-@pytest.mark.slow
-def test_a_whole_path_at_every_feed(tmp_path, machine_file, part_file):
-    """At each feed it is the run of `simulate` with as many samples as there are."""
-    machine, out = ["--plant", str(machine_file)], tmp_path / "feed"
-    flags = [*machine, "--preview", "path", "--overrides", "100", "50", "--out", str(out)]
-    assert main(["feed", str(part_file), *flags]) == 0
-    slow = tmp_path / "slow.ngc"
-    slow.write_text(part_file.read_text().replace("F3000", "F1500"))
-    found = read_result(out, FeedResult).points
-    for point, program in zip(found, (slow, part_file), strict=True):
-        alone = tmp_path / program.stem
-        flags = [*machine, "--preview", "path", "--out", str(alone)]
-        assert main(["simulate", str(program), *flags]) == 0
-        assert point.metrics.nominal == read_result(alone, SimulatedResult).plants["nominal"]

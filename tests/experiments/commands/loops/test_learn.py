@@ -1,7 +1,7 @@
 """One whole `jcontour learn` on a tiny machine, and what it says of laps that diverge."""
 
-import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,18 +10,12 @@ from experiments.catalogue.choices import machine_named
 from experiments.cli import main
 from experiments.commands.loops.learn import run, verdict_on
 from experiments.files.results.learned_result import LearnedMachine, LearnedResult, StoredLap
-from experiments.files.results.stored import from_json, read_result, to_json
+from experiments.files.results.stored import from_json, to_json
 from experiments.files.results.verdict import LimitCheck
 from experiments.flags.loops import Learn
 from experiments.jobs.job import Pace, from_file
 from experiments.reports.figures.tuning.learning import learning
 from experiments.reports.learning_tables import after, before, loading
-
-
-def learned(folder, machine_file, part_file, *flags, code=0):
-    named = ["learn", str(part_file), "--plant", str(machine_file), "--preview", "4"]
-    assert main([*named, *flags, "--out", str(folder)]) == code
-    return read_result(folder, LearnedResult)
 
 
 @pytest.fixture
@@ -75,48 +69,17 @@ def test_learning_reaches_the_noise(result):
     assert noise.tool_um[-1] < np.hypot(min(model.tool_um), 2 * result.noise_um)
 
 
-@pytest.mark.slow
-def test_a_gain_that_diverges_is_stopped_at_its_lap(tmp_path, machine_file, part_file, capsys):
-    flags = ("--law", "p-type", "--gain", "4", "--smoothing", "0", "--laps", "30")
-    found = learned(tmp_path / "run", machine_file, part_file, *flags, code=3)
-    said = capsys.readouterr().out
-    assert not found.assured and found.ratio > 1
-    assert "WARNING: it is not sure that the laps converge" in said
-    for one in found.machines:
-        assert one.diverged == len(one.tool_um) < 30
-        assert one.measured_um[-1] > 2 * one.measured_um[0]
-        assert f"{one.name}: diverges, stopped at lap {one.diverged}" in said
-    assert (tmp_path / "run" / "learning.png").exists()
-
-
-@pytest.mark.slow
-def test_a_p_type_law_takes_the_lag_of_the_loop(tmp_path, machine_file, part_file):
-    found = learned(tmp_path / "run", machine_file, part_file, "--law", "p-type", "--laps", "8")
-    assert found.ratio < 1 and set(found.numbers) == {"gain", "lead", "smoothing"}
-    assert found.machines[0].tool_um[-1] < 0.5 * found.machines[0].tool_um[0]
-
-
-@pytest.mark.slow
-def test_what_a_control_loads_is_the_shifted_reference(tmp_path, machine_fields, part_file, capsys):
-    """On a machine that states no limit; the units of its file do not matter.
-
-    A lap ends where the tool has settled: the last point is held, and the shift goes on.
-    """
-    machine_file = tmp_path / "machine.json"
-    machine_file.write_text(json.dumps({**machine_fields, "limits": {}}))
-    found = learned(tmp_path / "run", machine_file, part_file, "--laps", "3")
-    told, best = capsys.readouterr(), found.stored
-    said = told.out
-    assert f"by linear models of {found.samples:,} samples. The first lap compiles" in told.err
-    assert best is not None and best.lap == 1 + int(np.argmin(found.machines[0].tool_um))
-    assert best.error_um == pytest.approx(min(found.machines[0].tool_um), rel=1e-12)
-    assert f"as lap {best.lap} of the linear model had it" in said
-    rows = np.loadtxt(tmp_path / "run" / "reference.csv", delimiter=",", skiprows=1)
-    assert len(rows) == found.samples
-    machine = machine_named(str(machine_file))
-    job = from_file(part_file, Pace(machine, None, None))
+def test_what_a_control_loads_is_the_shifted_reference(tour, result):
+    """A lap ends where the tool has settled: the last point is held, and the shift goes on."""
+    best = result.stored
+    assert f"by linear models of {result.samples:,} samples. The first lap" in tour("learn").err
+    assert best is not None and best.lap == 1 + int(np.argmin(result.machines[0].tool_um))
+    assert best.error_um == pytest.approx(min(result.machines[0].tool_um), rel=1e-12)
+    rows = np.loadtxt(tour("learn").folder / "reference.csv", delimiter=",", skiprows=1)
+    machine = machine_named("machine.json")
+    job = from_file(Path("part.ngc"), Pace(machine, None, None))
     place = 1e3 * np.asarray(job.reference(machine.model.dt, 0).position)
-    assert job.samples < len(rows) == len(place)
+    assert job.samples < len(rows) == len(place) == result.samples
     np.testing.assert_allclose(rows[:, 1:3], place, atol=1e-3 * best.largest_um + 1e-9)
     speeds = 1e-3 * np.diff(rows[:, 1:3], axis=0) / np.diff(rows[:, :1], axis=0)
     assert np.abs(speeds).max() == pytest.approx(best.speed, rel=1e-3)

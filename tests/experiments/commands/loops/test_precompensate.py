@@ -12,7 +12,7 @@ from experiments.commands.loops.precompensate import ending, sentences, verdict_
 from experiments.files.results.bent_result import BentResult
 from experiments.files.results.run_metrics import MachineSummary, RunMetrics
 from experiments.files.results.stored import read_result
-from experiments.files.results.verdict import LimitCheck, Verdict, exceeded
+from experiments.files.results.verdict import LimitCheck, exceeded
 from experiments.jobs.replays import Scenarios, replay
 from experiments.runs.loops.bending import Bent
 from tuning.precompensation import Precompensated
@@ -60,7 +60,6 @@ def driven(machine, gains, reference, seconds):
     return np.array(found)
 
 
-@pytest.mark.slow
 def test_a_drive_that_holds_the_last_point_sees_no_more_than_what_is_told(bent, machine_fields):
     """The part ends along -Y at 0, 0, where it began along X."""
     result = read_result(bent, BentResult)
@@ -80,7 +79,6 @@ def test_a_drive_that_holds_the_last_point_sees_no_more_than_what_is_told(bent, 
     assert np.abs(tool[len(rows) :]).max() < 2 * count
 
 
-@pytest.mark.slow
 def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
     result = read_result(bent, BentResult)
     assert "times smaller" in sentences(result)[0] and len(sentences(result)) == 1
@@ -193,40 +191,6 @@ def test_a_reference_not_to_be_used_is_not_written(
     assert "not written for that reason: reference.csv and part.ngc" in told
     written = {path.name for path in (tmp_path / "run").iterdir()}
     assert written == {"bent.png", "inputs", "result.json", "settings.json"}
-
-
-@pytest.mark.slow
-def test_a_program_with_rapid_moves_stops_around_them_and_says_so(
-    tmp_path, machine_file, monkeypatch, capsys
-):
-    part = tmp_path / "plate (2).ngc"
-    part.write_text("G21 M3 S900\nG1 X2 F3000\nG0 Z5\nX4\nG1 Z0\nX5 Z-1\n")
-    monkeypatch.setattr(precompensate, "bent", unbent)
-    monkeypatch.setattr(precompensate, "verdict_on", lambda result: Verdict.of([]))
-    flags = ["--plant", str(machine_file), "--out", str(tmp_path / "run")]
-    assert main(["precompensate", str(part), *flags]) == 0
-    told = capsys.readouterr().out
-    assert (
-        "part.ngc moves X and Y alone and stops (M0) at 3 places: put the Z moves, spindle" in told
-    )
-    assert "Z moves along with X and Y in 1 move of your program" in told
-    head = (tmp_path / "run" / "part.ngc").read_text().splitlines()[:6]
-    assert [line.split()[0] for line in head[2:5]] == ["(position", "(velocity", "(integral_time"]
-    assert [*head[:2], head[5]] == [
-        "(bent by jcontour from plate [2].ngc)",
-        "(for tiny with the controller linear-cascade, and for no other one)",
-        "(largest bend 0 um)",
-    ]
-    rows = np.genfromtxt(tmp_path / "run" / "reference.csv", delimiter=",", names=True)
-    rapid = (rows["X_mm"] > 2.001) & (rows["X_mm"] < 3.999)
-    assert (
-        not rows["cut"][rapid].any() and rows["cut"][(rows["X_mm"] < 2) | (rows["X_mm"] > 4)].all()
-    )
-    assert main(["simulate", str(tmp_path / "run" / "part.ngc"), "--list-moves"]) == 0
-    moves = [line.split()[1:3] for line in capsys.readouterr().out.splitlines()]
-    stops = [k for k, row in enumerate(moves) if row[:1] == ["stop"]]
-    begins, ends = stops  # the first one is before the first move
-    assert moves[begins + 1 : ends] == [["rapid", "4.0000"]]
 
 
 def _runs(result, nominal, others):

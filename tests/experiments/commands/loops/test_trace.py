@@ -33,17 +33,6 @@ def test_trace_arrives_and_stores_what_it_did(tour):
 
 
 @pytest.mark.slow
-def test_a_run_that_does_not_arrive_says_what_to_do(tmp_path, capsys):
-    flags = ["--max-speed-mm-s", "1000", "--q-theta", "0", "--out", str(tmp_path / "run")]
-    assert main(["trace", "circle", *flags]) == 3
-    told = " ".join(capsys.readouterr().out.split())
-    assert "DID NOT ARRIVE" in told and "path.png shows the tool" in told
-    assert "Next: more --q-theta rewards progress" in told
-    assert "Tool came 0 mm of 6.283 mm along the path; 0 mm from its end point" in told
-    assert "Contour error none: it counts on the whole path" in told and "max-control" not in told
-
-
-@pytest.mark.slow
 def test_a_tool_that_its_controller_s_progress_leaves_behind_has_not_gone_round(tmp_path, capsys):
     """Where the tool moved by 0.065 mm about the start of a circle of 1 mm, by its own points."""
     assert main(["trace", "circle", "--q-theta", "1000", "--out", str(tmp_path / "run")]) == 3

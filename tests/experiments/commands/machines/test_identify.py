@@ -55,19 +55,6 @@ def test_the_demonstration(demo):
 
 
 @pytest.mark.slow
-def test_what_is_printed(demo, capsys):
-    folder, _ = demo
-    show(read_result(folder, IdentifyResult), console_of())
-    printed = capsys.readouterr().out
-    assert "simulated: the axis of Yuan, section 3.3, encoders of 1 um" in printed
-    (line,) = [line for line in printed.splitlines() if line.split()[:1] == ["stribeck_speed"]]
-    assert line.split() == ["stribeck_speed", "m/s", "not", "separated", "-", "-", "2.82", "-"]
-    assert (
-        "NOTE: coulomb, stribeck, stribeck_speed: not separated by speeds up to 0.36 m/s" in printed
-    )
-
-
-@pytest.mark.slow
 def test_the_file_of_the_demonstration_gives_the_same(demo, tmp_path, capsys):
     folder, summary = demo
     capsys.readouterr()

@@ -10,22 +10,6 @@ from experiments.cli import main
 from jcontour.linear.continuous_axes import sampled_machine, speed_axis
 
 
-@pytest.mark.slow
-def test_a_new_machine_is_written_checked_and_simulated(tmp_path, capsys):
-    path = tmp_path / "mill.json"
-    numbers = "--gain 1 --time-constant-ms 20 15 --delay-ms 1.5 --max-control 250".split()
-    assert main(["machine", *numbers, "--name", "mill", "--out", str(path)]) == 0
-    told = capsys.readouterr().out
-    assert f"Written: {path}" in told and f"Next: jcontour tune --plant {path}" in told
-    assert path.with_suffix(".png").exists() and json.loads(path.read_text())["known_delay"] == 1
-    assert main(["machine", str(path), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert [one["kind"] for one in found["axes"]] == ["speed", "speed"] and "warnings" not in found
-    flags = ["--plant", str(path), "--json", "--out", str(tmp_path / "run")]
-    assert main(["simulate", "circle", *flags]) == 0
-    assert not json.loads(capsys.readouterr().out)["plants"]["nominal"]["diverged"]
-
-
 def test_the_example_is_written_without_a_checkout(tmp_path, capsys):
     path = tmp_path / "mill.json"
     assert main(["machine", "--example", str(path)]) == 0
@@ -98,7 +82,6 @@ def test_limits_of_unlike_axes_are_told_for_each(tmp_path, capsys):
     assert "max-speed: needs one number or 2, received 3" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_a_file_with_warnings_is_not_called_sound(tmp_path, capsys):
     path = tmp_path / "mill.json"
     numbers = "--gain 1 --time-constant-ms 20 --max-control 250 --out".split()

@@ -15,22 +15,6 @@ from experiments.reports.page.page_data import page_data
 from experiments.reports.tables import console_of
 
 
-@pytest.fixture(scope="module")
-def flags(machine_file, part_file):
-    """A front of two budgets that is quick to trace."""
-    unbounded = ["--max-sensitivity", "None"]  # the increment alone is limited here
-    return [
-        str(part_file),
-        "--plant",
-        str(machine_file),
-        "--points",
-        "2",
-        "--preview",
-        "4",
-        *unbounded,
-    ]
-
-
 @pytest.fixture
 def traced(tour):
     return tour("front").folder
@@ -134,48 +118,3 @@ def test_a_weight_with_a_number_for_each_axis_is_shown_as_the_flag_takes_it(caps
     points = [replace(POINTS[0], weights={"alpha": [2.0, 3.5]})]
     show(replace(RESULT, points=points), console_of())
     assert ["0.1", "2,3.5"] in [line.split() for line in capsys.readouterr().out.splitlines()]
-
-
-OWN = """
-import equinox as eqx
-import jax
-import jax.numpy as jnp
-from jcontour.controller import Controller
-
-class PerAxis(Controller):
-    gain: jax.Array = eqx.field(default_factory=lambda: jnp.array([3e3, 4e3]))
-    ahead: float = 20.0
-    preview: int = eqx.field(static=True, default=1)
-
-    def prepare(self, reference):
-        position = reference.position[: reference.steps + 1]
-        return position[:-1], jnp.diff(position, axis=0) / reference.dt
-
-    def initial_memory(self, reference):
-        return None
-
-    def step(self, memory, plan, measurement):
-        position, speed = plan
-        return memory, self.gain * (position - measurement) + self.ahead * speed
-"""
-
-
-@pytest.mark.slow
-def test_a_front_over_gains_per_axis_has_its_files_and_can_be_told_again(tmp_path, capsys):
-    (tmp_path / "own.py").write_text(OWN)
-    run = tmp_path / "run"
-    own = ["--controller", f"{tmp_path}/own.py:PerAxis", "--points", "1", "--most", "1"]
-    assert main(["front", "circle", *own, "--out", str(run)]) == 0
-    (point,) = read_result(run, FrontResult).points
-    gains = point.weights["gain"]
-    assert isinstance(gains, list) and len(gains) == 2
-    np.testing.assert_array_equal(load_dataset(run / "front.nc").gain, [gains])
-    assert page_data(run)["points"]["points"][0]["weights"] == point.weights
-    assert main(["front", "--resume", str(run)]) == 0
-
-
-@pytest.mark.slow
-def test_budgets_in_the_wrong_order_are_named(flags, tmp_path, capsys):
-    order = ["--least", "2", "--most", "1", "--out", str(tmp_path / "run")]
-    assert main(["front", *flags, *order]) == 2
-    assert "least: 2 is above the largest budget, 1" in capsys.readouterr().err

@@ -1,7 +1,6 @@
 """`sweep`: a small one from the command line."""
 
 import json
-import shlex
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,26 +9,10 @@ import pytest
 from experiments.cli import main
 from experiments.commands.tuning.sweep import LOOPS, margin_lines
 from experiments.files.netcdf import load_dataset
-from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import read_result
 from experiments.files.results.swept_result import SweepResult
 
 NAMES = ("alpha", "beta")
-
-
-@pytest.fixture(scope="module")
-def flags(machine_file, part_file):
-    """Four designs with one preview; the large alpha diverges where a drive is late."""
-    vary = ["--vary", "alpha=2,2e6", "beta=0.5,5", "--previews", "4"]
-    vary += [
-        "--controller",
-        "contouring-lq-kalman",
-        "--weights",
-        "control_noise=5",
-        "--rho",
-        "2e-9",
-    ]
-    return [str(part_file), "--plant", str(machine_file), *vary]
 
 
 @pytest.fixture
@@ -53,6 +36,13 @@ def test_designs_are_the_grid(dataset):
     assert places == [(2, 0.5), (2, 5), (2e6, 0.5), (2e6, 5)]
     assert dataset.rms_contour_error.dims == ("preview", "sample", "contour", "plant")
     assert dataset.rms_contour_error.attrs["units"] == "m" and dataset.plant.values[0] == "nominal"
+
+
+def test_weights_that_do_not_vary_and_the_delay_of_the_model_are_stored(dataset):
+    assert dataset.attrs["controller"] == "contouring-lq-kalman"
+    assert dataset.attrs["model_delay"] in (0, 1) and dataset.attrs["terminal"] == "output"
+    assert dataset.control_noise.values.tolist() == [5.0] and dataset.rho.values.tolist() == [2e-9]
+    assert dataset.rho.dims == ("preview",) and "per sample" in dataset.rms_increment.units
 
 
 def test_the_summary_is_that_of_the_metrics(swept, dataset):
@@ -91,39 +81,6 @@ def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept
     assert "Drawn: sweep.png" in printed
     assert "Next: tune from the best point with jcontour tune " in printed
     assert f"Run folder: {swept}" in printed
-
-
-@pytest.mark.slow
-def test_a_row_is_run_again_by_the_line_that_says_so(swept, dataset, capsys, tmp_path):
-    """The weights that do not vary, and the delay of the model, are stored and printed."""
-    assert dataset.attrs["controller"] == "contouring-lq-kalman"
-    assert dataset.attrs["model_delay"] in (0, 1) and dataset.attrs["terminal"] == "output"
-    assert dataset.control_noise.values.tolist() == [5.0] and dataset.rho.values.tolist() == [2e-9]
-    assert dataset.rho.dims == ("preview",) and "per sample" in dataset.rms_increment.units
-    assert main(["sweep", "--resume", str(swept)]) == 0
-    printed = capsys.readouterr().out.splitlines()
-    line = next(line for line in printed if line.startswith("Again: jcontour "))
-    words = line.removeprefix("Again: jcontour ").partition("    (")[0]
-    assert f"--model-delay {dataset.attrs['model_delay']}" in words
-    assert main([*shlex.split(words), "--out", str(tmp_path / "again")]) == 0
-    again = read_result(tmp_path / "again", SimulatedResult)
-    row = dataset.rms_contour_error.values[0, int(dataset.best[0]), 0]
-    errors = [again.plants[str(name)].rms_contour_error for name in dataset.plant.values]
-    np.testing.assert_allclose(errors, row, rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_limits_on_runs_decide_which_design_is_the_best(swept, dataset, flags, tmp_path):
-    """A peak control between those of the two designs that do not diverge leaves one of them."""
-    peaks = dataset.peak_control.values[0].max(axis=(1, 2))[:2]
-    words = ["--max-peak-control", str(float(np.mean(peaks))), "--max-sensitivity", "1.0001"]
-    folder = tmp_path / "limited"
-    assert main(["sweep", *flags, *words, "--devices", "1", "--out", str(folder)]) == 0
-    result, found = read_result(folder, SweepResult), load_dataset(folder / "sweep.nc")
-    assert found.within_limits.values.tolist() == [[*(peaks < peaks.mean()).tolist(), 0, 0]]
-    assert (result.within, result.best[0].looked) == (1, 1)
-    assert result.best[0].beyond["peak_sensitivity"] == pytest.approx(result.best[0].sensitivity)
-    assert found.best.values.tolist() == [int(np.argmin(peaks))]
 
 
 @pytest.mark.parametrize(

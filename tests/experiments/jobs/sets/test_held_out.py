@@ -49,16 +49,12 @@ def disc(radius, points=721):
 
 
 @pytest.mark.parametrize(
-    "name",
-    [*MACHINES[:2], *(pytest.param(n, marks=pytest.mark.slow) for n in MACHINES[2:])],
-)
-@pytest.mark.parametrize(
-    ("size", "feed"),
+    ("name", "size", "feed"),
     [
-        pytest.param(1, 300, marks=pytest.mark.slow),
-        pytest.param(1, 3000, marks=pytest.mark.slow),
-        pytest.param(100, 3000, marks=pytest.mark.slow),
-        (100, 12000),
+        *((name, 100, 12000) for name in MACHINES),
+        ("bridgeport", 1, 300),
+        (EXAMPLE, 1, 3000),
+        ("gantry", 100, 3000),
     ],
 )
 def test_size_feed_and_samples_of_a_part(part, moves_within, name, size, feed):
@@ -118,9 +114,7 @@ def test_small_curves_of_a_large_part(part):
     np.testing.assert_allclose(found[0].contour.position(0.0), [0.152, 0.0], atol=3e-3)
 
 
-@pytest.mark.parametrize(
-    ("points", "least"), [(721, 0.99), pytest.param(5, 0.01, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("points", "least"), [(721, 0.99), (5, 0.01)])
 def test_large_and_slow_parts_have_short_contours(part, points, least):
     """38 s along a circle of 100 mm, or a square: half a second along each, corners passed."""
     job = part(disc(100, points), "part.csv", feed=1 / 60)
@@ -172,7 +166,6 @@ def test_no_parts():
         held_out_like([], pace_of("bridgeport"))
 
 
-@pytest.mark.slow
 def test_a_single_axis():
     with pytest.raises(ValueError, match="jobs: .*flexible-axis has 1"):
         held_out_like(

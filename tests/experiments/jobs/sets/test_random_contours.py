@@ -29,13 +29,8 @@ def pace_of(name):
 
 
 @cache
-def both(name="bridgeport", seed=1, words="random:12"):
-    return contour_jobs(words, pace_of(name), seed)
-
-
-@cache
-def many(seed=0):
-    return random_jobs(64, seed, pace_of("bridgeport"), SIZE, FEED)
+def both(name="bridgeport"):
+    return contour_jobs("random:12", pace_of(name), 1)
 
 
 def same(one, other):
@@ -55,32 +50,23 @@ def tightest(jobs):
     return [1 / bend for bend in bends if bend > 0]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINES)
-def test_runs_are_within_the_limits_of_the_machine(name, moves_within):
-    pace = pace_of(name)
-    limits = pace.machine.limits
+def test_runs_are_the_machines_own_within_its_limits(name, moves_within):
+    """Size, feed and place against what is known of its usual contours."""
+    pace, jobs = pace_of(name), [*both(name)[0], *both(name)[1]]
+    limits, dt = pace.machine.limits, pace.machine.model.dt
     speed = None if limits.speed is None else limits.speed.min()
     acceleration = ACCELERATION if limits.acceleration is None else limits.acceleration.min()
-    for job in (*both(name)[0], *both(name)[1]):
+    for job in jobs:
         moved = moves_within(job, pace.machine, speed, acceleration)
         assert 150 <= job.samples <= ENTRY + 400, job.name
         assert not job.at_rest
         assert 75 <= job.scored.sum() <= 400
         assert not job.scored[: min(ENTRY, job.samples // 2)].any()
-        feed = feed_of(job, pace.machine.model.dt)
-        assert job.feed_law == f"constant {60e3 * feed:.4g} mm/min"
-        assert moved.max() <= feed * (1 + 1e-5)  # splines are fitted to 0.1 nm
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MACHINES)
-def test_size_feed_and_place_are_the_machines_own(name):
-    """Against what is known of its usual contours."""
+        assert job.feed_law == f"constant {60e3 * feed_of(job, dt):.4g} mm/min"
+        assert moved.max() <= feed_of(job, dt) * (1 + 1e-5)  # splines are fitted to 0.1 nm
     sizes = {"flexible-axes": (25e-3, 0.05), "gantry": (0.05, 0.3)}
     radius, feed = sizes.get(name, (1.41e-3, 0.05))
-    dt = pace_of(name).machine.model.dt
-    jobs = [*both(name)[0], *both(name)[1]]
     assert max(feed_of(job, dt) for job in jobs) <= 1.02 * FEEDS * feed
     assert radius / 8 < np.median(tightest(jobs)) < radius
     if radius < 2e-3:  # laps of larger ones take longer than a run
@@ -108,7 +94,6 @@ def test_acceleration_that_is_asked_for(moves_within):
         moves_within(job, machine, None, 0.2)
 
 
-@pytest.mark.slow
 def test_every_kind_has_its_share(monkeypatch):
     drawn = []
 
@@ -120,7 +105,9 @@ def test_every_kind_has_its_share(monkeypatch):
         return draw
 
     monkeypatch.setattr(random_contours, "KINDS", tuple(watched(kind) for kind in KINDS))
-    random_jobs(64, 5, pace_of("bridgeport"), SIZE, FEED)
+    jobs = random_jobs(64, 5, pace_of("bridgeport"), SIZE, FEED)
+    closed = [bool(job.contour.closed) for job in jobs]
+    assert 5 < sum(closed[:32]) < 27  # open and closed ones are mixed from the first to the last
     shares = [sum(1 for kind, _ in drawn if kind is each) for each in KINDS]
     assert sum(shares) == 64
     assert set(shares) == {10, 11}
@@ -131,38 +118,22 @@ def test_every_kind_has_its_share(monkeypatch):
     assert np.abs(quarters - 16).max() <= 6
 
 
-@pytest.mark.slow
-def test_names_count():
-    assert [job.name for job in many()] == [f"random-{n:02}" for n in range(1, 65)]
-
-
-@pytest.mark.slow
-def test_kinds_are_in_random_order():
-    """Open and closed contours are mixed from the first to the last."""
-    closed = [bool(job.contour.closed) for job in many()]
-    assert 5 < sum(closed[:32]) < 27
-
-
-@pytest.mark.slow
-def test_the_same_seed_makes_the_same_contours():
-    again = random_jobs(64, 0, pace_of("bridgeport"), SIZE, FEED)
-    for one, other in zip(many(), again, strict=True):
-        assert same(one, other)
-        np.testing.assert_array_equal(one.arc, other.arc)
-        np.testing.assert_array_equal(one.scored, other.scored)
-
-
-@pytest.mark.slow
-def test_another_seed_makes_others():
-    others = both(seed=2)[0]
-    assert not any(same(one, other) for one in both()[0] for other in others)
-
-
 def test_held_out_contours_are_others():
     training, held_out = both()
     assert len(training) == len(held_out) == 12
     assert not any(same(one, other) for one in training for other in held_out)
     assert [job.name for job in held_out] == [f"held-out-{n:02}" for n in range(1, 13)]
+    assert [job.name for job in training] == [f"random-{n:02}" for n in range(1, 13)]
+
+
+def test_the_same_seed_makes_the_same_contours_and_another_one_others():
+    again = contour_jobs("random:12", pace_of("bridgeport"), 1)
+    for one, other in zip([*both()[0], *both()[1]], [*again[0], *again[1]], strict=True):
+        assert same(one, other)
+        np.testing.assert_array_equal(one.arc, other.arc)
+        np.testing.assert_array_equal(one.scored, other.scored)
+    others = contour_jobs("random:12", pace_of("bridgeport"), 2)[0]
+    assert not any(same(one, other) for one in both()[0] for other in others)
 
 
 def test_training_contours_are_those_of_the_seed():
@@ -175,7 +146,6 @@ def test_training_contours_are_those_of_the_seed():
         assert feed_of(one, 1.0) == pytest.approx(feed_of(other, 1.0), rel=0.05)
 
 
-@pytest.mark.slow
 def test_contours_like_own_parts():
     """Twenty times the size, at a fifth of the feed, elsewhere."""
     pace = pace_of("bridgeport")
@@ -193,9 +163,7 @@ def test_few_contours(count):
     assert len(random_jobs(count, 1, pace_of("bridgeport"), SIZE, FEED)) == count
 
 
-@pytest.mark.parametrize(
-    ("size", "feed"), [pytest.param(1e-6, 1.0, marks=pytest.mark.slow), (10.0, 1e-4)]
-)
+@pytest.mark.parametrize(("size", "feed"), [(1e-6, 1.0), (10.0, 1e-4)])
 def test_sizes_and_feeds_that_do_not_fit(moves_within, size, feed):
     """Far too fast for its curves, and far too slow to see them."""
     pace = pace_of("bridgeport")

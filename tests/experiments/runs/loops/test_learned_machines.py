@@ -83,7 +83,6 @@ def test_positions_are_found_in_what_is_measured():
     np.testing.assert_array_equal(axes((state[:2], state[2:4])), [0.0, 1.0])
 
 
-@pytest.mark.slow
 def test_a_gantry_reads_its_tool_from_its_motors():
     """Head 0.3 m along a beam that is turned by a hundredth."""
     parameters = gantry_machine().parameters

@@ -28,11 +28,9 @@ def test_the_design_of_a_preview_is_found_once():
     assert asked.design(1) is asked.design(1)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "controller", "found"),
     [
-        ("bridgeport", None, (5, 10, 20)),
         ("flexible-axis", "cascade", (1,)),
         ("gantry", "cascade", (1,)),
         ("gantry", "contouring-lq", (5, 10, 20)),
@@ -48,11 +46,9 @@ def test_previews_that_differ_are_swept(plant, controller, found):
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "controller", "start", "ends", "count"),
     [
-        ("bridgeport", None, {"alpha": 1.2, "beta": 20.0}, (1e-2, 1e4), 49),
         ("gantry", "contouring-lq", {"alpha": 1e8, "beta": 1e9}, (1e-2, 1e4), 49),
         (
             "gantry",

@@ -48,7 +48,6 @@ def found():
     return gain, family_curves(*tried, peaks), peaks, least  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
 def test_curves_are_closed_forms(found):
     gain, curves, *_ = found
     np.testing.assert_allclose(curves.frequency[-1], 0.5 / DT)

@@ -7,16 +7,21 @@ import pytest
 
 from experiments.flags.tuning import Tune
 from experiments.machines.linear import bridgeport_machine
+from experiments.machines.machine import MachineLimits
 from experiments.runs.tuning.limits import (
+    AT_REST,
     LIMITS,
     lag_limit,
     loop_limits,
     named_limits,
+    noise_limit,
     ratio_limit,
 )
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_references
+from tests.experiments import small_runs
+from tuning.objectives import COUNT_NOISE
 
 
 def test_limits_are_in_si_units():
@@ -47,6 +52,25 @@ def test_a_tool_that_stands_still_lags_too_far(lag, wanted):
     assert found["rms_tracking_error"] == pytest.approx(wanted, rel=2e-3)
 
 
-def test_no_loop_has_a_peak_sensitivity_of_one():
+def test_loops_are_limited_by_their_peak_and_with_more_delay():
+    assert loop_limits(Tune(max_sensitivity=2.0)) == {"peak_sensitivity": 2.0}
+    asked = loop_limits(Tune(max_sensitivity=None, min_delay_margin=2))
+    assert list(asked) == ["late_radius"] and asked["late_radius"] < 1
     with pytest.raises(ValueError, match="max-sensitivity: no loop keeps 1 or less"):
         loop_limits(Tune(max_sensitivity=1.0))
+    for more in (-1, 11):
+        with pytest.raises(ValueError, match="min-delay-margin: needs 0 to 10 samples"):
+            loop_limits(Tune(min_delay_margin=more))
+
+
+def test_the_noise_of_counts_is_limited_to_a_part_of_the_least_control():
+    """With a reserve for a tool at rest; the limit needs a machine that counts and states one."""
+    machine = small_runs.machine(MachineLimits(control=np.array([8.0, 9.0])))
+    design = SimpleNamespace(fed="outputs")
+    found = noise_limit(Tune(max_count_noise=0.02), machine, design)
+    assert found == {COUNT_NOISE: pytest.approx(AT_REST * 0.02 * 8.0)}
+    assert noise_limit(Tune(max_count_noise=None), machine, design) == {}
+    assert noise_limit(Tune(max_count_noise=0.02), small_runs.machine(), design) == {}
+    assert noise_limit(Tune(max_count_noise=0.02), machine, SimpleNamespace(fed="state")) == {}
+    with pytest.raises(ValueError, match="max-count-noise: a limit needs to be finite and above"):
+        noise_limit(Tune(max_count_noise=0.0), machine, design)

@@ -7,6 +7,7 @@ import pytest
 from experiments.catalogue.choices import design_for, machine_named
 from experiments.designs.lq import receding_horizon
 from experiments.files.results.ranked_result import Candidate, Ranked
+from experiments.files.trusted_code import trust
 from experiments.flags.loops import Simulate
 from experiments.flags.tuning import Rank
 from experiments.reports.tables import console_of
@@ -16,7 +17,7 @@ from experiments.runs.tuning.ranking import ranked, ranking_of
 
 
 @pytest.mark.slow
-def test_every_controller_that_reads_the_sensors_and_does_not_learn_is_tried():
+def test_every_controller_that_reads_the_sensors_is_tried_and_one_that_learns_if_named():
     asked = ranking_of(Rank())
     assert asked.learning == ["repetitive", "run-out", "adaptive-zpetc"]
     assert [one.controller for one in asked.candidates] == [
@@ -29,16 +30,15 @@ def test_every_controller_that_reads_the_sensors_and_does_not_learn_is_tried():
         "preview-lq",
         "linear-cascade",
         "linear-cascade-feedforward",
+        "linear-cascade-notch",
+        "position-loop",
+        "position-loop-notch",
         "zpetc",
         "optimal-feedforward",
     ]
-
-
-@pytest.mark.slow
-def test_a_controller_that_learns_is_tried_where_it_is_named():
-    asked = ranking_of(Rank(controllers=("linear-cascade", "run-out")))
-    assert [one.controller for one in asked.candidates] == ["linear-cascade", "run-out"]
-    assert asked.learning == []
+    named = ranking_of(Rank(controllers=("linear-cascade", "run-out")))
+    assert [one.controller for one in named.candidates] == ["linear-cascade", "run-out"]
+    assert named.learning == []
 
 
 @pytest.mark.slow
@@ -80,7 +80,7 @@ def test_the_first_loop_of_a_controller_is_searched_once(machine_file, part_file
         ("gantry", "gantry-self-tuning", True),
         ("gantry", "gantry-synchronised", True),
         ("gantry", "gantry-cascade", False),
-        pytest.param("flexible-axes", "synchronised", True, marks=pytest.mark.slow),
+        ("flexible-axes", "synchronised", True),
     ],
 )
 def test_controllers_that_learn_are_known(plant, name, learns):
@@ -99,6 +99,7 @@ def test_a_controller_that_cannot_be_tuned_has_a_reason(machine_file, part_file,
         "    def initial_memory(self, reference): return None\n"
         "    def step(self, memory, plan, y): return memory, 0.0 * plan\n"
     )
+    trust(script.read_bytes())  # as a command that names it does
     flags = Rank(
         parts=(str(part_file),),
         plant=str(machine_file),

@@ -4,7 +4,6 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -16,56 +15,17 @@ from experiments.runs.tuning.family_loops import WINDOWS
 from experiments.runs.tuning.problem import TuningRun
 from experiments.runs.tuning.searching import ROUND, NothingSound, exchange_words, searched
 from jcontour.analysis.probes import probe_samples
-from jcontour.controller import Controller
-from jcontour.geometry.contours import line
-from jcontour.linear.plant import LinearPlant
-from jcontour.motion.references import along
-from jcontour.simulation.evaluation import stack_plants, stack_references
+from tests.tuning.bumped import HIGH, REFERENCE, problem_of
 from tuning.effort import THOROUGH
 from tuning.exchange import STABLE, Exchanged
-from tuning.objectives import mean_tracking_error
 from tuning.parameters import Positive
-from tuning.problem import Problem
 from tuning.tune import TuneState
 
-STEP, STEPS = 1e-4, 64  # [m] per sample
-HIGH, SAMPLES = 2.2, (27, 28)
-REFERENCE = along(
-    line(np.zeros(1), np.full(1, STEP * STEPS)),
-    STEP * np.arange(STEPS),
-    1e-3,
-    0,
-    at_rest=False,
-)
+SAMPLES = (27, 28)
 
 
-class Bumped(Controller):
-    """u = k b (y_d - x), b = HIGH on two samples: stable below k = 2 / HIGH."""
-
-    gain: Any
-    preview: int = eqx.field(static=True, default=0)
-
-    def prepare(self, reference):
-        wanted = reference.position[: reference.steps]
-        bump = jnp.isin(jnp.round(wanted / STEP), jnp.asarray(SAMPLES, float))
-        return jnp.where(bump, HIGH, 1.0), wanted
-
-    def initial_memory(self, reference):
-        return None
-
-    def step(self, memory, plan, measurement):
-        bump, wanted = plan
-        return None, self.gain * bump * (wanted - measurement)
-
-
-def run_from(gain, plant_gain=1.0):
-    problem = Problem(
-        lambda weights: Bumped(weights["gain"]),
-        stack_plants([LinearPlant([[1.0]], [[plant_gain]], [[1.0]], 1e-3)]),
-        stack_references([REFERENCE]),
-        mean_tracking_error,
-        {"gain": Positive()},
-    )
+def run_from(gain):
+    problem = problem_of(SAMPLES)
     nothing = cast(Any, None)
     design = cast(Any, SimpleNamespace(start={"gain": jnp.asarray(gain)}))
     effort = replace(THOROUGH, starts=1, scatter=0, steps=30)
@@ -126,16 +86,15 @@ def test_an_interrupted_round_goes_on_where_it_was(found, folder, tmp_path):
     np.testing.assert_array_equal(again.tuned.weights["gain"], found.tuned.weights["gain"])
 
 
+def test_an_exchange_is_told_in_a_line():
+    problem = problem_of(SAMPLES)
+    assert "is unstable: 1 more loop is looked" in exchange_words(Exchanged(problem, 1, True))
+    assert "limit on loops: 3 more loops are" in exchange_words(Exchanged(problem, 3, False))
+
+
 def test_nothing_sound_is_told(tmp_path):
     with pytest.raises(NothingSound, match="every start diverges"):
         searched(run_from(1e30), tmp_path, lambda state: None, Console(quiet=True))
-
-
-@pytest.mark.slow
-def test_an_exchange_is_told_in_a_line(found):
-    problem = found.run.problem
-    assert "is unstable: 1 more loop is looked" in exchange_words(Exchanged(problem, 1, True))
-    assert "limit on loops: 3 more loops are" in exchange_words(Exchanged(problem, 3, False))
 
 
 @pytest.mark.slow

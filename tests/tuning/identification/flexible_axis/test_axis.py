@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from jcontour.plants.flexible_axis.axis import thesis_axis
-from jcontour.plants.flexible_axis.linear_motor import thesis_motor
-from tuning.identification.flexible_axis.axis import _parameters, identify
-from tuning.identification.flexible_axis.commissioning import Commissioning
+from tuning.identification.flexible_axis.axis import _left_out, _parameters, identify
+from tuning.identification.flexible_axis.records import Record
 
 TRUTH = {
     "resistance": 12.51,
@@ -46,24 +45,16 @@ WITHIN = {  # relative: what the issue of this demonstration asks for, or better
 
 
 @pytest.mark.slow
-def test_thesis_axis_within_a_few_per_cent(found):
+def test_the_thesis_axis_is_found_again(found):
+    """Within a few per cent, no error beyond four deviations, and the model is of the estimate."""
     for name, tolerance in WITHIN.items():
         assert found.estimate[name] == pytest.approx(TRUTH[name], rel=tolerance), name
     for j in (1, 2, 3):
         assert found.estimate[f"amplitude_{j}"] == pytest.approx(
             TRUTH[f"amplitude_{j}"], rel=0.03
         ), j
-
-
-@pytest.mark.slow
-def test_intervals_hold_the_truth(found):
-    """No error is beyond four deviations; the slow test counts how many are within two."""
     for name, truth in TRUTH.items():
         assert abs(found.estimate[name] - truth) < 4 * found.estimate.deviation(name), name
-
-
-@pytest.mark.slow
-def test_model_is_that_of_the_estimate(found):
     p, value = found.parameters, found.estimate
     for name in ("motor_mass", "tool_mass", "stiffness", "damping", "force_constant", "pole_pitch"):
         assert float(getattr(p, name)[0]) == pytest.approx(value[name], rel=1e-12), name
@@ -73,39 +64,6 @@ def test_model_is_that_of_the_estimate(found):
         forward = jnp.array([1]), jnp.array([speed])
         truth = thesis_axis().friction.slipping(*forward)
         np.testing.assert_allclose(p.friction.slipping(*forward), truth, rtol=3e-3)
-
-
-@pytest.mark.slow
-def test_forces_scale_with_a_given_force_constant(found, records):
-    """The same motion at twice the force constant: twice the masses and forces, the same link."""
-    moved = [record for record in records if record.voltage is None]
-    twice = identify(moved, force_constant=2 * found.estimate["force_constant"], pole_pitch=0.0875)
-    for name in ("total_mass", "break_away", "viscous", "sine_1"):
-        assert twice.estimate[name] == pytest.approx(2 * found.estimate[name], rel=1e-3), name
-    assert twice.estimate["stiffness_per_mass"] == pytest.approx(
-        found.estimate["stiffness_per_mass"], rel=1e-9
-    )
-    assert twice.notes[0].startswith("force_constant: taken as given") and twice.winding is None
-
-
-@pytest.mark.slow
-def test_without_an_end_effector(records):
-    found = identify([record._replace(tool=None) for record in records])
-    assert found.link is None and found.parameters is None
-    assert any("not seen without tool_position" in note for note in found.notes)
-    assert found.estimate["viscous"] == pytest.approx(250.9, rel=0.01)
-
-
-@pytest.mark.slow
-def test_motion_without_the_end_effector_beside_motion_with_it(found, records):
-    """It is left out, and that is said."""
-    more = identify([*records, records[1]._replace(name="bare", tool=None)])
-    assert more.notes == (
-        "motion: the tests bare do not count, "
-        "for they have no tool_position and others have it; record it in all",
-        *found.notes,
-    )
-    np.testing.assert_array_equal(more.estimate.values, found.estimate.values)
 
 
 @pytest.mark.slow
@@ -122,38 +80,27 @@ def test_an_end_effector_lighter_than_nothing_still_makes_a_model(found):
     )
 
 
-@pytest.mark.slow
-def test_what_is_missing_or_wrong(records):
-    electrical, *motion = records
-    with pytest.raises(ValueError, match="needs an electrical test .* or its value, and not both"):
-        identify(motion)
-    with pytest.raises(ValueError, match="and not both"):
-        identify(records, force_constant=79.0)
-    with pytest.raises(ValueError, match="motion: there is no test of the moving axis"):
-        identify([electrical])
-    with pytest.raises(
-        ValueError, match="force_constant: needs to be finite and above zero, received -1"
-    ):
-        identify(motion, force_constant=-1.0)
-    with pytest.raises(
-        ValueError, match="pole_pitch: needs to be finite and above zero, received nan"
-    ):
-        identify(records, pole_pitch=np.nan)
+ROW = np.zeros(200)
+ELECTRICAL, BARE = Record("a", 1e-3, ROW, ROW, voltage=ROW), Record("bare", 1e-3, ROW, ROW)
 
 
-@pytest.mark.slow
-def test_intervals_cover_as_often_as_they_promise():
-    """The 95 % intervals hold the truth in 90 to 99 % of commissionings.
+@pytest.mark.parametrize(
+    ("records", "given", "says"),
+    [
+        ([BARE], {}, "needs an electrical test .* or its value, and not both"),
+        ([ELECTRICAL, BARE], {"force_constant": 79.0}, "and not both"),
+        ([ELECTRICAL], {}, "motion: there is no test of the moving axis"),
+        ([BARE], {"force_constant": -1.0}, "force_constant: needs to be finite and above zero"),
+        ([ELECTRICAL, BARE], {"pole_pitch": np.nan}, "pole_pitch: needs to be finite and above"),
+    ],
+)
+def test_what_is_missing_or_wrong(records, given, says):
+    with pytest.raises(ValueError, match=says):
+        identify(records, **given)
 
-    Each has noise of its own, in the loop and in the records. All parameters are counted together;
-    `evidence/identification.md` says how often each one is held over 200 seeds.
-    """
-    errors = []
-    for seed in range(12):
-        estimate = identify(
-            Commissioning(thesis_axis(), thesis_motor(), seed=seed).thesis_tests()
-        ).estimate
-        errors.append(
-            [(estimate[name] - truth) / estimate.deviation(name) for name, truth in TRUTH.items()]
-        )
-    assert 0.90 <= np.mean(np.abs(errors) < 1.96) <= 0.99
+
+def test_motion_without_the_end_effector_beside_motion_with_it_is_left_out_and_told():
+    felt = BARE._replace(name="felt", tool=ROW)
+    assert _left_out([ELECTRICAL, felt]) == _left_out([ELECTRICAL, BARE]) == []
+    (line,) = _left_out([ELECTRICAL, felt, BARE])
+    assert line.startswith("motion: the tests bare do not count, ")

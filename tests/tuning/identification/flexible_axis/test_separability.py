@@ -10,7 +10,6 @@ from jcontour.plants.flexible_axis.linear_motor import thesis_motor
 from tuning.identification.estimates import Estimate
 from tuning.identification.flexible_axis.axis import identify
 from tuning.identification.flexible_axis.commissioning import Commissioning, Passes
-from tuning.identification.flexible_axis.instruments import Instruments
 from tuning.identification.flexible_axis.separability import (
     notes,
     separated,
@@ -19,8 +18,6 @@ from tuning.identification.flexible_axis.separability import (
     tool_separated,
     unseparated,
 )
-
-COARSE = Instruments(resolution=5e-6, encoder_noise=2e-6, current_noise=0.2)
 
 
 def test_what_counts_as_separated():
@@ -38,29 +35,21 @@ def test_normal_speeds_do_not_separate_the_parts_of_friction(found):
     assert note.startswith(
         "coulomb, stribeck, stribeck_speed: not separated by speeds up to 0.36 m/s"
     )
-
-
-@pytest.mark.slow
-def test_what_usual_data_tell_and_these_do_not(found):
-    """The same values with a damper and a mass that are known to half of themselves only."""
+    # the same values with a damper and a mass that are known to half of themselves only
     covariance = found.estimate.covariance.copy()
     for name in ("damping_per_mass", "total_mass"):
         k = found.estimate.names.index(name)
         covariance[k, k] = (0.25 * found.estimate.values[k]) ** 2
     vague = replace(found.estimate, covariance=covariance)
-    assert unseparated(vague) == {
-        "coulomb",
-        "stribeck",
-        "stribeck_speed",
-        "damping_per_mass",
-        "total_mass",
-        "motor_mass",
-    }
-    said = list(notes(vague, found.forces))
-    assert (
-        "total_mass: not separated; runs up to speed at a higher acceleration would tell it" in said
-    )
-    assert any(note.startswith("damping_per_mass: not separated; sharper moves") for note in said)
+    more = {"damping_per_mass", "total_mass", "motor_mass"}
+    assert unseparated(vague) == more | {"coulomb", "stribeck", "stribeck_speed"}
+    said = " ".join(notes(vague, found.forces))
+    assert "total_mass: not separated; runs up to speed at a higher acceleration would tell" in said
+    assert "damping_per_mass: not separated; sharper moves" in said
+    names = np.array(found.estimate.names)
+    pushed = np.where(names == "constant_force", -5.0, found.estimate.values)
+    said = notes(replace(found.estimate, values=pushed), found.forces)
+    assert any(note.startswith("constant_force: -5 N help one way") for note in said)
 
 
 @pytest.mark.parametrize("break_away", [0.0, -3.0])
@@ -68,17 +57,6 @@ def test_without_a_break_away_force_the_least_speed_is_proposed(break_away):
     """There is nothing to guess the fall of the friction from."""
     one = Estimate(("break_away", "drop"), np.array([break_away, 2.0]), np.diag([0.1, 0.1]))
     assert telling_speed(one, 0.4) == pytest.approx(0.6)
-
-
-@pytest.mark.slow
-def test_a_constant_push_is_mentioned(found):
-    names = np.array(found.estimate.names)
-    pushed = replace(
-        found.estimate, values=np.where(names == "constant_force", -5.0, found.estimate.values)
-    )
-    assert any(
-        note.startswith("constant_force: -5 N help one way") for note in notes(pushed, found.forces)
-    )
 
 
 @pytest.mark.slow
@@ -93,20 +71,3 @@ def test_the_sweep_asked_for_separates_them(found, records):
     for name, truth in (("coulomb", 36.36), ("stribeck", 22.04), ("stribeck_speed", 2.82)):
         low, high = again.estimate.interval(name)
         assert low - (high - low) / 2 < truth < high + (high - low) / 2, name
-
-
-@pytest.mark.slow
-def test_shaking_separates_the_end_effector():
-    """With instruments so coarse that moves alone do not."""
-    simulated = Commissioning(thesis_axis(), thesis_motor(), COARSE, seed=2)
-    records = simulated.thesis_tests()
-    moved = identify(records)
-    assert not tool_separated(moved.estimate) and any(
-        "near 13.9 Hz" in note for note in moved.notes
-    )
-    shaken = identify([*records, simulated.shake()])
-    assert tool_separated(shaken.estimate) and not any(
-        note.startswith("tool_mass") for note in shaken.notes
-    )
-    low, high = shaken.estimate.interval("tool_mass")
-    assert low - (high - low) / 2 < 0.38 < high + (high - low) / 2

@@ -41,7 +41,6 @@ def clean():
     return electrical_test(offset=0.3)
 
 
-@pytest.mark.slow
 def test_recovers_the_winding(clean):
     """A speed that varies within a row is not its mean: 1e-5 of the back EMF at this rate."""
     fit = fit_winding([clean, clean])
@@ -67,7 +66,6 @@ def test_noise_in_the_current_does_no_harm(clean):
     assert np.all((np.std(errors, axis=0) > 0.4) & (np.std(errors, axis=0) < 1.6))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "message"),
     [

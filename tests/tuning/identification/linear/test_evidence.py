@@ -21,10 +21,10 @@ TRUTH = AxisModel(
 
 @pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say():
-    """60 axes with rounded, noisy positions: 95 % of 6 frequencies, give or take 3 deviations."""
+    """30 axes with rounded, noisy positions: 95 % of 2 frequencies, give or take 3 deviations."""
     A, B, C, _ = sampled_axis(speed_axis(K, T), DT)
     inside = []
-    for seed in range(60):
+    for seed in range(30):
         random = np.random.default_rng(seed)
         u = np.repeat(random.standard_normal(ROWS // 8), 8)
         x, y = np.zeros(2), np.zeros(ROWS)
@@ -38,7 +38,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
         off = np.log(response.value / TRUTH.response(2 * np.pi * response.frequency))
         # one direction of the plane: the real part alone has to be inside its own interval
         inside += list(np.abs(np.real(off)[at]) < response.half_width[at])
-    assert 0.90 < np.mean(inside) <= 1.0
+    assert 0.87 < np.mean(inside) <= 1.0
 
 
 @pytest.mark.parametrize(("highest", "shown"), [(60.0, 60.0), (500.0, 400.0)])

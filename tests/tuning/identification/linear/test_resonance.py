@@ -4,7 +4,7 @@ import pytest
 from jcontour.linear import continuous_axes
 from jcontour.linear.continuous_axes import position_axis, speed_axis
 from tuning.identification.linear.noise_model import whitening
-from tuning.identification.linear.order_search import NOISE_TERMS, chosen, settled
+from tuning.identification.linear.order_search import NOISE_TERMS
 from tuning.identification.linear.output_error import (
     AxisRecord,
     Structure,
@@ -42,16 +42,3 @@ def test_the_pair_of_poles_is_laid_where_the_resonance_is(takes):
     assert 1 / (FREQUENCIES[1] / FREQUENCIES[0]) < laid / (2 * np.pi * HERTZ * DT) < 1.33
     with_pair = simulated(record, found, base.filter)
     assert with_pair.loss < base.loss
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("delay", [0, 2])
-def test_a_resonance_that_only_corners_show_is_found_with_its_delay(delay):
-    axis = position_axis(0.9, 0.018, delay * DT)
-    record = logged(axis, "position", 1.2, 30_000)
-    choice = chosen(record, (0, 1), 3, 8)
-    found = settled(record, choice.best.fit, 8)
-    model = found.fit.model
-    assert (model.integrators, len(model.denominator), model.delay) == (0, 3, delay)
-    (pole,) = (one for one in model.poles if one.imag > 0)
-    assert abs(np.log(pole)) / (2 * np.pi * DT) == pytest.approx(HERTZ, rel=0.03)

@@ -86,7 +86,6 @@ def test_a_peak_of_one_sample_is_kept_in_a_long_run():
     assert begin <= ring[0] <= end and np.isclose(ring[0], 1e3 * place[12_346, 0])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("first", [50_000, 50_001, 50_003])
 @pytest.mark.parametrize("long", [1, 3, 8])
 def test_a_short_rapid_of_a_long_run_is_no_cut(first, long):

@@ -51,15 +51,6 @@ def test_it_is_the_worst_of_single_runs(machine):
     assert found.rms_increment == pytest.approx(max(increments), rel=1e-2)
 
 
-@pytest.mark.slow
-def test_finer_counts_are_quieter(machine):
-    coarse = standstill(controller_of(machine), machine, "outputs")
-    fine = replace(machine, encoder_resolution=machine.encoder_resolution / 10)
-    quiet = standstill(controller_of(machine), fine, "outputs")
-    assert quiet.rms_control < 0.5 * coarse.rms_control
-
-
-@pytest.mark.slow
 def test_nothing_is_said_where_nothing_is_counted(machine):
     controller = controller_of(machine)
     assert standstill(controller, machine, "state") is None
