@@ -1,4 +1,4 @@
-"""Machines, scenarios and replays for tests of what is said of runs: real ones, with few samples.
+"""Machines, scenarios and results for tests of what is said of runs: real ones, with few samples.
 
 Signals are zero until a test writes into them.
 """
@@ -11,6 +11,8 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from experiments.files.results.run_metrics import FamilyMetrics, RunMetrics
+from experiments.files.results.tuned_result import PathMargins
 from experiments.jobs.job import Job, Program
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.linear import LinearMachine
@@ -19,6 +21,8 @@ from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference
 from jcontour.simulation.metrics import Metrics
 from tests import canonical
+from tuning.outcome import Outcome
+from tuning.tune import Tuned
 
 LINE = line([0.0, 0.0], [1e-2, 0.0])
 NO_LIMITS = MachineLimits()
@@ -79,3 +83,47 @@ def replay(samples: int, shape: tuple[int, int] = (1, 2), **given: Any) -> Repla
     """Runs (contour, plant) at rest, on two axes."""
     output, control, error = (np.zeros((*shape, samples, 2)) for _ in range(3))
     return Replay(metrics(shape, **given), output, control, error)
+
+
+def run_metrics(size: float, **given: Any) -> RunMetrics:
+    """Stored metrics of a run: every number is `size`, but for those that are given."""
+    numbers = dict.fromkeys((one.name for one in fields(RunMetrics)), size)
+    return RunMetrics(**{**numbers, "diverged": False, **given})
+
+
+def family_metrics(size: float, **given: Any) -> FamilyMetrics:
+    """The same numbers on the nominal plant and on the worst one."""
+    return FamilyMetrics(*2 * [run_metrics(size, **given)])
+
+
+def margins(**given: Any) -> PathMargins:
+    """Margins of a loop that bears half and twice its gain, and three samples of delay."""
+    usual: dict[str, Any] = {
+        "spectral_radius": 0.9,
+        "gain_range": ((0.5, 2.0),),
+        "gain_search": (0.05, 20.0),
+        "delay_samples": 3,
+        "delay_search": 10,
+        "probes_per_contour": 48,
+        "probes_left_out": 0,
+        "contours_without_margins": (),
+        "lost_first": None,
+    }
+    return PathMargins(**usual | given)
+
+
+def tuned(**given: Any) -> Tuned:
+    """What a search found that kept its limits and ended."""
+    usual: dict[str, Any] = {
+        "weights": {},
+        "outcome": Outcome(metrics((2, 2))),
+        "feasible": True,
+        "violation": -0.1,
+        "diverged_points": 0,
+        "diverged_starts": 0,
+        "history": [],
+        "prices": [],
+        "stabilised": False,
+        "stationary": True,
+    }
+    return Tuned(**usual | given)

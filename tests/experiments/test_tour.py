@@ -7,6 +7,23 @@ from pathlib import Path
 
 import pytest
 
+from experiments.commands.loops.verify import Verified
+from experiments.commands.machines.identify import IdentifyResult
+from experiments.commands.tuning.sweep_predictive import PredictiveSweepResult
+from experiments.files.results.bent_result import BentResult
+from experiments.files.results.certified_result import CertifiedResult
+from experiments.files.results.exported_result import ExportedResult
+from experiments.files.results.feed_result import FeedResult
+from experiments.files.results.front_result import FrontResult
+from experiments.files.results.learned_result import LearnedResult
+from experiments.files.results.linear_result import LinearMachineResult
+from experiments.files.results.ranked_result import RankedResult
+from experiments.files.results.simulated_result import SimulatedResult
+from experiments.files.results.stored import to_json
+from experiments.files.results.swept_result import SweepResult
+from experiments.files.results.tolerance_result import ToleranceResult
+from experiments.files.results.traversed_result import Traversed
+from experiments.files.results.tuned_result import TunedResult
 from tests.experiments.tour import LONG, STOPS, masked
 
 # results that follow from the input without a search: equal on every computer
@@ -23,6 +40,26 @@ NUMBERS = (
     "identify",
     "identify-linear",
 )
+
+
+RESULTS = {  # stop -> type that its result is read into
+    "simulate": SimulatedResult,
+    "tune": TunedResult,
+    "verify": Verified,
+    "feed": FeedResult,
+    "precompensate": BentResult,
+    "learn": LearnedResult,
+    "certify": CertifiedResult,
+    "tolerance": ToleranceResult,
+    "export": ExportedResult,
+    "front": FrontResult,
+    "rank": RankedResult,
+    "sweep": SweepResult,
+    "sweep-predictive": PredictiveSweepResult,
+    "trace": Traversed,
+    "identify": IdentifyResult,
+    "identify-linear": LinearMachineResult,
+}
 
 
 def stops(names):
@@ -55,6 +92,11 @@ def test_a_command_finds_the_numbers_that_it_found(tour, name, kept_numbers):
     numbers = dict(numbers_in(tour(name).stored()))
     assert len(numbers) > 5
     kept_numbers("results", name, numbers, rel=1e-3, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", stops(RESULTS))
+def test_a_stored_result_is_read_as_it_was_written(tour, name):
+    assert to_json(tour(name).result(RESULTS[name])) == tour(name).stored()
 
 
 def numbers_in(found, path=""):

@@ -65,7 +65,6 @@ def test_a_loop_beyond_its_limit_between_the_probes_is_found_and_kept():
     assert names(problem) == ("peak_sensitivity",)
 
 
-@pytest.mark.slow
 def test_limits_that_were_there_stay():
     problem = problem_of(AtMost(rms_control=1.0))
     more = exchanged(problem, START, tune(problem, START, EFFORT), FEW, MANY)

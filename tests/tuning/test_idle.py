@@ -51,7 +51,6 @@ PROBLEM = Problem(
 ALL = np.ones(4, bool)
 
 
-@pytest.mark.slow
 def test_what_has_no_effect_is_put_back():
     weights, none = put_back(PROBLEM, START, FOUND, ALL)
     assert none.tolist() == [False, True, True, True]

@@ -226,7 +226,6 @@ def test_a_mode_that_neither_decays_nor_grows_is_told(proportional_problem, requ
         assert (words in str(raised.value)) is told
 
 
-@pytest.mark.slow
 def test_prices_are_slopes_of_the_optimum_in_its_bounds(proportional_problem, loop_peaks):
     """Against optima under bounds that are a per cent apart."""
 

@@ -2,37 +2,23 @@
 
 import json
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from io import StringIO
 
 import pytest
 from rich.console import Console
 
 from experiments.commands.compare import run, show
-from experiments.files.results.run_metrics import (
-    ContourRead,
-    FamilyMetrics,
-    MachineSummary,
-    RunMetrics,
-)
+from experiments.files.results.run_metrics import ContourRead, MachineSummary
 from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import write_result
-from experiments.files.results.tuned_result import PathMargins, TunedContour, TunedResult
+from experiments.files.results.tuned_result import TunedContour, TunedResult
 from experiments.files.results.verdict import Verdict
 from experiments.files.run_folder import SETTINGS, RunError
 from experiments.reports.tables import COLUMNS
+from tests.experiments import small_runs
 
-MARGINS = PathMargins(
-    spectral_radius=0.9,
-    gain_range=((0.5, 2.0),),
-    gain_search=(0.05, 20.0),
-    delay_samples=2,
-    delay_search=10,
-    probes_per_contour=48,
-    probes_left_out=0,
-    contours_without_margins=(),
-    lost_first=None,
-)
+MARGINS = small_runs.margins(delay_samples=2)
 
 
 def made(
@@ -47,9 +33,6 @@ def made(
     feed_law="constant 377 mm/min",
     duration=1.0,
 ):
-    numbers = {one.name: value for one in fields(RunMetrics)}
-    metrics = RunMetrics(**{**numbers, "diverged": False})
-    family = FamilyMetrics(metrics, metrics)
     read = ContourRead(1, 2 * math.pi * radius, duration, (-radius, -radius), (radius, radius))
     return TunedResult(
         machine=MachineSummary(machine, unit, ("X", "Y"), "counts"),
@@ -75,7 +58,7 @@ def made(
                 name=contour,
                 training=True,
                 samples=5,
-                metrics={"tuned": family},
+                metrics={"tuned": small_runs.family_metrics(value)},
                 read=read,
                 feed_law=feed_law,
             )
@@ -101,9 +84,7 @@ def simulated(folder, values, gain=1.0, **others):
     """Run of `simulate` on plants that have these numbers in every metric."""
     tuned = made(1.0, 0.0, **others)
     (contour,) = tuned.contours
-    nominal = contour.metrics["tuned"].nominal
-    fields_ = [name for name in vars(nominal) if name != "diverged"]
-    plants = [replace(nominal, **dict.fromkeys(fields_, value)) for value in values]
+    plants = [small_runs.run_metrics(value) for value in values]
     folder.mkdir()
     settings = {"command": "simulate", "flags": {"weights": f"kp={gain}"}, "versions": {}}
     (folder / SETTINGS).write_text(json.dumps(settings))

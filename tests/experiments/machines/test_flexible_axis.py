@@ -26,7 +26,6 @@ def machine():
     return thesis_machine()
 
 
-@pytest.mark.slow
 def test_family_is_off_by_a_fifth_and_late(machine):
     assert machine.family_names[0] == "nominal" and machine.family_names[-1] == "1 sample late"
     smooth, true = machine.smooth_family(), machine.true_family()
@@ -53,7 +52,6 @@ def test_family_is_off_by_a_fifth_and_late(machine):
         machine.true_family("state")
 
 
-@pytest.mark.slow
 def test_motors_are_measured_and_tools_are_felt():
     pair = biaxial_machine()
     position = jnp.array([0.01, -0.02])
@@ -73,7 +71,6 @@ def test_motors_are_measured_and_tools_are_felt():
         pair.nominal("state")
 
 
-@pytest.mark.slow
 def test_smooth_encoders_have_the_noise_of_counts():
     """Variance is that of rounding, a twelfth of a count squared; speeds are differences."""
     pair = replace(biaxial_machine(), encoder_resolution=4e-6)
@@ -161,7 +158,6 @@ def test_runs_that_do_not_suit(name, make, pace, says):
         job_named(name, Pace(make(), *pace))
 
 
-@pytest.mark.slow
 def test_random_members_lie_within_the_intervals_with_parts_of_a_sample(machine):
     family = machine.random_family(200, 5)
     late, axis = family.plant, family.plant.plant  # behind encoders that count

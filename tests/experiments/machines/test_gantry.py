@@ -38,7 +38,6 @@ def inner(plant):
     return plant
 
 
-@pytest.mark.slow
 def test_family_is_off_by_a_fifth_and_a_tenth_and_late(machine):
     nominal, smooth, true = machine.parameters, machine.smooth_family(), machine.true_family()
     assert (
@@ -70,7 +69,6 @@ def test_family_is_off_by_a_fifth_and_a_tenth_and_late(machine):
         machine.true_family("state")
 
 
-@pytest.mark.slow
 def test_motors_are_measured_and_currents_limited(machine):
     """Y axes are homed where the tool is at zero; each motor gets at most ten amperes."""
     position, increment = jnp.array([0.3, -0.02]), jnp.array([1e-4, 2e-4])
@@ -109,7 +107,6 @@ def test_the_nominal_machine_shows_where_its_currents_are_saturated(machine):
     assert found.spectral_radius < 1 <= found.delay
 
 
-@pytest.mark.slow
 def test_smooth_encoders_have_the_noise_of_counts(machine):
     """Variance is that of rounding, a twelfth of a count squared; speeds are differences."""
     plant, rows = machine.smooth_family()[0], 400
@@ -125,7 +122,6 @@ def test_smooth_encoders_have_the_noise_of_counts(machine):
     )
 
 
-@pytest.mark.slow
 def test_contours_lie_along_the_beam(machine):
     """Where their names say, all of them on it, at the gantry's own pace or the user's."""
     names = {*machine.usual.training, *machine.usual.held_out}
@@ -146,7 +142,6 @@ def test_contours_lie_along_the_beam(machine):
     )
 
 
-@pytest.mark.slow
 def test_models_cover_the_beam(machine):
     np.testing.assert_allclose(np.asarray(machine.schedule.points)[[0, -1]], [-0.9, 0.9])
     np.testing.assert_allclose(machine.schedule.model(4).A, machine.model.A, rtol=0, atol=1e-12)

@@ -95,7 +95,6 @@ def test_feedbacks_are_the_reference():
         np.testing.assert_allclose(found[name].denominator, loop[key]["den_lambda"], rtol=1e-8)
 
 
-@pytest.mark.slow
 def test_loops_are_the_reference():
     wanted = WANTED["explicit_loop"]["runs"]
     found = {(r.controller, r.order, r.preview, r.constraint): r for r in loop_runs(-0.3075)}

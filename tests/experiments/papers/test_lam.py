@@ -1,12 +1,10 @@
 """Lam's paper: Fig. 13 against reference numbers, and the verdicts against made-up curves."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from experiments.files.results.stored import from_json, to_json
 from experiments.papers.lam.claims import CONTROLLERS, MPCC, claims
 from experiments.papers.lam.figures import along_the_path, contour, trade_off
 from experiments.papers.lam.result import Lobes, Point, Result, Trace
@@ -89,15 +87,6 @@ def test_a_run_that_does_not_arrive_is_in_no_curve():
     kept = [one for one in result.trade_off if one.controller != MPCC]
     without = replace(result, trade_off=(*kept, *(one for one in lost if one.controller == MPCC)))
     assert verdicts(without)[3:] == [NO] * 3
-
-
-def test_result_loads_back_from_its_json():
-    result = made_up((3.0, 2.0, 1.0), (9.0, 3.0, 1.1))
-    result = replace(result, claims=claims(result))
-    again = from_json(json.loads(json.dumps(to_json(result))), Result)
-    assert again.claims == result.claims == claims(again)
-    assert again.claims[0].verdict is YES
-    np.testing.assert_array_equal(again.traces[0].tool_mm, result.traces[0].tool_mm)
 
 
 def test_figures_show_the_numbers():

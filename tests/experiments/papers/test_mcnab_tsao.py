@@ -125,7 +125,6 @@ def test_any_horizon_is_contouring_lq(setup, terminal, horizon):
         assert difference < 1e-11 * np.max(np.abs(getattr(plain, part)))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("member, machine", list(enumerate(family(0.1, 2)))[2:])
 def test_frozen_radius_is_that_of_the_library(setup, member, machine):
     case = Case("output", 1.2, 5.0)

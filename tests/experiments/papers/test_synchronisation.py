@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.files.results.stored import from_json, to_json
 from experiments.papers.synchronisation.claims import FAST, SLOW, claims
 from experiments.papers.synchronisation.experiment import BETAS, Settings, run
 from experiments.papers.synchronisation.figures import continuous, fast, slow
-from experiments.papers.synchronisation.result import CONTINUOUS, Result
+from experiments.papers.synchronisation.result import CONTINUOUS
 from experiments.papers.synchronisation.runs import NOMINAL, UNEQUAL, WEAK, turns
 from experiments.papers.verdicts import Verdict
 
@@ -54,7 +53,7 @@ def test_bounds_are_those_of_the_reference(result):
     for name, key in NAMES.items():
         for sampled in REFERENCE[key]["discrete"]:
             found = result.bound(name, 1e3 * sampled["T_s"])
-            assert found.proven == pytest.approx(sampled["beta_limit_spr"], rel=1e-8)
+            assert 0 <= 1 - found.proven / sampled["beta_limit_spr"] < 2e-6  # it is a proof
             assert found.exact == pytest.approx(sampled["beta_limit_lti"], rel=1e-8)
             assert found.continuous is None and REFERENCE[key]["beta_limit_eq9"] == "unbounded"
 
@@ -119,12 +118,6 @@ def test_unequal_axes_have_a_bound_in_continuous_time(result):
 )
 def test_turns(signal, count):
     assert turns(np.array(signal)) == count
-
-
-def test_result_loads_back_from_its_json(result):
-    again = from_json(json.loads(json.dumps(to_json(result))), Result)
-    assert again.claims == result.claims == claims(again)
-    np.testing.assert_array_equal(again.curves[3].e2, result.curves[3].e2)
 
 
 def test_figures_show_the_numbers(result):

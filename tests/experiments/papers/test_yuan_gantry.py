@@ -42,7 +42,6 @@ def result():
     )
 
 
-@pytest.mark.slow
 def test_frequencies_of_the_reference_data(result):
     """Printed: 47 and 45 Hz; with the coupling by another program (reference data, `linear`)."""
     found = {(row.head_m, row.coupling): row.antiresonance_hz for row in result.responses}
@@ -58,7 +57,6 @@ def test_frequencies_of_the_reference_data(result):
         assert found[case] == pytest.approx(frequency, abs=0.01)
 
 
-@pytest.mark.slow
 def test_the_least_gain_is_at_the_antiresonance(result):
     for row in result.responses:
         near = (row.frequency_hz > 30) & (row.frequency_hz < 60)
@@ -79,7 +77,6 @@ def test_the_path_is_that_of_the_thesis():
     assert round_it.sum() * SAMPLE * 0.1 == pytest.approx(2 * np.pi * 0.08, rel=0.01)
 
 
-@pytest.mark.slow
 def test_the_twist_is_what_turns_the_head_along_the_beam(result):
     """At steady speed 2 k_r theta is about -M_e (d x_h'' + x_h y''), eq. 5.9."""
     p, run = thesis_gantry(), result.path
@@ -107,7 +104,6 @@ def test_drives_apart_turn_the_beam_by_what_is_asked():
     np.testing.assert_allclose(*sums, rtol=1e-14)
 
 
-@pytest.mark.slow
 def test_what_parts_the_bench_from_the_gantry(result):
     """Dry friction holds the head until the follower pulls as hard.
 
@@ -134,7 +130,6 @@ def test_what_parts_the_bench_from_the_gantry(result):
     assert at_once_alone.peak_twist_rad > 10 * ideal.peak_twist_rad
 
 
-@pytest.mark.slow
 def test_holding_alone_costs_more_damping_than_the_beam_has(result):
     """M_e d^2 w sin((delay + 1/2) w T) of 2 b_y L^2, by hand: 1.6 kg m^2, 538.26 rad/s."""
     viscous = 2 * 200.0 * 0.9**2  # 324 N m s/rad
@@ -150,7 +145,6 @@ def verdicts(result):
     return [claim.verdict for claim in claims(result)]
 
 
-@pytest.mark.slow
 def test_verdicts_follow_the_numbers(result):
     assert verdicts(result) == [YES, NO, YES, SHOWN, YES, SHOWN, SHOWN, YES]
     twisted = replace(
@@ -169,7 +163,6 @@ def test_verdicts_follow_the_numbers(result):
     assert verdicts(away)[4:6] == [NO, SHOWN]
 
 
-@pytest.mark.slow
 def test_bode_diagram_shows_gain_and_phase_of_the_responses(result):
     gain, phase = bode(result).axes
     shown = [row for row in result.responses if (row.head_m, row.coupling) != (0.66, False)]
@@ -180,7 +173,6 @@ def test_bode_diagram_shows_gain_and_phase_of_the_responses(result):
         np.testing.assert_array_equal(lower.get_ydata(), row.phase_deg)
 
 
-@pytest.mark.slow
 def test_path_is_drawn_in_millimetres_and_errors_in_micrometres(result):
     found = {axes.get_ylabel(): axes for axes in path(result).axes}
     tool = found["y [mm]"].lines[1]
@@ -191,7 +183,6 @@ def test_path_is_drawn_in_millimetres_and_errors_in_micrometres(result):
     np.testing.assert_allclose(twist.get_ydata(), 1e6 * result.path.twist_rad)
 
 
-@pytest.mark.slow
 def test_heads_are_drawn_each_in_its_colour_and_the_legend_hides_none(result):
     figure = bench(result)
     error, twist = figure.axes

@@ -98,7 +98,6 @@ def test_integral_runs_are_the_reference():
         assert one.peak_um == pytest.approx(row["max_um"], rel=1e-7)
 
 
-@pytest.mark.slow
 def test_adaptive_runs_are_the_reference():
     found = adaptive_runs(TRUTHS[1:2])
     rows = [r for r in WANTED["azpetc"] if r["case"] == "good: gain x1.1"]

@@ -1,13 +1,13 @@
 """The progress bar of a tuning run: what it says while it runs, and what stays of it."""
 
 import io
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from experiments.reports.progress import progress_of, progress_words
+from tests.experiments import small_runs
 from tuning.effort import QUICK
 from tuning.history import Evaluated
 from tuning.outcome import Outcome
@@ -15,7 +15,7 @@ from tuning.tune import TuneState
 
 
 def point(error, violation=-1.0, diverged=False, start=0):
-    metrics = SimpleNamespace(rms_contour_error=np.array([[error / 2], [error]]))
+    metrics = small_runs.metrics((2, 1), rms_contour_error=np.array([[error / 2], [error]]))
     return Evaluated(start, np.zeros(1), error, violation, Outcome(metrics), diverged)
 
 

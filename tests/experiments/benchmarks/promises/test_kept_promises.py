@@ -25,7 +25,6 @@ def test_time_of_stopping_in_closed_form():
 # distance is known at them alone; a blend of 0.1 um has a curvature that is known to some digits
 # only; a jerk turns by its third difference between two places that are looked at; a piece shorter
 # than what is left of one between two blends ends the path; a cell of 27 ps is nothing but rounding
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "kind"),
     [

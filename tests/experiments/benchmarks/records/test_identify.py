@@ -6,16 +6,11 @@ import pytest
 from experiments.benchmarks.records import identify
 from experiments.benchmarks.records.hidden_machines import (
     DT,
-    KINDS,
     PROGRAMS,
-    hidden_axis,
-    hidden_record,
     late_by_a_part,
     true_model,
 )
 from experiments.benchmarks.records.identify import (
-    MOST_DELAY,
-    MOST_POLES,
     HiddenResult,
     IdentifyBench,
     bandwidth,
@@ -26,8 +21,6 @@ from experiments.flags.others import Bench
 from experiments.reports.tables import console_of
 from jcontour.linear.continuous_axes import force_axis, position_axis, speed_axis, with_resonance
 from tuning.identification.linear.evidence import Response
-from tuning.identification.linear.found import MachineRecord
-from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.recording import RecordedAxis
 
 HERTZ = np.array([0.5, 5.0, 60.0])
@@ -104,21 +97,3 @@ def test_an_interval_that_holds_the_truth_at_half_of_the_frequencies():
     truth = response(one, HERTZ)
     stated = Response(HERTZ, truth * np.array([1.0, 1.1, 1.0]), np.array([0.01, 0.01, 0.01]))
     assert identify._holds(one, stated) == pytest.approx(2 / 3)
-
-
-def excited(seed, k):
-    """One axis of a hidden machine of the whole way, and what is found under `--excite`."""
-    random = np.random.default_rng([seed, 16])
-    axes = [hidden_axis(random, DT, KINDS[seed % len(KINDS)]) for _ in range(2)]
-    both = hidden_record(axes, "excite", seed)
-    record = MachineRecord(DT, ("X",), both.command[:, [k]], both.position[:, [k]])
-    return axes[k], identify_machine(record, MOST_POLES, MOST_DELAY).axes[0]
-
-
-@pytest.mark.slow
-def test_the_quick_sines_show_a_resonance_that_arcs_and_lines_hide():
-    """85 Hz behind 6.7 ms: at 40 Hz 26 % were wrong before."""
-    hidden, found = excited(4, 0)
-    assert found.fit.model.delay == 2 and not found.unseen
-    off = found.fit.model.response(2 * np.pi * HERTZ) / response(hidden, HERTZ) - 1
-    assert np.abs(off).max() < 0.02

@@ -9,10 +9,7 @@ LOWEST = np.array([1.3, -0.4])
 ENOUGH = {"CMA-ES": 0.05, "TPE": 1.0, "Nelder-Mead": 0.05, "Sobol": 1.0, "grid": 1.0}
 
 
-@pytest.mark.parametrize(
-    "method",
-    [pytest.param(one, marks=[pytest.mark.slow] * (one == "TPE")) for one in METHODS],
-)
+@pytest.mark.parametrize("method", METHODS)
 def test_a_method_comes_near_the_lowest_point(method):
     tried = []
 

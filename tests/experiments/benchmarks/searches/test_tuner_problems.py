@@ -15,15 +15,8 @@ from tuning.point import evaluate_point
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        "square, increment limited",
-        pytest.param("circle, family, Ms limited", marks=pytest.mark.slow),
-    ],
-)
-def test_values_are_those_of_the_tuner(name):
-    problem, start = problem_of(name)
+def test_values_are_those_of_the_tuner():
+    problem, start = problem_of("square, increment limited")
     z = np.asarray(Chart(problem.space, start).coordinates())
     measure, seen = measure_of(problem, start), []
     for away in (0.0, 0.5):

@@ -4,11 +4,9 @@ import io
 from dataclasses import astuple
 
 import numpy as np
-import pytest
 from rich.console import Console
 
 from experiments.benchmarks.speed import mpc
-from experiments.files.results.stored import from_json, to_json
 from jcontour.qp.solvers import DAQP
 
 ROW = mpc.StepTime("N = 7", "daqp", 12.0, 34.0, 56.0, 78.0, 9.0)
@@ -22,22 +20,6 @@ def test_a_row_says_who_was_timed_and_its_numbers():
     assert words[3:] == ["daqp", "12", "34", "56", "78", "9"]
 
 
-def test_it_loads_back_from_json():
-    found = mpc.MPCBench([ROW])
-    stored = to_json(found)
-    assert list(stored["steps"][0]) == [
-        "controller",
-        "solver",
-        "build",
-        "solve",
-        "step",
-        "step_99",
-        "ratio",
-    ]
-    assert from_json(stored, mpc.MPCBench) == found
-
-
-@pytest.mark.slow
 def test_every_part_of_a_step_is_timed(monkeypatch):
     monkeypatch.setattr(mpc, "STEPS", 3)
     monkeypatch.setattr(mpc, "WARM", 1)

@@ -7,8 +7,6 @@ import pytest
 from rich.console import Console
 
 from experiments.benchmarks.speed import qp
-from experiments.files.results.stored import from_json, to_json
-from experiments.flags.others import Bench
 from jcontour.qp.solvers import DAQP
 
 ROWS = [
@@ -26,11 +24,6 @@ def test_a_row_says_who_was_timed_and_its_numbers():
     assert row.split()[-7:] == ["one", "100", "9", "none", "90", "1e-12", "0"]
 
 
-def test_it_loads_back_from_json():
-    found = qp.QPBench(ROWS, 0.5)
-    assert from_json(to_json(found), qp.QPBench) == found
-
-
 @pytest.mark.slow
 def test_half_of_the_controls_are_at_a_limit_and_the_host_has_the_same_answers():
     problems, active = qp.tight(qp.random_problems(3))
@@ -39,11 +32,3 @@ def test_half_of_the_controls_are_at_a_limit_and_the_host_has_the_same_answers()
     for found, one in zip(controls, qp.condensed(problems), strict=True):
         wanted = DAQP().solve(one).z
         np.testing.assert_allclose(found.ravel(), wanted, rtol=0, atol=1e-5 * np.abs(wanted).max())
-
-
-@pytest.mark.slow
-def test_every_batch_and_solver_has_a_row():
-    told = []
-    found = qp.measured(Bench(what="qp", batch=(2, 3)), told.append)
-    assert [row.batch for row in found.times] == [2, 3, 3, 3] and len(told) == 4
-    assert all(row.residual <= 1e-6 and row.unsolved == 0 for row in found.times)

@@ -20,10 +20,10 @@ from experiments.commands.loops.check_limits import (
     verdict_on,
 )
 from experiments.files.netcdf import load_dataset
-from experiments.files.results.run_metrics import RunMetrics
 from experiments.files.results.verdict import Verdict
 from experiments.flags.loops import Check
 from experiments.machines.machine import MachineLimits
+from tests.experiments.small_runs import run_metrics
 
 
 def test_what_limits_cost(tour):
@@ -68,9 +68,8 @@ def test_the_default_machine_states_a_limit_and_one_without_is_told():
 def row(without, within, active=0.5, failure="", reached=None):
     """A row whose RMS contour errors are given [m]."""
     most = {} if reached is None else reached
-    numbers = RunMetrics(*np.zeros(11), diverged=False)
-    limited = None if within is None else replace(numbers, rms_contour_error=within)
-    tuned = replace(numbers, rms_contour_error=without)
+    limited = None if within is None else run_metrics(0.0, rms_contour_error=within)
+    tuned = run_metrics(0.0, rms_contour_error=without)
     return GapRow("circle", "nominal", active, 0.1, 1e-12, 0, None, failure, most, tuned, limited)
 
 

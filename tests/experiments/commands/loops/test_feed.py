@@ -2,22 +2,14 @@
 
 import math
 import re
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import pytest
 
 from experiments.cli import main
-from experiments.commands.loops.feed import next_steps, show
-from experiments.files.results.feed_result import FeedPoint, FeedResult
-from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
+from experiments.files.results.feed_result import FeedResult
 from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import read_result
-from experiments.files.results.verdict import LimitCheck, Verdict
-from experiments.reports import tables
-from experiments.runs.loops.feeds import recommended
-
-BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2)
-METRICS = RunMetrics(*[1e-6] * 11, diverged=False)
 
 
 def test_a_stored_run_at_several_feeds(tour):
@@ -43,55 +35,6 @@ def test_a_tolerance_that_is_missing_is_no_failure(tmp_path, capsys):
     lap = 2e-3 * math.pi / 0.05
     assert [one.cycle_time for one in found.points] == pytest.approx([2 * lap, lap])
     assert "No feed is recommended" in capsys.readouterr().out
-
-
-def test_what_the_motion_itself_exceeds_is_told_once(capsys):
-    """With the feeds at which it does, in numbers of the quickest of them."""
-    points = [point(25, []), point(50, ["slow"]), point(100, ["quick"])]
-    show(result_of(points), tables.console_of())
-    said = capsys.readouterr().out
-    assert "WARNING: 50, 100 % (numbers of 100 %): quick" in said and "slow" not in said
-    show(result_of(points[:2]), tables.console_of())
-    assert "WARNING: 50 %: slow" in capsys.readouterr().out
-    show(result_of(points[:1]), tables.console_of())
-    assert "WARNING" not in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("planned", [["speed"], []])
-def test_slower_feeds_are_no_help_where_the_motion_itself_exceeds_a_limit(planned):
-    beyond = [replace(point(feed, planned), limits=[BEYOND]) for feed in (50, 100)]
-    none = Verdict.of([], ["none will do"])
-    [line] = next_steps(replace(result_of(beyond), recommended=None, verdict=none))
-    assert ("slower --overrides" in line) is not bool(planned)
-
-
-def test_a_feed_at_which_the_tool_rests_is_not_recommended(capsys):
-    resting = replace(point(50, []), not_followed=["the tool moves 0 of 2 mm"])
-    assert not resting.sound
-    best, why = recommended([resting], "contour", 1e-3)
-    assert best is None and "does not follow" in why
-    show(replace(result_of([resting]), recommended=None), tables.console_of())
-    assert "50 %: the tool moves 0 of 2 mm" in capsys.readouterr().out
-
-
-def point(feed, planned):
-    metrics = FamilyMetrics(METRICS, METRICS)
-    return FeedPoint(
-        override=feed, cycle_time=1.0, metrics=metrics, diverged=[], limits=[], planned=planned
-    )
-
-
-def result_of(points):
-    return FeedResult(
-        machine=MachineSummary("mill", "A", ("X", "Y"), "counts"),
-        controller="pd",
-        contour="part",
-        error="contour",
-        tolerance=None,
-        points=points,
-        recommended=points[-1].override,
-        verdict=Verdict.of([], passed="USE it"),
-    )
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """`precompensate` from the command line."""
 
 import re
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,11 +10,12 @@ from experiments.cli import main
 from experiments.commands.loops import precompensate
 from experiments.commands.loops.precompensate import ending, sentences, verdict_on
 from experiments.files.results.bent_result import BentResult
-from experiments.files.results.run_metrics import MachineSummary, RunMetrics
+from experiments.files.results.run_metrics import MachineSummary
 from experiments.files.results.stored import read_result
 from experiments.files.results.verdict import LimitCheck, exceeded
 from experiments.jobs.replays import Scenarios, replay
 from experiments.runs.loops.bending import Bent
+from tests.experiments.small_runs import run_metrics
 from tuning.precompensation import Precompensated
 
 BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2, unit="m/s")
@@ -109,10 +110,8 @@ def by_hand(before, after):
     """A result whose plants have these RMS contour errors [m], the nominal one first."""
 
     def runs(sizes):
-        still = dict.fromkeys((one.name for one in fields(RunMetrics)), 0.0)
         return {
-            f"plant {k}": RunMetrics(**{**still, "rms_contour_error": size, "diverged": False})
-            for k, size in enumerate(sizes)
+            f"plant {k}": run_metrics(0.0, rms_contour_error=size) for k, size in enumerate(sizes)
         }
 
     return BentResult(

@@ -24,6 +24,7 @@ def demo(tour):
     return tour("identify").folder, tour("identify").stored()
 
 
+@pytest.mark.slow
 def test_the_demonstration(demo):
     """What the numbers have to be is the business of the library's tests; here that they arrive."""
     folder, summary = demo

@@ -11,7 +11,7 @@ from experiments.cli import main
 from experiments.commands.tuning.rank import next_steps, show
 from experiments.files.results.ranked_result import Candidate, Ranked, RankedResult
 from experiments.files.results.run_metrics import MachineSummary
-from experiments.files.results.stored import from_json, read_result, to_json
+from experiments.files.results.stored import read_result
 from experiments.files.results.verdict import Verdict
 from experiments.flags.tuning import Tune
 from experiments.reports.tables import console_of
@@ -88,10 +88,6 @@ def test_a_stored_ranking_is_told_without_tuning(folder, capsys, monkeypatch):
     before = json.loads((folder / "result.json").read_text())
     assert main(["rank", "--resume", str(folder), "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"run": str(folder), **before}
-
-
-def test_results_come_back_from_json():
-    assert from_json(to_json(RESULT), RankedResult) == RESULT
 
 
 def test_the_table_compares_with_the_best_and_names_failures(capsys):

@@ -2,7 +2,6 @@
 
 from experiments.files.results.certified_result import CertifiedResult, CertifiedRow
 from experiments.files.results.run_metrics import MachineSummary, PeakPlace
-from experiments.files.results.stored import from_json, to_json
 from experiments.files.results.verdict import Verdict
 
 
@@ -33,11 +32,6 @@ def result(limit=(10.0, 10.0)):
         gain=None,
         rows=[row("nominal", 3e-6), row("late", 9e-6), row("light", 5e-6)],
     )
-
-
-def test_it_comes_back_from_json():
-    assert from_json(to_json(result()), CertifiedResult) == result()
-    assert from_json(to_json(result(None)), CertifiedResult).control_limit is None
 
 
 def test_the_worst_row_has_the_largest_bound():

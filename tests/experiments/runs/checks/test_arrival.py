@@ -1,13 +1,10 @@
 """A tool that is far from the end of its motion when that ends."""
 
-from types import SimpleNamespace
-from typing import Any, cast
-
 import numpy as np
 import pytest
 
-from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.checks.arrival import arrival_warnings, motions_not_followed
+from tests.experiments import small_runs
 
 SAMPLES, PEAK = 101, 2e-6
 TO_REST = 1e-3 * (1 - np.cos(np.pi * np.arange(SAMPLES) / (SAMPLES - 1))) / 2
@@ -19,14 +16,12 @@ def told(apart, path=TO_REST, lost=False, scored=True):
     position = np.stack([path, np.zeros(SAMPLES)], axis=1)[None]
     output = np.repeat(position[:, None], 2, axis=1)
     output[0, 1, -1, 1] += apart
-    metrics = SimpleNamespace(
-        diverged=np.array([[False, lost]]), peak_contour_error=np.array([[0.5 * PEAK, PEAK]])
-    )
+    numbers = {"diverged": np.array([[False, lost]])}
+    numbers["peak_contour_error"] = np.array([[0.5 * PEAK, PEAK]])
     mask = np.full((1, SAMPLES), scored)
-    references = SimpleNamespace(mask=mask, steps=SAMPLES, position=position)
-    jobs = (SimpleNamespace(name="part", samples=SAMPLES, steps=SAMPLES),)
-    found = Scenarios(cast(Any, jobs), (True,), ("nominal", "late"), cast(Any, references), 0)
-    return arrival_warnings(Replay(cast(Any, metrics), output, output, output), found)
+    found = small_runs.scenarios([small_runs.job("part", mask[0])], position, mask)
+    replay = small_runs.replay(SAMPLES, **numbers)._replace(output=output)
+    return arrival_warnings(replay, found)
 
 
 def test_a_tool_that_has_not_arrived_is_told():
@@ -54,9 +49,9 @@ def test_a_tool_that_moves_less_than_half_of_the_way_does_not_follow(moved, line
     position = np.stack([path, np.zeros(len(path))], axis=1)[None]
     output = np.stack([position, moved * position], axis=1)
     output[0, 0, -1] = np.nan  # lost: told as diverged
-    references = SimpleNamespace(steps=len(path), position=position)
-    jobs = (SimpleNamespace(name="part", samples=len(path)),)
-    found = Scenarios(cast(Any, jobs), (True,), ("lost", "late"), cast(Any, references), 0)
-    told = motions_not_followed(Replay(cast(Any, None), output, output, output), found)
+    mask = np.ones((1, len(path)), bool)
+    job, plants = small_runs.job("part", mask[0]), ("lost", "late")
+    found = small_runs.scenarios([job], position, mask, plants=plants)
+    told = motions_not_followed(small_runs.replay(len(path))._replace(output=output), found)
     assert len(told) == lines
     assert all(f"moves {2 * moved:.4g} of 2 mm (part, late)" in line for line in told)

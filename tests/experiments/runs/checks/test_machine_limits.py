@@ -1,14 +1,10 @@
 """Limits of a machine that a run comes near or exceeds."""
 
-from types import SimpleNamespace
-from typing import Any, cast
-
 import numpy as np
 import pytest
 
 from experiments.files.results.verdict import exceeded
-from experiments.jobs.job import Job, Program
-from experiments.jobs.replays import Replay, Scenarios
+from experiments.jobs.job import Program
 from experiments.machines.machine import MachineLimits
 from experiments.runs.checks.machine_limits import (
     Signals,
@@ -17,6 +13,8 @@ from experiments.runs.checks.machine_limits import (
     limits_of_groups,
     machine_limits,
 )
+from tests.canonical import DT
+from tests.experiments import small_runs
 
 SAMPLES = 20
 
@@ -29,47 +27,22 @@ def near(seen):
     return [one.line for one in machine_limits(seen, scenarios(), MACHINE) if one.near]
 
 
-LIMITS = SimpleNamespace(
-    speed=np.array([0.2, 0.2]), acceleration=None, control=np.array([10.0, 10.0]), increment=None
-)
-
-
-def machine_of(limits):
-    """A machine of two axes with these limits."""
-    model = SimpleNamespace(dt=1e-3, inputs=2)
-    found = SimpleNamespace(
-        axes=("X", "Y"),
-        control_unit="A",
-        limits=limits,
-        model=model,
-        hidden_acceleration=np.diag([0.5, 0.0]),
-    )
-    return cast(Any, found)
-
-
-MACHINE = machine_of(LIMITS)
+LIMITS = MachineLimits(speed=np.full(2, 0.2), control=np.full(2, 10.0))
+MACHINE = small_runs.machine(LIMITS)
 SCORED = np.arange(SAMPLES) >= 5  # the approach, or a rapid move, comes before
-
-
-def job(name, program=None):
-    return Job(name, cast(Any, None), np.zeros(SAMPLES), SCORED, True, "", program)
 
 
 def scenarios(program=None, speed=0.0):
     """Two contours, along which X moves at a speed [m/s]."""
     position = np.zeros((2, SAMPLES, 2))
-    position[..., 0] = 1e-3 * speed * np.arange(SAMPLES)
-    mask = np.stack([SCORED, SCORED])
-    references = SimpleNamespace(mask=mask, steps=SAMPLES, position=position)
-    jobs = job("ring"), job("eight", program)
-    return Scenarios(jobs, (True, False), ("nominal", "late"), cast(Any, references), cast(Any, 0))
+    position[..., 0] = DT * speed * np.arange(SAMPLES)
+    jobs = small_runs.job("ring", SCORED), small_runs.job("eight", SCORED, program=program)
+    return small_runs.scenarios(jobs, position, np.stack([SCORED, SCORED]))
 
 
 def run():
     """Two contours on two plants, at rest."""
-    still = np.zeros((2, 2, SAMPLES, 2))
-    metrics = SimpleNamespace(diverged=np.zeros((2, 2), bool))
-    return Replay(cast(Any, metrics), still.copy(), still.copy(), still)
+    return small_runs.replay(SAMPLES, (2, 2))
 
 
 def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
@@ -99,9 +72,10 @@ def test_a_loop_overshoots_the_speed_of_a_motion_that_keeps_the_limit():
 
 
 def test_acceleration_between_samples_counts_beside_that_of_the_samples():
-    seen, machine = run(), machine_of(MachineLimits(acceleration=np.full(2, 3.0)))
-    seen.control[1, 1, 5:, :] = 4.0 * (-1.0) ** np.arange(SAMPLES - 5)[:, None]
-    seen.control[0, 0, :5] = 100.0 * (-1.0) ** np.arange(5)[:, None]  # not scored
+    seen, machine = run(), small_runs.machine(MachineLimits(acceleration=np.full(2, 3.0)))
+    swing = 2.0 / machine.hidden_acceleration[0, 0]  # 2 m/s^2 between the samples
+    seen.control[1, 1, 5:, 0] = swing * (-1.0) ** np.arange(SAMPLES - 5)
+    seen.control[0, 0, :5, 0] = 100.0 * swing * (-1.0) ** np.arange(5)  # not scored
     assert beyond(seen, machine) == []  # 2 of 3 m/s^2
     seen.output[1, 1, :, 0] = 0.5 * 1.5 * (1e-3 * np.arange(SAMPLES)) ** 2
     assert beyond(seen, machine) == [
@@ -155,8 +129,7 @@ def motion(steps, acceleration, dt=1e-3):
 
 def limited(speed=None, acceleration=None):
     found = (None if one is None else np.full(2, one) for one in (speed, acceleration))
-    model = SimpleNamespace(dt=1e-3)
-    return SimpleNamespace(model=model, axes=("X", "Y"), limits=MachineLimits(*found))
+    return small_runs.machine(MachineLimits(*found))
 
 
 @pytest.mark.parametrize(
@@ -191,7 +164,7 @@ def test_what_was_asked_for_before_is_not_told_again():
     assert beyond_limits_asked(quick, quick, limited(acceleration=1.0), at_rest=True) == []
 
 
-ACCELERATED = machine_of(SimpleNamespace(**{**vars(LIMITS), "acceleration": np.array([2.0, 2.0])}))
+ACCELERATED = small_runs.machine(LIMITS._replace(acceleration=np.full(2, 2.0)))
 
 
 def runs():

@@ -4,27 +4,22 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.commands.loops.feed import next_steps
+from experiments.commands.loops.feed import next_steps, show
 from experiments.files.results.feed_result import FeedPoint, FeedResult
-from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
-from experiments.files.results.verdict import LimitCheck
+from experiments.files.results.run_metrics import MachineSummary
+from experiments.files.results.verdict import LimitCheck, Verdict
 from experiments.jobs.job import at_constant_feed, from_file
 from experiments.jobs.pace import Pace
 from experiments.machines.linear import bridgeport_machine
+from experiments.reports import tables
 from experiments.runs.loops.feeds import recommended, verdict_on
 from jcontour.geometry.contours import circle
+from tests.experiments import small_runs
 
 
 def point(override, cycle_time, peak_um, **changes):
-    metrics = RunMetrics(*[1e-6 * peak_um] * 11, diverged=False)
-    found = FeedPoint(
-        override=override,
-        cycle_time=cycle_time,
-        metrics=FamilyMetrics(metrics, metrics),
-        diverged=[],
-        limits=[],
-    )
-    return replace(found, **changes)
+    given = {"override": override, "cycle_time": cycle_time, "diverged": [], "limits": []}
+    return FeedPoint(**given | {"metrics": small_runs.family_metrics(1e-6 * peak_um)} | changes)
 
 
 BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2)
@@ -133,3 +128,41 @@ def test_an_override_scales_programmed_feeds_and_leaves_rapid_moves(tmp_path):
         for one in (0.5, 1.0)
     ]
     assert circled[0] == pytest.approx(2 * circled[1], rel=0.01)
+
+
+def slower(feed, planned=()):
+    """A point of which the motion itself exceeds what is given."""
+    return point(feed, 1.0, 1.0, planned=[*planned])
+
+
+def stated(points):
+    return replace(result_of(points, None, False), verdict=Verdict.of([]), recommended=None)
+
+
+def test_what_the_motion_itself_exceeds_is_told_once(capsys):
+    """With the feeds at which it does, in numbers of the quickest of them."""
+    points = [slower(25), slower(50, ["slow"]), slower(100, ["quick"])]
+    show(stated(points), tables.console_of())
+    said = capsys.readouterr().out
+    assert "WARNING: 50, 100 % (numbers of 100 %): quick" in said and "slow" not in said
+    show(stated(points[:2]), tables.console_of())
+    assert "WARNING: 50 %: slow" in capsys.readouterr().out
+    show(stated(points[:1]), tables.console_of())
+    assert "WARNING" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("planned", [["speed"], []])
+def test_slower_feeds_are_no_help_where_the_motion_itself_exceeds_a_limit(planned):
+    beyond = [replace(slower(feed, planned), limits=[BEYOND]) for feed in (50, 100)]
+    none = Verdict.of([], ["none will do"])
+    [line] = next_steps(replace(stated(beyond), recommended=None, verdict=none))
+    assert ("slower --overrides" in line) is not bool(planned)
+
+
+def test_a_feed_at_which_the_tool_rests_is_not_recommended(capsys):
+    resting = replace(slower(50), not_followed=["the tool moves 0 of 2 mm"])
+    assert not resting.sound
+    best, why = recommended([resting], "contour", 1e-3)
+    assert best is None and "does not follow" in why
+    show(replace(stated([resting]), recommended=None), tables.console_of())
+    assert "50 %: the tool moves 0 of 2 mm" in capsys.readouterr().out

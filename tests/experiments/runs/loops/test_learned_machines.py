@@ -55,7 +55,6 @@ def gantry():
     return Setting(machine, design.build(design.start), design.fed, reference)
 
 
-@pytest.mark.slow
 def test_linear_members_are_named_like_the_family(axis):
     assert len(linear_family(axis)) == len(axis.machine.family_names)
     for machine in (biaxial_machine(), bridgeport_machine(), gantry_machine()):
@@ -93,7 +92,6 @@ def test_a_gantry_reads_its_tool_from_its_motors():
     np.testing.assert_allclose(found, wanted, rtol=1e-12)
 
 
-@pytest.mark.slow
 def test_the_linear_gantry_is_the_gantry_on_a_small_part(gantry):
     """They differ by the head's way along the beam and by squares of the twist."""
     runs = [
@@ -115,7 +113,6 @@ def test_noise_of_a_gantry_is_on_its_motors_positions_alone(gantry):
     assert not np.any(noise[:, 3:])
 
 
-@pytest.mark.slow
 def test_a_machine_without_linear_models_is_refused(axis):
     own = machine_of(SmoothFlexibleAxis(thesis_axis(), DT), "mine")
     design = replace(design_for(thesis_machine(), Simulate()), machine=own)

@@ -43,7 +43,7 @@ def found(folder):
 
 
 @pytest.mark.slow
-def test_a_loop_between_the_probes_ends_stable(found, folder):
+def test_a_loop_between_the_probes_ends_stable_and_points_of_all_rounds_count(found, folder):
     assert not set(SAMPLES) & set(probe_samples(REFERENCE, WINDOWS).tolist())
     first = load_state(folder)
     alone = min(first.history, key=lambda row: row.objective)
@@ -51,10 +51,6 @@ def test_a_loop_between_the_probes_ends_stable(found, folder):
     gain = float(found.tuned.weights["gain"])
     assert gain == pytest.approx((1 + STABLE) / HIGH, rel=1e-4)
     assert found.run.limits == {"spectral_radius": STABLE}
-
-
-@pytest.mark.slow
-def test_points_of_all_rounds_count(found, folder):
     rounds = [load_state(folder), load_state(folder / ROUND.format(1))]
     assert rounds[1].begin.size == 1 and not (folder / ROUND.format(2)).exists()
     assert [row.start for row in found.tuned.history] == [

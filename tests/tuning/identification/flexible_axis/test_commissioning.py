@@ -28,7 +28,6 @@ def test_passes_there_and_back():
     assert np.abs(np.diff(speed)).max() <= ACCELERATION * 1e-3 * (1 + 1e-6)
 
 
-@pytest.mark.slow
 def test_the_electrical_test_obeys_the_winding():
     """R, L and k_e of the plant explain the recorded voltage.
 
@@ -42,7 +41,6 @@ def test_the_electrical_test_obeys_the_winding():
     assert np.abs(record.current_d).max() < 0.01 * STEP and np.abs(v).max() > 0.1
 
 
-@pytest.mark.slow
 def test_noise_is_as_stated_and_repeatable():
     law = Passes(0.01, (0.05,), pause=0.1)
     noisy = Instruments(resolution=1e-6, encoder_noise=0.0, current_noise=0.5)

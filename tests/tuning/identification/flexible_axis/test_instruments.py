@@ -1,7 +1,6 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from jcontour.arrays import placed
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
@@ -22,7 +21,6 @@ def axis(noise=0.0, rows=20, seed=0):
     )
 
 
-@pytest.mark.slow
 def test_moves_as_the_drive_inside_and_means_its_current():
     """The same 20 ms by `DrivenAxis` sampled at 1 ms.
 
@@ -51,7 +49,6 @@ def test_moves_as_the_drive_inside_and_means_its_current():
     np.testing.assert_allclose(*np.transpose(rows), rtol=1e-12)
 
 
-@pytest.mark.slow
 def test_readings_are_whole_counts_and_the_speed_their_difference():
     plant = axis(noise=2e-6)
     state = plant.initial_state(jnp.array([0.1]), jnp.array([3e-4]))

@@ -51,7 +51,6 @@ def test_recovers_the_winding(clean):
     )
 
 
-@pytest.mark.slow
 def test_noise_in_the_current_does_no_harm(clean):
     """12 realisations: no bias, and deviations as large as promised."""
     random, errors = np.random.default_rng(3), []

@@ -28,4 +28,4 @@ def record():
 
 @pytest.fixture(scope="session")
 def found(record):
-    return identify_machine(record, 2, 5)
+    return identify_machine(record, 1, 4)

@@ -22,7 +22,6 @@ def record():
     return AxisRecord(DT, *recorded(one, reference, DT, np.random.default_rng(1)))
 
 
-@pytest.mark.slow
 def test_a_richer_model_that_says_the_same_adds_no_delay(record):
     """Corners show the axis: three poles answer as one does up to 100 Hz."""
     plain, rich = (fitted(record, Structure(n, n + 1, 1, 1)) for n in (1, 3))
@@ -32,7 +31,6 @@ def test_a_richer_model_that_says_the_same_adds_no_delay(record):
     assert rivals_of(record, found, Choice(small, [small, large]), 4) == found.rivals
 
 
-@pytest.mark.slow
 def test_the_delay_behind_a_resonance_that_slow_motion_hides():
     """60 Hz behind one sample, lines with corners: a model without it has several samples more.
 

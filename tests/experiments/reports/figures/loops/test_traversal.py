@@ -1,10 +1,11 @@
 """Figures of a run along a circle whose tool is outside by 10 um."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from experiments.files.results.traversed_result import Signals
 from experiments.reports.figures.loops.traversal import magnification, path_figure, signals_figure
 
 
@@ -12,7 +13,7 @@ from experiments.reports.figures.loops.traversal import magnification, path_figu
 def run():
     turn = np.linspace(0, 2 * np.pi, 50)
     foot = 10.0 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    signals = SimpleNamespace(
+    signals = Signals(
         arc_mm=10.0 * turn,
         contour_error_um=np.full(50, 10.0),
         speed_mm_s=np.linspace(0.0, 100.0, 50),
@@ -35,18 +36,17 @@ def test_the_tool_is_drawn_outside_by_its_magnified_error(run):
 
 def test_the_whole_path_is_drawn_where_the_tool_came_a_part_of_it(run):
     signals, path = run
-    part = {name: rows[:5] for name, rows in vars(signals).items()}
-    figure = path_figure(SimpleNamespace(**part), path, path[:5], "circle")
+    part = Signals(**{name: rows[:5] for name, rows in vars(signals).items()})
+    figure = path_figure(part, path, path[:5], "circle")
     for axes in figure.axes[:2]:
         np.testing.assert_allclose(np.array(axes.lines[0].get_xydata()), path)
-    assert magnification(part["tool_mm"], path, path[:5]) == 100.0
+    assert magnification(part.tool_mm, path, path[:5]) == 100.0
 
 
 def test_without_an_error_nothing_is_magnified(run):
     signals, foot = run
     assert magnification(foot, foot, foot) == 1.0
-    signals.tool_mm = foot
-    figure = path_figure(signals, foot, foot, "circle")
+    figure = path_figure(replace(signals, tool_mm=foot), foot, foot, "circle")
     assert figure.axes[0].get_title() == "contour error true to scale"
 
 

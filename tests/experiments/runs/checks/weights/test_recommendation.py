@@ -7,8 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.files.results.run_metrics import FamilyMetrics, RunMetrics
-from experiments.files.results.tuned_result import PathMargins, RobustTest, TunedContour
+from experiments.files.results.tuned_result import RobustTest, TunedContour
 from experiments.files.results.verdict import LimitCheck
 from experiments.flags.tuning import Tune
 from experiments.runs.checks.weights.recommendation import (
@@ -22,48 +21,22 @@ from experiments.runs.checks.weights.recommendation import (
 )
 from experiments.runs.tuning.family_loops import LeastKnown
 from jcontour.simulation.limit_use import LimitUse
+from tests.experiments import small_runs
+from tests.experiments.small_runs import family_metrics, margins
 from tuning.objectives import COUNT_NOISE, AtMost
 from tuning.outcome import LoopPeaks, Outcome
-from tuning.tune import Price, Tuned
+from tuning.tune import Price
 
 
 def found(feasible=True, violation=-0.1, sensitivity=1.9):
     loops = LoopPeaks(*(np.full((2, 2), value) for value in (sensitivity, 1.2, 0.9, 0.0)))
-    return Tuned(
-        {},
-        outcome=Outcome(None, loops),  # pyright: ignore[reportArgumentType]
-        feasible=feasible,
-        violation=violation,
-        diverged_points=0,
-        diverged_starts=0,
-        history=[],
-        prices=[],
-        stabilised=False,
-        stationary=True,
-    )
-
-
-def margins(radius=0.9):
-    return PathMargins(
-        spectral_radius=radius,
-        gain_range=((0.5, 2.0),),
-        gain_search=(0.05, 20.0),
-        delay_samples=3,
-        delay_search=10,
-        probes_per_contour=48,
-        probes_left_out=0,
-        contours_without_margins=(),
-        lost_first=None,
-    )
-
-
-def run(error, diverged=False):
-    return RunMetrics(*([error] * 10), duration=1.0, diverged=diverged)
+    outcome = Outcome(small_runs.metrics((2, 2)), loops)
+    return small_runs.tuned(outcome=outcome, feasible=feasible, violation=violation)
 
 
 def contour(name, training, start, tuned, diverged=False):
-    before, after = run(start), run(tuned, diverged)
-    metrics = {"start": FamilyMetrics(before, before), "tuned": FamilyMetrics(after, after)}
+    before, after = family_metrics(start), family_metrics(tuned, diverged=diverged)
+    metrics = {"start": before, "tuned": after}
     return TunedContour(name=name, training=training, samples=10, metrics=metrics)
 
 
@@ -94,7 +67,7 @@ def test_nothing_speaks_against_a_loop_that_is_better_everywhere():
 @pytest.mark.parametrize(
     "changes, words",
     [
-        ({"margins": margins(1.0)}, "unstable"),
+        ({"margins": margins(spectral_radius=1.0)}, "unstable"),
         ({"robust": SOUND.__class__(members=1000, diverged=1, error=1.0, contour="part")}, "1 of"),
         ({"contours": [*GOOD, contour("square", False, 1.0, 1.0, True)]}, "diverges on square"),
         ({"delay": 4}, "bears 3 samples of delay"),
@@ -107,9 +80,11 @@ def test_each_fault_is_one_line(changes, words):
 
 def test_a_loop_that_drifts_is_no_loop():
     """Contours of 10 samples: ten times as long are 100, and the radius for that is 0.99."""
-    assert not may_drift(margins(0.9899), GOOD) and may_drift(margins(0.9901), GOOD)
-    assert not may_drift(margins(1.0), GOOD)  # unstable: told as that
-    assert reasons(margins=margins(1 - 1e-7), lasting=99.0) == []
+    assert not may_drift(margins(spectral_radius=0.9899), GOOD) and may_drift(
+        margins(spectral_radius=0.9901), GOOD
+    )
+    assert not may_drift(margins(spectral_radius=1.0), GOOD)  # unstable: told as that
+    assert reasons(margins=margins(spectral_radius=1 - 1e-7), lasting=99.0) == []
     (line,) = reasons(lasting=1e7)
     assert "the feedback does next to nothing" in line and "takes 1e+07 samples" in line
     (line,) = reasons(lasting=np.inf)
@@ -186,7 +161,7 @@ def test_a_start_that_breaks_a_limit_is_no_loop_to_compare_with():
 
 def test_without_a_usable_start_the_best_simple_loop_is_what_tuned_weights_have_to_beat():
     one = contour("part", True, 1e-6, 2e-6)
-    simple = FamilyMetrics(run(1.5e-6), run(1.5e-6))
+    simple = family_metrics(1.5e-6)
     beside = [replace(one, metrics={**one.metrics, "baseline": simple})]
     (line,) = reasons(contours=beside, start_limits=[START], baseline="baseline")
     assert "worse than the baseline on training contours: part x 1.33" in line
@@ -194,11 +169,10 @@ def test_without_a_usable_start_the_best_simple_loop_is_what_tuned_weights_have_
 
 def restless(start, tuned, times, increment=1e-6):
     """A contour whose control changes so many times as much on its worst plant."""
-    one = contour("cam", True, start, tuned)
-    before = replace(one.metrics["start"].worst, rms_increment=increment)
-    after = replace(one.metrics["tuned"].worst, rms_increment=times * increment)
-    metrics = {"start": FamilyMetrics(before, before), "tuned": FamilyMetrics(after, after)}
-    return replace(one, metrics=metrics)
+    before = family_metrics(start, rms_increment=increment)
+    after = family_metrics(tuned, rms_increment=times * increment)
+    metrics = {"start": before, "tuned": after}
+    return replace(contour("cam", True, start, tuned), metrics=metrics)
 
 
 def test_a_restless_control_needs_a_gain_that_the_encoders_can_tell():
@@ -291,6 +265,6 @@ def test_prices_of_one_limit_are_added_and_free_ones_left_out():
 @pytest.mark.parametrize(("there", "asked"), [(None, 1.7), (3.0, 1.7), (1.7, 1.4), (1.05, 1.1)])
 def test_more_margin_is_more_than_there_is(there, asked):
     lost = RobustTest(members=1000, diverged=2, error=1e-6, contour="square")
-    few = replace(margins(), sensitivity=there)
+    few = margins(sensitivity=there)
     (reason,) = reasons(contours=[contour("square", True, 2e-6, 1e-6)], margins=few, robust=lost)
     assert reason.endswith(f"--max-sensitivity {asked}")

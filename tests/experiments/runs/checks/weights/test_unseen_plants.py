@@ -97,10 +97,7 @@ def test_limits_are_those_of_the_whole_family(nominal):
     assert seen.run.limits["rms_control"] == pytest.approx(1.01 * max(controls), rel=1e-9)
     assert largest["rms_control"] == pytest.approx(1 / 1.01, rel=1e-9)
     assert not seen.feasible and exceeded_unseen(seen)[-1] == HELP
-
-
-@pytest.mark.slow
-def test_a_tuner_that_saw_the_family_is_not_looked_at_again(nominal):
+    # a tuner that saw the family is not looked at again
     flags = Tune(nominal.flags.parts, plant=nominal.flags.plant, controller="linear-cascade")
     whole = tuning_run(flags, nominal.before)
     assert over_family(whole, whole.start) is None

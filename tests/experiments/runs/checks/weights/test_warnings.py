@@ -1,12 +1,8 @@
 """What `jcontour tune` warns of."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from experiments.files.results.tuned_result import PathMargins
-from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.checks.weights.warnings import (
     idle_warnings,
     lag_warnings,
@@ -14,34 +10,17 @@ from experiments.runs.checks.weights.warnings import (
     search_warnings,
     slow_warnings,
 )
-from tuning.tune import Tuned
+from tests.experiments import small_runs
 
-FOUND = Tuned(
-    {},
-    outcome=None,
-    feasible=True,
-    violation=0.0,
-    diverged_points=0,
-    diverged_starts=0,
-    history=[],
-    prices=[],
-    stabilised=False,
-    stationary=True,
-)  # type: ignore[arg-type]
-JOBS = tuple(SimpleNamespace(name=name) for name in ("ring", "eight"))
+FOUND = small_runs.tuned()
 
 
 def margins(radius=0.99, delay=2, left_out=0, without=()):
-    return PathMargins(
+    return small_runs.margins(
         spectral_radius=radius,
-        gain_range=((0.5, 2.0),),
-        gain_search=(0.05, 20.0),
         delay_samples=delay,
-        delay_search=10,
-        probes_per_contour=48,
         probes_left_out=left_out,
         contours_without_margins=tuple(without),
-        lost_first=None,
     )
 
 
@@ -66,23 +45,6 @@ def test_a_mode_that_outlasts_the_runs_is_told():
     assert "99.5 samples (99.5 ms)" in line and "the longest contour has 99" in line
     assert slow_warnings(margins(radius=1.0), longest=99, dt=1e-3) == []  # told as unstable
     assert slow_warnings(margins(radius=0.0), longest=99, dt=1e-3) == []
-
-
-def scenarios(samples=20):
-    mask = np.ones((2, samples), bool)
-    mask[:, :5] = False  # the approach
-    references = SimpleNamespace(mask=mask, steps=samples)
-    return Scenarios(JOBS, (True, False), ("nominal", "late"), references, None)  # type: ignore[arg-type]
-
-
-def run(lag=1e-5, diverged=False, samples=20):
-    """Two contours on two plants, at rest; the last of the lags [m] is given."""
-    still = np.zeros((2, 2, samples, 2))
-    metrics = SimpleNamespace(
-        rms_tracking_error=np.array([[1e-5, 1e-5], [1e-5, lag]]),
-        diverged=np.array([[False, False], [False, diverged]]),
-    )
-    return Replay(metrics, still.copy(), still.copy(), still)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -130,6 +92,16 @@ def test_what_the_search_missed_is_named():
 
 
 def test_a_tool_left_behind_is_told():
-    assert lag_warnings({"start": run(), "tuned": run(lag=4.9e-5)}, scenarios()) == []
-    [line] = lag_warnings({"start": run(), "tuned": run(lag=1e-3)}, scenarios())
+    """Two contours on two plants; the last of the lags is given."""
+
+    def run(lag):
+        return small_runs.replay(
+            6, (2, 2), rms_tracking_error=np.array([[1e-5, 1e-5], [1e-5, lag]])
+        )
+
+    counted = np.ones((2, 6), bool)
+    jobs = [small_runs.job(name, counted[0]) for name in ("ring", "eight")]
+    seen = small_runs.scenarios(jobs, np.zeros((2, 6, 2)), counted)
+    assert lag_warnings({"start": run(1e-5), "tuned": run(4.9e-5)}, seen) == []
+    [line] = lag_warnings({"start": run(1e-5), "tuned": run(1e-3)}, seen)
     assert "1000 um" in line and "on eight" in line
