@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.commands.loops.verify import Verified
+from experiments.commands.loops.check_limits import Verified
 from experiments.commands.machines.identify import IdentifyResult
 from experiments.commands.tuning.sweep_predictive import PredictiveSweepResult
 from experiments.files.results.bent_result import BentResult
@@ -45,11 +45,11 @@ NUMBERS = (
 RESULTS = {  # stop -> type that its result is read into
     "simulate": SimulatedResult,
     "tune": TunedResult,
-    "verify": Verified,
+    "check": Verified,
     "feed": FeedResult,
     "precompensate": BentResult,
     "learn": LearnedResult,
-    "certify": CertifiedResult,
+    "check-bound": CertifiedResult,
     "tolerance": ToleranceResult,
     "export": ExportedResult,
     "front": FrontResult,
