@@ -11,8 +11,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.files.results.run_metrics import FamilyMetrics, RunMetrics
-from experiments.files.results.tuned_result import PathMargins
+from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
+from experiments.files.results.tuned_result import PathMargins, TunedResult
+from experiments.files.results.verdict import Verdict
 from experiments.jobs.job import Job, Program
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.linear import LinearMachine
@@ -127,3 +128,34 @@ def tuned(**given: Any) -> Tuned:
         "stationary": True,
     }
     return Tuned(**usual | given)
+
+
+def tuned_result(**given: Any) -> TunedResult:
+    """The stored result of a run of `tune` that kept its limits."""
+    usual: dict[str, Any] = {
+        "machine": MachineSummary("mill", "A", ("X", "Y"), "counts"),
+        "controller": "contouring-lq",
+        "error": "contour",
+        "preview": 10,
+        "start": {"alpha": 1.0},
+        "weights": {"alpha": 4.0},
+        "weight_lines": [],
+        "feasible": True,
+        "violation": 0.0,
+        "verdict": Verdict.of([]),
+        "limits": {},
+        "evaluated_points": 1,
+        "diverged_points": 0,
+        "diverged_starts": 0,
+        "descents": 1,
+        "plants": ["nominal"],
+        "margins": margins(),
+        "start_margins": margins(),
+        "contours": [],
+        "gap": [],
+        "training_samples": 5,
+        "confirmed": [],
+        "seconds": 1.0,
+        "sample_period": 1e-3,
+    }
+    return TunedResult(**usual | given)

@@ -18,7 +18,7 @@ from experiments.files.results.stored import read_result
 Result = TypeVar("Result")
 
 MACHINE = "--plant machine.json"
-LONG = ("identify", "identify-linear")  # with the long tests
+LONG = ("front", "identify", "identify-linear")  # with the long tests
 LIMITS = {"travel": 400, "speed": 250, "acceleration": 2000, "dt": 0.002}
 STOPS: Mapping[str, str] = {  # name -> command; a name in braces is the run folder of a stop
     "list": "list",

@@ -12,13 +12,11 @@ from experiments.commands.compare import run, show
 from experiments.files.results.run_metrics import ContourRead, MachineSummary
 from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import write_result
-from experiments.files.results.tuned_result import TunedContour, TunedResult
+from experiments.files.results.tuned_result import TunedContour
 from experiments.files.results.verdict import Verdict
 from experiments.files.run_folder import SETTINGS, RunError
 from experiments.reports.tables import COLUMNS
 from tests.experiments import small_runs
-
-MARGINS = small_runs.margins(delay_samples=2)
 
 
 def made(
@@ -34,39 +32,19 @@ def made(
     duration=1.0,
 ):
     read = ContourRead(1, 2 * math.pi * radius, duration, (-radius, -radius), (radius, radius))
-    return TunedResult(
+    tuned = TunedContour(
+        name=contour,
+        training=True,
+        samples=5,
+        metrics={"tuned": small_runs.family_metrics(value)},
+        read=read,
+        feed_law=feed_law,
+    )
+    return small_runs.tuned_result(
         machine=MachineSummary(machine, unit, ("X", "Y"), "counts"),
-        controller="contouring-lq",
         error=error,
-        preview=10,
-        start={"alpha": 1.0},
         weights={"alpha": alpha, "beta": 1.0, "rho": 2e-9},
-        weight_lines=[],
-        feasible=True,
-        violation=0.0,
-        verdict=Verdict.of([]),
-        limits={},
-        evaluated_points=1,
-        diverged_points=0,
-        diverged_starts=0,
-        descents=1,
-        plants=["nominal"],
-        margins=MARGINS,
-        start_margins=MARGINS,
-        contours=[
-            TunedContour(
-                name=contour,
-                training=True,
-                samples=5,
-                metrics={"tuned": small_runs.family_metrics(value)},
-                read=read,
-                feed_law=feed_law,
-            )
-        ],
-        gap=[],
-        training_samples=5,
-        confirmed=[],
-        seconds=1.0,
+        contours=[tuned],
         sample_period=period,
     )
 
@@ -193,7 +171,7 @@ def test_equal_runs(tmp_path):
     assert "worst contour and plant: 1 against 1 um: the same." in said(found)
 
 
-def test_a_run_that_must_not_be_used_is_never_recommended(tmp_path):
+def test_a_run_that_must_not_be_used_is_never_recommended_nor_called_better(tmp_path):
     a = stored(tmp_path / "a", 1.0, 1e-6)
     write_result(a, replace(made(1.0, 1e-6), verdict=Verdict.of([], ["speed of X EXCEEDS"])))
     b = stored(tmp_path / "b", 2.0, 2e-6)
@@ -201,12 +179,6 @@ def test_a_run_that_must_not_be_used_is_never_recommended(tmp_path):
     assert "DO NOT USE THESE VALUES\n  because: speed of X EXCEEDS\nsecond:" in text
     assert text.endswith("Only the second may be loaded: `tune` said DO NOT USE of the first.\n")
     assert said(run(a, a)).endswith("Load neither: `tune` said DO NOT USE of both.\n")
-
-
-def test_a_run_that_must_not_be_used_is_nowhere_called_better(tmp_path):
-    a = stored(tmp_path / "a", 1.0, 1e-6)
-    write_result(a, replace(made(1.0, 1e-6), verdict=Verdict.of([], ["speed of X EXCEEDS"])))
-    b = stored(tmp_path / "b", 2.0, 2e-6)
     for first, second, smaller in ((a, b, "first"), (b, a, "second")):
         found = run(first, second)
         assert found.better == {"first": 0, "second": 0, "same": 0, "neither": 2 * len(COLUMNS)}

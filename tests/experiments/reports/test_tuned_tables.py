@@ -1,11 +1,10 @@
 """Words of the tables of a tuning run."""
 
-from types import SimpleNamespace
-
 import pytest
 
 from experiments.files.results.tuned_result import Standstill
 from experiments.reports.tuned_tables import limit_words, standstill_lines
+from tests.experiments import small_runs
 
 
 @pytest.mark.parametrize(
@@ -22,10 +21,7 @@ def test_limits_are_told_in_the_units_of_the_tables(name, bound, words):
 
 def test_the_control_at_standstill_is_shown_before_and_after():
     held = [Standstill(rms_control=one, rms_increment=0.1) for one in (1.0, 2.75)]
-    result = SimpleNamespace(
-        standstill=dict(zip(("start", "tuned"), held, strict=True)),
-        machine=SimpleNamespace(control_unit="mm/s"),
-    )
-    (line,) = standstill_lines(result)
-    assert "control 1 -> 2.75 mm/s RMS" in line and "0.1 -> 0.1 per sample" in line
-    assert standstill_lines(SimpleNamespace(standstill={})) == []
+    standstill = dict(zip(("start", "tuned"), held, strict=True))
+    (line,) = standstill_lines(small_runs.tuned_result(standstill=standstill))
+    assert "control 1 -> 2.75 A RMS" in line and "0.1 -> 0.1 per sample" in line
+    assert standstill_lines(small_runs.tuned_result(standstill={})) == []

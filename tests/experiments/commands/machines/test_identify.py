@@ -55,21 +55,6 @@ def test_the_demonstration(demo):
     assert not rows["coulomb"]["separated"] and rows["coulomb"]["value"] is None
 
 
-@pytest.mark.slow
-def test_the_file_of_the_demonstration_gives_the_same(demo, tmp_path, capsys):
-    folder, summary = demo
-    capsys.readouterr()
-    assert (
-        main(["identify", str(folder / "data.csv"), "--json", "--out", str(tmp_path / "run")]) == 0
-    )
-    again = json.loads(capsys.readouterr().out)
-    for one, other in zip(summary["parameters"], again["parameters"], strict=True):
-        assert other["truth"] is None
-        if one["separated"]:  # written to nine digits
-            width = one["interval"][1] - one["interval"][0]
-            assert other["value"] == pytest.approx(one["value"], abs=0.01 * width), one["parameter"]
-
-
 def shown(capsys, **changed):
     """Cells that are printed for a parameter that is found like this."""
     values = {"separated": True, "value": 0.0, "interval": (-1.0, 1.0), "truth": None} | changed

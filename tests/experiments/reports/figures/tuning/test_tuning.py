@@ -1,7 +1,6 @@
 """Data of the figures of a search."""
 
 import math
-from types import SimpleNamespace
 from typing import get_args, get_type_hints
 
 import numpy as np
@@ -17,6 +16,7 @@ from experiments.reports.figures.tuning.tuning import (
     lower_left_edge,
     trade_off_figure,
 )
+from tests.experiments import small_runs
 
 
 def point(alpha, objective, increment=1.0, violation=0.0, diverged=False):
@@ -31,12 +31,7 @@ POINTS = [
     point(3.0, 1e-6, 3.0, violation=0.5),
     point(4.0, 2e-6, 1.0),
 ]
-RESULT = SimpleNamespace(
-    error="contour",
-    machine=SimpleNamespace(control_unit="A"),
-    start={"alpha": 1.0},
-    weights={"alpha": 4.0},
-)
+RESULT = small_runs.tuned_result(start={"alpha": 1.0}, weights={"alpha": 4.0})
 
 
 def lines_of(figure):

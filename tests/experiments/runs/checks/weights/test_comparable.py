@@ -1,10 +1,8 @@
 """Which numbers of two tuned runs can be compared."""
 
-from types import SimpleNamespace
-
 import pytest
 
-from experiments.files.results.run_metrics import ContourRead
+from experiments.files.results.run_metrics import ContourRead, MachineSummary
 from experiments.files.results.tuned_result import TunedContour
 from experiments.runs.checks.weights.comparable import (
     comparable,
@@ -13,11 +11,12 @@ from experiments.runs.checks.weights.comparable import (
     unlike_motions,
     unlike_paths,
 )
+from tests.experiments import small_runs
 
 
 def tuned(*contours, unit="V", period=1e-3, name="mill"):
-    machine = SimpleNamespace(control_unit=unit, name=name)
-    return SimpleNamespace(contours=contours, machine=machine, sample_period=period)
+    machine = MachineSummary(name, unit, ("X", "Y"), "counts")
+    return small_runs.tuned_result(contours=[*contours], machine=machine, sample_period=period)
 
 
 def contour(name="circle", length=6.0, duration=1.0, feed_law="constant 360 mm/min"):
