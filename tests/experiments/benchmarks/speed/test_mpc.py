@@ -4,6 +4,7 @@ import io
 from dataclasses import astuple
 
 import numpy as np
+import pytest
 from rich.console import Console
 
 from experiments.benchmarks.speed import mpc
@@ -20,6 +21,7 @@ def test_a_row_says_who_was_timed_and_its_numbers():
     assert words[3:] == ["daqp", "12", "34", "56", "78", "9"]
 
 
+@pytest.mark.slow
 def test_every_part_of_a_step_is_timed(monkeypatch):
     monkeypatch.setattr(mpc, "STEPS", 3)
     monkeypatch.setattr(mpc, "WARM", 1)
