@@ -7,8 +7,7 @@ from experiments.files.results.verdict import exceeded
 from experiments.machines.machine import MachineLimits
 from experiments.runs.loops.learned_reference import shifted, stored_lap
 from experiments.runs.loops.learning import BestLap
-from jcontour.simulation.evaluation import member
-from tests.experiments import small_runs
+from jcontour.motion.references import from_samples
 
 DT, NONE = 1e-3, MachineLimits()
 
@@ -17,11 +16,10 @@ def test_a_shift_is_added_and_its_speed_and_acceleration_are_those_of_a_parabola
     """x = 2 t^2 and a constant shift: 4 m/s^2, and 4 t halfway between the last two samples."""
     time = DT * np.arange(101)
     place = np.column_stack([2 * time**2, np.zeros(101)])
-    beyond = np.vstack([place, place[-1:]])[None]  # the preview is left out
-    counted = np.ones((1, 102), bool)
-    seen = small_runs.scenarios([small_runs.job("part", counted[0])], beyond, counted, steps=101)
+    beyond = np.vstack([place, place[-1:] + [1e-3, 0.0]])  # the preview is left out
+    reference = from_samples(beyond, np.tile([1.0, 0.0], (102, 1)), DT, 1)
     best = BestLap(3, 2e-6, np.full((101, 2), [-5e-6, 1e-6]))
-    position = shifted(member(seen.references, 0), best)
+    position = shifted(reference, best)
     np.testing.assert_allclose(position, place + [-5e-6, 1e-6], atol=1e-15)
     found = stored_lap(position, DT, best, MachineLimits(speed=np.full(2, 0.5)), "XY")
     assert found is not None and found.lap == 3
