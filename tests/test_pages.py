@@ -115,7 +115,7 @@ def test_other_examples_run(page):
 @pytest.mark.parametrize("page", PAGES)
 def test_links_lead_somewhere(page):
     """Files, folders and pictures that a page links to exist, and so do the headings."""
-    for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
+    for target in re.findall(r"(?:\]\(|src=\")([^)\s\"]+)[)\"]", text_of(page)):
         if target.startswith(("http://", "https://")):
             continue
         file, _, heading = target.partition("#")
