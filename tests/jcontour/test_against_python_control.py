@@ -194,7 +194,6 @@ PI = control.tf2ss(control.tf([K_PV * (1 + DT / T_IV), -K_PV], [1, -1], DT))
 SPEED = control.ss([], [], [], [[K_PP, 1.0]], DT)
 
 
-@pytest.mark.slow
 def test_poles_of_the_cascade():
     assert same(poles(cascade()), closed(axis(), SPEED, PI))
 
@@ -245,7 +244,6 @@ def test_poles_of_a_disturbance_observer():
     assert same(np.concatenate([found, twice]), wanted)
 
 
-@pytest.mark.slow
 def test_poles_of_lqg_are_those_of_dlqr_and_of_the_filter():
     A, B = np.asarray(model().A), np.asarray(model().B)
     regulating = control.dlqr(A, B, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1))[2]
@@ -260,7 +258,6 @@ def test_poles_of_lqg_are_those_of_dlqr_and_of_the_filter():
     )
 
 
-@pytest.mark.slow
 def test_poles_of_the_reduced_observer():
     A, B = np.asarray(model().A), np.asarray(model().B)
     wanted = np.concatenate(

@@ -64,7 +64,6 @@ def samples_of(windows, reference):
     return away.argmin(axis=1)
 
 
-@pytest.mark.slow
 def test_an_unstable_loop_has_infinite_peaks_and_a_radius(integrators, given_law, straight_window):
     windows, family = straight_window(2), stack_plants([Encoders(integrators)])
 
@@ -83,7 +82,6 @@ def test_an_unstable_loop_has_infinite_peaks_and_a_radius(integrators, given_law
     assert np.isinf(broken.spectral_radius) and np.isinf(broken.sensitivity)
 
 
-@pytest.mark.slow
 def test_a_limit_is_lifted(integrators, given_law, straight_window):
     law, windows = given_law.static(-0.3 * jnp.eye(2)), straight_window(2)
     limited = Saturated(integrators, jnp.full(2, 1e-12))
@@ -231,19 +229,6 @@ def test_dry_friction_is_left_out():
     )
     assert expected.max() > 1.05
     np.testing.assert_allclose(found, expected, rtol=1e-5)
-
-
-@pytest.mark.slow
-def test_slopes_of_lq_on_the_gantry(closed_loop):
-    (plant, _), controller, reference = closed_loop("gantry-scheduled-lq")
-    windows = probe_windows(stack_references([reference(60)]), 2)
-    weights, unravel = jax.flatten_util.ravel_pytree(controller.weights)
-
-    def build(numbers):
-        changed = unravel(weights * jnp.exp(jnp.append(numbers, 0.0 * weights[2:])))
-        return eqx.tree_at(lambda c: c.weights, controller, changed)
-
-    check_slopes(build, np.zeros(2), stack_plants([plant]), windows)
 
 
 HANGING = """

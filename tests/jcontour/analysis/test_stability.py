@@ -1,4 +1,3 @@
-from types import SimpleNamespace
 from typing import Any
 
 import control
@@ -22,7 +21,7 @@ from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, PredictorObserver, kalman_gain
 from jcontour.geometry.contours import circle, line, polyline
-from jcontour.linear.plant import LinearPlant
+from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.linear.transformations import with_input_delay, with_input_gains
 from jcontour.motion.references import along
 from jcontour.plant import Plant
@@ -121,7 +120,6 @@ def loops(plant, plan):
     return np.abs(np.linalg.eigvals(A - B @ wide)).max(axis=1)
 
 
-@pytest.mark.slow
 def test_frozen_radii_are_eigenvalues_of_a_minus_bf(two_axes, law, bent):
     wanted = loops(two_axes, prepared(law, bent))
     np.testing.assert_allclose(frozen_spectral_radii(two_axes, law, bent), wanted, rtol=1e-9)
@@ -145,7 +143,6 @@ def test_frozen_radius_of_a_direction(two_axes, law):
             frozen_spectral_radius(two_axes, law, np.array(bad))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("form", [FilterObserver, PredictorObserver])
 def test_observers_add_their_own_poles(form, two_axes, law, bent):
     """Separation: the eigenvalues of A - B F and of A - A L C."""
@@ -335,10 +332,9 @@ def test_margins_of_the_gantry_are_those_of_its_linear_model_there():
 
     def radii(gains=1.0, delay=0):
         hand = [LinearPlant(*model(head), np.eye(6), dt) for head in heads]
-        late = [with_input_delay(one, delay) for one in hand]
-        return np.array(
-            [loops(with_input_gains(one, gains), SimpleNamespace(F=K[None]))[0] for one in late]
-        )
+        late = [with_input_gains(with_input_delay(one, delay), gains) for one in hand]
+        plan = AffinePlan(K[None], np.zeros((1, 3)))
+        return np.array([loops(one, plan)[0] for one in late])
 
     plant = Gantry(p, dt)
     arc = np.concatenate([np.zeros(3), np.full(1500, heads[1] - heads[0])])

@@ -24,7 +24,6 @@ def at_rest(steps, dt):
     return along(circle(), np.zeros(steps), dt, 0, at_rest=True)
 
 
-@pytest.mark.slow
 def test_looking_between_the_samples_changes_nothing():
     controller = MPCC(xy_table(0.004), circle())
     slow = reported_loop(xy_table(0.004), controller, at_rest(50, 0.004))

@@ -73,8 +73,7 @@ def step_away(model, steps, preview=N):
     return from_samples(position, tangent, model.dt, preview, in_motion=False)
 
 
-@pytest.mark.slow
-def test_it_is_the_filter_observer_and_falls_back(two_axes):
+def test_it_is_the_filter_observer(two_axes):
     gain = kalman_gain(two_axes, 0.1, 1e-6)
     reference = along(circle(1e-3), 2e-5 * np.arange(30), 1e-3, N, at_rest=True)
     plant = Encoders(two_axes)
@@ -84,25 +83,12 @@ def test_it_is_the_filter_observer_and_falls_back(two_axes):
     wanted = simulate(
         plant, FilterObserver(ContouringLQ(two_axes, WEIGHTS, N), two_axes, gain), reference, start
     )
-    host = ObservedHost(TrackingMPC(two_axes, TrackingWeights.of(WEIGHTS), N), two_axes, gain)
-    found = loop(plant, host, reference, start)
+    mpc = TrackingMPC(two_axes, TrackingWeights.of(WEIGHTS), N)
+    found = loop(plant, FilterGain(gain).around(mpc, two_axes), reference, start)
     np.testing.assert_allclose(
         found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
     )
     np.testing.assert_allclose(found.memory.estimate, wanted.memory.estimate, rtol=0, atol=1e-12)
-
-    tight = TrackingMPC(
-        two_axes, TrackingWeights.of(WEIGHTS), N, Limits.within(increment=0.01, speed=0.02)
-    )
-    for fallback in ("hold", "soft"):
-        run = reported_loop(
-            plant,
-            ObservedHost(tight, two_axes, gain),
-            reference,
-            start * 0 + wanted.state[0],
-            fallback=fallback,
-        )
-        assert np.isfinite(run.rollout.output).all() and run.rollout.output.shape == (30, 2)
 
 
 def test_the_gain_needs_its_shape(two_axes):
@@ -113,21 +99,9 @@ def test_the_gain_needs_its_shape(two_axes):
 
 
 @pytest.mark.slow
-def test_each_observer_is_made_from_its_numbers(two_axes):
-    mpc = TrackingMPC(two_axes, TrackingWeights.of(WEIGHTS), N)
-    kalman = FilterGain(kalman_gain(two_axes, 0.1, 1e-6)).around(mpc, two_axes)
-    assert isinstance(kalman, ObservedHost) and kalman.controller is mpc
-    gain = offset_free_gain(two_axes, two_axes.C, 0.1, 0.1, 1e-6)
-    both = OffsetFreeGain(gain, two_axes.C).around(mpc, two_axes)
-    assert isinstance(both, OffsetFreeHost) and both.controller is mpc
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("counting", [False, True])
-@pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.slow), 1])
 @pytest.mark.parametrize(
-    "terminal",
-    [OutputTerminal(), pytest.param(RiccatiTerminal(), marks=pytest.mark.slow)],
+    ("terminal", "delay", "counting"),
+    [(OutputTerminal(), 0, True), (RiccatiTerminal(), 1, False)],
     ids=["output", "riccati"],
 )
 def test_without_an_active_limit_it_is_the_offset_free_observer(terminal, delay, counting):
@@ -150,7 +124,6 @@ def test_without_an_active_limit_it_is_the_offset_free_observer(terminal, delay,
         np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * np.abs(other).max())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0, 1])
 def test_limits_hold_for_the_control_that_acts(delay):
     """The load takes 0.3 of 0.5 V: limits on u + d instead would be passed or not be used."""

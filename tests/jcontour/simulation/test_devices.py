@@ -5,12 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
-from jcontour.geometry.contours import circle, line
-from jcontour.linear.transformations import with_input_gains
-from jcontour.motion.references import along
 from jcontour.simulation.devices import Spread, device_mesh
-from jcontour.simulation.evaluation import evaluate, stack_plants, stack_references
 
 TWO = Spread(device_mesh(2))
 
@@ -41,37 +36,6 @@ def test_gradient_reaches_what_all_members_share():
     x = np.array([0.3, -1.0, 2.0, 0.7, 1.1])
     slope = jax.jit(jax.grad(lambda w: jnp.sum(TWO(lambda one: jnp.sin(w * one), x))))(0.8)
     np.testing.assert_allclose(slope, np.sum(x * np.cos(0.8 * x)), rtol=1e-14)
-
-
-@pytest.mark.slow
-def test_contours_on_two_devices_are_contours_on_one(two_axes):
-    plants = stack_plants([two_axes, with_input_gains(two_axes, 0.9)])
-    contours = circle(1e-3), line([1e-3, 0], [2e-3, 1e-3]), circle(2e-3)
-    references = stack_references(
-        [
-            along(contour, 1e-5 * np.arange(9 + k), 1e-3, 3, at_rest=False)
-            for k, contour in enumerate(contours)
-        ]
-    )
-
-    def worst(log_weights, batching):
-        alpha, beta = jnp.exp(log_weights)
-        metrics = evaluate(
-            plants,
-            ContouringLQ(two_axes, LQWeights(alpha, beta, 1e-6), 3),
-            references,
-            batching=batching,
-        )
-        return jnp.sum(metrics.rms_contour_error), metrics
-
-    differentiated = jax.jit(jax.value_and_grad(worst, has_aux=True), static_argnums=1)
-    (one, one_gradient), (two, two_gradient) = (
-        differentiated(jnp.log(jnp.array([3.0, 5.0])), batching) for batching in (None, TWO)
-    )
-    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(two), strict=True):
-        # two programs round apart, and the equations of the gains enlarge it
-        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-18)
-    np.testing.assert_allclose(two_gradient, one_gradient, rtol=1e-8)
 
 
 def test_counts():

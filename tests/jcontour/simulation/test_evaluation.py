@@ -94,7 +94,6 @@ def test_platform_chooses():
     assert platform_batching() is (one_by_one if jax.default_backend() == "cpu" else all_at_once)
 
 
-@pytest.mark.slow
 def test_stacking_keeps_every_run(references):
     stacked = stack_references(references)
     assert (stacked.steps, stacked.preview) == (13, 3)
@@ -139,9 +138,7 @@ class Follower(Controller):
         return memory, 50.0 * (plan - measurement)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("batching", [one_by_one, all_at_once])
-@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize(("count", "batching"), [(1, one_by_one), (3, all_at_once)])
 def test_plants_without_arrays_are_as_many_as_were_stacked(count, batching, references):
     runs = stack_references([references[0]])
     found = evaluate(stack_plants([Drives()] * count), Follower(), runs, batching=batching)
@@ -229,7 +226,6 @@ def test_a_batch_that_does_not_suit_is_refused(controller, plants):
         evaluate(stack_plants(plants), controller, short)
 
 
-@pytest.mark.slow
 def test_the_memory_of_a_derivative_does_not_grow_with_the_batch():
     def value(scale, members):
         def one(x):

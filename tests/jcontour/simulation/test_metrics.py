@@ -193,7 +193,6 @@ def test_gradient_of_the_contour_error_is_that_of_differences(bent):
     )
 
 
-@pytest.mark.slow
 def test_many_runs_at_once_are_each_scored(bent):
     random = np.random.default_rng(5)
     output = desired(bent)[:, None] + 1e-6 * random.standard_normal((T, 3, 2))

@@ -65,7 +65,6 @@ def test_steady_error_on_a_line_is_divided(table):
     assert normal @ found == pytest.approx(normal @ plain / (1 + GAIN), rel=1e-6)
 
 
-@pytest.mark.slow
 def test_is_cross_coupling_by_the_position_gain(table):
     """With equal k_pp, k on the position is k_pp k on the speed.
 

@@ -15,7 +15,6 @@ NORMAL = np.array([-np.sin(ANGLE), np.cos(ANGLE)])
 MISMATCHED = (20.0, 30.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("coupling", [ConstantCoupling(), VariableCoupling()])
 @pytest.mark.parametrize("angle", [ANGLE, 2.5, -0.3, np.pi / 2])
 def test_steady_error_on_a_line_with_mismatched_axes(table, coupling, angle):

@@ -84,7 +84,6 @@ def test_contour_error_of_a_circle(clockwise):
         )
 
 
-@pytest.mark.slow
 def test_frames_along_a_reference(table):
     scheme = TaskFrame(table.cascade())
     left = prepared(scheme, table.on_circle(steps=50)).frame
@@ -98,13 +97,7 @@ def test_frames_along_a_reference(table):
     )
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] * (name not in ("cross-coupled", "task-frame")))
-        for name in SCHEMES
-    ],
-)
+@pytest.mark.parametrize("name", SCHEMES)
 def test_zero_gain_is_the_plain_cascade(name):
     cascade, plant = flexible_cascade(), flexible_pair()
     reference = along(circle(0.02), 5e-5 * np.arange(150), 1e-3, 1, at_rest=False)

@@ -9,7 +9,6 @@ from jcontour.simulation.closed_loop import simulate
 ALONG, ACROSS = 20.0, 45.0
 
 
-@pytest.mark.slow
 def test_a_turned_path_turns_the_run_of_equal_axes(table):
     turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
     points = 0.01 * np.array([[0.0, 0.0], [1.0, 1.5], [3.0, -0.5], [4.5, 1.0]])

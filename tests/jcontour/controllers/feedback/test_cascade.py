@@ -12,7 +12,7 @@ from jcontour.motion.references import from_samples, in_time
 from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
 from jcontour.plants.friction import Friction
 from jcontour.plants.wrappers.saturation import Saturated
-from jcontour.plants.xy_table import FrictionXYTable, xy_table
+from jcontour.plants.xy_table import xy_table
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import prepared, simulate
 
@@ -47,7 +47,6 @@ def thesis_run(task, gains=None):
     return simulate(FlexibleAxis(thesis_axis(), 1e-3), Cascade(gains, motors(1), 1e-3), task)
 
 
-@pytest.mark.slow
 def test_reference_trajectory_of_the_flexible_axis():
     row = next(row for row in DATA if row["name"] == "B PI")
     run = thesis_run(thesis_task_b())
@@ -88,7 +87,6 @@ def test_friction_feedforward_halves_the_error_of_the_cosine():
     assert errors[1] < 0.5 * errors[0]
 
 
-@pytest.mark.slow
 def test_clamped_integrator_overshoots_less_than_an_unlimited_one_on_a_saturated_machine():
     dt, target = 1e-3, np.array([0.02, 0.03])
     plant, reference = xy_table(dt), step_reference(target, dt, 1500)
@@ -105,18 +103,6 @@ def test_clamped_integrator_overshoots_less_than_an_unlimited_one_on_a_saturated
     ]
     assert overshoot[0] < 0.5 * overshoot[1]
     np.testing.assert_allclose(limited.output[-1], target, atol=1e-6)
-
-
-@pytest.mark.slow
-def test_integrator_takes_up_a_constant_load():
-    dt = 1e-3
-    reference = step_reference(np.array([1e-4, 1e-4]), dt, 4000)
-    plant = FrictionXYTable(dt, motor_coulomb=0.0, load_coulomb=0.0, load_torque=0.03)
-    run = simulate(
-        plant, Cascade(CascadeGains(25.0, 10.0, 0.05), table_sensors(), dt, 0.5), reference
-    )
-    np.testing.assert_allclose(run.output[-1], [1e-4, 1e-4], rtol=0, atol=1e-9)
-    np.testing.assert_allclose(run.control[-1], 0.03 / 0.4364, rtol=1e-6)
 
 
 def test_velocity_feedforward_removes_the_lag_of_a_ramp():

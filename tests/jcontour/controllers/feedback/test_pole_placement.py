@@ -51,7 +51,6 @@ def test_equal_real_poles_make_a_dead_beat(thesis_model):
     )
 
 
-@pytest.mark.slow
 def test_axes_side_by_side_each_have_their_own(two_flexible_axes):
     model, others = zoh_model(two_flexible_axes, DT), damped_poles([30.0, 60.0], [0.7, 0.7], DT)
     K = placed_gain(model, np.stack([two_pairs(), others]))
@@ -61,7 +60,6 @@ def test_axes_side_by_side_each_have_their_own(two_flexible_axes):
     np.testing.assert_array_equal(K[0, 1::2], 0.0)
 
 
-@pytest.mark.slow
 def test_gradient_with_respect_to_damping(thesis_model):
     at = np.array([0.9, 0.3])
 

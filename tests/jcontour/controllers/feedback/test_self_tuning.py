@@ -53,7 +53,6 @@ def run(controller, scale=1.0):
     return simulate(DiskArm(scale), controller, square_wave(300), start)
 
 
-@pytest.mark.slow
 def test_estimates_are_those_of_the_reference():
     found = run(SelfTuning(0.02, 0.25, Sensors((0,)), gain=0.01))
     after = np.append(np.asarray(found.memory.gain)[1:, 0], found.final_memory.gain)

@@ -58,7 +58,6 @@ def held_at(distance, steps):
     return from_samples(wanted, ahead, PERIOD, 1, contour, in_motion=False)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("spring", "row"), ROWS)
 def test_what_is_left_is_that_of_the_reference(spring, row):
     reference = held_at(0.01, 2000)

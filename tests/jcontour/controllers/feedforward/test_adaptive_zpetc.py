@@ -57,7 +57,6 @@ def test_the_reference_runs(link, gain, wanted):
     assert trace == pytest.approx(wanted["trace_final"], rel=1e-9)
 
 
-@pytest.mark.slow
 def test_the_model_stays_invertible(link, gain):
     """A machine that runs backwards teaches a negative b_0: it stops at the smallest."""
     adaptive = controller(gain, [-0.8, 0.2], trace=200.0, smallest=0.05)

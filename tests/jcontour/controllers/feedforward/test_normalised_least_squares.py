@@ -34,7 +34,6 @@ def test_large_samples_are_divided_by_their_size():
     np.testing.assert_allclose(small.theta, large.theta, rtol=1e-12)
 
 
-@pytest.mark.slow
 def test_it_finds_the_parameters_and_keeps_the_trace():
     random, truth = np.random.default_rng(0), np.array([-0.6, 0.4])
     phis = random.standard_normal((200, 2))

@@ -26,7 +26,6 @@ class SumOfErrors(ErrorDriven):
         return ErrorDrivenMemory(memory.learned + self.error(plan, measurement), inner), control
 
 
-@pytest.mark.slow
 def test_the_wrapped_controller_runs_and_the_errors_are_seen(small_loop):
     plant, controller, reference = small_loop()
     wrapped = SumOfErrors(controller, Sensors((0, 2), (1, 3)))

@@ -25,7 +25,6 @@ STATE = Sensors((0, 2), (1, 3))  # of two `servo_axes`
 DT = 5e-3  # [s], of the small loop
 
 
-@pytest.mark.slow
 def test_a_correction_shifts_the_reference(small_loop):
     plant, controller, reference = small_loop()
     shift = 1e-3 * np.random.default_rng(0).standard_normal((reference.steps, 2))
@@ -37,15 +36,6 @@ def test_a_correction_shifts_the_reference(small_loop):
     np.testing.assert_allclose(learned.output, wanted.output, rtol=0, atol=1e-15)
 
 
-def test_no_correction_changes_nothing(small_loop):
-    plant, controller, reference = small_loop()
-    learned = simulate(
-        plant, Learned(controller, placed(np.zeros((reference.steps, 2)))), reference
-    )
-    plain = simulate(plant, controller, reference)
-    np.testing.assert_array_equal(learned.output, plain.output)
-
-
 def test_a_correction_of_another_lap_is_refused(small_loop):
     _, controller, reference = small_loop()
     for shape in ((reference.steps + 1, 2), (reference.steps, 1)):
@@ -53,7 +43,6 @@ def test_a_correction_of_another_lap_is_refused(small_loop):
             Learned(controller, placed(np.zeros(shape))).prepare(reference)
 
 
-@pytest.mark.slow
 def test_laps_by_hand(small_loop, positions):
     """Three laps written out, the noise of each its own."""
     plant, controller, reference = small_loop()

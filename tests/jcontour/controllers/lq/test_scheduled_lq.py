@@ -2,20 +2,19 @@ from functools import cache
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
 from jcontour.arrays import placed
-from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, RiccatiTerminal, balanced
+from jcontour.controllers.lq.contouring_lq import LQWeights, balanced
 from jcontour.controllers.lq.scheduled_lq import ScheduledLQ
 from jcontour.geometry.contours import circle
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.motor_coordinates import MotorEncoders, motor_model, motor_schedule
+from jcontour.plants.gantry.motor_coordinates import MotorEncoders, motor_schedule
 from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.wrappers.encoders import Sensed
 from jcontour.simulation.closed_loop import prepared, simulate
@@ -40,17 +39,6 @@ def schedule():
 def reference():
     # fast, to meet many models
     return along(circle(0.25), 0.08 * np.arange(T), DT, PREVIEW, at_rest=False)
-
-
-@pytest.mark.slow
-def test_a_machine_that_does_not_change_needs_no_schedule(reference):
-    model = motor_model(thesis_gantry(), 0.2, DT)
-    same = jax.tree.map(lambda leaf: jnp.stack([leaf] * 3), model)
-    unscheduled = ContouringLQ(model, weighted(), PREVIEW, RiccatiTerminal())
-    scheduled = ScheduledLQ(ModelSchedule(same, POINTS, 0), weighted(), PREVIEW)
-    wanted, found = prepared(unscheduled, reference), prepared(scheduled, reference)
-    np.testing.assert_allclose(found.F, wanted.F, rtol=1e-8, atol=1e-8 * np.abs(wanted.F).max())
-    np.testing.assert_allclose(found.f, wanted.f, rtol=0, atol=1e-8 * np.abs(wanted.f).max())
 
 
 def steady_costs(schedule, R):
@@ -128,7 +116,6 @@ def test_it_keeps_the_tool_on_the_contour_of_the_nonlinear_gantry():
     assert np.abs(np.linalg.norm(late, axis=1) - 0.2).max() < 1e-4
 
 
-@pytest.mark.slow
 def test_bad_controllers_are_named(schedule, reference):
     with pytest.raises(ValueError, match="preview: needs a whole number"):
         ScheduledLQ(schedule, weighted(), 0)

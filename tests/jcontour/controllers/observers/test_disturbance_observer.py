@@ -1,5 +1,4 @@
 import control
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -42,14 +41,6 @@ def nominal():
     """Q of the docstring, by python-control."""
     poles = np.poly(np.exp(DT * np.roots([1.0, np.sqrt(2) * W, W**2])))
     return control.tf(np.sum(poles) / 2 * np.array([1.0, 1.0]), poles, DT)
-
-
-@pytest.mark.slow
-def test_the_nominal_machine_is_left_as_it_was(cascade, rigid, task):
-    undisturbed = Disturbed(rigid, jnp.zeros((2, 1)))
-    run = simulate(undisturbed, observed(cascade), task)
-    inner = simulate(rigid, cascade, task)
-    np.testing.assert_allclose(run.output, inner.output, rtol=0, atol=1e-12)
 
 
 def test_the_estimate_is_the_disturbance_through_q(cascade, rigid, task):

@@ -21,8 +21,6 @@ from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import along, in_time
 from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis
-from jcontour.plants.friction import Friction
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders, Sensed
 from jcontour.plants.wrappers.saturation import Saturated
@@ -71,9 +69,7 @@ def reference():
     return along(line([0, 0], [3e-3, 4e-3]), 1e-5 * np.arange(25), 1e-3, 3, at_rest=False)
 
 
-@pytest.mark.parametrize(
-    "form", [pytest.param(FilterObserver, marks=pytest.mark.slow), PredictorObserver]
-)
+@pytest.mark.parametrize("form", [FilterObserver, PredictorObserver])
 def test_estimation_error_decays_as_a_minus_alc(form, two_axes, law, reference):
     """x - xh obeys (A - A L C) whatever the controller does."""
     A, C = np.asarray(two_axes.A), np.asarray(two_axes.C)
@@ -88,20 +84,6 @@ def test_estimation_error_decays_as_a_minus_alc(form, two_axes, law, reference):
         np.testing.assert_allclose(row, error, rtol=0, atol=1e-15)
         error = (A - A @ np.asarray(L) @ C) @ error
     assert np.abs(error).max() < 1e-3 * np.abs(found[0]).max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "form", [FilterObserver, pytest.param(PredictorObserver, marks=pytest.mark.slow)]
-)
-def test_a_perfect_start_is_state_feedback(form, two_axes, law, reference):
-    controller = form(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
-    found = simulate(Encoders(two_axes), controller, reference)
-    wanted = simulate(two_axes, law, reference)
-    np.testing.assert_allclose(
-        found.control, wanted.control, rtol=0, atol=1e-11 * np.abs(wanted.control).max()
-    )
-    assert controller.preview == law.preview
 
 
 def test_filter_uses_the_current_measurement_and_predictor_does_not(two_axes, law, reference):
@@ -148,50 +130,6 @@ def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state(thesis_model
     )
 
 
-@pytest.mark.slow
-def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_does(
-    thesis_model, thesis_feedback
-):
-    task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 1e-3)
-    gain = kalman_gain(thesis_model, *NOISE, MOTOR)
-    plain = FilterObserver(thesis_feedback, thesis_model, gain, measured=MOTOR)
-    integral = OffsetFreeObserver(
-        thesis_feedback,
-        thesis_model,
-        offset_free_gain(thesis_model, MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
-        MOTOR,
-    )
-    frictionless = AxisParameters(
-        39.62, 0.38, 2908.0, 2.1, 79.33, Friction(0.0, 0.0, 1.0, 250.9), [0.0], [0.0], 0.1
-    )
-    machine = Disturbed(FlexibleAxis(frictionless, 1e-3), placed(np.full((1, 1), 0.5)))
-    errors = [
-        abs(float(simulate(machine, controller, task).output[-1, 0]) - 0.01)
-        for controller in (plain, integral)
-    ]
-    assert errors[0] > 5e-5 and errors[1] < 1e-9
-
-
-@pytest.mark.slow
-def test_without_a_load_integral_action_is_state_feedback(thesis_model, thesis_feedback):
-    """Separation: an observer that starts right changes nothing."""
-    task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.3, 1e-3)
-    wanted = simulate(thesis_model, thesis_feedback, task)
-    found = simulate(
-        thesis_model,
-        OffsetFreeObserver(
-            thesis_feedback,
-            thesis_model,
-            offset_free_gain(thesis_model, np.eye(4), 0.05, 0.05, [1e-6, 1e-3] * 2),
-            np.eye(4),
-        ),
-        task,
-    )
-    np.testing.assert_allclose(
-        found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
-    )
-
-
 class Cancelling(Wrapper):
     """Is told of the load, and takes it from the control."""
 
@@ -205,7 +143,6 @@ class Cancelling(Wrapper):
         return inner, control - measurement.disturbance
 
 
-@pytest.mark.slow
 def test_who_is_told_of_the_load_may_cancel_it_himself(thesis_model, thesis_feedback):
     gain = offset_free_gain(thesis_model, MOTOR, 0.05, 0.05, [1e-6, 1e-3])
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.2, 1e-3)

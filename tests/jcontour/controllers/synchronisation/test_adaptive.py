@@ -49,9 +49,7 @@ def scores(error, first, dt):
     return [apart.max(), np.trapezoid(apart, dx=dt), *peaks, apart[-1]]
 
 
-@pytest.mark.parametrize(
-    "name", ["sync_low_kc", pytest.param("sync_nominal", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("name", ["sync_low_kc", "sync_nominal"])
 def test_a_step_of_load(synchronisation_numbers, name):
     p = synchronisation_numbers[name]["parameters"]
     for sampled in synchronisation_numbers[name]["discrete"]:

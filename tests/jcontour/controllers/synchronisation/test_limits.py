@@ -132,7 +132,6 @@ def test_a_loop_that_is_unstable_alone_has_the_bound_zero():
     assert exact_bound(loop) == 0 and positive_real_bound(loop) == 0
 
 
-@pytest.mark.slow
 def test_a_coupling_above_its_bound_is_warned_of():
     axes = speed_axes([10.0, 10.0], 50.0)
     loop = sampled_loop(axes, 0.2, 0.18, 1.0, 1e-2)

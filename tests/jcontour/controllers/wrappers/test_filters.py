@@ -60,7 +60,6 @@ def test_low_pass_halves_the_power_at_its_corner():
     assert response(filter, np.pi / DT) < 1e-9
 
 
-@pytest.mark.slow
 def test_filtered_controls_are_the_filter_of_the_controls(two_axes):
     reference = along(circle(1e-3), 2.5e-5 * np.arange(6), two_axes.dt, 3, at_rest=False)
     inside = ContouringLQ(two_axes, LQWeights(3.0, 5.0, 2e-9), 3)
@@ -86,7 +85,6 @@ def test_a_filter_of_three_controls_on_two_axes_begins_at_zero(two_axes):
     np.testing.assert_array_equal(memory.filter, np.zeros((2, 3)))
 
 
-@pytest.mark.slow
 def test_gradient_with_respect_to_the_notch_frequency():
     signal = np.random.default_rng(1).standard_normal(50)
 

@@ -77,7 +77,6 @@ def flexible_mode():
     return np.abs(s), -s.real / np.abs(s)
 
 
-@pytest.mark.slow
 def test_a_closed_loop_stops_without_vibration():
     shaper = zv(*flexible_mode())
     plain, shaped = (
