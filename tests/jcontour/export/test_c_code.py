@@ -63,7 +63,6 @@ def replayed_in_numpy(folder, law):
     return module["replay"](module["read_plan"](folder / "plan.csv"), rows[:, : law.measured])
 
 
-@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("tables", [True, False], ids=["tables", "file"])
 def test_c_and_numpy_agree_to_the_last_bit(law_and_plan, recorded, tmp_path, tables):
@@ -211,7 +210,6 @@ def test_the_first_and_the_last_sample_of_the_plan_are_those_of_its_tables(law_a
         assert [float(word) for word in told.stdout.split()] == [last, last, last, first, first]
 
 
-@pytest.mark.slow
 @needs_compiler
 def test_a_cascade_that_is_far_off_keeps_its_integrators_as_in_python(tmp_path):
     """X stands 5 mm off until the integrator is full; then the tool comes back and passes."""

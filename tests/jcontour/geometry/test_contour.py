@@ -18,7 +18,6 @@ NAMES = sorted(
 )
 
 
-@pytest.mark.slow
 def test_all_cases_are_asked(shapes):
     assert set(NAMES) == set(shapes.cases())
 
@@ -224,7 +223,6 @@ def test_window_may_be_wider_than_the_contour_and_cross_its_seam(shapes):
         )
 
 
-@pytest.mark.slow
 def test_stacked_vmapped_and_mapped_equal_one_by_one(shapes):
     names = ("ellipse", "circle", "polygon", "line")
     together = stack([shapes.cases()[name].contour for name in names])
@@ -255,21 +253,6 @@ def test_stacked_vmapped_and_mapped_equal_one_by_one(shapes):
         np.testing.assert_allclose(mapped[0][i], expected[0], atol=1e-11)
 
 
-@pytest.mark.slow
-def test_vmap_over_points_equals_a_loop(shapes):
-    contour = shapes.cases()["slot"].contour
-    point, s, reach = (
-        shapes.points_around(shapes.cases()["slot"], 40, seed=6),
-        np.linspace(-0.1, 0.4, 40),
-        np.geomspace(1e-4, 0.3, 40),
-    )
-    expected = shapes.nearest(contour, point, s, reach)
-    np.testing.assert_allclose(jax.vmap(contour.nearest)(point, s, reach), expected, atol=1e-14)
-    np.testing.assert_allclose(
-        [contour.nearest(*each) for each in zip(point, s, reach, strict=True)], expected, atol=1e-14
-    )
-
-
 @pytest.mark.parametrize("name", ["slot", "helix"])
 def test_gradient_of_the_squared_distance_is_twice_the_error(name, shapes):
     contour = shapes.cases()[name].contour
@@ -298,7 +281,6 @@ def test_gradient_of_the_squared_distance_is_twice_the_error(name, shapes):
         )
 
 
-@pytest.mark.slow
 def test_derivative_along_the_contour_is_the_tangent_in_forward_and_reverse_mode(shapes):
     contour = shapes.cases()["slot"].contour
     s = jnp.linspace(-0.05, 0.3, 11)
@@ -316,7 +298,6 @@ def test_derivative_along_the_contour_is_the_tangent_in_forward_and_reverse_mode
     assert np.isfinite(bend).all()
 
 
-@pytest.mark.slow
 def test_float32_stays_float32(shapes):
     wide = shapes.cases()["helix"].contour
     narrow = jax.tree.map(

@@ -199,8 +199,7 @@ by_radius = st.builds(
 )
 
 
-@pytest.mark.slow
-@settings(anything, max_examples=300)
+@settings(anything, max_examples=100)
 @given(
     st.lists(st.one_of(block, arc, by_radius), max_size=6).map("\n".join),
     st.sampled_from(["XY", "XYZ"]),
@@ -210,8 +209,7 @@ def test_any_words(traced, program, axes):
     assert_sound(traced, HEAD + "G1 X0.5\n" + program, axes)
 
 
-@pytest.mark.slow
-@settings(anything, max_examples=300)
+@settings(anything, max_examples=100)
 @given(
     st.tuples(
         st.floats(1e-4, 30), st.floats(1e-6, 6.2831), st.floats(0, 6.3), st.floats(-6e-3, 6e-3)
@@ -257,8 +255,7 @@ def test_any_bytes(tmp_path_factory, content):
 signs = st.sampled_from([b"-", b"9", b"."])
 
 
-@pytest.mark.slow
-@settings(anything, max_examples=150)
+@settings(anything, max_examples=50)
 @given(st.data())
 def test_mutated_parts(traced, tmp_path_factory, data):
     content = bytearray(data.draw(st.sampled_from([BRACKET, CAM])).read_bytes())

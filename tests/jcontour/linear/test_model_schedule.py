@@ -18,7 +18,6 @@ def schedule():
     return ModelSchedule(models, POINTS, output=1)
 
 
-@pytest.mark.slow
 def test_models_between_the_points_are_on_straight_lines(schedule):
     """Entry by entry, against numpy.interp."""
     path = np.array([[9.0, -0.2], [9.0, -0.13], [9.0, 0.1], [9.0, 0.25], [9.0, 0.3]])

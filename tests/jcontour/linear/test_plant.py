@@ -27,7 +27,7 @@ def block(*blocks):
     return out
 
 
-@pytest.mark.parametrize("delay", [2, pytest.param(0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("delay", [2, 0])
 def test_steady_motion_goes_on_as_a_ramp_under_a_constant_control(delay, run):
     plant = with_input_delay(bridgeport(), delay)
     y, dy = np.array([3e-3, -2e-3]), np.array([2.5e-5, 1e-5])

@@ -55,7 +55,6 @@ def test_input_gains_scale_columns_of_b(two_axes):
     np.testing.assert_array_equal(with_input_gains(two_axes, 2.0).B, 2.0 * np.asarray(two_axes.B))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("samples", [1, 3])
 def test_given_maps_of_steady_motion_gain_the_control_that_carries_it_on(samples):
     """On a gantry, whose axes are coupled: nothing but the place changes from sample to sample."""

@@ -26,7 +26,6 @@ def farthest(contour, other) -> float:
     return float(np.linalg.norm(points - nearest, axis=1).max())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("contour", "tolerance"), [(SQUARE, 1e-6), (SLOT, 100e-6)])
 def test_deviation_is_within_the_tolerance_both_ways(contour, tolerance):
     found = blended(contour, tolerance)

@@ -148,8 +148,7 @@ def test_duration_agrees_with_a_fine_grid(part):
 coordinate = st.floats(-0.01, 0.01).map(lambda x: round(x, 5))
 
 
-@pytest.mark.slow
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(
     st.lists(st.tuples(coordinate, coordinate), min_size=2, max_size=8, unique=True),
     st.floats(0.005, 0.3),

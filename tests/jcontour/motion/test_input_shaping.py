@@ -138,7 +138,6 @@ def left_to_vibrate(reference, step, zeta=ZETA):
     )
 
 
-@pytest.mark.slow
 def test_a_shaped_law_leaves_no_vibration():
     step = 1e-5
     time = step * np.arange(34_000)
@@ -169,7 +168,6 @@ def test_a_shaped_law_is_the_sum_of_delayed_copies_and_stays_on_its_contour():
     np.testing.assert_allclose(np.linalg.norm(reference.position, axis=1), 5e-3, rtol=1e-12)
 
 
-@pytest.mark.slow
 def test_gradient_reaches_the_mode():
     def left(mode):
         return residual_vibration(ei(mode[0], mode[1]), 95.0, 0.05)

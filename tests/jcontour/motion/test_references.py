@@ -75,7 +75,6 @@ def test_three_axes():
     np.testing.assert_allclose(np.asarray(reference.position)[3], [1e-4, 2e-4, 2e-4], atol=1e-16)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "contour",
     [circle(1e-3), polyline([[0, 0], [1e-3, 0], [1e-3, 1e-3], [-1e-3, 1e-3]]), lemniscate(3e-3)],
@@ -98,14 +97,7 @@ def double_lap():
     return polyline([*lap, *lap, [0, 0], [-1e-3, 0]])
 
 
-@pytest.mark.parametrize(
-    ("first", "last"),
-    [
-        (2e-3, 8.9e-3),
-        pytest.param(0.3e-3, 7e-3, marks=pytest.mark.slow),
-        pytest.param(4.3e-3, 8.8e-3, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("first", "last"), [(2e-3, 8.9e-3), (0.3e-3, 7e-3), (4.3e-3, 8.8e-3)])
 def test_samples_run_on_the_lap_that_fits_their_whole_run(first, last):
     """Both laps fit the first sample, and only one of them the others."""
     contour, arc = double_lap(), np.arange(first, last, 50e-6)
@@ -119,7 +111,6 @@ def test_samples_that_fit_every_lap_run_on_the_first():
     np.testing.assert_allclose(from_samples(position, tangent, DT, 2, contour).arc, arc, atol=1e-12)
 
 
-@pytest.mark.slow
 def test_samples_run_there_or_back_as_their_tangents_say():
     contour = polyline([[0, 0], [1e-3, 0], [0, 0]])
     for arc in (np.linspace(0.2e-3, 0.8e-3, 30), np.linspace(1.2e-3, 1.8e-3, 30)):
@@ -128,7 +119,6 @@ def test_samples_run_there_or_back_as_their_tangents_say():
         np.testing.assert_allclose(reference.arc, arc, atol=1e-12)
 
 
-@pytest.mark.slow
 def test_a_crossing_is_left_as_the_tangent_says():
     contour = lemniscate(3e-3)
     half = 0.5 * float(contour.length)
@@ -263,7 +253,6 @@ def test_bad_times_are_named(duration, dwell, name):
         in_time(circle(1e-3), lambda t: t, duration, DT, dwell=dwell)
 
 
-@pytest.mark.slow
 def test_one_axis_has_a_contour_error_only_beyond_its_travel():
     """There and back: late by 1 mm costs nothing, 1 mm past the turn does."""
     position = 0.01 * np.sin(np.linspace(0, np.pi, 41))[:, None]

@@ -33,14 +33,13 @@ def curvature(path) -> np.ndarray:
     return np.asarray(path.curvature(np.linspace(0.0, float(path.length), 500)))
 
 
-@pytest.mark.parametrize("count", [600, pytest.param(4000, marks=pytest.mark.slow)])
-def test_short_chords_become_the_curve_that_they_stand_for(count):
-    rough = contours.polyline(chords(count, turn=np.pi))
+def test_short_chords_become_the_curve_that_they_stand_for():
+    rough = contours.polyline(chords(600, turn=np.pi))
     found = smooth_path(rough, TOLERANCE)
     assert max(farthest(found.path, rough), farthest(rough, found.path)) <= found.deviation
     assert found.deviation <= TOLERANCE
     assert farthest(found.path, contours.circle(RADIUS)) < TOLERANCE
-    assert found.path.rate.size < count / 10
+    assert found.path.rate.size < 60
     bends = curvature(found.path)
     np.testing.assert_allclose(bends[5:-5], 1 / RADIUS, rtol=0.2)
     assert bends.max() < 3 / RADIUS  # at the ends, which are kept with their rounding
@@ -103,9 +102,8 @@ def rounded(radius: float, chord: float, side: float) -> np.ndarray:
     return np.round(points, 8)  # 0.01 um
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("radius", [0.15e-3, 0.18e-3, 0.3e-3, 1.1e-3])
-@pytest.mark.parametrize("side", [0.05e-3, 0.175e-3, 0.4e-3, 1.2e-3])
+@pytest.mark.parametrize("radius", [0.15e-3, 1.1e-3])
+@pytest.mark.parametrize("side", [0.05e-3, 0.175e-3, 1.2e-3])
 def test_long_and_short_moves_of_one_run_stay_within_the_tolerance(radius, side):
     """Far from the points that it is fitted to, a curve may swing."""
     rough = contours.polyline(rounded(radius, 10.5e-6, side))

@@ -26,7 +26,6 @@ def test_blocks_are_sampled_exactly(dt, poles):
     assert np.count_nonzero(plant.A) == 6 and np.count_nonzero(plant.B) == 4
 
 
-@pytest.mark.slow
 def test_one_pole_stands_for_all_axes_and_the_start_is_in_motion():
     plant = servo_axes([50.0, 40.0, 30.0], 10.0, 2e-3)
     state = plant.initial_state(np.array([1.0, 2.0, 3.0]), np.array([2e-3, 0.0, -4e-3]))

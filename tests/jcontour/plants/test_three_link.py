@@ -49,14 +49,12 @@ def test_legs_are_those_of_the_reference(row):
     np.testing.assert_allclose(1e3 * legs, row["lengths_mm"], rtol=1e-13)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("row", ROWS)
 def test_the_way_back_ends_where_it_began(row):
     legs = 1e-3 * np.array(row["lengths_mm"])
     np.testing.assert_allclose(ThreeLink().pose(legs), pose_of(row), atol=1e-12)
 
 
-@pytest.mark.slow
 def test_other_sizes_and_a_batch():
     random = np.random.default_rng(0)
     manipulator = ThreeLink(0.15, 0.18, shortest=0.1, longest=0.8)
@@ -102,7 +100,6 @@ def test_the_path_rests_before_and_after():
     np.testing.assert_array_equal(inside, outside)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("pose", [[0.4, 0.0, 0.0], [0.42, 0.1, -0.2]])
 def test_derivatives_both_ways(pose):
     manipulator, pose = ThreeLink(), np.array(pose)
@@ -115,7 +112,6 @@ def test_derivatives_both_ways(pose):
     np.testing.assert_allclose(back @ J, np.eye(3), atol=1e-10)
 
 
-@pytest.mark.slow
 def test_derivative_of_a_pose_with_respect_to_the_size():
     legs = ThreeLink().legs(np.array([0.42, 0.1, -0.2]))
 
@@ -133,7 +129,6 @@ def test_out_of_reach(pose):
         ThreeLink().legs(np.array(pose))
 
 
-@pytest.mark.slow
 def test_lengths_that_no_pose_has():
     with pytest.raises(ValueError, match="no pose has these lengths"):
         ThreeLink(1.0, 0.05, shortest=0.1, longest=2.0).pose(np.array([0.2, 0.2, 0.2]))

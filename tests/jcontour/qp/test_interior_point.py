@@ -39,9 +39,7 @@ def controls_of(answer, qp):
     return np.asarray(answer.trajectory.stages)[..., qp.x0.shape[-1] :]
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param("boxed", marks=pytest.mark.slow), "limited", "giving"]
-)
+@pytest.mark.parametrize("kind", ["boxed", "limited", "giving"])
 def test_answers_are_those_of_daqp(kind, request, one_of, condensed):
     qp = request.getfixturevalue(kind)
     found = jax.device_get(many(qp))
@@ -68,13 +66,13 @@ def test_conditions_of_optimality_hold_in_numpy(limited, kkt):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20))
-def test_of_20000_random_problems_none_is_wrong_without_a_flag(seed, staged_problems, kkt):
+@pytest.mark.parametrize("seed", range(4))
+def test_of_a_thousand_random_problems_none_is_wrong_without_a_flag(seed, staged_problems, kkt):
     """Costs in any unit; four sizes, with and without rows of states."""
     kind, random = seed % 4, np.random.default_rng(seed)
     size = {"stages": 5 * kind + 5, "states": 2 * kind + 2, "controls": kind % 3 + 1, "rows": kind}
-    qp = staged_problems(100 + seed, 1000, **size)
-    scale = 10.0 ** random.uniform(-6, 6, 1000)
+    qp = staged_problems(100 + seed, 250, **size)
+    scale = 10.0 ** random.uniform(-6, 6, 250)
     qp = qp._replace(
         H=qp.H * scale[:, None, None, None],
         h=qp.h * scale[:, None, None],
@@ -97,21 +95,17 @@ def test_without_an_active_limit_the_first_step_is_the_answer(boxed, one_of, con
     assert found.solved.all() and not found.iterations.any() and not found.multipliers.any()
 
 
-@pytest.mark.slow
-def test_vmap_is_a_loop_and_jit_is_no_jit(giving, one_of):
+def test_vmap_is_a_loop(giving, one_of):
     """Each member alone: the iterations of the others change nothing."""
     together = many(giving)
     for k in (0, 5):
-        for alone in (single(one_of(giving, k)),) + (k == 5) * (
-            jax.disable_jit()(solve)(one_of(giving, k)),
-        ):
-            np.testing.assert_allclose(
-                alone.trajectory.stages, together.trajectory.stages[k], rtol=0, atol=1e-8
-            )
-            assert alone.iterations == together.iterations[k]
+        alone = single(one_of(giving, k))
+        np.testing.assert_allclose(
+            alone.trajectory.stages, together.trajectory.stages[k], rtol=0, atol=1e-8
+        )
+        assert alone.iterations == together.iterations[k]
 
 
-@pytest.mark.slow
 def test_where_it_begins_changes_the_last_digits_only(limited):
     guess = np.random.default_rng(4).standard_normal((16, 6, 2))
     found = jax.jit(jax.vmap(solve))(limited, guess)
@@ -156,7 +150,7 @@ def test_what_has_no_answer_is_flagged_and_has_no_derivative(limited):
     np.testing.assert_array_equal(np.isnan(moved).any(axis=(1, 2)), ~known)
 
 
-@pytest.mark.parametrize("kind", ["limited", pytest.param("giving", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["limited", "giving"])
 def test_derivatives_are_those_of_differences(kind, request, one_of):
     """Along a random direction of every number, both modes, away from changes of the active set."""
     qp = one_of(request.getfixturevalue(kind), 6)  # one that no full box holds beyond its limits
@@ -184,7 +178,6 @@ def test_derivatives_are_those_of_differences(kind, request, one_of):
     assert float(reverse) == pytest.approx(float(np.sum(pull * forward)), rel=1e-7)
 
 
-@pytest.mark.slow
 def test_beyond_a_limit_the_answer_moves_with_its_price():
     """min u^2 / 2 - 5 u, u <= 1 at a price r: u = 5 - r up to r = 4, 1 from there."""
     one, none = jnp.ones((1, 1)), jnp.zeros((1, 1))

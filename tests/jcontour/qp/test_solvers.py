@@ -105,7 +105,6 @@ def brute_force(qp: QP) -> np.ndarray:
     return answer
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVERS)
 def test_against_all_active_sets(name):
     solver, random = SOLVERS[name](), np.random.default_rng(3)

@@ -26,12 +26,11 @@ def mutated(content: bytes, draw: random.Random) -> bytes:
     return content
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".dxf", ".svg"])
 def test_mutated_drawings(drawn, suffix):
     draw, taken = random.Random(1), 0
     original = (drawn.DATA / f"plate{suffix}").read_bytes()
-    for _ in range(500):
+    for _ in range(100):
         content = mutated(original, draw)
         try:
             drawn.read(content, 1e-3, suffix=suffix)
@@ -39,4 +38,4 @@ def test_mutated_drawings(drawn, suffix):
             assert len(str(error).splitlines()) == 1
         else:
             taken += 1
-    assert 50 < taken < 450
+    assert 10 < taken < 90

@@ -36,20 +36,16 @@ def apart(curve, found):
 @pytest.mark.parametrize(
     "curve",
     [
-        pytest.param(bezier((0, 0), (5, 0), (5, 5), (10, 5)), marks=pytest.mark.slow),
+        bezier((0, 0), (5, 0), (5, 5), (10, 5)),
         bezier((0, 0), (0, 0), (5, 5), (10, 5)),  # a handle drawn in
-        pytest.param(bezier((0, 0), (3, 5), (10, 5), (10, 5)), marks=pytest.mark.slow),
+        bezier((0, 0), (3, 5), (10, 5), (10, 5)),
         bezier((0, 0), (0, 0), (10, 5), (10, 5)),  # both: a straight line
-        pytest.param(bezier((0, 0), (0, 0), (0, 0), (10, 5)), marks=pytest.mark.slow),
+        bezier((0, 0), (0, 0), (0, 0), (10, 5)),
         bezier((0, 0), (10, 10), (0, 10), (10, 0)),  # a cusp in its middle
-        pytest.param(
-            bezier((0, 0), (10, 10), (-0.1, 10), (10, 0)), marks=pytest.mark.slow
-        ),  # a loop
-        pytest.param(
-            bezier((0, 0), (10, 10), (0.01, 10), (10, 0)), marks=pytest.mark.slow
-        ),  # nearly a cusp
+        bezier((0, 0), (10, 10), (-0.1, 10), (10, 0)),  # a loop
+        bezier((0, 0), (10, 10), (0.01, 10), (10, 0)),  # nearly a cusp
         bezier((0, 0), (12, 0), (-2, 0), (10, 0)),  # straight, to and fro
-        pytest.param(bezier((0, 0), (7, 9), (10, 0)), marks=pytest.mark.slow),
+        bezier((0, 0), (7, 9), (10, 0)),
     ],
 )
 def test_bezier_curves(curve):

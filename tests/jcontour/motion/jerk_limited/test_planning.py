@@ -48,7 +48,6 @@ def test_line_takes_as_long_as_in_closed_form(length):
     check_limits(motion, FEED, seed=0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("length", [2e-6, 2e-4, 5e-3, 0.2])
 def test_the_search_finds_the_time_of_a_line(length):
     """The feed of its second half is higher in the last digit, so that no closed form is taken."""

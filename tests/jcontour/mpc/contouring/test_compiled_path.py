@@ -17,7 +17,6 @@ PATHS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", PATHS)
 @pytest.mark.parametrize("unit", (1.0, 1e-3))
 def test_is_the_contour_in_another_unit(name, unit):

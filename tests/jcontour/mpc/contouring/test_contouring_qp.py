@@ -93,9 +93,7 @@ def cost(controller, memory, measurement, v, u):
     return total
 
 
-@pytest.mark.parametrize(
-    "make", [*(pytest.param(make, marks=pytest.mark.slow) for make in (samples, blocks)), helix]
-)
+@pytest.mark.parametrize("make", [samples, blocks, helix])
 def test_the_qp_is_the_cost_up_to_a_constant(make):
     model, contour, weights, horizon = make()
     controller = MPCC(model, contour, weights=weights, horizon=horizon)

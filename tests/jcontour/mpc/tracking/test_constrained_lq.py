@@ -27,7 +27,6 @@ from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.closed_loop import simulate
-from jcontour.simulation.metrics import score
 
 N = 6
 WEIGHTS = LQWeights(3.0, 50.0, 2e-8)
@@ -70,19 +69,8 @@ def same(found, wanted, tolerance=1e-6):
         np.testing.assert_allclose(value, expected, rtol=0, atol=tolerance * np.abs(expected).max())
 
 
-@pytest.mark.slow
-def test_a_loop_under_limits_is_that_of_the_host(two_axes):
-    reference = shape("square")
-    wanted = reported_loop(two_axes, host(two_axes, WEIGHTS, ACTUATOR), reference)
-    found = run(two_axes, ConstrainedLQ(two_axes, WEIGHTS, N, ACTUATOR), reference)
-    same(found, wanted.rollout)
-    assert wanted.report.active_fraction > 0.3
-    assert int(found.final_memory.failed) == 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(50))
-def test_50_loops_are_those_of_the_host(seed, two_axes):
+@pytest.mark.parametrize("seed", range(5))
+def test_loops_under_limits_are_those_of_the_host(seed, two_axes):
     """Random weights, limits, profiles and terminals, three contours, with and without a load."""
     random = np.random.default_rng(seed)
     factors = 10.0 ** random.uniform(-1, 1, 3)
@@ -120,37 +108,11 @@ def test_speed_and_acceleration_are_limited_as_on_the_host(two_axes):
     assert wanted.report.active_fraction > 0.1
 
 
-@pytest.mark.parametrize(
-    "terminal", [OutputTerminal(), pytest.param(RiccatiTerminal(), marks=pytest.mark.slow)]
-)
-def test_where_no_limit_acts_it_is_contouring_lq(terminal, two_axes):
+def test_where_no_limit_acts_it_is_contouring_lq(two_axes):
     reference, far = shape("circle"), Limits.within(control=1e3, increment=1e3)
-    wanted = run(two_axes, ContouringLQ(two_axes, WEIGHTS, N, terminal), reference)
-    found = run(two_axes, ConstrainedLQ(two_axes, WEIGHTS, N, far, terminal), reference)
+    wanted = run(two_axes, ContouringLQ(two_axes, WEIGHTS, N), reference)
+    found = run(two_axes, ConstrainedLQ(two_axes, WEIGHTS, N, far), reference)
     same(found, wanted, 1e-9)
-
-
-@pytest.mark.slow
-def test_a_batch_of_loops_and_its_derivative(two_axes):
-    """vmap is a loop over weights; the slope with each weight is that of differences."""
-    reference = shape("circle", 25)
-
-    def error(logs):
-        weights = LQWeights(*jnp.exp(logs))
-        controller = ConstrainedLQ(two_axes, weights, N, ACTUATOR)
-        metrics = score(simulate(two_axes, controller, reference), reference)
-        return jnp.log(metrics.rms_tracking_error)
-
-    at = jnp.log(jnp.array([[3.0, 50.0, 2e-8], [1.0, 9.0, 3e-8]]))
-    alone = jax.jit(error)
-    values = jax.jit(jax.vmap(error))(at)
-    np.testing.assert_allclose(values, [alone(row) for row in at], rtol=0, atol=1e-9)
-    slopes, forward = jax.jit(jax.grad(error))(at[0]), jax.jit(jax.jacfwd(error))(at[0])
-    np.testing.assert_allclose(forward, slopes, rtol=1e-6)
-    step = 1e-5
-    for k in range(3):
-        ahead, behind = (float(alone(at[0].at[k].add(size))) for size in (step, -step))
-        assert slopes[k] == pytest.approx((ahead - behind) / (2 * step), rel=1e-5, abs=1e-8)
 
 
 @pytest.mark.slow

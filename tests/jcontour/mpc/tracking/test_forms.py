@@ -123,10 +123,10 @@ def qp_in_controls(model, fed, before, reference, stage, riccati):
     return H, g, np.concatenate(rows), np.concatenate(room)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("delay", [0, 1])
 @pytest.mark.parametrize(
-    "terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"]
+    ("terminal", "delay"),
+    [(OutputTerminal(), 0), (RiccatiTerminal(), 1)],
+    ids=["output", "riccati, late"],
 )
 def test_the_offset_free_plan_is_the_optimum_of_the_problem_written_in_controls(
     terminal, delay, two_axes

@@ -73,13 +73,10 @@ def sample_of(plan, k):
     return type(plan)(*(rows[k] for rows in plan))
 
 
-@pytest.mark.parametrize("stage", [np.ones(N), np.linspace(1.0, 3.0, N)], ids=["flat", "rising"])
 @pytest.mark.parametrize(
-    "terminal",
-    [
-        pytest.param(OutputTerminal(), id="output"),
-        pytest.param(RiccatiTerminal(), id="riccati", marks=pytest.mark.slow),
-    ],
+    ("terminal", "stage"),
+    [(OutputTerminal(), np.ones(N)), (RiccatiTerminal(), np.linspace(1.0, 3.0, N))],
+    ids=["output", "riccati"],
 )
 def test_without_an_active_limit_it_is_contouring_lq(terminal, stage, two_axes):
     plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8, stage)
@@ -113,7 +110,6 @@ def test_no_profile_is_a_profile_of_ones(two_axes):
     np.testing.assert_array_equal(flat.control, none.control)
 
 
-@pytest.mark.slow
 def test_horizon_of_one(two_axes):
     plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8)
     for terminal in (OutputTerminal(), RiccatiTerminal()):
@@ -258,11 +254,7 @@ class Loaded(LinearPlant):
 
 
 @pytest.mark.parametrize(
-    "terminal",
-    [
-        pytest.param(OutputTerminal(), id="output"),
-        pytest.param(RiccatiTerminal(), id="riccati", marks=pytest.mark.slow),
-    ],
+    "terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"]
 )
 def test_the_velocity_form_leaves_no_offset(terminal, two_axes):
     plant, reference = two_axes, still([1e-3, 5e-4], 400, 12)
@@ -283,7 +275,6 @@ def test_the_velocity_form_leaves_no_offset(terminal, two_axes):
     assert np.abs(np.asarray(absolute.output)[-1] - end).max() >= 1e-6
 
 
-@pytest.mark.slow
 def test_the_x_y_table_under_a_constant_torque():
     """0.03 N m on each lead screw: below 1e-3 um at rest is asked for.
 

@@ -196,7 +196,6 @@ OTHERS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("dt", "changes", "law"), OTHERS.values(), ids=OTHERS)
 def test_other_axes_and_tasks_go_by_the_rules(dt, changes, law):
     """Stick, slip and reversal included: with the library's own cascade and references."""
@@ -276,19 +275,6 @@ def test_axes_side_by_side_are_single_axes(ideal):
 def mean_error(axis, reference, gains):
     states, _ = cascade(axis, reference, gains)
     return jnp.sqrt(jnp.mean((states[:, 2] - reference) ** 2))
-
-
-@pytest.mark.slow
-def test_gradient_of_the_smooth_twin():
-    axis, reference = SmoothFlexibleAxis(thesis_axis(), DT), jnp.asarray(task_a()[:400])
-    error = jax.jit(jax.value_and_grad(lambda gains: mean_error(axis, reference, gains)))
-    gains = np.array([K_PP, K_PV, T_IV])
-    _, found = error(jnp.asarray(gains))
-    for k in range(3):
-        away = gains * (1 + 1e-5 * np.eye(3)[k])
-        back = gains * (1 - 1e-5 * np.eye(3)[k])
-        difference = (error(away)[0] - error(back)[0]) / (2e-5 * gains[k])
-        np.testing.assert_allclose(found[k], difference, rtol=1e-5)
 
 
 def test_the_smooth_twin_comes_near_the_true_axis():

@@ -72,7 +72,6 @@ def test_left_alone_it_loses_its_energy_in_the_damper_only(kind, ideal):
     np.testing.assert_allclose(axis.parameters.energy(Motion(*x.T[:, -1:])), energy[-1], rtol=1e-12)
 
 
-@pytest.mark.slow
 def test_with_friction_cogging_and_current_the_work_balances():
     """The first half second of task A under the cascade, from stick to cruise.
 

@@ -25,7 +25,6 @@ def test_thesis_models(name, make):
     np.testing.assert_array_equal(model.C, [[0, 0, 1, 0]])
 
 
-@pytest.mark.slow
 def test_two_axes_are_the_plant_without_dry_friction(two_flexible_axes):
     model, axis = (
         zoh_model(two_flexible_axes, DT),

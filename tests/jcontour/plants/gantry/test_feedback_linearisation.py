@@ -230,7 +230,6 @@ def test_encoders_tell_as_much_as_the_state(odd_gantry):
     np.testing.assert_allclose(found, linearising(odd_gantry, state, control), rtol=1e-10)
 
 
-@pytest.mark.slow
 def test_bounds_over_a_point_are_the_residuals_there(odd_gantry):
     """The search over larger boxes is tested with the disturbances."""
     plant, z = (

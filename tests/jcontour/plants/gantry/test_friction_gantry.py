@@ -15,7 +15,6 @@ from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry
 from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.simulation.evaluation import member, stack_plants
 
 DT, SUBSTEPS, STEPS = 1e-3, 20, 100  # the same in most tests: compiled once
 
@@ -26,7 +25,6 @@ def only(**friction):
     )
 
 
-@pytest.mark.slow
 def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_then_the_head(
     at_rest,
 ):
@@ -75,7 +73,6 @@ def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_th
     ]
 
 
-@pytest.mark.slow
 def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it(run, at_rest):
     """Both guide ways hold 2 k_r theta / (2 L cos theta), to the bit; then the beam swings."""
     p, held = thesis_gantry(), 20.0
@@ -91,7 +88,6 @@ def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it(run, at_rest):
         assert all(np.array_equal(a, b) for a, b in zip(after, twisted, strict=True)) is stays
 
 
-@pytest.mark.slow
 def test_where_the_others_hold_a_slider_is_a_mass_on_a_guide_way(run, at_rest):
     """M v' = k i - b v - f for the head alone, then for both drives with the head held.
 
@@ -167,9 +163,7 @@ def test_energy_changes_by_the_work_of_the_motors_and_all_friction(
     assert abs(balance.sum()) < 1e-5 * total and simpson(lost, dx=fine) > 0.1 * total
 
 
-@pytest.mark.parametrize(
-    "kind", [SmoothFrictionGantry, pytest.param(StickSlipGantry, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("kind", [SmoothFrictionGantry, StickSlipGantry])
 def test_without_dry_friction_it_is_the_gantry(kind, odd_gantry, swinging, run):
     """In other coordinates the error of the integrator is another, of fourth order.
 
@@ -221,31 +215,6 @@ def test_the_sharper_the_twin_the_nearer_it_comes(rubbing, swinging, run, at_res
     assert np.all(gaps[1] < gaps[0] / 3) and np.all(gaps[2] < gaps[1] / 3)
 
 
-@pytest.mark.slow
-def test_derivatives_of_the_twin_are_those_of_differences(odd_gantry, rubbing, swinging, at_rest):
-    """To currents, friction and the start."""
-    currents, dry = jnp.asarray(swinging(20, seed=1, size=1.0)), rubbing
-
-    @jax.jit
-    @jax.value_and_grad
-    def loss(change):
-        coulomb, stribeck = dry.coulomb * (1 + change[0]), dry.stribeck * (1 + change[1])
-        friction = Friction(coulomb, stribeck, dry.stribeck_speed, dry.viscous)
-        twin = SmoothFrictionGantry(odd_gantry, friction, DT)
-        start = at_rest(twin).at[3:].add(1e-3 * change[3])
-        _, states = jax.lax.scan(
-            lambda s, u: (twin.step(s, u),) * 2, start, currents * (1 + change[2])
-        )
-        return jnp.log(jnp.mean((states[:, :3] - states[:1, :3]) ** 2))
-
-    none, h = jnp.zeros(4), 1e-5
-    _, slopes = loss(none)
-    differences = [
-        (loss(none.at[k].set(h))[0] - loss(none.at[k].set(-h))[0]) / (2 * h) for k in range(4)
-    ]
-    np.testing.assert_allclose(slopes, differences, rtol=1e-5)
-
-
 @pytest.mark.parametrize("slider", range(3))
 def test_a_speed_that_is_not_a_number_is_never_taken_for_rest(slider, rubbing, run):
     """It stays in the slider's position and speed, and so in what is measured."""
@@ -259,21 +228,6 @@ def test_a_speed_that_is_not_a_number_is_never_taken_for_rest(slider, rubbing, r
     )
     assert np.isnan(after.sliders[slider]) and np.isnan(after.sliders[3 + slider])
     assert np.isnan(plant.measure(after)).any() and np.isnan(plant.output(after)).any()
-
-
-@pytest.mark.slow
-def test_a_family_of_machines_is_a_batch(odd_gantry, rubbing, at_rest):
-    family = stack_plants([StickSlipGantry(p, rubbing, DT) for p in (thesis_gantry(), odd_gantry)])
-    start, control = (
-        at_rest(StickSlipGantry(odd_gantry, rubbing, DT), (0.2, 0.0)),
-        jnp.array([0.2, 0.5, 0.1]),
-    )
-    step = eqx.filter_jit(lambda plant: plant.step(start, control))
-    found = eqx.filter_vmap(step)(family)
-    for k in range(2):
-        wanted = step(member(family, k))
-        np.testing.assert_allclose(found.sliders[k], wanted.sliders, rtol=1e-13)
-        np.testing.assert_array_equal(found.mode[k], wanted.mode)
 
 
 def test_it_starts_stuck_or_in_steady_motion(rubbing, at_rest):

@@ -165,7 +165,6 @@ class _Change:
         )
 
 
-@pytest.mark.slow
 def test_it_is_the_machine_of_a_program_with_events(odd_gantry, rubbing, swinging, run, at_rest):
     """Forty milliseconds in which all three stick, break loose and turn.
 
@@ -192,7 +191,6 @@ def test_it_is_the_machine_of_a_program_with_events(odd_gantry, rubbing, swingin
     )  # of 1e-2 m/s
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("machine", ["reference_gantry", "odd_gantry"])
 def test_sliders_break_loose_as_only_they_can(machine, request, rubbing, at_rest):
     """Breaking loose one after another finds what trying all choices finds.

@@ -7,7 +7,6 @@ import pytest
 from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry
 from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.integrators import runge_kutta
-from jcontour.simulation.evaluation import member, stack_plants
 
 DT = 2e-3
 
@@ -187,40 +186,6 @@ def test_reference_closed_loop(gantry_data, gantry_path, gantry_loop, reference_
     )
 
 
-@pytest.mark.slow
-def test_derivatives_of_a_closed_loop_are_those_of_differences(
-    gantry_data, gantry_path, gantry_loop, odd_gantry
-):
-    """Reverse and forward mode, to a gain, a mass and the joint's stiffness."""
-    gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
-    position, velocity = position[400:460], velocity[400:460]
-    off = jnp.array([1e-4, -1e-4, 2e-3, 0.0, 0.0, 0.1])  # twisted, so that joints and drives matter
-
-    def loss(change):
-        scaled = eqx.tree_at(
-            lambda p: p.drive_mass_1, odd_gantry, odd_gantry.drive_mass_1 * (1 + change[1])
-        )
-        scaled = eqx.tree_at(
-            lambda p: p.joint_stiffness, scaled, scaled.joint_stiffness * (1 + change[2])
-        )
-        plant = Gantry(scaled, DT)
-        start = plant.initial_state(position[0], np.asarray(velocity[0]) * DT) + off
-        tools = gantry_loop(
-            plant, {**gains, "kpx": gains["kpx"] * (1 + change[0])}, position, velocity, start
-        )[-1]
-        return jnp.log(jnp.mean((tools - position) ** 2))
-
-    at = jnp.zeros(3)
-    reverse, forward = jax.jit(jax.value_and_grad(loss)), jax.jit(jax.jacfwd(loss))(at)
-    slopes = reverse(at)[1]
-    np.testing.assert_allclose(slopes, forward, rtol=1e-9)
-    h = 1e-4
-    differences = [
-        (reverse(at.at[k].set(h))[0] - reverse(at.at[k].set(-h))[0]) / (2 * h) for k in range(3)
-    ]
-    np.testing.assert_allclose(slopes, differences, rtol=1e-6)
-
-
 def test_it_starts_in_steady_motion():
     """Under currents that balance friction the tool goes on and the beam stays straight."""
     p = thesis_gantry()
@@ -235,18 +200,6 @@ def test_it_starts_in_steady_motion():
     after = step(state, np.array([along, across, across]))
     np.testing.assert_allclose(output(after), place + increment, rtol=0, atol=1e-12)
     assert abs(np.asarray(after)[2]) < 1e-15
-
-
-def test_a_family_of_machines_is_a_batch(odd_gantry):
-    family = jax.device_get(stack_plants([Gantry(thesis_gantry(), DT), Gantry(odd_gantry, DT)]))
-    state, control = np.array([0.1, 0.2, 1e-3, 0.1, 0.2, 0.3]), np.array([1.0, -2.0, 3.0])
-
-    def stepped(plant):
-        return plant.step(state, control)
-
-    found, alone = jax.jit(jax.vmap(stepped))(family), jax.jit(stepped)
-    for k in range(2):
-        np.testing.assert_allclose(np.asarray(found)[k], alone(member(family, k)), rtol=1e-13)
 
 
 def test_bad_sample_periods_are_named():

@@ -1,4 +1,3 @@
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -19,7 +18,6 @@ from jcontour.plants.gantry.parameters import thesis_gantry
 DT = 2e-3
 
 
-@pytest.mark.slow
 def test_reference_models(gantry_data, reference_gantry):
     """Continuous and sampled, both parts; inputs and disturbances each in their columns."""
     for head, wanted in gantry_data("linear")["linear"].items():
@@ -74,7 +72,6 @@ def test_the_response_is_that_of_the_model(odd_gantry):
     )
 
 
-@pytest.mark.slow
 def test_the_tangent_is_the_derivative_of_the_equation_of_motion(odd_gantry):
     motion, head = EquationOfMotion.of(odd_gantry), 0.25
 
@@ -106,18 +103,6 @@ def test_the_tangent_plant_follows_the_gantry_for_small_motions():
     off[0] += head
     moved = jax.jit(lambda x, u: model.output(model.step(x, u)))(off, control)
     np.testing.assert_allclose(tool, moved, rtol=0, atol=1e-11)
-
-
-@pytest.mark.slow
-def test_a_family_of_models_has_derivatives():
-    def coupling(mass):
-        p = eqx.tree_at(lambda p: p.head_mass, thesis_gantry(), mass)
-        return control_oriented(p, 0.05).sampled(DT).A[4, 2]
-
-    found, h = jax.jit(jax.value_and_grad(coupling)), 1e-3
-    np.testing.assert_allclose(
-        found(40.0)[1], (found(40 + h)[0] - found(40 - h)[0]) / (2 * h), rtol=1e-6
-    )
 
 
 def test_a_head_beyond_the_beam_is_named():

@@ -12,7 +12,6 @@ from jcontour.plants.gantry.parameters import thesis_gantry, untwisted
 DT, HEAD = 2e-3, -0.31
 
 
-@pytest.mark.slow
 def test_model_is_the_derivative_of_the_equation_of_motion_in_the_motors_coordinates(odd_gantry):
     """By automatic differentiation and SciPy: unequal drives, an off-centre head."""
     rest, still = untwisted(odd_gantry, jnp.array([HEAD, 0.0]), jnp.zeros(2)), jnp.zeros(3)
@@ -35,7 +34,6 @@ def test_model_is_the_derivative_of_the_equation_of_motion_in_the_motors_coordin
     np.testing.assert_allclose(model.C, C @ np.linalg.inv(T), rtol=1e-12, atol=1e-14)
 
 
-@pytest.mark.slow
 def test_steady_motion_is_what_the_encoders_read(odd_gantry):
     position, increment = jnp.array([0.2, -0.05]), jnp.array([3e-4, -5e-4])
     read = MotorEncoders(odd_gantry)(untwisted(odd_gantry, position, increment / DT))
@@ -46,7 +44,6 @@ def test_steady_motion_is_what_the_encoders_read(odd_gantry):
     np.testing.assert_allclose(model.output(read), position, rtol=0, atol=1e-15)
 
 
-@pytest.mark.slow
 def test_schedule_has_the_model_of_every_point(odd_gantry):
     schedule = motor_schedule(odd_gantry, [-0.4, 0.0, HEAD + 0.7], DT)
     wanted = motor_model(odd_gantry, 0.0, DT)
@@ -67,7 +64,6 @@ def test_points_outside_the_beam_are_refused(odd_gantry):
         motor_model(odd_gantry, -0.61, DT)
 
 
-@pytest.mark.slow
 def test_models_between_two_points_are_of_second_order():
     """Half the distance of the points, a quarter of the interpolation error."""
     p, middle = thesis_gantry(), 0.05

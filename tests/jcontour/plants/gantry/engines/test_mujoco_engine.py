@@ -19,7 +19,6 @@ def test_a_closed_loop_is_ours(tools_in_a_loop, reference_gantry):
     np.testing.assert_allclose(engine, ours, rtol=0, atol=1e-8)
 
 
-@pytest.mark.slow
 def test_steady_start_and_batches(odd_gantry):
     plant, ours = GantryMuJoCo(odd_gantry, DT), Gantry(odd_gantry, DT)
     places, increments = (

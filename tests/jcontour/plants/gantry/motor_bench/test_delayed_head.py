@@ -53,7 +53,6 @@ def test_how_far_the_printed_forward_euler_is():
     assert B[0] == 0 and exact[0, 2] == pytest.approx(DT**2 * gain / 2, rel=1e-2)
 
 
-@pytest.mark.slow
 def test_it_predicts_a_bench_whose_friction_is_its_own():
     """Without dry friction and twist, and with b_x / M_e = b_A / M_A, nothing is left to F_Nx."""
     p, bench = thesis_gantry(), servo_bench()

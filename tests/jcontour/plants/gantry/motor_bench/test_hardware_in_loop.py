@@ -67,7 +67,6 @@ def test_without_dry_friction_it_nears_the_gantry_as_samples_get_shorter(delay, 
     assert np.abs(2 * errors[2] - errors[1])[[0, 3]].max() < 0.05 * sizes[2]
 
 
-@pytest.mark.slow
 def test_one_step_by_hand(odd_gantry):
     """(5.48) with the bench's exact response in place of forward Euler.
 
@@ -119,7 +118,6 @@ def test_the_bench_is_the_head_but_for_its_dry_friction(odd_gantry):
         )
 
 
-@pytest.mark.slow
 def test_the_shaft_sticks_until_the_head_would_pull_harder():
     """By M_A x_h'' of the gantry against f_c + f_s."""
     plant, p = HardwareInLoop(Gantry(thesis_gantry(), DT), bench(), 0), thesis_gantry()
@@ -138,7 +136,6 @@ def test_it_comes_to_rest_and_the_beam_goes_on():
     assert states.gantry[-1, 4] > 0.05
 
 
-@pytest.mark.slow
 def test_the_delay_is_one_sample_of_the_head_and_none_of_the_drives():
     """If the load follows from the current alone, the head is exactly one sample late."""
     p = eqx.tree_at(
