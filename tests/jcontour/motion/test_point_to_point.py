@@ -89,6 +89,5 @@ def test_s_curve_by_hand():
     ],
 )
 def test_bad_limits_are_named(make, name):
-    with pytest.raises(ValueError, match=f"^{name}: ") as error:
+    with pytest.raises(ValueError, match=f"^{name}: "):
         make()
-    assert "\n" not in str(error.value)

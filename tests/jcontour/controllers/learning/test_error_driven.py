@@ -4,7 +4,6 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from jcontour.controller import Controller
 from jcontour.controllers.learning.error_driven import ErrorDriven, ErrorDrivenMemory
@@ -33,9 +32,3 @@ def test_the_wrapped_controller_runs_and_the_errors_are_seen(small_loop):
     np.testing.assert_array_equal(run.control, plain.control)
     error = np.asarray(reference.position[: reference.steps] - plain.output)
     np.testing.assert_allclose(run.final_memory.learned, error.sum(axis=0), atol=1e-15)
-
-
-def test_another_number_of_axes_is_refused(small_loop):
-    _, controller, reference = small_loop()
-    with pytest.raises(ValueError, match="the reference has 2 axes, the controller reads 1"):
-        SumOfErrors(controller, Sensors((0,))).prepare(reference)

@@ -168,11 +168,6 @@ def test_bad_controllers_are_named(any_type, two_axes):
         ContouringLQ(out_of_reach, LQWeights(1, 1, 1), 3, RiccatiTerminal())
 
 
-def test_a_schedule_needs_the_whole_preview(two_axes):
-    with pytest.raises(ValueError, match="preview"):
-        ContouringLQ(two_axes, LQWeights(1, 1, 1), 5).prepare(reference_of(0, 2, 3))
-
-
 def test_a_subclass_may_have_a_law_of_its_own(two_axes):
     class Halved(ContouringLQ):
         def step(self, memory, plan, measurement):

@@ -179,12 +179,3 @@ def test_bad_input(any_type):
         SynchronisedGains(0.3, 0.02, -1.0)
     with pytest.raises(ValueError, match="bias: needs to be above zero"):
         SynchronisedGains(0.3, 0.02, 1.0, bias=0.0)
-
-
-def test_the_reference_has_to_fit():
-    controller = AdaptiveSynchronisation(SynchronisedGains(0.3, 0.02, 1.0), motors(2), 1e-3)
-    with pytest.raises(ValueError, match="dt: the controller is sampled"):
-        controller.prepare(following(np.ones(10), 2e-3))
-    three = AdaptiveSynchronisation(SynchronisedGains(0.3, 0.02, 1.0), motors(3), 1e-3)
-    with pytest.raises(ValueError, match="the reference has 2 axes"):
-        three.prepare(following(np.ones(10), 1e-3))

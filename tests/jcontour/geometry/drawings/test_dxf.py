@@ -6,30 +6,16 @@ from scipy.special import ellipe
 
 from jcontour.geometry.drawings.reading import read_drawing
 from jcontour.geometry.toolpath_rules import ToolpathError
-from jcontour.geometry.toolpaths import read_gcode
 
 LINE = "LINE 10=0 20=0 11=3 21=4"
 NM = 1e-6  # [mm]
 TURN = np.pi / 6
 
 
-def test_the_same_plate_as_a_program_and_as_a_drawing(drawn, traced):
-    """Lines and arcs in no order are joined to the contours of the program."""
-    drawing = read_drawing(drawn.DATA / "plate.dxf", drawn.FEED)
-    program = read_gcode(drawn.DATA / "plate.ngc")
-    traced.assert_valid(drawing)
-    assert drawing.rapid.tolist() == program.rapid.tolist()
-    places = np.linspace(0, 1, 9)
-    np.testing.assert_allclose(
-        traced.points(drawing, places), traced.points(program, places), atol=1e-9
-    )
-    assert float(drawing.contour.fit_error) == 0.0  # arcs stay arcs
-    np.testing.assert_allclose(drawing.feed, program.feed)
-    assert drawing.ignored == ("1 TEXT (layer notes)",)
-
-
 def test_each_piece_tells_its_line_of_the_file(drawn):
     toolpath = read_drawing(drawn.DATA / "plate.dxf", drawn.FEED)
+    assert float(toolpath.contour.fit_error) == 0.0  # arcs stay arcs
+    assert toolpath.ignored == ("1 TEXT (layer notes)",)
     lines = (drawn.DATA / "plate.dxf").read_text().splitlines()
     kinds = [lines[line - 1] for line in toolpath.line[~toolpath.rapid]]
     assert kinds == [*["LINE", "ARC"] * 4, "CIRCLE", *["LWPOLYLINE"] * 4]

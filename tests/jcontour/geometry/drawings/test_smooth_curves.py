@@ -59,15 +59,6 @@ def test_bezier_curves(curve):
     np.testing.assert_allclose([start[0] @ [1, 1j], end[-1] @ [1, 1j]], [curve.start, curve.end])
 
 
-def test_curves_backwards_and_placed():
-    curve = Curve((1 + 0j, 2j, 3 - 1j), (1.0, 0.5, 0.25))
-    for t in (0.0, 0.3, 1.0):
-        assert curve.backwards().at(t) == pytest.approx(curve.at(1 - t))
-    arc = Arc(1j, 2 + 1j, 0.5j, 0.3, -1.2)
-    assert arc.backwards().start == arc.end and arc.backwards().end == pytest.approx(arc.start)
-    assert arc.heading() == pytest.approx(-arc.backwards().backwards().heading() * -1)
-
-
 def test_kinds_stay_in_their_order():
     line, arc = Line(0, MM), Arc.circular(MM, MM * (1 + 1j), np.pi)
     ellipse = Arc(MM * (1 + 4j), -2j * MM, MM, 0.0, np.pi)

@@ -31,6 +31,7 @@ def test_the_same_plate_as_program_dxf_and_svg(drawn, traced):
             traced.points(drawing, places), traced.points(program, places), atol=1e-9
         )
         assert drawing.rapid.tolist() == program.rapid.tolist()
+        np.testing.assert_allclose(drawing.feed, program.feed)
     assert set(drawing.line) > {20}
 
 

@@ -361,9 +361,8 @@ def test_bad_input(message, two_axes):
     arguments = (
         dict(model=two_axes, weights=TrackingWeights(1.0, control=1.0), preview=N) | BAD[message]
     )
-    with pytest.raises(ValueError, match=f"^{message}") as caught:
+    with pytest.raises(ValueError, match=f"^{message}"):
         TrackingMPC(**arguments)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_start_outside_the_limits(two_axes):

@@ -131,16 +131,6 @@ def test_a_plant_of_the_nominal_parameters_moves_as_the_model_but_for_what_is_dr
         np.testing.assert_allclose(off, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
 
 
-def test_without_twist_nothing_is_left(odd_gantry):
-    for seed in range(5):
-        state, control = drawn(seed)
-        state[2] = 0.0
-        whole = control + linearising(odd_gantry, state, control)
-        model = np.array(uncoupled(odd_gantry, state[:3], state[3:], control))
-        np.testing.assert_allclose(moved(odd_gantry, state, whole), model, rtol=1e-11, atol=1e-9)
-        assert np.abs(moved(odd_gantry, state, control) - model).max() > 0.1
-
-
 def test_the_sampled_plant_follows_the_linear_model():
     """A beam on soft joints, shaken to 6 mrad for half a second at 0.1 ms.
 
