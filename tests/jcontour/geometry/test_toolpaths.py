@@ -133,13 +133,10 @@ def test_csv_in_space_and_closed(tmp_path):
     ("text", "message"),
     [
         ("0,0\n1,nan", "line 2: needs two or three numbers"),
-        ("0,0\n1,inf", "line 2: needs two or three numbers"),
         ("0,0\n1,1e400", "line 2: .* is farther than 100 m away"),
-        ("0,0\n1;2", "line 2: needs two or three numbers"),
         ("0,0\n1,2,3,4", "line 2: needs two or three numbers"),
         ("0,0\n1,2,3", "line 2: needs 2 numbers as the lines above"),
         ("x,y\nx,z\n1,2", "line 2: needs two or three numbers"),
-        ("a,b\n1,2", "line 1: needs two or three numbers"),
         ("0,0\nx,y", "line 2: needs two or three numbers"),
         ("0,0\n0,0\n1e-9,0", "fewer than two distinct points"),
         ("", "fewer than two distinct points"),

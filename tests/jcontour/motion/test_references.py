@@ -182,7 +182,6 @@ GOOD = {"position": [[0, 0], [1e-3, 0], [2e-3, 0]], "tangent": [[1, 0]] * 3, "dt
         ({"tangent": [[1, 0], [np.inf, 0], [1, 0]]}, "tangent: every entry needs to be finite"),
         ({"tangent": [[1, 0], [1, 0.1], [1, 0]]}, "tangent: needs unit vectors"),
         ({"dt": 0.0}, "dt"),
-        ({"dt": float("nan")}, "dt"),
         ({"preview": 3}, "preview: 3 samples leave no control step"),
         ({"preview": -1}, "preview"),
         ({"position": [[0, 0]] * 3}, "2 distinct points"),

@@ -125,7 +125,6 @@ def test_a_limit_for_each_axis_bounds_control_and_memory():
     [
         ((-1.0, 1.0, 1.0, motors(1), PERIOD), "stiffness: needs to be finite"),
         ((1.0, 1.0, 0.0, motors(1), PERIOD), "input_gain: needs to be above zero"),
-        ((1.0, 1.0, 1.0, motors(1), 0.0), "dt: needs to be above zero"),
         ((1.0, 1.0, 1.0, motors(1), PERIOD, 0.0), "limit: needs to be above zero"),
         ((1.0, 1.0, 1.0, motors(1), PERIOD, np.nan), "limit: needs to be above zero"),
         ((1.0, 1.0, 1.0, Sensors((0,)), PERIOD), "sensors: time-delay control needs speeds"),

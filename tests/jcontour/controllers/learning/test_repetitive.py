@@ -101,7 +101,6 @@ def test_gradients_through_three_periods(small_loop):
         ({"period": 10, "learning": 1.0, "smoothing": np.ones(4)}, "smoothing: needs an odd"),
         ({"period": 10, "learning": 1.0, "lead": -1}, "lead: needs to be at least zero"),
         ({"period": 500.7, "learning": 0.3}, "period: needs a whole number of samples"),
-        ({"period": np.nan, "learning": 0.3}, "period: needs a whole number of samples"),
         ({"period": 500, "learning": 0.3, "lead": 1.5}, "lead: needs a whole number"),
         ({"period": 5, "learning": 1.0, "lead": 4}, "period: needs to be longer than the 5"),
     ],
