@@ -37,11 +37,3 @@ def test_a_nilpotent_matrix_has_no_radius_and_a_finite_slope(M):
 def test_a_matrix_that_is_not_finite_has_an_infinite_radius(bad):
     value, slope = with_slope(np.array([[0.5, bad], [0.0, 0.1]]))
     assert np.isinf(value) and np.isfinite(slope).all()
-
-
-def test_batches_are_batches():
-    M = np.random.default_rng(0).standard_normal((3, 2, 4, 4))
-    one = np.array([[float(radius_of(M[i, j])) for j in range(2)] for i in range(3)])
-    np.testing.assert_allclose(jax.jit(jax.vmap(jax.vmap(radius)))(M), one, rtol=1e-12)
-    slopes = jax.jit(jax.vmap(jax.grad(lambda row: jax.vmap(radius)(row).sum())))(M)
-    np.testing.assert_allclose(np.asarray(slopes)[1, 1], with_slope(M[1, 1])[1], rtol=1e-9)

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete
 from scipy.spatial.transform import Rotation
 
 from jcontour.plants.three_link import (
@@ -69,24 +68,6 @@ def test_other_sizes_and_a_batch():
     np.testing.assert_allclose(manipulator.pose(lengths), poses, atol=1e-12)
 
 
-def test_legs_stay_in_the_planes_of_their_pins():
-    poses = manipulator_path(np.linspace(0, 6, 101))
-    psi = np.deg2rad([0, 120, 240])
-    normals = np.stack([-np.sin(psi), np.cos(psi), 0 * psi], axis=-1)
-    balls = np.asarray(balls_of(ThreeLink(), poses))
-    assert np.max(np.abs(np.sum(balls * normals, axis=-1))) < 1e-15
-
-
-def test_pins_stand_on_the_base_circle():
-    """At 0, 120 and 240 degrees; from pin to ball it is as far as the leg is long."""
-    links, pose = ThreeLink(base_radius=0.3), np.array([0.4, 0.1, -0.05])
-    pins = links.pins()
-    half = 0.3 * np.sqrt(3) / 2
-    np.testing.assert_allclose(pins, [[0.3, 0, 0], [-0.15, half, 0], [-0.15, -half, 0]], atol=1e-16)
-    lengths = np.linalg.norm(np.asarray(balls_of(links, pose)) - pins, axis=1)
-    np.testing.assert_allclose(lengths, legs_of(links, pose), rtol=1e-14)
-
-
 def test_the_path_is_that_of_the_reference():
     times = 3e-3 * np.arange(2001)
     legs = np.asarray(legs_of(ThreeLink(), manipulator_path(times)))
@@ -110,17 +91,6 @@ def test_derivatives_both_ways(pose):
     legs = manipulator.legs(pose)
     back = jax.jacrev(manipulator.pose)(legs)
     np.testing.assert_allclose(back @ J, np.eye(3), atol=1e-10)
-
-
-def test_derivative_of_a_pose_with_respect_to_the_size():
-    legs = ThreeLink().legs(np.array([0.42, 0.1, -0.2]))
-
-    def height(h):
-        return ThreeLink(platform_radius=h).pose(legs)[0]
-
-    slope = jax.grad(height)(0.12)
-    by_difference = (height(0.12 + 1e-6) - height(0.12 - 1e-6)) / 2e-6
-    np.testing.assert_allclose(slope, by_difference, rtol=1e-6)
 
 
 @pytest.mark.parametrize("pose", [[0.9, 0.0, 0.0], [0.1, 0.0, 0.0], [np.nan, 0.0, 0.0]])
@@ -147,17 +117,6 @@ def test_an_empty_stroke():
         ThreeLink(shortest=0.5, longest=0.4)
 
 
-@pytest.mark.parametrize(("dt", "pole"), [(3e-3, 567.5), (16.8e-3, 28.8), (1e-3, 1.0)])
-def test_servos_are_the_sampled_transfer_function(dt, pole):
-    plant = three_servos(dt, 16.359, pole)
-    A, B, *_ = cont2discrete(
-        (np.array([[0, 1], [0, -pole]]), np.array([[0], [16.359]]), np.eye(2), np.zeros((2, 1))), dt
-    )
-    np.testing.assert_allclose(plant.A, np.kron(np.eye(3), A), rtol=1e-11, atol=1e-15)
-    np.testing.assert_allclose(plant.B, np.kron(np.eye(3), B), rtol=1e-9, atol=1e-15)
-    assert (plant.axes, plant.inputs, plant.states) == (3, 3, 6)
-
-
 def test_servos_move_steadily_and_are_measured_in_quanta():
     plant = Quantised(Encoders(three_servos(3e-3)), LVDT_QUANTUM)
     position, increment = jnp.array([1e-2, 0.0, -2e-2]), jnp.array([1e-5, 0.0, 2e-5])
@@ -166,9 +125,3 @@ def test_servos_move_steadily_and_are_measured_in_quanta():
     counts = np.asarray(plant.measure(state)) / LVDT_QUANTUM
     np.testing.assert_array_equal(np.round(counts), [233, 0, -465])
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)
-
-
-@pytest.mark.parametrize("arguments", [{"dt": 0.0}, {"dt": 1e-3, "pole": -1.0}])
-def test_bad_servos(arguments):
-    with pytest.raises(ValueError, match="needs to be above zero"):
-        three_servos(**arguments)

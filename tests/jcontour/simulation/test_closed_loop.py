@@ -1,5 +1,3 @@
-import inspect
-
 import equinox as eqx
 import jax
 import numpy as np
@@ -185,10 +183,3 @@ def test_a_contour_with_other_axes_than_the_plant_is_refused(two_axes, controlle
 def test_a_stack_of_references_is_for_evaluate(two_axes, controller):
     with pytest.raises(ValueError, match="simulate runs one, received a stack of 2; evaluate"):
         simulate(two_axes, controller, stack_references([reference_of()] * 2))
-
-
-def test_help_and_print_tell_what_they_are(two_axes, controller):
-    rollout = simulate(two_axes, controller, reference_of())
-    assert inspect.isfunction(simulate) and "Run `controller`" in str(inspect.getdoc(simulate))
-    assert repr(rollout).startswith("Rollout(output (8, 2) [m], control (8, 2) from ")
-    assert "8 steps of 1 ms" in repr(reference_of()) and "6.283 mm long" in repr(reference_of())

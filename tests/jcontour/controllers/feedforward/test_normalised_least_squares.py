@@ -54,16 +54,6 @@ def test_nothing_is_learned_within_the_dead_zone_or_from_nothing():
     assert float(np.asarray(found.theta)[0]) > 0.5
 
 
-def test_a_batch_is_a_loop():
-    estimator = NormalisedLeastSquares(trace=2.0)
-    phi, y = np.array([[1.0, 2.0], [0.3, -0.1]]), np.array([0.5, 1.0])
-    both = update(estimator, start(estimator, np.zeros((2, 2))), phi, y)
-    for k in range(2):
-        one = update(estimator, start(estimator, np.zeros(2)), phi[k], y[k])
-        np.testing.assert_allclose(np.asarray(both.theta)[k], one.theta, rtol=1e-14)
-        np.testing.assert_allclose(np.asarray(both.gain)[k], one.gain, rtol=1e-14)
-
-
 def test_bad_input():
     with pytest.raises(ValueError, match="trace"):
         NormalisedLeastSquares(0.0)

@@ -1,8 +1,6 @@
 """The sampled law on its plant against reference numbers, a plain loop and differences."""
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -129,39 +127,6 @@ def test_a_third_axis_stays_to_itself():
     coupled = jax.jit(coupled_errors, static_argnums=2)
     np.testing.assert_allclose(coupled(error, 0.5, (1, 2)), [1.0, 1.0, 5.0])
     np.testing.assert_allclose(coupled(error, 0.5, (2, 0)), [-0.5, 2.0, 5.5])
-
-
-def test_gradients_of_all_gains_through_fifty_steps_of_adaptation():
-    dt, axes = 2e-3, speed_axes([10.0, 4.0], [50.0, 70.0])
-    speeds = 0.5 + 0.1 * np.sin(0.3 * np.arange(52))
-    force = np.random.default_rng(0).standard_normal((50, 2))
-    plant = Disturbed(servo_axes(axes.gain, axes.pole, dt), placed(force))
-    reference = following(speeds, dt)
-    gains = SynchronisedGains([0.3, 0.2], 0.02, 1.7, position=[3.0, 2.0], bias=0.5)
-    controller = AdaptiveSynchronisation(gains, STATE, dt, 0.9 * axes.feedforward(dt))
-    moving, fixed = eqx.partition(controller, eqx.is_inexact_array)
-
-    @jax.jit
-    def scored(moving):
-        rollout = simulate(plant, eqx.combine(moving, fixed), reference)
-        error = rollout.measurement[:, 1::2] - speeds[:50, None]
-        return 1e3 * jnp.mean(error**2) + jnp.sum(rollout.final_memory.estimate**2)
-
-    moving = jax.device_get(moving)
-    slopes, treedef = jax.tree.flatten(jax.device_get(jax.grad(scored)(moving)))
-    leaves = jax.tree.leaves(moving)
-    assert all(np.any(np.asarray(slope) != 0) for slope in slopes)
-    for index, leaf in enumerate(leaves):
-        h = 1e-5 * np.maximum(np.abs(leaf), 1e-2)
-        for place in np.ndindex(leaf.shape):
-            step = np.zeros(leaf.shape)
-            step[place] = h[place]
-            sides = []
-            for sign in (1, -1):
-                changed = [*leaves[:index], leaf + sign * step, *leaves[index + 1 :]]
-                sides.append(float(scored(jax.tree.unflatten(treedef, changed))))
-            difference = (sides[0] - sides[1]) / (2 * h[place])
-            assert float(slopes[index][place]) == pytest.approx(difference, rel=1e-5, abs=1e-7)
 
 
 def test_bad_input(any_type):

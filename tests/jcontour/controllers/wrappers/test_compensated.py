@@ -80,28 +80,6 @@ def test_the_compensation_sees_the_control_of_the_one_inside():
     np.testing.assert_allclose(doubled.output, wanted.output, rtol=0, atol=1e-12)
 
 
-def test_gradient_reaches_the_compensation():
-    cascade, task = stiff_cascade(), short_task()
-
-    @jax.jit
-    @jax.value_and_grad
-    def cost(stiffness):
-        run = simulate(Mass(STIFFNESS), Compensated(cascade, Cancelling(stiffness)), task)
-        return 1e6 * jnp.mean((run.output - task.position[:-1]) ** 2)
-
-    at, h = 0.8 * STIFFNESS, 1e-2
-    difference = (float(cost(at + h)[0]) - float(cost(at - h)[0])) / (2 * h)
-    assert float(cost(at)[1]) == pytest.approx(difference, rel=1e-6)
-
-
-def test_it_looks_as_far_ahead_as_the_one_inside():
-    compensated = Compensated(stiff_cascade(), Cancelling(jnp.asarray(STIFFNESS)))
-    assert compensated.preview == stiff_cascade().preview
-    np.testing.assert_array_equal(
-        compensated.initial_memory(short_task()), stiff_cascade().initial_memory(short_task())
-    )
-
-
 def test_a_compensation_of_another_size_is_refused():
     with pytest.raises(
         ValueError, match=r"compensation: needs the control's shape \(1,\), received \(\)"

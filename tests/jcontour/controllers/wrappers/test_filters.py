@@ -85,22 +85,6 @@ def test_a_filter_of_three_controls_on_two_axes_begins_at_zero(two_axes):
     np.testing.assert_array_equal(memory.filter, np.zeros((2, 3)))
 
 
-def test_gradient_with_respect_to_the_notch_frequency():
-    signal = np.random.default_rng(1).standard_normal(50)
-
-    def power(frequency):
-        filter = notch(frequency, 0.3, 0.1, DT)
-        return jnp.sum(
-            jax.lax.scan(
-                lambda memory, x: filter.step(memory, x), jnp.zeros(2), jnp.asarray(signal)
-            )[1]
-            ** 2
-        )
-
-    difference = (power(300.03) - power(299.97)) / 0.06
-    np.testing.assert_allclose(jax.grad(power)(300.0), difference, rtol=1e-6)
-
-
 def test_bad_filters_are_named():
     with pytest.raises(ValueError, match="filter: is not stable"):
         Biquad(placed(np.ones(3)), placed(np.array([0.0, 1.1])))

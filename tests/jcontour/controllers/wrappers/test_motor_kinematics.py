@@ -7,12 +7,8 @@ from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.wrappers.motor_kinematics import OfMotors
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along, from_samples
-from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.motor_coordinates import MotorEncoders
-from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.wrappers.encoders import Sensed
 from jcontour.sensors import motors
-from jcontour.simulation.closed_loop import prepared, simulate
+from jcontour.simulation.closed_loop import prepared
 
 DT = 1e-3
 
@@ -50,14 +46,3 @@ def test_every_motor_gets_its_share_of_the_path(reference, cascade):
         np.testing.assert_allclose(
             getattr(found, name), getattr(wanted, name), rtol=1e-12, atol=1e-13
         )
-
-
-def test_a_cascade_of_its_motors_follows_on_the_gantry(reference, cascade):
-    """With a decoupled cascade on each drive the tool stays within a millimetre.
-
-    The twist stays within what 10 A of difference hold against the springs.
-    """
-    plant = Sensed(Gantry(thesis_gantry(), DT), MotorEncoders(thesis_gantry()))
-    run = simulate(plant, OfMotors(cascade, both_drives()), reference)
-    assert np.abs(np.asarray(run.output) - np.asarray(reference.position)[:400]).max() < 1e-3
-    assert run.control.shape == (400, 3) and np.abs(run.control).max() <= 10

@@ -9,9 +9,6 @@ from jcontour.geometry.contours import line
 from jcontour.motion.input_shaping import Shaper, shaped_law, zv, zvd
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import along, in_time
-from jcontour.plants.flexible_axis.axis import AxisParameters
-from jcontour.plants.flexible_axis.models import zoh_model
-from jcontour.plants.friction import Friction
 from jcontour.sensors import motors
 
 DT = 1e-3
@@ -21,13 +18,6 @@ LAW = PointToPoint(0.02, 0.1, 4.0)
 @cache
 def short_task():
     return in_time(line([0.0], [0.02]), LAW, 0.45, DT)
-
-
-@cache
-def linear_axis():
-    friction = Friction(0.0, 0.0, 1.0, 250.9)
-    parameters = AxisParameters(39.62, 0.38, 2908.0, 2.1, 79.33, friction, [0.0], [0.0], 0.1)
-    return zoh_model(parameters, DT)
 
 
 @cache
