@@ -84,6 +84,18 @@ def peaks_by_control(P, K):
 
 
 @pytest.fixture(scope="session")
+def samples_of():
+    """(windows, reference) -> samples of one reference at which its windows begin."""
+
+    def of(windows, reference):
+        starts = np.asarray(windows.position)[:, None, 0]
+        away = np.linalg.norm(starts - np.asarray(reference.position)[: reference.steps], axis=2)
+        return away.argmin(axis=1)
+
+    return of
+
+
+@pytest.fixture(scope="session")
 def given_law():
     return Law
 

@@ -14,22 +14,20 @@ def square(side):
     return polygon(side * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
 
 
-def samples_of(windows, reference):
-    """Samples of one reference at which its windows begin."""
-    starts = np.asarray(windows.position)[:, None, 0]
-    away = np.linalg.norm(starts - np.asarray(reference.position)[: reference.steps], axis=2)
-    return away.argmin(axis=1)
+@pytest.fixture
+def probed(samples_of):
+    """(references, count) -> samples of the probes, contour by contour."""
+
+    def of(references, count):
+        windows = jax.device_get(probe_windows(stack_references(references), count))
+        kept = np.split(np.arange(len(windows.arc)), len(references))
+        every = [jax.tree.map(lambda leaf, rows=rows: leaf[rows], windows) for rows in kept]
+        return [samples_of(one, run) for one, run in zip(every, references, strict=True)]
+
+    return of
 
 
-def probed(references, count):
-    """Samples of the probes, contour by contour."""
-    windows = jax.device_get(probe_windows(stack_references(references), count))
-    kept = np.split(np.arange(len(windows.arc)), len(references))
-    every = [jax.tree.map(lambda leaf, rows=rows: leaf[rows], windows) for rows in kept]
-    return [samples_of(one, run) for one, run in zip(every, references, strict=True)]
-
-
-def test_probes_are_ends_corners_and_all_directions():
+def test_probes_are_ends_corners_and_all_directions(probed):
     """The third sample of every side is its first behind a corner."""
     run = along(square(1e-3), 1e-4 * np.arange(38), 1e-3, 3, at_rest=False)
     (samples,) = probed([run], 8)
@@ -40,21 +38,21 @@ def test_probes_are_ends_corners_and_all_directions():
     assert (np.abs(tangents) > 0.99).any(axis=0).all()  # along both axes
 
 
-def test_probes_of_a_circle_look_everywhere():
+def test_probes_of_a_circle_look_everywhere(probed):
     run = along(circle(1e-3), 2e-5 * np.arange(314), 1e-3, 5, at_rest=False)
     (samples,) = probed([run], 8)
     gaps = np.diff(np.append(samples, samples[0] + 314))
     assert gaps.max() < 2.5 * 314 / 8
 
 
-def test_the_sharpest_bend_is_probed():
+def test_the_sharpest_bend_is_probed(probed):
     """The ends of the long axis of a slim ellipse."""
     run = along(ellipse(5e-3, 5e-4), 1e-5 * np.arange(2000), 1e-3, 5, at_rest=False)
     (samples,) = probed([run], 1)
     assert np.abs(np.asarray(run.position)[samples, 1]).max() < 1e-5
 
 
-def test_windows_start_in_the_motion_of_their_sample_and_see_its_future():
+def test_windows_start_in_the_motion_of_their_sample_and_see_its_future(probed):
     runs = [
         along(square(1e-3), 1e-4 * np.arange(38), 1e-3, 3, at_rest=True),
         along(circle(1e-3), 3e-4 * np.arange(9), 1e-3, 3, at_rest=False),
@@ -76,7 +74,7 @@ def test_windows_start_in_the_motion_of_their_sample_and_see_its_future():
             assert length == pytest.approx(float(runs[k].contour.length))
 
 
-def test_what_is_not_scored_is_not_probed_and_few_samples_repeat():
+def test_what_is_not_scored_is_not_probed_and_few_samples_repeat(probed):
     scored = (np.arange(38) == 7) | (np.arange(38) == 20)
     run = along(square(1e-3), 1e-4 * np.arange(38), 1e-3, 3, at_rest=False, scored=scored)
     (samples,) = probed([run], 5)

@@ -57,13 +57,6 @@ def integrators(linear_machine):
     return linear_machine(np.eye(2), np.eye(2), np.eye(2))
 
 
-def samples_of(windows, reference):
-    """Samples of one reference at which its windows begin."""
-    starts = np.asarray(windows.position)[:, None, 0]
-    away = np.linalg.norm(starts - np.asarray(reference.position)[: reference.steps], axis=2)
-    return away.argmin(axis=1)
-
-
 def test_an_unstable_loop_has_infinite_peaks_and_a_radius(integrators, given_law, straight_window):
     windows, family = straight_window(2), stack_plants([Encoders(integrators)])
 
@@ -94,7 +87,7 @@ def test_a_limit_is_lifted(integrators, given_law, straight_window):
 
 
 @pytest.mark.slow
-def test_radii_are_those_of_the_frozen_loops_of_a_run(two_axes, law, bent):
+def test_radii_are_those_of_the_frozen_loops_of_a_run(two_axes, law, bent, samples_of):
     observer = FilterObserver(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
     windows = probe_windows(stack_references([bent]), 4)
     samples = samples_of(windows, bent)
@@ -109,7 +102,7 @@ def test_radii_are_those_of_the_frozen_loops_of_a_run(two_axes, law, bent):
 
 
 @pytest.mark.slow
-def test_a_state_that_is_measured_counts_at_the_input_alone(two_axes, law, bent):
+def test_a_state_that_is_measured_counts_at_the_input_alone(two_axes, law, bent, samples_of):
     """I - F (zI - A + B F)^-1 B, by NumPy."""
     windows, family = probe_windows(stack_references([bent]), 1), stack_plants([two_axes])
     F = np.asarray(prepared(law, bent).F)[samples_of(windows, bent)[0]]

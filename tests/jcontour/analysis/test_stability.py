@@ -2,11 +2,9 @@ from typing import Any
 
 import control
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import brentq
 
 from jcontour.analysis.stability import (
@@ -21,13 +19,10 @@ from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, PredictorObserver, kalman_gain
 from jcontour.geometry.contours import circle, line, polyline
-from jcontour.linear.plant import AffinePlan, LinearPlant
+from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay, with_input_gains
 from jcontour.motion.references import along
 from jcontour.plant import Plant
-from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.linear_models import tangent
-from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.plants.wrappers.saturation import Saturated
@@ -291,78 +286,6 @@ def test_margins_of_a_machine_that_changes_along_the_path():
         along(line([0, 0], [2.0, 0]), 0.2 + 1e-3 * np.arange(1500), 1e-3, 0, at_rest=True),
     )
     assert unstable.delay == -1 and not unstable.spectral_radius < 1
-
-
-class Held(Controller):
-    """u = K (x_d - x) with x_d at rest on the reference."""
-
-    gain: Any
-    plant: Plant
-    preview: int = eqx.field(static=True, default=0)
-
-    def prepare(self, reference):
-        return jax.vmap(lambda y: self.plant.initial_state(y, jnp.zeros(2)))(
-            reference.position[: reference.steps]
-        )
-
-    def initial_memory(self, reference):
-        return None
-
-    def step(self, memory, plan, measurement):
-        return None, self.gain @ (plan - measurement)
-
-
-@pytest.mark.slow
-def test_margins_of_the_gantry_are_those_of_its_linear_model_there():
-    """The nonlinear machine with its limits, at rest, against A - B G K by SciPy.
-
-    It rests on two places of its beam; K knows the centre.
-    """
-    p, dt, heads = thesis_gantry(), 1e-3, (-0.55, 0.3)
-
-    def model(head):
-        A, B, _ = (np.asarray(matrix) for matrix in tangent(p, head))
-        both = expm(dt * np.block([[A, B], [np.zeros((3, 9))]]))
-        return both[:6, :6], both[:6, 6:]
-
-    A, B = model(0.0)
-    Q, R = np.diag([1e8, 1e9, 1e8, 1.0, 1.0, 1.0]), np.eye(3)
-    H = solve_discrete_are(A, B, Q, R)
-    K = np.linalg.solve(R + B.T @ H @ B, B.T @ H @ A)
-
-    def radii(gains=1.0, delay=0):
-        hand = [LinearPlant(*model(head), np.eye(6), dt) for head in heads]
-        late = [with_input_gains(with_input_delay(one, delay), gains) for one in hand]
-        plan = AffinePlan(K[None], np.zeros((1, 3)))
-        return np.array([loops(one, plan)[0] for one in late])
-
-    plant = Gantry(p, dt)
-    arc = np.concatenate([np.zeros(3), np.full(1500, heads[1] - heads[0])])
-    reference = along(
-        line([heads[0], 0.0], [heads[1], 0.0]),
-        arc,
-        dt,
-        0,
-        at_rest=True,
-        scored=np.isin(np.arange(1503), [2, 1502]),
-    )
-    found = margins(Saturated(plant, jnp.full(3, 10.0)), Held(K, plant), reference)
-    assert found.saturated == 0
-    assert found.spectral_radius == pytest.approx(
-        radii().max(), abs=1e-6
-    )  # Runge-Kutta against the matrix exponential
-    for index, side in np.ndindex(3, 2):
-        low, high = np.sort(found.gain[index, side] * (1 + 2 * GAIN_RESOLUTION * np.array([-1, 1])))
-        inner, outer = (high, low) if side == 0 else (low, high)
-        if not 1 / GAIN_SEARCH < outer < GAIN_SEARCH:
-            continue  # the search ends there
-        assert (radii(np.where(np.arange(3) == index, inner, 1.0)) < 1).all()
-        lost = radii(np.where(np.arange(3) == index, outer, 1.0))
-        assert lost.max() >= 1
-        if lost.min() < 1:
-            assert found.gain_at[index, side] == (2, 1502)[np.argmax(lost)], (index, side)
-    assert (found.gain_at >= 0).sum() >= 2
-    assert radii(delay=found.delay).max() < 1 <= radii(delay=found.delay + 1).max()
 
 
 def test_nothing_scored_has_no_margins(integrators, straight):

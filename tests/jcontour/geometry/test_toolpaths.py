@@ -1,6 +1,5 @@
 """Toolpath files: our two parts, CSV points, and bytes that nobody would call a program."""
 
-import re
 from functools import partial
 from pathlib import Path
 
@@ -167,37 +166,6 @@ def assert_sound(traced, program: str, axes) -> None:
 def test_any_text(traced, text, axes):
     assert_sound(traced, text, axes)
     assert_sound(traced, HEAD + "G1 X1\n" + text, axes)
-
-
-@settings(anything, max_examples=100)
-@given(
-    st.tuples(
-        st.floats(1e-4, 30), st.floats(1e-6, 6.2831), st.floats(0, 6.3), st.floats(-6e-3, 6e-3)
-    ),
-    st.sampled_from([2, 3]),
-    st.integers(2, 5),
-)
-def test_any_arc(traced, geometry, code, digits):
-    """Rounded as programs round: whatever is accepted runs from the start to the end as written."""
-    radius, sweep, first, off = geometry
-    start = np.round(radius * np.array([np.cos(first), np.sin(first)]), digits)
-    last = first + (sweep if code == 3 else -sweep)
-    end = np.round((radius + off) * np.array([np.cos(last), np.sin(last)]), digits)
-    begin = f"G0 X{start[0]:.5f} Y{start[1]:.5f}\n"
-    target = f"X{end[0]:.5f} Y{end[1]:.5f} I{-start[0]:.5f} J{-start[1]:.5f}"
-    words = f"{begin}G{code} {target}"
-    try:
-        toolpath = parse_gcode(HEAD + words)
-    except ToolpathError as error:
-        assert re.match(
-            "line 3: (the end of the arc is off its circle|an arc without a radius)", str(error)
-        )
-        return
-    traced.assert_valid(toolpath)
-    path = traced.points(toolpath, np.linspace(0, 1, 65)).reshape(-1, 2)
-    np.testing.assert_allclose(path[[0, -1]], [start, end], atol=2e-6)
-    mismatch = abs(np.hypot(*end) - np.hypot(*start))
-    assert np.abs(np.linalg.norm(path, axis=1) - np.hypot(*start)).max() < 2 * mismatch + 1e-6
 
 
 @settings(anything, max_examples=100)

@@ -1,6 +1,4 @@
-import json
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,10 +13,6 @@ from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.plants.xy_table import xy_table
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import prepared, simulate
-
-DATA = json.loads(
-    (Path(__file__).parents[3] / "data" / "single_axis" / "trajectories.json").read_text()
-)["trajectories"]
 
 
 # encoders on the loads, resolvers on the motors
@@ -45,15 +39,6 @@ def thesis_gains():
 def thesis_run(task, gains=None):
     gains = thesis_gains() if gains is None else gains
     return simulate(FlexibleAxis(thesis_axis(), 1e-3), Cascade(gains, motors(1), 1e-3), task)
-
-
-def test_reference_trajectory_of_the_flexible_axis():
-    row = next(row for row in DATA if row["name"] == "B PI")
-    run = thesis_run(thesis_task_b())
-    np.testing.assert_allclose(
-        np.concatenate(run.state.motion, axis=1)[:: row["every"]], row["X"], rtol=0, atol=1e-9
-    )
-    np.testing.assert_allclose(run.control[:-1, 0][:: row["every"]], row["U"], rtol=0, atol=1e-8)
 
 
 def test_feedforward_is_what_the_motion_needs_of_a_rigid_motor():

@@ -89,15 +89,6 @@ def cycles(ring):
     return arm, run, learn(run, LAW, CYCLES, jnp.zeros((STEPS, 2)))[0]
 
 
-@pytest.mark.slow
-def test_the_error_falls_from_cycle_to_cycle(cycles, ring):
-    _, _, laps = cycles
-    away = np.asarray(laps.output) - np.asarray(ring.position)[:STEPS]
-    rms = np.sqrt(np.mean(np.sum(away**2, axis=2), axis=1))
-    assert rms[0] > 1e-3
-    assert np.all(np.diff(rms[:6]) < 0) and rms[-1] < 0.02 * rms[0]
-
-
 def energy_of(arm, angles, torques):
     """Work of the torques over a cycle, each held over its sample [J]."""
     return float(np.sum(torques * np.diff(angles, axis=0)))

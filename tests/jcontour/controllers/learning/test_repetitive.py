@@ -1,7 +1,6 @@
 """Repetitive control against reference numbers, and as a plug-in around a cascade."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -11,7 +10,6 @@ from jcontour.controllers.learning.repetitive import (
     moved_positions,
 )
 from jcontour.motion.references import from_samples
-from jcontour.plants.servo_axes import servo_axes
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 
@@ -76,22 +74,6 @@ def test_the_plug_in_shifts_what_the_controller_reads():
     moved = shift(measurement, np.array([4.0, 6.0]))
     np.testing.assert_array_equal(moved[0], [3.0, 1.0])
     np.testing.assert_array_equal(moved[1], [3.0, 1.0])
-
-
-@pytest.mark.slow
-def test_gradients_through_three_periods(small_loop):
-    _, controller, _ = small_loop()
-    plant, reference = servo_axes([50.0, 30.0], [10.0, 5.0], 5e-3), circles(90, 30)
-
-    @jax.jit
-    def scored(gain):
-        repeated = Repetitive(controller, STATE, RepetitiveFilter(30, gain, lead=3))
-        error = reference.position[:90] - simulate(plant, repeated, reference).output
-        return 1e6 * jnp.mean(error[60:] ** 2)
-
-    slope = float(jax.grad(scored)(0.4))
-    difference = float(scored(0.4 + 1e-5) - scored(0.4 - 1e-5)) / 2e-5
-    assert slope == pytest.approx(difference, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Programs of `tests/data/programs` beside their moves worked out by hand; faults in one line."""
 
 import math
+import random
 import re
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from jcontour.geometry.gcode.programs import files_beside, interpreted
-from jcontour.geometry.toolpath_rules import ToolpathError
+from jcontour.geometry.toolpath_rules import FARTHEST, FASTEST, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of
 
 PROGRAMS = Path(__file__).parents[3] / "data" / "programs"
@@ -213,6 +214,45 @@ def test_faults_are_told_in_one_line(program, message, monkeypatch):
         moves(program)
     assert re.match(message, str(caught.value)), str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
+
+
+BYTES = ["-", "9", ".", "[", "]", "#1", "#<a>", "G2", "G81", "G91", "R", "(", "\n", "é", "o1 call"]
+WORD = re.compile(r"[A-Za-z#<>_]*[-.0-9]+")
+
+
+def mutated(text, chance):
+    """Some of its words left out, doubled, moved or with another number."""
+    for _ in range(chance.randint(1, 4)):
+        one, other = (chance.choice(list(WORD.finditer(text))) for _ in range(2))
+        new = chance.choice(["", 2 * one[0], other[0], chance.choice(BYTES), f"{one[0]}7"])
+        text = text[: one.start()] + new + text[one.end() :]
+    return text
+
+
+def runs(program, axes):
+    """Whether a program runs; where it does its moves are sound, else its fault is one line."""
+    try:
+        found = interpreted(lines_of(program), axes, None).moves
+    except ToolpathError as error:
+        assert len(str(error).splitlines()) == 1 and str(error).startswith("line "), program
+        return False
+    at = (0.0, 0.0, 0.0)
+    for move in found:
+        assert math.dist(at[:axes], move.start[:axes]) < 1e-8, program
+        assert all(abs(coordinate) <= FARTHEST for coordinate in (*move.start, *move.end))
+        assert math.isnan(move.feed) == move.rapid, program
+        assert move.rapid or 0 < move.feed <= 1.01 * FASTEST, program
+        assert move.angle or math.dist(move.start[:axes], move.end[:axes]) > 0, program
+        at = move.end
+    return True
+
+
+@pytest.mark.parametrize("name", sorted(MOVES))
+def test_mutated_programs(name, monkeypatch):
+    monkeypatch.setattr("jcontour.geometry.gcode.programs.MOST_REPEATED", 2000)
+    chance, text = random.Random(15), (PROGRAMS / f"{name}.ngc").read_text()
+    ran = [runs(mutated(text, chance), chance.choice((2, 3))) for _ in range(60)]
+    assert 0 < sum(ran) < 60  # both kinds are met
 
 
 def test_a_loop_that_stands_still_ends_sooner(monkeypatch):

@@ -18,37 +18,6 @@ ROUNDS = 100  # linear programs at most
 REGION = 0.3  # of the rate's square, by which a round may change it
 
 
-def without_jerk(path: Contour, limits: AxisLimits, count: int = 4000) -> float:
-    """Quickest time under speed and acceleration alone [s], as TOPP-RA states the problem.
-
-    In u = v^2 over arc length all limits are linear, and the greatest u everywhere is the quickest
-    (Verscheure et al., IEEE TAC 54, 2009): a linear program.
-    """
-    s = np.linspace(0.0, float(path.length), count + 1)
-    step, middle = s[1], 0.5 * (s[1:] + s[:-1])
-    first, second, _ = jax.device_get(derivatives(path)(middle))
-    with np.errstate(divide="ignore"):
-        fastest = np.min(limits.speed / np.abs(derivatives(path)(s)[0]), axis=1)
-    most = np.minimum(FEED, fastest) ** 2
-    most[[0, -1]] = 0.0
-    rows, bounds = [], []
-    for axis, limit in enumerate(limits.acceleration):
-        bend, slope = second[:, axis] / 2, first[:, axis] / (2 * step)
-        row = sparse.diags_array(
-            [bend - slope, bend + slope], offsets=[0, 1], shape=(count, count + 1)
-        )
-        rows += [row, -row]
-        bounds.append(np.full(2 * count, limit))
-    found = linprog(
-        -np.ones(count + 1),
-        sparse.vstack(rows),
-        np.concatenate(bounds),
-        bounds=np.stack([0 * most, most], axis=1),
-    )
-    speed = np.sqrt(np.maximum(found.x, 0.0))
-    return float(np.sum(2 * step / (speed[1:] + speed[:-1])))
-
-
 def derivatives(path: Contour):
     """First, second and third derivative at arc lengths [1, 1/m, 1/m^2]."""
     starts = jnp.asarray(path.start)
@@ -145,13 +114,6 @@ def short_path(seed: int) -> tuple[Contour, AxisLimits]:
     if kind == 3:
         return contours.spline(random.uniform(0, size, (int(random.integers(3, 6)), 2))), limits
     return contours.line([0.0, 0.0], size * random.uniform(0.1, 1, 2)), limits
-
-
-def test_at_high_jerk_it_is_as_quick_as_without_a_limit_of_jerk():
-    path, limits = short_path(2)
-    best = without_jerk(path, limits)
-    high = limits._replace(jerk=limits.acceleration / 1e-4)
-    assert best * (1 - 1e-3) < jerk_limited(path, FEED, high).duration < 1.005 * best
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 8])

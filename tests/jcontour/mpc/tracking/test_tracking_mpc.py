@@ -4,7 +4,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-import scipy.optimize
 
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
@@ -23,7 +22,6 @@ from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 from jcontour.qp.problem import check_qp
-from jcontour.qp.solvers import DAQP, ProxQP
 from jcontour.simulation.closed_loop import simulate
 
 N = 6
@@ -98,18 +96,6 @@ def test_without_an_active_limit_it_is_contouring_lq(terminal, stage, two_axes):
         assert run.report.active_fraction == 0 and run.report.worst_residual <= 1e-8
 
 
-def test_no_profile_is_a_profile_of_ones(two_axes):
-    plant, reference = two_axes, still([2e-3, -1e-3])
-    flat, none = (
-        loop(plant, TrackingMPC(plant, weights, N, LIMITED), reference)
-        for weights in (
-            TrackingWeights(3.0, 50.0, 2e-8, stage=np.ones(N)),
-            TrackingWeights(3.0, 50.0, 2e-8),
-        )
-    )
-    np.testing.assert_array_equal(flat.control, none.control)
-
-
 def test_horizon_of_one(two_axes):
     plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8)
     for terminal in (OutputTerminal(), RiccatiTerminal()):
@@ -140,76 +126,6 @@ def test_every_limit_holds_along_the_run(two_axes):
     assert np.abs(control).max() > 0.39 or np.abs(speed).max() > 0.149
     assert 0 < run.report.active_fraction < 1
     np.testing.assert_allclose(output[-1], [2e-3, -1e-3], atol=2e-5)
-
-
-def test_the_plan_is_the_minimum_that_scipy_finds(two_axes):
-    """Cost by simulation of the model, minimised by a general solver under the same limits."""
-    plant, reference = two_axes, still([2e-3, -1e-3])
-    weights = TrackingWeights(3.0, 5.0, 2e-7, 1e-7, np.linspace(1, 2, N))
-    mpc = TrackingMPC(plant, weights, N, Limits.within(control=0.4, increment=0.3, speed=0.15))
-    plan = mpc.prepare(reference)
-    memory = mpc.initial_memory(reference)._replace(control=np.array([0.1, -0.05]))
-    x0 = np.array([1e-4, 0.02, -1e-4, 0.01])
-    qp = mpc.problem(memory, sample_of(plan, 3), x0)
-    solution = mpc.solver.solve(qp)
-    A, B, C = (np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C))
-
-    def signals(z):
-        x, outputs = x0, [C @ x0]
-        for u in z.reshape(N, 2):
-            x = A @ x + B @ u
-            outputs.append(C @ x)
-        return np.array(outputs), np.diff(np.vstack([memory.control, z.reshape(N, 2)]), axis=0)
-
-    def cost(z):
-        outputs, increments = signals(z)
-        total = 2e-7 * np.sum(z**2) + 1e-7 * np.sum(increments**2)
-        for j in range(1, N + 1):
-            e, t = (
-                outputs[j] - np.asarray(reference.position[3 + j]),
-                np.asarray(reference.tangent[3 + j]),
-            )
-            total += (
-                weights.stage[j - 1] * e @ (3 * np.eye(2) + 5 * (np.eye(2) - np.outer(t, t))) @ e
-            )
-        return 1e6 * total
-
-    constraints = [
-        {"type": "ineq", "fun": lambda z: 0.3 - np.abs(signals(z)[1]).ravel()},
-        {
-            "type": "ineq",
-            "fun": lambda z: 0.15 - np.abs(np.diff(signals(z)[0], axis=0) / 1e-3).ravel(),
-        },
-    ]
-    mine = solution.z
-    assert (
-        cost(mine) <= cost(0.9 * mine)
-        and np.abs(np.diff(signals(mine)[0], axis=0) / 1e-3).max() <= 0.15 + 1e-7
-    )
-    found = scipy.optimize.minimize(
-        cost,
-        0.9 * mine,
-        bounds=[(-0.4, 0.4)] * (2 * N),
-        constraints=constraints,
-        method="SLSQP",
-        options={"maxiter": 500, "ftol": 1e-14},
-    )
-    assert cost(mine) <= found.fun * (1 + 1e-9)
-    assert cost(mine) == pytest.approx(found.fun, rel=1e-5)
-    assert mpc.applied(solution, x0)[2].active > 0
-
-
-def test_both_solvers_give_the_same_run(two_axes):
-    plant, reference = two_axes, still([2e-3, -1e-3])
-    runs = [
-        loop(
-            plant,
-            TrackingMPC(plant, TrackingWeights(3.0, 50.0, 2e-8), N, LIMITED, solver=solver),
-            reference,
-        )
-        for solver in (DAQP(), ProxQP())
-    ]
-    np.testing.assert_allclose(runs[0].control, runs[1].control, rtol=0, atol=1e-6)
 
 
 def test_soft_limits_are_exact_where_the_hard_problem_has_an_answer(two_axes):

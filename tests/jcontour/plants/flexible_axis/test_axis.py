@@ -10,8 +10,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.wrappers.filters import Filtered, notch
 from jcontour.geometry.contours import line
-from jcontour.motion.point_to_point import PointToPoint, ToAndFro
+from jcontour.motion.point_to_point import PointToPoint, ToAndFro, thesis_task_a, thesis_task_b
 from jcontour.motion.references import in_time
 from jcontour.plants.flexible_axis.axis import (
     AxisParameters,
@@ -31,69 +32,23 @@ DT = 1e-3
 K_PP, K_PV, T_IV = 30.0, 55.67, 0.04  # thesis, section 3.4.2
 
 
-def task_a():
-    """0.1 m at 0.1 m/s and 4 m/s^2 after 0.1 s."""
-    time, ramp, cruise = np.clip(np.arange(2201) * DT - 0.1, 0, None), 0.025, 0.975
-    stopping = 0.1 - 2 * np.clip(cruise + 2 * ramp - time, 0, None) ** 2
-    return np.where(
-        time < ramp,
-        2 * time**2,
-        np.where(time < ramp + cruise, 0.00125 + 0.1 * (time - ramp), stopping),
-    )
-
-
-def task_b():
-    time = np.arange(3301) * DT
-    return np.where(time < 0.1, 0.1, 0.05 * np.cos(2 * (time - 0.1)) + 0.05)
-
-
-def notch():
-    """(3.9) by Tustin's rule: numerator and denominator."""
-    gain, damping, frequency, c = 0.85, 0.05, 87.0, 2 / DT
-    rows = [
-        np.array(
-            [c**2 + d * c + frequency**2, 2 * (frequency**2 - c**2), c**2 - d * c + frequency**2]
-        )
-        for d in (2 * gain * damping * frequency, 2 * damping * frequency)
-    ]
-    return rows[0] / rows[1][0], rows[1] / rows[1][0]
-
-
-def cascade(axis, reference, gains=(K_PP, K_PV, T_IV), filtered=False):
-    """States and currents under the thesis's cascade, without the library's controllers."""
-    (b0, b1, b2), (_, a1, a2) = notch() if filtered else ((1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-    k_pp, k_pv, t_iv = gains
-
-    def step(carry, wanted):
-        state, integral, (f1, f2) = carry
-        position, speed = axis.measure(state)
-        error = k_pp * (wanted - position) - speed
-        integral = integral + DT * error
-        raw = k_pv * (error + integral / t_iv)
-        control = b0 * raw + f1
-        filters = (b1 * raw - a1 * control + f2, b2 * raw - a2 * control)
-        motion = getattr(state, "motion", state)
-        return (axis.step(state, control), integral, filters), (
-            jnp.concatenate(list(motion)),
-            control[0],
-        )
-
-    none = jnp.zeros(1)
-    start = axis.initial_state(reference[:1], none)
-    return jax.lax.scan(step, (start, none, (none, none)), reference)[1]
+def in_a_loop(axis, task, filtered=False):
+    """A run under the thesis's cascade."""
+    loops = Cascade(CascadeGains(K_PP, K_PV, T_IV), motors(1), DT)
+    controller = Filtered(loops, notch(87.0, 0.85, 0.05, DT), 1) if filtered else loops
+    return jax.device_get(simulate(axis, controller, task))
 
 
 @pytest.mark.parametrize("row", DATA, ids=[row["name"] for row in DATA])
 def test_reference_trajectories(row):
-    reference = task_b() if row["name"].startswith("B") else task_a()
-    run = jax.jit(cascade, static_argnames="filtered")
-    axis, filtered = FlexibleAxis(thesis_axis(), DT), "notch" in row["name"]
-    states, currents = jax.device_get(run(axis, reference, filtered=filtered))
-    np.testing.assert_allclose(states[:: row["every"]], row["X"], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(currents[:-1][:: row["every"]], row["U"], rtol=0, atol=1e-11)
-    np.testing.assert_allclose(
-        1e3 * np.abs(states[:, 2] - reference).mean(), row["ee_mean_mm"], rtol=1e-10
-    )
+    """Of the axis, its cascade and its notch."""
+    task = thesis_task_b() if row["name"].startswith("B") else thesis_task_a()
+    run = in_a_loop(FlexibleAxis(thesis_axis(), DT), task, "notch" in row["name"])
+    states, every = np.concatenate(run.state.motion, axis=1), row["every"]
+    np.testing.assert_allclose(states[::every], row["X"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.control[:-1, 0][::every], row["U"], rtol=0, atol=1e-8)
+    away = states[:, 2] - np.asarray(task.position)[:-1, 0]
+    np.testing.assert_allclose(1e3 * np.abs(away).mean(), row["ee_mean_mm"], rtol=1e-8)
 
 
 @pytest.mark.parametrize("kind", [FlexibleAxis, SmoothFlexibleAxis])
@@ -272,19 +227,14 @@ def test_axes_side_by_side_are_single_axes(ideal):
             )
 
 
-def mean_error(axis, reference, gains):
-    states, _ = cascade(axis, reference, gains)
-    return jnp.sqrt(jnp.mean((states[:, 2] - reference) ** 2))
-
-
 def test_the_smooth_twin_comes_near_the_true_axis():
-    reference, gains = task_a(), (K_PP, K_PV, T_IV)
-    measure = jax.jit(mean_error)
-    true = float(measure(FlexibleAxis(thesis_axis(), DT), reference, gains))
-    gaps = [
-        abs(float(measure(SmoothFlexibleAxis(thesis_axis(), DT, s), reference, gains)) / true - 1)
-        for s in (50.0, 1e3)
-    ]
+    task = thesis_task_a()
+
+    def error(axis):
+        return np.sqrt(np.mean((in_a_loop(axis, task).output - task.position[:-1]) ** 2))
+
+    true = error(FlexibleAxis(thesis_axis(), DT))
+    gaps = [abs(error(SmoothFlexibleAxis(thesis_axis(), DT, s)) / true - 1) for s in (50.0, 1e3)]
     assert gaps[1] < 0.03 and gaps[1] < gaps[0]
 
 

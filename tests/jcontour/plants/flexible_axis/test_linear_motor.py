@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, Motion, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, LinearMotor, thesis_motor
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.disturbances import Disturbed
 
 PERIOD, DT = 1e-4, 1e-3
 R, L, K_E, TAU = 12.51, 10.7e-3, 52.89, 0.0875
@@ -168,26 +167,6 @@ def test_voltage_limit_and_its_windup():
     free = driven()
     after = eqx.filter_jit(free.step)(free.initial_state(np.zeros(1), np.zeros(1)), np.array([5.0]))
     assert np.asarray(after.voltage)[0, 1] > 20.0
-
-
-@pytest.mark.slow
-def test_derivatives_and_wrappers():
-    """Slope of the tool after 20 ms in a resistance, under a load current from outside."""
-
-    def tool(resistance):
-        motor = eqx.tree_at(lambda m: m.resistance, thesis_motor(), resistance)
-        inner = DrivenAxis(SmoothFlexibleAxis(thesis_axis(), PERIOD), motor, DT, voltage_limit=30.0)
-        plant = Disturbed(inner, force=jnp.full((1, 1), 0.1))
-        start = plant.initial_state(np.zeros(1), np.zeros(1))
-        return plant.output(
-            jax.lax.fori_loop(0, 20, lambda _, s: plant.step(s, jnp.array([4.0])), start)
-        )[0]
-
-    value, at = jax.jit(tool), jnp.array([R])
-    slope = jax.jit(jax.jacfwd(tool))(at)[0]
-    assert float(slope) == pytest.approx(
-        float(value(at + 1e-3) - value(at - 1e-3)) / 2e-3, rel=1e-5
-    )
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 Against closed forms and the work that is done; `test_friction_gantry_by_events` has a program.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,54 +22,6 @@ def only(**friction):
     return Friction(
         **{"coulomb": 0.0, "stribeck": 0.0, "stribeck_speed": 1.0, "viscous": 0.0, **friction}
     )
-
-
-def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_then_the_head(
-    at_rest,
-):
-    """Pulled at the first drive alone, a = (k i - f_1) / M_11.
-
-    The others feel M_12 a and M_x1 a of it.
-    """
-    p, head = thesis_gantry(), 0.3
-    yaw, inertia, L = 40.0 * head, float(p.inertia(head)), 0.9
-    M_11 = float(p.total_mass) / 4 - yaw / (2 * L) + inertia / (4 * L**2)
-    M_12, M_x1 = float(p.total_mass) / 4 - inertia / (4 * L**2), -40.0 * 0.2 / (2 * L)
-    f_x, f_1, f_2 = 2.0, 18.0, 3.0
-    plant = StickSlipGantry(
-        p, only(coulomb=[f_x - 0.5, f_1 - 4.0, f_2], stribeck=[0.5, 4.0, 0.0]), 1e-9, substeps=1
-    )
-    rest, step = at_rest(plant, (head, 0.1)), eqx.filter_jit(plant.step)
-    assert f_2 * M_11 / abs(M_12) < f_x * M_11 / abs(M_x1)
-    second, third = f_1 + f_2 * M_11 / abs(M_12), None
-
-    def moved(force):
-        after = step(rest, jnp.array([0.0, force / 60.0, 0.0]))
-        still = np.asarray(after.mode) == 0
-        np.testing.assert_array_equal(after.sliders[:3][still], rest.sliders[:3][still])
-        np.testing.assert_array_equal(after.sliders[3:][still], 0.0)
-        return list(np.asarray(after.mode))
-
-    back = -int(np.sign(M_12))
-    assert moved(f_1 * (1 - 1e-7)) == [0, 0, 0] and moved(f_1 * (1 + 1e-7)) == [0, 1, 0]
-    assert moved(second * (1 - 1e-7)) == [0, 1, 0] and moved(second * (1 + 1e-7)) == [0, 1, back]
-    system = np.array(
-        [[M_11, M_12], [M_12, float(p.total_mass) / 4 + yaw / (2 * L) + inertia / (4 * L**2)]]
-    )
-    per_newton, offset = (
-        np.linalg.solve(system, [1.0, 0.0]),
-        np.linalg.solve(system, [-f_1, -back * f_2]),
-    )
-    pull = np.array(
-        [M_x1, -M_x1]
-    )  # M_x1, M_x2: the head's load is what it takes to keep it on the moving beam
-    third = max((s * f_x - pull @ offset) / (pull @ per_newton) for s in (-1, 1))
-    assert moved(third * (1 - 1e-7)) == [0, 1, back]
-    assert moved(third * (1 + 1e-7)) == [
-        int(np.sign(-pull @ (third * per_newton + offset))),
-        1,
-        back,
-    ]
 
 
 def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it(run, at_rest):

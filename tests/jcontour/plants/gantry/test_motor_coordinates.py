@@ -44,17 +44,6 @@ def test_steady_motion_is_what_the_encoders_read(odd_gantry):
     np.testing.assert_allclose(model.output(read), position, rtol=0, atol=1e-15)
 
 
-def test_schedule_has_the_model_of_every_point(odd_gantry):
-    schedule = motor_schedule(odd_gantry, [-0.4, 0.0, HEAD + 0.7], DT)
-    wanted = motor_model(odd_gantry, 0.0, DT)
-    for found, one in zip(
-        (schedule.model(1).A, schedule.model(1).B, schedule.model(1).C),
-        (wanted.A, wanted.B, wanted.C),
-        strict=True,
-    ):
-        np.testing.assert_allclose(found, one, rtol=1e-13, atol=1e-15)
-
-
 def test_points_outside_the_beam_are_refused(odd_gantry):
     with pytest.raises(
         ValueError, match=r"points: the head runs from -0.6 to 0.6 m along the beam, received 0.7 m"

@@ -38,35 +38,6 @@ def advance(plant, state, currents):
     return jax.device_get(jax.jit(lambda: jax.lax.scan(step, state, currents))()[1])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("delay", [0, 1])
-def test_without_dry_friction_it_nears_the_gantry_as_samples_get_shorter(delay, odd_gantry):
-    """First order, for the hold and for the delay; the head turns about on the way."""
-    held = np.array([[4.0, 1.0, -2.0], [-9.0, -3.0, 1.0], [-2.0, 0.5, 0.5]])
-    start, position = jnp.array([0.1, -0.2]), jnp.array([0.05, 0.02])
-    errors = []
-    for count in (60, 120, 240):
-        dt = 0.12 / count
-        currents = np.repeat(held, count // 3, axis=0)
-        gantry = Gantry(odd_gantry, dt, substeps=2)
-        plant = HardwareInLoop(gantry, bench(0.0, 0.0), delay)
-        exact = advance(gantry, gantry.initial_state(position, start * dt), currents)
-        errors.append(
-            np.asarray(
-                advance(plant, plant.initial_state(position, start * dt), currents).gantry[-1]
-                - exact[-1]
-            )
-        )
-    assert np.min(exact[:, 3]) < 0 < np.max(exact[:, 3])
-    sizes = [np.abs(error[[0, 3]]).max() for error in errors]
-    assert (
-        sizes[0] < 0.2
-        and sizes[0] / sizes[1] == pytest.approx(2, abs=0.2)
-        and sizes[1] / sizes[2] == pytest.approx(2, abs=0.1)
-    )
-    assert np.abs(2 * errors[2] - errors[1])[[0, 3]].max() < 0.05 * sizes[2]
-
-
 def test_one_step_by_hand(odd_gantry):
     """(5.48) with the bench's exact response in place of forward Euler.
 
