@@ -191,12 +191,6 @@ def test_simulation_and_metrics_know_only_abstract_types():
     assert "jcontour.linear.plant" not in reached("jcontour.simulation.closed_loop")
 
 
-def test_constrained_control_stands_on_the_library_and_nothing_there_on_it():
-    for name in MODULES:
-        if name.startswith("jcontour") and not name.startswith("jcontour.mpc"):
-            assert not [found for found in reached(name) if found.startswith("jcontour.mpc")], name
-
-
 def test_no_circles():
     assert not [
         name for name in MODULES if name in reached(name) and MODULES[name].name != "__init__.py"

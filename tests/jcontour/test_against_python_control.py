@@ -23,7 +23,6 @@ from jcontour.controllers.observers.extended_state_observers import (
     EulerLESO,
     ExactLESO,
 )
-from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.controllers.observers.reduced_observer import ReducedObserver, thesis_gain
 from jcontour.controllers.wrappers.filters import Filtered, low_pass, notch
 from jcontour.geometry.contours import line
@@ -194,10 +193,6 @@ PI = control.tf2ss(control.tf([K_PV * (1 + DT / T_IV), -K_PV], [1, -1], DT))
 SPEED = control.ss([], [], [], [[K_PP, 1.0]], DT)
 
 
-def test_poles_of_the_cascade():
-    assert same(poles(cascade()), closed(axis(), SPEED, PI))
-
-
 def test_poles_of_the_cascade_behind_a_notch():
     make, analogue, _ = FILTERS["notch"]
     notched = control.tf2ss(control.c2d(control.tf(*analogue), DT, "tustin"))
@@ -242,20 +237,6 @@ def test_poles_of_a_disturbance_observer():
     found = poles(DisturbanceObserver(cascade(), motors(1), w, B0, DT))
     twice = np.roots(D)  # what 1 / (1 - Q) cancels
     assert same(np.concatenate([found, twice]), wanted)
-
-
-def test_poles_of_lqg_are_those_of_dlqr_and_of_the_filter():
-    A, B = np.asarray(model().A), np.asarray(model().B)
-    regulating = control.dlqr(A, B, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1))[2]
-    scale = np.diag(
-        [1e6, 1e3]
-    )  # counts of one standard deviation, for the conditioning of its equation
-    filtering = control.dlqe(A, B, scale @ MOTOR, np.array([[0.05**2]]), np.eye(2))[2]
-    L = kalman_gain(model(), 0.05, [1e-6, 1e-3], MOTOR)
-    assert same(
-        poles(FilterObserver(feedback(), model(), L, measured=MOTOR)),
-        np.concatenate([regulating, filtering]),
-    )
 
 
 def test_poles_of_the_reduced_observer():

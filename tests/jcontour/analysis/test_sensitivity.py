@@ -1,7 +1,3 @@
-import subprocess
-import sys
-from pathlib import Path
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -222,32 +218,6 @@ def test_dry_friction_is_left_out():
     )
     assert expected.max() > 1.05
     np.testing.assert_allclose(found, expected, rtol=1e-5)
-
-
-HANGING = """
-import jax
-from test_sensitivity import behind_offset_free, late_table, loop_peaks
-
-machine, family, windows = late_table()
-build, start = behind_offset_free(machine)
-
-
-@jax.jit
-@jax.value_and_grad
-def worst(numbers):
-    return loop_peaks(family, build(numbers), windows).sensitivity.max()
-
-
-for k in range(30):
-    jax.block_until_ready(worst(start + 1e-3 * k))
-"""
-
-
-@pytest.mark.slow
-def test_weights_and_peaks_in_one_program_do_not_hang():
-    """Batches of LAPACK calls, two at a time, would wait for each other for ever."""
-    folder = Path(__file__).parent
-    subprocess.run([sys.executable, "-c", HANGING], cwd=folder, check=True, timeout=600)
 
 
 def test_bad_input_is_refused(two_axes, law, bent):

@@ -86,26 +86,6 @@ def test_quarter_circles_in_both_directions(traced):
     np.testing.assert_allclose(counter_clockwise.contour.curvature(0.001), 100.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("by_radius", "by_centre"),
-    [
-        ("G3 X0 Y10 R10", "G3 X0 Y10 I-10"),
-        ("G2 X0 Y10 R10", "G2 X0 Y10 J10"),  # about (10, 10)
-        ("G2 X0 Y10 R-10", "G2 X0 Y10 I-10"),
-        ("G3 X0 Y10 R-10", "G3 X0 Y10 J10"),
-        ("G3 X-10 Y0 R10", "G3 X-10 Y0 I-10"),
-        ("G2 X-10 R10.0", "G2 X-10 I-10"),
-    ],
-)
-def test_radius_and_centre_form_agree(traced, by_radius, by_centre):
-    first, second = (parse_gcode(HEAD + "G0 X10\n" + line) for line in (by_radius, by_centre))
-    fractions = np.linspace(0, 1, 9)
-    np.testing.assert_allclose(
-        traced.points(first, fractions), traced.points(second, fractions), atol=2e-7
-    )  # half circles: a root near zero
-    np.testing.assert_allclose(traced.lengths(first), traced.lengths(second), rtol=1e-9)
-
-
 def test_full_circle(traced):
     toolpath = parse_gcode(HEAD + "G0 X5 Y1\nG2 I-2 J0\nG3 X5 Y1 J3")
     np.testing.assert_allclose(traced.lengths(toolpath), [4 * np.pi, 6 * np.pi], rtol=1e-14)

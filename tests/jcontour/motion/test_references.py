@@ -68,13 +68,6 @@ def test_samples_become_a_reference_with_their_polyline():
     )
 
 
-def test_three_axes():
-    arc = 1e-4 * np.arange(5)
-    reference = along(line([0, 0, 0], [1e-3, 2e-3, 2e-3]), arc, DT, 1, at_rest=False)
-    assert reference.position.shape == (6, 3)
-    np.testing.assert_allclose(np.asarray(reference.position)[3], [1e-4, 2e-4, 2e-4], atol=1e-16)
-
-
 @pytest.mark.parametrize(
     "contour",
     [circle(1e-3), polyline([[0, 0], [1e-3, 0], [1e-3, 1e-3], [-1e-3, 1e-3]]), lemniscate(3e-3)],

@@ -29,24 +29,6 @@ def some_qp(n=4, r=3, seed=0):
     )
 
 
-def test_a_box_by_hand():
-    """minimise (z - 2)^2 / 2 over z <= 1: z = 1, multiplier 1."""
-    qp = QP(
-        np.eye(1),
-        np.array([-2.0]),
-        np.zeros((0, 1)),
-        np.zeros(0),
-        np.zeros(0),
-        np.array([-np.inf]),
-        np.ones(1),
-    )
-    assert residuals(*qp, np.ones(1), np.ones(1)) == (0.0, 0.0, 0.0)
-    assert residuals(*qp, np.array([1.5]), np.ones(1)) == pytest.approx((0.5, 0.25, 0.125))
-    assert residuals(*qp, np.ones(1), -np.ones(1))[1] == pytest.approx(
-        1.0
-    )  # a pull towards a limit at infinity, 2 / 2
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_residuals_are_their_definition(seed):
     qp, random = some_qp(seed=seed), np.random.default_rng(seed)

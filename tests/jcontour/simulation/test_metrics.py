@@ -217,13 +217,6 @@ def test_metrics_are_printed_with_their_units(straight):
     assert "diverged         1 of 2 runs" in both
 
 
-def test_metrics_are_printed_while_they_are_traced(straight):
-    told = []
-    signals = desired(straight), NO_CONTROL
-    jax.jit(lambda y, u: told.append(repr(score_signals(y, u, straight))))(*signals)
-    assert "contour error    rms f64[], peak f64[]" in told[0] and "bool[]" in told[0]
-
-
 def test_swapped_arguments_are_told(straight):
     words = "needs a run and its Reference, got Reference, Reference"
     with pytest.raises(TypeError, match=f"{words}|{CHECKED}"):

@@ -78,9 +78,3 @@ def test_is_cross_coupling_by_the_position_gain(table):
         reference,
     )
     np.testing.assert_allclose(shaped.control, coupled.control, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("gain", [-1.0, np.nan])
-def test_bad_gain_is_one_line(table, gain):
-    with pytest.raises(ValueError, match="gain: needs to be finite"):
-        CommandShaped(table.cascade(), gain)

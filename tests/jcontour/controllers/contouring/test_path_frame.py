@@ -110,6 +110,13 @@ def test_zero_gain_is_the_plain_cascade(name):
     assert np.abs(moved.control - plain.control).max() > 1e-3 * np.abs(plain.control).max()
 
 
+@pytest.mark.parametrize("scheme", [Precompensated, CommandShaped])
+@pytest.mark.parametrize("gain", [-1.0, np.nan, np.inf])
+def test_bad_gains_are_refused(scheme, gain):
+    with pytest.raises(ValueError, match="gain: needs to be finite"):
+        scheme(flexible_cascade(), gain)
+
+
 @pytest.mark.parametrize("name", SCHEMES)
 def test_other_than_two_axes_is_one_line(name, table):
     samples = np.zeros((20, 3))

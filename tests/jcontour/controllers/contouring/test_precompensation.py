@@ -42,9 +42,3 @@ def test_the_command_feed_falls_inside_of_a_curve(table):
     )
     speed = np.linalg.norm(np.diff(command[-10:], axis=0), axis=1) / table.dt
     np.testing.assert_allclose(speed, table.feed * (1 - offset[-1, 0] / table.radius), rtol=1e-5)
-
-
-@pytest.mark.parametrize("gain", [-1.0, np.inf])
-def test_bad_gain_is_one_line(table, gain):
-    with pytest.raises(ValueError, match="gain: needs to be finite"):
-        Precompensated(table.cascade(), gain)

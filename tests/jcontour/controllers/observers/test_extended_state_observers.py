@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 from jcontour.arrays import placed
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
@@ -68,27 +67,10 @@ def test_reference_numbers_of_the_thesis_loop(name):
         np.testing.assert_allclose(found[key], value, rtol=1e-8, err_msg=key)
 
 
-def equation(w):
-    """(2.10) with phi_i(e) = e: dz/dt = F z + G [u, y]."""
-    return np.array([[-3 * w, 1, 0], [-3 * w**2, 0, 1], [-(w**3), 0, 0]]), np.array(
-        [[0, 3 * w], [B0, 3 * w**2], [0, w**3]]
-    )
-
-
 def updated(observer, z, u, before, now):
     row = lambda value: np.array([value])  # noqa: E731
     update = eqx.filter_jit(observer.update)
     return np.concatenate(update(Estimate(*map(row, z)), row(u), row(before), row(now)))
-
-
-def test_exact_and_euler_forms_are_those_of_the_equation():
-    z, u, y, w = np.array([1e-3, 0.2, -3.0]), 0.7, 1.5e-3, 350.0
-    F, G = equation(w)
-    held = expm(np.block([[F, G], [np.zeros((2, 5))]]) * DT)[:3] @ np.concatenate([z, [u, y]])
-    np.testing.assert_allclose(updated(ExactLESO(w, B0, DT), z, u, y, 9.9), held, rtol=1e-12)
-    np.testing.assert_allclose(
-        updated(EulerLESO(w, B0, DT), z, u, y, 9.9), z + DT * (F @ z + G @ [u, y]), rtol=1e-12
-    )
 
 
 def test_the_current_form_knows_a_constant_disturbance_after_three_samples_of_a_dead_beat():

@@ -1,12 +1,11 @@
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.signal import bilinear, freqz, lfilter
+from scipy.signal import lfilter
 
 from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
-from jcontour.controllers.wrappers.filters import Biquad, Filtered, low_pass, notch, tustin
+from jcontour.controllers.wrappers.filters import Biquad, Filtered, low_pass, notch
 from jcontour.geometry.contours import circle
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
@@ -15,49 +14,8 @@ from jcontour.simulation.closed_loop import prepared, simulate
 DT = 1e-3
 
 
-def run(filter, signal):
-    step = lambda memory, x: filter.step(memory, x)  # noqa: E731
-    return np.asarray(jax.jit(lambda x: jax.lax.scan(step, jnp.zeros(2), x)[1])(signal))
-
-
 def coefficients(filter):
     return np.asarray(filter.numerator), np.array([1.0, *np.asarray(filter.denominator)])
-
-
-def test_tustin_is_scipys_bilinear():
-    analogue = ([0.3, 2.0, 50.0], [1.0, 30.0, 4e3])
-    ours = coefficients(jax.jit(tustin, static_argnums=2)(*map(np.array, analogue), DT))
-    for found, wanted in zip(ours, bilinear(*analogue, fs=1 / DT), strict=True):
-        np.testing.assert_allclose(found, wanted, rtol=1e-12)
-
-
-def test_running_it_is_scipys_lfilter():
-    signal = np.random.default_rng(0).standard_normal(200)
-    filter = jax.jit(notch, static_argnums=3)(87.0, 0.85, 0.05, DT)
-    np.testing.assert_allclose(
-        run(filter, signal), lfilter(*coefficients(filter), signal), rtol=1e-9, atol=1e-12
-    )
-
-
-def response(filter, frequency):
-    return np.abs(freqz(*coefficients(filter), worN=[frequency * DT])[1][0])
-
-
-def test_notch_has_its_depth_at_its_frequency_when_prewarped():
-    filter = notch(700.0, 0.2, 0.3, DT, prewarp=True)
-    np.testing.assert_allclose(response(filter, 700.0), 0.2, rtol=1e-9)
-    np.testing.assert_allclose(
-        [response(filter, 1e-6), response(filter, np.pi / DT)], 1.0, rtol=1e-9
-    )
-    assert response(notch(700.0, 0.2, 0.3, DT), 700.0) > 0.2 + 1e-3  # Tustin alone moves it
-
-
-def test_low_pass_halves_the_power_at_its_corner():
-    filter = low_pass(500.0, np.sqrt(0.5), DT)
-    np.testing.assert_allclose(
-        [response(filter, 1e-6), response(filter, 500.0)], [1.0, np.sqrt(0.5)], rtol=1e-9
-    )
-    assert response(filter, np.pi / DT) < 1e-9
 
 
 def test_filtered_controls_are_the_filter_of_the_controls(two_axes):

@@ -12,13 +12,6 @@ from jcontour.plants.wrappers.encoders import CountingEncoders, Encoders, FineEn
 from jcontour.sensors import Sensors, motors
 
 
-def test_encoders_measure_the_outputs(two_axes, start, controls, plain, run):
-    outputs, measurements, last = run(Encoders(two_axes), start, controls)
-    np.testing.assert_array_equal(outputs, plain[0])
-    np.testing.assert_array_equal(measurements, plain[0])
-    np.testing.assert_array_equal(last, plain[2])
-
-
 def test_quantised_measures_whole_counts_and_moves_as_before(two_axes, start, controls, plain, run):
     count = 0.8e-6
     outputs, measurements, _ = run(Quantised(Encoders(two_axes), count), start, controls)
