@@ -211,6 +211,7 @@ def test_the_first_and_the_last_sample_of_the_plan_are_those_of_its_tables(law_a
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_a_cascade_that_is_far_off_keeps_its_integrators_as_in_python(tmp_path):
     """X stands 5 mm off until the integrator is full; then the tool comes back and passes."""
     dt, limit = 1e-3, np.array([2.0, 3.0])

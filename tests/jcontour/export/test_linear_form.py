@@ -49,7 +49,14 @@ def controllers(machine):
     }
 
 
-@pytest.mark.parametrize("name", ["limited", "cascade", "filter", "offset-free", "predictor"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "limited",
+        "cascade",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("filter", "offset-free", "predictor")),
+    ],
+)
 def test_the_law_gives_the_controls_of_simulate(machine, reference, name):
     controller = controllers(machine)[name]
     run = simulate(Encoders(machine), controller, reference)

@@ -21,7 +21,7 @@ def schedule():
 def test_models_between_the_points_are_on_straight_lines(schedule):
     """Entry by entry, against numpy.interp."""
     path = np.array([[9.0, -0.2], [9.0, -0.13], [9.0, 0.1], [9.0, 0.25], [9.0, 0.3]])
-    along = schedule.along(path)
+    along = schedule.along(placed(path))
     for found, rows in (
         (along.A, schedule.models.A),
         (along.B, schedule.models.B),

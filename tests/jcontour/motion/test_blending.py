@@ -5,7 +5,6 @@ import pytest
 
 from jcontour.geometry import contours
 from jcontour.motion.blending import blended
-from jcontour.motion.jerk_limited.derivatives import everywhere
 from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import Asked, AxisLimits
 
@@ -147,23 +146,6 @@ def test_a_piece_of_a_nanometre_is_not_lost_where_one_end_of_it_is_cut_off():
     begins = pieces.taken(slice(1, None)).jet(0.0 * pieces.extent[1:])[0]
     assert np.linalg.norm(ends - begins, axis=1).max() < 1e-13
     np.testing.assert_array_equal(np.unique(around.piece[around.blend]), [2])
-
-
-def test_a_slow_feed_leaves_most_of_the_tolerance():
-    """Passed at the feed, the blends ask for half of an axis's jerk, and of no more than that."""
-    limits, feed = AxisLimits.of(2, acceleration=2.0, jerk=100.0), np.full(4, 3e-3)
-    found = blended(SQUARE, 50e-6, asked=Asked(feed, limits))
-    assert found.deviation < 0.5 * blended(SQUARE, 50e-6).deviation
-    _, second, third = np.abs(everywhere(unpadded(found.path))).max(axis=1)
-    assert (3e-3**2 * second).max() < 0.5 * 2.0
-    jerk = (3e-3**3 * third)[found.blend].max() / (0.5 * 100.0)
-    assert 0.85 < jerk < 1.02
-
-
-def test_a_quick_feed_uses_the_tolerance():
-    limits = AxisLimits.of(2, acceleration=2.0, jerk=100.0)
-    found = blended(SQUARE, 50e-6, asked=Asked(np.full(4, 0.1), limits))
-    np.testing.assert_array_equal(found.path.extent, blended(SQUARE, 50e-6).path.extent)
 
 
 def test_each_joint_has_the_reach_that_the_slower_side_needs():

@@ -177,34 +177,6 @@ def test_a_run_and_a_corner_share_the_tolerance():
     assert sagitta / 2 < farthest(found.path, rough) <= found.deviation <= TOLERANCE
 
 
-def test_a_feed_that_needs_no_tolerance_uses_little_of_it():
-    """A wave in chords, and a corner, at 1 mm/s and at 100 mm/s; the runs alone, and all."""
-    along = np.linspace(0.0, 8e-3, 400)
-    wave = np.stack([along, 1e-3 * np.sin(1.1e3 * along)], axis=1)
-    for points in (wave, np.concatenate([wave, [[8e-3, 10e-3]]])):
-        rough = contours.polyline(points)
-        feed = np.full(len(points) - 1, 1e-3)
-        slow, quick = (
-            smooth_path(rough, 20e-6, asked=Asked(faster * feed, LIMITS)) for faster in (1.0, 100.0)
-        )
-        assert farthest(slow.path, rough) <= slow.deviation < 0.25 * quick.deviation
-        assert quick.deviation == smooth_path(rough, 20e-6).deviation
-
-
-def test_each_run_has_its_own_feed():
-    """Two waves one behind the other: the slow one comes nearer to its chords."""
-    along = np.linspace(0.0, 16e-3, 800)
-    rough = contours.polyline(np.stack([along, 1e-3 * np.sin(1.1e3 * along)], axis=1))
-    feed = np.where(np.arange(799) < 400, 0.1, 1e-3)
-    asked = Asked(feed, LIMITS)
-    found = smooth_path(rough, 20e-6, alike=feed[1:] == feed[:-1], asked=asked)
-    arc = np.linspace(0.0, float(found.path.length), 3001)[1:-1]
-    place, on = found.path.position(arc), rough.position(found.true_arc(arc))
-    away = np.linalg.norm(np.subtract(place, on), axis=1)
-    first = np.asarray(place)[:, 0] < 7.5e-3
-    assert away[~first & (np.asarray(place)[:, 0] > 8.5e-3)].max() < 0.25 * away[first].max()
-
-
 @pytest.mark.parametrize("feed", [np.ones(3), np.full(9, np.inf), np.zeros(9), np.ones((9, 1))])
 def test_a_feed_that_is_not_of_the_pieces_is_named(any_type, feed):
     rough = contours.polyline(chords(9))

@@ -39,7 +39,9 @@ def controls_of(answer, qp):
     return np.asarray(answer.trajectory.stages)[..., qp.x0.shape[-1] :]
 
 
-@pytest.mark.parametrize("kind", ["boxed", "limited", "giving"])
+@pytest.mark.parametrize(
+    "kind", [pytest.param("boxed", marks=pytest.mark.slow), "limited", "giving"]
+)
 def test_answers_are_those_of_daqp(kind, request, one_of, condensed):
     qp = request.getfixturevalue(kind)
     found = jax.device_get(many(qp))
@@ -106,6 +108,7 @@ def test_vmap_is_a_loop(giving, one_of):
         assert alone.iterations == together.iterations[k]
 
 
+@pytest.mark.slow
 def test_where_it_begins_changes_the_last_digits_only(limited):
     guess = np.random.default_rng(4).standard_normal((16, 6, 2))
     found = jax.jit(jax.vmap(solve))(limited, guess)
@@ -150,7 +153,7 @@ def test_what_has_no_answer_is_flagged_and_has_no_derivative(limited):
     np.testing.assert_array_equal(np.isnan(moved).any(axis=(1, 2)), ~known)
 
 
-@pytest.mark.parametrize("kind", ["limited", "giving"])
+@pytest.mark.parametrize("kind", ["limited", pytest.param("giving", marks=pytest.mark.slow)])
 def test_derivatives_are_those_of_differences(kind, request, one_of):
     """Along a random direction of every number, both modes, away from changes of the active set."""
     qp = one_of(request.getfixturevalue(kind), 6)  # one that no full box holds beyond its limits
@@ -178,6 +181,7 @@ def test_derivatives_are_those_of_differences(kind, request, one_of):
     assert float(reverse) == pytest.approx(float(np.sum(pull * forward)), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_beyond_a_limit_the_answer_moves_with_its_price():
     """min u^2 / 2 - 5 u, u <= 1 at a price r: u = 5 - r up to r = 4, 1 from there."""
     one, none = jnp.ones((1, 1)), jnp.zeros((1, 1))

@@ -13,11 +13,9 @@ from jcontour.geometry.contours import circle
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
-from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.motor_coordinates import MotorEncoders, motor_schedule
+from jcontour.plants.gantry.motor_coordinates import motor_schedule
 from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.wrappers.encoders import Sensed
-from jcontour.simulation.closed_loop import prepared, simulate
+from jcontour.simulation.closed_loop import prepared
 
 DT, PREVIEW, T = 2e-3, 6, 9
 POINTS = [-0.3, 0.0, 0.4]
@@ -101,19 +99,6 @@ def test_control_is_the_minimiser_of_the_stated_cost(schedule, reference, k):
     plan = jax.device_get(prepared(controller, reference))
     _, found = controller.step(None, jax.tree.map(lambda rows: placed(rows[k]), plan), placed(x))
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
-
-
-@pytest.mark.slow
-def test_it_keeps_the_tool_on_the_contour_of_the_nonlinear_gantry():
-    """Fed the motors, which is all there is to feed."""
-    parameters = thesis_gantry()
-    schedule = motor_schedule(parameters, [-0.4, 0.0, 0.4], DT)
-    reference = along(circle(0.2), 2e-4 * np.arange(500), DT, 20, at_rest=False)
-    plant = Sensed(Gantry(parameters, DT), MotorEncoders(parameters))
-    controller = ScheduledLQ(schedule, LQWeights(1e7, 1e8, balanced(1.0, 3, 1, 2, 1.0)), 20)
-    run = simulate(plant, controller, reference)
-    late = np.asarray(run.output)[100:]
-    assert np.abs(np.linalg.norm(late, axis=1) - 0.2).max() < 1e-4
 
 
 def test_bad_controllers_are_named(schedule, reference):

@@ -206,20 +206,6 @@ def test_blocks_reach_28_ms_ahead_at_100_us():
     assert fine.time < 1.02 * coarse["time_s"] and 1e3 * fine.rms < coarse["rms_mm"]
 
 
-def test_a_few_blocks_stand_for_many_samples():
-    model = xy_table(1e-3)
-    scores = []
-    for horizon in (28, growing_blocks(28, 9)):
-        controller = MPCC(model, lobes(), horizon=horizon)
-        run = reported_loop(model, controller, at_start(lobes(), 1e-3, 600)).rollout
-        scores.append(traversal_score(lobes(), run.output, 1e-3))
-    travelled = [score.arc[-1] for score in scores]
-    assert (
-        travelled[1] == pytest.approx(travelled[0], rel=0.02)
-        and scores[1].rms < 1.1 * scores[0].rms
-    )
-
-
 def test_growing_blocks_fill_the_horizon():
     for samples, count in ((280, 9), (28, 9), (7, 7), (100, 2)):
         blocks = growing_blocks(samples, count)

@@ -96,6 +96,7 @@ def test_without_an_active_limit_it_is_contouring_lq(terminal, stage, two_axes):
         assert run.report.active_fraction == 0 and run.report.worst_residual <= 1e-8
 
 
+@pytest.mark.slow
 def test_horizon_of_one(two_axes):
     plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8)
     for terminal in (OutputTerminal(), RiccatiTerminal()):
@@ -191,6 +192,7 @@ def test_the_velocity_form_leaves_no_offset(terminal, two_axes):
     assert np.abs(np.asarray(absolute.output)[-1] - end).max() >= 1e-6
 
 
+@pytest.mark.slow
 def test_the_x_y_table_under_a_constant_torque():
     """0.03 N m on each lead screw: below 1e-3 um at rest is asked for.
 
