@@ -27,7 +27,6 @@ from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders, FineEncoders
-from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import stack_plants, stack_references
@@ -69,17 +68,6 @@ def test_an_unstable_loop_has_infinite_peaks_and_a_radius(integrators, given_law
     assert (slopes.sensitivity, slopes.complementary) == (0.0, 0.0)
     broken = peaks(jnp.nan)
     assert np.isinf(broken.spectral_radius) and np.isinf(broken.sensitivity)
-
-
-def test_a_limit_is_lifted(integrators, given_law, straight_window):
-    law, windows = given_law.static(-0.3 * jnp.eye(2)), straight_window(2)
-    limited = Saturated(integrators, jnp.full(2, 1e-12))
-    free, at_limit = (
-        loop_peaks(stack_plants([Encoders(plant)]), law, windows)
-        for plant in (integrators, limited)
-    )
-    np.testing.assert_array_equal(free.sensitivity, at_limit.sensitivity)
-    assert free.sensitivity[0, 0] > 1.1
 
 
 @pytest.mark.slow

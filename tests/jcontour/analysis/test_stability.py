@@ -170,18 +170,6 @@ def test_every_loop_is_stable_inside_the_margins_and_one_is_not_outside(two_axes
     assert loops(with_input_delay(two_axes, found.delay + 1), plan).max() >= 1
 
 
-@pytest.mark.parametrize("query", [frozen_spectral_radii, margins])
-def test_a_reference_that_does_not_suit_is_refused(query, two_axes, law):
-    with pytest.raises(ValueError, match="preview"):
-        query(two_axes, law, along(circle(1e-3), 3e-4 * np.arange(9), 1e-3, 1, at_rest=False))
-
-
-def test_swapped_arguments_are_told(two_axes, law, bent):
-    words = r"^margins\(plant, controller, reference\): the plant needs to be a Plant, received Con"
-    with pytest.raises(TypeError, match=f"{words}|Type-check error"):
-        margins(law, two_axes, bent)
-
-
 def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():
     """Poles by python-control, the loop of the cascade cut at its control."""
     plant = LinearPlant([[1.0, 8e-4], [0.0, 0.6]], [[2e-4], [0.4]], [[1.0, 0.0]], 1e-3)

@@ -197,51 +197,26 @@ def test_nothing_infeasible_is_solved(kind, count):
     )
 
 
+def small(H, g, lower=-INF, upper=INF, C=(), rows=(-INF, INF)) -> QP:
+    """A problem whose limits are one number, or one for each variable or row of C."""
+    g = np.asarray(g, float)
+    C = np.reshape(np.asarray(C, float), (-1, g.size))
+    of_rows = (np.full(len(C), side, float) for side in rows)
+    box = (np.full(g.size, side, float) for side in (lower, upper))
+    return QP(np.asarray(H, float), g, C, *of_rows, *box)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_degenerate_problems(kind):
-    solver, none, wide = kind(), np.zeros(0), np.full(2, INF)
-    flat = QP(
-        np.diag([1.0, 0.0]),
-        np.array([-1.0, 1.0]),
-        np.zeros((0, 2)),
-        none,
-        none,
-        np.array([-INF, -3.0]),
-        wide,
-    )
-    np.testing.assert_allclose(solver.solve(flat).z, [1.0, -3.0], atol=1e-7)
-    equal = QP(
-        np.eye(2),
-        np.zeros(2),
-        np.array([[1.0, 1.0], [2.0, 2.0]]),
-        np.array([1.0, 2.0]),
-        np.array([1.0, 2.0]),
-        -wide,
-        wide,
-    )
-    np.testing.assert_allclose(
-        solver.solve(equal).z, [0.5, 0.5], atol=1e-7
-    )  # the same equation twice
-    fixed = QP(
-        np.eye(2),
-        np.ones(2),
-        np.zeros((0, 2)),
-        none,
-        none,
-        np.array([2.0, -INF]),
-        np.array([2.0, INF]),
-    )
-    np.testing.assert_allclose(solver.solve(fixed).z, [2.0, -1.0], atol=1e-7)
-    linear = QP(
-        np.zeros((2, 2)),
-        np.array([1.0, -1.0]),
-        np.ones((1, 2)),
-        np.array([-0.5]),
-        np.array([0.5]),
-        -np.ones(2),
-        np.ones(2),
-    )
-    assert solver.solve(linear).z == pytest.approx([-1.0, 1.0], abs=1e-7)
+    """A flat direction, the same equation twice, a variable that is fixed, and no curvature."""
+    twice, sums = [[1.0, 1.0], [2.0, 2.0]], [[1.0, 1.0]]
+    for qp, wanted in (
+        (small(np.diag([1.0, 0.0]), [-1.0, 1.0], lower=[-INF, -3.0]), [1.0, -3.0]),
+        (small(np.eye(2), [0.0, 0.0], C=twice, rows=([1.0, 2.0], [1.0, 2.0])), [0.5, 0.5]),
+        (small(np.eye(2), [1.0, 1.0], [2.0, -INF], [2.0, INF]), [2.0, -1.0]),
+        (small(np.zeros((2, 2)), [1.0, -1.0], -1.0, 1.0, sums, (-0.5, 0.5)), [-1.0, 1.0]),
+    ):
+        np.testing.assert_allclose(kind().solve(qp).z, wanted, atol=1e-7)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -277,19 +252,8 @@ def test_what_cannot_be_solved_says_so(name):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_unbounded_problem(kind):
-    none = np.zeros(0)
     with pytest.raises(Unsolved):
-        kind().solve(
-            QP(
-                np.diag([1.0, 0.0]),
-                np.ones(2),
-                np.zeros((0, 2)),
-                none,
-                none,
-                np.full(2, -INF),
-                np.full(2, INF),
-            )
-        )
+        kind().solve(small(np.diag([1.0, 0.0]), [1.0, 1.0]))
 
 
 def test_shapes_may_change_between_problems():
@@ -318,14 +282,5 @@ def test_names():
 
 
 def test_hildreth_needs_curvature():
-    flat = QP(
-        np.zeros((1, 1)),
-        np.ones(1),
-        np.zeros((0, 1)),
-        np.zeros(0),
-        np.zeros(0),
-        -np.ones(1),
-        np.ones(1),
-    )
     with pytest.raises(Unsolved, match="H is not positive definite"):
-        Hildreth().solve(flat)
+        Hildreth().solve(small([[0.0]], [1.0], -1.0, 1.0))

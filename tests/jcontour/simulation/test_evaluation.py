@@ -154,12 +154,6 @@ def test_plants_without_arrays_that_differ_or_are_not_stacked_are_refused(refere
         evaluate(Drives(), Follower(), stack_references([references[0]]))
 
 
-def test_what_does_not_stack_is_refused(two_axes, coupled_plant, references):
-    for plants in ([], [two_axes, coupled_plant(0, 4, 2)], [two_axes, Delayed(two_axes, 0, 1, 2)]):
-        with pytest.raises(ValueError, match="plants: "):
-            stack_plants(plants)
-
-
 ARC = 1e-5 * np.arange(9)
 
 
@@ -199,6 +193,7 @@ def test_what_sets_a_plant_apart_from_the_first_is_told(two_axes, plants):
     for others, words in (
         ([plants[0], two_axes], "number 1 differs from number 0 in its kind, LinearPlant and Del"),
         ([plants[0], plants[1], late], "number 2 differs from number 0 in "),
+        ([], "plants: "),
     ):
         with pytest.raises(ValueError, match=words):
             stack_plants(others)
@@ -218,12 +213,6 @@ def test_swapped_arguments_and_what_is_not_stacked_are_told(controller, plants, 
     ):
         with pytest.raises(ValueError, match=words):
             evaluate(*given)
-
-
-def test_a_batch_that_does_not_suit_is_refused(controller, plants):
-    short = stack_references([along(circle(1e-3), 1e-5 * np.arange(9), 1e-3, 2, at_rest=False)])
-    with pytest.raises(ValueError, match="preview"):
-        evaluate(stack_plants(plants), controller, short)
 
 
 def test_the_memory_of_a_derivative_does_not_grow_with_the_batch():

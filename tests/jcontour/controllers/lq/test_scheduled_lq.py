@@ -10,8 +10,6 @@ from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import LQWeights, balanced
 from jcontour.controllers.lq.scheduled_lq import ScheduledLQ
 from jcontour.geometry.contours import circle
-from jcontour.linear.model_schedule import ModelSchedule
-from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.plants.gantry.motor_coordinates import motor_schedule
 from jcontour.plants.gantry.parameters import thesis_gantry
@@ -119,8 +117,3 @@ def test_bad_controllers_are_named(schedule, reference):
         ScheduledLQ(schedule, weighted(), PREVIEW).prepare(
             along(circle(0.45), 1e-4 * np.arange(5), DT, PREVIEW, at_rest=False)
         )
-    free = eqx.filter_vmap(lambda A: LinearPlant(A, [[0.0], [1.0]], np.eye(2), 1.0))(
-        np.stack([np.diag([1.1, 0.5])] * 2)
-    )
-    with pytest.raises(ValueError, match="no stabilising solution"):
-        ScheduledLQ(ModelSchedule(free, [0.0, 1.0], 0), LQWeights(1.0, 1.0, 1.0), 3)
