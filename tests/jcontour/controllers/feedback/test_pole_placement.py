@@ -77,33 +77,24 @@ def test_gradient_with_respect_to_damping(thesis_model):
 
 
 @pytest.mark.parametrize(
-    ("make", "words"),
+    ("poles", "words"),
     [
-        (lambda model: placed_gain(model, [0.5, 0.6, 0.7]), "poles: the axis has 4 states"),
-        (
-            lambda model: placed_gain(model, [0.5, 0.6, 0.7, 1.01]),
-            "poles: need to be inside the unit circle",
-        ),
-        (
-            lambda model: placed_gain(model, [0.5, 0.6, 0.7, 0.5 + 0.1j]),
-            "poles: complex ones need to come in pairs",
-        ),
-        (
-            lambda model: placed_gain(
-                LinearPlant(model.A, np.ones((4, 2)), model.C, DT), [0.5] * 4
-            ),
-            "one input",
-        ),
-        (
-            lambda model: placed_gain(
-                LinearPlant(np.diag([0.5, 0.6]), [[1.0], [0.0]], [[1.0, 1.0]], DT), [0.5] * 2
-            ),
-            "cannot be controlled",
-        ),
-        (lambda model: damped_poles(-1.0, 0.5, DT), "frequency"),
-        (lambda model: damped_poles(1.0, 1.5, DT), "damping"),
+        ([0.5, 0.6, 0.7], "poles: the axis has 4 states"),
+        ([0.5, 0.6, 0.7, 1.01], "poles: need to be inside the unit circle"),
+        ([0.5, 0.6, 0.7, 0.5 + 0.1j], "poles: complex ones need to come in pairs"),
     ],
 )
-def test_bad_input_is_named(thesis_model, make, words):
+def test_bad_poles_are_named(thesis_model, poles, words):
     with pytest.raises(ValueError, match=words):
-        make(thesis_model)
+        placed_gain(thesis_model, poles)
+
+
+def test_what_cannot_be_placed_is_named(thesis_model):
+    with pytest.raises(ValueError, match="one input"):
+        placed_gain(LinearPlant(thesis_model.A, np.ones((4, 2)), thesis_model.C, DT), [0.5] * 4)
+    deaf = LinearPlant(np.diag([0.5, 0.6]), [[1.0], [0.0]], [[1.0, 1.0]], DT)
+    with pytest.raises(ValueError, match="cannot be controlled"):
+        placed_gain(deaf, [0.5] * 2)
+    for pair, name in (((-1.0, 0.5), "frequency"), ((1.0, 1.5), "damping")):
+        with pytest.raises(ValueError, match=name):
+            damped_poles(*pair, DT)
