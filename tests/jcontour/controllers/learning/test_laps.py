@@ -43,6 +43,7 @@ def test_a_correction_of_another_lap_is_refused(small_loop):
             Learned(controller, placed(np.zeros(shape))).prepare(reference)
 
 
+@pytest.mark.slow
 def test_laps_by_hand(small_loop, positions):
     """Three laps written out, the noise of each its own."""
     plant, controller, reference = small_loop()

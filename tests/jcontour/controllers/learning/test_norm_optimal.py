@@ -25,6 +25,7 @@ def dense(linear, steps, axes):
     return np.asarray(jax.jit(jax.vmap(linear))(inputs)).reshape(steps * axes, -1).T
 
 
+@pytest.mark.slow
 def test_the_update_is_the_minimum(run):
     """The normal equations with dense matrices, weights written out sample by sample."""
     laps, reference = run

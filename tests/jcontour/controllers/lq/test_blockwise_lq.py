@@ -42,6 +42,7 @@ def test_a_run_of_one_block_is_the_optimum_of_the_whole_path(two_axes):
     np.testing.assert_allclose(found.control, wanted[:6], rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_terminal_of_ones_own_reaches_every_block(two_axes):
     """The last step of every block sees N_p samples, as a receding horizon does."""
     reference = arc(7, 3, two_axes)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
     LQWeights,
@@ -82,7 +83,11 @@ def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_pla
     random = np.random.default_rng(1)
     Sy, Sv = random.standard_normal((2, states, axes))
     reference = reference_of(2, axes, preview)
-    end = OutputTerminal() if terminal == "output" else RiccatiTerminal(SteadyMotion(Sy, Sv))
+    end = (
+        OutputTerminal()
+        if terminal == "output"
+        else RiccatiTerminal(SteadyMotion(placed(Sy), placed(Sv)))
+    )
     controller = ContouringLQ(model, weights, preview, end)
     rollout = jax.device_get(simulate(model, controller, reference, random.standard_normal(states)))
     H_N = x_d = None
@@ -105,6 +110,7 @@ def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_pla
         )
 
 
+@pytest.mark.slow
 def test_stage_profile_gradient_is_that_of_differences(two_axes):
     reference = reference_of(0, 2, 4)
 

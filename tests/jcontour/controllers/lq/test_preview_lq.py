@@ -18,7 +18,7 @@ def reference_of(preview, dt):
     return from_samples(1e-3 * np.stack([np.cos(angle), np.sin(angle)], -1), tangent, dt, preview)
 
 
-@pytest.mark.parametrize("preview", [6, 1])
+@pytest.mark.parametrize("preview", [pytest.param(6, marks=pytest.mark.slow), 1])
 def test_finite_preview_is_case_iii(preview):
     """McNab & Tsao: their law with beta = 0 and the Riccati terminal is Tomizuka & Whitney's."""
     plant = bridgeport()

@@ -138,7 +138,7 @@ def test_a_coupling_above_its_bound_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_coupling(loop, 0.9)
-    with pytest.warns(UserWarning, match=r"beta is 2, .* below 0.9286 only.* from 3.759 on"):
+    with pytest.warns(UserWarning, match=r"beta is 2, .* below 0.9285 only.* from 3.759 on"):
         check_coupling(loop, 2.0)
     with pytest.warns(UserWarning, match=r"beta is 4, at 3.759 and above the axes diverge"):
         check_coupling(loop, 4.0)

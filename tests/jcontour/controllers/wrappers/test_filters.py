@@ -18,6 +18,7 @@ def coefficients(filter):
     return np.asarray(filter.numerator), np.array([1.0, *np.asarray(filter.denominator)])
 
 
+@pytest.mark.slow
 def test_filtered_controls_are_the_filter_of_the_controls(two_axes):
     reference = along(circle(1e-3), 2.5e-5 * np.arange(6), two_axes.dt, 3, at_rest=False)
     inside = ContouringLQ(two_axes, LQWeights(3.0, 5.0, 2e-9), 3)
