@@ -53,11 +53,8 @@ def test_a_transform_moves_a_point(words, expected):
     "words",
     [
         "rotate(1e400)",
-        "rotate(30 1e400 0)",
         "translate(0 1e400)",
-        "scale(1e400)",
         "skewX(1e400)",
-        "skewY(-1e400)",
         "matrix(1 0 0 1 0 1e400)",
     ],
 )
