@@ -115,7 +115,7 @@ def test_the_delay_is_one_sample_of_the_head_and_none_of_the_drives():
         (jnp.array(0.0), thesis_gantry().head_mass * B_A / M_A),
     )
     gantry, none = Gantry(p, DT), jnp.zeros(2)
-    currents = np.random.default_rng(1).uniform(-8, 8, (30, 1)) * [1, 0, 0]
+    currents = jnp.asarray(np.random.default_rng(1).uniform(-8, 8, (30, 1)) * [1, 0, 0])
     at_once, late = (HardwareInLoop(gantry, bench(0.0, 0.0), delay) for delay in (0, 1))
     now, later = (
         advance(plant, plant.initial_state(none, none), currents) for plant in (at_once, late)
@@ -123,10 +123,10 @@ def test_the_delay_is_one_sample_of_the_head_and_none_of_the_drives():
     np.testing.assert_array_equal(later.gantry[0], late.initial_state(none, none).gantry)
     np.testing.assert_allclose(later.gantry[1:], now.gantry[:-1], rtol=1e-12, atol=1e-15)
     np.testing.assert_array_equal(later.sent[:, 0, 0], currents[:, 0])
-    driven = late.step(late.initial_state(none, none), np.array([5.0, 2.0, 2.0]))
+    driven = late.step(late.initial_state(none, none), jnp.array([5.0, 2.0, 2.0]))
     np.testing.assert_allclose(
         driven.gantry,
-        gantry.step(gantry.initial_state(none, none), np.array([0, 2.0, 2.0])),
+        gantry.step(gantry.initial_state(none, none), jnp.array([0, 2.0, 2.0])),
         rtol=1e-12,
     )
 
