@@ -69,11 +69,12 @@ def at_rest():
 
 @pytest.fixture(scope="session")
 def tools_in_a_loop(gantry_data, gantry_path, gantry_loop):
-    """Plant -> its tool (T, 2) along the reference's path, under the reference's controller."""
+    """(plant, steps) -> its tool (T, 2) along the reference's path, under its controller."""
     gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
 
-    def tools(plant):
-        start = plant.initial_state(position[0], np.zeros(2))
-        return jax.jit(lambda: gantry_loop(plant, gains, position, velocity, start)[-1])()
+    def tools(plant, steps=None):
+        start, rows = plant.initial_state(position[0], np.zeros(2)), slice(steps)
+        run = jax.jit(lambda: gantry_loop(plant, gains, position[rows], velocity[rows], start)[-1])
+        return run()
 
     return tools
