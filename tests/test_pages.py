@@ -23,7 +23,7 @@ PAGES = READMES + [
 ]
 FILES = [path.as_posix() for path in ROOT.rglob("*.py") if ".venv" not in path.parts]
 OWN_TEST = ("README.md", LIBRARY)  # what their examples print is looked at, too
-FIRST_PAGE, PAGE = 8000, 4000  # bytes
+FIRST_PAGE, PAGE, PROSE = 8000, 4000, 50_000  # bytes of a page, and of the prose of them all
 FLAGS = {name: kind for kind, (name, _) in COMMANDS.items()}
 COMMAND = re.compile(r"\bjcontour ([a-z]+)([^&#\n]*)")
 DATE = re.compile(r"\b20\d\d-\d\d-\d\d\b")
@@ -95,6 +95,14 @@ def test_the_examples_of_the_library_guide_run(capsys):
 @pytest.mark.parametrize("page", READMES)
 def test_readmes_are_short(page):
     assert len((ROOT / page).read_bytes()) <= (FIRST_PAGE if page == "README.md" else PAGE)
+
+
+def test_all_prose_is_short():
+    """Tables, code and what is made from docstrings do not count."""
+    made = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
+    lines = [line for page in PAGES for line in made.sub("", text_of(page)).splitlines()]
+    prose = [line for line in lines if not line.startswith(("|", ":::", "    "))]
+    assert sum(len(line.encode()) for line in prose) <= PROSE
 
 
 @pytest.mark.parametrize("page", PAGES)
