@@ -26,6 +26,11 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.plants.gantry.engines.mujoco_engine": {"mujoco"},
     "jcontour.plants.gantry.engines.mjx_engine": {"mujoco"},
     "experiments.files.results.stored": {"cattrs"},
+    "experiments.files.schema": {"pydantic"},
+    "experiments.files.machine_file": {"pydantic"},
+    "experiments.files.machine_documents": {"pydantic"},
+    "experiments.files.axis_file": {"pydantic"},
+    "experiments.jobs.excitation": {"pydantic"},
     "experiments.jobs.memory": {"psutil"},
     "experiments.benchmarks.speed.plain_loops": {"numba"},  # what `bench` compares with
     "experiments.benchmarks.searches.search_methods": {"cmaes", "optuna"},

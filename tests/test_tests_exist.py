@@ -78,6 +78,8 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     ),
     "experiments/files/checkpoints.py": "experiments/runs/tuning/test_problem.py",
     "experiments/files/checks.py": "experiments/machines/test_from_file.py",
+    "experiments/files/schema.py": "experiments/machines/test_from_file.py",
+    "experiments/files/machine_file.py": "experiments/machines/test_from_file.py",
     "experiments/files/results/exported_result.py": "experiments/commands/loops/test_export.py",
     "experiments/reports/exported_tables.py": "experiments/commands/loops/test_export.py",
     "experiments/files/results/machine_result.py": "experiments/commands/machines/test_machine.py",

@@ -14,14 +14,24 @@ start; the acceleration of the CSV within half of its limit, that of the G-code 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import Field
 
-from experiments.files import checks
+from experiments.files.checks import METRES, MachineError
+from experiments.files.schema import (
+    OneOrEach,
+    Positive,
+    Schema,
+    Text,
+    Unit,
+    axis_names,
+    per_axis,
+    read,
+)
 
-FIELDS = {"axes", "travel", "speed", "acceleration", "length_unit", "dt"}
 SHARE = 0.5  # of the limits
 PART = 0.1  # of the travel, either side of the start
 SECONDS = 30.0  # of the sines
@@ -54,37 +64,39 @@ class Excited:
     acceleration: Float[np.ndarray, " axes"]
 
 
+class LimitsFile(Schema):
+    """Limits of the machine, as a user writes them."""
+
+    travel: OneOrEach[Positive]
+    """[length]"""
+    speed: OneOrEach[Positive]
+    """[length/s]"""
+    acceleration: OneOrEach[Positive]
+    """[length/s^2]"""
+    axes: Annotated[list[Text], Field(min_length=2, max_length=3)] = ["X", "Y"]
+    """names of two or three axes"""
+    length_unit: Unit = "mm"
+    """of the limits"""
+    dt: Annotated[Positive, Field(le=SLOWEST)] = 1e-3
+    """sample period of the CSV [s]; the quick sines need one below the limit"""
+
+
 def read_limits(path: Path | str, fields: Any) -> Excited:
     """Limits of a JSON object: travel, speed, acceleration, each one number or one per axis.
 
     Raises:
         MachineError: a field is missing, unknown or impossible.
     """
-    given = checks.mapping(str(path), fields, FIELDS)
-    for name in ("travel", "speed", "acceleration"):
-        if name not in given:
-            raise checks.MachineError(
-                f"{path}: {name} is missing; needs travel, speed, "
-                "acceleration, and may have axes, length_unit, dt"
-            )
-    unit = given.get("length_unit", "mm")
-    if not isinstance(unit, str) or unit not in checks.METRES:
-        raise checks.MachineError(f"length_unit: needs one of {', '.join(checks.METRES)}")
-    asked = given.get("axes", ["X", "Y"])
-    if not isinstance(asked, list) or len(asked) not in (2, 3):
-        raise checks.MachineError("axes: needs a list of two or three names")
-    metre, count = checks.METRES[unit], len(asked)
-
-    def each(name: str) -> np.ndarray:
-        return checks.per_axis(name, given[name], count) * metre
-
-    dt = checks.number("dt", given.get("dt", 1e-3), above=0.0)
-    if dt > SLOWEST:
-        raise checks.MachineError(
-            f"dt: needs at most {SLOWEST:g} s for quick sines, received {dt:g}"
-        )
-    names = tuple(checks.axis_names(asked, count))
-    return Excited(names, dt, each("travel"), each("speed"), each("acceleration"))
+    try:
+        file = read(LimitsFile, fields)
+        metre, names = METRES[file.length_unit], axis_names(file.axes, len(file.axes))
+        each = [
+            per_axis(name, getattr(file, name), len(names)) * metre
+            for name in ("travel", "speed", "acceleration")
+        ]
+    except MachineError as error:
+        raise MachineError(f"{path}: {error}") from None
+    return Excited(names, file.dt, *each)
 
 
 def sines(limits: Excited) -> Float[np.ndarray, "T axes"]:

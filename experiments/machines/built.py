@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from experiments.files.checks import METRES
+from experiments.files.machine_file import MOST_DELAY
 from experiments.files.step_file import read_step
 from experiments.flags.machines import Machine
-from experiments.machines.uncertainty import GAIN_KNOWN_TO, MOST_DELAY
+from experiments.machines.uncertainty import GAIN_KNOWN_TO
 from experiments.machines.unsure_resonances import LESS_DAMPED, unsure_resonances
 from jcontour.linear.continuous_axes import (
     ContinuousAxis,

@@ -13,7 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.files.axis_file import ENCODER_RESOLUTION, AxisFile
+from experiments.files.axis_file import ENCODER_RESOLUTION, KIND, FlexibleAxisFile
+from experiments.files.schema import axis_names, one_or_each, per_axis
 from experiments.machines.count_noise import in_words, rounding_noise
 from experiments.machines.families import Member, MotorMeasuredMachine, late
 from experiments.machines.machine import Fed, MachineLimits, Usual
@@ -147,25 +148,35 @@ class FlexibleMachine(MotorMeasuredMachine):
         return late(plant, member.late, len(self.axes))
 
 
-def flexible_machine(axis: AxisFile) -> FlexibleMachine:
+def flexible_machine(file: FlexibleAxisFile) -> FlexibleMachine:
     """The machine of an axis file."""
-    limits = MachineLimits(control=axis.current_limit)
-    return FlexibleMachine(
-        axis.name,
-        zoh_model(axis.parameters, axis.dt),
-        axis.axes,
-        "A",
-        limits,
-        axis.parameters,
-        axis.encoder_resolution,
+    limit = file.current_limit
+    return _machine(
+        file.name or KIND,
+        file.parameters,
+        file.dt,
+        axis_names(file.axes, file.count),
+        one_or_each("encoder_resolution", file.encoder_resolution, file.count),
+        None if limit is None else per_axis("current_limit", limit, file.count),
     )
+
+
+def _machine(
+    name: str,
+    parameters: AxisParameters,
+    dt: float,
+    axes: tuple[str, ...],
+    resolution: float | np.ndarray = ENCODER_RESOLUTION,
+    current_limit: np.ndarray | None = None,
+) -> FlexibleMachine:
+    limits = MachineLimits(control=current_limit)
+    model = zoh_model(parameters, dt)
+    return FlexibleMachine(name, model, axes, "A", limits, parameters, resolution)
 
 
 def thesis_machine() -> FlexibleMachine:
     """The test bench of Yuan's thesis, chapter 3."""
-    return flexible_machine(
-        AxisFile("flexible-axis", thesis_axis(), SAMPLE, ("X",), ENCODER_RESOLUTION)
-    )
+    return _machine("flexible-axis", thesis_axis(), SAMPLE, ("X",))
 
 
 def biaxial_axes() -> AxisParameters:
@@ -189,9 +200,7 @@ def biaxial_axes() -> AxisParameters:
 
 def biaxial_machine() -> FlexibleMachine:
     """Two flexible axes, as a contour needs them."""
-    return flexible_machine(
-        AxisFile("flexible-axes", biaxial_axes(), SAMPLE, ("X", "Y"), ENCODER_RESOLUTION)
-    )
+    return _machine("flexible-axes", biaxial_axes(), SAMPLE, ("X", "Y"))
 
 
 def scaled(parameters: AxisParameters, stiffness: float, mass: float) -> AxisParameters:

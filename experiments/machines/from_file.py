@@ -1,44 +1,7 @@
-"""Machine files: the linear model of a machine, its limits, and what is not known about it.
+"""Machines of files: the linear model of a machine, its limits, and what is not known about it.
 
-A JSON object, or an npz with the same names (`limits.speed`, `uncertainty.response.hertz` for what
-is nested), all lengths in `length_unit`:
-
-    A, B, C              matrices of x(k+1) = A x + B u, y = C x; y is the tool point, two or three
-    axes, one input each dt                   sample period [s]
-    name                 optional
-    length_unit          m (default), mm or um: of y, and of the limits and the resolution below
-    control_unit         text for tables and figures; "control unit" when not given
-    axes                 names, one per output; X, Y, Z when not given
-    limits               optional, each one number or one per axis:
-                           speed [length/s], acceleration [length/s^2], control [control unit],
-                           increment [control unit per sample]; a motion asks for half of the
-                           acceleration, see `jobs.pace.SHARE`
-    known_delay          samples between a control and its effect that A and B do not contain; goes
-    into the model (default 0)
-    uncertainty          optional; when not given, gains known to 10 % (of a drive that takes a
-                         position: exactly) and a sample of delay. Else what it gives of: gain (0.1:
-                         each input gain is known to 10 %; of a drive that takes a position, for
-                         moves from where the part begins), delay (most further samples of delay),
-                         response: how far off the frequency response
-                         may be, as {"hertz": [1, 10, 100], "relative": [[...], [...]]}, one row
-                         |G_true / G - 1| per axis. Tuned loops stay stable for twice as much
-    encoder_resolution   [length] per count, one number or one per axis; 0.8 um when not given
-    encoder_noise        [length] standard deviation of the noise of the encoders beside their
-                         rounding, one number or one per axis; 0 when not given
-    control_noise        [control unit] standard deviation that the Kalman filter assumes on each
-    control;
-                         5 % of the control limit, or 0.1, when not given: about what an input gain
-                         10 % off does
-    note                 optional text that `simulate`, `tune` and `machine` repeat
-    friction             [control unit] that dry friction takes on every axis; 0 when not given,
-                         null where it is not known. It is in the runs; what is proven takes it as a
-                         force
-
-Or a flexible axis, whose fields are those of `axis_files`: an object with "kind": "flexible-axis".
-
-`example.json` beside this file is one; `jcontour machine --example FILE` writes it.
-The tool starts in steady motion, so every axis needs
-one input and one output of its own.
+The fields are those of `files.machine_file`, or for flexible axes those of `files.axis_file`;
+`machine-file.md` beside this file lists them.
 """
 
 import io
@@ -50,12 +13,14 @@ import numpy as np
 from scipy.linalg import matrix_balance
 
 from experiments.files import checks
-from experiments.files.axis_file import axis_from, is_axis
+from experiments.files.axis_file import KIND, FlexibleAxisFile
 from experiments.files.checks import METRES, MachineError
+from experiments.files.machine_file import LimitFields, LinearMachineFile
+from experiments.files.schema import axis_names, one_or_each, per_axis, read
 from experiments.machines.flexible_axis import flexible_machine
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine, MachineLimits
-from experiments.machines.uncertainty import IN_FILE, IN_PYTHON, MOST_DELAY, stated_uncertainty
+from experiments.machines.uncertainty import IN_FILE, IN_PYTHON, stated_uncertainty
 from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION
@@ -67,28 +32,10 @@ CONTROL_NOISE = 0.1  # [control unit] where no limit of the control says more
 RANK = (
     1e-10  # smallest singular value, relative, of a mode that the input reaches or the output shows
 )
-FIELDS = {
-    "A",
-    "B",
-    "C",
-    "dt",
-    "name",
-    "length_unit",
-    "control_unit",
-    "axes",
-    "limits",
-    "known_delay",
-    "uncertainty",
-    "encoder_resolution",
-    "encoder_noise",
-    "control_noise",
-    "friction",
-    "note",
-}
 
 
 def load_machine(path: str | Path) -> Machine:
-    """Machine of a JSON or npz file; the module's docstring is the format.
+    """Machine of a JSON or npz file.
 
     Raises:
         MachineError: the file cannot be read, or a field is wrong.
@@ -157,55 +104,42 @@ def _npz_fields(content: bytes) -> dict[str, Any]:
 
 
 def _machine(fields: dict[str, Any], name: str) -> Machine:
-    if is_axis(fields):
-        return flexible_machine(axis_from(fields, name))
-    checks.known("file", fields, FIELDS)
-    for required in ("A", "B", "C", "dt"):
-        if required not in fields:
-            raise MachineError(f"{required}: missing; a machine needs A, B, C and dt")
-    metre = _unit(fields.get("length_unit", "m"))
-    A, B, C = (checks.matrix(key, fields[key]) for key in ("A", "B", "C"))
-    dt = checks.number("dt", fields["dt"], above=0.0)
+    fields = {"name": name, **fields}
+    fields.pop("$schema", None)  # for editors
+    if fields.get("kind") == KIND:
+        return flexible_machine(read(FlexibleAxisFile, fields))
+    file = read(LinearMachineFile, fields)
+    metre = METRES[file.length_unit]
+    A, B, C = np.array(file.A), np.array(file.B), np.array(file.C)
     if A.shape[0] > MOST_STATES:
         raise MachineError(f"A: needs at most {MOST_STATES} states, received {A.shape[0]}")
     try:
-        plant = LinearPlant(A, B, C * metre, dt)
+        plant = LinearPlant(A, B, C * metre, file.dt)
     except ValueError as error:
         raise MachineError(checks.line(error)) from None
     _check_axes(plant)
-    known_delay = checks.whole("known_delay", fields.get("known_delay", 0), MOST_DELAY)
     _check_modes(A, B, C)
-    model = with_input_delay(plant, known_delay)
+    model = with_input_delay(plant, file.known_delay)
     _check_motion(model)
-    limits = _limits(fields.get("limits", {}), metre, plant)
-    unsure = stated_uncertainty(fields.get("uncertainty"), model)
-    resolution = (
-        checks.one_or_each(
-            "encoder_resolution",
-            fields.get("encoder_resolution", ENCODER_RESOLUTION / metre),
-            plant.axes,
-        )
-        * metre
-    )
-    noise = checks.one_or_each(
-        "encoder_noise", fields.get("encoder_noise", 0.0), plant.axes, zero=True
-    )
+    limits = _limits(file.limits, metre, plant)
+    unsure = stated_uncertainty(file.uncertainty, model)
+    count = file.encoder_resolution or ENCODER_RESOLUTION / metre
     assumed = CONTROL_NOISE if limits.control is None else 0.05 * float(limits.control.min())
     return LinearMachine(
-        checks.text("name", fields.get("name", name)),
+        file.name or name,
         model,
-        checks.axis_names(fields.get("axes"), plant.axes),
-        checks.text("control_unit", fields.get("control_unit", "control unit")),
+        axis_names(file.axes, plant.axes),
+        file.control_unit,
         limits,
-        known_delay,
+        file.known_delay,
         unsure.gain,
         unsure.delay,
-        resolution,
-        checks.number("control_noise", fields.get("control_noise", assumed), above=0.0),
-        encoder_noise=noise * metre,
+        one_or_each("encoder_resolution", count, plant.axes) * metre,
+        file.control_noise or assumed,
+        encoder_noise=one_or_each("encoder_noise", file.encoder_noise, plant.axes) * metre,
         response_doubt=unsure.response,
-        friction=_friction(fields.get("friction", 0.0)),
-        note=checks.text("note", fields["note"]) if "note" in fields else "",
+        friction=file.friction,
+        note=file.note or "",
         states_family="" if "uncertainty" in fields else IN_FILE,
     )
 
@@ -229,7 +163,7 @@ def linear_machine(plant: LinearPlant, name: str, uncertainty: Any = None) -> Li
     return LinearMachine(
         name,
         plant,
-        checks.axis_names(None, plant.axes),
+        axis_names(None, plant.axes),
         "control unit",
         MachineLimits(),
         known_delay=0,
@@ -256,25 +190,17 @@ def _check_motion(plant: LinearPlant) -> None:
         raise MachineError(f"A, B, C: {error}") from None
 
 
-def _limits(value: Any, metre: float, plant: LinearPlant) -> MachineLimits:
-    given = checks.mapping("limits", value, set(MachineLimits._fields))
-    sizes = {
-        "speed": plant.axes,
-        "acceleration": plant.axes,
-        "control": plant.inputs,
-        "increment": plant.inputs,
-    }
-    scale = {"speed": metre, "acceleration": metre}
+def _limits(given: LimitFields, metre: float, plant: LinearPlant) -> MachineLimits:
+    def each(name: str, count: int, unit: float) -> np.ndarray | None:
+        value = getattr(given, name)
+        return None if value is None else per_axis(f"limits.{name}", value, count) * unit
+
     return MachineLimits(
-        **{
-            key: checks.per_axis(f"limits.{key}", given[key], sizes[key]) * scale.get(key, 1.0)
-            for key in given
-        }
+        speed=each("speed", plant.axes, metre),
+        acceleration=each("acceleration", plant.axes, metre),
+        control=each("control", plant.inputs, 1.0),
+        increment=each("increment", plant.inputs, 1.0),
     )
-
-
-def _friction(given: Any) -> float | None:
-    return None if given is None else checks.number("friction", given, least=0.0)
 
 
 def _check_modes(A, B, C) -> None:
@@ -302,11 +228,3 @@ def _check_modes(A, B, C) -> None:
                 raise MachineError(
                     f"{name}: a mode of A that does not die out (eigenvalue {value:.6g}) {missing}"
                 )
-
-
-def _unit(value: Any) -> float:
-    if not isinstance(value, str) or value not in METRES:
-        raise MachineError(
-            f"length_unit: needs one of {', '.join(METRES)}, received {checks.shown(value)}"
-        )
-    return METRES[value]

@@ -24,7 +24,7 @@ HIGH = 99.9  # percentile that counts as the largest: encoders have outliers
 
 
 def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> dict[str, Any]:
-    """Fields of the machine file, lengths in m; the format is `machines.from_file`'s.
+    """Fields of the machine file, lengths in m; the format is `files.machine_file`'s.
 
     Limits are the largest values of the record: what is known to have gone well.
     """

@@ -11,8 +11,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from experiments.files import checks
 from experiments.files.checks import MachineError
+from experiments.files.machine_file import ResponseFields, UncertaintyFields
+from experiments.files.schema import read
 from experiments.machines.steady_response import steady_response
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.linear.plant import LinearPlant
@@ -23,7 +24,6 @@ GAIN_KNOWN_TO = {  # a data sheet is seldom better; a position drive follows its
     "force": 0.1,
 }
 LATE = 1  # sample: what a drive's bus takes
-MOST_DELAY = 50
 IN_FILE, IN_PYTHON = '"uncertainty":', "UNCERTAINTY ="  # how a file states it
 
 
@@ -58,12 +58,8 @@ def stated_uncertainty(given: Any, model: LinearPlant) -> Uncertainty:
     """
     if given is None:
         return usual_uncertainty(model)
-    fields = checks.mapping("uncertainty", given, {"gain", "delay", "response"})
-    gain = checks.number("uncertainty.gain", fields.get("gain", 0.0), least=0.0)
-    if gain >= 1:
-        raise MachineError(f"uncertainty.gain: needs a fraction below 1, received {gain:g}")
-    delay = checks.whole("uncertainty.delay", fields.get("delay", 0), MOST_DELAY)
-    return Uncertainty(gain, delay, _doubt(fields.get("response"), model))
+    fields = read(UncertaintyFields, given, "uncertainty")
+    return Uncertainty(fields.gain, fields.delay, _doubt(fields.response, model))
 
 
 def usual_uncertainty(model: LinearPlant) -> Uncertainty:
@@ -132,19 +128,12 @@ def with_corners(
     return drawn if kept < 1 else np.concatenate([drawn[:kept], corners])
 
 
-def _doubt(value: Any, plant: LinearPlant) -> Doubt | None:
+def _doubt(given: ResponseFields | None, plant: LinearPlant) -> Doubt | None:
     """What a file says of the response; a frequency in rad per sample."""
-    if value is None:
+    if given is None:
         return None
-    name = "uncertainty.response"
-    given = checks.mapping(name, value, {"hertz", "relative"})
-    if set(given) != {"hertz", "relative"}:
-        raise MachineError(
-            f"{name}: needs hertz and relative, received {', '.join(given) or 'none'}"
-        )
-    hertz = np.ravel(checks.matrix(f"{name}.hertz", [given["hertz"]]))
-    relative = checks.matrix(f"{name}.relative", given["relative"])
-    highest = 1 / (2 * plant.dt)
+    name, highest = "uncertainty.response", 1 / (2 * plant.dt)
+    hertz, relative = np.array(given.hertz), np.array(given.relative)
     if not (hertz[0] > 0 and np.all(np.diff(hertz) > 0) and hertz[-1] <= highest):
         raise MachineError(f"{name}.hertz: needs rising frequencies above 0, up to {highest:g} Hz")
     if relative.shape != (plant.axes, hertz.size) or relative.min() < 0:

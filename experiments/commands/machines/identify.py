@@ -14,7 +14,7 @@ from rich.console import Console
 
 from experiments.commands.machines import excite, identify_linear
 from experiments.files import run_folder
-from experiments.files.axis_file import AxisFile, Electrical, save_axis
+from experiments.files.axis_file import ElectricalFields, FlexibleAxisFile, save_axis
 from experiments.files.record_file import load_records, save_records
 from experiments.files.results.stored import write_result
 from experiments.flags.machines import Identify
@@ -241,18 +241,20 @@ def _store(flags: Identify, records: list[Record], found: IdentifiedAxis, folder
 
 def _axis_file(
     flags: Identify, records: Sequence[Record], found: IdentifiedAxis, parameters: AxisParameters
-) -> AxisFile:
-    electrical = None
+) -> FlexibleAxisFile:
+    optional = {}
     if found.winding is not None:
-        electrical = Electrical(*(np.array([value]) for value in found.winding.estimate.values))
-    return AxisFile(
+        names = ElectricalFields.model_fields
+        optional["electrical"] = dict(zip(names, found.winding.estimate.values, strict=True))
+    if found.notes:
+        optional["notes"] = list(found.notes)
+    return FlexibleAxisFile.of(
+        parameters,
         name="identified-axis" if flags.data is None else flags.data.stem,
-        parameters=parameters,
         dt=mechanical(records)[0].dt,
-        axes=("X",),
+        axes=["X"],
         encoder_resolution=1e-6 * flags.encoder_um,
-        electrical=electrical,
-        notes=found.notes,
+        **optional,
     )
 
 

@@ -97,15 +97,15 @@ def test_every_move_is_a_word_that_moves_an_axis(names, moved):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"travel": None}, "travel is missing"),
+        ({"travel": None}, "limits.json: travel: missing"),
         ({"speed": -1}, "speed"),
-        ({"axes": ["X"]}, "two or three names"),
-        ({"axes": 5}, "two or three names"),
+        ({"axes": ["X"]}, "axes: needs to have at least 2 items"),
+        ({"axes": 5}, "axes: needs to be a valid list"),
         ({"axes": ["X", "X"]}, "axes"),
-        ({"length_unit": ["mm"]}, "length_unit: needs one of"),
-        ({"length_unit": "inch"}, "length_unit: needs one of"),
+        ({"length_unit": ["mm"]}, "length_unit: needs to be 'm', 'mm' or 'um'"),
+        ({"length_unit": "inch"}, "length_unit: needs to be 'm', 'mm' or 'um'"),
         ({"jerk": 3}, "there is no field 'jerk'"),
-        ({"dt": 0.06}, "dt: needs at most 0.05 s for quick sines, received 0.06"),
+        ({"dt": 0.06}, "dt: needs to be less than or equal to 0.05, received 0.06"),
     ],
 )
 def test_limits_that_cannot_be_used(change, words):

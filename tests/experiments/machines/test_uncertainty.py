@@ -40,8 +40,8 @@ def test_frequencies_are_stated_in_hertz():
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"gain": 1.0}, "uncertainty.gain: needs a fraction below 1"),
-        ({"delay": 51}, "uncertainty.delay: needs a whole number of samples from 0 to 50"),
+        ({"gain": 1.0}, "uncertainty.gain: needs to be less than 1"),
+        ({"delay": 51}, "uncertainty.delay: needs to be less than or equal to 50"),
         ({"mass": 0.1}, "uncertainty: there is no field 'mass'"),
         ("none", "uncertainty"),
     ],

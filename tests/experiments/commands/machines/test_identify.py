@@ -12,8 +12,9 @@ from experiments.commands.machines.identify import (
     RecordedTest,
     show,
 )
-from experiments.files.axis_file import axis_from
+from experiments.files.axis_file import FlexibleAxisFile
 from experiments.files.results.stored import read_result
+from experiments.files.schema import read
 from experiments.reports.tables import console_of
 
 HEADER = "time,motor_position,current_q"
@@ -37,7 +38,7 @@ def test_the_demonstration(demo):
         "model.png",
     }
     rows = {row["parameter"]: row for row in summary["parameters"]}
-    axis = axis_from(json.loads((folder / "axis.json").read_text()))
+    axis = read(FlexibleAxisFile, json.loads((folder / "axis.json").read_text()))
     p, electrical = axis.parameters, axis.electrical
     assert electrical is not None and electrical.resistance == rows["resistance"]["value"]
     assert float(p.force_constant[0]) == rows["force_constant"][
