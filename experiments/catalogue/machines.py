@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from experiments.catalogue.entries import Requirement
 
 if TYPE_CHECKING:
+    from experiments.machines.gantry import GantryMachine
     from experiments.machines.machine import Machine
 
 
@@ -75,7 +76,7 @@ MACHINES: dict[str, Callable[[], "Machine"]] = {  # each under the name of one o
 def _is_linear(machine: "Machine") -> bool:
     from experiments.machines.linear import LinearMachine
 
-    return isinstance(machine, LinearMachine)
+    return machine.form(LinearMachine) is not None
 
 
 def _states_limits(machine: "Machine") -> bool:
@@ -85,23 +86,26 @@ def _states_limits(machine: "Machine") -> bool:
 def _is_flexible(machine: "Machine") -> bool:
     from experiments.machines.flexible_axis import FlexibleMachine
 
-    return isinstance(machine, FlexibleMachine)
+    return machine.form(FlexibleMachine) is not None
 
 
 def _has_flexible_axes(machine: "Machine") -> bool:
     return _is_flexible(machine) and len(machine.axes) > 1
 
 
-def _is_gantry(machine: "Machine") -> bool:
+def _gantry(machine: "Machine") -> "GantryMachine | None":
     from experiments.machines.gantry import GantryMachine
 
-    return isinstance(machine, GantryMachine)
+    return machine.form(GantryMachine)
+
+
+def _is_gantry(machine: "Machine") -> bool:
+    return _gantry(machine) is not None
 
 
 def _has_dry_friction(machine: "Machine") -> bool:
-    from experiments.machines.gantry import GantryMachine
-
-    return isinstance(machine, GantryMachine) and machine.friction is not None
+    gantry = _gantry(machine)
+    return gantry is not None and gantry.friction is not None
 
 
 def _has_no_dry_friction(machine: "Machine") -> bool:

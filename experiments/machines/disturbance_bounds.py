@@ -32,12 +32,13 @@ def linear_machine(machine: Machine) -> LinearMachine:
     Raises:
         ValueError: it is not.
     """
-    if not isinstance(machine, LinearMachine):
+    linear = machine.form(LinearMachine)
+    if linear is None:
         raise ValueError(
             f"plant: {machine.name} is not linear: what is proven is of machines with a linear "
             "model, as bridgeport, xy-table or a machine file"
         )
-    return machine
+    return linear
 
 
 def warn_of_doubt(machine: LinearMachine) -> None:

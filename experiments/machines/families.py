@@ -9,13 +9,19 @@ from dataclasses import dataclass
 from itertools import product
 from typing import ClassVar, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from experiments.machines.machine import Fed, Machine
 from experiments.machines.uncertainty import with_corners
+from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
+from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.wrappers.encoders import FineEncoders
+from jcontour.sensors import Sensors
 from jcontour.simulation.evaluation import stack_plants
 
 LATE = 1  # most samples of delay that a model does not know: a drive's bus
@@ -64,6 +70,31 @@ class MotorMeasuredMachine(Machine):
         Raises:
             ValueError: this machine does not measure that.
         """
+
+    @abc.abstractmethod
+    def _model(self, member: Member, path: Float[Array, "T m"]) -> LinearPlant:
+        """Linear model of a member along a path [m], its delay left out."""
+
+    def _measured(self, plant: Plant) -> Plant:
+        """A linear plant behind its motors' encoders."""
+        return FineEncoders(plant, Sensors(range(self.model.inputs)))
+
+    def _linear(self, member: Member, path: Float[Array, "T m"]) -> Plant:
+        model = self._model(member, path)
+        return Delayed(model, jnp.asarray(member.late), LATE, model.inputs)
+
+    def linear_family(self, fed: Fed, path: Float[Array, "T m"]) -> Sequence[Plant]:
+        """Linear models of the members, late as they are."""
+        return [self._measured(self._linear(member, path)) for member in self.members]
+
+    def noisy_nominal(self, key: jax.Array, fed: Fed, path: Float[Array, "T m"]) -> Plant:
+        """The linear model with noise on the positions of its motors; speeds are made of them."""
+        assert self.noisy_count is not None
+        half, read = self.noisy_count / 2, self.model.inputs
+        noise = jax.random.uniform(key, (len(path), read), minval=-half, maxval=half)
+        others = jnp.zeros((len(path), self.model.states - read))
+        plant = self._linear(self.members[0], path)
+        return self._measured(Disturbed(plant, noise=jnp.concatenate([noise, others], axis=1)))
 
     @property
     def members(self) -> Sequence[Member]:

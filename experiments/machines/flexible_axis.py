@@ -4,8 +4,9 @@ Motor positions and speeds are measured; stiffness and masses are known to a fif
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,6 +19,7 @@ from experiments.files.schema import axis_names, one_or_each, per_axis
 from experiments.machines.count_noise import in_words, rounding_noise
 from experiments.machines.families import Member, MotorMeasuredMachine, late
 from experiments.machines.machine import Fed, MachineLimits, Usual
+from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import (
     AxisParameters,
@@ -71,6 +73,13 @@ class FlexibleMachine(MotorMeasuredMachine):
 
     parameters: AxisParameters
     encoder_resolution: float | np.ndarray
+
+    def positions(self, fed: Fed) -> Callable[[Any], Float[Array, " m"]]:
+        """Positions of the motors."""
+        return motors(len(self.axes)).positions
+
+    def _model(self, member: Member, path: Float[Array, "T m"]) -> LinearPlant:
+        return zoh_model(self._varied(member), self.model.dt)
 
     @property
     def nonsmooth_effects(self) -> str:

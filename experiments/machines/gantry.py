@@ -3,10 +3,10 @@
 Motor positions are measured; stiffness is known to a fifth, masses to a tenth.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,6 +18,7 @@ from experiments.machines.count_noise import rounding_noise
 from experiments.machines.families import LATE, Member, MotorMeasuredMachine, late
 from experiments.machines.machine import Fed, MachineLimits, Usual
 from jcontour.linear.model_schedule import ModelSchedule
+from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
@@ -51,6 +52,24 @@ class GantryMachine(MotorMeasuredMachine):
 
     parameters: GantryParameters
     friction: Friction | None = None
+
+    def positions(self, fed: Fed) -> Callable[[Any], Float[Array, " m"]]:
+        """Positions of the tool that follow from the motors': nothing bends but the joints."""
+        encoders = MotorEncoders(self.parameters)
+        return lambda measurement: self.parameters.tool(encoders.state(row(measurement))[:3])
+
+    def linear_nominal(self, fed: Fed, path: Float[Array, "T m"]) -> Plant:
+        """The model without the limits of the currents."""
+        return self._measured(self._linear(self.members[0], path))
+
+    def _model(self, member: Member, path: Float[Array, "T m"]) -> LinearPlant:
+        """Model at the middle of the path along the beam."""
+        parameters = scaled_gantry(self.parameters, member.stiffness, member.mass)
+        x = path[:, 0]
+        return motor_model(parameters, (jnp.min(x) + jnp.max(x)) / 2, self.model.dt)
+
+    def _measured(self, plant: Plant) -> Plant:
+        return _flat(super()._measured(plant))
 
     @property
     def nonsmooth_effects(self) -> str:

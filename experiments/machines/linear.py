@@ -6,12 +6,15 @@ Their families differ in input gains and delays.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
-from experiments.machines.count_noise import in_words, rounding_noise, sensor_noise
+from experiments.machines.count_noise import FARTHEST, in_words, rounding_noise, sensor_noise
 from experiments.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
 from experiments.machines.uncertainty import Member, assumed, family_members, random_members
 from jcontour.analysis.uncertain_loops import Doubt
@@ -175,6 +178,31 @@ class LinearMachine(Machine):
             return members
         noise = rounding_noise(self.model.axes, self.noisy_count)
         return [Disturbed(Encoders(plant), noise=noise) for plant in members]
+
+    def positions(self, fed: Fed) -> Callable[[Any], Float[Array, " m"]]:
+        """The measurement itself, or the outputs of a measured state."""
+        return self.model.output if fed == "state" else lambda measurement: measurement
+
+    def linear_family(self, fed: Fed, path: Float[Array, "T m"]) -> Sequence[Plant]:
+        """The exact family, the same along every path."""
+        return self.exact_family(fed)
+
+    def noisy_nominal(self, key: jax.Array, fed: Fed, path: Float[Array, "T m"]) -> Plant:
+        """The model behind encoders with noise in place of counts; a state is measured as it is."""
+        if fed == "state":
+            return self.model
+        half = self.noisy_count / 2
+        noise = jax.random.uniform(key, path.shape, minval=-half, maxval=half)
+        return Disturbed(Encoders(self.model), noise=noise)
+
+    def with_noise(self, plant: Plant, key: jax.Array, steps: int, fed: Fed) -> Plant:
+        """Gaussian noise within three deviations, alike on all plants. Counts are no noise."""
+        if not self.noisy or fed == "state":
+            return plant
+        deviation = jnp.broadcast_to(jnp.asarray(self.encoder_noise), (1, self.model.axes))
+        drawn = jax.random.normal(key, (steps, self.model.axes))
+        noise = deviation * jnp.clip(drawn, -FARTHEST, FARTHEST)
+        return eqx.tree_at(lambda counted: counted.plant.noise, plant, noise)
 
     def exact_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members without friction, behind encoders that do not round, or their state."""

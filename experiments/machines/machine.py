@@ -4,11 +4,13 @@ A machine has a model that controllers may know, and a family of plants that it 
 """
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
+import jax
 import numpy as np
+from jaxtyping import Array, Float
 
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.linear.between_samples import hidden_acceleration
@@ -16,6 +18,7 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 
 Fed = Literal["outputs", "state"]  # the controller is fed the machine's sensors, or the state
+Form = TypeVar("Form")
 NO_EFFECTS = "no further effects"  # of a machine whose true family is the smooth one
 
 
@@ -97,6 +100,13 @@ class Machine(abc.ABC):
     axes: tuple[str, ...]
     control_unit: str
     limits: MachineLimits
+
+    def form(self, kind: type[Form]) -> Form | None:
+        """The machine as one of that kind, as `LinearMachine`; None where it has no such form.
+
+        A machine that is another inside says so here.
+        """
+        return self if isinstance(self, kind) else None
 
     @property
     @abc.abstractmethod
@@ -208,6 +218,49 @@ class Machine(abc.ABC):
                 f"period-ms: {self.name} is modelled at {1e3 * own:g} ms; leave the flag out"
             )
         return Hosted(self.model, self.model, 1)
+
+    @property
+    def frictionless(self) -> "Machine":
+        """The same without the dry friction of its file; itself where friction is part of it."""
+        return self
+
+    def positions(self, fed: Fed) -> Callable[[Any], Float[Array, " m"]]:
+        """Positions of the axes in a measurement: of the tool, or of the motors that measure it.
+
+        Raises:
+            ValueError: as `linear_family`.
+        """
+        raise self._no_linear_models()
+
+    def linear_family(self, fed: Fed, path: Float[Array, "T m"]) -> Sequence[Plant]:
+        """Every plant of the family, linear along this path [m]: no dry friction, counts, limits.
+
+        Raises:
+            ValueError: the machine has no linear models of its family.
+        """
+        raise self._no_linear_models()
+
+    def linear_nominal(self, fed: Fed, path: Float[Array, "T m"]) -> Plant:
+        """Linear nominal plant along this path [m]."""
+        return self.nominal(fed)
+
+    def noisy_nominal(self, key: jax.Array, fed: Fed, path: Float[Array, "T m"]) -> Plant:
+        """The same behind encoders with noise, uniform within half a count, in place of counts.
+
+        Raises:
+            ValueError: as `linear_family`.
+        """
+        raise self._no_linear_models()
+
+    def with_noise(self, plant: Plant, key: jax.Array, steps: int, fed: Fed) -> Plant:
+        """A plant of the true family with other noise of its encoders, where they have some."""
+        return plant
+
+    def _no_linear_models(self) -> ValueError:
+        return ValueError(
+            "plant: needs a machine given by A, B, C, flexible axes or a gantry, "
+            f"{self.name} is none of them"
+        )
 
     @abc.abstractmethod
     def nominal(self, fed: Fed = "outputs") -> Plant:

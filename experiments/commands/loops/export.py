@@ -130,8 +130,8 @@ def _until_rest(loop: StoredLoop, job: Task) -> tuple[Task, bool | None]:
     if isinstance(job, Job) and not job.at_rest:
         return job, None
     machine, dt = loop.machine, loop.machine.model.dt
-    calm = isinstance(machine, LinearMachine)
-    nominal = (machine.exact_family if calm else machine.true_family)(loop.fed)[0]
+    linear = machine.form(LinearMachine)
+    nominal = (machine.true_family if linear is None else linear.exact_family)(loop.fed)[0]
     samples = settling(job, stack_plants([nominal]), loop.controller, dt)
     return with_held_end(job, samples or 0), samples is not None
 

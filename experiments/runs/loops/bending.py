@@ -11,9 +11,6 @@ from experiments.files.results.verdict import LimitCheck, exceeded
 from experiments.jobs.job import Job, Task
 from experiments.jobs.replays import Replay, Scenarios, replay
 from experiments.jobs.sections import halted
-from experiments.machines.flexible_axis import FlexibleMachine
-from experiments.machines.gantry import GantryMachine
-from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.figures.loops.bent import BentRuns
@@ -24,7 +21,6 @@ from experiments.runs.checks.machine_limits import (
 )
 from experiments.runs.checks.stored_loops import StoredLoop
 from experiments.runs.forecast import Steps, outline
-from experiments.runs.loops.learned_machines import Setting, linear_family
 from experiments.runs.loops.settling import MOST as MOST_HELD
 from experiments.runs.loops.settling import settling, with_held_end
 from jcontour.controllers.learning.laps import Learned
@@ -215,11 +211,5 @@ def _lost(runs: Replay) -> bool:
 
 def _family(loop: StoredLoop, reference: Reference):
     machine = loop.machine
-    if isinstance(machine, LinearMachine):
-        return stack_plants(machine.exact_family(loop.fed))
-    if isinstance(machine, FlexibleMachine | GantryMachine):
-        return stack_plants(linear_family(Setting(machine, loop.controller, loop.fed, reference)))
-    raise ValueError(
-        "plant: a reference is bent for a machine given by A, B, C, flexible axes or a gantry, "
-        f"{machine.name} is none of them"
-    )
+    path = reference.position[: reference.steps]
+    return stack_plants(list(machine.linear_family(loop.fed, path)))

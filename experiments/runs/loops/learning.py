@@ -14,7 +14,6 @@ from experiments.files.results.learned_result import LearnedMachine
 from experiments.flags.loops import Learn
 from experiments.runs.loops.learned_machines import (
     Setting,
-    linear_family,
     linear_nominal,
     noisy,
     read_anew,
@@ -59,7 +58,7 @@ def prepared_law(one: Setting, flags: Learn) -> Prepared:
     nominal = linear_nominal(one)
     run = one.laps(lambda lap: nominal)
     slopes = _slopes(one)
-    family = [partial(slopes, plant) for plant in linear_family(one)]
+    family = [partial(slopes, plant) for plant in one.machine.linear_family(one.fed, one.path)]
     base = _first_law(one, run, flags)
     smoothings = SMOOTHINGS if flags.smoothing is None else (flags.smoothing,)
     known = answers(base, family, one.shape, max(smoothings))

@@ -222,7 +222,7 @@ def _bounds(flags: Tune, machine: Machine) -> Bounds | None:
         ValueError: they are asked for there, or one of them is wrong.
     """
     asked = flags.objective == "certified" or (flags.force, flags.encoder_um) != (None, None)
-    if not (asked or isinstance(machine, LinearMachine)):
+    if not asked and machine.form(LinearMachine) is None:
         return None
     return bounds_of(linear_machine(machine), flags.force, flags.encoder_um)
 

@@ -60,11 +60,12 @@ def simple_loops(run: TuningRun) -> list[SimpleLoop]:
     None where the objective is no error of single runs, or the state is measured.
     """
     flags, machine = run.flags, run.machine
+    linear = machine.form(LinearMachine)
     other = flags.objective in SEVERAL or run.design.fed != "outputs"
-    if other or not isinstance(machine, LinearMachine):
+    if other or linear is None:
         return []
     try:
-        names = simple_names(machine)
+        names = simple_names(linear)
     except ValueError:  # coupled axes
         return []
     with warnings.catch_warnings():  # the flags are for those that read them

@@ -297,7 +297,7 @@ def test_a_file_states_what_is_not_known_of_its_plants(files, tmp_path):
         assert machine.unknown_delay == 2 and machine.remarks == [] and len(usual.remarks) == 1
     stated.write_text(f'UNCERTAINTY = {{"gain": 2}}\n{PLANTS}')
     trust(stated.read_bytes())
-    with pytest.raises(ValueError, match="Sliding: uncertainty.gain: needs a fraction below 1"):
+    with pytest.raises(ValueError, match="Sliding: uncertainty.gain: needs to be less than 1"):
         machine_named(f"{stated}:Sliding")
 
 

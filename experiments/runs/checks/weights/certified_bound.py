@@ -31,8 +31,8 @@ def certified_bound(
         controller: with the tuned weights.
         process: that computes it meanwhile.
     """
-    machine, flags = run.machine, run.flags
-    if not isinstance(machine, LinearMachine):
+    machine, flags = run.machine.form(LinearMachine), run.flags
+    if machine is None:
         return lambda: None
     bounds = bounds_of(machine, flags.force, flags.encoder_um)
     family = machine.exact_family(run.design.fed)

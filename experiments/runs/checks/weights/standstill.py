@@ -7,7 +7,6 @@ integrates hunts for the position that it cannot read.
 import numpy as np
 
 from experiments.files.results.tuned_result import Standstill
-from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Fed, Machine
 from jcontour.controller import Controller
 from jcontour.geometry.contours import line
@@ -23,9 +22,8 @@ def standstill(controller: Controller, machine: Machine, fed: Fed) -> Standstill
     """Worst of places and family; None where nothing is counted."""
     if machine.resolution is None or fed == "state":
         return None
-    calm = machine.frictionless if isinstance(machine, LinearMachine) else machine
     places = [_held(machine, part * machine.resolution, controller.preview) for part in BETWEEN]
-    family = stack_plants(calm.true_family(fed))
+    family = stack_plants(machine.frictionless.true_family(fed))
     metrics = evaluate(family, controller, stack_references(places), (SETTLED, SAMPLES))
     return Standstill(
         rms_control=float(np.max(metrics.rms_control)),

@@ -17,10 +17,8 @@ from experiments.machines.linear import bridgeport_machine
 from experiments.machines.own_plant import machine_of
 from experiments.runs.loops.learned_machines import (
     Setting,
-    linear_family,
     linear_nominal,
     noisy,
-    positions_of,
     read_anew,
     setting,
 )
@@ -56,10 +54,10 @@ def gantry():
 
 
 def test_linear_members_are_named_like_the_family(axis):
-    assert len(linear_family(axis)) == len(axis.machine.family_names)
+    assert len(axis.machine.linear_family("outputs", axis.path)) == len(axis.machine.family_names)
     for machine in (biaxial_machine(), bridgeport_machine(), gantry_machine()):
         one = Setting(machine, axis.controller, "outputs", axis.reference)
-        assert len(linear_family(one)) == len(machine.family_names)
+        assert len(machine.linear_family("outputs", one.path)) == len(machine.family_names)
     assert Member("nominal", 1.0, 1.0, 0) == axis.machine.members[0]
 
 
@@ -76,9 +74,9 @@ def test_noise_is_within_half_a_count_and_another_in_every_lap(axis):
 def test_positions_are_found_in_what_is_measured():
     state = np.arange(8.0)
     table = bridgeport_machine()
-    np.testing.assert_array_equal(positions_of(table, "outputs")(state[:2]), [0.0, 1.0])
-    np.testing.assert_array_equal(positions_of(table, "state")(state), table.model.output(state))
-    axes = positions_of(biaxial_machine(), "outputs")
+    np.testing.assert_array_equal(table.positions("outputs")(state[:2]), [0.0, 1.0])
+    np.testing.assert_array_equal(table.positions("state")(state), table.model.output(state))
+    axes = biaxial_machine().positions("outputs")
     np.testing.assert_array_equal(axes((state[:2], state[2:4])), [0.0, 1.0])
 
 
@@ -86,7 +84,7 @@ def test_a_gantry_reads_its_tool_from_its_motors():
     """Head 0.3 m along a beam that is turned by a hundredth."""
     parameters = gantry_machine().parameters
     state = jnp.array([0.3, 0.25, 0.01, 0.1, 0.2, 0.3])
-    found = positions_of(gantry_machine(), "outputs")(MotorEncoders(parameters)(state))
+    found = gantry_machine().positions("outputs")(MotorEncoders(parameters)(state))
     d, sine, cosine = float(parameters.tool_offset), np.sin(0.01), np.cos(0.01)
     wanted = [0.3 * cosine + d * sine, 0.25 + 0.3 * sine - d * cosine]
     np.testing.assert_allclose(found, wanted, rtol=1e-12)

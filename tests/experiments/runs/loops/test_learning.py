@@ -11,7 +11,7 @@ from experiments.catalogue.choices import design_for
 from experiments.flags.loops import Learn
 from experiments.machines.flexible_axis import scaled, thesis_machine
 from experiments.machines.from_file import machine_from
-from experiments.runs.loops.learned_machines import Setting, noisy, positions_of, read_anew
+from experiments.runs.loops.learned_machines import Setting, noisy, read_anew
 from experiments.runs.loops.learning import Learner, prepared_law
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.learning.convergence import convergence
@@ -57,7 +57,7 @@ def test_the_law_says_before_that_random_stiffnesses_converge_and_they_do(axis):
     prepared = prepared_law(axis, Learn())
     assert prepared.convergence.assured
     rows = jnp.asarray(stiffnesses())
-    positions = positions_of(axis.machine, "outputs")
+    positions = axis.machine.positions("outputs")
 
     @jax.jit
     def errors(stiffness):
