@@ -42,9 +42,10 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/catalogue/plants.py": "test_contracts.py",
     # commands, from the command line
     "experiments/commands/names.py": "experiments/test_cli.py",
-    "experiments/runs/checks/certifying.py": "experiments/commands/loops/test_certify.py",
+    "experiments/commands/loops/check.py": "experiments/commands/loops/test_check_bound.py",
+    "experiments/runs/checks/certifying.py": "experiments/commands/loops/test_check_bound.py",
     "experiments/runs/checks/weights/certified_bound.py": (
-        "experiments/commands/loops/test_certify.py"
+        "experiments/commands/loops/test_check_bound.py"
     ),
     "experiments/commands/reproduce.py": "experiments/test_cli.py",
     "experiments/machines/emps.py": "experiments/catalogue/test_choices.py",
