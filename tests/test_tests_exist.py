@@ -96,6 +96,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/results/learned_result.py": "experiments/commands/loops/test_learn.py",
     "experiments/files/results/run_metrics.py": "experiments/commands/test_compare.py",
     "experiments/files/results/simulated_result.py": "experiments/commands/loops/test_simulate.py",
+    "experiments/files/results/traversed_result.py": ("experiments/test_tour.py"),
     "experiments/files/results/tuned_result.py": "experiments/commands/tuning/test_tune.py",
     "experiments/files/results/swept_result.py": "experiments/commands/tuning/test_sweep.py",
     "experiments/runs/spread/sweep_runs.py": "experiments/commands/tuning/test_sweep.py",
