@@ -1,7 +1,7 @@
 """Machines of files: the linear model of a machine, its limits, and what is not known about it.
 
 The fields are those of `files.machine_file`, or for flexible axes those of `files.axis_file`;
-`machine-file.md` beside this file lists them.
+the page "Machine file" of the reference lists them.
 """
 
 import io
@@ -140,7 +140,7 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         response_doubt=unsure.response,
         friction=file.friction,
         note=file.note or "",
-        states_family="" if "uncertainty" in fields else IN_FILE,
+        states_family=IN_FILE if file.uncertainty is None else "",
     )
 
 

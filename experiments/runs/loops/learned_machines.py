@@ -53,7 +53,7 @@ def setting(design: Design, job: Task) -> Setting:
         ValueError: there is no learning on this kind of machine.
     """
     machine = design.machine
-    machine.positions(design.fed)
+    machine.positions(design.fed)  # raises where laps have nothing to read
     reference = job.reference(machine.model.dt, design.preview)
     return Setting(machine, design.build(design.start), design.fed, reference)
 

@@ -100,8 +100,9 @@ def test_friction_is_told_and_nothing_is_told_without():
     assert "Friction" not in plain.description()
 
 
-def test_a_file_that_states_no_uncertainty_has_the_usual_and_says_so():
-    silent = {key: value for key, value in FIELDS.items() if key != "uncertainty"}
+@pytest.mark.parametrize("stated", [{}, {"uncertainty": None}])
+def test_a_file_that_states_no_uncertainty_has_the_usual_and_says_so(stated):
+    silent = {key: value for key, value in FIELDS.items() if key != "uncertainty"} | stated
     machine = machine_from(json.dumps(silent).encode(), "silent")
     assert machine.family_names == ["nominal", "gains 1.1, 0.9", "gains 0.9, 1.1", "1 sample late"]
     (line,) = machine.remarks
