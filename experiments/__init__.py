@@ -1,1 +1,1 @@
-"""Application: the `jcontour` command, figures, tables, storage, reproduced papers."""
+"""Papers reproduced, benchmarks and examples: they are in a checkout, not in the package."""

@@ -10,7 +10,7 @@ import warnings
 from functools import cache
 from pathlib import Path
 
-from experiments.cli import choose_compiler, keep_to_one_thread
+from jcontour.app.cli import choose_compiler, keep_to_one_thread
 
 keep_to_one_thread()  # as the commands do, before NumPy is loaded; workers inherit it
 choose_compiler()  # and before JAX is loaded
@@ -219,9 +219,9 @@ def two_axes():
 @cache
 def _closed_loop(name: str):
     """Smooth and true nominal plant, controller and references of a name in the catalogue."""
-    from experiments.catalogue.choices import UnreadFlagWarning, design_for, first_machine
-    from experiments.catalogue.machines import MACHINES
-    from experiments.flags.loops import Simulate
+    from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, first_machine
+    from jcontour.app.catalogue.machines import MACHINES
+    from jcontour.app.flags.loops import Simulate
     from jcontour.geometry.contours import circle, line
     from jcontour.motion.references import along
 

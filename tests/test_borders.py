@@ -1,4 +1,4 @@
-"""Who imports whom, floor by floor: jcontour <- tuning <- experiments; third parties of each."""
+"""Who imports whom: library <- tuning <- application <- experiments; third parties of each."""
 
 import ast
 import sys
@@ -8,16 +8,22 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("jcontour", "tuning", "experiments")
-BELOW = {
+FOLDERS = ("jcontour", "tuning", "experiments")
+BELOW = {  # what each package may import, itself included
     "jcontour": {"jcontour"},
     "tuning": {"jcontour", "tuning"},
-    "experiments": set(PACKAGES),
+    "jcontour.app": {"jcontour", "tuning", "jcontour.app"},
+    "experiments": {"jcontour", "tuning", "jcontour.app", "experiments"},
 }
 
 LIBRARY = {"jax", "equinox", "jaxtyping", "optax", "numpy", "scipy"}
 APPLICATION = {"matplotlib", "tyro", "rich", "xarray", "h5netcdf", "h5py"}
-ALLOWED = {"jcontour": LIBRARY, "tuning": LIBRARY, "experiments": LIBRARY | APPLICATION}
+ALLOWED = {
+    "jcontour": LIBRARY,
+    "tuning": LIBRARY,
+    "jcontour.app": LIBRARY | APPLICATION,
+    "experiments": LIBRARY | APPLICATION,
+}
 ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.qp": {"qpsolvers", "proxsuite", "daqp"},
     "jcontour.compiled": {"numba"},
@@ -25,16 +31,19 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.kernels": {"warp"},  # where the user has installed it
     "jcontour.plants.gantry.engines.mujoco_engine": {"mujoco"},
     "jcontour.plants.gantry.engines.mjx_engine": {"mujoco"},
-    "experiments.files.results.stored": {"cattrs"},
-    "experiments.files.schema": {"pydantic"},
-    "experiments.files.machine_file": {"pydantic"},
-    "experiments.files.machine_documents": {"pydantic"},
-    "experiments.files.axis_file": {"pydantic"},
-    "experiments.jobs.excitation": {"pydantic"},
-    "experiments.jobs.memory": {"psutil"},
+    "jcontour.app.files.results.stored": {"cattrs"},
+    "jcontour.app.files.schema": {"pydantic"},
+    "jcontour.app.files.machine_file": {"pydantic"},
+    "jcontour.app.files.machine_documents": {"pydantic"},
+    "jcontour.app.files.axis_file": {"pydantic"},
+    "jcontour.app.jobs.excitation": {"pydantic"},
+    "jcontour.app.jobs.memory": {"psutil"},
     "experiments.benchmarks.speed.plain_loops": {"numba"},  # what `bench` compares with
     "experiments.benchmarks.searches.search_methods": {"cmaes", "optuna"},
-    "experiments.runs.spread.cluster": {"dask", "distributed"},  # where the user has installed them
+    "jcontour.app.runs.spread.cluster": {
+        "dask",
+        "distributed",
+    },  # where the user has installed them
 }
 
 FLOORS = {  # top to bottom: a room imports its own floor and those below
@@ -57,9 +66,13 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ),
     ),
     "experiments": (
-        ("cli", "examples"),
-        ("commands", "papers"),
+        ("examples",),
+        ("papers",),
         ("benchmarks",),
+    ),
+    "jcontour.app": (
+        ("cli",),
+        ("commands",),
         ("runs",),
         ("catalogue",),
         ("designs", "reports"),
@@ -75,10 +88,15 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
 }
 
 
+def package_of(name):
+    """The package that a module belongs to: the application is one of its own."""
+    return "jcontour.app" if f"{name}.".startswith("jcontour.app.") else name.split(".")[0]
+
+
 def floor_of(name):
     """(package, height) of a module, 0 on top and negative below; None for the front doors."""
-    package, _, rest = name.partition(".")
-    room = rest.split(".")[0]
+    package = package_of(name)
+    room = name.removeprefix(package).removeprefix(".").split(".")[0]
     for depth, rooms in enumerate(FLOORS.get(package, ())):
         if room in rooms:
             return package, -depth
@@ -92,7 +110,7 @@ def module_name(path):
 
 MODULES = {
     module_name(path): path
-    for package in PACKAGES
+    for package in FOLDERS
     for path in sorted((ROOT / package).rglob("*.py"))
 }
 
@@ -137,12 +155,12 @@ def reached(name):
 
 def foreign(name):
     """Packages that a module imports and may not import."""
-    package = name.split(".")[0]
+    package = package_of(name)
     allowed = ALLOWED[package] | BELOW[package] | sys.stdlib_module_names
     for room, third_parties in ALONE.items():
         if f"{name}.".startswith(f"{room}."):
             allowed = allowed | third_parties
-    return {found.split(".")[0] for found in imported_names(name)} - allowed
+    return {package_of(found) for found in imported_names(name)} - allowed
 
 
 def above(name):
@@ -168,7 +186,8 @@ def test_imports_go_down():
 
 @pytest.mark.parametrize("package", FLOORS)
 def test_every_room_has_a_floor(package):
-    rooms = {name.split(".")[1] for name in MODULES if name.startswith(f"{package}.")}
+    inside = {name for name in MODULES if package_of(name) == package} - {package}
+    rooms = {name.removeprefix(f"{package}.").split(".")[0] for name in inside}
     assert not [room for room in rooms if floor_of(f"{package}.{room}") is None]
 
 

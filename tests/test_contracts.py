@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.catalogue.choices import first_machine
-from experiments.catalogue.controllers import CONTROLLERS
-from experiments.catalogue.machines import MACHINES
-from experiments.catalogue.plants import PLANTS
+from jcontour.app.catalogue.choices import first_machine
+from jcontour.app.catalogue.controllers import CONTROLLERS
+from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.plants import PLANTS
 from jcontour.controller import Controller, Memory, Wrapper
 from jcontour.host.loop import loop as loop_on_the_host
 from jcontour.motion.references import Reference, from_samples

@@ -13,12 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.catalogue.choices import UnreadFlagWarning, design_for
-from experiments.catalogue.controllers import CONTROLLERS
-from experiments.catalogue.plants import PLANTS
-from experiments.flags.loops import Simulate
-from experiments.machines.linear import LinearMachine
-from experiments.machines.machine import MachineLimits
+from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for
+from jcontour.app.catalogue.controllers import CONTROLLERS
+from jcontour.app.catalogue.plants import PLANTS
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.machines.machine import MachineLimits
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle
 from jcontour.host.loop import reported_loop

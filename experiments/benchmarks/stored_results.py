@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.table import Table
 
-from experiments.reports import tables
+from jcontour.app.reports import tables
 
 STORED = Path(__file__).with_name("results.json")
 SLOWER = 0.95  # of the stored rate: below, a row is marked

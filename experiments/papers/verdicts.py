@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from rich.table import Table
 
-from experiments.reports.tables import worded_table
+from jcontour.app.reports.tables import worded_table
 
 HEADINGS = ("where", "the paper", "the simulation", "verdict")
 

@@ -18,8 +18,8 @@ from jaxtyping import Array, Float
 from rich.console import Console
 
 from experiments.benchmarks.speed.timings import seconds
-from experiments.flags.others import Bench
-from experiments.reports import tables
+from jcontour.app.flags.others import Bench
+from jcontour.app.reports import tables
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.devices import on_gpu

@@ -12,8 +12,8 @@ from rich.console import Console
 from experiments.benchmarks.kept_rows import opened, write
 from experiments.benchmarks.promises.kept_promises import Checked, checked
 from experiments.benchmarks.promises.random_paths import KINDS, WITH_ARCS
-from experiments.flags.others import Bench
-from experiments.reports import tables
+from jcontour.app.flags.others import Bench
+from jcontour.app.reports import tables
 
 SLACK = 1e-9  # relative, of every promise
 PROMISES = ("feed", "speed", "acceleration", "jerk", "deviation", "stopping")

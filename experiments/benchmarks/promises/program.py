@@ -19,17 +19,18 @@ from rich.console import Console
 from scipy.spatial import KDTree
 
 from experiments.benchmarks.promises.finishing_program import Side, finishing_sides, gcode
-from experiments.catalogue.choices import design_for, machine_named
-from experiments.designs.design import Design
-from experiments.flags.loops import Simulate
-from experiments.flags.others import Bench
-from experiments.jobs.job import Job, from_file
-from experiments.jobs.pace import Pace
-from experiments.jobs.replays import Scenarios, replay
-from experiments.reports import tables
+from jcontour.app import machines
+from jcontour.app.catalogue.choices import design_for, machine_named
+from jcontour.app.designs.design import Design
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.flags.others import Bench
+from jcontour.app.jobs.job import Job, from_file
+from jcontour.app.jobs.pace import Pace
+from jcontour.app.jobs.replays import Scenarios, replay
+from jcontour.app.reports import tables
 from jcontour.motion.feed_laws import constant_feed
 
-MACHINE = Path(__file__).parents[2] / "machines" / "example.json"
+MACHINE = Path(machines.__file__).parent / "example.json"
 CHORDS = 150_000
 # decimals of the program, tolerance [um]
 CASES = ((3, 2.0), (3, 1.5), (3, 1.2), (3, 1.0), (3, 0.8), (4, 2.0), (4, 1.0), (4, 0.5))

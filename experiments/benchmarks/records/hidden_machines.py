@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from experiments.jobs.excitation import Excited, sines
+from jcontour.app.jobs.excitation import Excited, sines
 from jcontour.linear.continuous_axes import (
     ContinuousAxis,
     force_axis,

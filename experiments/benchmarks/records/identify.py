@@ -20,8 +20,8 @@ from experiments.benchmarks.records.hidden_machines import (
     late_by_a_part,
     true_model,
 )
-from experiments.flags.others import Bench
-from experiments.reports import tables
+from jcontour.app.flags.others import Bench
+from jcontour.app.reports import tables
 from jcontour.linear.continuous_axes import sampled_axis
 from tuning.identification.linear import evidence
 from tuning.identification.linear.found import LinearAxis, MachineRecord

@@ -30,14 +30,14 @@ from experiments.benchmarks.records.hidden_machines import (
     true_model,
 )
 from experiments.benchmarks.records.identify import MOST_DELAY, MOST_POLES
-from experiments.files.checks import MachineError
-from experiments.flags.others import Bench
-from experiments.flags.tuning import Tune
-from experiments.machines.from_file import machine_from
-from experiments.machines.identified import largest, machine_fields
-from experiments.reports import tables
-from experiments.runs.tuning.problem import tuning_run
-from experiments.runs.tuning.searching import NothingSound, searched
+from jcontour.app.files.checks import MachineError
+from jcontour.app.flags.others import Bench
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.machines.from_file import machine_from
+from jcontour.app.machines.identified import largest, machine_fields
+from jcontour.app.reports import tables
+from jcontour.app.runs.tuning.problem import tuning_run
+from jcontour.app.runs.tuning.searching import NothingSound, searched
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import score
 from tuning.identification.linear.found import LinearMachineFound

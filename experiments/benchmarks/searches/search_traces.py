@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.files.results.stored import from_json, to_json
-from experiments.files.run_folder import read_json, write_json
+from jcontour.app.files.results.stored import from_json, to_json
+from jcontour.app.files.run_folder import read_json, write_json
 
 BETTER = 0.99  # of the best value known: a search that ended there has ended too early
 

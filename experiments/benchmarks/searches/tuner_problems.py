@@ -7,8 +7,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from experiments.flags.tuning import Tune
-from experiments.runs.tuning.problem import tuning_run
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.runs.tuning.problem import tuning_run
 from tuning.history import FEASIBLE
 from tuning.parameters import Weights
 from tuning.point import evaluate_values

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rich.console import Console
 
 from experiments.benchmarks.speed.gantry_engines import EngineRate, engine_rates, show_engines
-from experiments.flags.others import Bench
+from jcontour.app.flags.others import Bench
 
 SECONDS = 2.0  # for each rate
 

@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from experiments.benchmarks.speed.timings import seconds
-from experiments.reports.tables import digits, plain_table
+from jcontour.app.reports.tables import digits, plain_table
 from jcontour.plant import Plant
 from jcontour.plants.gantry.engines.mjx_engine import GantryMJX
 from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo

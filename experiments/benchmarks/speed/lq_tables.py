@@ -9,7 +9,7 @@ from rich.table import Table
 
 from experiments.benchmarks.speed.lq_cases import PREVIEW, STEPS
 from experiments.benchmarks.speed.lq_results import LQBench
-from experiments.reports import tables
+from jcontour.app.reports import tables
 
 RUNS = {  # heading of a column -> field, factor
     "batch": ("batch", 1.0),

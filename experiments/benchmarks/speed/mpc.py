@@ -10,8 +10,8 @@ import numpy as np
 from rich.console import Console
 
 from experiments.benchmarks.speed.timings import seconds
-from experiments.flags.others import Bench
-from experiments.reports import tables
+from jcontour.app.flags.others import Bench
+from jcontour.app.reports import tables
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.host.loop import reported_loop
 from jcontour.motion.references import along

@@ -15,8 +15,8 @@ import numpy as np
 from rich.console import Console
 
 from experiments.benchmarks.speed.timings import seconds, timed
-from experiments.flags.others import Bench
-from experiments.reports import tables
+from jcontour.app.flags.others import Bench
+from jcontour.app.reports import tables
 from jcontour.qp.interior_point import solve
 from jcontour.qp.problem import QP
 from jcontour.qp.solvers import DAQP, ProxQP, Solver

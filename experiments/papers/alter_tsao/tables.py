@@ -6,7 +6,7 @@ from rich.table import Table
 from experiments.papers.alter_tsao.result import Line, Result
 from experiments.papers.alter_tsao.runs import NEAR
 from experiments.papers.verdicts import Verdict, claims_table
-from experiments.reports.tables import plain_table
+from jcontour.app.reports.tables import plain_table
 
 LINES = ("line", "m", "Np", "N", "l1 cost", "H-inf. cost", "print", "ours", "", "drive")
 COSTS = ("m", "Np", "N", "J_1\nprint", "J_1\nours", "limit\nprint", "limit\nours", "attained")

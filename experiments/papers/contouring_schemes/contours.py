@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from experiments.machines.flexible_axis import SAMPLE
+from jcontour.app.machines.flexible_axis import SAMPLE
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import circle, ellipse, lemniscate, polygon, spline
 from jcontour.motion.feed_laws import trapezoidal

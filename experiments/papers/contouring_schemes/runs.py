@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.catalogue.choices import design_for
-from experiments.designs.design import Design, by_name
-from experiments.flags.loops import Simulate
-from experiments.machines.families import LATE, members
-from experiments.machines.flexible_axis import SAMPLE, biaxial_machine, scaled
 from experiments.papers.contouring_schemes.contours import held_out, references, training
 from experiments.papers.contouring_schemes.result import Row
+from jcontour.app.catalogue.choices import design_for
+from jcontour.app.designs.design import Design, by_name
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.machines.families import LATE, members
+from jcontour.app.machines.flexible_axis import SAMPLE, biaxial_machine, scaled
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import CascadeGains
 from jcontour.motion.references import Reference

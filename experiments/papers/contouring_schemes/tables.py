@@ -6,7 +6,7 @@ from rich.table import Table
 from experiments.papers.contouring_schemes.result import Result
 from experiments.papers.contouring_schemes.runs import CASCADE, CURRENT, INCREMENT
 from experiments.papers.verdicts import claims_table
-from experiments.reports.tables import digits, plain_table, say
+from jcontour.app.reports.tables import digits, plain_table, say
 
 HEADINGS = {
     "contour_um": "RMS\ncontour um",

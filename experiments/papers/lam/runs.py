@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.designs.predictive.constrained import at_speed, late_tracking
 from experiments.papers.lam.result import Point, Trace
+from jcontour.app.designs.predictive.constrained import at_speed, late_tracking
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.periodic_splines import polar_lobes

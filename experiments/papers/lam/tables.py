@@ -4,7 +4,7 @@ from rich.console import Console
 
 from experiments.papers.lam.result import Point, Result
 from experiments.papers.verdicts import claims_table
-from experiments.reports.tables import digits, plain_table
+from jcontour.app.reports.tables import digits, plain_table
 
 COLUMNS = (
     "controller",

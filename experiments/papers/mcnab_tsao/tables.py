@@ -5,7 +5,7 @@ from rich.table import Table
 
 from experiments.papers.mcnab_tsao.result import TERMINALS, Case, CaseRun, Result, Table1Row
 from experiments.papers.verdicts import claims_table
-from experiments.reports.tables import worded_table
+from jcontour.app.reports.tables import worded_table
 
 TABLE_1 = (
     "case",

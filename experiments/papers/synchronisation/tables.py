@@ -7,7 +7,7 @@ from experiments.papers.synchronisation.claims import ZERO
 from experiments.papers.synchronisation.result import CONTINUOUS, Bounds, Result, Row
 from experiments.papers.synchronisation.runs import PLANTS
 from experiments.papers.verdicts import claims_table
-from experiments.reports.tables import digits, plain_table, say
+from jcontour.app.reports.tables import digits, plain_table, say
 
 HEADINGS = ("axes", "time", "beta", "peak\napart", "integral\napart s", "peak\ne1", "peak\ne2")
 LIMITS = ("axes", "time", "K", "(9)", "(17)", "exact loop")

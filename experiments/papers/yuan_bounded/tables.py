@@ -4,7 +4,7 @@ from rich.console import Console
 
 from experiments.papers.verdicts import claims_table
 from experiments.papers.yuan_bounded.result import LeastRow, LoopRow, Result
-from experiments.reports.tables import plain_table
+from jcontour.app.reports.tables import plain_table
 
 NEEDS = ("w mm/s", "speed limit m/s", "any controller needs mm")
 LEAST = ("reference", "samples", "tolerance mm", "limited by")

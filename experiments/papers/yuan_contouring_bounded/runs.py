@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from experiments.machines.gantry import guide_ways
 from experiments.papers.yuan_contouring_bounded.controllers import (
     Promise,
     attack,
@@ -33,6 +32,7 @@ from experiments.papers.yuan_contouring_bounded.result import (
 from experiments.papers.yuan_contouring_bounded.timed import Timed, seconds
 from experiments.papers.yuan_contouring_bounded.tubes import Design, Tube, tube_of
 from experiments.papers.yuan_gantry.runs import RADIUS, SAMPLE
+from jcontour.app.machines.gantry import guide_ways
 from jcontour.host.loop import HostRun, reported_loop
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant

@@ -4,7 +4,7 @@ from rich.console import Console
 
 from experiments.papers.verdicts import claims_table
 from experiments.papers.yuan_contouring_bounded.result import LoopRow, Result
-from experiments.reports.tables import digits, plain_table
+from jcontour.app.reports.tables import digits, plain_table
 
 KEPT = (
     "controller, models",

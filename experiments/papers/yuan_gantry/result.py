@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.benchmarks.speed.gantry_engines import EngineRate
-from experiments.files.results.stored import stored_as
 from experiments.papers.verdicts import Claim
+from jcontour.app.files.results.stored import stored_as
 
 
 @dataclass(frozen=True)

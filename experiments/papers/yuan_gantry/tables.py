@@ -6,7 +6,7 @@ from rich.table import Table
 from experiments.benchmarks.speed.gantry_engines import show_engines
 from experiments.papers.verdicts import claims_table
 from experiments.papers.yuan_gantry.result import EmulatedRun, Result
-from experiments.reports.tables import digits, plain_table
+from jcontour.app.reports.tables import digits, plain_table
 
 EMULATED = (
     "head",

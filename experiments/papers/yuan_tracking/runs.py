@@ -10,17 +10,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.catalogue.choices import design_for, first_machine, job_named
-from experiments.catalogue.controllers import CONTROLLERS
-from experiments.catalogue.machines import FLEXIBLE_AXIS
-from experiments.flags.loops import Simulate
-from experiments.flags.tuning import Tune
-from experiments.jobs.job import Pace
-from experiments.jobs.replays import Scenarios, replay
-from experiments.machines.flexible_axis import EFFORT, FlexibleMachine, thesis_machine
 from experiments.papers.yuan_tracking.result import FamilyRow, GapRow, Signals, TaskMetrics
-from experiments.runs.tuning.limits import start_metrics
-from experiments.runs.tuning.problem import tuning_run
+from jcontour.app.catalogue.choices import design_for, first_machine, job_named
+from jcontour.app.catalogue.controllers import CONTROLLERS
+from jcontour.app.catalogue.machines import FLEXIBLE_AXIS
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.jobs.job import Pace
+from jcontour.app.jobs.replays import Scenarios, replay
+from jcontour.app.machines.flexible_axis import EFFORT, FlexibleMachine, thesis_machine
+from jcontour.app.runs.tuning.limits import start_metrics
+from jcontour.app.runs.tuning.problem import tuning_run
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant

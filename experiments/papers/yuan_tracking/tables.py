@@ -6,7 +6,7 @@ from rich.table import Table
 from experiments.papers.verdicts import claims_table
 from experiments.papers.yuan_tracking.claims import row_of
 from experiments.papers.yuan_tracking.result import TASKS, Columns, RankingRow, Result, TableRow
-from experiments.reports.tables import plain_table, worded_table
+from jcontour.app.reports.tables import plain_table, worded_table
 
 NUMBERS = {"A": "3.1", "B": "3.2"}  # of the tables
 HEADINGS = {

@@ -7,7 +7,7 @@ from experiments.papers.verdicts import claims_table
 from experiments.papers.zpetc.claims import agrees
 from experiments.papers.zpetc.published import BEST_TIME, TABLE_2
 from experiments.papers.zpetc.result import Result
-from experiments.reports.tables import plain_table
+from jcontour.app.reports.tables import plain_table
 
 MODELS = ("model", "servo pole\nrad/s", "gain", "print", "zero", "print", "poles", "print", "")
 ADAPTIVE = (

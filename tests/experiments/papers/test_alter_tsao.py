@@ -23,7 +23,7 @@ from experiments.papers.alter_tsao.runs import (
 )
 from experiments.papers.alter_tsao.tables import show
 from experiments.papers.verdicts import Verdict, rounds_to
-from experiments.reports.tables import console_of
+from jcontour.app.reports.tables import console_of
 from jcontour.plants.linear_motor_drive import linear_motor_drive
 
 DATA = Path(__file__).parents[2] / "data" / "feedforward" / "alter_tsao.json"

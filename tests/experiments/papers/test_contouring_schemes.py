@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from experiments.machines.flexible_axis import SAMPLE
 from experiments.papers.contouring_schemes.claims import claims
 from experiments.papers.contouring_schemes.contours import held_out, run_along, training
 from experiments.papers.contouring_schemes.experiment import Settings, show
@@ -30,6 +29,7 @@ from experiments.papers.contouring_schemes.runs import (
     schemes,
 )
 from experiments.papers.verdicts import Verdict
+from jcontour.app.machines.flexible_axis import SAMPLE
 
 YES, NO = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED
 NAMES = ("start", CASCADE, CONSTANT, VARIABLE, TASK_FRAME, PRECOMPENSATION, SHAPING)

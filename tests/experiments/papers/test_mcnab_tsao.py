@@ -10,13 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.files.results.stored import from_json, to_json
 from experiments.papers.mcnab_tsao import experiment
 from experiments.papers.mcnab_tsao.claims import claims
 from experiments.papers.mcnab_tsao.result import Case, Result
 from experiments.papers.mcnab_tsao.runs import RHO, AnyHorizonLQ, Setup, family, radii_on_lines
 from experiments.papers.verdicts import Verdict
 from jcontour.analysis.stability import frozen_spectral_radii
+from jcontour.app.files.results.stored import from_json, to_json
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.closed_loop import prepared

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.files.results.stored import from_json, to_json
 from experiments.papers.verdicts import Verdict
 from experiments.papers.yuan_bounded.claims import claims
 from experiments.papers.yuan_bounded.experiment import Settings, run
@@ -21,6 +20,7 @@ from experiments.papers.yuan_bounded.result import (
     Result,
 )
 from experiments.papers.yuan_bounded.runs import axis, certificate, disturbed, least_row, limits
+from jcontour.app.files.results.stored import from_json, to_json
 
 DATA = Path(__file__).parents[2] / "data" / "guarantees"
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.files.results.stored import from_json, to_json
 from experiments.papers.verdicts import Verdict
 from experiments.papers.yuan_contouring_bounded.claims import claims
 from experiments.papers.yuan_contouring_bounded.controllers import controller, random_forces
@@ -40,6 +39,7 @@ from experiments.papers.yuan_contouring_bounded.runs import (
 )
 from experiments.papers.yuan_contouring_bounded.timed import Timed, TimedMemory, seconds
 from experiments.papers.yuan_gantry.runs import SAMPLE
+from jcontour.app.files.results.stored import from_json, to_json
 from jcontour.arrays import placed
 from jcontour.host.controller import HostController, StepReport
 from jcontour.plants.gantry.gantry import Gantry

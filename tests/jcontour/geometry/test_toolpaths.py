@@ -16,7 +16,7 @@ from jcontour.geometry.toolpaths import ToolpathError, parse_gcode, read_csv, re
 HEAD = "G21 G90 G17 F3000\n"
 FEED = 0.05  # [m/s]
 
-PARTS = Path(__file__).parents[3] / "experiments" / "jobs" / "toolpaths"
+PARTS = Path(__file__).parents[3] / "jcontour" / "app" / "jobs" / "toolpaths"
 BRACKET, CAM = PARTS / "bracket.ngc", PARTS / "cam.ngc"
 
 

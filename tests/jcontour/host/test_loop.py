@@ -7,8 +7,8 @@ import jax
 import numpy as np
 import pytest
 
-from experiments.catalogue.plants import PLANTS
-from experiments.machines.linear import bridgeport_machine
+from jcontour.app.catalogue.plants import PLANTS
+from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle
 from jcontour.host.controller import HostController, StepReport

@@ -11,7 +11,7 @@ from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpaths import read_gcode
 from jcontour.motion.feed_laws import SharpTurnError, constant_feed, trapezoidal
 
-PARTS = Path(__file__).parents[3] / "experiments" / "jobs" / "toolpaths"
+PARTS = Path(__file__).parents[3] / "jcontour" / "app" / "jobs" / "toolpaths"
 DT = 0.5e-3
 LINE = contours.line([0.0, 0.0], [0.03, 0.04])  # 50 mm
 

@@ -12,7 +12,7 @@ from jcontour.geometry import contours
 from jcontour.geometry.toolpaths import read_gcode
 from jcontour.motion.feed_laws import trapezoidal
 
-PARTS = Path(__file__).parents[3] / "experiments" / "jobs" / "toolpaths"
+PARTS = Path(__file__).parents[3] / "jcontour" / "app" / "jobs" / "toolpaths"
 DT = 0.5e-3
 
 

@@ -5,8 +5,8 @@ import numpy as np
 from experiments.benchmarks.promises import motion
 from experiments.benchmarks.promises.kept_promises import Checked
 from experiments.benchmarks.promises.motion import MotionBench, broken, measured, show
-from experiments.flags.others import Bench
-from experiments.reports.tables import console_of
+from jcontour.app.flags.others import Bench
+from jcontour.app.reports.tables import console_of
 
 KEPT = Checked(8, "lines", 3, 1.0, 0.5, 1 + 1e-10, 1.0, 0.9, 1.0, 0.1)
 

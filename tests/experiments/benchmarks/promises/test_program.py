@@ -5,7 +5,7 @@ from scipy.spatial import KDTree
 
 from experiments.benchmarks.promises.finishing_program import Side
 from experiments.benchmarks.promises.program import ProgramBench, Row, _curve, _distance, show
-from experiments.reports.tables import console_of
+from jcontour.app.reports.tables import console_of
 
 
 def test_distance_from_a_circle_in_points():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.benchmarks.records.emps_record import emps_record
-from experiments.machines.identified import axis_result
+from jcontour.app.machines.identified import axis_result
 from jcontour.plants import emps
 from tuning.identification.linear.found import MachineRecord
 from tuning.identification.linear.machine import identify_machine

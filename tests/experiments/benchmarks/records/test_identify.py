@@ -17,8 +17,8 @@ from experiments.benchmarks.records.identify import (
     response,
     show,
 )
-from experiments.flags.others import Bench
-from experiments.reports.tables import console_of
+from jcontour.app.flags.others import Bench
+from jcontour.app.reports.tables import console_of
 from jcontour.linear.continuous_axes import force_axis, position_axis, speed_axis, with_resonance
 from tuning.identification.linear.evidence import Response
 from tuning.identification.linear.recording import RecordedAxis

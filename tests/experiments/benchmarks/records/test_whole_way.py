@@ -13,9 +13,9 @@ from experiments.benchmarks.records.whole_way import (
     show,
     true_fields,
 )
-from experiments.flags.others import Bench
-from experiments.machines.from_file import machine_from
-from experiments.reports.tables import console_of
+from jcontour.app.flags.others import Bench
+from jcontour.app.machines.from_file import machine_from
+from jcontour.app.reports.tables import console_of
 
 HERTZ = np.array([0.5, 5.0, 60.0])
 

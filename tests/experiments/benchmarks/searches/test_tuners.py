@@ -11,8 +11,8 @@ from experiments.benchmarks.searches.counted_loops import with_counted_loops
 from experiments.benchmarks.searches.search_methods import METHODS
 from experiments.benchmarks.searches.search_traces import ProblemTraces, Trace
 from experiments.benchmarks.searches.tuners import Cost, TunersBench, measured, show
-from experiments.flags.others import Bench
-from experiments.reports.tables import console_of
+from jcontour.app.flags.others import Bench
+from jcontour.app.reports.tables import console_of
 from tuning.history import Evaluated
 from tuning.loops import Looked, Loops
 from tuning.objectives import AtMost

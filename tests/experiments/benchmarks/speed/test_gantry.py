@@ -4,7 +4,7 @@ import pytest
 
 from experiments.benchmarks.speed.gantry import measured
 from experiments.benchmarks.speed.gantry_engines import engine_rates
-from experiments.flags.others import Bench
+from jcontour.app.flags.others import Bench
 
 
 def test_several_batches_are_refused():

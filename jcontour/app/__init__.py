@@ -1,0 +1,1 @@
+"""The application: the `jcontour` command, its machines, jobs, results, tables and page."""

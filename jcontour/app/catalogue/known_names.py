@@ -1,0 +1,183 @@
+"""Names on a command line, checked before heavy imports: a slip is answered at once."""
+
+import errno
+import math
+import stat
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from jcontour.app.catalogue.contours import CONTOURS
+from jcontour.app.catalogue.controllers import CONSTRAINED, CONTROLLERS
+from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.own_classes import FILE, check_ending, check_own, own_name, perhaps
+from jcontour.app.catalogue.plants import PLANTS
+from jcontour.app.files.checks import EXAMPLE, MachineError
+from jcontour.app.plain_numbers import named_numbers
+
+DRAWINGS = (".dxf", ".svg")  # read as a whole
+OF_JERK_LAW = {  # flags of the jerk-limited law, and what the other one does
+    "jerk": "its acceleration changes at once",
+    "corner_tolerance_um": "it passes corners without leaving the path, and its speed jumps there",
+}
+FIRST_LINES = 1000  # of a toolpath file, checked at once: thousands more take longer than a moment
+
+
+def check_plant(name: str) -> None:
+    """Raise ValueError unless a machine has this name, or it is that of a file."""
+    if name in MACHINES or own_name(name):
+        return
+    check_ending("plant", name)
+    known = (
+        f"give {', '.join(MACHINES)}, a JSON or npz file ({EXAMPLE}), or a class of yours as {FILE}"
+    )
+    if name in PLANTS:
+        raise ValueError(f"plant: {name} is for Python only, see `jcontour list`; {known}")
+    if not Path(name).suffix or _almost_own(name):
+        raise ValueError(f"plant: there is none named {name!r}; {perhaps(name, MACHINES)}{known}")
+
+
+def check_contour(name: str) -> None:
+    """Raise ValueError unless a contour has this name, or it is that of a file."""
+    if name not in CONTOURS and Path(name).is_dir():
+        raise ValueError(f"contour: {name} is a folder, no contour; {_what_takes(Path(name))}")
+    if name not in CONTOURS and not Path(name).suffix:
+        raise ValueError(
+            f"contour: there is none named {name!r}; {perhaps(name, CONTOURS)}"
+            f"give one of {', '.join(CONTOURS)}, or a toolpath file"
+        )
+
+
+def _what_takes(folder: Path) -> str:
+    """What may be done with a folder, a run or not."""
+    from jcontour.app.files.run_folder import RESULT, read_json
+
+    try:
+        weights = read_json(folder, RESULT)["weights"]
+        words = [f"{name}={_value(value)}" for name, value in weights.items() if value is not None]
+    except (ValueError, KeyError, AttributeError, TypeError):
+        return f"give one of {', '.join(CONTOURS)}, or a toolpath file"
+    return (
+        "`jcontour feed`, `precompensate`, `check`, `export` and `report` take the "
+        f"folder of a run; `simulate PART --weights {' '.join(words)}` runs its weights on a part"
+    )
+
+
+def _value(weight: float | list[float]) -> str:
+    return ",".join(map(repr, weight)) if isinstance(weight, list) else repr(weight)
+
+
+def check_controller(name: str) -> None:
+    """Raise ValueError unless a controller has this name.
+
+    Whether it suits the machine is asked later.
+    """
+    aliases = {entry.alias for entry in CONTROLLERS.values() if entry.alias}
+    known = {*CONTROLLERS, *aliases, *CONSTRAINED}
+    if name in known or own_name(name):
+        return
+    check_ending("controller", name)
+    raise ValueError(
+        f"controller: there is none named {name!r}; {perhaps(name, known)}"
+        f"give one of {', '.join(CONTROLLERS)}, or a class of yours as {FILE}"
+    )
+
+
+def check_flags(flags: Any) -> None:
+    """Check numbers, feed law, plant, controller, contour and parts of any command.
+
+    Raises:
+        ValueError: a number or a weight that is not finite, a flag of another feed law, an unknown
+            name, a file that is not there, or a toolpath file with a fault among its first lines.
+    """
+    _check_numbers(flags)
+    _check_feed_law(flags)
+    plant, controller = getattr(flags, "plant", None), getattr(flags, "controller", None)
+    contour, parts = getattr(flags, "contour", None), getattr(flags, "parts", ())
+    if plant is not None:
+        check_plant(plant)
+        _check_file(plant, MACHINES, f"; {EXAMPLE}")
+    if controller is not None:
+        check_controller(controller)
+        if own_name(controller):
+            _check_file(controller, {})
+    if getattr(flags, "resume", None):  # parts beside it are refused, whatever they are
+        return
+    for name in (*parts, *([contour] if contour else [])):
+        check_contour(name)
+        _check_file(name, CONTOURS)
+        if name not in CONTOURS:
+            _check_lines(Path(name), any_feed=getattr(flags, "feed_mm_per_min", None) is not None)
+
+
+def _check_numbers(flags: Any) -> None:
+    for name, value in vars(flags).items():
+        if isinstance(value, float) and not math.isfinite(value):
+            flag = name.replace("_", "-")
+            raise ValueError(f"{flag}: needs a finite number, received {value}")
+    for flag in ("weights", "vary"):
+        for words in getattr(flags, flag, ()):
+            named_numbers(flag, words)
+
+
+def _check_feed_law(flags: Any) -> None:
+    """Refuse what the feed law that is asked for does not look at."""
+    if getattr(flags, "feed_law", None) != "trapezoidal":
+        return
+    for one in fields(flags):
+        if one.name in OF_JERK_LAW and getattr(flags, one.name) != one.default:
+            raise ValueError(
+                f"{one.name.replace('_', '-')}: --feed-law trapezoidal has none, "
+                f"{OF_JERK_LAW[one.name]}; leave it out, or take --feed-law jerk"
+            )
+
+
+def _check_file(name: str, known: dict[str, Any], where_missing: str = "") -> None:
+    """Refuse what is no known name and no file; the end of the line helps where there is none."""
+    if name in known:
+        return
+    own = own_name(name)
+    path = Path(name) if own is None else own.path
+    try:
+        mode = path.stat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            raise OSError(errno.EINVAL, "not a regular file but a device, pipe or socket")
+        with path.open("rb"):
+            pass
+    except OSError as error:
+        help = where_missing if own is None and isinstance(error, FileNotFoundError) else ""
+        raise MachineError(f"{path}: cannot be read ({error.strerror or error}){help}") from None
+    if own is not None:
+        check_own(own)
+
+
+def _check_lines(path: Path, any_feed: bool) -> None:
+    """Carry out the first lines of a toolpath file on three axes, with a feed in force or none.
+
+    It refuses nothing that is right later. The whole file is checked when it is read.
+
+    Raises:
+        ToolpathError: a line that cannot be read or traced.
+    """
+    if path.suffix.lower() in DRAWINGS:
+        return
+    from jcontour.geometry.csv_points import csv_points
+    from jcontour.geometry.gcode.programs import files_beside, interpreted
+    from jcontour.geometry.toolpath_rules import ToolpathError
+    from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
+
+    feed = 1.0 if any_feed else None
+    try:
+        if path.suffix.lower() == ".csv":
+            csv_points(lines_of(read_text(path))[:FIRST_LINES])
+        else:
+            lines = lines_of(read_program(path))
+            interpreted(lines, 3, feed, files_beside(path), most_lines=FIRST_LINES)
+    except ToolpathError as error:
+        text = str(error)
+        raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None
+
+
+def _almost_own(name: str) -> bool:
+    """Whether a Python file is named without a class, or a class without its `.py`."""
+    return Path(name).suffix == ".py" or ".py:" in name

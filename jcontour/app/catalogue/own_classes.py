@@ -1,0 +1,321 @@
+"""Controllers and plants from a file of the user's: `mine.py:NAME` on the command line.
+
+    --controller    a `Controller`, or what makes one: a class that needs no arguments, or a
+                    function or class method that takes the machine's model, a `LinearPlant`
+    --plant         a `Plant`, or a class or function without arguments that makes one; a
+                    `LinearPlant` becomes the same machine as from a machine file. UNCERTAINTY in
+                    the file, as in a machine file, says what is not known of it
+
+NAME may be dotted: `mine.py:PD.for_model`. The file is run as it is; it is one file by itself, as
+a resumed run reads its own copy. What it prints goes to stderr.
+"""
+
+import ast
+import inspect
+import sys
+import traceback
+from collections.abc import Callable, Iterable
+from contextlib import redirect_stdout, suppress
+from difflib import get_close_matches
+from functools import cache, reduce
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from jcontour.app.files import checks
+from jcontour.app.files.trusted_code import UntrustedCodeError, check_trusted, trust
+from jcontour.regular_files import content_of
+
+if TYPE_CHECKING:  # a question about a name imports none of these
+    from jcontour.app.designs.design import Design
+    from jcontour.app.machines.machine import Machine
+    from jcontour.controller import Controller
+
+FILE = "FILE.py:NAME"
+COPIES = "inputs/*/*.py"  # in a run folder
+MOST_BYTES = 16 * 2**20
+FAMILY = "UNCERTAINTY"  # name in the file for what is not known of its plants
+REMEDIES = {  # error of JAX -> what to write in the place of what caused it
+    "TracerBoolConversionError": "if, while, and, or, not, min and max of Python cannot decide on "
+    "numbers of the run; jnp.where(condition, a, b) and jnp.maximum can",
+    "TracerArrayConversionError": "NumPy cannot compute with numbers of the run; use jnp for np",
+    "TracerIntegerConversionError": "a list and range cannot take a number of the run; use an "
+    "array of jnp",
+    "ConcretizationTypeError": "float, int and bool cannot take a number of the run; leave them "
+    "out, or use jnp.asarray",
+}
+MAKE_NAMES = {"*", "globals", "vars", "locals", "exec", "setattr"}  # while a file runs
+
+
+class OwnName(NamedTuple):
+    """A name in a Python file."""
+
+    path: Path
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.path.name}:{self.name}"
+
+
+def own_name(words: str) -> OwnName | None:
+    """File and name of `FILE.py:NAME`; None for anything else."""
+    path, _, name = words.rpartition(":")
+    if not path.endswith(".py") or not _dotted(name):
+        return None
+    return OwnName(Path(path), name)
+
+
+def check_ending(flag: str, words: str) -> None:
+    """Raise ValueError where `words` are those of a name in a file that is no Python file."""
+    path, _, name = words.rpartition(":")
+    if path.endswith(".py") or not _dotted(name) or not Path(path).is_file():
+        return
+    raise ValueError(f"{flag}: {path} does not end in .py: a class of yours is given as {FILE}")
+
+
+def trust_named(flags: Any) -> None:
+    """Let the Python files run that a command line names; with --trust-code the copies of its runs.
+
+    Args:
+        flags: as typed, not those of a stored run.
+    """
+    for value in vars(flags).values():
+        for word in value if isinstance(value, tuple) else (value,):
+            if not isinstance(word, str | Path):
+                continue
+            own, files = own_name(str(word)), []
+            if own is not None:
+                files = [own.path]
+            elif getattr(flags, "trust_code", False) and Path(word).is_dir():
+                files = sorted(Path(word).glob(COPIES))
+            for path in files:
+                with suppress(OSError):  # that it cannot be read is told where it is run
+                    trust(content_of(path, MOST_BYTES))
+
+
+def perhaps(name: str, known: Iterable[str]) -> str:
+    """The known name that a misspelt one is likely to stand for, in words; empty without one."""
+    return "".join(f"perhaps you meant {one}; " for one in get_close_matches(name, known, 1))
+
+
+def _dotted(name: str) -> bool:
+    return all(part.isidentifier() for part in name.split("."))
+
+
+def check_own(own: OwnName) -> None:
+    """Raise ValueError where a file clearly holds no such name; it is read, and not run.
+
+    A file that cannot be parsed, or makes names while it runs, is told when it is run.
+    """
+    try:
+        tree = ast.parse(content_of(own.path, MOST_BYTES))
+    except (OSError, SyntaxError, ValueError):
+        return
+    first, known = own.name.split(".")[0], set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            known.add(node.id)
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            known.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            known |= {(one.asname or one.name).split(".")[0] for one in node.names}
+    if first not in known and not known & MAKE_NAMES:
+        raise _missing(own)
+
+
+def own_controller(own: OwnName, machine: "Machine") -> "Design":
+    """Design of a controller from a file; its weights are its own fields that are floats.
+
+    Raises:
+        ValueError: file or name is missing, it makes no controller, or it fails on this machine.
+    """
+    from jcontour.app.designs.gains import Gain, GainDesign
+    from jcontour.controller import Controller
+
+    controller = _made(own, Controller, (machine.model,))
+    _check_run(own, controller, machine)
+    start = _weights(controller)
+
+    def with_weights(machine: Any, weights: dict[str, Any]) -> Controller:
+        import equinox as eqx
+
+        names = list(weights)
+        if not names:
+            return controller
+        values = [weights[name] for name in names]
+        return eqx.tree_at(lambda one: [getattr(one, name) for name in names], controller, values)
+
+    return GainDesign(
+        name=str(own),
+        machine=machine,
+        start=start,
+        space={name: Gain(value, "").parameter for name, value in start.items()},
+        preview=controller.preview,
+        fed="outputs",
+        make=with_weights,
+        line=f"{own.name} of {own.path.name}",
+        gains={name: Gain(value, "") for name, value in start.items()},
+    )
+
+
+def own_machine(own: OwnName) -> "Machine":
+    """Machine around a plant from a file.
+
+    Raises:
+        ValueError: file or name is missing, or it makes no plant that a machine can be made of.
+    """
+    from jcontour.app.catalogue.own_contracts import ContractError, check_plant
+    from jcontour.app.machines.from_file import linear_machine
+    from jcontour.app.machines.own_plant import axes_of, machine_of
+    from jcontour.linear.plant import LinearPlant
+    from jcontour.plant import Plant
+
+    plant = _made(own, Plant, ())
+    name = own.name.replace(".", "-")
+    linear = isinstance(plant, LinearPlant)
+    make: Callable[[Any, str, Any], Machine] = linear_machine if linear else machine_of
+    try:
+        if not linear:
+            check_plant(plant, axes_of(plant))
+        module = _module(own.path, content_of(own.path, MOST_BYTES))
+        return make(plant, name, vars(module).get(FAMILY))
+    except (ContractError, checks.MachineError) as error:
+        raise _broken(own, error) from None
+    except Exception as error:  # the file's code runs in it: whatever fails is told with its line
+        raise _fault(own, error, "no machine can be made of this plant") from None
+
+
+def _made(own: OwnName, kind: type, arguments: tuple[Any, ...]) -> Any:
+    """The named thing if it is of this kind, or else what it makes."""
+    found = _found(own)
+    if isinstance(found, kind):
+        return found
+    is_class = inspect.isclass(found)
+    if not callable(found) or (is_class and not issubclass(found, kind)):
+        received = "another class" if is_class else type(found).__name__
+        raise ValueError(
+            f"{own}: needs a {kind.__name__}, or a class or function that makes one, "
+            f"received {received}"
+        )
+    how = "without arguments" if is_class or not arguments else "from the machine's model"
+    try:
+        made = found() if is_class else found(*arguments)
+    except Exception as error:
+        raise _fault(own, error, f"cannot be made {how}") from None
+    if not isinstance(made, kind):
+        raise ValueError(f"{own}: needs to make a {kind.__name__}, made a {type(made).__name__}")
+    return made
+
+
+def _found(own: OwnName) -> Any:
+    try:
+        source = content_of(own.path, MOST_BYTES)
+    except OSError as error:
+        raise ValueError(f"{own.path}: cannot be read ({error.strerror or error})") from None
+    try:
+        module = _module(own.path, source)
+    except UntrustedCodeError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise _fault(own, error, "the file cannot be run") from None
+    try:
+        return reduce(getattr, own.name.split("."), module)
+    except AttributeError:
+        raise _missing(own) from None
+
+
+def _missing(own: OwnName) -> ValueError:
+    names = _defined(own.path)
+    has = f"it has {', '.join(names)}" if names else "it defines no class or function"
+    return ValueError(
+        f"{own.path}: there is no {own.name!r} in it; {perhaps(own.name, names)}{has}"
+    )
+
+
+def _defined(path: Path) -> list[str]:
+    """Public classes and functions of a Python file, in its order."""
+    body = ast.parse(content_of(path, MOST_BYTES)).body
+    names = [one.name for one in body if isinstance(one, ast.ClassDef | ast.FunctionDef)]
+    return [name for name in names if not name.startswith("_")]
+
+
+@cache
+def _module(path: Path, source: bytes) -> ModuleType:
+    """Module of a file, run once for all that is asked of it.
+
+    Raises:
+        UntrustedCodeError: the user has not chosen to run it.
+    """
+    check_trusted(path, source)
+    module = ModuleType(f"{path.stem}_of_user")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # where dataclasses look their annotations up
+    with redirect_stdout(sys.stderr):  # what is on stdout is JSON
+        exec(compile(source, str(path), "exec"), vars(module))
+    return module
+
+
+def _check_run(own: OwnName, controller: "Controller", machine: "Machine") -> None:
+    """Trace a short run, so that a fault in the file is told with its line."""
+    import equinox as eqx
+    import numpy as np
+
+    from jcontour.app.catalogue.own_contracts import ContractError, check_controller
+    from jcontour.geometry.contours import line
+    from jcontour.motion.references import along
+    from jcontour.simulation.closed_loop import simulate
+
+    preview, dt = controller.preview, machine.model.dt
+    if not isinstance(preview, int) or preview < 0:
+        raise ValueError(
+            f"{own}: preview needs a whole number of samples, received {checks.shown(preview)}"
+        )
+    contour = line(np.zeros(len(machine.axes)), np.full(len(machine.axes), 1e-3))
+    arc = np.linspace(0.0, float(contour.length), preview + 4)
+    reference = along(contour, arc, dt, preview, at_rest=False)
+    try:
+        check_controller(machine.nominal(), controller, reference, machine.model.inputs)
+        eqx.filter_eval_shape(simulate, machine.nominal(), controller, reference)
+    except ContractError as error:
+        raise _broken(own, error) from None
+    except Exception as error:
+        raise _fault(own, error, f"fails on {machine.name}") from None
+
+
+def _weights(controller: "Controller") -> dict[str, Any]:
+    """The controller's own fields that are finite floats, one or several in a row."""
+    import equinox as eqx
+    import numpy as np
+
+    fields = type(controller).__dataclass_fields__
+    found = {}
+    for name, field in fields.items():
+        value = getattr(controller, name)
+        if field.metadata.get("static") or not eqx.is_inexact_array_like(value):
+            continue
+        if np.ndim(value) <= 1 and np.all(np.isfinite(value)):  # a limit may be infinite
+            found[name] = value
+    return found
+
+
+def _fault(own: OwnName, error: BaseException, words: str) -> ValueError:
+    """What failed in the user's file, in one line with its place."""
+    numbers = [
+        frame.lineno
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename == str(own.path)
+    ]
+    if isinstance(error, SyntaxError) and error.filename == str(own.path):
+        numbers.append(error.lineno)
+    place = f"{own.path}:{numbers[-1]}" if numbers else str(own.path)
+    cause = REMEDIES.get(type(error).__name__)
+    if cause is not None:
+        return ValueError(f"{place}: {own.name}: {words}: {cause}")
+    return ValueError(
+        f"{place}: {own.name}: {words} ({type(error).__name__}: {checks.line(error)})"
+    )
+
+
+def _broken(own: OwnName, error: Exception) -> ValueError:
+    """A contract that is broken, in one line with its place."""
+    return ValueError(f"{own.path}: {own.name}: {error}")

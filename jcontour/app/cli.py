@@ -1,0 +1,229 @@
+"""The `jcontour` command.
+
+Everything heavy is imported by the command that needs it, so that --help answers at once.
+"""
+
+import os
+import signal
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, Union
+
+import tyro
+
+from jcontour.app.flags import fitted_help, loops, machines, others, shared, tuning
+
+COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `command(flags)` runs it
+    tuning.Tune: ("tune", "jcontour.app.commands.tuning.tune"),
+    loops.Simulate: ("simulate", "jcontour.app.commands.loops.simulate"),
+    loops.Feed: ("feed", "jcontour.app.commands.loops.feed"),
+    loops.Precompensate: ("precompensate", "jcontour.app.commands.loops.precompensate"),
+    tuning.Front: ("front", "jcontour.app.commands.tuning.front"),
+    tuning.Rank: ("rank", "jcontour.app.commands.tuning.rank"),
+    tuning.Sweep: ("sweep", "jcontour.app.commands.tuning.sweep"),
+    loops.Check: ("check", "jcontour.app.commands.loops.check"),
+    loops.Tolerance: ("tolerance", "jcontour.app.commands.loops.tolerance"),
+    loops.Export: ("export", "jcontour.app.commands.loops.export"),
+    loops.Trace: ("trace", "jcontour.app.commands.loops.trace"),
+    loops.Learn: ("learn", "jcontour.app.commands.loops.learn"),
+    machines.Identify: ("identify", "jcontour.app.commands.machines.identify"),
+    machines.Machine: ("machine", "jcontour.app.commands.machines.machine"),
+    others.Bench: ("bench", "jcontour.app.commands.bench"),
+    others.Report: ("report", "jcontour.app.commands.report"),
+    others.Listing: ("list", "jcontour.app.commands.names"),
+    others.Reproduce: ("reproduce", "jcontour.app.commands.reproduce"),
+}
+RENAMED = {  # command of the version before -> what does it now
+    "verify": "check RUN",
+    "certify": "check RUN --bound",
+    "compare": "report RUN RUN",
+}
+BAD_INPUT, INTERRUPTED, CUT_OFF = 2, 130, 1
+TRACEBACK = "JCONTOUR_TRACEBACK"
+MEASURED = "0.10."  # versions of jaxlib whose compiler was measured
+COMPILED = 1_000_000_000  # bytes of compiled programs that are kept; the oldest go first
+
+
+def keep_to_one_thread() -> None:
+    """Keep BLAS to one thread, before NumPy is loaded, where the environment does not say another.
+
+    Matrices here are small and commands share their work among threads and processes of their own:
+    threads of BLAS beside them wait for each other longer than they compute.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def choose_compiler() -> None:
+    """Choose how XLA compiles for a CPU, before JAX is loaded.
+
+    LAPACK stays out of the pool of threads that XLA runs a program on: on a computer of few cores
+    batched factorisations otherwise wait for ever for a thread of the pool that waits for them.
+
+    Where the version is one that this was measured with, the newer fusion emitters are off: without
+    them the programs of a tuning run compile in half the time, and run in two thirds of it.
+    """
+    if "jax" in sys.modules:
+        return
+    flags = [os.environ.get("XLA_FLAGS", ""), "--xla_cpu_multi_thread_eigen=false"]
+    if version("jaxlib").startswith(MEASURED):  # XLA ends at once at a flag that it does not know
+        flags.append("--xla_cpu_use_fusion_emitters=false")
+    os.environ["XLA_FLAGS"] = " ".join(flags).strip()
+
+
+def keep_compiled() -> None:
+    """Keep compiled programs in the user's cache folder: the next run need not compile them.
+
+    What the environment or the program says already holds.
+    """
+    if "jax" in sys.modules or "JAX_COMPILATION_CACHE_DIR" in os.environ:
+        return
+    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(Path(caches) / "jcontour" / "compiled")
+    os.environ["JAX_COMPILATION_CACHE_MAX_SIZE"] = str(COMPILED)
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; its exit code."""
+    keep_to_one_thread()
+    choose_compiler()
+    keep_compiled()
+    with warnings.catch_warnings():
+        warnings.showwarning = _told
+        code = _answered(list(sys.argv[1:] if arguments is None else arguments))
+    if code == INTERRUPTED and arguments is None:  # a second Ctrl-C does not disturb the end
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return code
+
+
+def _told(message, category, filename, lineno, file=None, line=None) -> None:
+    """Tell a warning as every message of the program is told; those of others stay as they are."""
+    if category is UserWarning:
+        said = " ".join(str(message).split())
+        if said.startswith("Error reading persistent compilation cache"):  # cut off by `kill -9`
+            said = (
+                "a compiled program that was kept cannot be read; it is compiled anew each time "
+                f"until {os.environ.get('JAX_COMPILATION_CACHE_DIR')} is deleted"
+            )
+        print(f"jcontour: WARNING: {said}", file=sys.stderr)
+    else:
+        print(warnings.formatwarning(message, category, filename, lineno, line), file=sys.stderr)
+
+
+def _answered(arguments: list[str]) -> int:
+    try:
+        flags, run = _chosen(arguments)
+        _check_precision()
+        import_module("jcontour.app.catalogue.known_names").check_flags(flags)
+        import_module("jcontour.app.catalogue.own_classes").trust_named(flags)
+        _check_runs(flags)
+        _check_out(flags)
+        if not isinstance(flags, shared.Spreading):
+            return run(flags)
+        with import_module("jcontour.app.runs.spread.spreading").prepared(flags) as flags:
+            return run(flags)
+    except KeyboardInterrupt as interruption:
+        how = str(interruption)
+        print(f"jcontour: interrupted{'; ' + how if how else ''}", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # who reads has seen enough, as `head`; nothing more can be printed
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CUT_OFF
+    except (AssertionError, RuntimeError):  # JAX raises one of them where a platform is missing
+        missing = _missing_platform()
+        if missing is None or os.environ.get(TRACEBACK):
+            raise
+        print(f"jcontour: {missing}", file=sys.stderr)
+        return BAD_INPUT
+    except (
+        ValueError,
+        OSError,
+        # ours are ValueErrors; anything else is a fault of this program and keeps its traceback
+    ) as error:
+        if os.environ.get(TRACEBACK):  # a ValueError may be a fault too: NumPy and JAX raise them
+            raise
+        print(f"jcontour: {' '.join(str(error).split())}", file=sys.stderr)
+        return BAD_INPUT
+
+
+def _check_precision() -> None:
+    """Refuse single precision: cycle times and errors would be others.
+
+    Raises:
+        ValueError: the environment, or the program that calls, has chosen it.
+    """
+    asked = os.environ.get("JAX_ENABLE_X64", "")
+    single = asked.lower() in import_module("jcontour")._SINGLE
+    if "jax" in sys.modules:
+        single |= not sys.modules["jax"].config.jax_enable_x64
+    if single:
+        raise ValueError(
+            f"JAX_ENABLE_X64={asked}: single precision gives other cycle times and errors; leave "
+            "it out: the commands compute in double precision"
+        )
+
+
+def _missing_platform() -> str | None:
+    """A line about JAX_PLATFORMS, where it names what this computer has not."""
+    asked = os.environ.get("JAX_PLATFORMS")
+    if not asked:
+        return None
+    import jax
+
+    try:
+        jax.devices()
+    except (AssertionError, RuntimeError):
+        return f"JAX_PLATFORMS={asked}: JAX finds no such device here; leave it out, or give cpu"
+    return None
+
+
+def _check_runs(flags: Any) -> None:
+    """Tell that a run folder is needed before the work begins."""
+    if isinstance(flags, others.Report):
+        named = flags.runs
+    elif isinstance(flags, (loops.Check, loops.Export)):
+        named = (flags.run,)
+    else:
+        return
+    command, _ = COMMANDS[type(flags)]
+    import_module("jcontour.app.files.run_folder").check_named(command, named)
+
+
+def _check_out(flags: Any) -> None:
+    """Tell a run folder that is taken before the work begins."""
+    out = getattr(flags, "out", None)
+    if out is not None and not isinstance(flags, (machines.Machine, others.Report)):  # files
+        resumable = isinstance(flags, shared.Spreading)
+        import_module("jcontour.app.files.run_folder").check_free(out, resumable)
+
+
+def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
+    if arguments[:1] == ["reproduce"] and len(arguments) > 1 and not arguments[1].startswith("-"):
+        return import_module("jcontour.app.commands.reproduce").chosen(arguments[1], arguments[2:])
+    if arguments and arguments[0] in RENAMED:
+        raise ValueError(f"{arguments[0]}: it is `jcontour {RENAMED[arguments[0]]}` now")
+    flags = fitted_help.read(_any_command(), arguments, "jcontour", _DESCRIPTION)
+    _, module = COMMANDS[type(flags)]
+    return flags, lambda flags: import_module(module).command(flags)  # devices are set up first
+
+
+def _any_command() -> Any:
+    choices = tuple(
+        Annotated[kind, tyro.conf.subcommand(name, prefix_name=False)]
+        for kind, (name, _) in COMMANDS.items()
+    )
+    return Union[choices]  # noqa: UP007  (made from a tuple)
+
+
+_DESCRIPTION = (
+    "Simulate and tune multi-axis contouring machines by gradient. "
+    "Bad input is answered in one line, exit code 2; "
+    f"{TRACEBACK}=1 in the environment shows where it was found instead."
+)
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,121 @@
+"""`jcontour bench`: speed of the library on this computer.
+
+Nothing is asserted. Every number has something measured beside it.
+"""
+
+import os
+import platform
+import time
+from dataclasses import dataclass
+from importlib import import_module
+
+from jcontour.app.commands.checkout import in_checkout
+from jcontour.app.files import run_folder
+from jcontour.app.files.results.stored import to_json
+from jcontour.app.flags.others import Bench
+from jcontour.app.reports import tables
+
+PACKAGES = (
+    "numpy",
+    "numba",
+    "jax",
+    "jaxlib",
+    "warp-lang",
+    "daqp",
+    "proxsuite",
+    "mujoco",
+    "mujoco-mjx",
+)
+UNKNOWN = "unknown"
+ROOMS = {  # of `experiments/benchmarks`: the parts in each
+    "speed": ("mpc", "qp", "lq", "gantry"),
+    "searches": ("tuners",),
+    "records": ("identify", "whole_way"),
+    "promises": ("motion", "program", "certificates"),
+}
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """The computer that the numbers belong to, and how busy it was before."""
+
+    cpu: str
+    devices: str
+    load: str
+    versions: str
+    date: str
+
+
+def command(flags: Bench) -> int:
+    """Measure and print one part.
+
+    A part is a module with `measured(flags, tell)` and `show(console, result)`. `tell` receives a
+    line after every measurement; the lines appear on stderr as they come.
+
+    Raises:
+        ValueError: not in a checkout, a batch or a number is below one, or a seed below zero.
+    """
+    for name, least in (("seeds", 1), ("evaluations", 1), ("first_seed", 0)):
+        if (value := getattr(flags, name)) < least:
+            flag = name.replace("_", "-")
+            raise ValueError(f"{flag}: needs at least {least}, received {value}")
+    if any(batch < 1 for batch in flags.batch):
+        raise ValueError(f"batch: needs at least one run at once, received {min(flags.batch)}")
+    stored_results = in_checkout("bench", "experiments.benchmarks.stored_results")
+    part = import_module(place_of(flags.what))
+    progress = tables.console_of(stderr=True)
+    machine = hardware()
+    with progress.status("measuring: keep the computer quiet"):
+        result = part.measured(flags, lambda line: tables.say(progress, line))
+    rates = part.rates(result) if hasattr(part, "rates") else {}
+    named = to_json(machine)
+    if flags.keep is not None and rates:
+        stored_results.add(flags.keep, flags.what, named, rates)
+    if flags.json:
+        print(run_folder.json_text({"machine": to_json(machine), **to_json(result)}))
+        return 0
+    console = tables.console_of()
+    changes = stored_results.changes(flags.what, named, rates)
+    if changes is not None:
+        console.print(changes)
+    part.show(console, result)
+    rows = [f"{name:<10} {value}" for name, value in vars(machine).items()]
+    tables.say(console, *rows, f"All numbers for a program: jcontour bench {flags.what} --json")
+    return 0
+
+
+def place_of(part: str) -> str:
+    """Module of a part."""
+    room = next(room for room, parts in ROOMS.items() if part in parts)
+    return f"experiments.benchmarks.{room}.{part}"
+
+
+def hardware() -> Hardware:
+    """The computer that this process runs on."""
+    import jax
+
+    load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else UNKNOWN
+    devices = jax.devices()
+    return Hardware(
+        cpu=f"{_processor()}, {os.cpu_count()} cores",
+        devices=f"{len(devices)} x {devices[0].device_kind} ({devices[0].platform})",
+        load=f"{load} (one minute average, before)",
+        versions=_versions(),
+        date=time.strftime("%Y-%m-%d"),
+    )
+
+
+def _processor() -> str:
+    """Model name of the processor."""
+    try:
+        with open("/proc/cpuinfo") as file:
+            names = [line.split(":")[1].strip() for line in file if line.startswith("model name")]
+    except OSError:
+        return platform.processor() or platform.machine()
+    return names[0] if names else platform.processor()
+
+
+def _versions() -> str:
+    found = {name: run_folder.version_of(name) for name in PACKAGES}
+    named = [f"{name} {version}" for name, version in found.items() if version]
+    return ", ".join([*named, f"Python {platform.python_version()}"])

@@ -1,0 +1,140 @@
+"""`jcontour check RUN --bound`: largest error that a stored loop can have, an attack near it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from jcontour.app.files import run_folder
+from jcontour.app.files.netcdf import save_dataset
+from jcontour.app.files.results.certified_result import CertifiedResult, CertifiedRow
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.files.results.verdict import LimitCheck, Verdict, kept_words
+from jcontour.app.flags.loops import Check
+from jcontour.app.machines.disturbance_bounds import bounds_of, linear_machine, warn_of_doubt
+from jcontour.app.reports import tables
+from jcontour.app.reports.certified_tables import show_certified
+from jcontour.app.reports.figures.loops.certificate import CertifiedErrors, certificate_figure
+from jcontour.app.reports.figures.shared.png import save_figure
+from jcontour.app.runs.checks.certifying import CertifiedRun, certified_runs
+from jcontour.app.runs.checks.stored_loops import StoredLoop, stored_loop
+from jcontour.app.runs.lifecycle import created, finished
+from jcontour.app.runs.tuning.results import machine_summary
+
+ATTACK = "attack.nc"
+
+
+def command(flags: Check) -> int:
+    """The whole command: prove, attack, print, exit code."""
+    found, folder = run(flags)
+    then = [
+        f"The attack, the bound and both errors at every sample: {ATTACK}",
+        "Next: --force and --encoder-um say what acts on your machine; `jcontour tune` again with "
+        "other limits where the bound is too large; `jcontour tolerance` says what predictive "
+        "control can promise instead.",
+    ]
+    return finished(folder, found, flags, show_certified, then, found.verdict)
+
+
+def run(flags: Check) -> tuple[CertifiedResult, Path]:
+    """Certify all contours and plants of a stored run; the result and the run folder.
+
+    Raises:
+        ValueError: bad input, or a loop that has no certificate; nothing has been written then.
+    """
+    loop = stored_loop(flags.run)
+    machine = linear_machine(loop.machine)
+    warn_of_doubt(machine)
+    bounds = bounds_of(machine, flags.force, flags.encoder_um)
+    if flags.cells < 0:
+        raise ValueError(f"cells: needs at least zero, received {flags.cells}")
+    count = len(loop.jobs) * (len(machine.family_names) + (flags.cells > 0) * (machine.delay + 1))
+    rows, worst = [], None
+    with tables.console_of(quiet=flags.json).status("proving") as status:
+        for one in certified_runs(loop, bounds, flags.cells):
+            rows.append(one.row)
+            status.update(f"proving: {len(rows)} of {count} runs done")
+            if worst is None or one.row.bound > worst.row.bound:
+                worst = one
+    assert worst is not None
+    limit = machine.limits.control
+    limits = None if limit is None else tuple(np.asarray(limit, float).tolist())
+    result = CertifiedResult(
+        certified=str(flags.run),
+        machine=machine_summary(machine),
+        controller=loop.name,
+        error=machine.error,
+        force=bounds.force,
+        encoder=bounds.encoder,
+        control_limit=limits,
+        gain=machine.gain if flags.cells > 0 else None,
+        rows=rows,
+        verdict=verdict_on(rows, limits, machine.control_unit),
+    )
+    folder = created(flags, "check")
+    _save(worst, loop, folder)
+    save_figure(certificate_figure(_drawn(worst, machine.error)), folder / "certificate.png")
+    write_result(folder, result)
+    return result, folder
+
+
+def verdict_on(
+    rows: Sequence[CertifiedRow], limits: tuple[float, ...] | None, unit: str
+) -> Verdict:
+    """Verdict on the controls that are proven; the proof holds where none meets its limit.
+
+    Args:
+        rows: one per contour and plant.
+        limits: of each control; None where the machine states none.
+        unit: of the controls.
+    """
+    checks = []
+    for k, allowed in enumerate(limits or ()):
+        worst = max(rows, key=lambda row, k=k: row.control[k])
+        checks.append(
+            LimitCheck(
+                name=f"control of input {k + 1}",
+                value=worst.control[k],
+                allowed=allowed,
+                unit=unit,
+                member=f"{worst.contour}, {worst.plant}",
+            )
+        )
+    helps = ["the proof takes no account of a control at its limit: it does not hold there"]
+    return Verdict.of(checks, help_with_limits=helps, passed=kept_words(checks))
+
+
+def _drawn(one: CertifiedRun, error: str) -> CertifiedErrors:
+    found, row = one.found, one.row
+    return CertifiedErrors(
+        name=f"{row.contour}, {row.plant}",
+        error=error,
+        time=one.reference.dt * np.arange(found.bound.size),
+        bound=found.bound,
+        reached=one.reached,
+        nominal=found.nominal,
+        scored=found.scored,
+    )
+
+
+def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:
+    """The attack of the largest bound, for a replay, and what it was made for."""
+    machine, found = loop.machine, one.found
+    data = {
+        "force": (("time", "input"), one.attack.force, {"units": machine.control_unit}),
+        "noise": (("time", "sensor"), one.attack.noise, {"units": "m"}),
+        "bound": (("time",), found.bound, {"units": "m"}),
+        "reached": (("time",), one.reached, {"units": "m"}),
+        "nominal": (("time",), found.nominal, {"units": "m"}),
+        "scored": (("time",), found.scored.astype("i1"), {"long_name": "1 where it counts"}),
+    }
+    time = one.reference.dt * np.arange(found.bound.size)
+    title = {
+        "title": "jcontour check: attack on the largest bound",
+        "contour": one.row.contour,
+        "plant": one.row.plant,
+        "attacked_sample": found.worst,
+        **run_folder.versions(),
+    }
+    save_dataset(xr.Dataset(data, {"time": ("time", time, {"units": "s"})}, title), folder / ATTACK)

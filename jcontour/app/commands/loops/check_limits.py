@@ -1,0 +1,415 @@
+"""`jcontour check RUN`: tuned weights replayed under the limits of the machine at every sample."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from rich.console import Console
+
+from jcontour.app.files import run_folder
+from jcontour.app.files.netcdf import save_dataset
+from jcontour.app.files.results.run_metrics import RunMetrics
+from jcontour.app.files.results.stored import Weight, read_result, write_result
+from jcontour.app.files.results.tuned_result import TunedResult
+from jcontour.app.files.results.verdict import LimitCheck, Verdict
+from jcontour.app.flags.loops import Check
+from jcontour.app.jobs.job import Job
+from jcontour.app.machines.machine import Machine
+from jcontour.app.reports import tables
+from jcontour.app.runs.checks.stored_loops import stored_tuning
+from jcontour.app.runs.forecast import Steps
+from jcontour.app.runs.lifecycle import created, finished
+from jcontour.app.runs.tuning.problem import TuningRun
+from jcontour.host.controller import HostController
+from jcontour.motion.references import Reference
+from jcontour.mpc.tracking.limits import Bounds, Limits
+from jcontour.plant import Plant
+from jcontour.qp.solvers import Solver, solver_named
+from jcontour.simulation.evaluation import member
+from jcontour.simulation.metrics import Metrics
+from tuning.parameters import Weights
+from tuning.verify import Gap, verify
+
+FLAGS = {  # limit -> flag, factor to SI
+    "control": ("max_control", 1.0),
+    "increment": ("max_increment", 1.0),
+    "acceleration": ("max_acceleration", 1.0),
+    "speed": ("max_speed_mm_s", 1e-3),
+}
+AWAY = {  # limit -> what of `tune` keeps a loop further away from it
+    "control": "--max-peak-control",
+    "increment": "--max-peak-increment",
+    "acceleration": "a lower --acceleration",
+    "speed": "a lower --feed-mm-per-min",
+}
+AT_FEED = AWAY | {"acceleration": AWAY["speed"]}  # a path at constant feed takes no acceleration
+UNITS = {"speed": "m/s", "acceleration": "m/s^2"}  # of limits on axes; others are in control units
+COUNTED = 0.01  # of a limit: what counted measurements add is less
+REACHED = "Largest value on every sample, of its limit"
+HEADINGS = (
+    "contour, plant",
+    "limit\nin\nplan %",
+    "\nacts\n%",
+    "RMS um\ncontour\ntuned",
+    "\nwith\nlimits",
+    "RMS um\ntrack\ntuned",
+    "\nwith\nlimits",
+)
+
+
+@dataclass(frozen=True)
+class GapRow:
+    """One contour on one plant, see `tuning.verify.Gap`."""
+
+    contour: str
+    plant: str
+    active_fraction: float
+    acting_fraction: float
+    residual: float
+    fallbacks: int
+    stopped: int | None
+    failure: str
+    reached: dict[str, list[float]]
+    without: RunMetrics
+    within: RunMetrics | None
+
+
+@dataclass(frozen=True)
+class Verified:
+    """Result of `check`.
+
+    Attributes:
+        tuned: folder of the tuned run.
+        tuned_verdict: of `tune` on its weights.
+        weights: its weights by name.
+        limits: lower and upper bounds by the name of the signal, None where there are none.
+        gaps: one row per contour and plant.
+        control_unit: of the machine.
+        verdict: whether every run goes through, within every limit.
+    """
+
+    tuned: str
+    tuned_verdict: Verdict
+    weights: dict[str, Weight]
+    solver: str
+    limits: dict[str, list | None]
+    gaps: list[GapRow]
+    control_unit: str
+    verdict: Verdict
+
+
+def command(flags: Check) -> int:
+    """The whole command: replay, print, exit code."""
+    folder = flags.run
+    run, weights = stored_tuning(folder)
+    found, solver = read_result(folder, TunedResult), solver_named(flags.solver)
+    limits = limits_of(flags, run.machine)
+    constrained = _constrained(run, weights, limits, solver)
+    for reference in _references(run).values():
+        constrained.initial_memory(reference)  # raises what does not fit before anything is written
+    out = created(flags, "check")
+    rows = _replayed(run, weights, constrained, limits, flags, out)
+    bounds = {name: _listed(pair) for name, pair in limits._asdict().items()}
+    result = Verified(
+        str(folder),
+        found.verdict,
+        found.weights,
+        solver.name,
+        bounds,
+        rows,
+        run.machine.control_unit,
+        verdict_on(rows, bounds, run.machine.control_unit, found.verdict.beside_limits),
+    )
+    write_result(out, result)
+    rests = any(isinstance(job, Job) and job.at_rest for job in run.scenarios.jobs)
+    away = AWAY if rests else AT_FEED
+    then = _next(rows, result.verdict, result.limits, away)
+    return finished(out, result, flags, show, then, result.verdict)
+
+
+def limits_of(flags: Check, machine: Machine) -> Limits:
+    """The machine's limits, each replaced where a flag gives another.
+
+    Raises:
+        ValueError: a limit is not finite and above zero, or there is none at all.
+    """
+    sizes = {}
+    for name, (flag, factor) in FLAGS.items():
+        value = getattr(flags, flag)
+        if value is None:
+            sizes[name] = getattr(machine.limits, name)
+            continue
+        if not (np.isfinite(value) and value > 0):
+            named = flag.replace("_", "-")
+            raise ValueError(f"{named}: needs to be finite and above zero, received {value}")
+        sizes[name] = factor * value
+    if all(size is None for size in sizes.values()):
+        raise ValueError(
+            f"check: {machine.name} states no limits; give --max-control, --max-increment, "
+            "--max-speed-mm-s or another"
+        )
+    return Limits.within(**sizes)
+
+
+def _constrained(
+    run: TuningRun, weights: Weights, limits: Limits, solver: Solver
+) -> HostController:
+    """The tuned controller under limits.
+
+    Raises:
+        ValueError: there is none for this kind of controller.
+    """
+    controller = run.design.constrained(weights, limits, solver)
+    if controller is None:
+        raise ValueError(
+            f"check: {run.design.name} has no form that keeps to limits at every sample; "
+            "contouring-lq has one"
+        )
+    return controller
+
+
+def _replayed(
+    run: TuningRun,
+    weights: Weights,
+    constrained: HostController,
+    limits: Limits,
+    flags: Check,
+    out: Path,
+) -> list[GapRow]:
+    """Every contour on every plant, stored as they are done: kept if the rest is interrupted."""
+    fallback = None if flags.fallback == "stop" else flags.fallback
+    tuned, rows = run.controller(weights), []
+    references, plants = _references(run), _plants(run)
+    count = len(references) * len(plants)
+    with tables.console_of(stderr=True, quiet=flags.json).status("replaying") as status:
+        steps = Steps(status, "run under limits", count)
+        for gap in verify(tuned, constrained, limits, references, plants, fallback):
+            rows.append(_row(gap))
+            _save(gap, len(rows), run.machine, out)
+            run_folder.write_json(out / "gaps.json", rows)
+            steps.done(len(rows))
+    return rows
+
+
+def _references(run: TuningRun) -> dict[str, Reference]:
+    dt, preview = run.machine.model.dt, run.design.preview
+    return {one.name: one.reference(dt, preview) for one in run.scenarios.jobs}
+
+
+def _plants(run: TuningRun) -> dict[str, Plant]:
+    family = run.scenarios.family
+    return {name: member(family, k) for k, name in enumerate(run.scenarios.plants)}
+
+
+def _row(gap: Gap) -> GapRow:
+    return GapRow(
+        gap.contour,
+        gap.plant,
+        gap.active_fraction,
+        gap.acting_fraction,
+        gap.residual,
+        gap.fallbacks,
+        gap.stopped,
+        gap.failure,
+        {name: largest.tolist() for name, largest in gap.reached.items()},
+        _metrics(gap.without),
+        None if gap.within is None else _metrics(gap.within),
+    )
+
+
+def _metrics(metrics: Metrics) -> RunMetrics:
+    return RunMetrics.of(metrics, lambda value: value.item())
+
+
+def _listed(bounds: Bounds | None) -> list | None:
+    return None if bounds is None else [np.asarray(bound).tolist() for bound in bounds]
+
+
+def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
+    """The constrained run, or what there is of one that stopped."""
+    rollout, report = gap.run.rollout, gap.run.report
+    if len(rollout.output) == 0:
+        return
+    output, control = np.asarray(rollout.output), np.asarray(rollout.control)
+    fallback, time = report.fallback.astype("i1"), machine.model.dt * np.arange(len(output))
+    active = {"long_name": "limits active in the plan of the step"}
+    acting = {"long_name": "of these, limits on what the control of the step alone decides"}
+    residual = {"long_name": "largest scaled residual of the QP"}
+    data = {
+        "output": (("time", "axis"), output, {"units": "m"}),
+        "control": (("time", "input"), control, {"units": machine.control_unit}),
+        "active": (("time",), report.active, active),
+        "acting": (("time",), report.acting, acting),
+        "residual": (("time",), report.residual, residual),
+        "fallback": (("time",), fallback, {"long_name": "1 where the fallback acted"}),
+    }
+    title = {
+        "title": "jcontour check: under limits",
+        "contour": gap.contour,
+        "plant": gap.plant,
+        "failure": gap.failure,
+        **run_folder.versions(),
+    }
+    coordinates = {"time": ("time", time, {"units": "s"}), "axis": list(machine.axes)}
+    dataset = xr.Dataset(data, coordinates, title)
+    save_dataset(dataset, folder / f"run-{number:02d}-{gap.contour}.nc")
+
+
+def show(result: Verified, console: Console) -> None:
+    """The verdict of `tune` where it was against the weights, the gap table, what stopped."""
+    if not result.tuned_verdict.usable:
+        tables.say(console, f"`tune` said of {result.tuned}:", *result.tuned_verdict.lines, "")
+    names = ", ".join(name for name, bounds in result.limits.items() if bounds is not None)
+    title = f"Tuned weights under limits on {names} ({result.solver})"
+    console.print(tables.plain_table(title, HEADINGS, _table_rows(result.gaps)))
+    tables.say(
+        console,
+        "limit in plan: steps whose horizon touches a limit",
+        "limit acts: steps whose own control is kept by one, of the control, its change,",
+        "or the next speed or acceleration of the model",
+    )
+    console.print(tables.plain_table(REACHED, *_reached_table(result)))
+    residuals = [gap.residual for gap in result.gaps if np.isfinite(gap.residual)]
+    if residuals:
+        tables.say(console, f"Largest scaled residual of a QP: {max(residuals):.1e}")
+
+
+def _table_rows(gaps: list[GapRow]) -> list[list[str]]:
+    """The plants below the name of their contour."""
+    rows = []
+    for contour in dict.fromkeys(gap.contour for gap in gaps):
+        rows.append([contour])
+        rows += [_cells(gap) for gap in gaps if gap.contour == contour]
+    return rows
+
+
+def _cells(gap: GapRow) -> list[str]:
+    limited = [tables.digits(100 * share) for share in (gap.active_fraction, gap.acting_fraction)]
+    errors = []
+    for name in ("rms_contour_error", "rms_tracking_error"):
+        for metrics in (gap.without, gap.within):
+            errors.append("-" if metrics is None else tables.digits(1e6 * getattr(metrics, name)))
+    return [f"  {gap.plant}", *limited, *errors]
+
+
+def _reached_table(result: Verified) -> tuple[list[str], list[list[str]]]:
+    """Headings, and the largest value beside its limit, on the axis that uses most of it."""
+    names = [name for name, bounds in result.limits.items() if bounds is not None]
+    headings = [f"{name}\n{_unit(name, result.control_unit)}" for name in names]
+    rows = []
+    for contour in dict.fromkeys(gap.contour for gap in result.gaps):
+        rows.append([contour])
+        for gap in result.gaps:
+            if gap.contour == contour:
+                pairs = [_most(gap, name, result.limits) for name in names]
+                rows.append([f"  {gap.plant}", *(f"{v:.4g} of {most:.4g}" for v, most in pairs)])
+    return ["contour, plant", *headings], rows
+
+
+def _unit(name: str, control_unit: str) -> str:
+    per = f"{control_unit} per sample" if name == "increment" else control_unit
+    return UNITS.get(name, per)
+
+
+def _most(gap: GapRow, name: str, limits: Mapping[str, list | None]) -> tuple[float, float]:
+    """Largest value of a limited signal and its limit, on the axis that uses most of it."""
+    bounds = limits[name]
+    assert bounds is not None
+    largest = np.asarray(gap.reached[name])
+    most = np.broadcast_to(bounds[1], largest.shape)
+    axis = int(np.argmax(largest / most))
+    return float(largest[axis]), float(most[axis])
+
+
+def verdict_on(
+    rows: list[GapRow],
+    limits: Mapping[str, list | None],
+    unit: str,
+    tuned: Sequence[str] = (),
+) -> Verdict:
+    """Verdict on runs under limits: every one goes through, within every limit.
+
+    What spoke against the tuned weights besides limits still does: no constraint mends a margin.
+
+    Args:
+        rows: of the table.
+        limits: lower and upper bounds by name; None where there are none.
+        unit: of the controls.
+        tuned: reasons of `tune` against the weights, besides limits.
+    """
+    checks = []
+    for name in (name for name, bounds in limits.items() if bounds is not None):
+        reached = [(*_most(row, name, limits), row) for row in rows if name in row.reached]
+        if reached:
+            value, most, row = max(reached, key=lambda one: one[0] / one[1])
+            checks.append(
+                LimitCheck(
+                    name=name,
+                    value=value,
+                    allowed=most,
+                    unit=_unit(name, unit),
+                    member=f"{row.contour}, {row.plant}",
+                    slack=COUNTED,
+                )
+            )
+    stopped = [f"stopped: {row.contour}, {row.plant}: {row.failure}" for row in rows if row.failure]
+    held = [
+        f"the fallback acts at {row.fallbacks} steps: {row.contour}, {row.plant}"
+        for row in rows
+        if row.fallbacks
+    ]
+    helps = ["the model keeps to its limits; another plant, counts or a fallback may not"]
+    return Verdict.of(
+        checks, [*tuned, *stopped], held, helps, "USE THESE VALUES UNDER THEIR LIMITS"
+    )
+
+
+def _next(
+    rows: list[GapRow],
+    verdict: Verdict,
+    limits: Mapping[str, list | None],
+    flags: Mapping[str, str],
+) -> list[str]:
+    """Cost of the limits in a sentence, and the next step.
+
+    Args:
+        rows: of the table.
+        verdict: on them.
+        limits: by name; None where there is none.
+        flags: what of `tune` keeps a loop further away from each of them.
+    """
+    away = _either(flags[name] for name in flags if limits.get(name) is not None)
+    lost = [row for row in rows if row.failure]
+    if lost:
+        return [
+            f"{len(lost)} of {len(rows)} runs stopped: a step had no answer within the limits.",
+            f"Next: --fallback hold or soft goes on; or tune again with {away}.",
+        ]
+    names = {one.name for one in verdict.limits if not one.kept}
+    if names:
+        return [f"Next: tune again with {_either(flags[name] for name in flags if name in names)}."]
+    if not any(row.active_fraction > 0 for row in rows):
+        return [
+            "No limit was ever active: the tuned controller itself keeps to all of them.",
+            "Next: a tighter limit, such as --max-control or --max-increment, shows its cost.",
+        ]
+    worst = max(rows, key=_added_error)
+    added = 1e6 * _added_error(worst)
+    return [
+        f"The limits add at most {tables.digits(added)} um RMS of contour error: "
+        f"{worst.contour}, {worst.plant}.",
+        f"Next: where that is too much, tune again with {away}.",
+    ]
+
+
+def _either(flags: Iterable[str]) -> str:
+    return " or ".join(dict.fromkeys(flags))
+
+
+def _added_error(row: GapRow) -> float:
+    """RMS contour error under limits beyond that of the tuned controller [m]."""
+    if row.within is None:
+        return 0.0
+    return row.within.rms_contour_error - row.without.rms_contour_error

@@ -1,0 +1,270 @@
+"""`jcontour precompensate`: a bent reference that any control can run, with its error."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from jcontour.app.catalogue.choices import seeing_all
+from jcontour.app.files.bent_reference import (
+    PROGRAM,
+    SAMPLES,
+    Moves,
+    save_program,
+    save_samples,
+)
+from jcontour.app.files.results.bent_result import BentResult
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.files.results.verdict import Verdict, exceeded
+from jcontour.app.flags.loops import Precompensate
+from jcontour.app.jobs.job import Job, Task
+from jcontour.app.jobs.sections import sections
+from jcontour.app.reports import tables
+from jcontour.app.reports.figures.loops.bent import bent_figure
+from jcontour.app.reports.figures.shared.png import save_figure
+from jcontour.app.runs.checks.stored_loops import StoredLoop, loop_named
+from jcontour.app.runs.lifecycle import created, finished
+from jcontour.app.runs.loops.bending import Bent, bent
+from jcontour.app.runs.loops.bent_moves import moves_along
+from jcontour.app.runs.loops.settling import STILL
+from jcontour.app.runs.tuning.results import machine_summary
+from jcontour.geometry.toolpaths import Toolpath
+
+SAME = 5e-3  # of an error: less of a change has no digit of its own
+BOUNDS = ("speed", "acceleration", "control")
+NOTHING = 1e-9  # [m] of an error: a ratio to less says nothing
+HEADINGS = (
+    "plant",
+    "RMS um\nbefore",
+    "RMS um\nafter",
+    "peak um\nbefore",
+    "peak um\nafter",
+    "peak control\nbefore",
+    "peak control\nafter",
+)
+
+
+def command(flags: Precompensate) -> int:
+    """The whole command; exit code."""
+    if not flags.roughness > 0:
+        raise ValueError(f"roughness: needs to be above zero, received {flags.roughness}")
+    loop = loop_named(flags, flags.part)
+    with tables.console_of(stderr=True, quiet=flags.json).status("running") as status:
+        found = bent(loop, flags.roughness, status)
+    machine, job = loop.machine, found.job
+    flat = len(machine.axes) > 1
+    source = Path(loop.parts[0]).name
+    moves = moves_along(found.position, machine.model.dt, sections(job), source) if flat else []
+    result = _result(loop, found, moves)
+    verdict = verdict_on(result)
+    result = replace(result, verdict=verdict)
+    folder = created(seeing_all(flags, job), "precompensate")
+    if verdict.usable:
+        save_samples(found.position, machine.model.dt, machine.axes, folder, _cut(job))
+    if verdict.usable and flat:
+        save_program(moves, machine.axes, folder, _head(source, result))
+    title = f"{job.name} on {machine.name}, {loop.name}"
+    save_figure(bent_figure(found.drawn(title, machine)), folder / "bent.png")
+    write_result(folder, result)
+    then = _next(result) if verdict.usable else []
+    return finished(folder, result, flags, show, then, verdict)
+
+
+def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult:
+    machine, job = loop.machine, found.job
+    read = _read(job)
+    return BentResult(
+        machine=machine_summary(machine),
+        controller=loop.name,
+        contour=job.name,
+        error=machine.error,
+        samples=job.steps,
+        roughness=found.roughness,
+        largest=float(np.linalg.norm(found.found.correction, axis=1).max()),
+        chord=max((one.chord for one in moves), default=None),
+        moves=sum(one.going for one in moves),
+        before=found.metrics(found.before),
+        after=found.metrics(found.after),
+        limits=found.limits,
+        limits_before=found.limits_before,
+        asked=found.asked,
+        halts=sum(bool(one.asked) for one in moves),
+        ramps=0 if read is None else len(read.ramps),
+        unlimited=tuple(name for name in BOUNDS if getattr(machine.limits, name) is None),
+        weights=loop.weights,
+        doubts=job.doubts,
+        held=None if found.held is None else found.held * machine.model.dt,
+        rests=found.rests,
+        changing=max((one.acceleration for one in moves if not one.rapid), default=0.0),
+    )
+
+
+def _read(job: Task) -> Toolpath | None:
+    """The file behind a run; None where there is none."""
+    return job.program.read if isinstance(job, Job) and job.program is not None else None
+
+
+def _cut(job: Task) -> np.ndarray | None:
+    """Which samples are cut, where not all are."""
+    read = _read(job)
+    return job.counted if isinstance(job, Job) and read is not None and read.rapid.any() else None
+
+
+def _head(source: str, result: BentResult) -> list[str]:
+    """What the first lines of the G-code say."""
+    return [
+        f"bent by jcontour from {source}",
+        f"for {result.machine.name} with the controller {result.controller}, and for no other one",
+        *result.weights,
+        f"largest bend {tables.digits(1e6 * result.largest)} um",
+    ]
+
+
+def show(result: BentResult, console: Console) -> None:
+    """The table, and a sentence."""
+    title = f"{result.contour} on {result.machine.name}, {result.controller}, "
+    title += f"machine with {result.machine.nonsmooth_effects}"
+    rows = [_cells(name, result) for name in result.before]
+    console.print(tables.plain_table(title, HEADINGS, rows))
+    tables.say(console, *ending(result), *sentences(result))
+    if result.weights:
+        tables.say(console, f"Bent for {result.controller} with these gains, and for no others:")
+        tables.say(console, *(f"  {line}" for line in result.weights))
+    tables.say(console, *result.doubts)
+
+
+def ending(result: BentResult) -> list[str]:
+    """How the run ends."""
+    if result.held is None:
+        return [
+            "The run ends in motion: how the tool comes to rest behind it is not in these numbers."
+        ]
+    if not result.held and result.rests:
+        return []
+    size = f"{tables.digits(1e6 * STILL)} um"
+    if not result.rests:
+        return [
+            f"WARNING: {tables.digits(result.held)} s after the end a tool still moves by more "
+            f"than {size}: what it does later is not in these numbers."
+        ]
+    return [
+        f"The last point is held for {tables.digits(result.held)} s, until every tool rests to "
+        f"within {size}: it is scored like the part."
+    ]
+
+
+def sentences(result: BentResult) -> list[str]:
+    """What it brings."""
+    gain = (
+        f"RMS {result.error} error: nominal {_change(*result.nominal)}, "
+        f"worst of the family {_change(*result.worst)}. "
+        f"The reference moves by up to {tables.digits(1e6 * result.largest)} um; "
+        f"it asks an axis for up to {tables.digits(result.asked[0])} m/s and "
+        f"{tables.digits(result.asked[1])} m/s^2."
+    )
+    return [gain, *_larger(result)]
+
+
+def verdict_on(result: BentResult) -> Verdict:
+    """Verdict on a bent reference: better for the worst machine than it is worse for the nominal.
+
+    Every plant follows, and no limit is exceeded.
+    """
+    files = SAMPLES if result.chord is None else f"{SAMPLES} and {PROGRAM}"
+    helps = "a larger --roughness asks less of the machine"
+    if exceeded(result.limits_before):
+        helps = (
+            f"{result.controller} exceeds a limit of the machine without any bend: choose calmer "
+            "gains, or tune it"
+        )
+    lost = any(run.diverged for run in result.after.values())
+    against = ["a plant of the family diverges"] if lost else []
+    if not (result.worst_gain > 1 and result.worst_gain * result.nominal_gain > 1):
+        less = "gains less than the nominal one loses"
+        against.append(
+            f"the worst machine {less if result.worst_gain > 1 else 'is no better'}. Either one "
+            "shift cannot help it without harm to another of the family, or the controller already "
+            "sees what the model knows"
+        )
+    verdict = Verdict.of(
+        result.limits, against, _unbounded(result), [helps], passed="USE THIS REFERENCE"
+    )
+    if verdict.usable:
+        return verdict
+    return replace(verdict, warnings=[*verdict.warnings, f"not written for that reason: {files}"])
+
+
+def _unbounded(result: BentResult) -> list[str]:
+    """A line for a machine on which nothing limits the bend."""
+    if not result.unlimited:
+        return []
+    return [
+        f"{result.machine.name} states no limit of {' or '.join(result.unlimited)}: "
+        "look at whether your drives give what is asked for above, or state their limits in a "
+        "machine file."
+    ]
+
+
+def _larger(result: BentResult) -> list[str]:
+    """The plant whose largest error grows most, where one does."""
+    peaks = {
+        name: (
+            float(getattr(result.before[name], f"peak_{result.error}_error")),
+            float(getattr(result.after[name], f"peak_{result.error}_error")),
+        )
+        for name in result.before
+    }
+    name, (before, after) = max(peaks.items(), key=lambda one: one[1][1] - one[1][0])
+    if after <= before * (1 + SAME):
+        return []
+    sizes = f"{tables.digits(1e6 * before)} to {tables.digits(1e6 * after)} um"
+    return [f"The largest {result.error} error grows on one plant: from {sizes} ({name})."]
+
+
+def _change(before: float, after: float) -> str:
+    """What becomes of an error [m]: a ratio, or both sizes where one is next to nothing."""
+    if min(before, after) < NOTHING:
+        return f"{tables.digits(1e6 * before)} -> {tables.digits(1e6 * after)} um"
+    if abs(before - after) < SAME * after:
+        return "the same"
+    if before > after:
+        return f"{before / after:.3g} times smaller"
+    return f"{after / before:.3g} times LARGER"
+
+
+def _cells(name: str, result: BentResult) -> list[str]:
+    before, after = result.before[name], result.after[name]
+    cells = []
+    for kind in ("rms", "peak"):
+        for run in (before, after):
+            cells.append(tables.digits(1e6 * getattr(run, f"{kind}_{result.error}_error")))
+    return [name, *cells, tables.digits(before.peak_control), tables.digits(after.peak_control)]
+
+
+def _next(result: BentResult) -> list[str]:
+    rest = f", with {tables.digits(result.held)} s of rest at its end" if result.held else ""
+    lines = [f"Load: {SAMPLES}: the reference at every sample{rest}, for a control that streams it"]
+    if result.chord is not None:
+        away = tables.digits(1e6 * result.chord)
+        lines.append(
+            f"      {PROGRAM}: {result.moves} straight moves within {away} um of it at the same "
+            f"time, at exactly their feeds, which change by up to {tables.digits(result.changing)} "
+            "m/s^2; a control whose look-ahead slows them down does not run it as meant"
+        )
+    axes = result.machine.axes
+    if result.halts:
+        places = "1 place" if result.halts == 1 else f"{result.halts} places"
+        z = "Z moves, " if len(axes) == 2 else ""
+        lines.append(
+            f"      {PROGRAM} moves {' and '.join(axes)} alone and stops (M0) at {places}: put the "
+            f"{z}spindle and laser words of your program there"
+        )
+    if result.ramps:
+        moves = "1 move" if result.ramps == 1 else f"{result.ramps} moves"
+        lines.append(
+            f"WARNING: Z moves along with X and Y in {moves} of your program; {PROGRAM} leaves Z "
+            "alone there, and cuts as deep as the tool stands"
+        )
+    return lines

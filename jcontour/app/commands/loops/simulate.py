@@ -1,0 +1,176 @@
+"""`jcontour simulate`: one controller on one contour, on every plant of the machine's family."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.status import Status
+
+from jcontour.app.beside import Beside
+from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
+from jcontour.app.catalogue.contours import CONTOURS
+from jcontour.app.designs.design import Design, plain_weights
+from jcontour.app.files.results.run_metrics import RunMetrics
+from jcontour.app.files.results.simulated_result import SimulatedResult
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.files.results.verdict import Verdict, kept_words
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.jobs.job import Job, Pace, Task
+from jcontour.app.jobs.listed_moves import listed_moves
+from jcontour.app.jobs.replays import Replay, Scenarios, replay
+from jcontour.app.machines.machine import Machine
+from jcontour.app.reports import tables
+from jcontour.app.reports.figures.loops.contours import figures_of
+from jcontour.app.reports.figures.loops.motion import motion_figure
+from jcontour.app.reports.figures.shared.beside import drawn_by
+from jcontour.app.reports.figures.shared.png import image
+from jcontour.app.reports.rollouts import save_rollouts
+from jcontour.app.reports.simulated_tables import show_simulated
+from jcontour.app.runs.checks.arrival import arrival_warnings, motions_not_followed
+from jcontour.app.runs.checks.between_samples import swing_warnings
+from jcontour.app.runs.checks.lost_numbers import NAN, lost_numbers
+from jcontour.app.runs.checks.machine_limits import drives_at_limits_in_rapids, machine_limits
+from jcontour.app.runs.checks.planned_limits import limits_exceeded_by_plan
+from jcontour.app.runs.contour_summary import contour_read, peak_place
+from jcontour.app.runs.forecast import check_memory, forecast
+from jcontour.app.runs.lifecycle import created, finished, tuning_words
+from jcontour.app.runs.motion_summary import motion_summary
+from jcontour.app.runs.runs_drawn import contour_runs
+from jcontour.app.runs.tuning.results import machine_summary
+
+
+def command(flags: Simulate) -> int:
+    """The whole command: simulate, print, exit code."""
+    if flags.list_moves:
+        return _list_moves(flags)
+    with tables.console_of(stderr=True, quiet=flags.json).status("planning the motion") as status:
+        found, folder, line = run(flags, status)
+    nominal = next(iter(found.plants.values()))
+    then = next_steps(flags, nominal.diverged, any(NAN in one for one in found.verdict.warnings))
+    return finished(folder, found, flags, show_simulated, [line, *then], found.verdict)
+
+
+def _list_moves(flags: Simulate) -> int:
+    """Print what was understood of the file."""
+    if flags.contour is None or flags.contour in CONTOURS:
+        raise ValueError(
+            "list-moves: needs a program or a drawing, as in `jcontour simulate part.ngc`"
+        )
+    for line in listed_moves(Path(flags.contour), Pace.of(flags, machine_named(flags.plant))):
+        print(line)
+    return 0
+
+
+def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path, str]:
+    """Simulate and store; the result, the run folder, and what is said of the rollouts.
+
+    The status shows what is being done, and how long it will take.
+
+    Raises:
+        ValueError: bad input; nothing has been written then.
+    """
+    machine = machine_named(flags.plant)
+    # the part comes before the design: a fault in line 1 of a program is told at once
+    job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
+    flags = seeing_all(flags, job)
+    design = design_for(machine, flags)
+    check_memory(job, len(machine.family_names))
+    for line in forecast(job, machine.model.dt, len(machine.family_names)):
+        tables.say(status.console, line)
+    status.update(f"running {job.samples:,} samples")
+    scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
+    with Beside(image.__module__) as process:
+        drawn = _drawn(process, _motion(job, machine))
+        replayed = replay(design.build(design.start), scenarios)
+        status.update("writing and drawing")
+        folder = created(flags, "simulate")
+        found = simulated_result(design, scenarios, replayed)
+        title = f"jcontour simulate: {found.controller} on {found.contour}"
+        named = {found.controller: replayed}
+        drawn |= _drawn(process, figures_of(contour_runs(named, scenarios, 0, machine)))
+        line = save_rollouts(flags.rollouts, named, scenarios, machine, title, folder)
+        for name, save in drawn.items():
+            save(folder / f"{name}.png")
+    write_result(folder, found)
+    return found, folder, line
+
+
+def _motion(job: Task, machine: Machine) -> dict[str, Figure]:
+    """Figure of a motion that is planned."""
+    if not (isinstance(job, Job) and job.planned):
+        return {}
+    return {"motion": motion_figure(job.planned, machine.axes, job.rapid)}
+
+
+def _drawn(process: Beside, figures: dict[str, Figure]) -> dict[str, Callable[[Path], Path]]:
+    """What writes the figures, which the process draws meanwhile."""
+    return {name: drawn_by(process, figure) for name, figure in figures.items()}
+
+
+def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> SimulatedResult:
+    """The result of one contour."""
+    machine, job = design.machine, scenarios.jobs[0]
+    metrics = [
+        RunMetrics.of(replayed.metrics, lambda values, k=k: values[0, k])
+        for k in range(len(scenarios.plants))
+    ]
+    return SimulatedResult(
+        machine=machine_summary(machine),
+        controller=design.name,
+        weights=plain_weights(design.start),
+        error=machine.error,
+        contour=job.name,
+        feed_law=job.feed_law,
+        samples=job.samples,
+        **design.settings(),
+        plants=dict(zip(scenarios.plants, metrics, strict=True)),
+        read=contour_read(scenarios, 0),
+        peak=peak_place(scenarios, replayed, 0, machine.error),
+        motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
+        verdict=_verdict(scenarios, replayed, machine),
+        sample_period=float(machine.model.dt),
+    )
+
+
+def _verdict(scenarios: Scenarios, replayed: Replay, machine: Machine) -> Verdict:
+    """Limits of the machine, plants that diverge, and motions that are not followed."""
+    diverged = np.asarray(replayed.metrics.diverged)[0]
+    lost = [name for name, gone in zip(scenarios.plants, diverged, strict=True) if gone]
+    limits = machine_limits(replayed, scenarios, machine)
+    many = f"{len(lost)} of {len(scenarios.plants)} plants"
+    return Verdict.of(
+        limits,
+        [
+            *([f"it diverges on {many}: {', '.join(lost)}"] if lost else []),
+            *motions_not_followed(replayed, scenarios),
+        ],
+        [
+            *machine.remarks,
+            *lost_numbers(replayed, scenarios),
+            *limits_exceeded_by_plan(scenarios, machine),
+            *drives_at_limits_in_rapids(replayed, scenarios, machine),
+            *swing_warnings(replayed, scenarios, machine),
+            *arrival_warnings(replayed, scenarios),
+        ],
+        passed=kept_words(limits),
+    )
+
+
+def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> list[str]:
+    """What to do after a simulation, or after one that is lost on the nominal plant.
+
+    Args:
+        flags: of the simulation.
+        lost: whether the nominal plant diverges.
+        undefined: whether it meets NaN: no weights help then.
+    """
+    if lost and undefined:
+        return ["Next: mend what is NaN (not a number), see the warning; other weights do not help"]
+    if lost:
+        return [
+            "Next: other weights, or another controller, with which the nominal plant does not "
+            "diverge; tuning begins from there"
+        ]
+    part = [] if flags.contour is None else [flags.contour]
+    return [f"Next: jcontour tune{tuning_words(part, vars(flags))}"]

@@ -1,0 +1,234 @@
+"""`jcontour trace`: model predictive contouring control, which chooses its own speed."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import ArrayLike
+
+from jcontour.app.catalogue.choices import job_named, machine_named
+from jcontour.app.designs.predictive.constrained import (
+    Traverser,
+    control_limit,
+    traverser,
+    waiting_reference,
+)
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.files.results.traversed_result import Asked, Signals, Traversed
+from jcontour.app.files.results.verdict import LimitCheck
+from jcontour.app.flags.loops import Trace
+from jcontour.app.flags.shared import MachineFlags
+from jcontour.app.jobs.job import Job, Pace, Task
+from jcontour.app.machines.machine import Machine
+from jcontour.app.reports import tables
+from jcontour.app.reports.figures.loops.traversal import path_figure, signals_figure
+from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.traversed_tables import next_steps, show, verdict_on
+from jcontour.app.runs.checks.machine_limits import Signals as Seen
+from jcontour.app.runs.checks.machine_limits import limits_of_groups
+from jcontour.app.runs.contour_summary import read_of
+from jcontour.app.runs.lifecycle import created, finished
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
+from jcontour.geometry.outlines import outline
+from jcontour.geometry.toolpaths import Toolpath
+from jcontour.host.held import Held
+from jcontour.host.loop import HostRun, Stopped, reported_loop
+from jcontour.motion.references import Reference
+from jcontour.mpc.contouring.mpcc import ARRIVAL
+from jcontour.simulation.traversal import Score, outrun, traversal_score
+
+# [m] from the end at the last sample: the controller ends a run once it has measured the tool
+# within ARRIVAL, and the tool moves on for up to two of its periods until it acts on that
+AT_END = 10 * ARRIVAL
+
+
+class Drawn(NamedTuple):
+    """Content of the figures: the result, its path, and the points of it nearest to the tool."""
+
+    result: Traversed
+    path_mm: np.ndarray
+    foot_mm: np.ndarray
+
+
+def command(flags: Trace) -> int:
+    """The whole command; exit code."""
+    machine = machine_named(flags.plant)
+    job = job_of(flags)
+    asked = traverser(machine, job.contour, flags)
+    reference, controller = waiting_reference(asked), asked.controller
+    controller.initial_memory(reference)  # raises what does not fit before anything is written
+    folder = created(flags, "trace")
+    with tables.console_of(quiet=flags.json).status("solving a QP at every step"):
+        run, failure = _ran(asked, controller, reference, flags)
+    result = replace(_result(flags, asked, run, failure), **of_file(job, machine, flags.contour))
+    verdict = verdict_on(result)
+    result = replace(result, verdict=verdict)
+    if result.signals is not None:
+        foot = np.asarray(asked.contour.position(1e-3 * result.signals.arc_mm))
+        figures = {"trace": _signals, "path": _path}
+        save_figures(figures, Drawn(result, 1e3 * outline(asked.contour), 1e3 * foot), folder)
+    write_result(folder, result)
+    return finished(folder, result, flags, show, next_steps(result), verdict)
+
+
+def job_of(flags: Trace) -> Task:
+    """The contour of the catalogue or of a file; its feeds are not used.
+
+    Raises:
+        ValueError: no such contour, or a bad file.
+    """
+    pace = Pace.of(MachineFlags(feed_mm_per_min=3000.0), machine_named(flags.plant))
+    return job_named(flags.contour, pace)
+
+
+def of_file(job: Task, machine: Machine, name: str) -> dict[str, Any]:
+    """Fields of the result about the file behind a contour."""
+    if not isinstance(job, Job) or job.program is None or job.program.read is None:
+        return {}
+    dt, program = machine.model.dt, job.program.read
+    # time and doubts of the motion, which is not this one, are left out
+    read = replace(read_of(job, dt), duration=None, doubts=program.doubts)
+    return {"read": read, "axes": machine.axes, "lost": not_kept(program, name)}
+
+
+def not_kept(read: Toolpath, name: str) -> str:
+    """What of a file a controller of its own speed does not keep, in words."""
+    waits = bool(np.nansum(read.rest) > 0 or read.z_alone.any())
+    lost = {
+        "feeds": Path(name).suffix.lower() not in (".csv", *DRAWINGS),
+        "stops": any(stop.after for stop in read.asks),
+        "waits": waits,
+        "rapid moves": bool(read.rapid.any()),
+    }
+    words = [word for word, there in lost.items() if there]
+    if not words:
+        return ""
+    told = " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+    path = "; rapid moves are part of the path" if lost["rapid moves"] else ""
+    return f"The controller chooses its own speed: {told} of the file are not kept{path}."
+
+
+def _ran(
+    asked: Traverser, controller: Held, reference: Reference, flags: Trace
+) -> tuple[HostRun, str]:
+    fallback = None if flags.fallback == "stop" else flags.fallback
+    try:
+        return reported_loop(asked.hosted.plant, controller, reference, fallback=fallback), ""
+    except Stopped as stopped:
+        return stopped.run, str(stopped)
+
+
+def _result(flags: Trace, asked: Traverser, run: HostRun, failure: str) -> Traversed:
+    report, rollout = run.report, run.rollout
+    found = Traversed(
+        plant=flags.plant,
+        contour=flags.contour,
+        control_unit=asked.machine.control_unit,
+        length_mm=1e3 * float(asked.contour.length),
+        asked=_asked(asked),
+        failure=failure,
+        steps=len(report.residual),
+        fallbacks=report.fallbacks,
+        limited=report.active_fraction,
+        residual=report.worst_residual,
+        arrived=False,
+        time_s=None,
+    )
+    if len(rollout.output) == 0:
+        return found
+    limit = control_limit(asked.machine, flags.max_control)
+    used = np.abs(rollout.control).max(axis=0)
+    limits = tuple(np.broadcast_to(limit, used.shape).tolist())
+    drives = replace(found, control_used=tuple(used.tolist()), control_limit=limits)
+    return _scored(drives, asked, run)
+
+
+def _asked(asked: Traverser) -> Asked:
+    weights, mpcc = asked.mpcc.weights, asked.mpcc
+    return Asked(
+        q_theta=weights.progress,
+        q_lag=weights.lag,
+        r_control=tuple(np.diag(weights.control_matrix(mpcc.model.inputs)).tolist()),
+        horizon=int(mpcc.blocks.sum()),
+        period_ms=1e3 * mpcc.model.dt,
+        max_speed_mm_s=1e3 * asked.speed_limit,
+    )
+
+
+def _scored(found: Traversed, asked: Traverser, run: HostRun) -> Traversed:
+    """The result with errors and signals."""
+    mpcc, memory, output = asked.mpcc, run.rollout.memory.inner, np.asarray(run.rollout.output)
+    score = traversal_score(asked.contour, output, asked.hosted.plant.dt)
+    signals = Signals(
+        arc_mm=1e3 * score.arc,
+        contour_error_um=1e6 * score.error,
+        speed_mm_s=1e3 * mpcc.speed(memory),
+        tool_mm=1e3 * output,
+        control=np.asarray(run.rollout.control),
+    )
+    way = judged(score, output, asked.contour, mpcc.arc(memory), found.failure)
+    limits = limits_along(found.contour, output, signals.control, asked.machine)
+    return replace(found, signals=signals, limits=limits, **way)
+
+
+def limits_along(
+    contour: str, output: np.ndarray, control: np.ndarray, machine: Machine
+) -> list[LimitCheck]:
+    """Every limit of the machine with what a run reaches.
+
+    Args:
+        contour: name.
+        output: (T, m) tool [m].
+        control: (T, p).
+        machine: with its limits.
+    """
+    counted = np.ones((1, len(output)), bool)
+    seen = Seen(output[None, None], control[None, None], counted, [contour], ["nominal"])
+    return limits_of_groups(seen, machine, np.ones(1, bool))
+
+
+def judged(
+    score: Score, output: ArrayLike, contour: Contour, progress: ArrayLike, failure: str = ""
+) -> dict[str, Any]:
+    """Fields of the result: whether the tool arrived, how far it came, and its errors.
+
+    A tool that was ever farther from the path than this is large has left it: it comes no further.
+
+    Args:
+        score: of the run.
+        output: tool points [m], all samples.
+        contour: the path.
+        progress: (T,) where the controller held the tool to be along it [m].
+        failure: why the run stopped; empty when it went through.
+    """
+    length, away = float(contour.length), ~(score.error <= float(contour.size))
+    left = bool(away.any())
+    on_it = score.arc[: int(np.argmax(away))] if left else score.arc
+    through = bool(np.isfinite(score.time)) and not left
+    apart = float(np.linalg.norm(np.asarray(output)[-1] - np.asarray(contour.position(length))))
+    arrived = through and apart <= AT_END and not failure
+    return {
+        "arrived": arrived,
+        "time_s": score.time if arrived else None,
+        "came_mm": 1e3 * float(np.clip(on_it.max(initial=0.0), 0.0, length)),
+        "progress_mm": 1e3 * float(np.asarray(progress)[-1]),
+        "outrun": outrun(contour, score, progress),
+        "left_mm": 1e3 * float(score.error.max()) if left else None,
+        "end_mm": 1e3 * apart,
+        "rms_um": 1e6 * score.rms if through else None,
+        "peak_um": 1e6 * score.peak if through else None,
+    }
+
+
+def _signals(drawn: Drawn):
+    result = drawn.result
+    title = f"{result.contour} on {result.plant}: model predictive contouring control"
+    return signals_figure(result.signals, result.control_unit, title)
+
+
+def _path(drawn: Drawn):
+    result = drawn.result
+    title = f"{result.contour} on {result.plant}"
+    return path_figure(result.signals, drawn.path_mm, drawn.foot_mm, title)

@@ -1,0 +1,82 @@
+"""`jcontour identify --excite limits.json`: programs whose record shows the axes."""
+
+from pathlib import Path
+
+import numpy as np
+
+from jcontour.app.files import run_folder
+from jcontour.app.files.checks import json_value
+from jcontour.app.flags.machines import Identify
+from jcontour.app.jobs.excitation import PART, Excited, gcode, letters, read_limits, sines
+from jcontour.app.reports import tables
+from jcontour.regular_files import content_of
+
+MOST_BYTES = 2**20  # of the limits
+CSV, GCODE = "excite.csv", "excite.ngc"
+
+
+def command(flags: Identify) -> int:
+    """Write both programs; exit code.
+
+    Raises:
+        ValueError: the limits cannot be read.
+    """
+    path = flags.excite
+    assert path is not None
+    limits = read_limits(path, _read(path))
+    folder = run_folder.create(
+        flags.out or run_folder.default_folder("excite"), "identify", flags, [path]
+    )
+    positions = sines(limits)
+    _write_csv(limits, positions, folder / CSV)
+    text = gcode(limits)
+    run_folder.write(folder / GCODE, lambda temporary: temporary.write_text(text))
+    if flags.json:
+        files = {"csv": str(folder / CSV), "gcode": str(folder / GCODE)}
+        print(run_folder.json_text({"run": str(folder), **files}))
+        return 0
+    used = ", ".join(
+        f"{name} +-{1e3 * float(np.abs(column).max()):.3g} mm"
+        for name, column in zip(limits.axes, positions.T, strict=True)
+    )
+    names = " ".join(f"{name.lower()}_command" for name in limits.axes)
+    columns = f"time {names} {names.replace('command', 'position')}"
+    tables.say(
+        tables.console_of(),
+        f"{folder / CSV}: set-points [mm] every {1e3 * limits.dt:g} ms, {used}",
+        f"{folder / GCODE}: moves to and fro within {100 * PART:g} % of the travel either way"
+        f"{_who_moves(limits)}",
+        "Start in the middle of the travel, with nothing in the way and a hand on the stop button.",
+        f"Run one of them on the machine as it is, and record: {columns}",
+        "Then: jcontour identify LOG.csv --machine linear",
+    )
+    return 0
+
+
+def _who_moves(limits: Excited) -> str:
+    """Letters of the program, where they are not the names of the axes."""
+    moved = letters(limits)
+    if moved == limits.axes:
+        return ""
+    return "; " + ", ".join(
+        f"{letter} moves {name}" for letter, name in zip(moved, limits.axes, strict=True)
+    )
+
+
+def _read(path: Path) -> object:
+    try:
+        return json_value(content_of(path, MOST_BYTES))
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _write_csv(limits: Excited, positions: np.ndarray, path: Path) -> None:
+    time = limits.dt * np.arange(len(positions))
+    head = ",".join(["time_s", *(f"{name.lower()}_mm" for name in limits.axes)])
+    rows = np.column_stack([time, 1e3 * positions])
+    run_folder.write(
+        path,
+        lambda temporary: np.savetxt(temporary, rows, "%.9g", ",", header=head, comments=""),
+    )

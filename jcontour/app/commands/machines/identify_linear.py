@@ -1,0 +1,289 @@
+"""`jcontour identify log.csv --machine linear`: a machine file from a log of any program."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jcontour.app.files import run_folder
+from jcontour.app.files.checks import MachineError
+from jcontour.app.files.log_file import Log, LogColumns, read_log
+from jcontour.app.files.results.linear_result import LinearAxisResult, LinearMachineResult
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.flags.machines import Identify
+from jcontour.app.machines.from_file import machine_from
+from jcontour.app.machines.identified import (
+    axis_result,
+    counts,
+    largest,
+    machine_fields,
+    noises,
+)
+from jcontour.app.machines.machine_behaviour import (
+    FAST,
+    GRAVITY,
+    HARD,
+    LONGEST,
+    SHORTEST,
+    coarse_counts,
+)
+from jcontour.app.reports.identified_tables import show
+from jcontour.app.reports.tables import of_axes
+from jcontour.app.runs.lifecycle import finished
+from jcontour.export.code_text import heading
+from jcontour.linear.continuous_axes import speed_axis
+from tuning.identification.linear.found import LinearMachineFound, MachineRecord
+from tuning.identification.linear.hidden_modes import hidden_modes
+from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.recording import RecordedAxis, recorded
+
+MODEL, DATA = "machine.json", "data.csv"
+MOST_POLES, MOST_DELAY = 8, 40
+GAIN_ASKED = 1000.0  # m/s or m per unit: more is a wrong unit
+TINY, FINE = 1e-3, 5e-9  # [m]: a whole record, and a count, that are questioned together
+DEMO_ROWS, DEMO_DT = 20_000, 1e-3
+DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time constant, delay
+
+
+def command(flags: Identify) -> int:
+    """Read, fit, check, store and print; exit code."""
+    _check(flags)
+    if flags.demo:
+        flags = replace(flags, control_unit="V")
+    log, source = _log(flags)
+    record = MachineRecord(log.dt, flags.axes, log.command, log.position)
+    found = identify_machine(record, flags.most_order, flags.most_delay)
+    name = "identified" if flags.data is None else flags.data.stem
+    text = run_folder.json_text(_fields(found, name, flags.control_unit)) + "\n"
+    _check_file(text, name, found, "".join(f". {line}" for line in _tiny(flags, found)))
+    folder = run_folder.create(
+        flags.out or run_folder.default_folder("identify"),
+        "identify",
+        flags,
+        [] if flags.data is None else [flags.data],
+    )
+    _store(flags, log, found, text, folder)
+    result = _result(flags, log, source, found)
+    write_result(folder, result)
+    path = folder / MODEL
+    quoted = shlex.quote(str(path))
+    then = [
+        f"Machine file: {path}",
+        f"Next: jcontour machine {quoted}, then jcontour tune --plant {quoted}",
+        *_rubbed(result),
+    ]
+    return finished(folder, result, flags, show, then)
+
+
+def _fields(found: LinearMachineFound, name: str, control_unit: str) -> dict[str, Any]:
+    """Fields of the machine file; of one axis it has a copy, as a contour needs two."""
+    if len(found.axes) > 1:
+        return machine_fields(found, name, control_unit)
+    axis = found.axes[0].name
+    note = f"{_other(axis)} was not measured: it is a copy of {axis}"
+    fields = machine_fields(found.twice(_other(axis)), name, control_unit)
+    return fields | {"note": "; ".join([note, *filter(None, [fields.get("note")])])}
+
+
+def _other(axis: str) -> str:
+    """Name of the copy of a single axis."""
+    return "X" if axis == "Y" else "Y"
+
+
+def _rubbed(result: LinearMachineResult) -> list[str]:
+    """Where dry friction acts: in the runs, and in what is proven."""
+    if all(one.friction is None for one in result.axes):
+        return []
+    return [
+        "The tables of tune have this friction in their runs; what it proves is for such a force"
+    ]
+
+
+def _check(flags: Identify) -> None:
+    if flags.demo == (flags.data is not None):
+        raise ValueError("identify: needs a log, or --demo for simulated data, and not both")
+    if len(set(flags.axes)) != len(flags.axes) or len(flags.axes) not in (1, 2, 3):
+        raise ValueError(
+            f"axes: needs one to three different names, received {' '.join(flags.axes)}"
+        )
+    if not 1 <= flags.most_order <= MOST_POLES:
+        raise ValueError(f"most-order: needs 1 to {MOST_POLES}, received {flags.most_order}")
+    if not 0 <= flags.most_delay <= MOST_DELAY:
+        raise ValueError(f"most-delay: needs 0 to {MOST_DELAY}, received {flags.most_delay}")
+    if flags.period_ms is not None and not (np.isfinite(flags.period_ms) and flags.period_ms > 0):
+        raise ValueError(f"period-ms: needs to be above zero, received {flags.period_ms}")
+    if flags.demo and flags.axes != tuple(DEMO):
+        raise ValueError("axes: the simulated data have X and Y")
+
+
+def _check_file(text: str, name: str, found: LinearMachineFound, doubt: str) -> None:
+    """What the other commands would refuse is not written, but said in the record's words.
+
+    With what is doubted of the record's unit.
+
+    Raises:
+        ValueError: the file is one of those.
+    """
+    try:
+        machine_from(text.encode(), name)
+    except MachineError as error:
+        orders = [len(one.fit.model.denominator) for one in found.axes]
+        hidden = [hidden_modes(one.fit).size > 0 for one in found.axes]
+        for k, one in enumerate(found.axes):
+            if orders[k] < 2 or not hidden[k]:
+                continue
+            most = orders[k] - 1
+            others = [order - hidden[j] for j, order in enumerate(orders) if j != k]
+            fewer = f"run again with --most-order {most}, or " if most >= max(others) else ""
+            raise ValueError(
+                f"{one.name}: a zero cancels one of the model's {orders[k]} poles, which the "
+                f"record does not show, and no controller could be tuned: {fewer}record what "
+                f"jcontour identify --excite writes ({error})"
+            ) from None
+        raise ValueError(
+            f"no controller could be tuned for what fits the record ({error}): record a livelier "
+            f"program: jcontour identify --excite{doubt}"
+        ) from None
+
+
+def _log(flags: Identify) -> tuple[Log, str]:
+    """The record, and where it comes from."""
+    if flags.data is None:
+        return _simulated(flags.seed)
+    columns = LogColumns(
+        flags.time_column,
+        flags.command_columns,
+        flags.position_columns,
+        flags.length_unit,
+        None if flags.period_ms is None else 1e-3 * flags.period_ms,
+    )
+    return read_log(flags.data, flags.axes, columns), str(flags.data)
+
+
+def _simulated(seed: int) -> tuple[Log, str]:
+    """A log of two drives that take a speed in V, while a program of arcs and corners ran."""
+    random = np.random.default_rng(seed)
+    time = DEMO_DT * np.arange(DEMO_ROWS)
+    signals = []
+    for k, (gain, constant, delay) in enumerate(DEMO.values()):
+        axis = RecordedAxis(
+            speed_axis(gain, constant, delay), "speed", 1e-6, 0.3e-6, 2e-3, (15.0 / gain,)
+        )
+        signals.append(recorded(axis, _program(time, k), DEMO_DT, random))
+    command, position = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
+    words = "simulated: " + "; ".join(
+        f"{name} {1e3 * gain:g} mm/s per V, {1e3 * constant:g} ms, {1e3 * delay:g} ms of delay"
+        for name, (gain, constant, delay) in DEMO.items()
+    )
+    return Log(DEMO_DT, command, position, ()), f"{words}; encoders of 1 um, seed {seed}"
+
+
+def _program(time: np.ndarray, axis: int) -> np.ndarray:
+    """Arcs, and lines between corners, of one axis [m]."""
+    arcs = 0.01 * np.sin(2 * np.pi * 0.5 * time + np.pi / 2 * axis)
+    lines = 0.03 * np.cumsum(np.sign(np.sin(2 * np.pi * (0.7 + 0.2 * axis) * time))) * DEMO_DT
+    return arcs + lines
+
+
+def _result(
+    flags: Identify, log: Log, source: str, found: LinearMachineFound
+) -> LinearMachineResult:
+    axes = [axis_result(one) for one in found.axes]
+    limits = largest(found)
+    encoders = f"Encoders: counts of {of_axes(counts(found), flags.axes)}"
+    if noise := noises(found):
+        encoders += f"; noise beside them of {of_axes(noise, flags.axes)} RMS"
+    words = [*log.words, encoders]
+    return LinearMachineResult(
+        data=source,
+        words=words,
+        samples=len(log.command),
+        dt=log.dt,
+        control_unit=flags.control_unit,
+        axes=axes,
+        limits=limits,
+        gain=found.gain,
+        delay=found.late,
+        notes=[
+            *_questions(log.dt, flags, axes, limits),
+            *_coarse(found),
+            *_tiny(flags, found),
+            *_copied(flags.axes),
+            *found.notes,
+        ],
+        model=MODEL,
+    )
+
+
+def _copied(axes: Sequence[str]) -> list[str]:
+    """What stands in the machine file of one axis."""
+    if len(axes) > 1:
+        return []
+    (axis,) = axes
+    other = _other(axis)
+    return [
+        f"a contour needs two axes, so the machine file has {axis} twice: its {other} is a copy "
+        f"that nobody measured. Record {other} too, or put its own numbers in"
+    ]
+
+
+def _questions(
+    dt: float, flags: Identify, axes: list[LinearAxisResult], largest: dict[str, list[float]]
+) -> list[str]:
+    """One line for each number that no machine has; most likely a unit is wrong."""
+    lines = []
+    if not SHORTEST <= dt <= LONGEST:
+        lines.append(
+            f"time: a sample every {1e3 * dt:g} ms is no usual period of a drive; is the unit of "
+            "its column right? Call it time_ms or time_us, or give --period-ms"
+        )
+    for one, speed, moved in zip(axes, largest["speed"], largest["acceleration"], strict=True):
+        if speed > FAST or moved > HARD or abs(one.gain) > GAIN_ASKED:
+            lines.append(
+                f"{one.name}: {speed:.3g} m/s and {moved / GRAVITY:.3g} g in the record, and "
+                f"{one.gain:.3g} m{'/s' if one.integrators else ''} per {flags.control_unit}, are "
+                "more than any drive has; is --length-unit right?"
+            )
+    return lines
+
+
+def _coarse(found: LinearMachineFound) -> list[str]:
+    """One line for each axis whose counts are as large as none: um taken for mm."""
+    lines = coarse_counts(found.record.axes, np.array([one.resolution for one in found.axes]))
+    then = "If so, name the columns as x_position_um, or give --length-unit um"
+    return [f"{line} {then}" for line in lines]
+
+
+def _tiny(flags: Identify, found: LinearMachineFound) -> list[str]:
+    """One line for each axis that hardly moves, on an encoder as fine as none: m taken for mm."""
+    moved = np.ptp(found.record.position, axis=0)
+    return [
+        f"{one.name}: moves by {1e3 * way:.3g} mm in all, by counts of "
+        f"{1e9 * one.resolution:.3g} nm; are the positions in {flags.length_unit}? If not, give "
+        "--length-unit"
+        for one, way in zip(found.axes, moved, strict=True)
+        if way < TINY and one.resolution < FINE
+    ]
+
+
+def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, folder: Path) -> None:
+    from jcontour.app.reports.figures.machines.linear_axes import figures
+    from jcontour.app.reports.figures.shared.png import save_figures
+
+    run_folder.write(folder / MODEL, lambda temporary: temporary.write_text(text))
+    if flags.demo:
+        time = log.dt * np.arange(len(log.command))
+        heads = ["time_s"]
+        heads += [heading(f"{a.lower()}_command", flags.control_unit) for a in flags.axes]
+        heads += [f"{a.lower()}_position_m" for a in flags.axes]
+        rows = np.column_stack([time, log.command, log.position])
+        run_folder.write(
+            folder / DATA,
+            lambda temporary: np.savetxt(
+                temporary, rows, "%.10g", ",", header=",".join(heads), comments=""
+            ),
+        )
+    save_figures(figures(flags.control_unit), found, folder)

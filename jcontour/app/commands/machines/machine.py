@@ -1,0 +1,196 @@
+"""`jcontour machine`: a machine file from what is known of the axes; checks and draws a file."""
+
+import shlex
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+import jcontour.app.machines
+from jcontour.app.catalogue.choices import machine_named
+from jcontour.app.files import run_folder
+from jcontour.app.files.results.machine_result import AxisSummary, MachineResult
+from jcontour.app.files.results.stored import to_json
+from jcontour.app.flags.machines import Machine as Flags
+from jcontour.app.machines.built import built_machine
+from jcontour.app.machines.from_file import machine_from
+from jcontour.app.machines.machine import Machine
+from jcontour.app.machines.machine_behaviour import AxisBehaviour, axis_behaviours, questions
+from jcontour.app.reports import tables
+from jcontour.app.reports.figures.machines.machine import machine_figure
+from jcontour.app.reports.figures.shared.png import save_figure
+
+EXAMPLE = Path(jcontour.app.machines.__file__).parent / "example.json"
+OF_NO_MACHINE = ("file", "example", "json")  # flags that do not describe a machine
+SOUND = "The file is sound."
+HEADINGS = ("axis", "settles to", "per unit", "rise ms", "delay", "most m/s^2", "resonance Hz")
+UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2", "nothing": ""}
+
+
+def command(flags: Flags) -> int:
+    """The whole command: build or read, check, draw, print, exit code."""
+    if flags.example is not None:
+        result, machine, path = _example(flags, flags.example)
+    elif flags.file is None:
+        result, machine, path = _built(flags)
+    else:
+        result, machine, path = _read(flags)
+    if flags.json:
+        print(run_folder.json_text(to_json(result)))
+        return 0
+    show(result, tables.console_of())
+    tables.say(tables.console_of(), *_next(result, path, built=flags.file is None))
+    return 0
+
+
+def _built(flags: Flags) -> tuple[MachineResult, Machine, Path]:
+    """Write the file that the flags describe, and draw it.
+
+    Raises:
+        ValueError: bad input, or the file exists; nothing has been written then.
+    """
+    path = _new("out", flags.out or Path(flags.name))
+    found = built_machine(flags)
+    text = run_folder.json_text(found.fields) + "\n"
+    machine = machine_from(text.encode(), flags.name)
+    return _written(machine, text, path, found.words, found.warnings)
+
+
+def _example(flags: Flags, given: Path) -> tuple[MachineResult, Machine, Path]:
+    """Write the example, and draw it.
+
+    Raises:
+        ValueError: the file exists, or other flags describe a machine; nothing has been written.
+    """
+    _check_alone(flags, "write the example")
+    if flags.file is not None:
+        raise ValueError("file: is to be checked; leave it out to write the example")
+    path, text = _new("example", given), EXAMPLE.read_text()
+    return _written(machine_from(text.encode(), EXAMPLE.stem), text, path, [], [])
+
+
+def _written(
+    machine: Machine, text: str, path: Path, words: list[str], warnings: list[str]
+) -> tuple[MachineResult, Machine, Path]:
+    picture = path.with_suffix(".png")
+    result = _result(machine, path, picture, words, warnings)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    run_folder.write(path, lambda temporary: temporary.write_text(text))
+    _draw(machine, picture)
+    return result, machine, path
+
+
+def _new(flag: str, given: Path) -> Path:
+    """Path of a new machine file, with a name that the commands take for one."""
+    path = given if given.suffix.lower() == ".json" else given.with_name(f"{given.name}.json")
+    if path.exists():
+        raise ValueError(f"{flag}: {path} exists; give another name")
+    return path
+
+
+def _check_alone(flags: Flags, purpose: str) -> None:
+    """Raise ValueError where flags describe a new machine."""
+    for one in fields(flags):
+        if one.name not in OF_NO_MACHINE and getattr(flags, one.name) != one.default:
+            name = one.name.replace("_", "-")
+            raise ValueError(f"{name}: describes a new machine; leave it out to {purpose}")
+
+
+def _read(flags: Flags) -> tuple[MachineResult, Machine, Path]:
+    """Check an existing file, or a machine of the catalogue, and draw it."""
+    _check_alone(flags, "check a file")
+    machine = machine_named(str(flags.file))
+    path = Path(str(flags.file))
+    picture = path.with_suffix(".png") if path.suffix else Path(f"{machine.name}.png")
+    result = _result(machine, path, picture, [], [])
+    _draw(machine, picture)
+    return result, machine, path
+
+
+def _result(
+    machine: Machine, path: Path, picture: Path, words: list[str], warnings: list[str]
+) -> MachineResult:
+    axes = axis_behaviours(machine)
+    return MachineResult(
+        name=machine.name,
+        file=str(path),
+        figure=str(picture),
+        control_unit=machine.control_unit,
+        period=machine.model.dt,
+        description=machine.description() | {"Limits": _limits(machine)},
+        family=list(machine.family_names),
+        words=words,
+        axes=[_summary(one) for one in axes],
+        warnings=[*warnings, *questions(machine, axes)],
+    )
+
+
+def _limits(machine: Machine) -> str:
+    """Limits of the axes in words, one number where all axes have the same."""
+    speed, acceleration, control, increment = machine.limits
+    unit = machine.control_unit
+    told = [
+        f"{quantity} {_each(scale * limit)} {shown}"
+        for quantity, limit, scale, shown in (
+            ("speed", speed, 1e3, "mm/s"),
+            ("acceleration", acceleration, 1.0, "m/s^2"),
+            ("control", control, 1.0, unit),
+            ("control increment", increment, 1.0, f"{unit} per sample"),
+        )
+        if limit is not None
+    ]
+    return "; ".join(told) or "none is stated"
+
+
+def _each(values: np.ndarray) -> str:
+    """Numbers of all axes, one where all are the same."""
+    told = [f"{one:.4g}" for one in values]
+    return ", ".join(told[:1] if len(set(told)) == 1 else told)
+
+
+def _summary(one: AxisBehaviour) -> AxisSummary:
+    return AxisSummary(
+        name=one.name,
+        kind=one.kind,
+        gain=one.gain,
+        rise=one.rise,
+        delay=one.delay,
+        acceleration=one.acceleration,
+        resonance=one.resonance,
+    )
+
+
+def _draw(machine: Machine, path: Path) -> None:
+    save_figure(machine_figure(machine, axis_behaviours(machine)), path)
+
+
+def show(found: MachineResult, console: Console) -> None:
+    """What the machine is, axis by axis."""
+    lines = [f"{heading:<11} {words}" for heading, words in found.description.items()]
+    tables.say(console, *lines, f"{'Family':<11} {'; '.join(found.family)}", *found.words)
+    rows = [
+        [
+            one.name,
+            one.kind,
+            f"{tables.digits(1e3 * one.gain)} {UNITS[one.kind]}".strip(),
+            tables.digits(1e3 * one.rise),
+            str(one.delay),
+            tables.digits(one.acceleration),
+            tables.digits(one.resonance),
+        ]
+        for one in found.axes
+    ]
+    title = f"One {found.control_unit} on each axis by itself"
+    console.print(tables.plain_table(title, HEADINGS, rows, text_columns=3))
+    tables.say(console, *(f"WARNING: {line}" for line in found.warnings))
+
+
+def _next(found: MachineResult, path: Path, built: bool) -> list[str]:
+    name = path if built or path.suffix else found.name
+    sound = "The file can be read, but look at the warnings." if found.warnings else SOUND
+    return [
+        f"Drawn: {found.figure}",
+        f"Written: {path}" if built else sound,
+        f"Next: jcontour tune --plant {shlex.quote(str(name))}",
+    ]

@@ -1,0 +1,59 @@
+"""`jcontour list`: everything that has a name."""
+
+from jcontour.app.catalogue.contours import CONTOURS
+from jcontour.app.catalogue.controllers import CONSTRAINED, CONTROLLERS
+from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.plants import PLANTS
+from jcontour.app.commands.reproduce import experiments_found
+from jcontour.app.files import run_folder
+from jcontour.app.files.checks import EXAMPLE
+from jcontour.app.flags.others import Listing
+from jcontour.app.reports.tables import console_of, plain_table, say
+
+HEADINGS = {
+    "plants": "Plants for --plant",
+    "python_plants": "Plants for Python only: PLANTS of jcontour.app.catalogue.plants",
+}
+
+
+def run() -> dict[str, dict[str, str]]:
+    """One line per name, by kind."""
+    kinds = {
+        "plants": {name: PLANTS[name] for name in MACHINES},
+        "python_plants": {name: one for name, one in PLANTS.items() if name not in MACHINES},
+        "controllers": CONTROLLERS,
+        "constrained": CONSTRAINED,
+        "contours": CONTOURS,
+    }
+    named = {
+        kind: {name: entry.line for name, entry in entries.items()}
+        for kind, entries in kinds.items()
+    }
+    try:
+        return {**named, "experiments": experiments_found()}
+    except ValueError:  # papers are in a checkout alone
+        return named
+
+
+def command(flags: Listing) -> int:
+    """The whole command: list, exit code."""
+    found = run()
+    if flags.json:
+        print(run_folder.json_text(found))
+        return 0
+    console = console_of()
+    for kind, entries in found.items():
+        console.print(
+            plain_table(
+                HEADINGS.get(kind, kind.capitalize()),
+                ["name", "what it is"],
+                [[name, line] for name, line in entries.items()],
+                2,
+            )
+        )
+    say(
+        console,
+        f"--plant also takes a machine file (JSON, npz; {EXAMPLE}), "
+        "contours and parts a toolpath file (.ngc, .dxf, .svg, .csv).",
+    )
+    return 0

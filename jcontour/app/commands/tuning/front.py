@@ -1,0 +1,112 @@
+"""`jcontour front`: the least contour error for every budget of control increment, or of Ms."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from jcontour.app.designs.design import with_values
+from jcontour.app.files import run_folder
+from jcontour.app.files.netcdf import save_dataset
+from jcontour.app.files.results.front_result import BudgetPoint, FrontResult, dataset_of
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.flags.tuning import Front
+from jcontour.app.jobs.replays import replay
+from jcontour.app.reports import tables
+from jcontour.app.reports.figures.shared.png import save_figure
+from jcontour.app.reports.figures.tuning.front import front
+from jcontour.app.reports.rollouts import save_rollouts
+from jcontour.app.runs.lifecycle import finished, opened, tuning_words
+from jcontour.app.runs.tuning.trade_off import Search, search_of, traced
+
+NAMES = {"increment": "the control increment", "sensitivity": "the peak sensitivity Ms"}
+TUNED_BY = {"increment": "--max-rms-increment", "sensitivity": "--max-sensitivity"}
+
+
+def command(flags: Front) -> int:
+    """Trace, store and print a front; exit code."""
+    with opened(flags, "front", search_of) as (folder, search):
+        result = traced(search, folder, tables.console_of(quiet=flags.json))
+        _store_runs(result, search, folder)
+        _store(result, search.run.design.units(), folder)
+    return finished(folder, result, flags, show, next_steps(result, _task(folder)))
+
+
+def _task(folder: Path) -> str:
+    stored = run_folder.opened(folder, "front")["flags"]
+    return tuning_words(stored["parts"], stored)
+
+
+def _store(result: FrontResult, weight_units: dict[str, str], folder: Path) -> None:
+    save_dataset(dataset_of(result, weight_units), folder / "front.nc")
+    save_figure(front(result), folder / "front.png")
+    write_result(folder, result)
+
+
+def _store_runs(result: FrontResult, search: Search, folder: Path) -> None:
+    """Write the runs of every point on the machines as they are, by budget: the page shows them.
+
+    Weights with a number for each sample of the horizon are not kept in a point, nor are its runs.
+    """
+    run, points = search.run, result.points
+    if any(name not in point.weights for point in points for name in result.weights):
+        return
+    replays = {
+        tables.digits(point.budget): replay(
+            run.controller(with_values(run.start, point.weights)), run.scenarios
+        )
+        for point in points
+    }
+    title = f"jcontour front: runs of every budget of {NAMES[result.against]}"
+    save_rollouts("auto", replays, run.scenarios, run.machine, title, folder)
+
+
+def show(result: FrontResult, console: Console) -> None:
+    """Print the front, and the weights of its points."""
+    plants = "nominal plant" if result.nominal_only else "family"
+    title = f"Front against {NAMES[result.against]} (smooth machine, {plants})"
+    error = f"worst RMS {result.error} um"
+    columns = ["budget", error, "Ms", "RMS increment", "feasible", "used up"]
+    rows = [_row(point, result) for point in result.points]
+    console.print(tables.plain_table(title, columns, rows, text_columns=0))
+    rows = [_weights(point, result) for point in result.points]
+    columns = ["budget", *result.weights]
+    console.print(tables.plain_table("Weights", columns, rows, text_columns=0))
+
+
+def _row(point: BudgetPoint, result: FrontResult) -> list[str]:
+    numbers = point.budget, 1e6 * point.error(result.error), point.peak_sensitivity
+    used_up = "-" if not point.feasible else "no" if point.slack else "yes"
+    feasible = "yes" if point.feasible else "NO"
+    return [*map(tables.digits, [*numbers, point.rms_increment]), feasible, used_up]
+
+
+def _weights(point: BudgetPoint, result: FrontResult) -> list[str]:
+    weights = [point.weights.get(name) for name in result.weights]
+    return [tables.digits(point.budget), *map(tables.weight_digits, weights)]
+
+
+def next_steps(result: FrontResult, task: str) -> list[str]:
+    """Lines that say which budgets are slack, and what to do next with the same task."""
+    lines = []
+    if result.tracking_cap is not None:
+        lines.append(
+            f"The RMS tracking error is held below {1e6 * result.tracking_cap:.4g} um, "
+            "so that the tool does not lag too far: one that stands still has no contour error. "
+            "Another cap: --max-tracking-error-um."
+        )
+    if result.slack:
+        slack = ", ".join(map(tables.digits, result.slack))
+        lines.append(
+            f"Slack: the best weights found need less than the budget {slack}. "
+            "Give smaller budgets with --least and --most."
+        )
+    tight = [point for point in result.points if point.feasible and not point.slack]
+    if tight:
+        budget = tables.digits(tight[0].budget)
+        lines.append(
+            "Next: choose a budget and tune for it, as "
+            f"jcontour tune{task} {TUNED_BY[result.against]} {budget}"
+        )
+    else:
+        lines.append("Next: no budget is met and used up; give larger or smaller ones.")
+    return lines

@@ -1,0 +1,114 @@
+"""`jcontour rank`: every controller for a machine, tuned alike, ranked on held-out contours."""
+
+from rich.console import Console
+
+from jcontour.app.catalogue.own_classes import own_name
+from jcontour.app.files.results.ranked_result import Ranked, RankedResult
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.flags.tuning import Rank
+from jcontour.app.reports import tables
+from jcontour.app.reports.figures.shared.png import save_figure
+from jcontour.app.reports.figures.tuning.ranking import ranking_figure
+from jcontour.app.runs.lifecycle import finished, opened, same_task
+from jcontour.app.runs.tuning.ranking import ranked, ranking_of
+
+COLUMNS = (
+    "controller",
+    "held out\num",
+    "over\nbest",
+    "training\num",
+    "Ms",
+    "evalua-\ntions",
+    "com-\nputing",
+    "search",
+)
+
+
+BEGINS = "*"  # marks the Ms of a controller that learns
+
+
+def command(flags: Rank) -> int:
+    """Tune, rank, store and print; exit code."""
+    with opened(flags, "rank", ranking_of) as (folder, ranking):
+        result = ranked(ranking, folder, tables.console_of(quiet=flags.json))
+        save_figure(ranking_figure(result), folder / "ranking.png")
+        write_result(folder, result)
+    then = next_steps(result, same_task(folder, "rank"))
+    return finished(folder, result, flags, show, then, result.verdict)
+
+
+def show(result: RankedResult, console: Console) -> None:
+    """Print the ranking, and why some have no place in it."""
+    placed = [row for row in result.rows if row.failure is None]
+    title = (
+        f"Controllers of {result.machine.name}, worst RMS {result.error} error of the family, "
+        "geometric mean over contours"
+    )
+    rows = [_row(row, placed[0]) for row in placed]
+    console.print(tables.plain_table(title, COLUMNS, rows))
+    failed = [f"{row.label}: no place, {row.failure}" for row in result.rows if row.failure]
+    tables.say(console, *failed, *_left_out(result.learning))
+
+
+def _left_out(names: list[str]) -> list[str]:
+    if not names:
+        return []
+    return [
+        f"Left out: {', '.join(names)}. They learn while they run, and no margin is known of what "
+        f"they learn; --controllers {' '.join(names)} ranks them."
+    ]
+
+
+def _row(row: Ranked, first: Ranked) -> list[str]:
+    return [
+        row.label,
+        _micrometres(row.held_out),
+        _ratio(row.held_out, first.held_out),
+        _micrometres(row.training),
+        tables.digits(row.peak_sensitivity) + (BEGINS if row.learns else ""),
+        str(row.evaluations),
+        _ratio(row.seconds, first.seconds),
+        _state(row),
+    ]
+
+
+def _state(row: Ranked) -> str:
+    if not row.feasible:
+        return "BEYOND A LIMIT"
+    return "ended" if row.stationary else "not ended"
+
+
+def _micrometres(error: float | None) -> str:
+    return tables.digits(None if error is None else 1e6 * error)
+
+
+def _ratio(value: float | None, of: float | None) -> str:
+    return "-" if value is None or not of else f"{value / of:.2f}"
+
+
+def next_steps(result: RankedResult, task: str) -> list[str]:
+    """What the words of the table mean, and what to do next with the same parts and machine."""
+    placed = [row for row in result.rows if row.failure is None and row.feasible]
+    if not placed and all(row.failure for row in result.rows):
+        return ["Next: no controller could be tried; the lines above say why."]
+    if not placed:
+        blind = "--nominal-only" in task.split()
+        other = "leave out --nominal-only" if blind else "allow more, as --max-sensitivity 3"
+        return [f"Next: no controller keeps every limit; {other}."]
+    lines = ["Computing: processor time of the same runs, over that of the first row."]
+    if any(row.learns for row in result.rows if row.failure is None):
+        lines.insert(
+            0,
+            f"Ms with {BEGINS}: of the loop that the controller begins with. It learns while it "
+            "runs, and no margin is known of what it learns.",
+        )
+    if any(not row.stationary for row in placed):
+        lines.append("A search that has not ended may find more with --evaluations.")
+    best = placed[0].candidate
+    words = f"--controller {best.controller}"
+    if own_name(best.controller) is None:  # one of the user's has its own preview
+        words += f" --preview {best.preview} --terminal {best.terminal}"
+        if best.model_delay is not None:
+            words += f" --model-delay {best.model_delay}"
+    lines.append(f"Next: jcontour tune{task} {words}")
+    return lines

@@ -1,0 +1,262 @@
+"""`jcontour tune`: weights of a controller by gradient, and what is needed to trust them."""
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from jcontour.app.beside import Beside
+from jcontour.app.files import run_folder
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.files.results.tuned_result import TunedResult
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.jobs.job import Job
+from jcontour.app.jobs.replays import Scenarios
+from jcontour.app.machines.machine import NO_EFFECTS
+from jcontour.app.reports import tables
+from jcontour.app.reports.figures.loops.contours import figures_of
+from jcontour.app.reports.figures.shared.beside import drawn_beside
+from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.tuning.sensitivity import sensitivity_figure
+from jcontour.app.reports.figures.tuning.tuning import FIGURES, Search
+from jcontour.app.reports.progress import progress_of
+from jcontour.app.reports.rollouts import save_rollouts
+from jcontour.app.reports.sensitivity_curves import save_sensitivity
+from jcontour.app.reports.tuned_tables import limit_words, show_tuned
+from jcontour.app.runs.checks.lost_numbers import lost_at_start
+from jcontour.app.runs.checks.weights.certified_bound import certified_bound
+from jcontour.app.runs.contour_summary import contour_read
+from jcontour.app.runs.lifecycle import finished, opened, ranked_words
+from jcontour.app.runs.runs_drawn import contour_runs
+from jcontour.app.runs.tuning.problem import PLENTY, TuningRun, tuning_run
+from jcontour.app.runs.tuning.regret import with_regret
+from jcontour.app.runs.tuning.results import (
+    SHOWN,
+    Trial,
+    baseline_trial,
+    confirmed,
+    history_of,
+    robust_trial,
+    shown_contours,
+    start_trial,
+    trial_of,
+    tuned_result,
+)
+from jcontour.app.runs.tuning.searching import NothingSound, Searched, searched
+from jcontour.app.runs.tuning.simple_loops import (
+    SimpleLoop,
+    best_simple,
+    is_chosen,
+    simple_loops,
+    simple_words,
+    simplest,
+)
+from tuning.tune import Tuned
+
+SIMPLE = "simple-loop"  # folder of its search
+FIRST = 3  # of many contours, that are named before the tuning
+
+
+def command(flags: Tune) -> int:
+    """The whole command: tune, print, exit code."""
+    console = tables.console_of(quiet=flags.json)
+    try:
+        found, folder = run(flags, console)
+    except RuntimeError as error:
+        print(f"jcontour: {error}", file=sys.stderr)
+        return 1
+    return finished(folder, found, flags, show_tuned, next_steps(found, folder), found.verdict)
+
+
+def run(flags: Tune, console: Console) -> tuple[TunedResult, Path]:
+    """Tune, or go on tuning; the result and the run folder.
+
+    Raises:
+        ValueError: bad input; nothing has been written then.
+        RuntimeError: no point could be evaluated without a diverging plant.
+    """
+    with opened(flags, "tune", tuning_run) as (folder, run):
+        describe(run, console)
+        return _tuned(run, folder, console), folder
+
+
+def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
+    began = time.perf_counter()
+    # the start is tried meanwhile, then the bound is proven
+    with Beside(certified_bound.__module__) as process:
+        start = start_trial(run, process)
+        loops = [] if is_chosen(run.flags) else simple_loops(run)
+        found = _chosen(run, loops, folder, console)
+        asked, run, tuned = run, found.run, found.tuned
+        certified = certified_bound(run, run.controller(tuned.weights), process)
+        trials = {"start": start(), "tuned": trial_of(run, tuned)}
+        baseline = baseline_trial(asked, trials["start"], loops)
+        with drawn_beside(figures(run, trials, folder)):
+            store_runs(run, tuned, trials, folder, console)
+            robust = robust_trial(run, tuned)
+            in_engine = confirmed(run, tuned, trials["tuned"].replay)
+        checks = robust, in_engine, certified()
+    if baseline is not None:
+        trials["baseline"] = baseline
+    told = tuned_result(found, trials, *checks, time.perf_counter() - began)
+    store_result(run, told, tuned, folder)
+    return told
+
+
+def _chosen(
+    run: TuningRun, loops: Sequence[SimpleLoop], folder: Path, console: Console
+) -> Searched:
+    """The search of the controller, or that of one of the simple loops where it is as good.
+
+    Raises:
+        RuntimeError: no point could be evaluated without a diverging plant.
+    """
+    if loops:
+        tables.say(console, f"Simple loops, where they begin: {simple_words(loops)}")
+    best = best_simple(loops)
+    if best is None:
+        return _descended(run, folder, console)
+    try:
+        found = _descended(run, folder, console)
+    except RuntimeError:
+        found = None
+
+    def search(simple: TuningRun) -> Searched | None:
+        place = folder / SIMPLE
+        place.mkdir(exist_ok=True)
+        try:
+            return _descended(simple, place, console)
+        except RuntimeError:
+            return None
+
+    chosen = simplest(best, found, search)
+    if chosen is None:
+        return _descended(run, folder, console)  # tells why
+    if (name := chosen.run.design.name) != run.design.name:
+        tables.say(console, f"Recommended: {name}, no other is better by more than 10 %.")
+    return chosen
+
+
+def _descended(run: TuningRun, folder: Path, console: Console) -> Searched:
+    with progress_of(console, run.settings, run.machine.error) as show:
+        if run.flags.objective == "regret":
+            run = with_regret(run, folder, show)
+        try:
+            return searched(run, folder, show, console)
+        except NothingSound as error:
+            lost = lost_at_start(run)  # what helps a loop that is unstable does not help then
+            why = f"with the start, {lost[0]}" if lost else error
+            reason = f"no result: {why}; the points tried are kept in {folder}"
+            raise RuntimeError(reason) from None
+
+
+def describe(run: TuningRun, console: Console) -> None:
+    """Say what is tuned, on what."""
+    machine, flags, scenarios = run.machine, run.flags, run.scenarios
+    bounds = [limit_words(name, value) for name, value in run.limits.items()]
+    over = "the plant" if flags.nominal_only else "family"
+    kind = "largest" if flags.objective == "certified" else "RMS"
+    objective = f"{flags.objective} {kind} {machine.error} error over training contours and {over}"
+    alone = " (tuned on the nominal plant alone)" if flags.nominal_only else ""
+    training = [
+        f"{job.name} ({job.samples} samples, {job.feed_law})" for job in scenarios.jobs_seen(True)
+    ]
+    headings = machine.description() | {
+        "Family": "; ".join(scenarios.plants) + alone,
+        "Training": _named(training),
+        "Held out": held_out_words(flags, scenarios),
+        **run.design.description(),
+        "Objective": f"{objective}; limits: {', '.join(bounds) or 'none'}",
+    }
+    lines = [f"{heading:<11} {words}" for heading, words in headings.items()]
+    reads = [
+        tables.read_line(job.name, contour_read(scenarios, k), machine.axes)
+        for k, job in enumerate(scenarios.jobs)
+    ]
+    if len(reads) > SHOWN:
+        reads = [*reads[:FIRST], f"and {len(reads) - FIRST} more"]
+    below = f"\n{'':<14}"  # stops and doubts of a part stand under it
+    for k, read in enumerate(reads):
+        lines.append(f"{'Read' if k == 0 else '':<11} {read}".replace("\n", below))
+    effects = machine.nonsmooth_effects
+    if effects != NO_EFFECTS:
+        lines.append(
+            f"Tuned without {effects} (they have no slope); the tables below are with them."
+        )
+    if run.by_stretches:
+        lines.append(
+            f"Long programs are tuned on {len(run.learned)} stretches that represent them, "
+            f"{run.training_samples} samples in all; the tables are of the whole."
+        )
+    if run.training_samples > PLENTY:
+        lines.append(f"{run.training_samples} training samples: this takes longer than a minute.")
+    tables.say(console, *lines)
+
+
+def held_out_words(flags: Tune, scenarios: Scenarios) -> str:
+    """Contours that the tuner never sees, and whether they are sized like the parts."""
+    named = _named([f"{job.name} ({job.samples} samples)" for job in scenarios.jobs_seen(False)])
+    own = bool(flags.parts) and flags.contours is None
+    if own and any(isinstance(job, Job) for job in scenarios.jobs_seen(True)):
+        return (
+            f"{named}; made in the size, place and feed of the parts, not as `jcontour list` says"
+        )
+    return named
+
+
+def _named(jobs: list[str]) -> str:
+    """Names in one line; of many the first ones."""
+    if len(jobs) <= SHOWN:
+        return "; ".join(jobs)
+    return f"{'; '.join(jobs[:FIRST])}; and {len(jobs) - FIRST} more"
+
+
+def store_runs(
+    run: TuningRun, tuned: Tuned, trials: Mapping[str, Trial], folder: Path, console: Console
+) -> None:
+    """Write the runs of the trials, and the gains."""
+    machine = run.machine
+    replays = {name: trial.replay for name, trial in trials.items()}
+    title = f"jcontour tune: start against tuned weights, machine with {machine.nonsmooth_effects}"
+    line = save_rollouts(run.flags.rollouts, replays, run.scenarios, machine, title, folder)
+    tables.say(console, line)
+    run.design.save(run.controller(tuned.weights), run.scenarios, folder)
+    curves = {name: trial.curves for name, trial in trials.items()}
+    save_sensitivity(curves, run.scenarios.plants, folder)
+
+
+def store_result(run: TuningRun, found: TunedResult, tuned: Tuned, folder: Path) -> None:
+    """Write the points that were tried, and at last the result."""
+    points = history_of(run, tuned)
+    rows = [point.to_json(run.machine.error) for point in points]
+    run_folder.write_json(folder / "history.json", rows)
+    save_figures(FIGURES, Search(points, found, run.flags.objective), folder)
+    write_result(folder, found)
+
+
+def figures(run: TuningRun, trials: Mapping[str, Trial], folder: Path) -> dict[Path, Figure]:
+    """Figures of every contour that is shown and of the sensitivity, by their files."""
+    replays = {name: trial.replay for name, trial in trials.items()}
+    curves = {name: trial.curves for name, trial in trials.items()}
+    made = {"sensitivity": sensitivity_figure(curves, run.limits.get("peak_sensitivity"))}
+    for k in shown_contours(run, replays):
+        made |= figures_of(contour_runs(replays, run.scenarios, k, run.machine))
+    return {folder / f"{name}.png": figure for name, figure in made.items()}
+
+
+def next_steps(found: TunedResult, folder: Path) -> list[str]:
+    """Next steps with a tuned run."""
+    if not found.verdict.usable:
+        return []
+    steps = [f"jcontour report {folder} OTHER    (which of two runs is better where)"]
+    if found.limitable:
+        steps.append(f"jcontour check {folder}    (the same weights under the machine's limits)")
+    if found.terminal is not None:
+        steps.append(f"jcontour check {folder} --bound    (the largest error it can have, proven)")
+    task = ranked_words(folder)
+    steps.append(f"jcontour rank{task}    (every controller that suits, as P-PI, tuned alike)")
+    load = [f"Load: {name}: {words}" for name, words in found.files.items()]
+    return [*load, f"Next: {steps[0]}", *(f"      {step}" for step in steps[1:])]

@@ -1,0 +1,96 @@
+"""LQ contouring with the machine's limits in the loop, as the commands see it.
+
+It is tuned like the controller without limits, and begins where that one begins.
+"""
+
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from jcontour.app.designs.lq.first_loop import first_loop
+from jcontour.app.designs.lq.loop_weights import LoopWeights
+from jcontour.app.designs.lq.receding_horizon import TERMINALS, LQDesign, contouring_lq
+from jcontour.app.files import run_folder
+from jcontour.app.flags.shared import Controlled
+from jcontour.app.jobs.replays import Scenarios
+from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.machines.machine import MachineLimits
+from jcontour.controller import Controller
+from jcontour.controllers.observers.kalman import OffsetFreeTold
+from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
+from jcontour.mpc.tracking.limits import Limits
+from tuning.parameters import Positive
+
+UNKNOWN = 0.03  # of speed and acceleration
+
+
+class CostWeight(Positive):
+    """Weight on errors, at most a hundred thousand times more or less than at the start.
+
+    Control is then as good as free: ten times more changes the gains by 0.14 % or less. A plan
+    within limits bears any weight, so that nothing would stop the search where margins do not.
+    """
+
+    reach: ClassVar[float] = float(np.log(1e5))
+
+
+class ConstrainedLQDesign(LQDesign):
+    """Contouring LQ under limits at every sample, behind an observer of state and load.
+
+    Those on speed and acceleration are divided by the family's largest gain, and kept 3 % below.
+    """
+
+    keeps_limits: ClassVar[bool] = True
+
+    def build(self, weights: LoopWeights) -> Controller:
+        """Controller behind its observer."""
+        model, terminal = self.model, TERMINALS[self.terminal]
+        limits = Limits.within(**_kept_by_all(self.machine)._asdict())
+        inner = ConstrainedLQ(model, weights.cost, self.preview, limits, terminal)
+        return OffsetFreeTold(inner, model, self.gain(weights), model.C)
+
+    def begun(self) -> "ConstrainedLQDesign":
+        """The same with the weights of the first loop without limits."""
+        free = super().build
+        found = first_loop(self.machine, free, self.start, self.preview, self.fed)
+        return replace(self, start=found._replace(**self.given), at_first_loop=True)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The observer; there is no gain schedule, a quadratic program is solved instead."""
+        return {"observer.json": "the observer's equations and matrices; u is the program's answer"}
+
+    def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
+        """The observer as a drive would load it."""
+        assert isinstance(controller, OffsetFreeTold)
+        run_folder.write_json(folder / "observer.json", self.observer_file(controller.gain))
+
+
+def _kept_by_all(machine: LinearMachine) -> MachineLimits:
+    """Limits of a plan that all machines of the family keep.
+
+    A machine with larger gains moves by as much more than the plan of the nominal one says, and a
+    little is left for what no plan knows: late controls, and loads that are not observed yet.
+    """
+    most = (1.0 + machine.gain) * (1.0 + UNKNOWN)
+    limits = machine.limits
+    speed, acceleration = (
+        None if limit is None else limit / most for limit in (limits.speed, limits.acceleration)
+    )
+    return limits._replace(speed=speed, acceleration=acceleration)
+
+
+def constrained_lq(
+    name: str, line: str, machine: LinearMachine, flags: Controlled
+) -> ConstrainedLQDesign:
+    """The design; the flags choose its terminal.
+
+    Raises:
+        ValueError: as the design without limits.
+    """
+    free = contouring_lq()(name, line, machine, flags)
+    found = ConstrainedLQDesign(**{one.name: getattr(free, one.name) for one in fields(free)})
+    space = found.space._replace(alpha=CostWeight(), beta=CostWeight())
+    return replace(found, line="receding-horizon LQ contouring under limits", space=space)

@@ -1,0 +1,147 @@
+"""Adaptive synchronisation as the commands see it: of two flexible axes, of a gantry's Y drives.
+
+Every axis is taken for a mass with viscous friction: its link, its twist and its dry friction are
+left to the adaptation.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jcontour.app.designs.gains import Gain, GainDesign, Gains
+from jcontour.app.flags.shared import Controlled
+from jcontour.app.machines.flexible_axis import FlexibleMachine
+from jcontour.app.machines.gantry import GantryMachine
+from jcontour.app.machines.machine import Machine
+from jcontour.controllers.synchronisation.adaptive import (
+    AdaptiveSynchronisation,
+    SynchronisedGains,
+)
+from jcontour.controllers.synchronisation.limits import check_coupling, sampled_loop
+from jcontour.controllers.synchronisation.speed_axes import SpeedAxes, speed_axes
+from jcontour.controllers.wrappers.motor_kinematics import OfMotors
+from jcontour.sensors import motors
+from jcontour.tracing import is_concrete
+
+
+class Loops(NamedTuple):
+    """How fast the loops are that the gains start from.
+
+    Attributes:
+        speed: bandwidth of the speed loop [rad/s].
+        position: k_p [1/s].
+        coupling: beta.
+        integral_time: time in which the adaptation to a load does what the proportional part does
+            [s].
+    """
+
+    speed: float
+    position: float
+    coupling: float
+    integral_time: float
+
+
+AXES_LOOPS = Loops(100.0, 30.0, 0.5, 0.05)  # as fast as the gantry's cascade
+DRIVES_LOOPS = Loops(60.0, 20.0, 0.2, 0.1)  # faster ones ring where the gantry is a sample late
+BIAS = 0.1  # [m/s] that a load is estimated by: a usual speed
+DRIVES = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])  # both drives of the gantry follow y
+
+
+def gains_of(axes: SpeedAxes, loops: Loops, dt: float) -> dict[str, Gain]:
+    """Gains from the model of the axes.
+
+    The adaptation to a load gathers gamma v_c^2 e a sample, as a PI loop gathers k_c T / T_i e.
+    """
+    proportional = loops.speed / axes.gain
+    return {
+        "position": Gain(jnp.full(len(axes.gain), loops.position), "1/s"),
+        "proportional": Gain(jnp.asarray(proportional), "A s/m"),
+        "adaptation": Gain(
+            jnp.asarray(proportional * dt / loops.integral_time / BIAS**2), "A s^3/m^3 per sample"
+        ),
+        "coupling": Gain(loops.coupling, ""),
+    }
+
+
+def loops_of_axes(machine: FlexibleMachine) -> dict[str, Gain]:
+    """Gains of two flexible axes."""
+    return gains_of(axes_of(machine), AXES_LOOPS, machine.model.dt)
+
+
+def loops_of_drives(machine: GantryMachine) -> dict[str, Gain]:
+    """Gains of X and Y, the same for both drives of Y."""
+    two = SpeedAxes(*(values[:2] for values in drives_of(machine)))
+    return gains_of(two, DRIVES_LOOPS, machine.model.dt)
+
+
+def two_axes(machine: FlexibleMachine, gains: Gains) -> AdaptiveSynchronisation:
+    """Both axes of the machine as the pair.
+
+    A coupling above its bound is warned of, for the largest speed that is usual.
+    """
+    return _synchronised(machine, axes_of(machine), gains, (0, 1))
+
+
+def axes_design(name: str, line: str, machine: FlexibleMachine, flags: Controlled) -> GainDesign:
+    """Design of `two_axes`."""
+    gains = loops_of_axes(machine)
+    start = {key: gain.start for key, gain in gains.items()}
+    space = {key: gain.parameter for key, gain in gains.items()}
+    preview = two_axes(machine, start).preview
+    return GainDesign(name, machine, start, space, preview, "outputs", two_axes, line, gains)
+
+
+def both_drives(machine: GantryMachine, gains: Gains, preview: int) -> OfMotors:
+    """The Y drives of a gantry as the pair, the head by itself."""
+    each = {
+        name: jnp.asarray(DRIVES) @ value if jnp.ndim(value) else value
+        for name, value in gains.items()
+    }
+    return OfMotors(_synchronised(machine, drives_of(machine), each, (1, 2)), DRIVES)
+
+
+def axes_of(machine: FlexibleMachine) -> SpeedAxes:
+    """Each axis as one mass."""
+    p = machine.parameters
+    mass = np.asarray(p.motor_mass) + np.asarray(p.tool_mass)
+    return speed_axes(np.asarray(p.friction.viscous) / mass, np.asarray(p.force_constant) / mass)
+
+
+def drives_of(machine: GantryMachine) -> SpeedAxes:
+    """Head and both drives, each drive with half of what moves along y."""
+    p = machine.parameters
+    head = float(p.head_mass)
+    half = (head + float(p.beam_mass) + float(p.drive_mass_1) + float(p.drive_mass_2)) / 2
+    mass = np.array([head, half, half])
+    viscous = np.array([p.head_viscous, p.drive_viscous, p.drive_viscous])
+    constant = np.array([p.head_constant, p.drive_constant, p.drive_constant])
+    return speed_axes(viscous / mass, constant / mass)
+
+
+def _synchronised(
+    machine: Machine, axes: SpeedAxes, gains: Gains, pair: tuple[int, int]
+) -> AdaptiveSynchronisation:
+    dt = machine.model.dt
+    _check(axes, gains, pair, dt)
+    law = SynchronisedGains(
+        gains["proportional"], gains["adaptation"], gains["coupling"], gains["position"], BIAS
+    )
+    return AdaptiveSynchronisation(law, motors(len(axes.pole)), dt, axes.feedforward(dt), pair=pair)
+
+
+def _check(axes: SpeedAxes, gains: Gains, pair: tuple[int, int], dt: float) -> None:
+    """Warn of a coupling above its bound, at the usual speed; the pair has the larger adaptation.
+
+    The bound knows neither links nor delays, which lower it.
+    """
+    if not is_concrete(*gains.values()):
+        return
+    two = np.array(pair)
+    axes_of_pair = SpeedAxes(axes.pole[two], axes.gain[two])
+    proportional, adaptation = (
+        np.broadcast_to(np.asarray(gains[name]), axes.pole.shape)[two]
+        for name in ("proportional", "adaptation")
+    )
+    loop = sampled_loop(axes_of_pair, proportional, float(adaptation.max()), BIAS, dt, BIAS)
+    check_coupling(loop, float(gains["coupling"]))

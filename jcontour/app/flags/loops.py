@@ -1,0 +1,235 @@
+"""Flags of the commands that run one loop, given by names or by a stored run."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+from jcontour.app.flags.shared import (
+    ROLLOUTS,
+    Bounded,
+    Common,
+    Controlled,
+    MachineFlags,
+    Rollouts,
+    RunsCode,
+)
+
+Fallback = Literal["stop", "hold", "soft"]
+Law = Literal["norm-optimal", "p-type"]
+
+FALLBACK: Fallback = "stop"  # no number comes from a step that was not solved
+SOLVER = "daqp"  # exact to rounding and the fastest
+
+
+@dataclass(frozen=True)
+class Simulate(Controlled):
+    """Simulate one controller on one contour: table, figures, netCDF."""
+
+    contour: Positional[str | None] = None
+    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv).
+    The machine's usual contour when not given."""
+    rollouts: Rollouts = ROLLOUTS
+    """Samples kept in rollouts.nc: all, some, or no file; `auto` thins what is large.
+    Figures are drawn from all."""
+    list_moves: bool = False  # a long program fills the screen
+    """Print the moves of a program or a drawing as they were understood, and simulate nothing."""
+    out: Path | None = None
+    """Run folder; runs/simulate-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Feed(Controlled):
+    """Trade cycle time for contour error: the same part and controller at several feeds.
+
+    The motion is planned anew for each of them.
+    """
+
+    part: Positional[str | None] = None
+    """A toolpath (.ngc, .dxf, .svg, .csv), a name from `jcontour list`, or a run folder of
+    `jcontour tune` or `simulate`: its first part, with its machine, controller and weights.
+    The machine's usual contour when not given."""
+    overrides: tuple[float, ...] = (25.0, 50.0, 75.0, 100.0, 150.0, 200.0)
+    """Feeds in per cent of the programmed ones; rapid moves stay."""
+    tolerance_um: float | None = None
+    """Largest contour error that any plant of the family may have [um].
+    The quickest feed within it is recommended."""
+    out: Path | None = None
+    """Run folder; runs/feed-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Precompensate(Controlled):
+    """Bend the reference of a part beforehand, so that the tool of the whole family runs on it.
+
+    The controller stays as it is: its drive runs the bent reference, as samples or as G-code. The
+    bend is for its gains, which are printed.
+    """
+
+    controller: str | None = "cascade"  # what a drive has whose control cannot be changed
+    """A name from `jcontour list`, or FILE.py:NAME: a class of yours that needs no arguments, or a
+    function that takes the machine's model. The P-PI cascade follows with a lag, which the bent
+    reference takes off. A controller that sees the path ahead, as contouring-lq, gains little."""
+    part: Positional[str | None] = None
+    """A toolpath (.ngc, .dxf, .svg, .csv), a name from `jcontour list`, or a run folder of
+    `jcontour tune` or `simulate`: its first part, with its machine, controller and weights.
+    The machine's usual contour when not given."""
+    roughness: float = 0.01  # the least with which no run of ours shook an axis
+    """Price of the bends of the correction. More is smoother and follows less.
+    It is raised tenfold while a limit of the machine is exceeded."""
+    out: Path | None = None
+    """Run folder; runs/precompensate-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Learn(Controlled):
+    """Learn a part lap by lap: error per lap, with encoder noise and parameter error.
+
+    Before the first lap it is said whether the laps converge, by linear models of the family.
+    """
+
+    contour: Positional[str | None] = None
+    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv).
+    The machine's usual contour when not given."""
+    laps: int = 20  # most learn in five
+    """Laps of the whole run; each one starts alike."""
+    law: Law = "norm-optimal"  # knows the model and the direction of the path
+    """Learning law: norm-optimal on the contour error, or p-type on the error itself."""
+    effort: float = 0.1  # nine tenths of a slow contour error are learned in a lap
+    """Norm-optimal: price of a change of the correction; more is slower, and averages noise."""
+    gain: float = 0.5  # half of the error is learned in a lap
+    """P-type: part of the error that is taken over."""
+    lead: int | None = None
+    """P-type: samples by which the error is read ahead; the lag of the loop when not given."""
+    smoothing: int | None = None
+    """How often the filter (1/4, 1/2, 1/4) is passed over the correction.
+    When not given, as often as the bound over the family needs."""
+    seed: int = 0  # any number: the same one repeats the run
+    """Seed of the encoder noise."""
+    out: Path | None = None
+    """Run folder; runs/learn-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Trace(Common):
+    """Trace a contour with model predictive contouring control, which chooses its own speed."""
+
+    contour: Positional[str] = (
+        "lobes"  # size and tight curves of the contour in Lam, Manzie & Good (2011)
+    )
+    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv)."""
+    plant: str = "xy-table"  # the paper's
+    """Machine: a name from `jcontour list`, or a JSON or npz file; its whole state is measured."""
+    q_theta: float = 0.3  # the middle of the paper's range 0.03 .. 5
+    """Reward for progress [1/mm]: more is faster and less accurate."""
+    q_contour: float = 100.0  # the paper's
+    """Weight on the contour error [1/mm^2]."""
+    q_lag: float = 200.0  # the paper's
+    """Weight on the lag error [1/mm^2]; large, or progress is not what it says."""
+    r_control: float | None = None
+    """Weight on the change of every control from step to step [1/control unit^2].
+    15 / limit^2 when not given, of the limit on that control: 60 on the table, as in the paper."""
+    r_speed: float = 200.0  # the paper's
+    """Weight on the change of the path speed from step to step [1/(mm per step)^2]."""
+    horizon: int = 7  # the paper's, section 5
+    """Steps that the controller looks ahead, at most 100."""
+    period_ms: float | None = None
+    """Period of the controller [ms]; 4 for the table, that of the machine otherwise."""
+    max_speed_mm_s: float | None = None
+    """Highest path speed [mm/s].
+    250 when not given, or the least speed limit of the machine's axes where that is lower."""
+    max_control: float | None = None
+    """Limit on every control; the machine's own when not given."""
+    fallback: Fallback = FALLBACK
+    """Action at a step whose QP has no answer.
+    Stop the run, hold the last control, or soften the limits."""
+    solver: str = SOLVER
+    """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
+    out: Path | None = None
+    """Run folder; runs/trace-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Check(Bounded):
+    """Check a stored run: under the machine's limits at every sample, or (--bound) by a proof.
+
+    Limits: a tuned run goes through constrained MPC with the same weights; the tables say where
+    limits act, and what they cost. --bound: the largest contour error of the loop under bounded
+    disturbances, with the error that an attack within the bounds reaches.
+    """
+
+    run: Positional[Path] = Path()
+    """Run folder of `jcontour tune`; with --bound of `simulate` too, of a linear machine."""
+    bound: bool = False  # it takes a linear machine
+    """Prove the largest contour error instead of keeping the limits."""
+    max_control: float | None = None
+    """Limit on every control [control unit]; the machine's own when not given."""
+    max_increment: float | None = None
+    """Limit on the change of every control per sample [control unit].
+    The machine's own when not given."""
+    max_speed_mm_s: float | None = None
+    """Limit on the speed of every axis [mm/s]; the machine's own when not given."""
+    max_acceleration: float | None = None
+    """Limit on the acceleration of every axis [m/s^2]; the machine's own when not given."""
+    fallback: Fallback = FALLBACK
+    """Action at a step whose QP has no answer.
+    Stop the run, hold the last control, or soften the limits."""
+    solver: str = SOLVER
+    """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
+    cells: int = 0  # each takes seconds, on a long part half a minute
+    """--bound: prove it for all gains of the family's box too, cut into at most so many cells per
+    delay. 16 are enough for two axes of 10 %. 0: for the plants of the family alone."""
+    out: Path | None = None
+    """Run folder; runs/check-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Tolerance(Bounded, MachineFlags):
+    """Find the tolerance that predictive control can promise on a part, and run it.
+
+    The tool stays within it under every force and encoder error within bounds, and within the
+    machine's limits on control and speed. The machine's other plants are run as well.
+    """
+
+    contour: Positional[str | None] = None
+    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv).
+    The machine's usual contour when not given."""
+    tolerance_um: float | None = None
+    """Tolerance to keep [um]; the least that can be promised, and 2 %, when not given.
+    A larger one leaves room for gentler controls."""
+    length: int | None = None
+    """Samples within which the tool has recovered from a disturbance.
+    When not given, the shortest of 8, 12, 20 and 30 that promises as much as the others."""
+    model_delay: int = 0  # the nominal plant
+    """Samples of the machine's unknown delay that its model has.
+    What is promised holds for a machine that is as late."""
+    offset_free: bool = True  # friction is as good as constant on a straight line
+    """A constant force leaves no error; it costs some of the tolerance."""
+    solver: str = SOLVER
+    """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
+    out: Path | None = None
+    """Run folder; runs/tolerance-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Export(RunsCode):
+    """Write the controller of a run as code for a drive, with its plan, and check it.
+
+    C99 when no language is named.
+    """
+
+    run: Positional[Path] = Path()
+    """Run folder of `jcontour tune` or `jcontour simulate`."""
+    c: bool = False
+    """C99 without allocation or libraries, and a program that replays the run."""
+    st: bool = False
+    """IEC 61131-3 structured text: a function block."""
+    python: bool = False
+    """One file of plain NumPy that does the same."""
+    along: str | None = None
+    """Contour of the run that the plan is made for; its first one when not given."""
+    single: bool = False  # double is exact
+    """Numbers in single precision, for drives without double."""
+    out: Path | None = None
+    """Run folder; runs/export-<time> when not given. It must not hold another run."""

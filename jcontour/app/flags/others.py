@@ -1,0 +1,96 @@
+"""Flags of the commands about stored runs, papers and the library itself."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+from jcontour.app.flags.shared import Common
+
+
+@dataclass(frozen=True)
+class Report(Common):
+    """Write one page of stored runs for a browser, and compare runs of one command.
+
+    The page has everything inside and loads nothing. Of several runs of `tune`, or of `simulate`,
+    each is compared with the first: what changed, and which is better where.
+    """
+
+    runs: Positional[tuple[Path, ...]] = ()
+    """Run folders of `jcontour tune`, `simulate` or `front`."""
+    page: bool = True
+    """The page; --no-page leaves the comparison alone."""
+    out: Path | None = None
+    """Folder for report.html, or the page itself where the name ends in .html.
+    The first run's folder when not given."""
+
+
+@dataclass(frozen=True)
+class Listing(Common):
+    """List the plants, controllers, contours and experiments that have names."""
+
+
+@dataclass(frozen=True)
+class Reproduce(Common):
+    """Reproduce a paper.
+
+    `jcontour list` shows the names, `jcontour reproduce NAME --help` the flags of one.
+    """
+
+    name: Positional[str] = ""
+    """Name of the experiment."""
+
+
+@dataclass(frozen=True)
+class Bench(Common):
+    """Time the library on this computer.
+
+    Times are ratios against something run beside it; hardware and versions are named.
+    """
+
+    what: Positional[
+        Literal[
+            "mpc",
+            "qp",
+            "lq",
+            "gantry",
+            "tuners",
+            "identify",
+            "whole_way",
+            "motion",
+            "program",
+            "certificates",
+        ]
+    ] = "mpc"  # it has to fit a sample period
+    """Timed part of the library.
+    mpc: one step of the constrained controllers, by part and by solver.
+    qp: many problems of constrained control at once, with their slopes.
+    lq: whole runs of the LQ contouring controller.
+    gantry: the gantry in every engine.
+    tuners: the tuner against searches without slopes, hours; `uv run --group bench`.
+    identify: random axes, recorded and identified again, minutes each.
+    whole_way: from the log of a hidden machine to the contour error there, minutes each.
+    motion: random toolpaths, planned and compared with their limits.
+    program: a finishing program of 150,000 chords by law of motion, minutes.
+    certificates: a certified bound with its slopes, and random laps against it."""
+    batch: tuple[int, ...] = ()
+    """LQ: runs at once, what suits the device when not given.
+    Gantry: machines at once, 1000 when not given. Certificates: laps at once.
+    QP: problems at once, 128 when not given. Program: chords, 150,000 when not given."""
+    seeds: int = 20  # quartiles of fewer say little
+    """Tuners: random starts of every search. Identify, whole_way: machines of two axes.
+    Motion: paths. Certificates: batches of laps."""
+    first_seed: int = 0
+    """Motion, certificates, identify, whole_way: seed of the first path, batch or machine."""
+    searches: tuple[str, ...] = ()
+    """Tuners: names of those that search, as the table has them; all when not given."""
+    evaluations: int = 600  # CMA-ES needs hundreds at four weights
+    """Tuners: evaluations of every search; one with slopes counts three.
+    Whole_way: of every search at most, one with slopes counts one."""
+    keep: Path | None = None
+    """File that keeps what is done; with it, a second run goes on.
+    Tuners: every start, JSON. Motion: every path, identify: every axis, whole_way: every
+    machine, CSV. LQ, QP: results that later ones are compared with, JSON."""
+    figure: Path | None = None
+    """Tuners: PNG file for the best value so far against evaluations."""

@@ -1,0 +1,81 @@
+"""How the command line reads flags and shows them: rules for tyro.
+
+Numbers are read in plain digits. Help names the value alone where a flag need not be given, and
+says no default there.
+
+Three things of tyro's are relied on. A rule that answers None leaves the type to the rules before
+it, and tyro's own come last (`tyro.constructors.ConstructorRegistry`, "primitive rules", "struct
+rules"). The text of a field is shown as given (`StructFieldSpec.helptext`). And an empty
+`help_behavior_hint` of `tyro.conf.arg` stands in the place of "(default: ...)".
+"""
+
+from collections.abc import Callable
+from dataclasses import MISSING, Field, fields, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+import tyro
+from tyro.constructors import (
+    ConstructorRegistry,
+    PrimitiveConstructorSpec,
+    PrimitiveTypeInfo,
+    StructConstructorSpec,
+    StructFieldSpec,
+    StructTypeInfo,
+)
+
+from jcontour.app.flags.texts import texts_of
+from jcontour.app.plain_numbers import number_in, whole_in
+
+RULES = ConstructorRegistry()
+READERS: dict[type, Callable[[str], Any]] = {
+    int: whole_in,
+    float: number_in,
+    str: str,
+    Path: Path,
+}
+NOTHING_SAID = tyro.conf.arg(help_behavior_hint="")
+
+
+@RULES.primitive_rule
+def _one_value(kind: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
+    """One number, text or path; where it need not be given, the word None as well."""
+    named = next((known for known in READERS if kind.type in (known, known | None)), None)
+    if named is None:
+        return None
+    read = READERS[named]
+    needed = kind.type == named
+    accepted = (named, int) if named is float else named
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=named.__name__.upper(),
+        instance_from_str=lambda words: read(words[0]) if needed or words[0] != "None" else None,
+        is_instance=lambda value: isinstance(value, accepted) or (value is None and not needed),
+        str_from_instance=lambda value: [str(value)],
+    )
+
+
+@RULES.struct_rule
+def _flags(kind: StructTypeInfo) -> StructConstructorSpec | None:
+    """A dataclass of flags with its texts."""
+    if not is_dataclass(kind.type) or kind.type.__module__.startswith("tyro."):  # its own
+        return None
+    types: dict[str, Any] = get_type_hints(kind.type, include_extras=True)
+    texts = texts_of(kind.type)
+    found = []
+    for field in fields(kind.type):
+        default = _default(field, kind.default)
+        shown: Any = types[field.name]
+        if default is None or default is False or default in ((), "", Path()):
+            shown = Annotated[shown, NOTHING_SAID]
+        found.append(StructFieldSpec(field.name, shown, default, texts.get(field.name)))
+    return StructConstructorSpec(kind.type, tuple(found))
+
+
+def _default(field: Field, whole: Any) -> Any:
+    """Default of a field: that of the whole where there is one, else the field's own."""
+    if is_dataclass(whole):
+        return getattr(whole, field.name)
+    if field.default_factory is not MISSING:
+        return field.default_factory()
+    return tyro.MISSING if field.default is MISSING else field.default

@@ -1,0 +1,131 @@
+"""Flags of the commands that look for weights."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from jcontour.app.flags.shared import ROLLOUTS, Aimed, Rollouts, Spreading, Terminal
+
+Against = Literal["increment", "sensitivity"]
+
+
+@dataclass(frozen=True)
+class Tune(Aimed):
+    """Tune the weights of a controller by gradient.
+
+    The contours are your toolpaths, or the machine's built-in training set.
+    """
+
+    parts: Positional[tuple[str, ...]] = ()
+    """Training set: toolpaths (.ngc G-code, .dxf and .svg drawings, .csv points in mm),
+    or names from `jcontour list`. The machine's usual one when none is given."""
+    contours: str | None = None
+    """Training set of random contours instead, as random:64, in the size and feed of the parts.
+    As many others are held out. --seed draws other ones."""
+    max_error_ratio: float | None = None
+    """Limit on the worst error of every training contour, over that of the start weights.
+    1 lets none become worse, 0.95 asks for 5 % on each of them."""
+    scatter: int = 6  # looked at before descending; more when the seconds do not count
+    """Random weights looked at before descending."""
+    starts: int = 2  # the given weights and the best of the scattered ones
+    """Descents: from the start weights, and from the best random ones.
+    A descent that ends where nothing promises more, within the limits, is the last one."""
+    every_start: bool = False  # a look for other valleys
+    """Descend from the random ones whatever the first descent finds."""
+    steps: int = 15  # most descents end by themselves before
+    """Most iterations of one descent; each runs the family once or twice."""
+    tolerance: float = 1e-3  # a tenth of a per cent: less than a plant model is good for
+    """Relative gain of the objective that ends a descent when nothing promises more."""
+    rollouts: Rollouts = ROLLOUTS
+    """Samples kept in rollouts.nc: all, some, or no file; `auto` thins what is large.
+    Figures are drawn from all."""
+
+
+@dataclass(frozen=True)
+class Front(Aimed):
+    """Trace the trade-off of contour error against control increment, or against robustness.
+
+    The RMS tracking error keeps the limit that `tune` gives it, or the one that is given.
+    """
+
+    parts: Positional[tuple[str, ...]] = ()
+    """Toolpaths (.ngc, .dxf, .svg, .csv) or names from `jcontour list`.
+    The machine's usual contour when none is given."""
+    against: Against = "increment"  # the front of the paper's machine
+    """Budgets along the front.
+    increment: of the RMS control increment. sensitivity: of the peak sensitivity Ms."""
+    points: int = 5  # each budget is tuned by itself
+    """Number of budgets along the front."""
+    least: Annotated[float | None, arg(aliases=["--least-increment"])] = None
+    """Smallest budget: an RMS increment [control unit per sample], or Ms.
+    When not given, 1 % above the least increment within all other limits, or Ms = 1.4."""
+    most: Annotated[float | None, arg(aliases=["--most-increment"])] = None
+    """Largest budget, likewise.
+    When not given, the increment of the best weights without a budget, or Ms = 3."""
+    max_count_noise: float | None = None  # the budgets limit the control
+    """Limit on the RMS control that the rounding of encoders to counts causes, as a part of the
+    machine's control limit; None for no limit."""
+
+
+@dataclass(frozen=True)
+class Rank(Aimed):
+    """Tune every controller that suits a machine alike, and rank them on held-out contours.
+
+    Alike: sensors, family, margin, other limits and evaluations.
+    """
+
+    parts: Positional[tuple[str, ...]] = ()
+    """Training set: toolpaths (.ngc, .dxf, .svg, .csv) or names from `jcontour list`.
+    The machine's usual one when none is given."""
+    controllers: tuple[str, ...] = ()
+    """Names from `jcontour list`, or FILE.py:NAME.
+    When not given, every one that suits the machine, reads its sensors and does not learn while it
+    runs."""
+    previews: tuple[int, ...] = ()
+    """LQ: horizons that are tried beside each other [samples]; that of --preview when not given."""
+    terminals: tuple[Terminal, ...] = ()
+    """LQ: ends of the horizon that are tried beside each other; likewise."""
+    model_delays: tuple[int, ...] = ()
+    """LQ: delays of the model that are tried beside each other [samples]; likewise."""
+    evaluations: int = 40  # most descents have ended before
+    """Points that each controller may evaluate, with slopes."""
+
+
+@dataclass(frozen=True)
+class Sweep(Spreading):
+    """Evaluate a grid, or a random sample, over weights x preview x contours.
+
+    With --controller mpcc or tracking-mpc: over weights x horizon x speed, each run by itself.
+    """
+
+    parts: Positional[tuple[str, ...]] = ()
+    """Toolpaths (.ngc, .dxf, .svg, .csv) or names from `jcontour list`.
+    The machine's usual contours when none is given."""
+    vary: tuple[str, ...] = ()
+    """Weights by name, each as NAME=VALUE,VALUE,...: a grid, or the ranges of the random sample.
+    When not given, the first two free weights that are one positive number equal on all axes.
+    Gains go from a tenth to ten times their start, weights of a cost from a hundredth to ten
+    thousand times."""
+    previews: tuple[int, ...] = (5, 10, 20)  # half, once and twice the paper's
+    """Horizons of an LQ controller or of predictive control [samples].
+    A controller that has none is swept once."""
+    speeds_mm_s: tuple[float, ...] = ()
+    """Predictive control: speeds along the path [mm/s]; of mpcc the highest ones.
+    The paper's when not given."""
+    samples: int = 0  # the grid
+    """Random weights between the smallest and the largest value, even in the logarithm, so that
+    all values are above zero; 0 takes the grid."""
+    devices: str = "all"  # every design is computed by itself: no digit depends on it
+    """Devices of every host that designs are spread over: `all`, or a number.
+    Devices are GPUs, or else cores of the CPU."""
+    workers: int | None = None
+    """Predictive control: processes on this computer that designs are spread over.
+    One for each core when not given, which needs the extra `cluster`; 0 computes in this one."""
+    listen: str = "127.0.0.1"  # others on the network have no business there
+    """Predictive control: address on which dask's page about these processes is served, on a free
+    port. 0.0.0.0 shows it to whoever reaches this computer."""
+    scheduler: str | None = None
+    """Predictive control: address of a dask scheduler that runs, as tcp://host:8786, instead.
+    Its workers run whatever code anyone sends who reaches it, and this computer loads what they
+    answer: only on a network where everyone is trusted, or with tls:// and certificates."""

@@ -1,0 +1,433 @@
+"""Runs of a machine along a contour, and motions of a single axis.
+
+A run says how fast the tool goes along the contour, and which samples are scored.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jcontour.app.jobs.coarse import coarse_coordinates
+from jcontour.app.jobs.entry import behind_entry
+from jcontour.app.jobs.memory import room
+from jcontour.app.jobs.motion_laws import Aside, along_path, planned_motion
+from jcontour.app.jobs.pace import MM_PER_MIN, Pace
+from jcontour.app.jobs.tolerance_advice import tolerance_advice
+from jcontour.app.machines.machine import Machine
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
+from jcontour.geometry.drawings.reading import read_drawing
+from jcontour.geometry.toolpaths import Toolpath, ToolpathError, read_csv, read_gcode
+from jcontour.motion.cornering import Planned
+from jcontour.motion.feed_laws import SharpTurnError, constant_feed
+from jcontour.motion.jerk_limited.joints import unpadded
+from jcontour.motion.references import Reference, TimeLaw, along, in_time
+
+# times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
+RAPID = 3.0
+SETTLING = 0.25  # [s] after a motion: five time constants of a position loop of 20 1/s
+ROUNDING = 1e-12  # of a contour's length
+STILL = 1e-9  # [m] and of the way: an axis that moves less stands still
+TOOLPATHS = Path(__file__).parent / "toolpaths"
+
+
+class TooLongError(ValueError):
+    """A motion whose samples do not fit into the free memory.
+
+    Attributes:
+        piece: number of the piece that takes longest.
+    """
+
+    def __init__(
+        self, piece: int, seconds: float, dwells: float, z_alone: float, dt: float, most: int
+    ):
+        self.piece = piece
+        of_them = f", {dwells:.3g} s of it in dwells (P of G4 is in seconds)" if dwells else ""
+        of_them += f", {z_alone:.3g} s of it while Z moves alone" if z_alone else ""
+        super().__init__(
+            f"the program takes {seconds:.3g} s at least, longest here{of_them}; that is more than "
+            f"the {most:,} samples of {dt:g} s that fit into the free memory: give a higher "
+            f"feed{', shorter dwells' if dwells else ''} or a part of the program"
+        )
+
+
+class Program(NamedTuple):
+    """G-code, drawing or points that a contour comes from.
+
+    Attributes:
+        line: (P,) line of the file that every piece is from.
+        ignored: its words that mean nothing for the path, or what of a drawing is left out.
+        doubts: what of it may be meant otherwise, or spoils the motion.
+        stops: where and why it stops, in words.
+        rapid: (P,) which pieces are rapid moves.
+        read: all that was read of it; None of one that is made up.
+    """
+
+    line: np.ndarray
+    ignored: tuple[str, ...]
+    doubts: tuple[str, ...]
+    stops: str
+    rapid: np.ndarray
+    read: Toolpath | None = None
+
+
+class Job(NamedTuple):
+    """One run along a contour: its motion, and the last point held until the tool has settled.
+
+    Attributes:
+        name: for tables and files.
+        contour: the path.
+        arc: arc length at every sample of the motion [m].
+        scored: whether every sample counts in the metrics; the held ones count as the last does.
+        at_rest: from rest to rest.
+        feed_law: in words.
+        program: file behind it; None where there is none.
+        aside: where it leaves the contour, in blended corners; None where it does not.
+        planned: jerk-limited motion behind it; None where there is none.
+        settling: samples of the last point that are held after the motion.
+    """
+
+    name: str
+    contour: Contour
+    arc: np.ndarray
+    scored: np.ndarray
+    at_rest: bool
+    feed_law: str
+    program: Program | None = None
+    aside: Aside | None = None
+    planned: Planned | None = None
+    settling: int = 0
+
+    @property
+    def samples(self) -> int:
+        """Control steps of the motion."""
+        return self.arc.size
+
+    @property
+    def steps(self) -> int:
+        """Control steps of the run, those of settling included."""
+        return self.samples + self.settling
+
+    @property
+    def counted(self) -> np.ndarray:
+        """Whether every control step (steps,) counts in the metrics."""
+        return np.pad(self.scored, (0, self.settling), mode="edge")
+
+    @property
+    def ignored(self) -> tuple[str, ...]:
+        """Words of the program that mean nothing for the path."""
+        return () if self.program is None else self.program.ignored
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What of the program may be meant otherwise, or spoils the motion."""
+        return () if self.program is None else self.program.doubts
+
+    @property
+    def stops(self) -> str:
+        """Where and why the program stops, in words."""
+        return "" if self.program is None else self.program.stops
+
+    @property
+    def rapid(self) -> np.ndarray:
+        """(P,) which pieces of the contour are rapid moves."""
+        if self.program is None:
+            return np.zeros(np.asarray(self.contour.mask).sum(), bool)
+        return self.program.rapid
+
+    def line_at(self, sample: int) -> int | None:
+        """Line of the program that the run is on; None where there is no program."""
+        if self.program is None:
+            return None
+        last = min(sample, self.samples - 1)  # it settles on the line that it came to
+        return int(self.program.line[_piece_at(self.contour, self.arc[last])])
+
+    def reference(self, dt: float, preview: int) -> Reference:
+        """Samples of the run, with `preview` more appended.
+
+        Raises:
+            ValueError: as `references.along`, or the run is shorter than the preview.
+        """
+        if preview > self.arc.size:
+            raise ValueError(
+                f"preview: {preview} samples are more than the {self.arc.size} "
+                f"of the whole run along {self.name}"
+            )
+        arc = np.pad(self.arc, (0, self.settling), mode="edge")
+        found = along(self.contour, arc, dt, preview, self.at_rest, self.counted)
+        return found if self.aside is None else found.aside(*self.aside.held(self.settling))
+
+
+class AxisMove(NamedTuple):
+    """A run of a single axis from one end of a line to the other, by a law of time."""
+
+    name: str
+    contour: Contour
+    law: TimeLaw
+    duration: float
+    dwell: float
+    dt: float
+    feed_law: str
+
+    @property
+    def samples(self) -> int:
+        """Control steps of the run, which rests at its end."""
+        return round(self.duration / self.dt) + 1
+
+    @property
+    def steps(self) -> int:
+        """The same."""
+        return self.samples
+
+    @property
+    def ignored(self) -> tuple[str, ...]:
+        """Nothing: it comes from no program."""
+        return ()
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """None: it comes from no program."""
+        return ()
+
+    @property
+    def stops(self) -> str:
+        """None: it comes from no program."""
+        return ""
+
+    def line_at(self, sample: int) -> None:
+        """None: it comes from no program."""
+        return None
+
+    def reference(self, dt: float, preview: int) -> Reference:
+        """Samples of the run, with `preview` more appended.
+
+        Raises:
+            ValueError: as `references.in_time`.
+        """
+        return in_time(self.contour, self.law, self.duration, dt, preview, self.dwell)
+
+
+Task = Job | AxisMove
+
+
+def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
+    """Run in motion from the first sample; its entry is not scored.
+
+    A closed contour is run twice and scored the second time. An open one is scored behind the entry
+    of `behind_entry`.
+    """
+    contour = _on_axes(name, contour, pace)
+    dt, feed = pace.machine.model.dt, pace.override * pace.feed_or_default
+    arc = constant_feed(contour, feed, dt)
+    scored = behind_entry(arc.size)
+    if bool(contour.closed):
+        arc = feed * dt * np.arange(int(2 * float(contour.length) / (feed * dt)) + 1)
+        scored = arc >= float(contour.length)
+    return Job(name, contour, arc, scored, False, f"constant {feed / MM_PER_MIN:.4g} mm/min")
+
+
+def along_contour(name: str, contour: Contour, pace: Pace) -> Job:
+    """Run at the pace's feed: constant, or by its feed law where the machine states acceleration.
+
+    Such a machine passes no sharp corner at feed.
+
+    Raises:
+        ValueError: the contour has more axes than the machine.
+    """
+    if pace.machine.limits.acceleration is None:
+        return at_constant_feed(name, contour, pace)
+    contour = _on_axes(name, contour, pace)
+    return from_rest_to_rest(name, contour, pace, pace.override * pace.feed_or_default)
+
+
+def from_rest_to_rest(name: str, contour: Contour, pace: Pace, feed: float) -> Job:
+    """Run by the pace's feed law at one feed [m/s]; every sample is scored."""
+    pieces = contour.rate.shape
+    on = np.full(pieces, np.nan)
+    run = along_path(contour, np.full(pieces, feed), np.zeros(pieces, bool), pace, on)
+    return Job(
+        name,
+        contour,
+        run.arc,
+        np.ones(run.arc.size, bool),
+        True,
+        run.words,
+        aside=run.aside,
+        planned=run.planned,
+        settling=settling_samples(pace.machine.model.dt),
+    )
+
+
+def settling_samples(dt: float) -> int:
+    """Samples of `SETTLING`, at least one."""
+    return max(1, round(SETTLING / dt))
+
+
+def from_file(path: Path, pace: Pace) -> Job:
+    """From rest to rest along a toolpath file: .csv points, a drawing, or else G-code.
+
+    Raises:
+        ToolpathError: as `read_csv`, `read_drawing` and `read_gcode`, or the file has another
+            number of axes than the machine.
+    """
+    try:
+        return _read(path, pace)
+    except ValueError as error:  # of the motion, too
+        text = str(error)
+        raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None
+
+
+def _read(path: Path, pace: Pace) -> Job:
+    machine = pace.machine
+    if machine.model.axes == 1:
+        raise ToolpathError(f"needs a machine of two or three axes, {machine.name} has one")
+    read = _toolpath(path, pace)
+    contour, rapid = _lifted(read.contour, machine.model.axes), read.rapid
+    if contour.axes != machine.model.axes:
+        raise ToolpathError(f"has {contour.axes} axes, the machine has {machine.model.axes}")
+    z_alone = read.z_alone / pace.override
+    speed = _speed(pace.override * read.feed, rapid, machine)
+    try:
+        _check_duration(
+            np.asarray(contour.extent) / speed, np.nan_to_num(read.rest), z_alone, machine
+        )
+        run = along_path(contour, speed, rapid, pace, read.rest + z_alone)
+    except (TooLongError, SharpTurnError) as error:
+        raise ToolpathError(f"line {read.line[error.piece]}: {error}") from None
+    before, at = _piece_before(contour, run.arc), _piece_at(contour, run.arc)
+    scored = ~(rapid[before] & (rapid[at] | (z_alone[before] > 0)))
+    doubts = (
+        *read.doubts,
+        *_unused_unit(path, pace),
+        *_rapid_speed(speed, rapid, machine),
+        *_tolerance(read, contour, speed, pace, run.planned),
+        *_still_axes(contour, machine),
+    )
+    program = Program(read.line, read.ignored, doubts, read.stops, rapid, read)
+    return Job(
+        path.stem,
+        contour,
+        run.arc,
+        scored,
+        True,
+        run.words,
+        program,
+        run.aside,
+        run.planned,
+        settling_samples(machine.model.dt),
+    )
+
+
+def _toolpath(path: Path, pace: Pace) -> Toolpath:
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        return read_csv(path, pace.feed_or_default)
+    if suffix in DRAWINGS:
+        return read_drawing(path, pace.feed_or_default, pace.drawing_unit, pace.join)
+    return read_gcode(path, "XY" if pace.machine.model.axes == 2 else "XYZ", pace.feed)
+
+
+def _unused_unit(path: Path, pace: Pace) -> Iterator[str]:
+    """That the unit which is given for drawings is not that of this file."""
+    if pace.drawing_unit is not None and path.suffix.lower() not in DRAWINGS:
+        own = "points are read in mm" if path.suffix.lower() == ".csv" else "a program says its own"
+        yield f"--drawing-unit does not act on {path.name}: {own}"
+
+
+def _speed(feed: np.ndarray, rapid: np.ndarray, machine: Machine) -> np.ndarray:
+    """Speed that is asked for along every piece [m/s], from the feed of those that are cut."""
+    fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
+    limit = machine.limits.speed
+    quickest = RAPID * fastest if limit is None else max(fastest, float(limit.max()))
+    return np.where(rapid, quickest, feed)
+
+
+def _rapid_speed(speed: np.ndarray, rapid: np.ndarray, machine: Machine) -> Iterator[str]:
+    """How fast rapid moves are taken to be, which no program says, and why; none without them."""
+    if not rapid.any():
+        return
+    limit, asked = machine.limits.speed, speed[rapid].max()
+    why = f"{RAPID:g} times the fastest feed: the machine states no speed"
+    if limit is not None:
+        limited = asked <= limit.max()
+        why = "the machine's limit of speed" if limited else "the fastest feed, above that limit"
+    yield f"rapid moves at {asked / MM_PER_MIN:.0f} mm/min ({why})"
+
+
+def _tolerance(
+    read: Toolpath,
+    contour: Contour,
+    speed: Float[np.ndarray, " P"],
+    pace: Pace,
+    planned: Planned | None,
+) -> tuple[str, ...]:
+    """Advice on another tolerance of a jerk-limited motion at the programmed feeds."""
+    if planned is None or pace.override != 1.0:
+        return ()
+
+    def within(tolerance: float) -> Planned:
+        rest = read.rest + read.z_alone
+        other = pace._replace(corner_tolerance=tolerance)
+        return planned_motion(contour, speed, read.rapid, other, rest)
+
+    coarse = coarse_coordinates(contour, speed, ~read.rapid, pace)
+    return tolerance_advice(planned, pace.corner_tolerance, read.tolerance, coarse, within)
+
+
+def _still_axes(contour: Contour, machine: Machine) -> Iterator[str]:
+    """Which axes never move, where a single one does."""
+    pieces = unpadded(contour)
+    moves = (np.abs(pieces.polynomial[:, 1:]) > STILL).any(axis=(0, 1))
+    moves |= (np.abs(np.concatenate([pieces.cosine, pieces.sine])) > STILL).any(axis=0)
+    if moves.sum() == 1:
+        still = [name for name, one in zip(machine.axes, moves, strict=True) if not one]
+        yield f"{' and '.join(still)} never move{'s' if len(still) == 1 else ''}"
+
+
+def _check_duration(
+    moving: np.ndarray, dwelling: np.ndarray, z_alone: np.ndarray, machine: Machine
+) -> None:
+    """Refuse what takes so long [s] that its samples do not fit in memory."""
+    lasting = moving + dwelling + z_alone
+    whole, *resting = (float(np.sum(part)) for part in (lasting, dwelling, z_alone))
+    dt, most = machine.model.dt, room(len(machine.family_names))
+    if whole / dt > most:
+        raise TooLongError(int(np.argmax(lasting)), whole, *resting, dt, most)
+
+
+def _piece_at(contour: Contour, arc: np.ndarray) -> np.ndarray:
+    """Number of the piece that the contour is on at every arc length [m]; at a joint the next."""
+    reached = arc + ROUNDING * float(contour.length)
+    started = np.searchsorted(np.asarray(contour.start), reached, side="right")
+    return np.clip(started - 1, 0, contour.rate.size - 1)
+
+
+def _piece_before(contour: Contour, arc: np.ndarray) -> np.ndarray:
+    """As `_piece_at`, but at a joint the piece that ends: who rests there is still in the work."""
+    return _piece_at(contour, arc - 2 * ROUNDING * float(contour.length))
+
+
+def _on_axes(name: str, contour: Contour, pace: Pace) -> Contour:
+    """The contour on all axes of the pace's machine."""
+    machine, axes = pace.machine.name, pace.machine.model.axes
+    if contour.axes > axes:
+        raise ValueError(f"contour: {name} needs {contour.axes} axes, {machine} has {axes}")
+    return _lifted(contour, axes)
+
+
+def _lifted(contour: Contour, axes: int) -> Contour:
+    """The contour in the plane z = 0 of a three-axis machine."""
+    if contour.axes >= axes:
+        return contour
+    return eqx.tree_at(
+        lambda c: (c.polynomial, c.cosine, c.sine),
+        contour,
+        replace_fn=lambda rows: jnp.concatenate(
+            [rows, jnp.zeros((*rows.shape[:-1], 1), rows.dtype)], axis=-1
+        ),
+    )

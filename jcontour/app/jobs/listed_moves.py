@@ -1,0 +1,164 @@
+"""Moves of a program or a drawing as they were understood, line by line, for `--list-moves`."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from heapq import merge
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from jcontour.app.jobs.motion_laws import UM
+from jcontour.app.jobs.pace import MM_PER_MIN, Pace
+from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
+from jcontour.geometry.drawings.reading import read_drawing
+from jcontour.geometry.gcode.moves.doubts import doubts_of, plane_left_out
+from jcontour.geometry.gcode.moves.move import Move, Stop
+from jcontour.geometry.gcode.moves.stops import (
+    DWELL,
+    EXACT,
+    ignored_words,
+    stops_in_cuts,
+    told_left_out,
+    told_stops,
+)
+from jcontour.geometry.gcode.programs import files_beside, interpreted
+from jcontour.geometry.toolpath_rules import MM, ToolpathError
+from jcontour.geometry.toolpath_text import lines_of, read_program
+
+AXES = "XYZ"
+NAMES = "line", "move"
+
+
+class _Row(NamedTuple):
+    """A line of the table: its cells, and what stands behind them."""
+
+    cells: tuple[str, ...]
+    behind: str = ""
+
+
+def listed_moves(path: Path, pace: Pace) -> Iterator[str]:
+    """Table of the moves of a program or a drawing, a line of text for each, in millimetres.
+
+    A machine of two axes has the projection of a program to X and Y.
+
+    Args:
+        path: of the file.
+        pace: machine, and the feed where the file gives none.
+
+    Raises:
+        ToolpathError: it has no moves, or something in it cannot be read or traced.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        raise ToolpathError(f"list-moves: {path} holds points, no moves")
+    try:
+        yield from (_drawn if suffix in DRAWINGS else _programmed)(path, pace)
+    except ToolpathError as error:
+        text = str(error)
+        raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None
+
+
+def _programmed(path: Path, pace: Pace) -> Iterator[str]:
+    axes = min(pace.machine.model.axes, 3)
+    machine = interpreted(lines_of(read_program(path)), axes, pace.feed, files_beside(path))
+    if not machine.moves:
+        raise ToolpathError(f"the program has no moves along {' or '.join(AXES[:axes])}")
+    stops = machine.tracer.stops
+    # a stop comes before the move that has its number
+    shown = ((stop.after - 0.5, stop) for stop in stops if stop.why not in EXACT)
+    steps = [step for _, step in merge(enumerate(machine.moves), shown)]
+    rows = (_stop(one, axes) if isinstance(one, Stop) else _move(one, axes) for one in steps)
+    yield from _table(rows, axes)
+    yield _count(len(machine.moves), ignored_words(machine.ignored, stops))
+    run = stops_in_cuts(stops, machine.moves)
+    yield from filter(None, [told_stops(stops), _left_out(stops, run), told_left_out(stops, run)])
+    if machine.tolerance is not None:
+        yield f"the program allows {machine.tolerance / UM:.4g} um from its path (P of G64)"
+    skipped = tuple(machine.skipped.values())
+    yield from doubts_of(machine.assumed_at, stops, machine.modes.unit_said, skipped)
+    yield from plane_left_out(machine.moves, axes)
+
+
+def _left_out(stops: Sequence[Stop], run: Sequence[Stop]) -> str | None:
+    """Stops that a run does not have, in words."""
+    count, in_run = (sum(stop.why not in EXACT for stop in some) for some in (stops, run))
+    if count == in_run:
+        return None
+    return f"a run leaves out {count - in_run} of them, before the first cut or behind the last one"
+
+
+def _move(move: Move, axes: int) -> _Row:
+    around = ""
+    if move.angle:
+        around = _around(move.centre[:axes], math.degrees(move.angle))
+    return _Row(_cells(move.line, _kind(move), move.end[:axes], move.feed), around)
+
+
+def _stop(stop: Stop, axes: int) -> _Row:
+    dwells = stop.why == DWELL
+    cells = _cells(stop.line, "dwell" if dwells else "stop", stop.place[:axes], math.nan)
+    lasting = stop.lasting if dwells else stop.besides
+    lasts = f"{lasting:.6g} s" if dwells or lasting > 0 else ""
+    return _Row(cells, " ".join(filter(None, ["  for", "" if dwells else stop.why, lasts])))
+
+
+def _drawn(path: Path, pace: Pace) -> Iterator[str]:
+    """Of a drawing, whose curves are several pieces each."""
+    drawing = read_drawing(path, pace.feed_or_default, pace.drawing_unit, pace.join)
+    contour = drawing.contour
+    ends = np.asarray(contour.position(contour.start + contour.extent))  # a closed one wraps
+    polynomial, rate, extent = (
+        np.asarray(c) for c in (contour.polynomial, contour.rate, contour.extent)
+    )
+    (x, y), (x_later, y_later) = np.asarray(contour.cosine).T, np.asarray(contour.sine).T
+    turn = x * y_later - y * x_later  # a quarter of a turn later
+    rows = []
+    for k, end in enumerate(ends):
+        kind, around = "rapid" if drawing.rapid[k] else "line", ""
+        if polynomial[k, 2:].any():
+            kind = "curve"
+        elif rate[k]:
+            kind = "arc"
+            degrees = math.degrees(math.copysign(rate[k] * extent[k], turn[k]))
+            around = _around(polynomial[k, 0].tolist(), degrees)
+        cells = _cells(int(drawing.line[k]), kind, end.tolist(), float(drawing.feed[k]))
+        rows.append(_Row(cells, around))
+    yield from _table(rows, ends.shape[1])
+    yield _count(len(ends), drawing.ignored)
+
+
+def _table(rows: Iterable[_Row], axes: int) -> Iterator[str]:
+    """The rows below their names, every column as wide as its widest cell."""
+    rows = [_Row((*NAMES, *AXES[:axes], "mm/min")), *rows]
+    widths = [max(map(len, column)) for column in zip(*(row.cells for row in rows), strict=True)]
+    for row in rows:
+        line, move, *numbers = map(str.rjust, row.cells, widths)
+        yield "  ".join([line, move.strip().ljust(widths[1]), *numbers]) + row.behind
+
+
+def _cells(line: int, kind: str, end: Sequence[float], feed: float) -> tuple[str, ...]:
+    place = (f"{coordinate / MM + 0.0:.4f}" for coordinate in end)
+    return str(line), kind, *place, "-" if math.isnan(feed) else _pace(feed / MM_PER_MIN)
+
+
+def _pace(feed: float) -> str:
+    """Five digits of a feed [mm/min], or all before the point where it has more."""
+    return f"{feed:.0f}" if feed >= 1e5 else f"{feed:.5g}"
+
+
+def _around(centre: Sequence[float], degrees: float) -> str:
+    place = ", ".join(f"{coordinate / MM + 0.0:.4f}" for coordinate in centre)
+    return f"  around {place} by {degrees:.4g} degrees"
+
+
+def _count(moves: int, ignored: Sequence[str]) -> str:
+    told = f"; ignored: {', '.join(ignored)}" if ignored else ""
+    return f"{moves} move{'' if moves == 1 else 's'}{told}"
+
+
+def _kind(move: Move) -> str:
+    if move.angle:
+        rises = abs(move.end[move.normal] - move.start[move.normal]) > 0
+        return "helix" if rises else "arc"
+    return "rapid" if move.rapid else "line"

@@ -1,0 +1,121 @@
+"""Pace of a machine along a path: feed, limits, and the law by which it runs."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jcontour.app.flags.shared import FeedLaw, MachineFlags
+from jcontour.app.machines.machine import Machine
+from jcontour.geometry.drawings.drawing import GAP
+from jcontour.geometry.toolpath_rules import INCH, MM
+
+FEED = 3000.0  # [mm/min] where nothing is programmed
+MM_PER_MIN = 1e-3 / 60
+DRAWING_UNITS = {
+    "mm": MM,
+    "cm": 10 * MM,
+    "m": 1.0,
+    "inch": INCH,
+    "px": INCH / 96,
+    "pt": INCH / 72,
+}  # [m]
+# [m/s^2] of a path where the machine states none: usual for a table of this size
+ACCELERATION = 2.0
+# of the acceleration that a machine states, that a motion asks for: fast loops take 1.8 times what
+# a step of acceleration asks (`example.json`, its bracket and held-out contours, whole family)
+SHARE = 0.5
+
+
+class Pace(NamedTuple):
+    """Feed [m/s] and path acceleration [m/s^2] on a machine with its limits.
+
+    Each is None where it is not given.
+
+    Attributes:
+        feed_law: by which a programmed path is run.
+        jerk: limit of every axis [m/s^3]; None where it is not given.
+        corner_tolerance: of the jerk-limited law, from the path [m]; 0 stops in corners.
+        drawing_unit: of a drawing [m]; None where its file has to say.
+        join: ends of a drawing's lines within it are joined [m].
+        override: share of every feed that is run, programmed or not; rapid moves stay.
+    """
+
+    machine: Machine
+    feed: float | None
+    acceleration: float | None
+    feed_law: FeedLaw = "jerk"
+    jerk: float | None = None
+    corner_tolerance: float = 2e-6
+    drawing_unit: float | None = None
+    join: float = GAP
+    override: float = 1.0
+
+    @property
+    def feed_or_default(self) -> float:
+        """Feed [m/s] of contours that have no programme."""
+        return FEED * MM_PER_MIN if self.feed is None else self.feed
+
+    @property
+    def acceleration_or_default(self) -> float:
+        """Path acceleration [m/s^2]; where none is given, half of what the machine can do."""
+        if self.acceleration is not None:
+            return self.acceleration
+        limit = self.axis_acceleration
+        return ACCELERATION if limit is None else float(limit.min())
+
+    @property
+    def axis_acceleration(self) -> np.ndarray | None:
+        """Acceleration [m/s^2] that a motion may ask of each axis; None where none is stated.
+
+        All that the machine has, where the path acceleration is given.
+        """
+        limit = self.machine.limits.acceleration
+        if limit is None or self.acceleration is not None:
+            return limit
+        return SHARE * limit
+
+    @property
+    def largest_jerk(self) -> float:
+        """Jerk with which an axis builds up its acceleration within one sample [m/s^3]."""
+        limit = self.axis_acceleration
+        most = self.acceleration_or_default if limit is None else float(limit.max())
+        return most / float(self.machine.model.dt)
+
+    @classmethod
+    def of(cls, flags: MachineFlags, machine: Machine) -> "Pace":
+        """Pace that the flags ask for.
+
+        Raises:
+            ValueError: a feed, acceleration or jerk that is not finite and above zero, a corner
+                tolerance or a distance to join that is negative, or a jerk that no sample shows.
+        """
+        for name, value in (
+            ("feed-mm-per-min", flags.feed_mm_per_min),
+            ("acceleration", flags.acceleration),
+            ("jerk", flags.jerk),
+        ):
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
+        feed = None if flags.feed_mm_per_min is None else flags.feed_mm_per_min * MM_PER_MIN
+        for name, value in (
+            ("corner-tolerance-um", flags.corner_tolerance_um),
+            ("join-um", flags.join_um),
+        ):
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name}: needs to be finite and not negative, received {value}")
+        pace = cls(
+            machine,
+            feed,
+            flags.acceleration,
+            flags.feed_law,
+            flags.jerk,
+            corner_tolerance=1e-6 * flags.corner_tolerance_um,
+            drawing_unit=None if flags.drawing_unit is None else DRAWING_UNITS[flags.drawing_unit],
+            join=1e-6 * flags.join_um,
+        )
+        if flags.jerk is not None and flags.jerk > pace.largest_jerk:
+            raise ValueError(
+                f"jerk: beyond {pace.largest_jerk:.4g} m/s^3 the acceleration builds up within a "
+                f"sample and no limit remains, received {flags.jerk:g}"
+            )
+        return pace

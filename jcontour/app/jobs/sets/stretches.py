@@ -1,0 +1,155 @@
+"""Stretches of contours: moved, cut and measured piece by piece, on the host."""
+
+from math import comb
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from jcontour.app.jobs.entry import ENTRY, behind_entry
+from jcontour.app.jobs.job import Job
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.contours import SMALLEST, from_pieces
+from jcontour.geometry.pieces import Piece
+
+STRAIGHT = 1e-6  # [rad] a smaller change of direction is rounding
+PLACES = 33  # of a piece at which its curvature is measured; smooth pieces change little between
+
+
+def moved(contour: Contour, by: Float[np.ndarray, " m"]) -> Contour:
+    """Contour moved by a vector [m]; lifted to the plane z = 0 first where that has more axes.
+
+    Raises:
+        ValueError: the vector has fewer axes than the contour.
+    """
+    missing = by.size - contour.axes
+    if missing < 0:
+        raise ValueError(f"by: needs at least {contour.axes} axes, received {by.size}")
+    pieces = _host_pieces(contour)
+    polynomial = _widened(pieces.polynomial, missing)
+    polynomial[:, 0] += by
+    cosine, sine = _widened(pieces.cosine, missing), _widened(pieces.sine, missing)
+    return _like(contour, pieces._replace(polynomial=polynomial, cosine=cosine, sine=sine))
+
+
+def beginning(contour: Contour, length: float) -> Contour:
+    """First stretch of a contour, of this length [m]; the contour itself where it is no longer.
+
+    Raises:
+        ValueError: the length is not above zero.
+    """
+    if not length > 0:
+        raise ValueError(f"length: needs to be above zero, received {length}")
+    if length >= float(contour.length):
+        return contour
+    pieces = _host_pieces(contour)
+    extent = np.minimum(pieces.extent, length - pieces.start)
+    kept = extent > 0
+    pieces = jax.tree.map(lambda rows: rows[kept], pieces._replace(extent=extent))
+    return _like(contour, pieces)
+
+
+def between(contour: Contour, low: float, high: float) -> Contour:
+    """Stretch of a contour from one arc length to another [m], open; its arc length begins at 0.
+
+    Raises:
+        ValueError: the two are not in this order, or not on the contour.
+    """
+    length = float(contour.length)
+    if not 0 <= low < high <= length * (1 + 1e-12):
+        raise ValueError(f"low, high: needs 0 <= low < high <= {length:g}, received {low}, {high}")
+    pieces = _host_pieces(contour)
+    cut = np.clip(low - pieces.start, 0.0, pieces.extent)
+    extent = np.minimum(pieces.extent, high - pieces.start) - cut
+    kept = extent > SMALLEST
+    pieces = _begun_later(pieces, cut)._replace(extent=extent, start=pieces.start + cut - low)
+    return _like(contour, jax.tree.map(lambda rows: rows[kept], pieces))
+
+
+def _begun_later(pieces: Piece, by: Float[np.ndarray, " P"]) -> Piece:
+    """The same curves with their arc lengths counted from later places [m]."""
+    degree = pieces.polynomial.shape[1]
+    polynomial = np.zeros_like(pieces.polynomial)
+    for i in range(degree):  # p(s + by) = sum_i c_i sum_j binomial(i, j) by^(i - j) s^j
+        for j in range(i + 1):
+            weight = comb(i, j) * by ** (i - j)
+            polynomial[:, j] += weight[:, None] * pieces.polynomial[:, i]
+    c, s = (f(pieces.rate * by)[:, None] for f in (np.cos, np.sin))
+    cosine = pieces.cosine * c + pieces.sine * s
+    sine = pieces.sine * c - pieces.cosine * s
+    return pieces._replace(polynomial=polynomial, cosine=cosine, sine=sine)
+
+
+def greatest_curvature(contour: Contour) -> float:
+    """Greatest curvature [1/m] on the pieces of a contour; corners between them have none."""
+    pieces = jax.tree.map(lambda rows: rows[:, None], _host_pieces(contour))
+    _, velocity, acceleration = pieces.jet(np.linspace(0.0, 1.0, PLACES) * pieces.extent)
+    square = np.sum(velocity**2, axis=-1, keepdims=True)
+    along = np.sum(acceleration * velocity, axis=-1, keepdims=True) / square * velocity
+    return float(np.max(np.linalg.norm(acceleration - along, axis=-1) / square[..., 0]))
+
+
+def corner_angles(contour: Contour) -> Float[np.ndarray, " corners"]:
+    """Changes of direction [rad] between a piece and the next, around a closed contour."""
+    pieces = _host_pieces(contour)
+    before = pieces.jet(pieces.extent)[1]
+    after = np.roll(pieces.jet(np.zeros(pieces.extent.size))[1], -1, axis=0)
+    last = None if bool(contour.closed) else -1
+    return angle_between(before[:last], after[:last])
+
+
+def angle_between(
+    one: Float[np.ndarray, "n m"], other: Float[np.ndarray, "n m"]
+) -> Float[np.ndarray, " n"]:
+    """Angles [rad] from 0 to pi between vectors, exact for small ones too."""
+    one = one / np.linalg.norm(one, axis=1, keepdims=True)
+    other = other / np.linalg.norm(other, axis=1, keepdims=True)
+    difference, total = np.linalg.norm(one - other, axis=1), np.linalg.norm(one + other, axis=1)
+    return 2.0 * np.arctan2(difference, total)
+
+
+def curve_feed(contour: Contour, acceleration: float) -> float:
+    """Fastest feed [m/s] at which no curve needs more than this acceleration [m/s^2].
+
+    That is |c| v^2 = a with the greatest curvature c [1/m]; infinite on straight lines. Corners
+    are left out: the velocity jumps there at any feed.
+    """
+    bend = greatest_curvature(contour)
+    return float(np.sqrt(acceleration / bend)) if bend > 0 else np.inf
+
+
+def corner_feed(contour: Contour, acceleration: float, deviation: float) -> float:
+    """Fastest feed [m/s] by the usual rule for corners, that of `feed_laws.trapezoidal`.
+
+    An arc that is tangent to both sides and passes the corner at the deviation d [m] needs no more
+    than the acceleration A: v^2 = A d sin(h) / (1 - sin(h)), h half the angle inside the corner.
+    """
+    turned = np.max(corner_angles(contour), initial=0.0)
+    if turned < STRAIGHT:
+        return np.inf
+    sin_half = np.cos(0.5 * turned)
+    return float(np.sqrt(acceleration * deviation * sin_half / (1.0 - sin_half)))
+
+
+def shortened(job: Job, samples: int) -> Job:
+    """Beginning of a run at constant feed: its entry, and as many samples that are scored.
+
+    A run without that many samples stays as it is.
+    """
+    if job.samples <= samples:
+        return job
+    arc = job.arc[: ENTRY + samples]
+    return job._replace(arc=arc, scored=behind_entry(arc.size))
+
+
+def _host_pieces(contour: Contour) -> Piece:
+    used = np.asarray(contour.mask)
+    return jax.tree.map(lambda rows: np.asarray(rows)[used], contour.pieces)
+
+
+def _like(contour: Contour, pieces: Piece) -> Contour:
+    return from_pieces(pieces, float(contour.fit_error), contour.newton_steps)
+
+
+def _widened(rows: np.ndarray, columns: int) -> np.ndarray:
+    return np.concatenate([rows, np.zeros((*rows.shape[:-1], columns))], axis=-1)

@@ -1,0 +1,298 @@
+"""Machine files from what engineers know: transfer functions, data sheets, step responses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jcontour.app.files.checks import METRES
+from jcontour.app.files.machine_file import MOST_DELAY
+from jcontour.app.files.step_file import read_step
+from jcontour.app.flags.machines import Machine
+from jcontour.app.machines.uncertainty import GAIN_KNOWN_TO
+from jcontour.app.machines.unsure_resonances import LESS_DAMPED, unsure_resonances
+from jcontour.linear.continuous_axes import (
+    ContinuousAxis,
+    force_axis,
+    position_axis,
+    sampled_machine,
+    speed_axis,
+    with_resonance,
+)
+from tuning.identification.step_response import FittedStep, fit_step
+
+PER_AXIS = ("gain", "time_constant_ms", "delay_ms", "resonance_hz", "mass_kg", "viscous")
+LIMITS = ("control", "speed", "acceleration")
+OF_OTHER_DRIVES = {  # what the control means -> flags that say nothing of such a drive
+    "speed": ("mass_kg", "viscous"),
+    "position": ("mass_kg", "viscous"),
+    "force": ("time_constant_ms",),
+}
+TRUSTED = 0.98  # of the variance of a step response: less is another kind of axis
+
+
+@dataclass(frozen=True)
+class BuiltMachine:
+    """A machine file and where its numbers come from.
+
+    Attributes:
+        fields: of the file.
+        words: about every axis, one line each.
+        warnings: what should be looked at.
+    """
+
+    fields: dict[str, Any]
+    words: list[str]
+    warnings: list[str]
+
+
+def built_machine(flags: Machine) -> BuiltMachine:
+    """Fields of the machine file that the flags describe.
+
+    Raises:
+        ValueError: a flag is missing, one too many, or its number is impossible.
+    """
+    names = list(flags.axes)
+    if len(set(names)) != len(names) or len(names) not in (2, 3):
+        raise ValueError(f"axes: needs two or three different names, received {' '.join(names)}")
+    warnings: list[str] = []
+    axes, words, dt = _stepped(flags, warnings) if flags.steps else _described(flags)
+    _check_period(axes, names, dt)
+    plant, shared = sampled_machine(axes, dt)
+    if shared > MOST_DELAY:
+        raise ValueError(
+            f"delay-ms: {shared} samples of {1e3 * dt:g} ms, "
+            f"known delays are of at most {MOST_DELAY}"
+        )
+    metre = METRES[flags.length_unit]
+    fields = {
+        "name": flags.name,
+        "length_unit": flags.length_unit,
+        "control_unit": flags.control_unit,
+        "axes": names,
+        "dt": dt,
+        "A": np.asarray(plant.A).tolist(),
+        "B": np.asarray(plant.B).tolist(),
+        "C": (np.asarray(plant.C) / metre).tolist(),
+        "limits": _limits(flags),
+        "known_delay": shared,
+        "uncertainty": {
+            "gain": _gain_uncertainty(flags),
+            "delay": flags.delay_uncertainty,
+            **_resonance_uncertainty(flags, dt),
+        },
+        "encoder_resolution": _resolution(flags, metre),
+    }
+    return BuiltMachine(fields, words, warnings)
+
+
+def _gain_uncertainty(flags: Machine) -> float:
+    """Fraction to which the gains are known, as given or as the drive is."""
+    if flags.gain_uncertainty is not None:
+        return flags.gain_uncertainty
+    return GAIN_KNOWN_TO[flags.takes]
+
+
+def _resonance_uncertainty(flags: Machine, dt: float) -> dict[str, Any]:
+    """How far off the response may be beside resonances; nothing without one.
+
+    Raises:
+        ValueError: the fraction is none.
+    """
+    part = flags.resonance_uncertainty
+    if not 0 <= part < 1:
+        raise ValueError(f"resonance-uncertainty: needs a fraction below 1, received {part:g}")
+    hertz = _each("resonance_hz", flags.resonance_hz, len(flags.axes))
+    if part == 0 or not any(hertz or ()):
+        return {}
+    assert hertz is not None
+    return {"response": unsure_resonances(hertz, flags.damping, part, dt)}
+
+
+def _limits(flags: Machine) -> dict[str, float | list[float]]:
+    """Limits of the file: one number where one is given, else one for each axis."""
+    found: dict[str, float | list[float]] = {}
+    for name in LIMITS:
+        given = _above_zero(f"max_{name}", getattr(flags, f"max_{name}"), len(flags.axes))
+        if given is not None:
+            found[name] = _short(given)
+    return found
+
+
+def _resolution(flags: Machine, metre: float) -> float | list[float]:
+    """Way per count of the encoders, of all or of each, in units of that many metres."""
+    count = len(flags.axes)
+    turn = {"counts_per_turn": flags.counts_per_turn, "pitch_mm": flags.pitch_mm}
+    given = [_flag(name) for name, values in turn.items() if values]
+    if not given:
+        counts = _above_zero("encoder_um", flags.encoder_um, count)
+        if counts is None:
+            raise ValueError("encoder-um: needs one number or one for each axis, received none")
+        return _short([one * METRES["um"] / metre for one in counts])
+    if flags.encoder_um != Machine.encoder_um:
+        raise ValueError(f"encoder-um: the screw says it; leave it out, or --{given[0]}")
+    each = {name: _above_zero(name, values, count) for name, values in turn.items()}
+    for name, values in each.items():
+        if values is None:
+            raise ValueError(
+                f"{_flag(name)}: missing; --counts-per-turn and --pitch-mm go together"
+            )
+    counts, pitches = each["counts_per_turn"], each["pitch_mm"]
+    assert counts is not None and pitches is not None
+    pairs = zip(pitches, counts, strict=True)
+    return _short([pitch * METRES["mm"] / counted / metre for pitch, counted in pairs])
+
+
+def _short(values: list[float]) -> float | list[float]:
+    """One number where it is that of every axis."""
+    return values[0] if len(set(values)) == 1 else values
+
+
+def _described(flags: Machine) -> tuple[list[ContinuousAxis], list[str], float]:
+    """Axes of a transfer function or a data sheet."""
+    count, numbers = len(flags.axes), {}
+    for name in PER_AXIS:
+        numbers[name] = _each(name, getattr(flags, name), count)
+        for value in numbers[name] or ():
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{_flag(name)}: needs to be at least zero, received {value:g}")
+    needed = {"speed": ("gain",), "position": ("gain", "time_constant_ms")}
+    for name in needed.get(flags.takes, ("gain", "mass_kg")):
+        if numbers[name] is None:
+            raise ValueError(
+                f"{_flag(name)}: missing; a drive that takes a {flags.takes} needs it "
+                "(or give --steps, a step response for each axis)"
+            )
+    for name in OF_OTHER_DRIVES[flags.takes]:
+        if numbers[name] is not None:
+            raise ValueError(
+                f"{_flag(name)}: says nothing of a drive that takes a {flags.takes}; leave it out, "
+                "or give another --takes"
+            )
+    per_metre = METRES[flags.length_unit] if flags.takes != "force" else 1.0  # a force is in N
+    axes, words = [], []
+    for k, name in enumerate(flags.axes):
+        one = {key: 0.0 if values is None else values[k] for key, values in numbers.items()}
+        axis = _axis(flags.takes, per_metre * one["gain"], one)
+        if one["resonance_hz"]:
+            axis = with_resonance(axis, 2 * np.pi * one["resonance_hz"], flags.damping)
+        axes.append(axis)
+        words.append(f"{name}: {_formula(flags, one)}")
+    return axes, words, 1e-3 * flags.period_ms
+
+
+def _axis(takes: str, gain: float, one: dict[str, float]) -> ContinuousAxis:
+    delay, constant = 1e-3 * one["delay_ms"], 1e-3 * one["time_constant_ms"]
+    if takes == "speed":
+        return speed_axis(gain, constant, delay)
+    if takes == "position":
+        return position_axis(gain, constant, delay)
+    return force_axis(gain, one["mass_kg"], one["viscous"], delay)
+
+
+def _formula(flags: Machine, one: dict[str, float]) -> str:
+    late = f" exp(-{one['delay_ms']:g} ms s)" if one["delay_ms"] else ""
+    constant = f"({one['time_constant_ms']:g} ms s + 1)" if one["time_constant_ms"] else ""
+    below = {
+        "speed": f"s {constant}".strip(),
+        "position": constant,
+        "force": f"({one['mass_kg']:g} kg s^2 + {one['viscous']:g} N s/m s)",
+    }[flags.takes]
+    soft = _soft(flags, one["resonance_hz"]) if one["resonance_hz"] else ""
+    return f"{one['gain']:g}{late} / {below}{soft}"
+
+
+def _soft(flags: Machine, hertz: float) -> str:
+    """A resonance, and what of it is not known."""
+    part, z = flags.resonance_uncertainty, flags.damping
+    if part == 0:
+        return f", resonance at {hertz:g} Hz, damping {z:g}"
+    unsure = f"+- {100 * part:g} %, damping {LESS_DAMPED * z:g} to {z:g}"
+    return f", resonance at {hertz:g} Hz ({unsure}: tuned loops stay stable)"
+
+
+def _stepped(flags: Machine, warnings: list[str]) -> tuple[list[ContinuousAxis], list[str], float]:
+    """Axes of step responses, all sampled alike."""
+    if flags.takes == "force":
+        raise ValueError("takes: a step response is of a drive that takes a speed or a position")
+    given = [_flag(name) for name in PER_AXIS if getattr(flags, name)]
+    if given:
+        raise ValueError(f"{given[0]}: the step responses say it; leave it out")
+    if len(flags.steps) != len(flags.axes):
+        raise ValueError(
+            f"steps: needs a file for each of the {len(flags.axes)} axes, "
+            f"received {len(flags.steps)}"
+        )
+    records = [read_step(path, flags.length_unit) for path in flags.steps]
+    dt = records[0].dt
+    if any(abs(one.dt / dt - 1) > 1e-3 for one in records):
+        raise ValueError("steps: all axes need the same sample period")
+    axes, words = [], []
+    for path, one in zip(flags.steps, records, strict=True):
+        if one.unit != "s":
+            warnings.append(
+                f"{path}: times are taken as {one.unit}: in s a sample takes too long for a drive"
+            )
+    for name, path, one in zip(flags.axes, flags.steps, records, strict=True):
+        try:
+            found = fit_step(one.control, one.position, one.dt, flags.takes)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+        make = speed_axis if flags.takes == "speed" else position_axis
+        axes.append(make(found.gain, found.time_constant, found.delay))
+        words.append(f"{name}: {_fitted(found, flags)}")
+        if found.explained < TRUSTED:
+            warnings.append(
+                f"{path}: the model explains {100 * found.explained:.3g} % of the record; "
+                f"does the drive take a {flags.takes}, or are columns swapped?"
+            )
+    return axes, words, _round_period(dt)
+
+
+def _round_period(dt: float) -> float:
+    """The period without the rounding of printed times: to a nanosecond."""
+    return round(dt, 9)
+
+
+def _fitted(found: FittedStep, flags: Machine) -> str:
+    gain = found.gain / METRES[flags.length_unit]
+    return (
+        f"gain {gain:.4g}, time constant {1e3 * found.time_constant:.4g} ms, delay "
+        f"{1e3 * found.delay:.3g} ms; left unexplained {1e6 * found.residual:.3g} um RMS"
+    )
+
+
+def _each(name: str, values: Sequence[float], count: int) -> list[float] | None:
+    """One number for each axis, given once or each; None where none is given."""
+    if not values:
+        return None
+    if len(values) not in (1, count):
+        raise ValueError(f"{_flag(name)}: needs one number or {count}, received {len(values)}")
+    return list(values) * (count // len(values))
+
+
+def _above_zero(name: str, values: Sequence[float], count: int) -> list[float] | None:
+    """As `_each`, of what needs to be above zero."""
+    each = _each(name, values, count)
+    for value in each or ():
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{_flag(name)}: needs to be above zero, received {value:g}")
+    return each
+
+
+def _check_period(axes: Sequence[ContinuousAxis], names: Sequence[str], dt: float) -> None:
+    """Raise ValueError where the fastest mode of an axis is too fast for the sample period."""
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"period-ms: needs to be above zero, received {1e3 * dt:g}")
+    for name, axis in zip(names, axes, strict=True):
+        fastest = float(np.abs(np.linalg.eigvals(axis.A).imag).max())
+        if fastest * dt >= np.pi:
+            raise ValueError(
+                f"period-ms: the resonance of {name} at {fastest / (2 * np.pi):.4g} Hz needs more "
+                f"than two samples a period; {1e3 * dt:g} ms is too long"
+            )
+
+
+def _flag(name: str) -> str:
+    return name.replace("_", "-")

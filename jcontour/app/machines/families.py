@@ -1,0 +1,145 @@
+"""Uncertainty of a machine, member by member.
+
+Stiffness, masses and the delay of the drives are not known exactly.
+"""
+
+import abc
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.app.machines.machine import Fed, Machine
+from jcontour.app.machines.uncertainty import with_corners
+from jcontour.linear.plant import LinearPlant
+from jcontour.plant import Plant
+from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
+from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.wrappers.encoders import FineEncoders
+from jcontour.sensors import Sensors
+from jcontour.simulation.evaluation import stack_plants
+
+LATE = 1  # most samples of delay that a model does not know: a drive's bus
+
+
+class Member(NamedTuple):
+    """Name, factors on stiffness and on masses, samples that the control is late."""
+
+    name: str
+    stiffness: float
+    mass: float
+    late: float
+
+
+def late(plant: Plant, samples: float, inputs: int) -> Plant:
+    """The plant with its control late by whole samples, or by parts of one as well."""
+    if samples == round(samples):
+        return Delayed(plant, jnp.asarray(round(samples)), LATE, inputs)
+    return PartlyDelayed(plant, jnp.asarray(samples), LATE, inputs)
+
+
+def members(stiffness: float, mass: float) -> list[Member]:
+    """Nominal machine, corners of these relative uncertainties, and the late machine."""
+    corners = [(1 + a * stiffness, 1 + b * mass) for a, b in product((1, -1), repeat=2)]
+    off = [Member(f"stiffness x {k:g}, masses x {m:g}", k, m, 0) for k, m in corners]
+    return [Member("nominal", 1.0, 1.0, 0), *off, Member(f"{LATE} sample late", 1.0, 1.0, LATE)]
+
+
+@dataclass(frozen=True)
+class MotorMeasuredMachine(Machine):
+    """Machine whose motors are measured; stiffness, masses and delay are uncertain."""
+
+    stiffness_known_to: ClassVar[float] = 0.2
+    mass_known_to: ClassVar[float] = 0.2
+
+    @property
+    def sensed(self) -> tuple[str, ...]:
+        """Positions of the motors, then their speeds."""
+        motors = self.model.inputs
+        return ("m",) * motors + ("m/s",) * motors
+
+    @abc.abstractmethod
+    def true_plant(self, member: Member, fed: Fed = "outputs") -> Plant:
+        """A member with what has no derivative.
+
+        Raises:
+            ValueError: this machine does not measure that.
+        """
+
+    @abc.abstractmethod
+    def _model(self, member: Member, path: Float[Array, "T m"]) -> LinearPlant:
+        """Linear model of a member along a path [m], its delay left out."""
+
+    def _measured(self, plant: Plant) -> Plant:
+        """A linear plant behind its motors' encoders."""
+        return FineEncoders(plant, Sensors(range(self.model.inputs)))
+
+    def _linear(self, member: Member, path: Float[Array, "T m"]) -> Plant:
+        model = self._model(member, path)
+        return Delayed(model, jnp.asarray(member.late), LATE, model.inputs)
+
+    def linear_family(self, fed: Fed, path: Float[Array, "T m"]) -> Sequence[Plant]:
+        """Linear models of the members, late as they are."""
+        return [self._measured(self._linear(member, path)) for member in self.members]
+
+    def noisy_nominal(self, key: jax.Array, fed: Fed, path: Float[Array, "T m"]) -> Plant:
+        """The linear model with noise on the positions of its motors; speeds are made of them."""
+        assert self.noisy_count is not None
+        half, read = self.noisy_count / 2, self.model.inputs
+        noise = jax.random.uniform(key, (len(path), read), minval=-half, maxval=half)
+        others = jnp.zeros((len(path), self.model.states - read))
+        plant = self._linear(self.members[0], path)
+        return self._measured(Disturbed(plant, noise=jnp.concatenate([noise, others], axis=1)))
+
+    @property
+    def members(self) -> Sequence[Member]:
+        """Nominal machine, corners of stiffness and masses, the late machine."""
+        return members(self.stiffness_known_to, self.mass_known_to)
+
+    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+        """The members with what has no derivative."""
+        return [self.true_plant(member, fed) for member in self.members]
+
+    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant:
+        """Stiffness, masses and delay drawn evenly from their intervals, then their corners.
+
+        A delay has parts of a sample.
+        """
+        return stack_plants([self.true_plant(one, fed) for one in self._drawn(count, seed)])
+
+    def random_names(self, count: int, seed: int) -> list[str]:
+        """Names of those."""
+        return [one.name for one in self._drawn(count, seed)]
+
+    def _drawn(self, count: int, seed: int) -> list[Member]:
+        random = np.random.default_rng(seed)
+        known_to = self.stiffness_known_to, self.mass_known_to
+        off = [1 + part * random.uniform(-1, 1, count) for part in known_to]
+        drawn = np.column_stack([*off, random.uniform(0, LATE, count)])
+        low, high = [1 - part for part in known_to], [1 + part for part in known_to]
+        # a hair inside: every member's delay has a part of a sample, and one structure
+        rows = with_corners(drawn, [*low, 1e-9], [*high, LATE - 1e-9]).tolist()
+        return [
+            Member(f"stiffness x {k:.3g}, masses x {m:.3g}, {late:.3g} samples late", k, m, late)
+            for k, m, late in rows
+        ]
+
+    @property
+    def family_names(self) -> list[str]:
+        """Names of the members."""
+        return [member.name for member in self.members]
+
+    @property
+    def unknown_delay(self) -> int:
+        """Delay of a drive's bus."""
+        return LATE
+
+    def check_fed(self, fed: Fed) -> None:
+        """Raise ValueError where a controller asks for the whole state."""
+        if fed == "state":
+            raise ValueError(f"controller: {self.name} measures its motors, not its whole state")

@@ -1,0 +1,230 @@
+"""Machines of files: the linear model of a machine, its limits, and what is not known about it.
+
+The fields are those of `files.machine_file`, or for flexible axes those of `files.axis_file`;
+the page "Machine file" of the reference lists them.
+"""
+
+import io
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.linalg import matrix_balance
+
+from jcontour.app.files import checks
+from jcontour.app.files.axis_file import KIND, FlexibleAxisFile
+from jcontour.app.files.checks import METRES, MachineError
+from jcontour.app.files.machine_file import LimitFields, LinearMachineFile
+from jcontour.app.files.schema import axis_names, one_or_each, per_axis, read
+from jcontour.app.machines.flexible_axis import flexible_machine
+from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.machines.machine import Machine, MachineLimits
+from jcontour.app.machines.uncertainty import IN_FILE, IN_PYTHON, stated_uncertainty
+from jcontour.linear.plant import LinearPlant, steady_motion
+from jcontour.linear.transformations import with_input_delay
+from jcontour.plants.bridgeport import ENCODER_RESOLUTION
+from jcontour.regular_files import content_of
+
+MOST_BYTES = 16 * 2**20  # of a file, unpacked
+MOST_STATES = 200
+CONTROL_NOISE = 0.1  # [control unit] where no limit of the control says more
+RANK = (
+    1e-10  # smallest singular value, relative, of a mode that the input reaches or the output shows
+)
+
+
+def load_machine(path: str | Path) -> Machine:
+    """Machine of a JSON or npz file.
+
+    Raises:
+        MachineError: the file cannot be read, or a field is wrong.
+    """
+    path = Path(path)
+    try:
+        content = content_of(path, MOST_BYTES)
+    except OSError as error:
+        raise MachineError(f"{path}: cannot be read ({error.strerror or error})") from None
+    try:
+        return machine_from(content, path.stem)
+    except MachineError as error:
+        raise MachineError(f"{path}: {error}") from None
+
+
+def machine_from(content: bytes, name: str = "machine") -> Machine:
+    """Machine of the bytes of a JSON or npz file.
+
+    Raises:
+        MachineError: as `load_machine`.
+    """
+    if len(content) > MOST_BYTES:
+        raise MachineError(f"file: needs at most {MOST_BYTES} bytes, received {len(content)}")
+    fields = _npz_fields(content) if content[:2] == b"PK" else _json_fields(content)
+    return _machine(fields, name)
+
+
+def _json_fields(content: bytes) -> dict[str, Any]:
+    try:
+        fields = checks.json_value(content)
+    except ValueError as error:
+        raise MachineError(f"file: {error}") from None
+    if not isinstance(fields, dict):
+        raise MachineError(
+            f"file: needs a JSON object with A, B, C, dt, received {checks.shown(fields)}; "
+            f"{checks.EXAMPLE}"
+        )
+    return fields
+
+
+def _npz_fields(content: bytes) -> dict[str, Any]:
+    fields: dict[str, Any] = {}
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > MOST_BYTES:
+                raise MachineError(f"file: needs at most {MOST_BYTES} bytes unpacked")
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            flat = {key: arrays[key].tolist() for key in arrays.files}
+    except MachineError:
+        raise
+    except (
+        Exception
+    ) as error:  # a damaged archive fails in a dozen ways, none of them a fault of this program
+        raise MachineError(f"file: not a readable npz ({checks.line(error)})") from None
+    for key, value in flat.items():
+        *outer, last = key.split(".")
+        place = fields
+        for name in outer:
+            place = place.setdefault(name, {})
+            if not isinstance(place, dict):
+                raise MachineError(f"{key}: {name} is there as well, needs one or the other")
+        if last in place:
+            raise MachineError(f"{key}: what it holds is there as well, needs one or the other")
+        place[last] = value
+    return fields
+
+
+def _machine(fields: dict[str, Any], name: str) -> Machine:
+    fields = {"name": name, **fields}
+    fields.pop("$schema", None)  # for editors
+    if fields.get("kind") == KIND:
+        return flexible_machine(read(FlexibleAxisFile, fields))
+    file = read(LinearMachineFile, fields)
+    metre = METRES[file.length_unit]
+    A, B, C = np.array(file.A), np.array(file.B), np.array(file.C)
+    if A.shape[0] > MOST_STATES:
+        raise MachineError(f"A: needs at most {MOST_STATES} states, received {A.shape[0]}")
+    try:
+        plant = LinearPlant(A, B, C * metre, file.dt)
+    except ValueError as error:
+        raise MachineError(checks.line(error)) from None
+    _check_axes(plant)
+    _check_modes(A, B, C)
+    model = with_input_delay(plant, file.known_delay)
+    _check_motion(model)
+    limits = _limits(file.limits, metre, plant)
+    unsure = stated_uncertainty(file.uncertainty, model)
+    count = file.encoder_resolution or ENCODER_RESOLUTION / metre
+    assumed = CONTROL_NOISE if limits.control is None else 0.05 * float(limits.control.min())
+    return LinearMachine(
+        file.name or name,
+        model,
+        axis_names(file.axes, plant.axes),
+        file.control_unit,
+        limits,
+        file.known_delay,
+        unsure.gain,
+        unsure.delay,
+        one_or_each("encoder_resolution", count, plant.axes) * metre,
+        file.control_noise or assumed,
+        encoder_noise=one_or_each("encoder_noise", file.encoder_noise, plant.axes) * metre,
+        response_doubt=unsure.response,
+        friction=file.friction,
+        note=file.note or "",
+        states_family=IN_FILE if file.uncertainty is None else "",
+    )
+
+
+def linear_machine(plant: LinearPlant, name: str, uncertainty: Any = None) -> LinearMachine:
+    """Machine of a linear plant of the user's, as from a file that gives no more than A, B, C, dt.
+
+    Args:
+        plant: with two or three axes.
+        name: of the machine.
+        uncertainty: as in a machine file; the usual where it is None.
+
+    Raises:
+        MachineError: it has not two or three axes, one of them cannot be controlled, or a field
+            of the uncertainty is wrong.
+    """
+    _check_axes(plant)
+    _check_modes(*(np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C)))
+    _check_motion(plant)
+    unsure = stated_uncertainty(uncertainty, plant)
+    return LinearMachine(
+        name,
+        plant,
+        axis_names(None, plant.axes),
+        "control unit",
+        MachineLimits(),
+        known_delay=0,
+        gain=unsure.gain,
+        delay=unsure.delay,
+        encoder_resolution=ENCODER_RESOLUTION,
+        control_noise=CONTROL_NOISE,
+        response_doubt=unsure.response,
+        states_family="" if uncertainty is not None else IN_PYTHON,
+    )
+
+
+def _check_axes(plant: LinearPlant) -> None:
+    if plant.axes not in (2, 3):
+        raise MachineError(
+            f"C: needs two or three outputs, the axes of the tool point, received {plant.axes}"
+        )
+
+
+def _check_motion(plant: LinearPlant) -> None:
+    try:
+        steady_motion(plant)
+    except ValueError as error:
+        raise MachineError(f"A, B, C: {error}") from None
+
+
+def _limits(given: LimitFields, metre: float, plant: LinearPlant) -> MachineLimits:
+    def each(name: str, count: int, unit: float) -> np.ndarray | None:
+        value = getattr(given, name)
+        return None if value is None else per_axis(f"limits.{name}", value, count) * unit
+
+    return MachineLimits(
+        speed=each("speed", plant.axes, metre),
+        acceleration=each("acceleration", plant.axes, metre),
+        control=each("control", plant.inputs, 1.0),
+        increment=each("increment", plant.inputs, 1.0),
+    )
+
+
+def _check_modes(A, B, C) -> None:
+    """Hautus: every mode that does not die out is reached by the input and shown by the output.
+
+    Whatever the units of states, inputs and outputs: they are balanced.
+    """
+    n, inputs, outputs = len(A), B.shape[1], len(C)
+    whole = np.zeros((n + inputs + outputs,) * 2)
+    whole[:n, :n], whole[:n, n : n + inputs], whole[n + inputs :, :n] = A, B, C
+    whole[n : n + inputs, n + inputs :] = 1.0  # a loop: what ends in a dead end is not balanced
+    balanced, _ = matrix_balance(whole, permute=False)
+    A, B, C = balanced[:n, :n], balanced[:n, n : n + inputs], balanced[n + inputs :, :n]
+    for name, A_, B_, missing in (
+        ("B", A, B, "is out of reach of the inputs"),
+        ("C", A.T, C.T, "does not show in the outputs"),
+    ):
+        for value in np.real_if_close(np.linalg.eigvals(A_)):
+            if abs(value) < 1:
+                continue
+            singular = np.linalg.svd(
+                np.hstack([A_ - value * np.eye(len(A_)), B_]), compute_uv=False
+            )
+            if not singular[-1] > RANK * singular[0]:
+                raise MachineError(
+                    f"{name}: a mode of A that does not die out (eigenvalue {value:.6g}) {missing}"
+                )

@@ -1,0 +1,205 @@
+"""Machine files and summaries of machines that were identified from a log."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import norm
+
+from jcontour.app.files.results.linear_result import LinearAxisResult
+from jcontour.app.flags.machines import Machine
+from jcontour.app.machines.unsure_resonances import moved, places_around
+from tuning.identification.estimates import CONFIDENCE
+from tuning.identification.linear import evidence
+from tuning.identification.linear.axis_model import AxisModel
+from tuning.identification.linear.found import LinearAxis, LinearMachineFound
+
+ROUGH = 4  # windows over which the largest acceleration is taken
+THINNED = 4  # frequencies of the intervals for one of the file, but around sharp modes
+UNKNOWN = 1e4  # |G_true / G - 1| that stands for more
+ALIKE = 1.01  # ratio of counts that a log does not tell apart
+RINGS = 0.3  # damping below which a pair of poles is a resonance: it answers 1.75 times
+DISTURBED = 10.0  # times the noise of the encoder, that a disturbance is told from
+HIGH = 99.9  # percentile that counts as the largest: encoders have outliers
+
+
+def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> dict[str, Any]:
+    """Fields of the machine file, lengths in m; the format is `files.machine_file`'s.
+
+    Limits are the largest values of the record: what is known to have gone well.
+    """
+    plant = found.plant()
+    return {
+        "name": name,
+        "length_unit": "m",
+        "control_unit": control_unit,
+        "axes": list(found.record.axes),
+        "dt": found.record.dt,
+        "A": np.asarray(plant.A).tolist(),
+        "B": np.asarray(plant.B).tolist(),
+        "C": np.asarray(plant.C).tolist(),
+        "limits": largest(found),
+        "known_delay": found.known_delay,
+        "uncertainty": {"gain": found.gain, "delay": found.late, "response": _doubt(found)},
+        "encoder_resolution": counts(found),
+        "encoder_noise": noises(found),
+        "friction": _friction(found),
+        **_note(found),
+    }
+
+
+def _note(found: LinearMachineFound) -> dict[str, str]:
+    """What moves a drive that takes a position beside its command, where that is much."""
+    parts = []
+    for one in found.axes:
+        left = float(np.sqrt(np.mean(one.fit.residual**2)))
+        noise = np.hypot(one.resolution / np.sqrt(12), one.encoder_noise)
+        if one.fit.model.integrators == 0 and left > DISTURBED * noise:
+            parts.append(f"{1e6 * left:.3g} um on {one.name}")
+    if not parts:
+        return {}
+    moved = f"the record holds {', '.join(parts)} RMS that the command does not explain"
+    return {"note": f"{moved}: the machine has it beside every error of a run here"}
+
+
+def _friction(found: LinearMachineFound) -> float | None:
+    """Command that dry friction takes; None where it could not be separated on some axis."""
+    if any(one.hides_friction for one in found.axes):
+        return None
+    return max(0.0 if one.friction is None else one.friction[0] for one in found.axes)
+
+
+def _doubt(found: LinearMachineFound) -> dict[str, list]:
+    """Intervals of the responses at a few frequencies, the largest around each.
+
+    A resonance is no surer than that of a data sheet: the record has it at one place of the table,
+    with one part on it and for motions of one size.
+    """
+    dt, modes = found.record.dt, [_ringing(one.fit.model) for one in found.axes]
+    places = [places_around(hertz, dt) for each in modes for hertz, _ in each]
+    own = [_thinned(one.response.frequency) for one in found.axes]
+    kept = np.unique([float(f"{one:.6g}") for one in np.concatenate([*own, *places])])
+    frequency = np.union1d(kept, np.concatenate([one.response.frequency for one in found.axes]))
+    edges = np.sqrt(kept[1:] * kept[:-1])
+    rows = []
+    for one, each in zip(found.axes, modes, strict=True):
+        width = np.interp(
+            np.log(frequency), np.log(one.response.frequency), one.response.half_width
+        )
+        for hertz, damping in each:
+            floor = moved(hertz, damping, Machine.resonance_uncertainty, frequency)
+            width = np.maximum(width, floor)
+        parts = np.split(np.minimum(width, UNKNOWN), np.searchsorted(frequency, edges))
+        rows.append([float(f"{part.max():.3g}") for part in parts])
+    return {"hertz": kept.tolist(), "relative": rows}
+
+
+def _ringing(model: AxisModel) -> list[tuple[float, float]]:
+    """Frequency [Hz] and damping of the pairs of poles that ring."""
+    return [(hertz, damping) for hertz, damping in _modes(model)[1] if damping < RINGS]
+
+
+def _thinned(frequency: Float[np.ndarray, " F"]) -> Float[np.ndarray, " K"]:
+    """Every `THINNED`-th of the usual frequencies, and all that lie closer together."""
+    gaps = np.diff(np.log(frequency))
+    close = np.append(gaps < 0.5 * gaps.max(), False)
+    close[1:] |= close[:-1]
+    return np.sort(np.concatenate([frequency[close], frequency[~close][::THINNED]]))
+
+
+def largest(found: LinearMachineFound) -> dict[str, list[float]]:
+    """Largest speed [m/s], acceleration [m/s^2] and command of the record, by axis."""
+    dt, window = found.record.dt, evidence.WINDOW
+    speed = _differences(found.record.position, window) / (window * dt)
+    wide = ROUGH * window
+    smooth = _differences(found.record.position, wide) / (wide * dt)
+    acceleration = _differences(smooth, wide) / (wide * dt)
+    return {
+        "speed": np.percentile(np.abs(speed), HIGH, axis=0).tolist(),
+        "acceleration": np.percentile(np.abs(acceleration), HIGH, axis=0).tolist(),
+        "control": np.abs(found.record.command).max(axis=0).tolist(),
+    }
+
+
+def counts(found: LinearMachineFound) -> float | list[float]:
+    """Counts of the encoders by axis [m]; one number, the coarsest, where they hardly differ."""
+    each = [one.resolution for one in found.axes]
+    return max(each) if max(each) <= ALIKE * min(each) else each
+
+
+def noises(found: LinearMachineFound) -> float | list[float]:
+    """Noise of the encoders beside their counts, by axis [m]; one number where all have none."""
+    each = [one.encoder_noise for one in found.axes]
+    return each if any(each) else 0.0
+
+
+def axis_result(axis: LinearAxis) -> LinearAxisResult:
+    """Numbers of one axis."""
+    fit, model = axis.fit, axis.fit.model
+    gain, deviation = _gain(axis)
+    factor = float(norm.ppf((1 + CONFIDENCE) / 2))
+    constants, resonances = _modes(model)
+    low, high = axis.response.band
+    names = [name for name in axis.estimate.names if name not in evidence.DRAGS]
+    return LinearAxisResult(
+        name=axis.name,
+        integrators=model.integrators,
+        order=model.order,
+        delay=model.delay,
+        delays=axis.delays,
+        gain=gain,
+        gain_interval=(gain - factor * deviation, gain + factor * deviation),
+        time_constants=constants,
+        resonances=resonances,
+        denominator=model.denominator.tolist(),
+        numerator=model.numerator.tolist(),
+        intervals=[axis.estimate.interval(name) for name in names],
+        explained=axis.explained,
+        residual=float(np.sqrt(np.mean(fit.residual**2))),
+        innovation=float(np.sqrt(fit.loss)),
+        correlation=float(np.abs(evidence.correlations(fit)).max()),
+        shown_from=low,
+        shown_to=high,
+        friction=None if axis.friction is None else axis.friction[0],
+        offset=axis.offset,
+        saturated=axis.saturated,
+        coupling=axis.coupling,
+        uncertainty=axis.gain,
+    )
+
+
+def _gain(axis: LinearAxis) -> tuple[float, float]:
+    """Gain at rest, B(1) / A(1), per second where there is an integrator; its deviation.
+
+    Where rounding takes the variance below zero, that of the response at its lowest frequency.
+    """
+    model = axis.fit.model
+    below, above = 1 + model.denominator.sum(), model.numerator.sum()
+    scale = 1 / model.dt**model.integrators
+    n, m = len(model.denominator), len(model.numerator)
+    slopes = np.concatenate([np.full(n, -above / below**2), np.full(m, 1 / below)])
+    covariance = axis.estimate.covariance[: n + m, : n + m]
+    gain, variance = scale * above / below, scale**2 * float(slopes @ covariance @ slopes)
+    if variance > 0:
+        return float(gain), float(np.sqrt(variance))
+    lowest = axis.response.half_width[0] / float(norm.ppf((1 + CONFIDENCE) / 2))
+    return float(gain), float(abs(gain) * lowest)
+
+
+def _modes(model: AxisModel) -> tuple[list[float], list[tuple[float, float]]]:
+    """Time constants [s] of real poles in (0, 1), frequency [Hz] and damping of the pairs."""
+    constants, pairs = [], []
+    for pole in model.poles:
+        if abs(pole) < 1e-12:
+            continue
+        rate = np.log(pole) / model.dt
+        if abs(pole.imag) < 1e-9 and pole.real > 0:
+            constants.append(float(-1 / rate.real))
+        elif pole.imag > 0:
+            pairs.append((float(abs(rate) / (2 * np.pi)), float(-rate.real / abs(rate))))
+    return sorted(constants, reverse=True), sorted(pairs)
+
+
+def _differences(signal: Float[np.ndarray, "T axes"], window: int) -> np.ndarray:
+    window = min(window, len(signal) - 1)
+    return signal[window:] - signal[:-window]

@@ -1,0 +1,313 @@
+"""Machines with a linear model, positions measured by encoders.
+
+Their families differ in input gains and delays.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.app.machines.count_noise import FARTHEST, in_words, rounding_noise, sensor_noise
+from jcontour.app.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
+from jcontour.app.machines.uncertainty import Member, assumed, family_members, random_members
+from jcontour.linear.between_samples import hidden_acceleration
+from jcontour.plant import Plant
+from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
+from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
+from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.wrappers.dry_friction import with_dry_friction
+from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.plants.wrappers.gains import Gained
+from jcontour.simulation.evaluation import stack_plants
+
+DRIVE_RANGE = 10.0  # control units, read as volts: analogue drives take +-10 V; not in the paper
+CONTROL_NOISE = 0.1  # control units: about what an input gain 10 % off does
+# McNab & Tsao, Table 1, case II, the best of those found by hand; the filter estimates no load
+PUBLISHED = {"alpha": 1.2, "beta": 20.0, "rho": 2e-9, "control_noise": CONTROL_NOISE, "drift": 1e-6}
+USUAL = Usual(
+    "contouring-lq",
+    training=("cam", "circle", "square"),
+    # the bracket's length would triple the minute that training takes
+    held_out=("bracket", "ellipse", "lemniscate"),
+    beside_own=("circle", "ellipse", "lemniscate"),  # quick ones
+    simulated="circle",
+    front=("square",),
+    swept=("circle", "square"),
+)
+
+
+@dataclass(frozen=True)
+class LinearMachine(Machine):
+    """A linear machine; lengths in metres.
+
+    Attributes:
+        known_delay: samples of it in the model.
+        gain: relative uncertainty of the input gains.
+        delay: most samples of delay that the model does not know.
+        encoder_resolution: [m] per count, of all axes or of each (m,).
+        control_noise: standard deviation that the Kalman filter assumes on each control.
+        encoder_noise: standard deviation of the encoders beside their rounding [m], of all axes or
+            of each (m,).
+        published: weights of its publication by name; None where nothing is published.
+        with_friction: the machine that a controller of a given period [s] meets on the host, where
+            that is another than the model.
+        contours: what the commands run on it.
+        response_doubt: how far off the response may be beside gains and delays.
+        friction: control that dry friction takes: in the runs, not in linear loops; None where it
+            is not known, and nowhere.
+        note: of its file, to be repeated where it is run; empty without one.
+        states_family: how its file states the family; empty where it does.
+    """
+
+    known_delay: int
+    gain: float
+    delay: int
+    encoder_resolution: float | np.ndarray
+    control_noise: float
+    encoder_noise: float | np.ndarray = 0.0
+    published: Mapping[str, float] | None = None
+    with_friction: Callable[[float | None], Hosted] | None = None
+    contours: Usual = USUAL
+    response_doubt: Doubt | None = None
+    friction: float | None = 0.0
+    note: str = ""
+    states_family: str = ""
+
+    @property
+    def doubt(self) -> Doubt | None:
+        """What the machine file says of the response."""
+        return self.response_doubt
+
+    @property
+    def remarks(self) -> list[str]:
+        """The note of its file, and the family that is assumed where it states none."""
+        lines = [f"{self.name}: {self.note}"] if self.note else []
+        if self.states_family:
+            lines.append(assumed(self.name, self.gain, self.delay, self.states_family))
+        return lines
+
+    @property
+    def nonsmooth_effects(self) -> str:
+        """Encoder counts and noise, and friction, where there is some."""
+        encoders = "quantised, noisy encoders" if self.noisy else "quantised encoders"
+        return f"{encoders} and dry friction" if self.friction else encoders
+
+    @property
+    def resolution(self) -> float | np.ndarray:
+        """Of the position encoders."""
+        return self.encoder_resolution
+
+    @property
+    def noisy_count(self) -> float | np.ndarray:
+        """Rounding has a variance of a twelfth of its square."""
+        if not self.noisy:
+            return self.encoder_resolution
+        return np.sqrt(self.encoder_resolution**2 + 12 * self.encoder_noise**2)
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the encoders have noise beside their rounding."""
+        return bool(np.any(self.encoder_noise))
+
+    @property
+    def hidden_acceleration(self) -> np.ndarray:
+        """Of the model; its known delay has none."""
+        return hidden_acceleration(self.model, self.known_delay)
+
+    @property
+    def sensed(self) -> tuple[str, ...]:
+        """Positions of the axes."""
+        return ("m",) * len(self.axes)
+
+    @property
+    def usual(self) -> Usual:
+        """Contouring on short parts."""
+        return self.contours
+
+    @property
+    def members(self) -> list[Member]:
+        """Name, input gains and extra delay of every plant of the family, the nominal one first."""
+        return family_members(self.model.inputs, self.gain, self.delay)
+
+    @property
+    def family_names(self) -> list[str]:
+        """Names of the members."""
+        return [name for name, _, _ in self.members]
+
+    @property
+    def middle_delay(self) -> int:
+        """Middle of the delay that the model does not know, rounded down [samples]."""
+        return self.delay // 2
+
+    @property
+    def largest_control(self) -> float:
+        """Smallest of the controls' limits; 1 where none is stated."""
+        return 1.0 if self.limits.control is None else float(np.min(self.limits.control))
+
+    @cached_property
+    def holding(self) -> np.ndarray:
+        """Control per m that holds each axis at rest; zero where drives take a speed or a force."""
+        with jax.ensure_compile_time_eval():
+            return np.asarray(self.model.holding_control(jnp.ones(self.model.axes)))
+
+    @property
+    def unknown_delay(self) -> int:
+        """Most samples of delay that the model does not know."""
+        return self.delay
+
+    @property
+    def frictionless(self) -> "LinearMachine":
+        """The same without dry friction: its loops are linear."""
+        return replace(self, friction=0.0)
+
+    def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+        """The members behind encoders with noise in place of counts, or their state measured.
+
+        Without the noise a loop that amplifies it would pass for a good one.
+        """
+        members = [self._member(Delayed, gains, late) for _, gains, late in self.members]
+        if fed == "state":
+            return members
+        noise = rounding_noise(self.model.axes, self.noisy_count)
+        return [Disturbed(Encoders(plant), noise=noise) for plant in members]
+
+    def positions(self, fed: Fed) -> Callable[[Any], Float[Array, " m"]]:
+        """The measurement itself, or the outputs of a measured state."""
+        return self.model.output if fed == "state" else lambda measurement: measurement
+
+    def linear_family(self, fed: Fed, path: Float[Array, "T m"]) -> Sequence[Plant]:
+        """The exact family, the same along every path."""
+        return self.exact_family(fed)
+
+    def noisy_nominal(self, key: jax.Array, fed: Fed, path: Float[Array, "T m"]) -> Plant:
+        """The model behind encoders with noise in place of counts; a state is measured as it is."""
+        if fed == "state":
+            return self.model
+        half = self.noisy_count / 2
+        noise = jax.random.uniform(key, path.shape, minval=-half, maxval=half)
+        return Disturbed(Encoders(self.model), noise=noise)
+
+    def with_noise(self, plant: Plant, key: jax.Array, steps: int, fed: Fed) -> Plant:
+        """Gaussian noise within three deviations, alike on all plants. Counts are no noise."""
+        if not self.noisy or fed == "state":
+            return plant
+        deviation = jnp.broadcast_to(jnp.asarray(self.encoder_noise), (1, self.model.axes))
+        drawn = jax.random.normal(key, (steps, self.model.axes))
+        noise = deviation * jnp.clip(drawn, -FARTHEST, FARTHEST)
+        return eqx.tree_at(lambda counted: counted.plant.noise, plant, noise)
+
+    def exact_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+        """The members without friction, behind encoders that do not round, or their state."""
+        return [self.exact_plant(gains, late, fed) for _, gains, late in self.members]
+
+    def exact_plant(self, gains: np.ndarray, late: float, fed: Fed = "outputs") -> Plant:
+        """The machine with other input gains and more delay, linear: no friction, no counts."""
+        plant = self.frictionless._member(Delayed, gains, late)
+        return plant if fed == "state" else Encoders(plant)
+
+    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+        """The members with friction and whole counts; a state is measured as it is."""
+        return [self.true_plant(gains, late, fed) for _, gains, late in self.members]
+
+    def true_plant(self, gains: np.ndarray, late: float, fed: Fed = "outputs") -> Plant:
+        """The machine with other input gains and more delay, with friction and whole counts."""
+        return self.counted(self._member(Delayed, gains, late), fed)
+
+    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
+        """Gains and delays drawn evenly from their intervals, then the corners of these."""
+        if self.gain == 0 and self.delay == 0:
+            return None
+        late = [
+            self._member(PartlyDelayed, gains, delay)
+            for _, gains, delay in self._drawn(count, seed)
+        ]
+        return stack_plants([self.counted(plant, fed) for plant in late])
+
+    def random_names(self, count: int, seed: int) -> list[str]:
+        """Names of those."""
+        return [one.name for one in self._drawn(count, seed)]
+
+    def _drawn(self, count: int, seed: int) -> list[Member]:
+        return random_members(count, seed, self.model.inputs, self.gain, self.delay)
+
+    def _member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
+        """The machine behind a delay line, with friction, its state measured."""
+        plant = line(self._machine, jnp.asarray(late), max(self.delay, 1), self.model.inputs)
+        return Gained(plant, jnp.asarray(gains))
+
+    def counted(self, plant: Plant, fed: Fed = "outputs") -> Plant:
+        """A plant behind the encoders, with their noise and whole counts, or its state measured."""
+        if fed == "state":
+            return plant
+        read = Encoders(plant)
+        if self.noisy:
+            read = Disturbed(read, noise=sensor_noise(self.model.axes, self.encoder_noise))
+        return Quantised(read, resolution=self.encoder_resolution)
+
+    @cached_property
+    def _machine(self) -> Plant:
+        """The model with friction, which the model's delay does not delay."""
+        if not self.friction:  # none, or not known
+            return self.model
+        A, B = np.asarray(self.model.A), np.asarray(self.model.B)
+        # in a model with a delay, the control that acts is the last of those that wait
+        entry = A[:, -self.model.inputs :] if self.known_delay else B
+        return with_dry_friction(self.model, entry, np.full(self.model.axes, self.friction))
+
+    def hosted(self, period: float | None = None) -> Hosted:
+        """The machine with friction, or the model itself."""
+        return super().hosted(period) if self.with_friction is None else self.with_friction(period)
+
+    def nominal(self, fed: Fed = "outputs") -> Plant:
+        """The model, its positions or its state measured."""
+        return self.model if fed == "state" else Encoders(self.model)
+
+    def description(self) -> dict[str, str]:
+        """States, delay, axes, sensors, friction where there is some."""
+        states = f"{self.model.states} states (known delay {self.known_delay})"
+        time = f"dt {1e3 * self.model.dt:g} ms"
+        sensors = f"positions only, encoder {in_words(self.encoder_resolution)}"
+        if self.noisy:
+            sensors += f", noise {in_words(self.encoder_noise)}"
+        friction = "not known, neither in the runs nor in what is proven"
+        if self.friction is not None:
+            friction = f"{self.friction:.3g} {self.control_unit}, in the runs and in what is proven"
+        return {
+            "Machine": f"{self.name}: {states}, axes {', '.join(self.axes)}, {time}",
+            "Measured": sensors,
+            **({} if self.friction == 0 else {"Friction": friction}),
+            **({"Note": self.note} if self.note else {}),
+        }
+
+    @property
+    def measurement_noise(self) -> float | np.ndarray:
+        """Standard deviation of measured positions [m], all or each: noisy_count / sqrt(12)."""
+        return self.noisy_count / np.sqrt(12)
+
+
+def bridgeport_machine() -> LinearMachine:
+    """The paper's X-Y table, its integrators exact; no limits and no uncertainty are stated there.
+
+    The limit of the control is that of a usual analogue drive.
+    """
+    return LinearMachine(
+        "bridgeport",
+        exact_bridgeport(),
+        ("X", "Y"),
+        "control unit",
+        MachineLimits(control=np.full(2, DRIVE_RANGE)),
+        known_delay=0,
+        gain=0.1,
+        delay=2,
+        encoder_resolution=ENCODER_RESOLUTION,
+        control_noise=CONTROL_NOISE,
+        published=PUBLISHED,
+    )

@@ -1,0 +1,173 @@
+"""What a machine's model does: speeds that it reaches, how fast it settles, where it rings."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jcontour.app.machines.machine import Machine
+from jcontour.app.machines.steady_response import Kind, steady_response
+from jcontour.linear.plant import LinearPlant
+
+GRAVITY = 9.81  # [m/s^2]
+QUESTIONED = 1000 * GRAVITY  # [m/s^2]: a unit is wrong, not a machine
+FAST = 50.0  # [m/s] likewise
+HARD = QUESTIONED / 10  # [m/s^2] of a limit or a motion, likewise
+COARSE = 4.9e-5  # [m] of a count, likewise: 0.05 um read as mm
+SLOW = 0.01  # [m/s^2] likewise
+SHORTEST, LONGEST = 1e-5, 0.02  # [s], sample periods likewise
+UNSEEN = 1e-3  # of a speed: what rounded numbers of a file may lack
+STEPS, MOST_STEPS = 4000, 100_000  # samples of a step response, and of one that settles slowly
+SETTLED = 5.0  # slowest time constants that it lasts
+PEAK = 1.3  # a resonance rises this much
+
+
+@dataclass(frozen=True)
+class AxisBehaviour:
+    """One axis of the model under its own control alone.
+
+    Attributes:
+        name: of the axis.
+        gain: what lasts under one unit of control, to which the step response tends: speed [m/s
+            per control unit], position [m per control unit] or acceleration [m/s^2 per control
+            unit]; NaN where the axis runs away.
+        kind: what that is: "speed", "position", "acceleration" or "nothing".
+        rise: time to 63 % of it, the delay left out [s]; NaN where that is not reached in a
+            hundred thousand samples.
+        delay: samples before anything moves.
+        acceleration: largest, per unit of control [m/s^2].
+        resonance: frequency of the highest peak above a smooth curve [Hz]; NaN without one.
+        time: of the step response [s].
+        step: position after a step of one unit [m].
+    """
+
+    name: str
+    gain: float
+    kind: Kind
+    rise: float
+    delay: int
+    acceleration: float
+    resonance: float
+    time: np.ndarray
+    step: np.ndarray
+
+
+def axis_behaviours(machine: Machine) -> list[AxisBehaviour]:
+    """Behaviour of every axis of the nominal model."""
+    return [_behaviour(machine.model, k, name) for k, name in enumerate(machine.axes)]
+
+
+def questions(machine: Machine, found: list[AxisBehaviour]) -> list[str]:
+    """What cannot be true of a machine, most likely a wrong unit."""
+    lines = [*_doubtful_period(machine.model.dt), *_doubtful_limits(machine)]
+    if machine.resolution is not None:
+        lines += coarse_counts(machine.axes, machine.resolution)
+    largest = machine.limits.control
+    if largest is None:
+        return [*lines, "limits.control is not given: what the machine reaches is not known"]
+    for k, one in enumerate(found):
+        most = float(np.broadcast_to(largest, len(found))[k])
+        acceleration = most * one.acceleration
+        if one.kind != "position" and acceleration > QUESTIONED:
+            lines.append(
+                f"{one.name}: the largest control gives {acceleration / GRAVITY:.3g} g; "
+                "is length_unit right?"
+            )
+        if one.kind == "speed" and most * one.gain > FAST:
+            lines.append(
+                f"{one.name}: the largest control gives {most * one.gain:.3g} m/s; "
+                "is length_unit right?"
+            )
+        speed = machine.limits.speed
+        if one.kind == "speed" and speed is not None:
+            allowed = float(np.broadcast_to(speed, len(found))[k])
+            if most * one.gain < (1.0 - UNSEEN) * allowed:
+                lines.append(
+                    f"{one.name}: the largest control gives {1e3 * most * one.gain:.4g} mm/s, "
+                    f"less than its limit of {1e3 * allowed:.4g} mm/s"
+                )
+    return lines
+
+
+def coarse_counts(axes: Sequence[str], resolution: float | np.ndarray) -> list[str]:
+    """Counts [m] that no encoder of a machine has, one number or one for each axis."""
+    each = np.broadcast_to(resolution, len(axes))
+    return [
+        f"{name}: counts of {1e6 * count:.4g} um are coarser than those of a machine; are lengths "
+        "in um taken for mm?"
+        for name, count in zip(axes, each, strict=True)
+        if count > COARSE
+    ]
+
+
+def _doubtful_period(dt: float) -> Iterator[str]:
+    """A sample period that controllers of machines seldom have."""
+    if not SHORTEST <= dt <= LONGEST:
+        yield (
+            f"a sample period of {1e3 * dt:g} ms is unusual, most are of {1e3 * SHORTEST:g} to "
+            f"{1e3 * LONGEST:g} ms; is its unit right?"
+        )
+
+
+def _doubtful_limits(machine: Machine) -> Iterator[str]:
+    """Stated accelerations that no axis has."""
+    stated = machine.limits.acceleration
+    if stated is None:
+        return
+    for name, limit in zip(machine.axes, np.broadcast_to(stated, len(machine.axes)), strict=True):
+        if not SLOW <= limit <= HARD:
+            yield (
+                f"{name}: its limit on the acceleration is {limit:.3g} m/s^2; is length_unit right?"
+            )
+
+
+def response(model: LinearPlant, axis: int, frequency: np.ndarray) -> np.ndarray:
+    """Complex response from the axis's own control to its position, over frequency [Hz]."""
+    A, B, C = (np.asarray(matrix) for matrix in (model.A, model.B, model.C))
+    z = np.exp(2j * np.pi * frequency * model.dt)
+    return np.array([_transfer(A, B[:, axis], C[axis], one) for one in z])
+
+
+def _transfer(A: np.ndarray, b: np.ndarray, c: np.ndarray, z: complex) -> complex:
+    return complex(c @ np.linalg.solve(z * np.eye(len(A)) - A, b))
+
+
+def _behaviour(model: LinearPlant, axis: int, name: str) -> AxisBehaviour:
+    dt = model.dt
+    steady = steady_response(model, axis)
+    step = _step(model, axis, int(np.clip(SETTLED * steady.slowest, STEPS, MOST_STEPS)))
+    speed = np.diff(step) / dt
+    begin = np.abs(step[: STEPS + 1])
+    moved = np.flatnonzero(begin > 1e-9 * begin.max())
+    delay = int(moved[0]) - 1 if moved.size else STEPS
+    changes = np.diff(speed, prepend=0.0) / dt
+    seen = {"position": step, "speed": speed}.get(steady.kind, changes[1:])
+    above = np.flatnonzero(np.abs(seen) >= (1 - np.exp(-1)) * abs(steady.gain))
+    rise = dt * max(float(above[0]) - delay, 0.0) if above.size else float("nan")
+    time = dt * np.arange(len(step))
+    most, where = float(np.abs(changes).max()), _resonance(model, axis)
+    return AxisBehaviour(name, steady.gain, steady.kind, rise, delay, most, where, time, step)
+
+
+def _step(model: LinearPlant, axis: int, steps: int) -> np.ndarray:
+    A, b, c = np.asarray(model.A), np.asarray(model.B)[:, axis], np.asarray(model.C)[axis]
+    x, y = np.zeros(len(A)), np.empty(steps + 1)
+    for k in range(steps + 1):
+        y[k] = c @ x
+        x = A @ x + b
+    return y
+
+
+def _resonance(model: LinearPlant, axis: int) -> float:
+    """Frequency of a lightly damped mode that this control drives [Hz]; NaN without one."""
+    poles = np.linalg.eigvals(np.asarray(model.A))
+    turning = poles[(np.abs(poles.imag) > 1e-6) & (np.abs(poles) > 1e-6) & (poles.imag > 0)]
+    best, most = float("nan"), PEAK
+    for pole in turning:
+        hertz = float(np.angle(pole)) / (2 * np.pi * model.dt)
+        beside = np.array([0.8, 1.0, 1.25]) * hertz
+        low, peak, high = np.abs(response(model, axis, beside))
+        rises = peak / np.sqrt(low * high)
+        if rises > most:
+            best, most = hertz, float(rises)
+    return best

@@ -1,0 +1,170 @@
+"""A machine around any smooth plant: its linearisation is the model, gains and delay are unsure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.app.machines.linear import USUAL
+from jcontour.app.machines.machine import NO_EFFECTS, Fed, Machine, MachineLimits, Usual
+from jcontour.app.machines.uncertainty import (
+    IN_PYTHON,
+    Member,
+    Uncertainty,
+    assumed,
+    family_members,
+    random_members,
+    stated_uncertainty,
+)
+from jcontour.linear.plant import LinearPlant, SteadyMotion
+from jcontour.plant import Plant
+from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
+from jcontour.plants.wrappers.gains import Gained
+from jcontour.simulation.evaluation import stack_plants
+
+AXES = 2  # of a plant that does not say how many it has
+
+
+@dataclass(frozen=True)
+class PlantMachine(Machine):
+    """A machine around a plant, measured as the plant says.
+
+    Attributes:
+        plant: the nominal one.
+        uncertainty: of its input gains and its delay.
+        stated: whether its file states that.
+    """
+
+    plant: Plant
+    uncertainty: Uncertainty
+    stated: bool
+
+    @property
+    def remarks(self) -> list[str]:
+        """The family that is assumed where its file states none."""
+        gain, delay, _ = self.uncertainty
+        return [] if self.stated else [assumed(self.name, gain, delay, IN_PYTHON)]
+
+    @property
+    def doubt(self) -> Doubt | None:
+        """What its file says of the response."""
+        return self.uncertainty.response
+
+    @property
+    def nonsmooth_effects(self) -> str:
+        """Nothing: the plant is taken as it is."""
+        return NO_EFFECTS
+
+    @property
+    def usual(self) -> Usual:
+        """Contouring on short parts; the controller is always given."""
+        return USUAL._replace(controller="")
+
+    @property
+    def members(self) -> list[Member]:
+        """Name, input gains and extra delay of every plant of the family, the nominal one first."""
+        gain, delay, _ = self.uncertainty
+        return family_members(self.model.inputs, gain, delay)
+
+    @property
+    def family_names(self) -> list[str]:
+        """Names of the members."""
+        return [one.name for one in self.members]
+
+    @property
+    def unknown_delay(self) -> int:
+        """Most samples of delay that the plant does not have."""
+        return self.uncertainty.delay
+
+    def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+        """The plant with other input gains and more delay, for what it measures itself."""
+        self._check(fed)
+        return [self._member(Delayed, gains, late) for _, gains, late in self.members]
+
+    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+        """The same."""
+        return self.smooth_family(fed)
+
+    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
+        """Gains and delays drawn evenly from their intervals, then the corners of these."""
+        self._check(fed)
+        if self.uncertainty.gain == 0 and self.uncertainty.delay == 0:
+            return None
+        drawn = self._drawn(count, seed)
+        return stack_plants([self._member(PartlyDelayed, one.gains, one.late) for one in drawn])
+
+    def random_names(self, count: int, seed: int) -> list[str]:
+        """Names of those."""
+        return [one.name for one in self._drawn(count, seed)]
+
+    def _drawn(self, count: int, seed: int) -> list[Member]:
+        gain, delay, _ = self.uncertainty
+        return random_members(count, seed, self.model.inputs, gain, delay)
+
+    def _member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
+        depth = max(self.uncertainty.delay, 1)
+        plant = line(self.plant, jnp.asarray(late), depth, self.model.inputs)
+        return Gained(plant, jnp.asarray(gains))
+
+    def _check(self, fed: Fed) -> None:
+        if fed == "state":
+            raise ValueError(f"{self.name} is measured as its plant says, not by its state")
+
+    def nominal(self, fed: Fed = "outputs") -> Plant:
+        """The plant."""
+        self._check(fed)
+        return self.plant
+
+    def description(self) -> dict[str, str]:
+        """Axes and sample period."""
+        axes = ", ".join(self.axes)
+        return {"Machine": f"{self.name}: axes {axes}, dt {1e3 * self.plant.dt:g} ms"}
+
+
+def axes_of(plant: Plant) -> int:
+    """How many axes a plant says it has; two where it says nothing."""
+    return int(getattr(plant, "axes", AXES))
+
+
+def machine_of(plant: Plant, name: str, uncertainty: Any = None) -> PlantMachine:
+    """Machine of a plant with two axes, or as many as its `axes` says; one input each.
+
+    Args:
+        plant: the nominal one.
+        name: of the machine.
+        uncertainty: as in a machine file; the usual where it is None.
+
+    Raises:
+        MachineError: a field of the uncertainty is wrong.
+    """
+    axes = axes_of(plant)
+    names = ("X", "Y", "Z")[:axes]
+    model = _linearised(plant, axes)
+    unsure, stated = stated_uncertainty(uncertainty, model), uncertainty is not None
+    return PlantMachine(name, model, names, "control unit", MachineLimits(), plant, unsure, stated)
+
+
+def _linearised(plant: Plant, axes: int) -> LinearPlant:
+    """Linear model around rest in the origin."""
+    origin = jnp.zeros(axes)
+    rest, unravelled = ravel_pytree(plant.initial_state(origin, origin))
+
+    def step(state, control):
+        return ravel_pytree(plant.step(unravelled(state), control))[0]
+
+    def start(position, increment):
+        return ravel_pytree(plant.initial_state(position, increment))[0]
+
+    @jax.jit
+    def matrices():
+        C = jax.jacfwd(lambda state: plant.output(unravelled(state)))(rest)
+        motion = SteadyMotion(*jax.jacfwd(start, (0, 1))(origin, origin))
+        return *jax.jacfwd(step, (0, 1))(rest, origin), C, motion
+
+    A, B, C, motion = matrices()
+    return LinearPlant(A, B, C, plant.dt, motion=motion)

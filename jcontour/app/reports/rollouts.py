@@ -1,0 +1,132 @@
+"""Rollouts of a run as a netCDF data set, and how much of them is kept."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from jcontour.app.files.netcdf import metric_unit, save_dataset
+from jcontour.app.files.run_folder import versions
+from jcontour.app.flags.shared import Rollouts
+from jcontour.app.jobs.replays import Replay, Scenarios, desired, scored
+from jcontour.app.machines.machine import Machine
+
+FILE = "rollouts.nc"
+LARGE = 100e6  # bytes of signals: `auto` thins beyond them, `thinned` down to them
+FLOAT = 8  # bytes
+ERROR = "vector from the nearest point of the contour to the tool"
+RUN = ("design", "contour", "plant")  # axes of what there is one of for every run
+
+Variables = dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]]
+
+
+def save_rollouts(
+    keep: Rollouts,
+    replays: Mapping[str, Replay],
+    scenarios: Scenarios,
+    machine: Machine,
+    title: str,
+    folder: Path,
+) -> str:
+    """Write `rollouts.nc` as far as it is kept; one line that says what was written."""
+    size = signal_bytes(replays)
+    every = samples_kept(keep, size)
+    if every is None:
+        return f"Rollouts: not kept ({_megabytes(size)} of signals)"
+    dataset = rollouts(replays, scenarios, machine, {"title": title, **versions()}, every)
+    path = save_dataset(dataset, folder / FILE)
+    written = f"Rollouts: {FILE}, {_megabytes(path.stat().st_size)}"
+    if every == 1:
+        return f"{written}, every sample"
+    whole = f"all would be about {_megabytes(size)}: --rollouts full"
+    return f"{written}, one sample of {every} ({whole})"
+
+
+def signal_bytes(replays: Mapping[str, Replay]) -> int:
+    """Bytes of the signals of all runs."""
+    signals = [(run.output, run.control, run.contour_error) for run in replays.values()]
+    return FLOAT * sum(signal.size for run in signals for signal in run)
+
+
+def samples_kept(keep: Rollouts, size: int) -> int | None:
+    """One sample of how many is kept, of signals of `size` bytes; None where none is."""
+    if keep == "none":
+        return None
+    if keep == "full":
+        return 1
+    least = 1 if keep == "auto" else 2
+    return max(least, math.ceil(size / LARGE))
+
+
+def rollouts(
+    replays: Mapping[str, Replay],
+    scenarios: Scenarios,
+    machine: Machine,
+    attributes: dict[str, str],
+    every: int = 1,
+) -> xr.Dataset:
+    """Signals and metrics of several designs over the same scenarios, one sample of `every`."""
+    runs = list(replays.values())
+    kept, unit = slice(None, None, every), machine.control_unit
+    data = _signals(runs, kept, unit) | _of_scenarios(scenarios, kept) | _metrics(runs, unit)
+    time = np.arange(runs[0].output.shape[2])[kept] * scenarios.references.dt
+    coordinates = {
+        "design": list(replays),
+        "contour": [job.name for job in scenarios.jobs],
+        "plant": list(scenarios.plants),
+        "time": ("time", time, {"units": "s"}),
+        "axis": list(machine.axes),
+        "input": [f"u{k + 1}" for k in range(runs[0].control.shape[-1])],
+    }
+    return xr.Dataset(data, coordinates, attributes)
+
+
+def _signals(runs: Sequence[Replay], kept: slice, unit: str) -> Variables:
+    """What every run did, in the samples that are kept."""
+
+    def stacked(values: Callable[[Replay], np.ndarray]) -> np.ndarray:
+        return np.stack([values(run)[:, :, kept] for run in runs])
+
+    output = stacked(lambda run: run.output)
+    control = stacked(lambda run: run.control)
+    error = stacked(lambda run: run.contour_error)
+    signal = (*RUN, "time")
+    return {
+        "output": ((*signal, "axis"), output, _words("m", "tool point")),
+        "control": ((*signal, "input"), control, _words(unit, "control")),
+        "contour_error": ((*signal, "axis"), error, _words("m", ERROR)),
+    }
+
+
+def _of_scenarios(scenarios: Scenarios, kept: slice) -> Variables:
+    """Where the tool should be, which samples count, and which contours the tuner has seen."""
+    wanted = desired(scenarios)[:, kept]
+    counted = scored(scenarios)[:, kept].astype("i1")
+    training = np.array(scenarios.training).astype("i1")
+    score = {"long_name": "1 where the sample counts in the metrics"}
+    seen = {"long_name": "1 where the tuner has seen the contour"}
+    return {
+        "reference": (("contour", "time", "axis"), wanted, _words("m", "where the tool should be")),
+        "scored": (("contour", "time"), counted, score),
+        "training": (("contour",), training, seen),
+    }
+
+
+def _metrics(runs: Sequence[Replay], unit: str) -> Variables:
+    """Metrics of every run."""
+    data: Variables = {}
+    for name in vars(runs[0].metrics):
+        values = np.stack([np.asarray(getattr(run.metrics, name)) for run in runs])
+        kind = values.astype("i1") if values.dtype == bool else values
+        data[name] = (RUN, kind, {"units": metric_unit(name, unit)})
+    return data
+
+
+def _words(unit: str, name: str) -> dict[str, str]:
+    return {"units": unit, "long_name": name}
+
+
+def _megabytes(size: float) -> str:
+    return f"{1e-6 * size:.3g} MB"

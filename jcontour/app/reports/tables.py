@@ -1,0 +1,219 @@
+"""Tables and lines of text for people."""
+
+import re
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from jcontour.app.files.results.run_metrics import ContourRead, PeakPlace, RunMetrics
+from jcontour.app.files.results.stored import Weight
+
+COLUMNS = (  # metric, heading, factor from SI
+    ("rms_contour_error", "RMS\ncontour\nerror um", 1e6),
+    ("peak_contour_error", "peak\ncontour\nerror um", 1e6),
+    ("rms_tracking_error", "RMS\ntracking\nerror um", 1e6),
+    ("peak_tracking_error", "peak\ntracking\nerror um", 1e6),
+    ("rms_control", "RMS\ncontrol\n", 1.0),
+    ("rms_increment", "RMS\ncontrol\nincrement", 1.0),
+)
+
+
+# columns of `worded_table` that wrap
+WORDS = ("where", "the paper", "the simulation", "case", "weights", "verdict")
+WIDE = 110  # columns where the output is not a terminal
+COMMAND = re.compile(r"(?<!`)\bjcontour(?: |$)")  # where one begins that is copied from the screen
+QUOTED = re.compile(r"'[^']*'")
+BLANK = "\0"  # in the place of one that is part of a word
+
+
+def console_of(stderr: bool = False, quiet: bool = False) -> Console:
+    """Where text goes; files and pipes are wide enough for every table."""
+    console = Console(stderr=stderr, quiet=quiet)
+    return console if console.is_terminal else Console(stderr=stderr, quiet=quiet, width=WIDE)
+
+
+def say(console: Console, *lines: str) -> None:
+    """Print lines as they are; on a terminal they are broken between words."""
+    texts = [line for text in lines for line in text.split("\n")]
+    if console.is_terminal:
+        texts = [broken(line, console.width) for line in texts]
+    console.print(*texts, sep="\n", markup=False, highlight=False, soft_wrap=True)
+
+
+def broken(line: str, width: int) -> str:
+    r"""A line broken between words; a command goes on behind a backslash, as a shell reads it.
+
+    A word that is wider stays whole.
+
+    >>> print(broken("Next: jcontour tune 'my part.ngc' --steps 30", 26))
+    Next: jcontour tune \
+    'my part.ngc' --steps 30
+    """
+    if len(line) <= width:
+        return line
+    begin = COMMAND.search(line)
+    whole = line if begin is None else _words_kept(line, begin.start())
+    pieces = textwrap.wrap(
+        whole,
+        width if begin is None else width - 2,
+        break_long_words=False,
+        break_on_hyphens=False,
+        subsequent_indent=" " * (len(line) - len(line.lstrip())),
+    )
+    text = pieces[0]
+    for piece in pieces[1:]:
+        text += f" \\\n{piece}" if COMMAND.search(text) else f"\n{piece}"
+    return text.replace(BLANK, " ")
+
+
+def _words_kept(line: str, begin: int) -> str:
+    """The line with the quoted words of its command in one piece."""
+    return line[:begin] + QUOTED.sub(lambda one: one[0].replace(" ", BLANK), line[begin:])
+
+
+def digits(value: float | None) -> str:
+    """Four significant digits; a dash for what is not finite."""
+    return "-" if value is None or value - value != 0 else f"{value:.4g}"
+
+
+def weight_digits(value: Weight) -> str:
+    """A weight, or one for each axis with commas, as `--weights` reads them."""
+    return ",".join(map(digits, value)) if isinstance(value, list) else digits(value)
+
+
+def of_axes(lengths: float | Sequence[float], axes: Sequence[str]) -> str:
+    """Lengths [m] in words: one of every axis, or one of each.
+
+    >>> of_axes(5e-7, "XY"), of_axes((5e-7, 2.5e-6), "XY")
+    ('0.5 um', '0.5 um on X, 2.5 um on Y')
+    """
+    if not isinstance(lengths, Sequence):
+        return f"{digits(1e6 * lengths)} um"
+    return ", ".join(
+        f"{digits(1e6 * length)} um on {name}" for length, name in zip(lengths, axes, strict=True)
+    )
+
+
+def of_inputs(values: Mapping[int, float], unit: str) -> str:
+    """Controls in words; one value where it is that of every input.
+
+    >>> of_inputs({0: 2.673, 1: 1.67}, "A"), of_inputs({0: 10.0, 1: 10.0}, "A")
+    ('2.673 A on input 1, 1.67 A on input 2', '10 A')
+    """
+    if len(values) > 1 and len(set(values.values())) == 1:
+        return f"{digits(next(iter(values.values())))} {unit}"
+    return ", ".join(f"{digits(value)} {unit} on input {k + 1}" for k, value in values.items())
+
+
+def plain_table(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1
+) -> Table:
+    """A table whose first columns are text and wrap, and the others numbers.
+
+    Where no column has a name there is no line of them.
+    """
+    table = Table(
+        title=escape(title),
+        title_justify="left",
+        title_style="bold",
+        pad_edge=False,
+        box=SIMPLE_HEAD,
+        show_header=any(columns),
+    )
+    for k, name in enumerate(columns):
+        table.add_column(
+            escape(name),
+            justify="left" if k < text_columns else "right",
+            no_wrap=k >= text_columns,
+            overflow="fold",  # a name is never cut
+        )
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
+    return table
+
+
+def worded_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """A table of a paper: columns of words wrap, the others hold numbers."""
+    table = Table(
+        title=escape(title),
+        title_justify="left",
+        title_style="bold",
+        box=SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    for heading in headings:
+        words = heading in WORDS
+        table.add_column(heading, justify="left" if words else "right", no_wrap=not words)
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
+    return table
+
+
+def columns_of(error: str) -> tuple[tuple[str, str, float], ...]:
+    """Columns that mean something: a single axis has no contour error apart from tracking."""
+    return tuple(column for column in COLUMNS if error == "contour" or "contour" not in column[0])
+
+
+def metric_cells(metrics: RunMetrics, error: str) -> list[str]:
+    """Columns of `columns_of`, in their units."""
+    if metrics.diverged:
+        return ["diverged"] * len(columns_of(error))
+    return [digits(factor * getattr(metrics, name)) for name, _, factor in columns_of(error)]
+
+
+def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
+    """Summary of a contour as it was read, in one line, then its stops and each doubt."""
+    box = ", ".join(
+        f"{axis} {_millimetres(low)} ... {_millimetres(high)}"
+        for axis, low, high in zip(axes, read.low, read.high, strict=True)
+    )
+    pieces = f"{read.pieces} move{'s' if read.pieces > 1 else ''}"
+    lasting = "" if read.duration is None else f" in {read.duration / read.laps:.3f} s"
+    line = f"{name}: {pieces}, {_length(read)}{lasting}, {box} mm{_laps(read)}"
+    if read.ignored:
+        line += f"; ignored: {', '.join(read.ignored)}"
+    return "\n".join([line, *filter(None, [read.stops]), *read.doubts])
+
+
+def _length(read: ContourRead) -> str:
+    """Length of the path, that of its cuts and of its rapid moves apart, or what is run of it."""
+    if not read.rapid_length:
+        whole = f"{1e3 * read.length:.5g} mm"
+        if read.way is None or read.way >= read.length:
+            return whole
+        return f"the first {1e3 * read.way:.5g} of {whole}"
+    cut = read.length - read.rapid_length
+    return f"{1e3 * cut:.5g} mm cut, {1e3 * read.rapid_length:.5g} mm rapid"
+
+
+def _laps(read: ContourRead) -> str:
+    """How often a run at constant feed goes around its path, and where its scoring begins."""
+    if read.laps == 2.0 and read.entry == read.length:
+        return "; 2 laps, the second is scored"
+    several = f"{read.laps:.3g} laps, " if read.laps > 1.0 else ""
+    entry = f"scored behind the first {1e3 * read.entry:.3g} mm" if read.entry else ""
+    return f"; {several}{entry}" if entry else ""
+
+
+def _millimetres(value: float) -> str:
+    return f"{round(1e3 * value, 4) + 0.0:.5g}"  # to 0.1 um; what is less is rounding
+
+
+def peak_line(peak: PeakPlace, error: str, axes: Sequence[str]) -> str:
+    """Where the largest error is, in one line."""
+    place = position(axes, peak.position)
+    line = f"largest {error} error {1e6 * peak.error:.4g} um at {place}, t {peak.time:.4g} s"
+    if peak.line is not None:
+        line += f", line {peak.line} of the file"
+    return f"{line} (plant: {peak.plant})"
+
+
+def position(axes: Sequence[str], values: Sequence[float]) -> str:
+    """A position [m] in mm, axis by axis."""
+    named = zip(axes, values, strict=True)
+    return ", ".join(f"{axis} {1e3 * value:.4g}" for axis, value in named) + " mm"

@@ -1,0 +1,292 @@
+"""Tables that `jcontour tune` prints."""
+
+import math
+from collections.abc import Callable, Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from jcontour.app.files.results.tuned_result import (
+    EngineRow,
+    GapRow,
+    LostFirst,
+    PathMargins,
+    TunedContour,
+    TunedResult,
+    rms_error,
+)
+from jcontour.app.reports.tables import digits, of_axes, peak_line, plain_table, position, say
+from tuning.objectives import COUNT_NOISE, LATE, RATIO
+
+SEEN, HELD_OUT = "training", "held out"
+STEP = 1.1  # of a limit, whose worth is told
+EFFORT = (  # metric, heading, factor from SI
+    ("peak_{error}_error", "peak\n{error}\nerror um", 1e6),
+    ("rms_tracking_error", "RMS\ntracking\nerror um", 1e6),
+    ("rms_control", "RMS\ncontrol\n", 1.0),
+    ("rms_increment", "RMS\nincre-\nment", 1.0),
+)
+
+
+def show_tuned(result: TunedResult, console: Console) -> None:
+    """Everything a tuning run found, and one sentence."""
+    for table in (error_table(result), effort_table(result)):
+        console.print(table)
+    lines = [*peak_lines(result), *values_block(result), "", sentence(result)]
+    say(console, *lines, *limit_lines(result))
+
+
+def error_table(result: TunedResult) -> Table:
+    """RMS error of start, or baseline, and tuned weights: nominal plant, worst of the family.
+
+    Contours that the tuner has never seen stand below the others.
+    """
+    headings = [
+        f"{plant}\n{words}"
+        for plant in ("nominal", "worst")
+        for words in (result.contours[0].compared, "tuned", "change %")
+    ]
+    rows = _by_training(result, _error_cells)
+    effects = result.machine.nonsmooth_effects
+    title = f"RMS {result.error} error in um, machine with {effects}"
+    return plain_table(title, ["contour", *headings], rows)
+
+
+def effort_table(result: TunedResult) -> Table:
+    """Peak error, lag and effort of start, or baseline, and tuned weights, worst of the family."""
+    columns = [column for column in EFFORT if column[0] != f"rms_{result.error}_error"]
+    headings = [
+        f"{heading.replace('{error}', result.error)}\n{design}"
+        for _, heading, _ in columns
+        for design in (result.contours[0].compared, "tuned")
+    ]
+
+    def cells(contour: TunedContour, error: str) -> list[str]:
+        pairs = [contour.metrics[design].worst for design in (contour.compared, "tuned")]
+        return [
+            _number(factor * getattr(one, name.replace("{error}", error)), one.diverged)
+            for name, _, factor in columns
+            for one in pairs
+        ]
+
+    unit = result.machine.control_unit
+    title = f"What it costs, worst of the family; controls in {unit}"
+    return plain_table(title, ["contour", *headings], _by_training(result, cells))
+
+
+def _by_training(
+    result: TunedResult, cells: Callable[[TunedContour, str], list[str]]
+) -> list[list[str]]:
+    rows = []
+    for training, words in ((True, SEEN), (False, HELD_OUT)):
+        contours = [one for one in result.contours if one.training is training]
+        if contours:
+            rows.append([words])
+        shown = [one for one in contours if one.shown]
+        rows += [[f"  {one.name}", *cells(one, result.error)] for one in shown]
+        if len(shown) < len(contours):
+            rows.append([f"  {len(contours) - len(shown)} fared better"])
+    return rows
+
+
+def _error_cells(contour: TunedContour, error: str) -> list[str]:
+    cells = []
+    for plant in ("nominal", "worst"):
+        start, tuned = (
+            getattr(contour.metrics[name], plant) for name in (contour.compared, "tuned")
+        )
+        before, after = rms_error(start, error), rms_error(tuned, error)
+        lost = start.diverged or tuned.diverged
+        change = "" if lost else f"{100 * (after / before - 1):+.0f}"
+        cells += [_number(1e6 * before, start.diverged), _number(1e6 * after, tuned.diverged)]
+        cells.append(change)
+    return cells
+
+
+def _number(value: float, diverged: bool) -> str:
+    return "diverged" if diverged else digits(value)
+
+
+def peak_lines(result: TunedResult) -> list[str]:
+    """Where the tuned weights leave the largest error on every contour."""
+    axes = result.machine.axes
+    return [
+        f"{one.name}, tuned: {peak_line(one.peak, result.error, axes)}"
+        for one in result.contours
+        if one.peak is not None and one.shown
+    ]
+
+
+def values_block(result: TunedResult) -> list[str]:
+    """The values, and what is known of them."""
+    margins = result.margins
+    probes = f"up to {margins.probes_per_contour} points of each training contour"
+    lines = [
+        "",
+        f"{result.controller}, tuned",
+        *(f"  {line}" for line in result.weight_lines),
+    ]
+    lines.append(f"Margins of the nominal loop, its gains frozen at {probes}")
+    for name, value, before in margin_rows(margins, result.start_margins):
+        lines.append(f"  {name:<23}  {value:<24} start: {before}")
+    if margins.lost_first is not None:
+        lines.append(lost_first_line(margins.lost_first, result.machine.axes))
+    lines += robust_lines(result) + standstill_lines(result) + certified_lines(result)
+    effects = result.machine.nonsmooth_effects
+    if result.gap:
+        lines.append(f"Gap of the machine with {effects} to the smooth one that was tuned")
+    shown = {one.name for one in result.contours if one.shown}
+    lines += [_gap_line(row) for row in result.gap if row.contour in shown]
+    if result.confirmed:
+        lines.append(f"The same runs in {result.confirmed[0].engine}, nominal plant")
+        lines += [_engine_line(row) for row in result.confirmed]
+    return lines
+
+
+def robust_lines(result: TunedResult) -> list[str]:
+    """Random plants of the family."""
+    test = result.robust
+    if test is None:
+        return []
+    lost = "none diverges" if test.diverged == 0 else f"{test.diverged} DIVERGE"
+    worst = (
+        f"worst RMS {result.error} error {1e6 * test.error:.4g} um on {test.contour} ({test.plant})"
+    )
+    drawn = "" if result.margins.doubt is None else "; none has another response"
+    return [
+        f"{test.members} plants of the family, at its corners and at random: {lost}, {worst}{drawn}"
+    ]
+
+
+def standstill_lines(result: TunedResult) -> list[str]:
+    """What rounding makes the controls do while the tool is held."""
+    if not {"start", "tuned"} <= set(result.standstill):
+        return []
+    start, tuned = result.standstill["start"], result.standstill["tuned"]
+    unit = result.machine.control_unit
+    control = f"{digits(start.rms_control)} -> {digits(tuned.rms_control)} {unit} RMS"
+    increment = f"{digits(start.rms_increment)} -> {digits(tuned.rms_increment)} per sample"
+    return [f"Standstill between two counts, worst of the family: control {control}, {increment}"]
+
+
+def certified_lines(result: TunedResult) -> list[str]:
+    """The largest error that is possible under bounded disturbances, or why there is no proof."""
+    one = result.certified
+    if one is None:
+        return []
+    if one.error is None:
+        return [f"No proven bound of the {result.error} error: {one.refused}"]
+    force = f"force of up to {digits(one.force)} {result.machine.control_unit}"
+    encoder = of_axes(one.encoder, result.machine.axes)
+    return [
+        f"Proven for every {force} and encoder error of up to {encoder}: "
+        f"{result.error} error at most {digits(1e6 * one.error)} um ({one.contour}, {one.plant})"
+    ]
+
+
+def sentence(result: TunedResult) -> str:
+    """Change of the worst error of the family, contours held out and trained on."""
+    parts = []
+    for training, words in ((False, "held-out"), (True, "training")):
+        ratios = [_ratio(one, result.error) for one in result.contours if one.training is training]
+        known = [ratio for ratio in ratios if ratio is not None]
+        if known:
+            typical = math.exp(sum(math.log(ratio) for ratio in known) / len(known))
+            many = "contour" if len(known) == 1 else "contours"
+            factor = f"{typical:.2f}" if typical >= 0.01 else f"{typical:.1g}"
+            parts.append(f"x {factor} on {len(known)} {words} {many}")
+    what = f"Worst RMS {result.error} error of the family, geometric mean"
+    return f"{what}: {', '.join(parts)}." if parts else "No run of start or tuned weights is sound."
+
+
+def limit_lines(result: TunedResult) -> list[str]:
+    """What stops further improvement, and what one more step of it would buy."""
+    if not result.active:
+        return ["No limit stops it."] if result.verdict.usable else []
+    lines = []
+    for one in result.active:
+        if one.name == LATE:  # samples are whole: a tenth of one means nothing
+            lines.append(f"What stops it: the {limit_words(one.name, one.bound)}.")
+            continue
+        gain = 100 * (1 - STEP**-one.price)
+        lines.append(
+            f"What stops it: the limit {limit_words(one.name, one.bound)}. "
+            f"{100 * (STEP - 1):.0f} % more of it would buy about {gain:.2g} % of error."
+        )
+    return lines
+
+
+def limit_words(name: str, bound: float) -> str:
+    """A limit of the tuner in words; `..._use` stands for a limit that the machine states."""
+    if name == LATE:
+        return "delay margin of every plant"
+    if name == RATIO:
+        return f"error of every training contour <= {bound:.6g} of its start"
+    if name == COUNT_NOISE:
+        return f"rms control by encoder counts <= {bound:.6g}"
+    if name.endswith("_use"):
+        return f"{name.removesuffix('_use')} within {100 * bound:.3g} % of the machine's"
+    limited = name.replace("_", " ")
+    if name.endswith("_error"):
+        return f"{limited} <= {1e6 * bound:.6g} um"
+    return f"{limited} <= {bound:.6g}"
+
+
+def _ratio(contour: TunedContour, error: str) -> float | None:
+    start, tuned = (contour.metrics[name].worst for name in (contour.compared, "tuned"))
+    if start.diverged or tuned.diverged:
+        return None
+    return rms_error(tuned, error) / rms_error(start, error)
+
+
+def _engine_line(row: EngineRow) -> str:
+    errors = f"{1e6 * row.ours:.6g} -> {1e6 * row.theirs:.6g} um RMS"
+    return f"  {row.contour:<23} {errors}, tools at most {1e6 * row.apart:.2g} um apart"
+
+
+def _gap_line(row: GapRow) -> str:
+    where = f"  {row.contour}, {row.plant}"
+    if row.relative - row.relative != 0:  # NaN or infinite
+        return f"{where}: diverged"
+    errors = f"{1e6 * row.smooth:.5g} -> {1e6 * row.nonsmooth:.5g} um RMS"
+    return f"{where:<25} {errors} ({100 * row.relative:+.2f} %)"
+
+
+def margin_rows(*designs: PathMargins) -> list[tuple[str, ...]]:
+    """One row per margin: its name, then its value for every design."""
+    radii = (f"{one.spectral_radius:.6f} (stable < 1)" for one in designs)
+    rows = [("spectral radius, nominal", *radii)]
+    for k in range(len(designs[0].gain_range)):
+        rows.append((f"gain margin, input {k + 1}", *(_gain_range(one, k) for one in designs)))
+    rows.append(("delay margin", *(_delay(one) for one in designs)))
+    for name, words in (("sensitivity", "Ms"), ("complementary", "Mt")):
+        values = [getattr(one, name) for one in designs]
+        peaks = ("unstable" if value is None else f"{value:.4g}" for value in values)
+        rows.append((f"{words} over the family", *peaks))
+    if any(one.doubt is not None for one in designs):
+        used = (
+            "unstable" if one.doubt is None else f"{one.doubt:.3g} (stable < 1)" for one in designs
+        )
+        rows.append(("unknown response", *used))
+    return rows
+
+
+def lost_first_line(place: LostFirst, axes: Sequence[str]) -> str:
+    """Where the loop is lost first."""
+    where = f"on {place.contour} where the reference is at {position(axes, place.position)}"
+    return f"  {'stability lost first':<23}  input {place.input}, {where}"
+
+
+def _gain_range(margins: PathMargins, k: int) -> str:
+    (low, high), (least, most) = margins.gain_range[k], margins.gain_search
+    below = f"{least:.4g} or less" if low <= least else f"{low:.4g}"
+    above = f"{most:.4g} or more" if high >= most else f"{high:.4g}"
+    return f"x {below} ... {above}"
+
+
+def _delay(margins: PathMargins) -> str:
+    found = margins.delay_samples
+    if found < 0:
+        return "none: unstable as it is"
+    more = " or more" if found >= margins.delay_search else ""
+    return f"{found}{more} extra samples"

@@ -1,0 +1,119 @@
+"""Loops of stored runs: machine, controller and contours of a run of `tune` or `simulate`."""
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
+from jcontour.app.designs.design import plain_weights, with_values
+from jcontour.app.files import run_folder
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.flags.shared import Controlled
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.jobs.job import Pace, Task
+from jcontour.app.machines.machine import Fed, Machine
+from jcontour.app.runs.lifecycle import WHERE, resumed, stored_flags
+from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
+from jcontour.controller import Controller
+from tuning.parameters import Weights
+
+
+@dataclass(frozen=True)
+class StoredLoop:
+    """A controller with its weights on a machine, and what it was run on.
+
+    Attributes:
+        name: of the controller.
+        fed: the machine's sensors or its state.
+        jobs: contours that it was simulated on, or trained on.
+        parts: names or files of the contours.
+        pace: that they are run at.
+        weights: a line for each, with its unit, as it is typed into a drive.
+        tuned: whether the weights are those of a run of `tune`.
+    """
+
+    machine: Machine
+    name: str
+    controller: Controller
+    fed: Fed
+    jobs: tuple[Task, ...]
+    parts: tuple[str, ...]
+    pace: Pace
+    weights: tuple[str, ...] = ()
+    tuned: bool = False
+
+
+def stored_loop(folder: Path) -> StoredLoop:
+    """Loop of a run folder, with the folder's own copies of its files.
+
+    Raises:
+        ValueError: the folder holds no finished run of `tune` or `simulate`.
+    """
+    command = run_folder.read_json(folder, run_folder.SETTINGS).get("command")
+    if command == "tune":
+        return _tuned(folder)
+    if command == "simulate":
+        return _simulated(folder)
+    raise run_folder.RunError(
+        f"{folder}: holds a run of {command!r}; a loop is stored by 'tune' and 'simulate'"
+    )
+
+
+def loop_named(flags: Controlled, part: str | None) -> StoredLoop:
+    """Loop of a run folder, where the part is one; else that of the flags on the part.
+
+    Raises:
+        ValueError: bad input, or flags of another machine or controller beside a run.
+    """
+    if part is None or not Path(part).is_dir():
+        return loop_of(flags, part)
+    left_out = {one.name: one.default for one in fields(flags)}
+    for one in fields(Controlled):
+        if one.name not in WHERE and getattr(flags, one.name) != left_out[one.name]:
+            flag = one.name.replace("_", "-")
+            raise ValueError(f"{flag}: the run in {part} has its own settings; leave it out")
+    return stored_loop(Path(part))
+
+
+def stored_tuning(folder: Path) -> tuple[TuningRun, Weights]:
+    """Tuning run of a folder, of the controller that it recommends, and its tuned weights.
+
+    Raises:
+        ValueError: the folder holds no finished run of `tune`.
+    """
+    _, flags = resumed(Tune(resume=folder), "tune")
+    result = run_folder.read_json(folder, run_folder.RESULT)
+    run = tuning_run(replace(flags, controller=flags.controller or result["controller"]))
+    named = {name: value for name, value in result["weights"].items() if value is not None}
+    return run, with_values(run.start, named)
+
+
+def _tuned(folder: Path) -> StoredLoop:
+    run, weights = stored_tuning(folder)
+    flags = run.flags
+    design, jobs = run.design, tuple(run.scenarios.jobs_seen(True))
+    controller, pace = run.controller(weights), Pace.of(flags, run.machine)
+    parts = flags.parts or run.machine.usual.training
+    lines = tuple(design.weight_lines(plain_weights(weights)))
+    return StoredLoop(
+        run.machine, design.name, controller, design.fed, jobs, parts, pace, lines, True
+    )
+
+
+def _simulated(folder: Path) -> StoredLoop:
+    flags = stored_flags(folder, "simulate", Simulate)
+    return loop_of(flags, flags.contour)
+
+
+def loop_of(flags: Controlled, part: str | None) -> StoredLoop:
+    """Loop of the controller that flags name, with its first weights, on one part.
+
+    Raises:
+        ValueError: bad input.
+    """
+    machine = machine_named(flags.plant)
+    part, pace = part or machine.usual.simulated, Pace.of(flags, machine)
+    job = job_named(part, pace)
+    design = design_for(machine, seeing_all(flags, job))
+    controller = design.build(design.start)
+    lines = tuple(design.weight_lines(plain_weights(design.start)))
+    return StoredLoop(machine, design.name, controller, design.fed, (job,), (part,), pace, lines)

@@ -1,0 +1,112 @@
+"""Every limit that the machine or the flags of a tuning run state, with what a loop reaches.
+
+The tuner keeps its bounds on a smooth twin along the training contours. Here the loop runs on the
+machine with all effects.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from jcontour.analysis.uncertain_loops import BORNE
+from jcontour.app.files.results.run_metrics import RunMetrics
+from jcontour.app.files.results.tuned_result import PathMargins, RobustTest, Standstill
+from jcontour.app.files.results.verdict import ROUNDING, LimitCheck
+from jcontour.app.jobs.replays import Replay
+from jcontour.app.runs.checks.machine_limits import OVERSHOOT, machine_limits
+from jcontour.app.runs.tuning.limits import AT_REST, LIMITS
+from jcontour.app.runs.tuning.problem import TuningRun
+from tuning.objectives import COUNT_NOISE
+
+PER_SAMPLE = {"rms_increment", "peak_increment"}
+
+
+def stated_limits(
+    run: TuningRun, replay: Replay, margins: PathMargins, rest: Standstill | None
+) -> list[LimitCheck]:
+    """Limits of the machine, then those of the flags.
+
+    Args:
+        run: of the tuning.
+        replay: of the loop on every contour and plant, with all effects.
+        margins: of its frozen loops.
+        rest: its controls at standstill; None where nothing is counted.
+    """
+    return [
+        *machine_limits(replay, run.scenarios, run.machine),
+        *_metrics(run, replay),
+        *_loops(run, margins),
+        *_standstill(run, rest),
+    ]
+
+
+def family_limits(robust: RobustTest | None) -> list[LimitCheck]:
+    """Limits of the machine at the corners of the family and at random within it, as shares."""
+    if robust is None:
+        return []
+    return [
+        LimitCheck(
+            name=f"largest share of the limit of {name.replace('increment', 'control increment')}",
+            value=used,
+            allowed=1.0,
+            member=robust.users.get(name, ""),
+            slack=OVERSHOOT if name == "speed" else ROUNDING,
+        )
+        for name, used in robust.uses.items()
+    ]
+
+
+def _metrics(run: TuningRun, replay: Replay) -> Iterator[LimitCheck]:
+    """Limits on errors and controls along the training contours."""
+    flags, unit = run.flags, run.machine.control_unit
+    stated = {metric: factor for flag, (metric, factor) in LIMITS.items() if getattr(flags, flag)}
+    if flags.max_effort is not None:
+        stated["rms_control"] = 1.0
+    training = np.flatnonzero(run.scenarios.training)
+    for metric, factor in stated.items():
+        values = np.asarray(getattr(replay.metrics, metric))[training]
+        values = np.where(np.isfinite(values), values, np.inf)
+        contour, plant = np.unravel_index(np.argmax(values), values.shape)
+        per = f"{unit} per sample" if metric in PER_SAMPLE else unit
+        yield LimitCheck(
+            name=_words(metric),
+            value=float(values[contour, plant]) / factor,
+            allowed=run.limits[metric] / factor,
+            unit="um" if metric.endswith("error") else per,
+            member=f"{run.scenarios.jobs[training[contour]].name}, {run.scenarios.plants[plant]}",
+        )
+
+
+def _words(metric: str) -> str:
+    """A metric in words."""
+    assert metric in RunMetrics.__dataclass_fields__
+    words = metric.replace("rms", "RMS").replace("increment", "control increment")
+    return words.replace("_", " ")
+
+
+def _loops(run: TuningRun, margins: PathMargins) -> Iterator[LimitCheck]:
+    """Limits on the frozen loops of the family; an unstable loop has no peak."""
+    bound = run.flags.max_sensitivity
+    if bound is not None:
+        peak = np.inf if margins.sensitivity is None else margins.sensitivity
+        yield LimitCheck(name="peak sensitivity Ms", value=peak, allowed=bound, member="family")
+    if run.machine.doubt is not None:
+        used = np.inf if margins.doubt is None else margins.doubt
+        yield LimitCheck(name="unknown response", value=used, allowed=BORNE, member="family")
+
+
+def _standstill(run: TuningRun, rest: Standstill | None) -> Iterator[LimitCheck]:
+    """The control that encoder counts cause while the tool is held.
+
+    The search takes their rounding for white noise; at rest it hardly changes between samples.
+    """
+    searched = run.limits.get(COUNT_NOISE)
+    if rest is None or searched is None:
+        return
+    yield LimitCheck(
+        name="RMS control by encoder counts at rest",
+        value=rest.rms_control,
+        allowed=searched / AT_REST,
+        unit=run.machine.control_unit,
+        member="family, held between two counts",
+    )

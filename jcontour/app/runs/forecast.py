@@ -1,0 +1,113 @@
+"""Length of a long run, the time and the memory that it will take, told before it begins."""
+
+import time
+from collections.abc import Callable
+
+from rich.status import Status
+
+from jcontour.app.jobs.job import Task
+from jcontour.app.jobs.memory import free_memory, needed
+from jcontour.app.reports import tables
+
+LONG = 200_000  # samples: with less of them a run is at its end in seconds
+START = 9.0  # [s] to compile and to draw, whatever the length
+# [s] of a sample on one plant: run, score, file and figures. 1.2 million samples of contouring-lq
+# on five plants of `bridgeport` took 23.5 s of processor time, 0.12 million took 10.2 s
+A_SAMPLE = 2.4e-6
+
+
+def forecast(job: Task, dt: float, plants: int) -> list[str]:
+    """A line about a long run; none about a short one.
+
+    Args:
+        job: what is run.
+        dt: sample period [s].
+        plants: how many plants it is run on.
+    """
+    if job.samples < LONG:
+        return []
+    seconds = START + A_SAMPLE * job.samples * plants
+    return [
+        f"{_length(job, dt, plants)}. With contouring-lq this takes about {_seconds(seconds)} of "
+        "processor time; Ctrl-C ends it."
+    ]
+
+
+def outline(job: Task, dt: float, plants: int, doing: str) -> str:
+    """A line about a run in steps, before it begins.
+
+    Args:
+        job: what is run.
+        dt: sample period [s].
+        plants: how many plants it is run on.
+        doing: the steps, in words.
+    """
+    return f"{_length(job, dt, plants)}: {doing}; Ctrl-C ends it."
+
+
+class Steps:
+    """Progress through steps that take about as long as each other.
+
+    The first one compiles. The second one is timed: then a line says how long the others will take.
+
+    Args:
+        status: line that says which step it is, and how long the others will take.
+        name: of a step, as "round".
+        total: how many there are.
+        clock: time [s].
+    """
+
+    def __init__(
+        self, status: Status, name: str, total: int, clock: Callable[[], float] = time.perf_counter
+    ):
+        self.status, self.name, self.total, self.clock = status, name, total, clock
+        self.last = clock()
+        status.update(f"{name} 1 of {total}, compiling")
+
+    def done(self, number: int) -> None:
+        """A step is done; numbers begin with one."""
+        now = self.clock()
+        took, self.last = now - self.last, now
+        left = self.total - number
+        if not left:
+            return
+        step = f"{self.name} {number + 1} of {self.total}"
+        if number == 1:
+            self.status.update(step)
+            return
+        more = f"about {_seconds(took * left)} more"
+        self.status.update(f"{step}, {more}")
+        if number == 2:
+            tables.say(self.status.console, f"A {self.name} takes {_seconds(took)}: {more}.")
+
+
+def _length(job: Task, dt: float, plants: int) -> str:
+    """How long a run is."""
+    lasting = _seconds(dt * (job.samples - 1))
+    return f"{job.name}: {lasting} of motion, {job.samples:,} samples on {plants} plants"
+
+
+def _seconds(lasting: float) -> str:
+    """A time in two digits, or in whole seconds."""
+    return f"{lasting:,.0f} s" if lasting >= 10 else f"{lasting:.2g} s"
+
+
+def check_memory(job: Task, plants: int, there: float | None = None) -> None:
+    """Refuse a run that this computer has no room for.
+
+    Args:
+        job: what is run.
+        plants: how many plants it is run on.
+        there: free memory [bytes]; None asks the computer.
+
+    Raises:
+        ValueError: it needs more memory than is free.
+    """
+    there = free_memory() if there is None else there
+    takes = needed(job.samples, plants)
+    if takes > there:
+        raise ValueError(
+            f"{job.name}: {job.samples:,} samples on {plants} plants need about "
+            f"{1e-9 * takes:.0f} GB of memory, {1e-9 * there:.0f} are free: give a "
+            "higher feed or a part of the program"
+        )

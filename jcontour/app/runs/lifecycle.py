@@ -1,0 +1,235 @@
+"""First and last lines of every command: a run folder is made or found again; a result is told."""
+
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import Field, fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rich.console import Console
+from tyro.conf import Positional
+
+from jcontour.app.catalogue.choices import machine_named
+from jcontour.app.catalogue.own_classes import own_name
+from jcontour.app.files import run_folder
+from jcontour.app.files.results.stored import to_json
+from jcontour.app.files.results.verdict import Verdict
+from jcontour.app.flags.shared import Controlled, MachineFlags, Spreading
+from jcontour.app.reports import tables
+from jcontour.app.reports.page.html_page import FILE, write_page
+from jcontour.app.reports.page.page_data import COMMANDS
+
+WHERE = (
+    "json",
+    "trust_code",
+    "devices",
+    "hosts",
+    "workers",
+    "scheduler",
+    "listen",
+)  # flags a run may go on with
+F = TypeVar("F", bound=Spreading)
+Kept = TypeVar("Kept")
+Asked = TypeVar("Asked")
+Result = TypeVar("Result")
+
+
+@contextmanager
+def opened(flags: F, command: str, read: Callable[[F], Asked]) -> Iterator[tuple[Path, Asked]]:
+    """Folder of a new run or of the one to go on with, and what `read` makes of its flags.
+
+    `read` comes first: bad input is told before anything is written. The folder is held until the
+    run ends, and whoever interrupts it is told how it goes on.
+
+    Raises:
+        ValueError: bad input; RunError where the folder cannot be used.
+    """
+    if flags.resume:
+        folder, flags = resumed(flags, command)
+        asked = read(flags)
+    else:
+        asked = read(flags)
+        folder = created(flags, command)
+    with run_folder.locked(folder), run_folder.resumable(command, folder):
+        yield folder, asked
+
+
+def created(flags: Any, command: str) -> Path:
+    """New run folder where the flags say, with their values and copies of the files they name.
+
+    Raises:
+        RunError: the folder holds something already, or cannot be made.
+    """
+    folder = flags.out or run_folder.default_folder(command)
+    passing = {"json": False, "trust_code": False, "out": None}  # of this call; few take all
+    kept = replace(flags, **{name: off for name, off in passing.items() if hasattr(flags, name)})
+    return run_folder.create(folder, command, kept, inputs(flags))
+
+
+def same_task(folder: Path, command: str) -> str:
+    """Parts, machine and pace of a stored run as words of a command line, with a space before."""
+    flags = run_folder.opened(folder, command)["flags"]
+    return task_words(flags["parts"], flags)
+
+
+def task_words(
+    parts: Sequence[str], flags: Mapping[str, Any], kind: type[MachineFlags] = MachineFlags
+) -> str:
+    """Parts and flags as words of a command line, with a space before.
+
+    Args:
+        parts: toolpaths or names.
+        flags: values by name.
+        kind: the flags that are told: machine and pace, or `Controlled` for the controller as well.
+    """
+    words = [*parts]
+    for one in fields(kind):
+        value = flags.get(one.name, one.default)
+        if one.name == "json" or value == one.default or value == []:
+            continue
+        several = isinstance(value, (tuple, list))
+        words += [f"--{one.name.replace('_', '-')}", *map(str, value if several else [value])]
+    return words_of(words)
+
+
+def tuning_words(parts: Sequence[str], flags: Mapping[str, Any]) -> str:
+    """The words with which `jcontour tune` tunes the controller of another command.
+
+    A preview of all samples of the run is left out: it is not for tuning.
+    """
+    known = {name: value for name, value in flags.items() if (name, value) != ("preview", "path")}
+    return task_words(parts, known, Controlled)
+
+
+def ranked_words(folder: Path) -> str:
+    """The words with which `jcontour rank` ranks controllers on the task of a tuned run.
+
+    A controller of the user's own is ranked beside the usual one of the machine, if it has one.
+    """
+    stored = run_folder.opened(folder, "tune")
+    flags = stored["flags"]
+    task, controller = task_words(flags["parts"], flags), flags.get("controller")
+    if controller is None or own_name(controller) is None:
+        return task
+    usual = machine_named(_with_copies(stored, folder)["plant"]).usual.controller
+    return task + words_of(["--controllers", *filter(None, [usual, controller])])
+
+
+def words_of(words: Sequence[str]) -> str:
+    """Words of a command line as a shell reads them, each with a space before."""
+    return "".join(f" {shlex.quote(word)}" for word in words)
+
+
+def inputs(flags: Any) -> list[Path]:
+    """Files that the flags name as machine, controller, contour or parts."""
+    names = [getattr(flags, name, None) for name in ("plant", "controller", "contour")]
+    names += getattr(flags, "parts", ())
+    paths = [_file_of(name) for name in names if name]
+    return list(dict.fromkeys(path for path in paths if path.suffix))
+
+
+def _file_of(name: str) -> Path:
+    own = own_name(name)
+    return Path(name) if own is None else own.path
+
+
+def resumed(flags: F, command: str) -> tuple[Path, F]:
+    """Folder and flags of the run that `--resume` names.
+
+    It reads its own copies of its input files, on the devices named now.
+
+    Raises:
+        ValueError: other flags are given as well, or the folder does not hold a run of this
+            command.
+    """
+    folder = flags.resume
+    assert folder is not None
+    now = {name: getattr(flags, name) for name in WHERE if hasattr(flags, name)}
+    for one in fields(flags):
+        if one.name not in ("resume", *now) and getattr(flags, one.name) != one.default:
+            raise ValueError(
+                f"resume: the run keeps its own settings; leave out {_typed(flags, one)}"
+            )
+    return folder, stored_flags(folder, command, type(flags), **now, resume=None)
+
+
+def _typed(flags: Any, one: Field) -> str:
+    """A flag as it is typed; of a positional one its words."""
+    if Positional not in getattr(one.type, "__metadata__", ()):
+        return f"--{one.name.replace('_', '-')}"
+    given = getattr(flags, one.name)
+    return words_of(given if isinstance(given, (tuple, list)) else [str(given)]).strip()
+
+
+def stored_flags(folder: Path, command: str, kind: type[Kept], **now: Any) -> Kept:
+    """Flags of a stored run, with the folder's copies of its input files.
+
+    Raises:
+        ValueError: the folder does not hold a run of this command.
+    """
+    stored = run_folder.opened(folder, command)
+    try:
+        return kind(**{**_with_copies(stored, folder), **now, "out": None})
+    except (TypeError, KeyError):
+        raise run_folder.RunError(
+            f"{folder}: its settings are not those of this version's {command}"
+        ) from None
+
+
+def _with_copies(stored: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Flags of a stored run, with the folder's copies in place of the files they name."""
+    copies = {name: str(folder / copy) for name, copy in stored.get("inputs", {}).items()}
+    known: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value
+        for key, value in stored["flags"].items()
+    }
+
+    def copied(name: str) -> str:
+        own = own_name(name)
+        if own is None:
+            return copies.get(name, name)
+        return f"{copies.get(str(own.path), own.path)}:{own.name}"
+
+    named = [name for name in ("plant", "controller", "contour") if known.get(name)]
+    known |= {name: copied(known[name]) for name in named}
+    if "parts" in known:
+        known["parts"] = tuple(copied(name) for name in known["parts"])
+    return known
+
+
+def finished(
+    folder: Path,
+    result: Result,
+    flags: Any,
+    show: Callable[[Result, Console], None],
+    then: Sequence[str] = (),
+    verdict: Verdict | None = None,
+) -> int:
+    """Print a result that is stored; the exit code of its verdict, 0 where there is none.
+
+    With `--json` one JSON object; else what `show` prints, the verdict, the figures in the folder,
+    the page of the run where its command has one, the lines `then` (what to do next) and the
+    folder.
+    """
+    page, code = _page(folder), 0 if verdict is None else verdict.exit_code
+    if flags.json:
+        print(run_folder.json_text({"run": str(folder), **to_json(result)}))
+        return code
+    console = tables.console_of()
+    show(result, console)
+    tables.say(console, *([] if verdict is None else ["", *verdict.lines, ""]))
+    drawn = sorted(path.name for path in folder.glob("*.png"))
+    lines = [f"Drawn: {', '.join(drawn)}"] if drawn else []
+    tables.say(console, *lines, *page, *then, f"Run folder: {folder}")
+    return code
+
+
+def _page(folder: Path) -> list[str]:
+    """Write the page of a run; a line that says so."""
+    if run_folder.read_json(folder, run_folder.SETTINGS).get("command") not in COMMANDS:
+        return []
+    try:
+        return [f"Page: {write_page([folder], folder / FILE)}"]
+    except run_folder.RunError as error:  # the run itself is good
+        return [f"Page: none ({error})"]

@@ -1,0 +1,215 @@
+"""The bent reference of a loop, within the machine's limits, and its runs."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from rich.status import Status
+
+from jcontour.app.files.results.run_metrics import RunMetrics
+from jcontour.app.files.results.verdict import LimitCheck, exceeded
+from jcontour.app.jobs.job import Job, Task
+from jcontour.app.jobs.replays import Replay, Scenarios, replay
+from jcontour.app.jobs.sections import halted
+from jcontour.app.machines.machine import Machine
+from jcontour.app.reports import tables
+from jcontour.app.reports.figures.loops.bent import BentRuns
+from jcontour.app.runs.checks.machine_limits import (
+    beyond_limits_asked,
+    largest_asked,
+    machine_limits,
+)
+from jcontour.app.runs.checks.stored_loops import StoredLoop
+from jcontour.app.runs.forecast import Steps, outline
+from jcontour.app.runs.loops.settling import MOST as MOST_HELD
+from jcontour.app.runs.loops.settling import settling, with_held_end
+from jcontour.controllers.learning.laps import Learned
+from jcontour.motion.references import Reference
+from jcontour.simulation.evaluation import stack_plants
+from tuning.bends import Bounds
+from tuning.precompensation import MORE, ROUNDS, Precompensated, precompensate
+
+TRIES = 4  # of a roughness, each ten times the last
+MOST = MORE * ROUNDS
+CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
+
+
+class Bent(NamedTuple):
+    """A correction, and runs of the true family with and without it.
+
+    Attributes:
+        job: the run, with its last point held until the tools rest.
+        held: samples for which it is held; None of a run that ends in motion.
+        rests: whether the tools rest by then.
+        reference: of that, as it was.
+        found: the correction.
+        roughness: its price.
+        plants: names.
+        before, after: the runs.
+        limits: of the machine, along the bent reference; of the reference itself those that it
+            exceeds.
+        limits_before: of the machine, without a bend.
+        asked: largest speed [m/s] and acceleration [m/s^2] of an axis along the bent reference.
+    """
+
+    job: Task
+    held: int | None
+    rests: bool
+    reference: Reference
+    found: Precompensated
+    roughness: float
+    plants: tuple[str, ...]
+    before: Replay
+    after: Replay
+    limits: list[LimitCheck]
+    limits_before: list[LimitCheck]
+    asked: tuple[float, float]
+
+    @property
+    def position(self) -> np.ndarray:
+        """The bent reference (T, m) [m]."""
+        steps = self.reference.steps
+        return np.asarray(self.reference.position)[:steps] + self.found.correction
+
+    def drawn(self, name: str, machine: Machine) -> BentRuns:
+        """What its figure shows."""
+        steps = self.reference.steps
+        wanted = np.asarray(self.reference.position)[:steps]
+
+        def sizes(runs: Replay) -> np.ndarray:
+            tracking = machine.error == "tracking"
+            apart = runs.output[0] - wanted if tracking else runs.contour_error[0]
+            return np.linalg.norm(apart, axis=-1)
+
+        return BentRuns(
+            name=name,
+            error=machine.error,
+            axes=machine.axes,
+            time=self.reference.dt * np.arange(steps),
+            scored=np.asarray(self.reference.mask)[:steps],
+            correction=self.found.correction,
+            before=sizes(self.before),
+            after=sizes(self.after),
+        )
+
+    def metrics(self, runs: Replay) -> dict[str, RunMetrics]:
+        """Metrics by plant."""
+        return {
+            name: RunMetrics.of(runs.metrics, lambda values, k=k: values[0, k])
+            for k, name in enumerate(self.plants)
+        }
+
+
+def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
+    """The correction of the loop's first part.
+
+    Args:
+        loop: controller, machine and part.
+        roughness: first price of the correction's bends.
+        status: says what is being done, and how long it will take.
+
+    Raises:
+        ValueError: there is no linear family of this machine.
+    """
+    machine, controller, job = loop.machine, loop.controller, loop.jobs[0]
+    family = _family(loop, job.reference(machine.model.dt, controller.preview))
+    at_rest = not isinstance(job, Job) or job.at_rest
+    held, rests = None, True
+    if at_rest:
+        status.update("running the reference until the tool rests")
+        settled = settling(job, family, controller, machine.model.dt)
+        rests = settled is not None
+        held = round(MOST_HELD / machine.model.dt) if settled is None else settled
+        job = with_held_end(job, held)
+    reference = job.reference(machine.model.dt, controller.preview)
+    scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
+    doing = f"{ROUNDS} rounds of bending, up to {MOST} where limits bind"
+    line = outline(job, machine.model.dt, len(machine.family_names), doing)
+    tables.say(status.console, line)
+    status.update("running the reference as it is")
+    before = replay(controller, scenarios)
+    limits_before = machine_limits(before, scenarios, machine)
+    wanted = np.asarray(reference.position)[: reference.steps]
+    part = 0.0 if machine.error == "tracking" else CONTOURING
+    stays = halted(job)
+    bounds = _bounds(wanted, machine, at_rest)
+
+    def asked_by(found: Precompensated) -> list[LimitCheck]:
+        return beyond_limits_asked(wanted + found.correction, wanted, machine, at_rest)
+
+    def priced(price: float) -> Bent:
+        steps = Steps(status, "round", ROUNDS)
+
+        def tell(number: int) -> None:
+            if number < ROUNDS:
+                steps.done(number)
+            else:
+                status.update(f"round {number + 1} of up to {MOST}, until the limits are kept")
+
+        found = precompensate(
+            family,
+            controller,
+            reference,
+            part,
+            roughness=price,
+            held=stays,
+            bounds=bounds,
+            tell=tell,
+        )
+        after = replay(Learned(controller, jnp.asarray(found.correction)), scenarios)
+        limits = [*asked_by(found), *machine_limits(after, scenarios, machine)]
+        speed, acceleration = largest_asked(wanted + found.correction, machine.model.dt, at_rest)
+        return Bent(
+            job,
+            held,
+            rests,
+            reference,
+            found,
+            price,
+            scenarios.plants,
+            before,
+            after,
+            limits,
+            limits_before,
+            (float(speed.max()), float(acceleration.max())),
+        )
+
+    one = priced(roughness)
+    for attempt in range(1, TRIES):
+        broken = bool(exceeded(one.limits)) or _lost(one.after)
+        if not broken or _lost(before) or exceeded(limits_before):
+            break  # no smoother shift mends what is so without one
+        smoother = roughness * 10**attempt
+        more = f"{ROUNDS} more rounds, with roughness {smoother:.3g}"
+        tables.say(status.console, f"A limit is exceeded or a plant does not follow: {more}.")
+        one = priced(smoother)
+    return one
+
+
+def _bounds(wanted: np.ndarray, machine: Machine, at_rest: bool) -> Bounds | None:
+    """Bends with which the reference (T, m) keeps the acceleration that the machine has.
+
+    Where it asks for more already, as much. A run that begins or ends in motion has no bend there.
+    """
+    stated = machine.limits.acceleration
+    if stated is None:
+        return None
+    dt = machine.model.dt
+    beyond = 1 if at_rest else 0
+    rows = np.pad(wanted, ((beyond, beyond), (0, 0)), mode="edge")
+    bends = np.diff(rows, 2, axis=0)
+    _, usual = largest_asked(wanted, dt, at_rest)
+    reach = np.broadcast_to(np.maximum(stated, usual) * dt**2, bends.shape)
+    ends = ((1 - beyond, 1 - beyond), (0, 0))
+    return Bounds(-np.pad(bends, ends), np.pad(reach, ends, constant_values=np.inf))
+
+
+def _lost(runs: Replay) -> bool:
+    """Whether a plant does not follow."""
+    return bool(np.asarray(runs.metrics.diverged).any())
+
+
+def _family(loop: StoredLoop, reference: Reference):
+    machine = loop.machine
+    path = reference.position[: reference.steps]
+    return stack_plants(list(machine.linear_family(loop.fed, path)))

@@ -1,0 +1,244 @@
+"""Laps of a part on a machine's family: what is learned from, the law, its bound, the runs."""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.app.files.results.learned_result import LearnedMachine
+from jcontour.app.flags.loops import Learn
+from jcontour.app.runs.loops.learned_machines import (
+    Setting,
+    linear_nominal,
+    noisy,
+    read_anew,
+)
+from jcontour.controllers.learning.convergence import (
+    Convergence,
+    answers,
+    frequency_response,
+)
+from jcontour.controllers.learning.laps import (
+    LearningLaw,
+    RunLap,
+    diverged_lap,
+    paying_laps,
+)
+from jcontour.controllers.learning.norm_optimal import NormOptimal, norm_optimal
+from jcontour.controllers.learning.p_type import PType
+from jcontour.plant import Plant
+from jcontour.simulation.evaluation import family_batching, stack_plants
+from jcontour.simulation.metrics import Metrics, score_signals
+
+SMOOTHINGS = (0, 1, 2, 4, 8, 16, 32, 64, 128, 256, 512)  # tried in turn
+CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
+SLOW = 8  # half periods of a lap, below which the lag of a loop is read from its phase
+LINEAR, NOISY = "linear model", "linear model, encoder noise"
+
+
+class Prepared(NamedTuple):
+    """A law, its numbers, and what is known of it before the first lap."""
+
+    law: LearningLaw
+    numbers: dict[str, float]
+    convergence: Convergence
+
+
+def prepared_law(one: Setting, flags: Learn) -> Prepared:
+    """The law that the flags ask for.
+
+    Its smoothing is the least with which the ratio from lap to lap is below one on the whole
+    family, unless it is given; where there is none, the one with the least ratio.
+    """
+    nominal = linear_nominal(one)
+    run = one.laps(lambda lap: nominal)
+    slopes = _slopes(one)
+    family = [partial(slopes, plant) for plant in one.machine.linear_family(one.fed, one.path)]
+    base = _first_law(one, run, flags)
+    smoothings = SMOOTHINGS if flags.smoothing is None else (flags.smoothing,)
+    known = answers(base, family, one.shape, max(smoothings))
+    tried = []
+    for smoothing in smoothings:
+        tried.append((known.convergence(smoothing), smoothing))
+        if tried[-1][0].estimate < 1:
+            break
+    found, smoothing = min(tried, key=lambda one: one[0].estimate)
+    law, numbers = _smoothed(base, smoothing)
+    return Prepared(law, numbers, found)
+
+
+def _first_law(one: Setting, run: RunLap, flags: Learn) -> NormOptimal | PType:
+    """The law without smoothing."""
+    if flags.law == "norm-optimal":
+        part = 0.0 if one.machine.error == "tracking" else CONTOURING
+        return norm_optimal(run, one.reference, contouring=part, effort=flags.effort)
+    lead = _lag(one) if flags.lead is None else flags.lead
+    return PType(flags.gain, lead)
+
+
+def _smoothed(law: NormOptimal | PType, smoothing: int) -> tuple[LearningLaw, dict[str, float]]:
+    """The law with a smoothing, and its numbers."""
+    if isinstance(law, PType):
+        numbers = {"gain": float(law.gain), "lead": law.lead, "smoothing": smoothing}
+        return PType(law.gain, law.lead, smoothing), numbers
+    return law.with_smoothing(smoothing), {"effort": float(law.effort), "smoothing": smoothing}
+
+
+def _lag(one: Setting) -> int:
+    """Samples by which the nominal loop is late when it moves slowly."""
+    nominal, (steps, _) = linear_nominal(one), one.shape
+    slow = np.pi / (steps - 1) * np.arange(1, SLOW)
+    response = frequency_response(partial(_slopes(one), nominal), one.shape, steps // 4, slow)
+    phases = np.angle(np.diagonal(response, axis1=1, axis2=2))
+    return max(0, round(float(np.mean(-phases / slow[:, None]))))
+
+
+def _slopes(one: Setting) -> Callable[[Plant, Array], Array]:
+    """Change of the measured positions of a plant with the correction, at the first lap.
+
+    One program for all plants of one structure.
+    """
+
+    def slope(plant: Plant, change: Array) -> Array:
+        def measured(correction):
+            return -one.laps(lambda lap: plant)(correction, jnp.zeros((), int)).error
+
+        return jax.jvp(measured, (jnp.zeros(one.shape),), (change,))[1]
+
+    return eqx.filter_jit(slope)
+
+
+class LapScores(NamedTuple):
+    """Errors [m] and control of one lap of every machine."""
+
+    tool: Float[Array | np.ndarray, "*machines"]
+    measured: Float[Array | np.ndarray, "*machines"]
+    control: Float[Array | np.ndarray, "*machines"]
+
+
+class BestLap(NamedTuple):
+    """Lap of the linear model with the least error of the tool [m]; laps begin with one."""
+
+    lap: int
+    error: float
+    correction: Float[Array, "T m"]
+
+
+class Learner:
+    """Laps, one after the other, on the linear model, on it with noise, and on the true family.
+
+    Noise is another in every lap: laps that all had the same would learn it.
+
+    Args:
+        one: controller and part.
+        law: the rule.
+        seed: of the noise.
+    """
+
+    def __init__(self, one: Setting, law: LearningLaw, seed: int):
+        self.one, self.law = one, law
+        nominal = linear_nominal(one)
+        self.singles: list[Callable[[Any], Plant]] = [lambda lap: nominal, noisy(one, seed)]
+        self.anew = read_anew(one, seed)
+        self.family = stack_plants(one.machine.true_family(one.fed))
+        self.names = [LINEAR, NOISY, *one.machine.family_names]
+        self.best: BestLap | None = None
+
+    def noise(self) -> float:
+        """RMS error of the tool that noise makes in the first lap, by the linear model [m]."""
+        still, first = jnp.zeros(self.one.shape), jnp.asarray(0)
+        without, with_noise = (advance(still, first)[2] for advance in (self._first, self._second))
+        shift = with_noise - without + self.one.reference.position[: self.one.reference.steps]
+        scored = eqx.filter_jit(score_signals)
+        metrics = scored(shift, jnp.zeros_like(shift), self.one.reference)
+        return float(self._error(metrics))
+
+    def run(self, laps: int, tell: Callable[[int, LapScores], None]) -> list[LearnedMachine]:
+        """All laps; a machine that diverges is left out from then on, and nothing is left at last.
+
+        Args:
+            laps: how many.
+            tell: hears the number of every lap, from one, and its scores.
+        """
+        count = len(self.names)
+        corrections = [jnp.zeros(self.one.shape) for _ in self.singles]
+        stacked = jnp.zeros((count - len(self.singles), *self.one.shape))
+        rows: list[LapScores] = []
+        for lap in range(laps):
+            number, found = jnp.asarray(lap), []
+            for k, advance in enumerate((self._first, self._second)):
+                used = corrections[k]
+                corrections[k], scores, _ = advance(used, number)
+                if k == 0:
+                    self._keep(BestLap(lap + 1, float(scores.tool), used))
+                found.append(jax.tree.map(lambda x: np.asarray(x)[None], scores))
+            stacked, scores = self._together(self.family, stacked, number)
+            found.append(jax.tree.map(np.asarray, scores))
+            rows.append(LapScores(*(np.concatenate(each) for each in zip(*found, strict=True))))
+            tell(lap + 1, rows[-1])
+            if all(diverged_lap(_measured(rows, k)) for k in range(count)):
+                break
+        return [_machine(name, rows, k) for k, name in enumerate(self.names)]
+
+    def _keep(self, lap: BestLap) -> None:
+        """Hold on to the best lap so far."""
+        if self.best is None or lap.error < self.best.error:
+            self.best = lap
+
+    @cached_property
+    def _first(self) -> Callable[[Any, Any], Any]:
+        return jax.jit(partial(self._lap, self.singles[0]))
+
+    @cached_property
+    def _second(self) -> Callable[[Any, Any], Any]:
+        return jax.jit(partial(self._lap, self.singles[1]))
+
+    @cached_property
+    def _together(self) -> Callable[[Any, Any, Any], Any]:
+        def on_family(family, corrections, number):
+            def on_plant(pair):
+                plant, correction = pair
+                return self._lap(partial(self.anew, plant), correction, number)[:2]
+
+            return family_batching(family)(on_plant, (family, corrections))
+
+        return eqx.filter_jit(on_family)
+
+    def _lap(self, plant: Callable[[Any], Plant], correction: Array, number: Array):
+        """Correction of the next lap, the scores of this one, and its output."""
+        found, reference = self.one.laps(plant)(correction, number), self.one.reference
+        measured = reference.position[: reference.steps] - found.error
+        tool, seen = (
+            score_signals(signal, found.control, reference) for signal in (found.output, measured)
+        )
+        scores = LapScores(self._error(tool), self._error(seen), tool.rms_control)
+        return self.law.update(correction, found.error), scores, found.output
+
+    def _error(self, metrics: Metrics) -> Array:
+        return getattr(metrics, f"rms_{self.one.machine.error}_error")
+
+
+def _machine(name: str, rows: Sequence[LapScores], k: int) -> LearnedMachine:
+    """Laps of one machine, to the one at which it diverged."""
+    measured = _measured(rows, k)
+    diverged = diverged_lap(measured)
+    kept = rows[:diverged]
+    tool = [1e6 * float(row.tool[k]) for row in kept]
+    return LearnedMachine(
+        name=name,
+        tool_um=tool,
+        measured_um=[1e6 * value for value in measured[: len(kept)]],
+        control=[float(row.control[k]) for row in kept],
+        diverged=diverged,
+        pays_until=paying_laps(tool),
+    )
+
+
+def _measured(rows: Sequence[LapScores], k: int) -> list[float]:
+    """Measured error of one machine, lap by lap [m]."""
+    return [float(row.measured[k]) for row in rows]

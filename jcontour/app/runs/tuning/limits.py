@@ -1,0 +1,171 @@
+"""From flags to the limits of a tuning problem, and to the loops that some of them look at."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jcontour.analysis.stability import DELAY_SEARCH
+from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.app.designs.design import Design
+from jcontour.app.flags.shared import Aimed, Limited
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.machines.machine import Machine, Usual
+from jcontour.app.runs.tuning.family_loops import WINDOWS
+from jcontour.motion.references import Reference
+from jcontour.simulation.metrics import Metrics
+from tuning.loops import ProbedLoops
+from tuning.objectives import COUNT_NOISE, RATIO
+from tuning.parameters import Weights
+from tuning.problem import Problem
+
+LIMITS = {  # flag -> metric, factor to SI
+    "max_tracking_error_um": ("rms_tracking_error", 1e-6),
+    "max_peak_tracking_error_um": ("peak_tracking_error", 1e-6),
+    "max_peak_contour_error_um": ("peak_contour_error", 1e-6),
+    "max_rms_control": ("rms_control", 1.0),
+    "max_peak_control": ("peak_control", 1.0),
+    "max_rms_increment": ("rms_increment", 1.0),
+    "max_peak_increment": ("peak_increment", 1.0),
+}
+MOVING = 0.5  # of the error of a tool that stands still: most that one may lag
+AT_REST = 0.8  # of the noise of counts: held between two counts a tool had up to 1.22 times it
+LATE_RADIUS = 0.999  # of a loop at its delay margin: a ring has decayed after a few 1000 samples
+
+
+def named_limits(flags: Limited) -> dict[str, float]:
+    """Metric and bound in SI of every limit that the flags name.
+
+    Raises:
+        ValueError: a limit is not above zero.
+    """
+    given = {name: getattr(flags, name) for name in LIMITS}
+    return {
+        LIMITS[name][0]: _above_zero(name, value) * LIMITS[name][1]
+        for name, value in given.items()
+        if value is not None
+    }
+
+
+def _above_zero(name: str, value: float) -> float:
+    """A limit of that flag.
+
+    Raises:
+        ValueError: it is not finite and above zero.
+    """
+    if not (np.isfinite(value) and value > 0):
+        flag = name.replace("_", "-")
+        raise ValueError(f"{flag}: a limit needs to be finite and above zero, received {value}")
+    return value
+
+
+def ratio_limit(flags: Tune) -> dict[str, float]:
+    """Bound on the errors over those of the start, where the flags ask for it.
+
+    Raises:
+        ValueError: it is not finite and above zero.
+    """
+    ratio = flags.max_error_ratio
+    return {} if ratio is None else {RATIO: _above_zero("max_error_ratio", ratio)}
+
+
+def lag_limit(machine: Machine, design: Design, references: Reference) -> dict[str, float]:
+    """Bound on the RMS tracking error along contours: some samples of travel at the fastest feed.
+
+    Contour error alone is also small for a tool that lags, or hardly moves. The bound is at most
+    `MOVING` of the error of a tool that stands still on the contour where that is largest.
+    """
+    if machine.error != "contour":
+        return {}
+    steps = jnp.linalg.norm(jnp.diff(references.position, axis=1), axis=-1)
+    travel, still = design.lag * float(jnp.max(steps)), float(_standing(references).max())
+    return {"rms_tracking_error": min(travel, MOVING * still) if still > 0 else travel}
+
+
+def _standing(references: Reference) -> Float[np.ndarray, " c"]:
+    """RMS tracking error of a tool that stands still where each contour begins [m]."""
+    position, counted = np.asarray(references.position), np.asarray(references.mask)
+    squares = ((position - position[:, :1]) ** 2).sum(axis=-1) * counted
+    return np.sqrt(squares.sum(axis=1) / np.maximum(counted.sum(axis=1), 1))
+
+
+def effort_limit(flags: Aimed, usual: Usual, problem: Problem, start: Weights) -> dict[str, float]:
+    """Bound on the RMS control, as a multiple of what the start needs.
+
+    None where the RMS control is bounded otherwise, or neither flags nor machine ask for it.
+
+    Raises:
+        ValueError: the flag is not above zero, or both kinds of bound are given.
+    """
+    effort = flags.max_effort
+    if effort is not None and flags.max_rms_control is not None:
+        raise ValueError(
+            "max-effort, max-rms-control: both limit the RMS control; give one of them"
+        )
+    if effort is not None:
+        _above_zero("max_effort", effort)
+    effort = effort or usual.effort
+    if effort is None or flags.max_rms_control is not None:
+        return {}
+    return {"rms_control": effort * float(np.max(start_metrics(problem, start).rms_control))}
+
+
+def start_metrics(problem: Problem, start: Weights) -> Metrics:
+    """Metrics (contour, plant) of the first weights on the smooth machines."""
+    return eqx.filter_jit(lambda problem, weights: problem.metrics(weights))(problem, start)
+
+
+def loop_limits(flags: Limited) -> dict[str, float]:
+    """Bounds on the peak sensitivity, and on the radius with more delay, where flags ask for them.
+
+    Raises:
+        ValueError: the bound is not above 1, which no loop keeps; or the delay is not one.
+    """
+    bound, more = flags.max_sensitivity, flags.min_delay_margin
+    if bound is not None and not bound > 1:
+        raise ValueError(f"max-sensitivity: no loop keeps 1 or less, received {bound}")
+    if not 0 <= more <= DELAY_SEARCH:
+        raise ValueError(f"min-delay-margin: needs 0 to {DELAY_SEARCH} samples, received {more}")
+    late = {"late_radius": LATE_RADIUS} if more else {}
+    return late if bound is None else {"peak_sensitivity": bound, **late}
+
+
+def noise_limit(flags: Limited, machine: Machine, design: Design) -> dict[str, float]:
+    """Bound on the RMS control by encoder counts, as a part of the machine's largest control.
+
+    The search takes rounding for white noise. That of a held tool is none, and may cause more: the
+    search keeps `AT_REST` of what is allowed.
+
+    None where nothing is counted, or the machine states no limit of its control.
+
+    Raises:
+        ValueError: the flag is not above zero.
+    """
+    part, largest = flags.max_count_noise, machine.limits.control
+    share = None if part is None else _above_zero("max_count_noise", part)
+    if share is None or largest is None or design.fed == "state" or machine.resolution is None:
+        return {}
+    return {COUNT_NOISE: AT_REST * share * float(np.min(largest))}
+
+
+def counted(limits: dict[str, float], machine: Machine) -> float | np.ndarray | None:
+    """Counts as noisy as the encoders [m], of all or of each, where their noise is limited."""
+    return machine.noisy_count if COUNT_NOISE in limits else None
+
+
+def probed_loops(
+    flags: Limited, problem: Problem, doubt: Doubt | None, count: float | np.ndarray | None
+) -> ProbedLoops | None:
+    """The frozen loops that the limits look at; None where none does.
+
+    Args:
+        flags: of the run.
+        problem: whose loops they are.
+        doubt: how far off the response may be.
+        count: of the encoders [m], where the noise of counts is limited.
+    """
+    if not loop_limits(flags) and doubt is None and count is None:
+        return None
+    return ProbedLoops.of(
+        problem.plants, problem.references, WINDOWS, flags.min_delay_margin, doubt, count
+    )

@@ -1,0 +1,274 @@
+"""From flags to a tuning problem: machine, design, jobs, family, limits."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from jcontour.analysis.uncertain_loops import BORNE
+from jcontour.app.catalogue.choices import design_for, job_named, machine_named
+from jcontour.app.designs.design import Design
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.jobs.job import Job, Pace, Task
+from jcontour.app.jobs.replays import Scenarios
+from jcontour.app.jobs.sets.held_out import held_out_like
+from jcontour.app.jobs.sets.random_contours import contour_jobs
+from jcontour.app.jobs.sets.representatives import representatives
+from jcontour.app.machines.disturbance_bounds import Bounds, bounds_of, box_of, linear_machine
+from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.machines.machine import Machine
+from jcontour.app.runs.spread.spreading import batching_of
+from jcontour.app.runs.tuning.limits import (
+    counted,
+    effort_limit,
+    lag_limit,
+    loop_limits,
+    named_limits,
+    noise_limit,
+    probed_loops,
+    ratio_limit,
+    start_metrics,
+)
+from jcontour.controller import Controller
+from jcontour.guarantees.disturbed_family import DisturbedFamily
+from jcontour.guarantees.disturbed_loop import check_linear
+from jcontour.motion.references import Reference
+from jcontour.simulation.evaluation import stack_plants, stack_references
+from jcontour.simulation.limit_use import AxisLimits, LimitUse
+from tuning.effort import Effort
+from tuning.objectives import (
+    CERTIFIED_USE,
+    AtMost,
+    Before,
+    Objective,
+    certified_error,
+    mean_contour_error,
+    mean_tracking_error,
+    typical_contour_error,
+    typical_tracking_error,
+    worst_contour_error,
+    worst_tracking_error,
+)
+from tuning.parameters import Weights
+from tuning.problem import Problem
+
+OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on the machine
+    ("worst", "contour"): worst_contour_error,
+    ("mean", "contour"): mean_contour_error,
+    ("typical", "contour"): typical_contour_error,
+    ("worst", "tracking"): worst_tracking_error,
+    ("mean", "tracking"): mean_tracking_error,
+    ("typical", "tracking"): typical_tracking_error,
+    ("certified", "contour"): certified_error,
+    ("certified", "tracking"): certified_error,
+}
+PLENTY = 10_000  # training samples beyond which a run will not end within a minute
+RESERVED = 0.97  # of a limit that the machine states: contours not trained may need more
+
+
+@dataclass(frozen=True)
+class TuningRun:
+    """Everything that a tuning run consists of.
+
+    Attributes:
+        before: design that the tuned one is compared with.
+        design: of the controller that is tuned; its start is where the run begins.
+        problem: on the smooth machines; the tuner sees nothing else.
+        learned: what is tuned on: the training contours, long programs by stretches of them.
+        scenarios: training and held-out contours as a whole, on the true machines.
+        limits: metric and bound in SI.
+    """
+
+    flags: Tune
+    machine: Machine
+    before: Design
+    design: Design
+    problem: Problem
+    settings: Effort
+    learned: tuple[Task, ...]
+    scenarios: Scenarios
+    limits: dict[str, float]
+
+    @property
+    def start(self) -> Weights:
+        """Weights that the run begins with."""
+        return self.design.start
+
+    def controller(self, weights: Weights) -> Controller:
+        """Controller with these weights."""
+        return self.problem.build(weights)
+
+    @property
+    def training_samples(self) -> int:
+        """Samples of all that is tuned on."""
+        return sum(job.steps for job in self.learned)
+
+    @property
+    def by_stretches(self) -> bool:
+        """Whether a long program is tuned by stretches of it."""
+        return len(self.learned) != sum(self.scenarios.training)
+
+
+def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
+    """The run that the flags describe.
+
+    Args:
+        flags: of the run.
+        made: design of these flags, where it is known; a first loop takes a while to find.
+
+    Raises:
+        ValueError: a flag, a file or their combination is wrong.
+    """
+    asked = ratio_limit(flags) | loop_limits(flags)
+    machine = machine_named(flags.plant) if made is None else made.machine
+    bounds = _bounds(flags, machine)
+    settings, pace, usual = tuner_settings(flags), Pace.of(flags, machine), machine.usual
+    # parts come before the design: a fault in line 1 of a program is told at once
+    training, held_out = _jobs(flags, machine, pace)
+    before = design_for(machine, flags) if made is None else made
+    # so do references before the first loop is searched: a preview longer than a run
+    learned = tuple(one for job in training for one in representatives(job, machine.model.dt))
+    runs = [job.reference(machine.model.dt, before.preview) for job in learned]
+    design = before.tunable()
+    if flags.free is not None:
+        design = design.freed([name.strip() for name in flags.free.split(",")])
+    design.check_start()
+    jobs, seen = [*training, *held_out], [True] * len(training) + [False] * len(held_out)
+    scenarios = Scenarios.of(_distinct(jobs), seen, machine, design.fed, design.preview)
+    family = machine.smooth_family(design.fed)
+    references = stack_references(runs)
+    problem = Problem(
+        design.build,
+        stack_plants(family[:1] if flags.nominal_only else family),
+        references,
+        _objective(flags, machine),
+        design.space,
+        batching=batching_of(flags),
+    )
+    limits = lag_limit(machine, design, references) | named_limits(flags)
+    limits |= effort_limit(flags, usual, problem, design.start)
+    stated = stated_axis_limits(machine)
+    kept = [] if design.keeps_limits else _named(stated)
+    if machine.doubt is not None:
+        limits["response_doubt"] = BORNE
+    limits |= noise_limit(flags, machine, design)
+    limits |= asked | {f"{name}_use": RESERVED for name in kept}
+    if flags.objective == "certified" and stated.control is not None:
+        limits[CERTIFIED_USE] = RESERVED
+    problem = replace(
+        problem,
+        limits=AtMost(_before(flags, before, problem), **limits),
+        loops=probed_loops(flags, problem, machine.doubt, counted(limits, machine)),
+        axis_limits=stated if _named(stated) else None,
+        disturbed=_disturbed(flags, machine, bounds, design, runs[0]),
+    )
+    return TuningRun(flags, machine, before, design, problem, settings, learned, scenarios, limits)
+
+
+def _jobs(flags: Tune, machine: Machine, pace: Pace) -> tuple[list[Task], list[Task]]:
+    """Training and held-out contours.
+
+    Raises:
+        ValueError: a name, a file or the words of random contours are wrong.
+    """
+    usual = machine.usual
+    own = [job_named(name, pace) for name in flags.parts]
+    jobs = [job for job in own if isinstance(job, Job)]
+    if flags.contours is not None:
+        training, held_out = contour_jobs(flags.contours, pace, flags.seed, jobs)
+        return [*training], [*held_out]
+    if jobs:
+        return _distinct(own), [*held_out_like(jobs, pace)]
+    names = usual.beside_own if own else usual.held_out
+    held_out = [job_named(name, pace) for name in names if name not in flags.parts]
+    return _distinct(own or [job_named(name, pace) for name in usual.training]), held_out
+
+
+def tuner_settings(flags: Any) -> Effort:
+    """Effort of the tuner."""
+    return Effort(
+        starts=flags.starts,
+        scatter=flags.scatter,
+        steps=flags.steps,
+        tolerance=flags.tolerance,
+        seed=flags.seed,
+        every_start=flags.every_start,
+    )
+
+
+def _objective(flags: Tune, machine: Machine) -> Objective:
+    """Objective of the flags; `regret` begins as `typical`, see `runs.regret`."""
+    name = "typical" if flags.objective == "regret" else flags.objective
+    return OBJECTIVES[name, machine.error]
+
+
+def stated_axis_limits(machine: Machine) -> AxisLimits:
+    """Limits that the machine states, and what of its acceleration the samples hide."""
+    stated = machine.limits._asdict() | {"hidden": machine.hidden_acceleration}
+    return AxisLimits(
+        **{name: None if value is None else jnp.asarray(value) for name, value in stated.items()}
+    )
+
+
+def _named(limits: AxisLimits) -> list[str]:
+    return [name for name in LimitUse._fields if getattr(limits, name) is not None]
+
+
+def _bounds(flags: Tune, machine: Machine) -> Bounds | None:
+    """Bounds of the disturbances; None on a machine that is not linear, where none are asked for.
+
+    Raises:
+        ValueError: they are asked for there, or one of them is wrong.
+    """
+    asked = flags.objective == "certified" or (flags.force, flags.encoder_um) != (None, None)
+    if not asked and machine.form(LinearMachine) is None:
+        return None
+    return bounds_of(linear_machine(machine), flags.force, flags.encoder_um)
+
+
+def _disturbed(
+    flags: Tune, machine: Machine, bounds: Bounds | None, design: Design, reference: Reference
+) -> DisturbedFamily | None:
+    """The family under bounded disturbances, where the objective is to be certified.
+
+    Raises:
+        ValueError: the controller is not linear.
+    """
+    if bounds is None or flags.objective != "certified":
+        return None
+    machine = linear_machine(machine)
+    family = machine.exact_family(design.fed)[: 1 if flags.nominal_only else None]
+    box = box_of(family[0], bounds, machine, design.fed)
+    check_linear(family[0], design.build(design.start), reference)
+    largest = machine.limits.control
+    limit = np.full(box.force.size, np.inf if largest is None else largest)
+    return DisturbedFamily(stack_plants(family), box.force, box.noise, limit)
+
+
+def _before(flags: Tune, before: Design, problem: Problem) -> Before | None:
+    """The family's worst error of every contour under the start weights, where a limit asks.
+
+    Of a contour that they do not follow nothing is asked.
+    """
+    if flags.max_error_ratio is None:
+        return None
+    metrics = start_metrics(replace(problem, build=before.build), before.start)
+    error = "contour" if problem.references.position.shape[-1] > 1 else "tracking"
+    worst = np.max(getattr(metrics, f"rms_{error}_error"), axis=1)
+    lost = np.any(metrics.diverged, axis=1)
+    return Before(jnp.asarray(np.where(lost, np.inf, worst)), error)
+
+
+def _distinct(jobs: list[Task]) -> list[Task]:
+    """Names are coordinates in the netCDF file: parts of the same name are numbered."""
+    named: list[Task] = []
+    for job in jobs:
+        names = {one.name for one in named}
+        name = next(
+            n
+            for k in range(1, len(jobs) + 1)
+            if (n := job.name if k == 1 else f"{job.name}-{k}") not in names
+        )
+        named.append(job._replace(name=name))
+    return named

@@ -1,0 +1,320 @@
+"""Controllers tuned alike and ranked on held-out contours.
+
+Each one has a folder of its own in the run folder, with the state of its tuner and its row once it
+is tuned, so that an interrupted ranking goes on where it was.
+"""
+
+import time
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from jcontour.app.catalogue.choices import (
+    UnreadFlagWarning,
+    controllers_for,
+    design_for,
+    job_named,
+    machine_named,
+    read_by,
+)
+from jcontour.app.catalogue.controllers import CONTROLLERS
+from jcontour.app.designs.design import Design, plain_weights
+from jcontour.app.files import run_folder
+from jcontour.app.files.checkpoints import load_state, save_state
+from jcontour.app.files.results.ranked_result import Candidate, Ranked, RankedResult
+from jcontour.app.files.results.stored import from_json, to_json
+from jcontour.app.files.results.verdict import Verdict, exceeded
+from jcontour.app.flags.shared import Aimed
+from jcontour.app.flags.tuning import Rank, Tune
+from jcontour.app.jobs.job import Pace
+from jcontour.app.jobs.replays import Replay, replay
+from jcontour.app.machines.machine import Machine
+from jcontour.app.reports.progress import progress_of
+from jcontour.app.runs.checks.machine_limits import machine_limits
+from jcontour.app.runs.checks.weights.recommendation import ALONE
+from jcontour.app.runs.checks.weights.unseen_plants import over_family
+from jcontour.app.runs.tuning.limits import loop_limits
+from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
+from jcontour.app.runs.tuning.regret import with_regret
+from jcontour.app.runs.tuning.results import machine_summary
+from tuning.effort import QUICK
+from tuning.tune import Tuned, TuneState, advance, result
+
+# as much as the evaluations allow: several descents, each to its end
+EFFORT = replace(QUICK, starts=3, scatter=8, steps=40, tolerance=1e-4, every_start=True)
+ROW = "row.json"
+TIMED = 3  # runs, of which the fastest counts: others wait for the computer
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """A ranking that is asked for.
+
+    Attributes:
+        flags: as they are given.
+        machine: what the controllers are for.
+        candidates: in the order in which they are tuned.
+        designs: of those whose numbers are as given; a first loop takes a while to find.
+        begun: the first run that can be, made already.
+    """
+
+    flags: Rank
+    machine: Machine
+    candidates: tuple[Candidate, ...]
+    designs: Mapping[Candidate, Design] = field(default_factory=dict)
+    begun: Mapping[Candidate, TuningRun] = field(default_factory=dict)
+
+    @property
+    def learning(self) -> list[str]:
+        """Names that are left out, as no margin is known of what they learn."""
+        if self.flags.controllers:
+            return []
+        return [name for name in controllers_for(self.machine) if CONTROLLERS[name].learns]
+
+    def run_of(self, candidate: Candidate) -> TuningRun:
+        """Tuning run of one controller.
+
+        Raises:
+            ValueError: as `tuning_run`.
+        """
+        made = self.begun.get(candidate)
+        if made is not None:
+            return made
+        return tuning_run(self.flags_of(candidate), self.designs.get(candidate))
+
+    def flags_of(self, candidate: Candidate) -> Tune:
+        """Flags of the tuning run of one controller."""
+        shared: dict[str, Any] = {one.name: getattr(self.flags, one.name) for one in fields(Aimed)}
+        flags = Tune(**{**shared, **vars(candidate), "parts": self.flags.parts})
+        return read_by(candidate.controller, flags)
+
+
+def ranking_of(flags: Rank) -> Ranking:
+    """The ranking that flags describe.
+
+    Raises:
+        ValueError: a flag, a file or their combination is wrong.
+    """
+    if flags.controller is not None:
+        raise ValueError("controller: a ranking takes several; name them with --controllers")
+    if flags.weights:
+        raise ValueError("weights: every controller of a ranking begins at its own; leave it out")
+    if flags.evaluations < 1:
+        raise ValueError(f"evaluations: needs at least 1, received {flags.evaluations}")
+    loop_limits(flags)
+    machine = machine_named(flags.plant)
+    for part in flags.parts:  # a fault in one is told before any first loop is searched
+        job_named(part, Pace.of(flags, machine))
+    candidates, designs = _candidates(flags, machine)
+    if not candidates:
+        raise ValueError(f"controllers: none of the catalogue suits {machine.name}")
+    return _with_one(Ranking(flags, machine, tuple(candidates), designs))
+
+
+def _with_one(ranking: Ranking) -> Ranking:
+    """The ranking with the run of the first controller that can be tuned.
+
+    Raises:
+        ValueError: what the first one raises where none can be: parts, limits or names are wrong.
+    """
+    reasons = []
+    for candidate in ranking.candidates:
+        try:
+            return replace(ranking, begun={candidate: ranking.run_of(candidate)})
+        except ValueError as error:
+            reasons.append(error)
+    raise reasons[0]
+
+
+def _candidates(flags: Rank, machine: Machine) -> tuple[list[Candidate], dict[Candidate, Design]]:
+    """Every controller, with every choice of numbers that it reads, and designs made on the way."""
+    found, designs = [], {}
+    suiting = [name for name in controllers_for(machine) if not CONTROLLERS[name].learns]
+    for name in flags.controllers or suiting:
+        asked = read_by(name, replace(flags, controller=name))
+        try:
+            with warnings.catch_warnings():  # the flags are for those that read them
+                warnings.simplefilter("ignore", UnreadFlagWarning)
+                design = design_for(machine, asked)
+        except ValueError:  # told as its row
+            found.append(_plain_candidate(asked, name))
+            continue
+        if design.fed == "state" and not flags.controllers:
+            continue  # it sees more than the others
+        designs[_plain_candidate(asked, name)] = design
+        found += [
+            Candidate(controller=name, preview=preview, terminal=terminal, model_delay=delay)
+            for preview, terminal, delay in product(*_choices(asked, design))
+        ]
+    return found, designs
+
+
+def _plain_candidate(flags: Rank, name: str) -> Candidate:
+    return Candidate(
+        controller=name,
+        preview=flags.preview,
+        terminal=flags.terminal,
+        model_delay=flags.model_delay,
+    )
+
+
+def _choices(flags: Rank, design: Design) -> tuple[Sequence[int], Sequence[str], Sequence[Any]]:
+    """Previews, terminals and delays that are tried of a controller: those that change it."""
+    has = design.settings()
+    own = has.get("terminal", flags.terminal)
+    named = own == flags.terminal  # a controller whose name says its terminal keeps it
+    return (
+        (flags.previews if has.get("preview") == flags.preview else ()) or (flags.preview,),
+        (flags.terminals if "terminal" in has and named else ()) or (flags.terminal,),
+        (flags.model_delays if "model_delay" in has else ()) or (flags.model_delay,),
+    )
+
+
+def label_of(candidate: Candidate, flags: Rank) -> str:
+    """Name of a controller, with the numbers that set it apart from others."""
+    words = [candidate.controller]
+    if len(flags.previews) > 1 and candidate.preview in flags.previews:
+        words.append(f"preview {candidate.preview}")
+    if len(flags.terminals) > 1:
+        words.append(candidate.terminal)
+    if len(flags.model_delays) > 1:
+        words.append(f"delay {candidate.model_delay}")
+    return ", ".join(words)
+
+
+def ranked(ranking: Ranking, folder: Path, console: Console) -> RankedResult:
+    """Tune and rank; what is stored in the run folder counts."""
+    rows = []
+    for index, candidate in enumerate(ranking.candidates):
+        place = folder / f"{index:02d}-{Path(candidate.controller.replace(':', '-')).name}"
+        place.mkdir(exist_ok=True)
+        if (place / ROW).exists():
+            rows.append(from_json(run_folder.read_json(place, ROW), Ranked))
+        else:
+            console.print(f"{index + 1} of {len(ranking.candidates)}: {candidate.controller}")
+            rows.append(_row(ranking, candidate, place, console))
+            run_folder.write_json(place / ROW, to_json(rows[-1]))
+    machine, rows = ranking.machine, sorted(rows, key=_place)
+    return RankedResult(
+        machine=machine_summary(machine),
+        error=machine.error,
+        evaluations=ranking.flags.evaluations,
+        rows=rows,
+        verdict=verdict_on(
+            rows, [*machine.remarks, *([ALONE] if len(machine.family_names) == 1 else [])]
+        ),
+        learning=ranking.learning,
+    )
+
+
+def verdict_on(rows: Sequence[Ranked], warnings: Sequence[str]) -> Verdict:
+    """Verdict on a ranking: a controller follows every contour within every limit."""
+    usable = [row.label for row in rows if row.failure is None and row.feasible]
+    against = [] if usable else ["no controller keeps every limit", *map(_against, rows)]
+    passed = f"USE {usable[0]}, tuned" if usable else "USE ANY OF THEM"
+    return Verdict.of([], against, warnings, passed=passed)
+
+
+def _against(row: Ranked) -> str:
+    """What speaks against a controller."""
+    limits = "; ".join(row.exceeded) or "beyond a limit of the tuner"
+    return f"{row.label}: {row.failure or limits}"
+
+
+def _row(ranking: Ranking, candidate: Candidate, place: Path, console: Console) -> Ranked:
+    """One controller, tuned and tried; a controller that cannot be is a row with the reason."""
+    label = label_of(candidate, ranking.flags)
+    try:
+        run = ranking.run_of(candidate)
+        run = replace(run, settings=replace(EFFORT, seed=ranking.flags.seed))
+        with progress_of(console, run.settings, run.machine.error) as show:
+            if run.flags.objective == "regret":
+                run = with_regret(run, place, show)
+            tuned = _tuned(run, ranking.flags.evaluations, place, show)
+        return _tried(run, tuned, Ranked(candidate=candidate, label=label))
+    except ValueError as error:
+        return Ranked(candidate=candidate, label=label, failure=str(error))
+
+
+def _tuned(
+    run: TuningRun, evaluations: int, place: Path, show: Callable[[TuneState], None]
+) -> Tuned:
+    """The best within some evaluations.
+
+    Raises:
+        ValueError: every point diverged.
+    """
+    state = load_state(place)
+    while not state.done and len(state.history) < evaluations:
+        state = advance(run.problem, run.start, run.settings, state)
+        save_state(place, state)
+        show(state)
+    return result(run.problem, run.start, state)
+
+
+def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
+    """The tuned controller on the machine with all effects."""
+    controller = run.controller(tuned.weights)
+    tried = replay(controller, run.scenarios)
+    fastest = min(_seconds(lambda: replay(controller, run.scenarios)) for _ in range(TIMED))
+    family = over_family(run, tuned.weights)
+    loops = (tuned if family is None else family).outcome.loops
+    peak = np.inf if loops is None else float(np.max(loops.sensitivity))
+    limits = machine_limits(tried, run.scenarios, run.machine)
+    sound = bool(tuned.feasible) and (family is None or family.feasible)
+    held_out, training = (_errors(run, tried, trained) for trained in (False, True))
+    found = replace(
+        row,
+        held_out_errors=held_out,
+        training_errors=training,
+        held_out=_typical(held_out),
+        training=_typical(training),
+        peak_sensitivity=peak if np.isfinite(peak) else None,
+        learns=run.design.learns,
+        feasible=sound and all(one.kept for one in limits),
+        exceeded=exceeded(limits),
+        stationary=bool(tuned.stationary),
+        evaluations=len(tuned.history),
+        weights=plain_weights(tuned.weights),
+        seconds=fastest,
+    )
+    lost = np.asarray(tried.metrics.diverged)
+    if not lost.any():
+        return found
+    names = [job.name for job, one in zip(run.scenarios.jobs, lost, strict=True) if one.any()]
+    return replace(found, failure=f"a plant of the family diverges on {', '.join(names)}")
+
+
+def _seconds(work: Callable[[], Replay]) -> float:
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
+def _errors(run: TuningRun, tried: Replay, trained: bool) -> dict[str, float]:
+    """Worst error of the family on every contour that was trained on, or was not."""
+    worst = np.max(getattr(tried.metrics, f"rms_{run.machine.error}_error"), axis=1)
+    scenarios = run.scenarios
+    named = zip(scenarios.jobs, scenarios.training, worst, strict=True)
+    return {job.name: float(error) for job, seen, error in named if seen is trained}
+
+
+def _typical(errors: dict[str, float]) -> float | None:
+    """Geometric mean; None of no contour."""
+    values = np.array(list(errors.values()))
+    return float(np.exp(np.mean(np.log(values)))) if values.size else None
+
+
+def _place(row: Ranked) -> tuple[bool, bool, float]:
+    """Sound rows first, then those beyond a limit, each by its held-out error."""
+    return row.failure is not None, not row.feasible, _known(row.held_out)
+
+
+def _known(value: float | None) -> float:
+    return np.inf if value is None else value

@@ -1,0 +1,374 @@
+"""Results of a tuning run: replays, margins, gap to the machine with all effects, history."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jcontour.analysis.sensitivity import LoopPeaks
+from jcontour.analysis.uncertain_loops import BORNE
+from jcontour.app.beside import Beside
+from jcontour.app.designs.design import plain_weights
+from jcontour.app.files.results.certified_result import CertifiedBound
+from jcontour.app.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
+from jcontour.app.files.results.tuned_result import (
+    EngineRow,
+    GapRow,
+    HistoryPoint,
+    PathMargins,
+    RobustTest,
+    Standstill,
+    TunedContour,
+    TunedResult,
+)
+from jcontour.app.files.results.verdict import ROUNDING
+from jcontour.app.jobs.replays import Replay, Scenarios, replay, scored
+from jcontour.app.machines.machine import Fed, Machine
+from jcontour.app.reports.figures.tuning.sensitivity import FamilyCurves
+from jcontour.app.runs.checks.weights.drift import offset_lasts
+from jcontour.app.runs.checks.weights.path_margins import path_margins
+from jcontour.app.runs.checks.weights.recommendation import (
+    Evidence,
+    active_limits,
+    exceeded_most,
+    flag_allowing,
+    may_drift,
+    verdict_on,
+)
+from jcontour.app.runs.checks.weights.robustness import robust_test
+from jcontour.app.runs.checks.weights.standstill import standstill
+from jcontour.app.runs.checks.weights.stated_limits import family_limits, stated_limits
+from jcontour.app.runs.checks.weights.unseen_plants import exceeded_unseen, over_family
+from jcontour.app.runs.checks.weights.warnings import idle_warnings, run_warnings
+from jcontour.app.runs.contour_summary import contour_read, peak_place
+from jcontour.app.runs.tuning.family_loops import (
+    LeastKnown,
+    family_curves,
+    family_peaks,
+    least_known,
+)
+from jcontour.app.runs.tuning.problem import TuningRun
+from jcontour.app.runs.tuning.searching import Searched
+from jcontour.app.runs.tuning.simple_loops import SimpleLoop, best_simple, simple_loops
+from jcontour.controller import Controller
+from jcontour.simulation.evaluation import member, stack_plants
+from tuning.objectives import LEAST
+from tuning.parameters import Chart
+from tuning.tune import Tuned
+
+SAFE = BORNE * (1 + ROUNDING)  # of what a response that is not known may take of a loop
+SHOWN = 12  # contours: more are too many to look at
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Weights on the machines with all effects: every run, margins and curves, standstill.
+
+    `name` is that of the controller where it is not the tuned one.
+    """
+
+    replay: Replay
+    margins: PathMargins
+    curves: FamilyCurves
+    standstill: Standstill | None
+    name: str = ""
+
+
+def trial_of(run: TuningRun, tuned: Tuned) -> Trial:
+    """Tuned weights tried on every contour and every plant."""
+    known = None if run.flags.nominal_only else tuned.outcome.loops
+    return tried(run.controller(tuned.weights), run.machine, run.scenarios, run.design.fed, known)
+
+
+def robust_trial(run: TuningRun, tuned: Tuned) -> RobustTest | None:
+    """Tuned weights tried on random plants of the family."""
+    controller, seed = run.controller(tuned.weights), run.flags.seed
+    scenarios, fed = run.scenarios, run.design.fed
+    if run.by_stretches:  # a thousand plants on the whole would take an hour
+        seen = [True] * len(run.learned)
+        scenarios = Scenarios.of(run.learned, seen, run.machine, fed, run.design.preview)
+    return robust_test(controller, run.machine, scenarios, fed, seed)
+
+
+def start_trial(run: TuningRun, process: Beside) -> Callable[[], Trial]:
+    """The design that the tuned one is compared with, with its own weights, once it is asked for.
+
+    Args:
+        run: of the tuning.
+        process: that tries it meanwhile.
+    """
+    controller = run.before.build(run.before.start)
+    return process.submit(tried, controller, run.machine, run.scenarios, run.design.fed)
+
+
+def baseline_trial(run: TuningRun, start: Trial, loops: Sequence[SimpleLoop]) -> Trial | None:
+    """The best simple loop within every limit, with its first gains, where the start is not usable.
+
+    Args:
+        run: of the tuning.
+        start: the design that the tuned one is compared with else.
+        loops: simple loops where they begin, if they are known.
+    """
+    if keeps_limits(run, start):
+        return None
+    best = best_simple([one for one in loops or simple_loops(run) if one.kept])
+    if best is None:
+        return None
+    simple = best.run
+    controller = simple.controller(simple.start)
+    trial = tried(controller, simple.machine, simple.scenarios, simple.design.fed)
+    return replace(trial, name=simple.design.name) if keeps_limits(simple, trial) else None
+
+
+def keeps_limits(run: TuningRun, trial: Trial) -> bool:
+    """Whether a trial is that of a stable loop within every stated limit."""
+    return not _unstable(trial) and all(one.kept for one in stated_limits(run, *_tests(trial)))
+
+
+def tried(
+    controller: Controller,
+    machine: Machine,
+    scenarios: Scenarios,
+    fed: Fed,
+    known: LoopPeaks | None = None,
+) -> Trial:
+    """A controller tried on every contour and every plant; `known` are its peaks, if they are."""
+    on = controller, machine, scenarios, fed
+    peaks = family_peaks(*on) if known is None else known
+    found = path_margins(*on, peaks), family_curves(*on, peaks)
+    return Trial(replay(controller, scenarios), *found, standstill(controller, machine, fed))
+
+
+def machine_summary(machine: Machine) -> MachineSummary:
+    """Name, axes and units of a machine."""
+    return MachineSummary(
+        machine.name, machine.control_unit, machine.axes, machine.nonsmooth_effects
+    )
+
+
+def tuned_result(
+    searched: Searched,
+    trials: Mapping[str, Trial],
+    robust: RobustTest | None,
+    confirmed: list[EngineRow],
+    certified: CertifiedBound | None,
+    seconds: float,
+) -> TunedResult:
+    """The whole result; `trials` are those of the start, a baseline and the tuned weights."""
+    run, tuned = searched.run, searched.tuned
+    found, margins = trials["tuned"].replay, trials["tuned"].margins
+    replays = {name: trial.replay for name, trial in trials.items()}
+    shown = shown_contours(run, replays)
+    contours = [_contour(run, replays, c, c in shown) for c in range(len(run.scenarios.jobs))]
+    error = run.machine.error
+    counts = 0.0 if run.machine.noisy_count is None else run.machine.noisy_count
+    limit = exceeded_most(run.problem, tuned)
+    checks = {name: stated_limits(run, *_tests(trial)) for name, trial in trials.items()}
+    verdict = verdict_on(
+        Evidence(
+            tuned=tuned,
+            contours=contours,
+            margins=margins,
+            robust=robust,
+            error=error,
+            limits=[*checks["tuned"], *family_limits(robust)],
+            start_limits=checks["start"],
+            start_unstable=_unstable(trials["start"]),
+            baseline="baseline" if "baseline" in trials else "start",
+            delay=run.flags.min_delay_margin,
+            alone=len(run.machine.family_names) == 1,
+            finest=float(np.max(counts)) / np.sqrt(12),  # a position's noise, coarsest axis
+            limit=limit,
+            allowing=flag_allowing(limit, tuned.violation, run.flags, run.limits),
+            feed_law=run.flags.feed_law,
+            lasting=_offset_lasts(run, tuned) if may_drift(margins, contours) else 0.0,
+            unknown=_unknown(run, tuned) if (margins.doubt or 0.0) > SAFE else None,
+            unseen=exceeded_unseen(over_family(run, tuned.weights)),
+            warnings=[
+                *run_warnings(run, tuned, margins, replays),
+                *idle_warnings(searched.idle),
+                *_baseline_words(trials),
+            ],
+        )
+    )
+    weights = plain_weights(tuned.weights)
+    return TunedResult(
+        machine=machine_summary(run.machine),
+        controller=run.design.name,
+        error=error,
+        **run.design.settings(),
+        limitable=run.design.limitable,
+        files=run.design.files,
+        start=plain_weights(run.before.start),
+        weights=weights,
+        weight_lines=run.design.weight_lines(weights),
+        feasible=bool(tuned.feasible),
+        violation=float(tuned.violation) if np.isfinite(tuned.violation) else None,
+        verdict=verdict,
+        active=active_limits(tuned.prices, run.limits),
+        robust=robust,
+        standstill={name: one.standstill for name, one in trials.items() if one.standstill},
+        limits=run.limits,
+        evaluated_points=len(tuned.history),
+        diverged_points=tuned.diverged_points,
+        diverged_starts=tuned.diverged_starts,
+        descents=searched.descents,
+        plants=list(run.scenarios.plants),
+        margins=margins,
+        start_margins=trials["start"].margins,
+        contours=contours,
+        gap=gap(run, tuned, found),
+        training_samples=run.training_samples,
+        confirmed=confirmed,
+        seconds=seconds,
+        certified=certified,
+        sample_period=float(run.machine.model.dt),
+    )
+
+
+def _tests(trial: Trial) -> tuple[Replay, PathMargins, Standstill | None]:
+    """Results of a trial that limits are compared with."""
+    return trial.replay, trial.margins, trial.standstill
+
+
+def _unstable(trial: Trial) -> str:
+    """Why a trial is that of no loop; empty where every run and every frozen loop is stable."""
+    if np.any(trial.replay.metrics.diverged):
+        return "a plant of the family diverges"
+    return "" if trial.margins.stable else "a frozen loop is open or unstable"
+
+
+def _baseline_words(trials: Mapping[str, Trial]) -> list[str]:
+    if "baseline" not in trials:
+        return []
+    name = trials["baseline"].name
+    return [f"the baseline is {name} with its first gains, the best simple loop within every limit"]
+
+
+def _offset_lasts(run: TuningRun, tuned: Tuned) -> float:
+    """Samples in which the tool comes back to the training paths, on the slowest of them."""
+    plant, controller = run.machine.nominal(run.design.fed), run.controller(tuned.weights)
+    references = jax.device_get(run.scenarios.references)
+    trained = np.flatnonzero(run.scenarios.training).tolist()
+    return max(offset_lasts(plant, controller, member(references, k)) for k in trained)
+
+
+def _unknown(run: TuningRun, tuned: Tuned) -> LeastKnown:
+    """Where the tuned loops rest most on what is not known of the response."""
+    controller = run.controller(tuned.weights)
+    return least_known(controller, run.machine, run.scenarios, run.design.fed)
+
+
+def shown_contours(run: TuningRun, replays: Mapping[str, Replay]) -> list[int]:
+    """Contours that tables and figures show: all of a few; of many those that fared worst.
+
+    Of training and of held-out contours the same number, by the ratio of the family's worst error
+    to that of the start.
+    """
+    training = np.asarray(run.scenarios.training)
+    if training.size <= SHOWN:
+        return list(range(training.size))
+    name = f"rms_{run.machine.error}_error"
+    start, tuned = (np.max(getattr(replays[k].metrics, name), axis=1) for k in ("start", "tuned"))
+    lost = np.any(replays["tuned"].metrics.diverged, axis=1)
+    order = np.argsort(-np.where(lost, np.inf, tuned / np.maximum(start, LEAST)))
+    half = SHOWN // 2
+    kept = [row for seen in (True, False) for row in order[training[order] == seen][:half]]
+    return sorted(int(row) for row in kept)
+
+
+def _contour(
+    run: TuningRun, replays: Mapping[str, Replay], index: int, shown: bool
+) -> TunedContour:
+    scenarios = run.scenarios
+    job = scenarios.jobs[index]
+    return TunedContour(
+        name=job.name,
+        training=bool(scenarios.training[index]),
+        samples=job.samples,
+        metrics={name: family_metrics(one, index) for name, one in replays.items()},
+        read=contour_read(scenarios, index),
+        peak=peak_place(scenarios, replays["tuned"], index, run.machine.error),
+        shown=shown,
+        feed_law=job.feed_law,
+    )
+
+
+def family_metrics(replay: Replay, index: int) -> FamilyMetrics:
+    """Metrics on one contour: the nominal plant, and the worst of the family metric by metric."""
+    return FamilyMetrics(
+        nominal=RunMetrics.of(replay.metrics, lambda values: values[index, 0]),
+        worst=RunMetrics.of(replay.metrics, lambda values: values[index].max()),
+    )
+
+
+def gap(run: TuningRun, tuned: Tuned, found: Replay) -> list[GapRow]:
+    """RMS error of every training contour as the tuner saw it, and on the machine with all effects.
+
+    Nominal plant, and worst of the family that was tuned on. None where the tuner has seen
+    stretches: their errors are not those of the whole.
+    """
+    if run.by_stretches:
+        return []
+    name = f"rms_{run.machine.error}_error"
+    smooth = np.asarray(getattr(tuned.outcome.metrics, name))
+    replayed = np.asarray(getattr(found.metrics, name))
+    rows = []
+    for c, job in enumerate(run.scenarios.jobs_seen(True)):
+        members = replayed[c, : smooth.shape[1]]
+        rows.append(_gap_row(job.name, "nominal", smooth[c, 0], members[0]))
+        rows.append(_gap_row(job.name, "worst", smooth[c].max(), members.max()))
+    return rows
+
+
+def _gap_row(contour: str, plant: str, smooth: float, nonsmooth: float) -> GapRow:
+    return GapRow(
+        contour=contour,
+        plant=plant,
+        smooth=float(smooth),
+        nonsmooth=float(nonsmooth),
+        relative=float(nonsmooth / smooth - 1),
+    )
+
+
+def confirmed(run: TuningRun, tuned: Tuned, found: Replay) -> list[EngineRow]:
+    """The nominal plant in an independent engine, where there is one."""
+    independent = run.machine.independent()
+    if independent is None:
+        return []
+    engine, plant = independent
+    scenarios = run.scenarios._replace(plants=("nominal",), family=stack_plants([plant]))
+    other = replay(run.controller(tuned.weights), scenarios)
+    name, counts = f"rms_{run.machine.error}_error", scored(scenarios)
+    apart = np.linalg.norm(other.output[:, 0] - found.output[:, 0], axis=-1)
+    ours, theirs = getattr(found.metrics, name), getattr(other.metrics, name)
+    return [
+        EngineRow(
+            engine=engine,
+            contour=job.name,
+            ours=float(ours[c, 0]),
+            theirs=float(theirs[c, 0]),
+            apart=float(apart[c][counts[c]].max()),
+        )
+        for c, job in enumerate(scenarios.jobs)
+    ]
+
+
+def history_of(run: TuningRun, tuned: Tuned) -> list[HistoryPoint]:
+    """Every evaluated point; error and increment are the worst over contours and family."""
+    chart = Chart(run.problem.space, run.start)
+    error = f"rms_{run.machine.error}_error"
+    return [
+        HistoryPoint(
+            descent=row.start,
+            weights=plain_weights(chart.weights(jnp.asarray(row.z))),
+            objective=row.objective,
+            violation=row.violation,
+            diverged=row.diverged,
+            rms_error=float(np.max(getattr(row.outcome.metrics, error))),
+            rms_increment=float(np.max(row.outcome.metrics.rms_increment)),
+        )
+        for row in tuned.history
+    ]

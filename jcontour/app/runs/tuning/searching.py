@@ -1,0 +1,150 @@
+"""The search of a tuning run, round by round.
+
+The first round is the search that the flags ask for. Then loops between the probes are looked at
+(`tuning.exchange`); where one is worse, another round goes on with it, from where the last ended.
+Every round has a folder of its own, so that an interrupted run goes on where it was.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from rich.console import Console
+
+from jcontour.app.designs.design import by_name
+from jcontour.app.files.checkpoints import load_state, save_state
+from jcontour.app.reports.tables import say
+from jcontour.app.runs.tuning.family_loops import WINDOWS
+from jcontour.app.runs.tuning.problem import TuningRun
+from tuning.exchange import STABLE, Exchanged, exchanged
+from tuning.history import Evaluated
+from tuning.idle import put_back, without_slope
+from tuning.parameters import Chart
+from tuning.tune import Tuned, TuneState, advance, result
+
+ROUNDS = 3  # after the first: each costs a part of it, and few contours need more than one
+ROUND = "exchange-{}"
+
+
+class NothingSound(RuntimeError):
+    """Every point of a search diverged."""
+
+
+@dataclass(frozen=True)
+class Searched:
+    """End of a search.
+
+    Attributes:
+        run: with the loops and limits that it ended with.
+        tuned: what was found, with the points of all rounds.
+        descents: of all rounds.
+        flat: coordinates that had no slope where the last descent ended.
+        idle: names of the weights without any effect on the runs, which are left at their start.
+    """
+
+    run: TuningRun
+    tuned: Tuned
+    descents: int
+    flat: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    idle: tuple[str, ...] = ()
+
+
+def searched(
+    run: TuningRun, folder: Path, show: Callable[[TuneState], None], console: Console
+) -> Searched:
+    """Search, and exchange probes where a loop between them is worse.
+
+    What is stored in the run folder counts. A later round that finds nothing sound leaves the
+    result of the one before. Weights without any effect are left at their start.
+
+    Raises:
+        NothingSound: every point of the first round diverged.
+    """
+    return _put_back(_rounds(run, folder, show, console))
+
+
+def _rounds(
+    run: TuningRun, folder: Path, show: Callable[[TuneState], None], console: Console
+) -> Searched:
+    found = _round(run, folder, show, TuneState())
+    for number in range(1, ROUNDS + 1):
+        more = exchanged(found.run.problem, found.run.start, found.tuned, WINDOWS)
+        if more is None:
+            return found
+        say(console, exchange_words(more))
+        place = folder / ROUND.format(number)
+        place.mkdir(exist_ok=True)
+        begin = Chart(more.problem.space, found.tuned.weights).coordinates()
+        try:
+            later = _round(_going_on(found, more), place, show, TuneState(begin=np.asarray(begin)))
+        except NothingSound:  # the checks that follow tell of the loop
+            return found
+        found = _after(found, later)
+    return found
+
+
+def exchange_words(more: Exchanged) -> str:
+    """A round of exchange in one line."""
+    what = "is unstable" if more.unstable else "exceeds the limit on loops"
+    looked = "1 more loop is" if more.added == 1 else f"{more.added} more loops are"
+    return f"A loop between the probes {what}: {looked} looked at, and the search goes on."
+
+
+def _round(
+    run: TuningRun, folder: Path, show: Callable[[TuneState], None], fresh: TuneState
+) -> Searched:
+    state = load_state(folder)
+    state = state if state.history else fresh
+    while not state.done:
+        state = advance(run.problem, run.start, run.settings, state)
+        save_state(folder, state)
+        show(state)
+    try:
+        tuned = result(run.problem, run.start, state)
+        return Searched(run, tuned, state.start + 1, without_slope(state.descent))
+    except ValueError as error:
+        raise NothingSound(str(error)) from None
+
+
+def _going_on(found: Searched, more: Exchanged) -> TuningRun:
+    """The run with more loops, and one descent."""
+    run, limits = found.run, found.run.limits
+    if run.problem.loops is None:
+        limits = {**limits, "spectral_radius": STABLE}
+    return replace(
+        run,
+        problem=more.problem,
+        settings=replace(run.settings, starts=1, scatter=0),
+        limits=limits,
+    )
+
+
+def _after(before: Searched, found: Searched) -> Searched:
+    """The later round, with the points of those before."""
+    moved = [_renumbered(row, before.descents) for row in found.tuned.history]
+    tuned = found.tuned._replace(
+        history=[*before.tuned.history, *moved],
+        diverged_points=before.tuned.diverged_points + found.tuned.diverged_points,
+        diverged_starts=before.tuned.diverged_starts + found.tuned.diverged_starts,
+        stabilised=before.tuned.stabilised,
+    )
+    return Searched(found.run, tuned, before.descents + found.descents, found.flat)
+
+
+def _put_back(found: Searched) -> Searched:
+    """The same, with weights that have no effect where they started."""
+    problem, start = found.run.problem, found.run.start
+    weights, idle = put_back(problem, start, found.tuned.weights, found.flat)
+    if not idle.any():
+        return found
+    z = Chart(problem.space, start).coordinates()
+    beside = jnp.where(idle, z + 1, z)
+    first, moved = (by_name(Chart(problem.space, start).weights(at)) for at in (z, beside))
+    names = tuple(name for name in first if not np.array_equal(first[name], moved[name]))
+    return replace(found, tuned=found.tuned._replace(weights=weights), idle=names)
+
+
+def _renumbered(row: Evaluated, descents: int) -> Evaluated:
+    return row._replace(start=row.start + descents) if row.start >= 0 else row

@@ -1,0 +1,182 @@
+"""The simple loops of a drive beside the usual controller of a machine.
+
+Whoever names no controller gets the simplest loop that is good enough. Every simple loop that suits
+the machine is evaluated where it begins, on the contours, family and limits of the run. Where the
+best of them may come within reach of the tuned controller it is tuned as well, and recommended
+where it is as good.
+"""
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, names_controller
+from jcontour.app.designs.design import Design, by_name
+from jcontour.app.designs.simple_loops import NOTCHED, simple_names
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.runs.tuning.limits import lag_limit, named_limits
+from jcontour.app.runs.tuning.problem import TuningRun
+from jcontour.app.runs.tuning.searching import Searched
+from tuning.history import FEASIBLE
+from tuning.objectives import AtMost
+from tuning.parameters import Chart
+from tuning.point import evaluate_values, objective_value
+
+AS_GOOD = 1.1  # times the error of the best: what is simpler is then recommended
+PAYS = 1.5  # times the gain of the position loop: less is not worth a notch
+REACH = 1.5  # times the error of the tuned controller: what a short descent may gain
+STEPS = 6  # iterations of that descent
+HALVINGS = 5  # of a gain that breaks a limit: at 1/32 it hardly follows
+SEVERAL = ("regret", "certified")
+Search = Callable[[TuningRun], Searched | None]
+
+
+class SimpleLoop(NamedTuple):
+    """A simple loop where it begins.
+
+    Attributes:
+        run: the tuning run with it in place of the controller.
+        error: objective; infinite where a run or a loop is unstable.
+        violation: largest ln(value / limit).
+    """
+
+    run: TuningRun
+    error: float
+    violation: float
+
+    @property
+    def kept(self) -> bool:
+        """Whether it is stable within every limit."""
+        return np.isfinite(self.error) and self.violation <= FEASIBLE
+
+
+def simple_loops(run: TuningRun) -> list[SimpleLoop]:
+    """The simple loops that suit the machine where they begin, the simplest first.
+
+    None where the objective is no error of single runs, or the state is measured.
+    """
+    flags, machine = run.flags, run.machine
+    linear = machine.form(LinearMachine)
+    other = flags.objective in SEVERAL or run.design.fed != "outputs"
+    if other or linear is None:
+        return []
+    try:
+        names = simple_names(linear)
+    except ValueError:  # coupled axes
+        return []
+    with warnings.catch_warnings():  # the flags are for those that read them
+        warnings.simplefilter("ignore", UnreadFlagWarning)
+        designs = {
+            name: design_for(machine, replace(flags, controller=name, weights=())) for name in names
+        }
+    return [_at_start(of_design(run, one)) for one in worth_trying(designs)]
+
+
+def is_chosen(flags: Tune) -> bool:
+    """Whether the user names a controller or its weights: no other one is recommended then."""
+    return names_controller(flags) or flags.free is not None
+
+
+def worth_trying(designs: Mapping[str, Design]) -> list[Design]:
+    """Those without a notch whose gain it hardly raises, and those with one where it does."""
+    left_out = set()
+    for plain, notched in NOTCHED.items():
+        if plain in designs and notched in designs:
+            gains = [np.max(by_name(designs[one].start)["position"]) for one in (plain, notched)]
+            left_out.add(plain if gains[1] > PAYS * gains[0] else notched)
+    return [design for name, design in designs.items() if name not in left_out]
+
+
+def best_simple(loops: Sequence[SimpleLoop]) -> SimpleLoop | None:
+    """The simplest of them that is as good as any.
+
+    Where none keeps every limit, that which exceeds them least; None where none is stable.
+    """
+    kept = [one for one in loops if one.kept]
+    if not kept:
+        sound = [one for one in loops if np.isfinite(one.error)]
+        return min(sound, key=lambda one: one.violation, default=None)
+    best = min(one.error for one in kept)
+    return next(one for one in kept if one.error <= AS_GOOD * best)
+
+
+def of_design(run: TuningRun, design: Design) -> TuningRun:
+    """The run with another controller and a short search: the same contours, family and limits.
+
+    But its own limit on the lag.
+    """
+    problem = replace(run.problem, build=design.build, space=design.space)
+    lag = lag_limit(run.machine, design, problem.references) | named_limits(run.flags)
+    limits = run.limits | lag
+    before = getattr(problem.limits, "before", None)
+    problem = replace(problem, limits=AtMost(before, **limits))
+    settings = replace(run.settings, starts=1, scatter=0, steps=STEPS)
+    return replace(run, design=design, problem=problem, settings=settings, limits=limits)
+
+
+def _at_start(run: TuningRun) -> SimpleLoop:
+    """The loop with the fastest gain, from that of its start down, that keeps every limit.
+
+    The first gain keeps the margins of the family; the limits of the machine may ask for less.
+    Where none keeps them the loop is that of the start.
+    """
+    loop = first = _evaluated(run)
+    for _ in range(HALVINGS):
+        if loop.kept or not np.isfinite(loop.error):
+            break
+        design = loop.run.design
+        slower = {**design.start, "position": design.start["position"] / 2}
+        loop = _evaluated(replace(loop.run, design=replace(design, start=slower)))
+    return loop if loop.kept else first
+
+
+def _evaluated(run: TuningRun) -> SimpleLoop:
+    z = np.asarray(Chart(run.problem.space, run.start).coordinates())
+    point = evaluate_values(run.problem, run.start, z)
+    if point.diverged:
+        return SimpleLoop(run, np.inf, np.inf)
+    return SimpleLoop(run, point.objective, float(np.max(point.limits, initial=-np.inf)))
+
+
+def simplest(simple: SimpleLoop, found: Searched | None, search: Search) -> Searched | None:
+    """The simple loop where it is recommended; else what was found of the controller.
+
+    Args:
+        simple: best of the simple loops.
+        found: search of the usual controller; None where nothing was sound.
+        search: searches a run; None where nothing was sound.
+    """
+    if found is not None and found.tuned.feasible and simple.error > REACH * _error(found):
+        return found
+    tuned = search(simple.run)
+    if tuned is None or found is None:
+        return tuned or found
+    return tuned if _recommended(tuned, found) else found
+
+
+def _recommended(simple: Searched, found: Searched) -> bool:
+    """Whether the simple loop is as good as the controller within the limits."""
+    if not simple.tuned.feasible:
+        return not found.tuned.feasible and simple.tuned.violation < found.tuned.violation
+    return not found.tuned.feasible or _error(simple) <= AS_GOOD * _error(found)
+
+
+def _error(found: Searched) -> float:
+    """Objective of what was found."""
+    return objective_value(np.asarray(found.run.problem.objective(found.tuned.outcome)))
+
+
+def simple_words(loops: Sequence[SimpleLoop]) -> str:
+    """Simple loops where they begin, in one line."""
+    return "; ".join(f"{one.run.design.name} {_words(one)}" for one in loops)
+
+
+def _words(loop: SimpleLoop) -> str:
+    if not np.isfinite(loop.error):
+        return "unstable"
+    beyond = "" if loop.kept else f", {100 * np.expm1(loop.violation):.2g} % beyond a limit"
+    return f"{1e6 * loop.error:.4g} um{beyond}"

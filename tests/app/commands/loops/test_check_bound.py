@@ -1,0 +1,62 @@
+"""`check --bound` from the command line."""
+
+import numpy as np
+import pytest
+
+from jcontour.app.cli import main
+from jcontour.app.commands.loops.check_bound import ATTACK
+from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.results.certified_result import CertifiedResult
+from jcontour.app.files.results.tuned_result import TunedResult
+
+
+@pytest.fixture
+def simulated(tour):
+    return tour("simulate").folder
+
+
+def test_every_plant_of_a_simulated_run_is_certified(tour):
+    out, result = tour("check-bound").folder, tour("check-bound").result(CertifiedResult)
+    assert len(result.rows) == 4 and result.force == 0.5 and result.encoder == 0.5e-6
+    for row in result.rows:
+        assert row.nominal < row.reached <= row.bound and row.counted <= row.bound
+        assert row.reached > 0.9 * row.bound
+        assert max(row.control) < 300.0
+    data = load_dataset(out / ATTACK)
+    assert data.plant == result.worst.plant
+    assert np.abs(data.force.values).max() == 0.5 and np.abs(data.noise.values).max() == 0.5e-6
+    scored = data.scored.values.astype(bool)
+    assert data.bound.values[scored].max() == result.worst.bound
+    assert data.reached.values[scored].max() == result.worst.reached
+    assert (out / "certificate.png").exists()
+
+
+def test_a_tuned_run_is_certified_with_its_weights(tour):
+    result = tour("check-bound-tuned").result(CertifiedResult)
+    assert result.force == 1.0  # control_noise of the machine file
+    proven = tour("tune").result(TunedResult).certified
+    assert proven.error == pytest.approx(result.worst.bound, rel=1e-9)
+    assert (proven.contour, proven.plant) == (result.worst.contour, result.worst.plant)
+    assert all(row.reached <= row.bound for row in result.rows)
+
+
+def test_faults_are_told_in_a_line_and_nothing_is_written(simulated, tmp_path, capsys):
+    out = tmp_path / "none"
+    faults = {
+        "force: a bound needs to be finite and at least zero, is -1.0": ("--force", "-1"),
+        "encoder-um: rounding alone errs by half a count, 0.5 um": ("--encoder-um", "0.1"),
+        "cells: needs at least zero, received -1": ("--cells", "-1"),
+    }
+    for line, flags in faults.items():
+        assert main(["check", str(simulated), "--bound", *flags, "--out", str(out)]) == 2
+        assert line in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_run_without_a_loop_is_told(tmp_path, capsys):
+    assert main(["check", str(tmp_path), "--bound"]) == 2
+    assert "settings.json" in capsys.readouterr().err
+    (tmp_path / "settings.json").write_text('{"command": "front", "flags": {}}')
+    assert main(["check", str(tmp_path), "--bound"]) == 2
+    told = capsys.readouterr().err
+    assert "holds a run of 'front'; a loop is stored by 'tune' and 'simulate'" in told

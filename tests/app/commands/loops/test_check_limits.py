@@ -1,0 +1,142 @@
+"""`check` under limits from the command line."""
+
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from jcontour.app.catalogue.choices import machine_named
+from jcontour.app.cli import main
+from jcontour.app.commands.loops.check_limits import (
+    AT_FEED,
+    AWAY,
+    GapRow,
+    Verified,
+    _next,
+    limits_of,
+    show,
+    verdict_on,
+)
+from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.results.verdict import Verdict
+from jcontour.app.flags.loops import Check
+from jcontour.app.machines.machine import MachineLimits
+from tests.app.small_runs import run_metrics
+
+
+def test_what_limits_cost(tour):
+    visit = tour("check")
+    out, gaps = visit.folder, visit.stored()["gaps"]
+    assert visit.code == (0 if visit.stored()["verdict"]["usable"] else 3)
+    assert any(gap["active_fraction"] > 0 for gap in gaps)
+    assert all(gap["residual"] <= 1e-8 for gap in gaps)
+    assert visit.result(Verified).gaps[0].contour == gaps[0]["contour"]
+    stored = sorted(out.glob("run-*.nc"))
+    assert len(stored) == len(gaps)
+    assert all(max(gap["reached"]["increment"]) <= 5 * (1 + 1e-9) for gap in gaps)
+    assert all(
+        set(gap["reached"]) == {"control", "increment", "speed", "acceleration"} for gap in gaps
+    )
+    assert np.abs(np.diff(load_dataset(stored[0]).control.values, axis=0)).max() <= 5 * (1 + 1e-9)
+
+
+def test_it_needs_a_run(tmp_path, capsys):
+    assert main(["check", str(tmp_path)]) == 2
+    assert "settings.json" in capsys.readouterr().err
+
+
+def test_limits_of_the_machine_and_of_the_flags(machine_file):
+    machine = machine_named(str(machine_file))
+    own = limits_of(Check(), machine)
+    changed = limits_of(Check(max_control=7.0, max_speed_mm_s=50.0), machine)
+    assert own.speed[1].tolist() == [0.2, 0.2]
+    assert changed.speed[1] == 0.05 and changed.control[1] == 7.0
+    assert changed.increment[1].tolist() == own.increment[1].tolist()
+    with pytest.raises(ValueError, match="max-control"):
+        limits_of(Check(max_control=-1.0), machine)
+
+
+def test_the_default_machine_states_a_limit_and_one_without_is_told():
+    machine = machine_named("bridgeport")
+    assert limits_of(Check(), machine).control[1].tolist() == [10.0, 10.0]
+    with pytest.raises(ValueError, match="bridgeport states no limits; give --max-control"):
+        limits_of(Check(), replace(machine, limits=MachineLimits()))
+
+
+def row(without, within, active=0.5, failure="", reached=None):
+    """A row whose RMS contour errors are given [m]."""
+    most = {} if reached is None else reached
+    limited = None if within is None else run_metrics(0.0, rms_contour_error=within)
+    tuned = run_metrics(0.0, rms_contour_error=without)
+    return GapRow("circle", "nominal", active, 0.1, 1e-12, 0, None, failure, most, tuned, limited)
+
+
+def test_the_last_sentence_says_what_was_found():
+    drive, axes = {"control": [], "speed": None}, {"speed": [], "acceleration": []}
+    good = Verdict.of([])
+    kept = _next([row(1e-6, 1e-6, active=0.0)], good, drive, AWAY)
+    assert kept[0] == "No limit was ever active: the tuned controller itself keeps to all of them."
+    cost = _next([row(1e-6, 1.5e-6), row(1e-6, 4e-6)], good, drive, AWAY)
+    assert cost[1].endswith("tune again with --max-peak-control.")
+    assert cost[0].startswith("The limits add at most 3 um RMS of contour error: circle, nominal")
+    stopped = _next(
+        [row(1e-6, None, failure="step 3: infeasible"), row(1e-6, 1e-6)], good, axes, AWAY
+    )
+    assert "--max-peak" not in stopped[1] and "a lower --acceleration or a lower" in stopped[1]
+    assert stopped[0].startswith("1 of 2 runs stopped")
+
+
+def test_a_path_at_constant_feed_is_made_calmer_by_its_feed_alone():
+    limits = {"speed": [], "acceleration": []}
+    (_, line) = _next([row(1e-6, 4e-6)], Verdict.of([]), limits, AT_FEED)
+    assert "--acceleration" not in line and line.count("--feed-mm-per-min") == 1
+
+
+GOOD = Verdict.of([])
+ASKED = {"control": None, "acceleration": [[-4.0, -2.0], [4.0, 2.0]], "speed": [-1.0, 1.0]}
+
+
+def test_a_limit_that_a_machine_exceeds_is_told_loudly():
+    kept = row(1e-6, 1e-6, reached={"acceleration": [4.001, 1.0], "speed": [0.5, 0.1]})
+    over = replace(kept, plant="late", reached={"acceleration": [3.0, 5.0], "speed": [0.5, 0.1]})
+    verdict = verdict_on([kept, over], ASKED, "V")
+    assert verdict.exit_code == 3
+    assert verdict.reasons[0] == "acceleration EXCEEDS its limit: 5 of 2 m/s^2 (circle, late)"
+    text = printed(Verified("runs/a", GOOD, {}, "daqp", ASKED, [kept, over], "V", verdict))
+    assert "4.001 of 4" in text and "0.5 of 1" in text
+    (line,) = _next([kept, over], verdict, ASKED, AWAY)
+    assert "--acceleration" in line
+    within = verdict_on([kept], ASKED, "V")
+    assert within.exit_code == 0 and within.reasons == []
+    unstable = verdict_on(
+        [kept], ASKED, "V", Verdict.of(verdict.limits, ["unstable"]).beside_limits
+    )
+    assert unstable.exit_code == 3 and unstable.reasons == ["unstable"]
+    assert verdict.beside_limits == []  # what constraints may mend
+    stopped = verdict_on([replace(kept, failure="step 3: infeasible")], ASKED, "V")
+    assert stopped.exit_code == 3 and "step 3: infeasible" in stopped.reasons[0]
+
+
+def printed(result):
+    text = StringIO()
+    show(result, Console(file=text, width=80))
+    return text.getvalue()
+
+
+def test_the_verdict_of_tune_comes_first_and_no_name_is_cut_on_80_columns():
+    plant = "gains 1.1, 0.9, delay 1"
+    numbers = row(123.4e-6, 234.5e-6, reached={"control": [0.5]})
+    late = replace(numbers, plant=plant, fallbacks=2)
+    bounds = {"control": [[-1.0], [1.0]], "speed": None}
+    against, own = Verdict.of([], ["acceleration of X EXCEEDS"]), verdict_on([late], bounds, "V")
+    bad = Verified("runs/a", against, {}, "daqp", bounds, [late], "V", own)
+    text = printed(bad)
+    lines = text.splitlines()
+    assert lines[:2] == ["`tune` said of runs/a:", "DO NOT USE THESE VALUES"]
+    assert lines[2] == "  because: acceleration of X EXCEEDS"
+    assert any(f" {plant} " in line and "234.5" in line for line in lines)
+    assert own.warnings == [f"the fallback acts at 2 steps: circle, {plant}"]
+    assert max(map(len, lines)) <= 80
+    assert "THESE VALUES" not in printed(replace(bad, tuned_verdict=GOOD))

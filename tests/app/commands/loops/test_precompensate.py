@@ -1,0 +1,215 @@
+"""`precompensate` from the command line."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jcontour.app.cli import main
+from jcontour.app.commands.loops import precompensate
+from jcontour.app.commands.loops.precompensate import ending, sentences, verdict_on
+from jcontour.app.files.results.bent_result import BentResult
+from jcontour.app.files.results.run_metrics import MachineSummary
+from jcontour.app.files.results.stored import read_result
+from jcontour.app.files.results.verdict import LimitCheck, exceeded
+from jcontour.app.jobs.replays import Scenarios, replay
+from jcontour.app.runs.loops.bending import Bent
+from tests.app.small_runs import run_metrics
+from tuning.precompensation import Precompensated
+
+BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2, unit="m/s")
+
+
+@pytest.fixture
+def bent(tour):
+    return tour("precompensate").folder
+
+
+def test_the_nominal_and_the_worst_machine_come_nearer(bent):
+    result = read_result(bent, BentResult)
+    assert result.nominal_gain > 20 and result.worst_gain > 2 and verdict_on(result).usable
+    assert result.asked[1] <= 4.0  # [m/s^2], the limit of the machine
+    assert list(result.before) == list(result.after) and not exceeded(result.limits)
+    assert result.controller == "linear-cascade"  # unless another one is named
+    rows = np.loadtxt(bent / "reference.csv", delimiter=",", skiprows=1)
+    assert len(rows) == result.samples
+    program = (bent / "part.ngc").read_text()
+    assert program.count("G1 ") == result.moves and result.chord <= 0.5e-6
+    assert len(result.weights) == 3 and all(f"({line})" in program for line in result.weights)
+    assert (bent / "bent.png").exists()
+
+
+def driven(machine, gains, reference, seconds):
+    """Tool (T, 2) [mm] of a cascade in NumPy; it streams a reference [mm] and holds its end.
+
+    Gains are those of the axes: 1/s, control per m/s, s. Positions are counted.
+    """
+    A, B, C = (np.asarray(machine[name]) for name in "ABC")
+    dt, count, limit = machine["dt"], machine["encoder_resolution"], machine["limits"]["control"]
+    position, velocity, integral_time = gains
+    x, w, before, found = np.linalg.pinv(C) @ reference[0], np.zeros(2), None, []
+    held = np.repeat(reference[-1:], round(seconds / dt), axis=0)
+    for target in np.concatenate([reference, held]):
+        y = count * np.round(C @ x / count)
+        before = y if before is None else before
+        error = 1e-3 * (position * (target - y) - (y - before) / dt)  # [m/s]
+        w = np.clip(w + velocity * dt / integral_time * error, -limit, limit)
+        found.append(C @ x)
+        x = A @ x + B @ np.clip(velocity * error + w, -limit, limit)
+        before = y
+    return np.array(found)
+
+
+def test_a_drive_that_holds_the_last_point_sees_no_more_than_what_is_told(bent, machine_fields):
+    """The part ends along -Y at 0, 0, where it began along X."""
+    result = read_result(bent, BentResult)
+    assert result.rests and result.held > 0.05
+    rows = np.loadtxt(bent / "reference.csv", delimiter=",", skiprows=1)[:, 1:]
+    assert np.all(rows[-1] == 0)
+    number = r"(?<= )[\d.]+(?:e[+-]?\d+)?(?=[, ])"  # not that of "1/s"
+    gains = [np.array(re.findall(number, line), float) for line in result.weights]
+    tool = driven(machine_fields, gains, rows, seconds=1.0)
+    ends = tool[len(rows) - round(result.held / machine_fields["dt"]) - 1 :]
+    near = np.minimum(
+        np.linalg.norm(ends - np.maximum(ends, 0) * [0, 1], axis=1),
+        np.linalg.norm(ends - np.maximum(ends, 0) * [1, 0], axis=1),
+    )
+    count = machine_fields["encoder_resolution"]
+    assert near.max() < 1e3 * result.after["nominal"].peak_contour_error + count
+    assert np.abs(tool[len(rows) :]).max() < 2 * count
+
+
+def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
+    result = read_result(bent, BentResult)
+    assert "times smaller" in sentences(result)[0] and len(sentences(result)) == 1
+    limited = replace(result, limits=[BEYOND])
+    assert verdict_on(limited).reasons[0].startswith("speed of X EXCEEDS its limit: 0.3 of 0.2")
+    assert verdict_on(limited).exit_code == 3 and verdict_on(result).exit_code == 0
+    anyway = replace(limited, limits_before=[BEYOND])
+    assert "exceeds a limit of the machine without any bend" in verdict_on(anyway).reasons[1]
+    worse = replace(result, before=result.after, after=result.before)
+    assert "times LARGER" in sentences(worse)[0]
+    assert "the worst machine is no better" in verdict_on(worse).reasons[0]
+    traded = replace(result, before=_runs(result, 1e-6, 10e-6), after=_runs(result, 3e-6, 9e-6))
+    assert "gains less than the nominal one loses" in verdict_on(traded).reasons[0]
+    fair = replace(traded, after=_runs(result, 1.05e-6, 9e-6))
+    assert len(sentences(fair)) == 1 and verdict_on(fair).usable
+    as_before = replace(result, after=result.before, largest=0.0)
+    assert "nominal the same, worst of the family the same" in sentences(as_before)[0]
+
+
+def test_what_no_limit_of_the_machine_bounds_is_told():
+    bounded = by_hand(before=[9e-6], after=[1e-6])
+    assert len(sentences(bounded)) == 1
+    told = verdict_on(replace(bounded, unlimited=("speed", "acceleration"))).warnings[-1]
+    assert told.startswith("mill states no limit of speed or acceleration: ")
+
+
+def by_hand(before, after):
+    """A result whose plants have these RMS contour errors [m], the nominal one first."""
+
+    def runs(sizes):
+        return {
+            f"plant {k}": run_metrics(0.0, rms_contour_error=size) for k, size in enumerate(sizes)
+        }
+
+    return BentResult(
+        machine=MachineSummary("mill", "V", ("X", "Y"), ""),
+        controller="cascade",
+        contour="part",
+        error="contour",
+        samples=3,
+        roughness=0.01,
+        largest=0.0,
+        chord=None,
+        moves=0,
+        before=runs(before),
+        after=runs(after),
+        limits=[],
+    )
+
+
+def test_how_the_run_ends_is_told():
+    rests = replace(by_hand(before=[1e-6], after=[1e-6]), held=0.217)
+    (told,) = ending(rests)
+    assert told.startswith(
+        "The last point is held for 0.217 s, until every tool rests to within 0.1"
+    )
+    assert "after the end a tool still moves" in ending(replace(rests, rests=False))[0]
+    assert not ending(replace(rests, held=0.0))
+    (told,) = ending(replace(rests, held=None))
+    assert told.startswith("The run ends in motion")
+
+
+def test_next_to_nothing_has_sizes_and_no_ratio():
+    followed = by_hand(before=[np.float64(0.0), 4e-6], after=[np.float64(2e-9), 1e-6])
+    assert "nominal 0 -> 0.002 um, worst of the family 4 times smaller" in sentences(followed)[0]
+    mended = by_hand(before=[3e-6, 4e-6], after=[0.0, 5e-10])
+    words = "nominal 3 -> 0 um, worst of the family 4 -> 0.0005 um"
+    assert words in sentences(mended)[0] and verdict_on(mended).usable
+    still = by_hand(before=[0.0, 0.0], after=[0.0, 0.0])
+    assert "nominal 0 -> 0 um, worst of the family 0 -> 0 um" in sentences(still)[0]
+
+
+def test_a_largest_error_that_grows_is_told():
+    """The RMS becomes smaller, and a peak larger."""
+    result = by_hand(before=[3e-6, 4e-6], after=[1e-6, 2e-6])
+    grown = {
+        name: replace(run, peak_contour_error=size)
+        for (name, run), size in zip(result.after.items(), (9e-6, 21e-6), strict=True)
+    }
+    small = {name: replace(run, peak_contour_error=1e-5) for name, run in result.before.items()}
+    told = sentences(replace(result, before=small, after=grown))
+    assert told[1:] == ["The largest contour error grows on one plant: from 10 to 21 um (plant 1)."]
+    calm = {name: replace(run, peak_contour_error=9e-6) for name, run in grown.items()}
+    assert len(sentences(replace(result, before=small, after=calm))) == 1
+
+
+def unbent(loop, roughness, status):
+    """A correction of zero, so that nothing gets better."""
+    job, machine, controller = loop.jobs[0], loop.machine, loop.controller
+    reference = job.reference(machine.model.dt, controller.preview)
+    scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
+    runs, none = replay(controller, scenarios), np.zeros(1)
+    still = np.zeros((reference.steps, len(machine.axes)))
+    found = Precompensated(still, none, none, none)
+    told = [], [], (0.0, 0.0)
+    return Bent(job, 0, True, reference, found, roughness, scenarios.plants, runs, runs, *told)
+
+
+@pytest.mark.slow
+def test_a_reference_not_to_be_used_is_not_written(
+    tmp_path, machine_file, part_file, monkeypatch, capsys
+):
+    monkeypatch.setattr(precompensate, "bent", unbent)
+    flags = ["--plant", str(machine_file), "--out", str(tmp_path / "run")]
+    assert main(["precompensate", str(part_file), *flags]) == 3
+    told = capsys.readouterr().out
+    assert "DO NOT USE THIS REFERENCE" in told
+    assert "not written for that reason: reference.csv and part.ngc" in told
+    written = {path.name for path in (tmp_path / "run").iterdir()}
+    assert written == {"bent.png", "inputs", "result.json", "settings.json"}
+
+
+def _runs(result, nominal, others):
+    """Runs with these RMS contour errors [m]."""
+    sizes = [nominal] + [others] * (len(result.after) - 1)
+    return {
+        name: replace(run, rms_contour_error=size)
+        for (name, run), size in zip(result.after.items(), sizes, strict=True)
+    }
+
+
+@pytest.mark.parametrize(
+    ("flags", "told"),
+    [
+        ("circle --roughness 0", "roughness: needs to be above zero"),
+        (". --preview 5", "preview: the run in . has its own settings"),
+        (".", "is not a run folder"),
+    ],
+)
+def test_bad_input_is_one_line(flags, told, tmp_path, capsys):
+    assert main(["precompensate", *flags.split(), "--out", str(tmp_path / "bent")]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert re.search(told, line) and not (tmp_path / "bent").exists()

@@ -1,0 +1,289 @@
+"""Two runs of a command side by side."""
+
+import json
+import math
+from dataclasses import replace
+from io import StringIO
+
+import pytest
+from rich.console import Console
+
+from jcontour.app.commands.compare import run, show
+from jcontour.app.files.results.run_metrics import ContourRead, MachineSummary
+from jcontour.app.files.results.simulated_result import SimulatedResult
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.files.results.tuned_result import TunedContour
+from jcontour.app.files.results.verdict import Verdict
+from jcontour.app.files.run_folder import SETTINGS, RunError
+from jcontour.app.reports.tables import COLUMNS
+from tests.app import small_runs
+
+
+def made(
+    alpha,
+    value,
+    error="contour",
+    machine="lathe",
+    contour="circle",
+    unit="A",
+    radius=1e-3,
+    period=1e-3,
+    feed_law="constant 377 mm/min",
+    duration=1.0,
+):
+    read = ContourRead(1, 2 * math.pi * radius, duration, (-radius, -radius), (radius, radius))
+    tuned = TunedContour(
+        name=contour,
+        training=True,
+        samples=5,
+        metrics={"tuned": small_runs.family_metrics(value)},
+        read=read,
+        feed_law=feed_law,
+    )
+    return small_runs.tuned_result(
+        machine=MachineSummary(machine, unit, ("X", "Y"), "counts"),
+        error=error,
+        weights={"alpha": alpha, "beta": 1.0, "rho": 2e-9},
+        contours=[tuned],
+        sample_period=period,
+    )
+
+
+def stored(folder, alpha, value, command="tune", **others):
+    folder.mkdir()
+    flags = {"seed": int(alpha), "out": str(folder)}
+    settings = {"command": command, "flags": flags, "versions": {}}
+    (folder / SETTINGS).write_text(json.dumps(settings))
+    write_result(folder, made(alpha, value, **others))
+    return folder
+
+
+def simulated(folder, values, gain=1.0, **others):
+    """Run of `simulate` on plants that have these numbers in every metric."""
+    tuned = made(1.0, 0.0, **others)
+    (contour,) = tuned.contours
+    plants = [small_runs.run_metrics(value) for value in values]
+    folder.mkdir()
+    settings = {"command": "simulate", "flags": {"weights": f"kp={gain}"}, "versions": {}}
+    (folder / SETTINGS).write_text(json.dumps(settings))
+    result = SimulatedResult(
+        machine=tuned.machine,
+        controller="linear-cascade",
+        weights={"kp": gain},
+        error=tuned.error,
+        contour=contour.name,
+        feed_law=contour.feed_law,
+        samples=5,
+        preview=0,
+        plants=dict(zip(("nominal", "late", "light"), plants, strict=True)),
+        read=contour.read,
+        verdict=Verdict.of([]),
+        sample_period=tuned.sample_period,
+    )
+    write_result(folder, result)
+    return folder
+
+
+def said(found, width=200):
+    text = StringIO()
+    show(found, Console(file=text, width=width))
+    return text.getvalue()
+
+
+def test_what_changed_and_which_is_better(tmp_path):
+    found = run(stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6))
+    assert found.settings == {"seed": [1, 2]} and found.weights["alpha"] == [1.0, 2.0]
+    assert found.better == {"first": 2 * len(COLUMNS), "second": 0, "same": 0, "neither": 0}
+    text = said(found)
+    line = "RMS contour error, worst contour and plant: 1 against 2 um: the first is better."
+    assert line in text and "Both may be loaded" in text
+    assert "WARNING" not in text
+
+
+def test_a_path_of_the_same_name_and_another_size_is_told(tmp_path):
+    a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6, radius=2e-3)
+    assert run(a, b).unlike == ["circle"] and run(a, a).unlike == []
+    text = said(run(a, b))
+    assert text.startswith("WARNING: circle: not the same path in both runs")
+    row = next(line for line in text.splitlines() if "RMS contour error um" in line)
+    assert row.split()[-2:] == ["1", "2"]  # both are shown, neither is called better
+    for verdict in ("is better.", "the same.\nPeak", "may be loaded"):
+        assert verdict not in text
+    assert run(a, b).better == {"first": 0, "second": 0, "same": 0, "neither": 0}
+
+
+def test_values_are_printed_as_a_reader_writes_them(tmp_path):
+    a, b = stored(tmp_path / "a", 88394212234.72179, 1e-6), stored(tmp_path / "b", 2.0, 2e-6)
+    for folder, parts, feed in ((a, ["p/one.ngc"], None), (b, ["p/one.ngc", "two.svg"], 1500.0)):
+        settings = json.loads((folder / SETTINGS).read_text())
+        settings["flags"] |= {"parts": parts, "feed_mm_per_min": feed}
+        (folder / SETTINGS).write_text(json.dumps(settings))
+    told = [line.split() for line in said(run(a, b)).splitlines()]
+    assert ["parts", "p/one.ngc", "p/one.ngc", "two.svg"] in told
+    assert ["feed_mm_per_min", "-", "1500"] in told and ["alpha", "8.839e+10", "2"] in told
+
+
+def judged(found):
+    """Metrics of which one side is called better, or the same."""
+    return {row.metric for row in found.metrics if row.better}
+
+
+def test_controls_in_other_units_are_not_called_better(tmp_path):
+    a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6, unit="mm/s")
+    assert "RMS change of the control" in said(run(a, a)) and len(judged(run(a, a))) == len(COLUMNS)
+    found, text = run(a, b), said(run(a, b))
+    assert judged(found) == {name for name, _, _ in COLUMNS if name.endswith("error")}
+    assert "1e-06 A per sample against 2e-06 mm/s per sample: not to be compared." in text
+    assert "WARNING: controls are in A and in mm/s: not compared" in text
+    rows = [line.split() for line in text.splitlines()]
+    assert ["control", "unit", "A", "mm/s"] in rows
+    assert not [row for row in rows if row[:4] == ["circle", "nominal", "RMS", "control"]]
+    assert [row for row in rows if row[:4] == ["circle", "nominal", "RMS", "contour"]]
+
+
+def test_changes_per_sample_are_not_compared_where_the_samples_differ(tmp_path):
+    a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6, period=5e-4)
+    found, text = run(a, b), said(run(a, b))
+    assert judged(found) == {name for name, _, _ in COLUMNS} - {"rms_increment"}
+    assert "WARNING: changes of the control are in A per 1 ms and in A per 0.5 ms" in text
+    rows = [line.split() for line in text.splitlines()]
+    assert ["sample", "period", "ms", "1", "0.5"] in rows
+    old = stored(tmp_path / "old", 2.0, 2e-6, period=None)  # not known: nothing speaks against it
+    assert "rms_increment" in judged(run(a, old)) and "WARNING" not in said(run(a, old))
+
+
+def test_along_another_motion_nothing_is_called_better(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6)
+    b = stored(tmp_path / "b", 2.0, 2e-6, feed_law="jerk-limited, 377 mm/min")
+    found, text = run(a, b), said(run(a, b))
+    assert judged(found) == set() and found.unlike == []
+    assert found.motions == {
+        "circle": ["constant 377 mm/min, 1 s", "jerk-limited, 377 mm/min, 1 s"]
+    }
+    assert text.startswith("WARNING: circle: not the same motion in both runs")
+    assert "motion of circle" in text and "is better." not in text
+    assert "No contour is the same path and motion in both" in text
+
+
+def test_equal_runs(tmp_path):
+    found = run(stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 1.0, 1e-6))
+    assert found.settings == {} and found.better["same"] == 2 * len(COLUMNS)
+    assert "worst contour and plant: 1 against 1 um: the same." in said(found)
+
+
+def test_a_run_that_must_not_be_used_is_never_recommended_nor_called_better(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6)
+    write_result(a, replace(made(1.0, 1e-6), verdict=Verdict.of([], ["speed of X EXCEEDS"])))
+    b = stored(tmp_path / "b", 2.0, 2e-6)
+    text = said(run(a, b))
+    assert "DO NOT USE THESE VALUES\n  because: speed of X EXCEEDS\nsecond:" in text
+    assert text.endswith("Only the second may be loaded: `tune` said DO NOT USE of the first.\n")
+    assert said(run(a, a)).endswith("Load neither: `tune` said DO NOT USE of both.\n")
+    for first, second, smaller in ((a, b, "first"), (b, a, "second")):
+        found = run(first, second)
+        assert found.better == {"first": 0, "second": 0, "same": 0, "neither": 2 * len(COLUMNS)}
+        text = said(found)
+        assert f"um: less in the {smaller}, which must not be used." in text
+        assert not [line for line in text.splitlines() if "is better." in line]
+    worse = stored(tmp_path / "c", 1.0, 3e-6)
+    write_result(worse, replace(made(1.0, 3e-6), verdict=Verdict.of([], ["late"])))
+    found = run(b, worse)  # the other one may be better
+    assert found.better["first"] == 2 * len(COLUMNS) and "the first is better." in said(found)
+
+
+def test_no_name_is_cut_on_80_columns(tmp_path):
+    name = "a-bracket-with-a-very-long-name-of-its-own"
+    a = stored(tmp_path / "a", 1.0, 1e-6, contour=name)
+    text = said(run(a, stored(tmp_path / "b", 2.0, 2e-6, contour=name)), width=80)
+    assert "\u2026" not in text
+
+
+def test_a_run_that_diverged_is_never_better(tmp_path):
+    found = run(stored(tmp_path / "a", 1.0, float("nan")), stored(tmp_path / "b", 1.0, 1.0))
+    assert found.better == {"first": 0, "second": 2 * len(COLUMNS), "same": 0, "neither": 0}
+
+
+def test_a_single_axis_has_no_contour_error(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6, error="tracking")
+    b = stored(tmp_path / "b", 1.0, 2e-6, error="tracking")
+    found = run(a, b)
+    names = [name for name, _, _ in COLUMNS if "contour" not in name]
+    assert [row.metric for row in found.metrics] == 2 * names
+    assert found.better == {"first": 8, "second": 0, "same": 0, "neither": 0}
+
+
+def test_runs_of_different_machines_are_told(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6)
+    found = run(a, stored(tmp_path / "b", 1.0, 2e-6, machine="mill"))
+    text = said(found)
+    assert "different machines, lathe and mill" in text
+    assert found.better == {"first": 0, "second": 0, "same": 0, "neither": 0}
+    assert "is better." not in text and "each on its own machine" in text
+    assert "plant: 1 against 2 um, of different machines." in text
+
+
+def test_rows_keep_their_names_where_the_units_differ(tmp_path):
+    """Without a unit of its own a control is in "control unit of MACHINE", a long name."""
+    a = stored(tmp_path / "a", 1.0, 1e-6, unit="control unit")
+    b = stored(tmp_path / "b", 2.0, 2e-6, unit="control unit", machine="mill")
+    text = said(run(a, b), width=80)
+    assert [line for line in text.splitlines() if line.split()[:2] == ["circle", "nominal"]]
+
+
+def test_runs_without_a_common_contour_are_told(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6)
+    found = run(a, stored(tmp_path / "b", 1.0, 2e-6, contour="square"))
+    assert found.metrics == [] and "no contour in common" in said(found)
+
+
+def test_not_a_run(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6)
+    with pytest.raises(RunError, match="not a run folder"):
+        run(a, tmp_path / "none")
+    with pytest.raises(RunError, match="holds a run of 'front', not of 'tune'"):
+        run(a, stored(tmp_path / "c", 1.0, 1e-6, command="front"))
+    with pytest.raises(RunError, match="holds a run of 'tune', not of 'simulate'"):
+        run(simulated(tmp_path / "d", [1e-6] * 3), a)
+
+
+def test_two_simulated_runs_are_compared_nominal_and_worst(tmp_path):
+    a = simulated(tmp_path / "a", [1e-6, 5e-6, 2e-6])
+    b = simulated(tmp_path / "b", [2e-6, 3e-6, 4e-6], gain=2.0)
+    found = run(a, b)
+    rows = {(row.plant, row.metric): row for row in found.metrics}
+    assert {metric for _, metric in rows} == {name for name, _, _ in COLUMNS}
+    for name, _, _ in COLUMNS:
+        nominal, worst = rows["nominal", name], rows["worst", name]
+        assert (nominal.first, nominal.second, nominal.better) == (1e-6, 2e-6, "first")
+        assert (worst.first, worst.second, worst.better) == (5e-6, 4e-6, "second")
+    assert found.weights == {"kp": [1.0, 2.0]} and found.margins == {}
+    text = said(found)
+    assert (
+        "RMS contour error, worst contour and plant: 5 against 4 um: the second is better." in text
+    )
+    assert "may be loaded" not in text  # a simulation recommends no weights
+
+
+def test_cycle_times_of_simulated_runs_are_compared(tmp_path):
+    a = simulated(tmp_path / "a", [1e-6] * 3, duration=1.5)
+    found = run(a, simulated(tmp_path / "b", [2e-6] * 3, duration=1.2))
+    assert found.cycle_times == {"circle": [1.5, 1.2]} and list(found.motions) == ["circle"]
+    text = said(found)
+    assert "Cycle time of circle: 1.5 against 1.2 s: the second is quicker." in text
+    assert "is better." not in text  # errors along another motion say nothing
+    assert "quicker" not in said(run(a, a))
+
+
+def test_simulated_runs_of_different_machines_are_told(tmp_path):
+    a = simulated(tmp_path / "a", [1e-6] * 3)
+    text = said(run(a, simulated(tmp_path / "b", [2e-6] * 3, machine="mill")))
+    assert "different machines, lathe and mill" in text and "is better." not in text
+
+
+def test_a_run_of_another_form_says_why_it_does_not_open(tmp_path):
+    a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 1.0, 1e-6)
+    result = json.loads((b / "result.json").read_text())
+    del result["safety"]
+    (b / "result.json").write_text(json.dumps(result))
+    with pytest.raises(RunError, match="not of this version's TunedResult .required field missing"):
+        run(a, b)

@@ -1,0 +1,117 @@
+"""`front` on a small machine, from the command line."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jcontour.app.cli import main
+from jcontour.app.commands.tuning.front import next_steps, show
+from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.results.front_result import BudgetPoint, FrontResult, MachineUnits
+from jcontour.app.files.results.stored import from_json, read_result, to_json
+from jcontour.app.reports.page.page_data import page_data
+from jcontour.app.reports.tables import console_of
+
+
+@pytest.fixture
+def traced(tour):
+    return tour("front").folder
+
+
+@pytest.mark.slow
+def test_every_file_is_there_and_the_netcdf_file_holds_the_points(traced):
+    assert {path.name for path in traced.iterdir()} == {
+        "settings.json",
+        "inputs",
+        "budgets.json",
+        "first-weights",
+        "without-budget",
+        "least-increment",
+        "budget-0",
+        "budget-1",
+        "front.nc",
+        "front.png",
+        "report.html",
+        "rollouts.nc",
+        "result.json",
+    }
+    points = read_result(traced, FrontResult).points
+    dataset = load_dataset(traced / "front.nc")
+    np.testing.assert_array_equal(dataset.budget, [point.budget for point in points])
+    for name in ("rms_contour_error", "rms_increment", "objective"):
+        if name in dataset:
+            np.testing.assert_array_equal(dataset[name], [getattr(p, name) for p in points])
+    assert dataset.rms_contour_error.attrs["units"] == "m"
+
+
+@pytest.mark.slow
+def test_a_point_of_the_page_has_the_runs_of_its_budget(traced):
+    page, result = page_data(traced), read_result(traced, FrontResult)
+    points = page["points"]["points"]
+    assert [one["design"] for one in points] == page["designs"]
+    assert [one["y"] for one in points] == [1e6 * one.rms_contour_error for one in result.points]
+    assert page["contours"] and page["plants"][0] == "nominal"
+
+
+@pytest.mark.slow
+def test_default_budgets_bite(traced):
+    """From the least increment that the cap allows, which costs error, to what the best need.
+
+    A machine that stands still has no contour error and is no answer: its tracking error is capped.
+    """
+    result = read_result(traced, FrontResult)
+    tight, loose = result.points
+    assert tight.budget < loose.budget
+    assert tight.rms_tracking_error > 0.5 * result.tracking_cap  # what keeps it from less
+    assert tight.rms_increment > 0.99 * tight.budget
+    for point in result.points:
+        assert point.slack == (point.rms_increment < 0.99 * point.budget)
+        assert point.feasible
+        assert point.rms_increment <= point.budget * (1 + 1e-6)
+        assert point.rms_tracking_error <= result.tracking_cap * (1 + 1e-6)
+    assert tight.rms_contour_error > 1.05 * loose.rms_contour_error
+    assert result.slack == [point.budget for point in result.points if point.slack]
+    assert next_steps(result, "")[0].startswith("The RMS tracking error is held below ")
+
+
+@pytest.mark.slow
+def test_a_finished_front_can_be_told_again(traced, capsys):
+    before = json.loads((traced / "result.json").read_text())
+    assert main(["front", "--resume", str(traced), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == {"run": str(traced), **before}
+
+
+POINTS = [
+    BudgetPoint(0.1, {"alpha": 2.0}, 5e-6, 9e-6, 0.1, 5e-6, True, False, 1.5),
+    BudgetPoint(0.2, {"alpha": 3.0}, 3e-6, 9e-6, 0.15, 3e-6, True, True, 1.8),
+    BudgetPoint(0.05, {"alpha": 1.0}, 8e-6, 9e-6, 0.06, 8e-6, False, False, np.inf),
+]
+RESULT = FrontResult(MachineUnits("A"), "contour", "contouring-lq", ["alpha"], POINTS)
+
+
+def test_weights_stand_beside_the_metrics_in_json():
+    written = to_json(RESULT)
+    assert list(written["points"][0])[:3] == ["budget", "alpha", "rms_contour_error"]
+    known = replace(RESULT, points=POINTS[:2])  # JSON has no infinity
+    assert from_json(to_json(known), FrontResult) == known
+
+
+def test_a_slack_budget_is_said(capsys):
+    show(RESULT, console_of())
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert [row for row in rows if row[:1] == ["0.2"]] == [
+        ["0.2", "3", "1.8", "0.15", "yes", "no"],
+        ["0.2", "3"],
+    ]
+    slack, following = next_steps(RESULT, " part.ngc")
+    assert slack.startswith("Slack: the best weights found need less than the budget 0.2.")
+    assert following.endswith("jcontour tune part.ngc --max-rms-increment 0.1")
+
+
+def test_a_weight_with_a_number_for_each_axis_is_shown_as_the_flag_takes_it(capsys):
+    points = [replace(POINTS[0], weights={"alpha": [2.0, 3.5]})]
+    show(replace(RESULT, points=points), console_of())
+    assert ["0.1", "2,3.5"] in [line.split() for line in capsys.readouterr().out.splitlines()]

@@ -1,0 +1,138 @@
+"""One whole `jcontour tune` on a tiny machine."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jcontour.app.catalogue.choices import machine_named
+from jcontour.app.commands.tuning import tune
+from jcontour.app.commands.tuning.tune import held_out_words, next_steps
+from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.results.tuned_result import TunedResult
+from jcontour.app.files.results.verdict import Verdict
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.jobs.contours import BUILT_IN
+from jcontour.app.jobs.pace import Pace
+from jcontour.app.reports.tables import console_of
+from jcontour.app.runs.tuning.searching import NothingSound
+from tuning.effort import QUICK
+
+PACE = Pace(machine_named("bridgeport"), None, None)
+FILES = {
+    "result.json", "settings.json", "history.json", "state.npz", "rollouts.nc", "gains.csv",
+    "observer.json", "history.png", "trade_off.png", "contour-part.png", "errors-part.png",
+}  # fmt: skip
+
+
+@pytest.fixture
+def tuned(tour):
+    return tour("tune").folder
+
+
+@pytest.fixture
+def result(tour):
+    return tour("tune").result(TunedResult)
+
+
+def test_its_files_are_there(tuned):
+    assert FILES <= {path.name for path in tuned.iterdir()}
+
+
+def test_tuned_weights_are_better_on_what_was_tuned(tuned, result):
+    """Objective and metrics agree with the rollouts, computed again from the signals."""
+    contours = {one.name: one for one in result.contours}
+    part = contours["part"]
+    assert list(contours) == ["part", "circle", "ellipse", "lemniscate", "square"]
+    assert [one.training for one in contours.values()] == [True, *4 * [False]]
+    before, after = part.metrics["start"].worst, part.metrics["tuned"].worst
+    assert after.rms_contour_error < before.rms_contour_error
+    with_signals = load_dataset(tuned / "rollouts.nc").sel(contour="part", design="tuned")
+    counted = with_signals.scored.values.astype(bool)
+    size = np.linalg.norm(with_signals.contour_error.values, axis=-1)[:, counted]
+    rms = np.sqrt(np.mean(size**2, axis=-1))
+    np.testing.assert_allclose(rms[0], part.metrics["tuned"].nominal.rms_contour_error, rtol=1e-9)
+    np.testing.assert_allclose(rms.max(), after.rms_contour_error, rtol=1e-9)
+    assert result.margins.stable and result.margins.sensitivity < 2.0 * (1 + 1e-5)
+    assert result.robust.diverged == 0
+    assert result.verdict.usable and result.verdict.reasons == []
+
+
+def test_where_the_peak_is(tuned, result, part_file):
+    """The place is on the line of the program that is named, or on a blend at its end."""
+    part = next(one for one in result.contours if one.name == "part")
+    peak, worst = part.peak, part.metrics["tuned"].worst
+    assert peak is not None and peak.plant in result.plants
+    assert peak.error == pytest.approx(worst.peak_contour_error, rel=1e-9)
+    line = part_file.read_text().splitlines()[peak.line - 1]
+    x, y = 1e3 * np.array(peak.position)
+    on_line = {
+        "G1 X2 F3000": abs(y),
+        "G3 X2 Y2 I0 J1": abs(np.hypot(x - 2, y - 1) - 1),
+        "G1 X0": abs(y - 2),
+        "G1 Y0": abs(x),
+    }
+    assert on_line[line] < 2e-3  # [mm] that corners are blended within
+
+
+def test_what_was_read(result):
+    part = next(one for one in result.contours if one.name == "part")
+    assert part.read.pieces == 4 and part.read.ignored == ()
+    assert part.read.length == pytest.approx(1e-3 * (2 + np.pi + 2 + 2))
+    np.testing.assert_allclose(part.read.low, [0, 0], atol=2e-6)  # corners are blended within it
+    np.testing.assert_allclose(part.read.high, [3e-3, 2e-3], atol=2e-5)
+
+
+def test_the_history_holds_every_point(tuned, result):
+    points = json.loads((tuned / "history.json").read_text())
+    assert len(points) == result.evaluated_points
+    used = {f"{name}_use": 0.97 for name in ("speed", "acceleration", "control", "increment")}
+    lag = result.limits["rms_tracking_error"]  # 5 samples at the highest speed
+    limits = {"rms_tracking_error": lag, "peak_sensitivity": 2.0, "count_noise": 0.8 * 3, **used}
+    assert result.limits == pytest.approx(limits)
+    assert 0.8 * 5 * 0.05 * 2e-3 < lag <= 5 * 0.05 * 2e-3  # the part is too short for its feed
+    kept = [one for one in points if not one["diverged"] and not one["violation"] > 1e-6]
+    chosen = min(one["objective"] for one in kept)
+    smooth = max(row.smooth for row in result.gap)
+    assert chosen == pytest.approx(smooth, rel=1e-3)
+
+
+def test_files_that_a_drive_loads_are_there_and_named(tuned, result):
+    assert set(result.files) == {"gains*.csv", "observer.json"}
+    for pattern in result.files:
+        assert list(tuned.glob(pattern)), pattern
+    lines = next_steps(replace(result, verdict=Verdict.of([])), tuned)
+    assert [line.split(": ")[1] for line in lines[:2]] == list(result.files)
+    assert any("jcontour rank" in line for line in lines)
+    assert next_steps(replace(result, verdict=Verdict.of([], ["late"])), tuned) == []
+
+
+@pytest.mark.parametrize(
+    ("lost", "told"),
+    [(["the control is NaN"], "with the start, the control is NaN"), ([], "every start diverges")],
+)
+def test_a_search_without_a_result_says_whether_numbers_are_lost(lost, told, tmp_path, monkeypatch):
+    """A control that is no number is not told as a loop that is unstable."""
+
+    def nothing(*_):
+        raise NothingSound("every start diverges")
+
+    monkeypatch.setattr(tune, "searched", nothing)
+    monkeypatch.setattr(tune, "lost_at_start", lambda run: lost)
+    run = SimpleNamespace(settings=QUICK, machine=SimpleNamespace(error="contour"), flags=Tune())
+    with pytest.raises(RuntimeError, match=f"no result: {told}; the points tried are kept in"):
+        tune._descended(run, tmp_path, console_of(quiet=True))
+
+
+@pytest.mark.parametrize(
+    ("flags", "resized"),
+    [(Tune(parts=("circle",)), True), (Tune(), False), (Tune(("circle",), contours="9"), False)],
+)
+def test_held_out_contours_that_are_sized_like_the_parts_are_told(flags, resized):
+    jobs = {seen: [BUILT_IN[name](PACE)] for seen, name in ((True, "circle"), (False, "square"))}
+    scenarios = SimpleNamespace(jobs_seen=jobs.__getitem__)
+    words = held_out_words(flags, scenarios)
+    assert words.startswith(f"square ({jobs[False][0].samples} samples)")
+    assert ("the size, place and feed of the parts" in words) is resized

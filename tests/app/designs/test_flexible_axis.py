@@ -1,0 +1,148 @@
+"""Controllers of flexible axes: loops built from gains, derivatives by name, files."""
+
+import json
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.app.catalogue.choices import design_for
+from jcontour.app.catalogue.controllers import CONTROLLERS
+from jcontour.app.catalogue.machines import FLEXIBLE_AXIS
+from jcontour.app.designs.design import with_values
+from jcontour.app.designs.flexible_axis import cascade, loops, quadratic, state_weights
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.jobs.job import Pace
+from jcontour.app.jobs.motions import task_a
+from jcontour.app.machines.flexible_axis import biaxial_machine, thesis_machine
+from jcontour.app.machines.linear import bridgeport_machine
+from jcontour.app.machines.machine import MachineLimits
+from jcontour.controllers.feedback.state_feedback import moving_target
+from jcontour.geometry.contours import line
+from jcontour.motion.point_to_point import thesis_task_a
+from jcontour.motion.references import along, from_samples
+from jcontour.plants.wrappers.saturation import Saturated
+from jcontour.simulation.closed_loop import simulate
+
+ON_AXES = [name for name, entry in CONTROLLERS.items() if entry.suits is FLEXIBLE_AXIS]
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return thesis_machine()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] * (n != "cascade-feedforward")) for n in ON_AXES],
+)
+def test_every_gain_has_the_slope_that_differences_say(machine, name):
+    """Derivative by each gain alone, in the coordinates of the tuner.
+
+    The run is the thesis's acceleration on the smooth twin.
+    """
+    design, plant = design_for(machine, Simulate(controller=name)), machine.smooth_family()[0]
+    whole = thesis_task_a(preview=design.preview)
+    arc = np.asarray(whole.arc)[100:400]
+    reference = along(
+        whole.contour, arc[: arc.size - design.preview], whole.dt, design.preview, at_rest=False
+    )
+
+    @jax.jit
+    def error(change):
+        weights = {key: value * jnp.exp(change[key]) for key, value in design.start.items()}
+        run = simulate(plant, design.build(weights), reference)
+        return 1e3 * jnp.sqrt(jnp.mean((run.output - reference.position[: reference.steps]) ** 2))
+
+    none = {key: jnp.zeros(()) for key in design.start}
+    slopes = jax.jit(jax.grad(error))(none)
+    for key in design.start:
+        ahead, behind = (float(error({**none, key: jnp.asarray(s * 1e-4)})) for s in (1, -1))
+        assert float(slopes[key]) == pytest.approx((ahead - behind) / 2e-4, rel=1e-5, abs=1e-7), key
+
+
+@pytest.mark.slow
+def test_gains_start_where_the_tuner_may_go_and_have_units(machine):
+    for name in ON_AXES:
+        design = design_for(machine, Simulate(controller=name))
+        design.check_start()
+        assert set(design.units()) == set(design.start) == set(design.free())
+        assert len(design.weight_lines(design.start)) == len(design.start)
+
+
+@pytest.mark.slow
+def test_the_velocity_loop_of_a_lighter_axis_is_as_fast(machine):
+    pair = biaxial_machine()
+    start = loops(pair)["velocity"].start
+    p, thesis = pair.parameters, loops(machine)["velocity"].start
+    speed = start * p.force_constant / (p.motor_mass + p.tool_mass)
+    np.testing.assert_allclose(speed, thesis * 79.33 / 40.0, rtol=1e-12)
+    assert float(thesis) == pytest.approx(55.67)
+
+
+@pytest.mark.slow
+def test_axes_side_by_side_have_the_gains_of_each_alone(machine):
+    pair = biaxial_machine()
+    weights = {name: gain.start for name, gain in state_weights(machine).items()}
+    both = quadratic(moving_target)(pair, weights).gain
+    alone = quadratic(moving_target)(machine, weights).gain
+    np.testing.assert_allclose(both[0, ::2], alone[0], rtol=1e-9)
+    np.testing.assert_array_equal(both[0, 1::2], 0.0)
+
+
+@pytest.mark.slow
+def test_the_drive_limits_the_current(machine):
+    limited = design_for(machine, Simulate(controller="cascade")).build(
+        with_values(loops_start(machine), {})
+    )
+    assert np.isinf(limited.limit)
+    free = biaxial_machine()
+    axis = replace(free, limits=free.limits._replace(control=np.array([3.0, 2.0])))
+    np.testing.assert_array_equal(cascade(axis, loops_start(axis)).limit, [3.0, 2.0])
+
+
+def loops_start(machine):
+    return {name: gain.start for name, gain in loops(machine).items()}
+
+
+def test_what_is_kept_of_a_design(machine, tmp_path):
+    design = design_for(machine, Simulate(controller="cascade-leso", weights=("position=40",)))
+    assert float(design.start["position"]) == 40.0
+    design.save(design.build(design.start), None, tmp_path)
+    kept = json.loads((tmp_path / "controller.json").read_text())
+    assert kept["dt"] == 1e-3 and kept["numbers"]["controller.gains.position"] == 40.0
+    assert kept["numbers"]["observer.bandwidth"] == 700.0
+    assert "position" in design.description()["Free"] and design.settings() == {"preview": 1}
+
+
+def test_other_machines_are_refused(machine):
+    with pytest.raises(ValueError, match="cascade-leso needs a flexible axis; bridgeport takes"):
+        design_for(bridgeport_machine(), Simulate(controller="cascade-leso"))
+    with pytest.raises(ValueError, match="flexible-axis takes cascade"):
+        design_for(machine, Simulate(controller="contouring-lq"))
+
+
+def test_a_motion_is_long_enough(machine):
+    motion = task_a(Pace(machine, None, None))
+    assert motion.samples == 2201
+
+
+@pytest.mark.slow
+def test_time_delay_control_keeps_the_limit_of_the_drive(machine):
+    """On a step of 50 mm, which asks for more than the drive has. A sum that winds up runs away."""
+    limited = replace(machine, limits=MachineLimits(control=np.array([10.0])))
+    design, plant = (
+        design_for(limited, Simulate(controller="time-delay")),
+        limited.smooth_family()[0],
+    )
+    wanted, contour = np.full((1501, 1), 0.05), line([0.0], [0.1])
+    ahead = np.ones_like(wanted)
+    reference = from_samples(wanted, ahead, machine.model.dt, 1, contour, in_motion=False)
+    rest = plant.initial_state(np.zeros(1), np.zeros(1))
+    run = simulate(Saturated(plant, jnp.array([10.0])), design.build(design.start), reference, rest)
+    assert np.abs(run.control).max() == 10.0
+    assert np.max(run.output) < 0.053
+    np.testing.assert_allclose(run.output[-1], 0.05, rtol=0, atol=1e-4)

@@ -1,0 +1,209 @@
+"""Controllers of the gantry by name: what they build, how they follow, what is refused."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.app.catalogue.choices import design_for, job_named
+from jcontour.app.catalogue.controllers import CONTROLLERS
+from jcontour.app.catalogue.machines import GANTRY
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.jobs.job import Pace
+from jcontour.app.machines.gantry import CURRENT, friction_gantry_machine, gantry_machine
+from jcontour.app.machines.linear import bridgeport_machine
+from jcontour.geometry.contours import line
+from jcontour.motion.references import from_samples
+from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.metrics import score
+
+NAMES = [name for name, entry in CONTROLLERS.items() if entry.suits is GANTRY]
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return gantry_machine()
+
+
+@pytest.mark.slow
+def test_a_machines_own_controller_goes_first(machine):
+    assert design_for(machine, Simulate(controller="cascade")).name == "gantry-cascade"
+    assert (
+        design_for(machine, Simulate(controller="gantry-scheduled-lq")).name
+        == "gantry-scheduled-lq"
+    )
+    assert design_for(machine, Simulate()).name == "gantry-offset-free-lq"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.filterwarnings("ignore:gantry-zpetc does not read --preview")
+def test_gains_start_where_the_tuner_may_go_and_have_units(machine, name):
+    design = design_for(machine, Simulate(controller=name, preview=7))
+    design.check_start()
+    assert set(design.units()) == set(design.start) == set(design.free())
+    # an inverse looks as far as its model, 16 samples, and beyond: 7, or delay and ringing zero
+    previews = {
+        "gantry-cascade": 1,
+        "gantry-synchronised": 2,
+        "gantry-zpetc": 18,
+        "gantry-optimal-feedforward": 23,
+    }
+    assert design.preview == previews.get(name, 7) == design.build(design.start).preview
+    assert len(design.weight_lines(design.start)) == len(design.start)
+
+
+@pytest.mark.slow
+def test_both_drives_of_y_have_the_same_gains(machine):
+    """Feedforward alone: the acceleration of each axis times its gain."""
+    design = design_for(machine, Simulate(controller="cascade"))
+    np.testing.assert_allclose(
+        design.start["inertia"], [40.0 / 60, 165.4792603698147 / 120], rtol=1e-12
+    )
+    reference = job_named("ring-left", Pace(machine, None, None)).reference(machine.model.dt, 1)
+    plan = design.build(
+        {**design.start, "inertia": jnp.array([0.5, 0.8]), "viscous": jnp.zeros(2)}
+    ).prepare(reference)
+    acceleration = np.diff(np.asarray(reference.position), 2, axis=0) / machine.model.dt**2
+    np.testing.assert_allclose(
+        plan.control[1:], acceleration[:, [0, 1, 1]] * [0.5, 0.8, 0.8], rtol=0, atol=1e-8
+    )
+
+
+@pytest.mark.slow
+def test_the_weight_on_the_difference_keeps_the_drives_together(machine):
+    """Dear enough, it leaves nothing that twists the beam."""
+    design = design_for(machine, Simulate(controller="contouring-lq"))
+    reference = job_named("eight-right", Pace(machine, None, None)).reference(
+        machine.model.dt, design.preview
+    )
+    plan = design.build({**design.start, "difference": 1e12}).prepare(reference)
+    assert np.abs(plan.F[:, 1] - plan.F[:, 2]).max() < 1e-6 * np.abs(plan.F).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.filterwarnings("ignore:gantry-zpetc does not read --preview")
+def test_starts_follow_on_every_plant_of_the_true_family(machine, name):
+    design = design_for(machine, Simulate(controller=name, preview=20))
+    reference = job_named("cushion-right", Pace(machine, None, None)).reference(
+        machine.model.dt, design.preview
+    )
+    for plant in machine.true_family():
+        metrics = score(simulate(plant, design.build(design.start), reference), reference)
+        assert not metrics.diverged and metrics.rms_contour_error < 2e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_every_gain_has_the_slope_that_differences_say(machine, name):
+    design, plant = design_for(machine, Simulate(controller=name)), machine.smooth_family()[1]
+    reference = job_named("cushion-right", Pace(machine, None, None)).reference(
+        machine.model.dt, design.preview
+    )
+
+    @jax.jit
+    def error(change):
+        weights = {key: value * jnp.exp(change[key]) for key, value in design.start.items()}
+        return (
+            1e4
+            * score(simulate(plant, design.build(weights), reference), reference).rms_contour_error
+        )
+
+    none = {key: jnp.zeros(()) for key in design.start}
+    slopes = jax.jit(jax.grad(error))(none)
+    for key in design.start:
+        # five points; a step that changes the error by a thousandth, or it drowns in the rounding
+        # of the positions
+        step = jnp.minimum(1e-3 / jnp.abs(slopes[key]), 5e-3)
+        near, far = (
+            float(error({**none, key: s})) - float(error({**none, key: -s}))
+            for s in (step, 2 * step)
+        )
+        difference = (8 * near - far) / (12 * float(step))
+        assert float(slopes[key]) == pytest.approx(difference, rel=1e-5, abs=1e-8), key
+
+
+@pytest.mark.slow
+def test_where_the_beam_hardly_twists_feedback_linearisation_changes_nothing(machine):
+    """Nearly half of the eight; on the nominal plant, and on the one that is late it holds too."""
+    job, plants = (
+        job_named("eight-right", Pace(machine, None, None)),
+        dict(zip(machine.family_names, machine.true_family(), strict=True)),
+    )
+    piece = job._replace(arc=job.arc[:400], scored=np.arange(400) >= 100)  # without the entry
+
+    def contour_errors(name):
+        design = design_for(machine, Simulate(controller=name))
+        reference, controller = (
+            piece.reference(machine.model.dt, design.preview),
+            design.build(design.start),
+        )
+        found = [
+            score(simulate(plants[each], controller, reference), reference)
+            for each in ("nominal", "1 sample late")
+        ]
+        assert not any(metrics.diverged for metrics in found)
+        return [float(metrics.rms_contour_error) for metrics in found]
+
+    scheduled, cancelled = contour_errors("scheduled-lq"), contour_errors("feedback-linearised-lq")
+    assert scheduled != cancelled and cancelled[0] == pytest.approx(scheduled[0], rel=0.01)
+
+
+def test_other_machines_are_refused(machine):
+    with pytest.raises(
+        ValueError, match="gantry-cascade needs a gantry; bridgeport takes contouring-lq"
+    ):
+        design_for(bridgeport_machine(), Simulate(controller="gantry-cascade"))
+    with pytest.raises(
+        ValueError, match="cascade-notch needs a flexible axis; gantry takes gantry-offset-free-lq"
+    ):
+        design_for(machine, Simulate(controller="cascade-notch"))
+
+
+@pytest.mark.slow
+def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_gantrys():
+    rubbing = friction_gantry_machine()
+    design = design_for(rubbing, Simulate(controller="cascade"))
+    assert design.name == "gantry-friction-cascade"
+    assert design_for(rubbing, Simulate(controller="contouring-lq")).name == "gantry-contouring-lq"
+    assert design_for(rubbing, Simulate()).name == "gantry-offset-free-lq"
+    np.testing.assert_allclose(design.start["coulomb"], [14.0 / 60, 22.0 / 60], rtol=1e-12)
+    reference = job_named("ring-left", Pace(rubbing, None, None)).reference(rubbing.model.dt, 1)
+    gains = ({**design.start, "coulomb": dry} for dry in (jnp.array([0.2, 0.3]), jnp.zeros(2)))
+    fed, unfed = (design.build(each).prepare(reference).control for each in gains)
+    signs = np.sign(np.diff(np.asarray(reference.position), axis=0))[: len(fed)]
+    np.testing.assert_allclose(
+        fed - unfed, signs[:, [0, 1, 1]] * [0.2, 0.3, 0.3], rtol=0, atol=1e-12
+    )
+
+
+@pytest.mark.slow
+def test_a_machine_without_friction_is_told_so(machine):
+    with pytest.raises(
+        ValueError,
+        match="gantry-friction-cascade needs a gantry with dry friction; "
+        "gantry takes gantry-offset-free-lq",
+    ):
+        design_for(machine, Simulate(controller="gantry-friction-cascade"))
+
+
+@pytest.mark.slow
+def test_saturated_currents_do_not_wind_the_cascade_up(machine):
+    """Let go 50 mm off, the loops ask for far more current than there is.
+
+    The cascade comes to rest. Blind to the limits it does not.
+    """
+    reach, steps = 50e-3, 700
+    design = design_for(machine, Simulate(controller="cascade"))
+    known = design.build(design.start)
+    blind = eqx.tree_at(lambda c: c.controller.limit, known, jnp.full(3, np.inf))
+    ahead, contour = np.tile([1.0, 0.0], (steps, 1)), line([0.0, 0.0], [0.1, 0.0])
+    here = from_samples(np.zeros((steps, 2)), ahead, machine.model.dt, 1, contour, in_motion=False)
+    plant = machine.true_family()[0]
+    start = plant.initial_state(jnp.array([-reach, -reach]), jnp.zeros(2))
+    stops, swings = (simulate(plant, controller, here, start) for controller in (known, blind))
+    assert np.abs(stops.control).max() == CURRENT and np.abs(swings.control).max() > 20 * CURRENT
+    assert np.abs(stops.output[-100:]).max() < 5e-6 and np.abs(swings.output[-100:]).max() > 10e-3
+    assert np.max(stops.output) < 8e-3

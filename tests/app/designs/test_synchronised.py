@@ -1,0 +1,98 @@
+"""Synchronised axes by name: their models, their pairs, how they follow, what is warned of."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.app.catalogue.choices import design_for, job_named
+from jcontour.app.designs.synchronised import DRIVES, axes_of, drives_of
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.jobs.job import Pace
+from jcontour.app.machines.flexible_axis import biaxial_machine
+from jcontour.app.machines.gantry import gantry_machine
+from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.metrics import score
+
+ASKED = Simulate(controller="synchronised")
+
+
+@pytest.fixture(scope="module")
+def axes():
+    return biaxial_machine()
+
+
+@pytest.fixture(scope="module")
+def gantry():
+    return gantry_machine()
+
+
+@pytest.mark.slow
+def test_axes_are_masses_with_viscous_friction(axes, gantry):
+    first = axes_of(axes)
+    np.testing.assert_allclose(first.gain, [79.33 / 40.0, 60.0 / 20.5], rtol=1e-12)
+    np.testing.assert_allclose(first.pole, [250.9 / 40.0, 150.0 / 20.5], rtol=1e-12)
+    p, drives = gantry.parameters, drives_of(gantry)
+    both = float(p.drive_mass_1 + p.drive_mass_2 + p.beam_mass + p.head_mass)
+    np.testing.assert_allclose(drives.gain[1:], float(p.drive_constant) / (both / 2), rtol=1e-12)
+    np.testing.assert_allclose(drives.gain[0], float(p.head_constant / p.head_mass), rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_gantry_has_its_y_drives_as_the_pair(axes, gantry):
+    design = design_for(gantry, ASKED)
+    assert design.name == "gantry-synchronised"
+    controller = design.build(design.start)
+    assert controller.controller.pair == (1, 2)
+    np.testing.assert_array_equal(controller.kinematics, DRIVES)
+    gains = controller.controller.gains.proportional
+    assert gains[1] == gains[2] != gains[0]
+    two = design_for(axes, ASKED)
+    assert two.name == "synchronised" and two.build(two.start).pair == (0, 1)
+    assert two.preview == design.preview == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["axes", "gantry"])
+def test_gains_start_where_the_tuner_may_go_and_have_units(name, request):
+    design = design_for(request.getfixturevalue(name), ASKED)
+    design.check_start()
+    assert set(design.units()) == set(design.start) == set(design.free())
+    assert len(design.weight_lines(design.start)) == len(design.start)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "contour"), [("axes", "ring"), ("gantry", "cushion-right")])
+def test_the_start_follows(name, contour, request):
+    machine = request.getfixturevalue(name)
+    design = design_for(machine, ASKED)
+    job = job_named(contour, Pace(machine, None, None))
+    reference = job.reference(machine.model.dt, design.preview)
+    run = simulate(machine.true_family()[0], design.build(design.start), reference)
+    metrics = score(run, reference)
+    assert not metrics.diverged and metrics.rms_contour_error < 3e-4
+
+
+@pytest.mark.slow
+def test_coupling_keeps_the_drives_together(gantry):
+    """A load on one of the drives: coupled, they part less."""
+    from jcontour.plants.wrappers.disturbances import Disturbed
+
+    design = design_for(gantry, ASKED)
+    reference = job_named("ring-left", Pace(gantry, None, None)).reference(gantry.model.dt, 2)
+    force = jnp.array([[0.0, 0.0, 5.0]])
+    plant = Disturbed(gantry.nominal(), force=force)
+
+    def apart(coupling):
+        run = simulate(plant, design.build({**design.start, "coupling": coupling}), reference)
+        difference = run.measurement[:400, 1] - run.measurement[:400, 2]
+        return float(jnp.abs(difference).max())
+
+    assert apart(1.0) < 0.8 * apart(0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["axes", "gantry"])
+def test_a_coupling_above_its_bound_is_warned_of(name, request):
+    machine = request.getfixturevalue(name)
+    with pytest.warns(UserWarning, match="coupling: beta is 1000"):
+        design_for(machine, Simulate(controller="synchronised", weights=("coupling=1000",)))

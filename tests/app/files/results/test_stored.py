@@ -1,0 +1,77 @@
+import json
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from jcontour.app.files.results.stored import (
+    Weight,
+    from_json,
+    read_result,
+    stored_as,
+    to_json,
+    write_result,
+)
+from jcontour.app.files.run_folder import RunError
+
+
+@dataclass(frozen=True)
+class Row:
+    error: float
+    limit: float | None
+    name: str = "none"
+
+
+@dataclass(frozen=True)
+class Result:
+    rows: tuple[Row, ...]
+    weights: dict[str, Weight]
+    gain: np.ndarray
+    margins: dict[str, float] = stored_as("safety")
+    plants: list[str] = stored_as("family")
+    usable: bool = True
+    terminal: str | None = None
+
+
+def made() -> Result:
+    rows = (Row(np.float64(1e-6), None), Row(math.inf, 2.0, "last"))
+    weights = {"alpha": 1.2, "stage": [1.0, 2.0], "beta": None}
+    return Result(rows, weights, np.array([[1.0, math.nan]]), {"delay": 3.0}, ["nominal"])
+
+
+def test_json_names_nulls_and_defaults():
+    assert to_json(made()) == {
+        "rows": [{"error": 1e-6, "limit": None}, {"error": None, "limit": 2.0, "name": "last"}],
+        "weights": {"alpha": 1.2, "stage": [1.0, 2.0], "beta": None},
+        "gain": [[1.0, None]],
+        "safety": {"delay": 3.0},
+        "family": ["nominal"],
+    }
+
+
+def test_a_result_comes_back_to_the_last_bit(tmp_path):
+    before = made()
+    write_result(tmp_path, before)
+    after = read_result(tmp_path, Result)
+    assert after.rows[0] == before.rows[0] and math.isnan(after.rows[1].error)
+    assert after.weights == before.weights and after.margins == before.margins
+    np.testing.assert_array_equal(after.gain, before.gain)
+    assert after.usable is True and after.terminal is None
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [({"rows": None}, "rows"), ({"family": [3]}, "plants"), ({"gain": "none"}, "gain")],
+)
+def test_a_result_of_another_form_is_refused_in_one_line(tmp_path, change, words):
+    (tmp_path / "result.json").write_text(json.dumps(to_json(made()) | change))
+    with pytest.raises(RunError, match=rf"not of this version's Result \(.*{words}"):
+        read_result(tmp_path, Result)
+
+
+def test_a_missing_field_is_named():
+    values = to_json(made())
+    del values["safety"]
+    with pytest.raises(ValueError, match="required field missing @ result.margins"):
+        from_json(values, Result)

@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+
+from jcontour.app.files.clock import even_period, longest_even_part
+
+TIME = 2.0 + 0.004 * np.arange(50)
+
+
+def test_the_period_is_the_mean_step_of_a_rounded_clock():
+    third = np.round(np.arange(3001) / 3000, 6)
+    assert even_period(third) == pytest.approx(1 / 3000, rel=1e-9)
+    part = longest_even_part(third)
+    assert part.dt == even_period(third) and part.rows == slice(0, 3001) and part.words == ""
+
+
+def test_the_longest_part_and_what_is_said_of_the_rest():
+    """Ten samples, then a gap, thirty samples, then the clock begins again."""
+    time = np.concatenate([TIME[:10], TIME[15:45], TIME[:5]])
+    part = longest_even_part(time)
+    assert part.rows == slice(10, 40) and part.dt == pytest.approx(0.004)
+    assert part.words.startswith("time: 1 gaps and 1 restarts of the clock, the first after 2.036")
+    assert part.words.endswith("2.06 s to 2.176 s")
+
+
+def test_a_clock_with_a_gap_is_not_even():
+    with pytest.raises(ValueError, match=r"after 2.036 s comes 2.06 s, the others are 0.004 s"):
+        even_period(np.concatenate([TIME[:10], TIME[15:]]))
+
+
+def test_many_gaps_are_counted_and_the_longest_part_is_named():
+    """Six parts of sixty samples, one of seventy; a clock that jitters has no part to keep."""
+    time = np.concatenate([1.0 * k + 0.004 * np.arange(70 if k == 2 else 60) for k in range(7)])
+    with pytest.raises(ValueError, match="are 6 such places, .*, 2 s to 2.276 s, has 70 of 430"):
+        longest_even_part(time)
+    jittered = np.cumsum(0.004 * np.where(np.arange(50) % 2, 0.9, 1.1))
+    with pytest.raises(ValueError, match=r"are \d+ such places: let the drive record by its own"):
+        longest_even_part(jittered)
+
+
+def test_stamps_that_jitter_may_be_left_out_and_gaps_may_not():
+    """By a tenth of a sample from one to the next; and three even parts, each a fifth."""
+    jittered = np.cumsum(0.004 * np.where(np.arange(50) % 2, 0.9, 1.1))
+    with pytest.raises(ValueError, match="leave out the column of time and give --period-ms"):
+        longest_even_part(jittered)
+    gaps = np.concatenate([1.0 * k + 0.004 * np.arange(60) for k in range(5)])
+    with pytest.raises(ValueError, match="keep that part alone") as raised:
+        longest_even_part(gaps)
+    assert "--period-ms" not in str(raised.value)
+
+
+@pytest.mark.parametrize("read", [even_period, longest_even_part])
+@pytest.mark.parametrize(
+    ("time", "says"),
+    [
+        (TIME[:2], "needs at least three samples, has 2"),
+        (TIME[::-1], "has to grow"),
+        (np.zeros(9), "has to grow"),
+        (np.full(9, np.nan), "has to grow"),
+        (np.cumsum(0.004 * np.where(np.arange(50) % 2, 0.9, 1.1)), "not evenly spaced"),
+    ],
+)
+def test_clocks_that_cannot_be_used(read, time, says):
+    with pytest.raises(ValueError, match=says):
+        read(time)

@@ -1,0 +1,119 @@
+import numpy as np
+import pytest
+
+from jcontour.app.files.log_file import LogColumns, read_log
+
+ROWS = 40
+TIME = 0.002 * np.arange(ROWS)
+HEADS = ("time", "x_command", "y_command", "x_position", "y_position")
+
+
+def written(tmp_path, time=TIME, heads=HEADS, change=None):
+    signals = np.random.default_rng(0).standard_normal((len(time), 4))
+    rows = np.column_stack([time, signals])
+    if change is not None:
+        change(rows)
+    path = tmp_path / "log.csv"
+    np.savetxt(path, rows, "%.9g", ",", header=",".join(heads), comments="")
+    return path, signals
+
+
+def test_columns_by_their_names(tmp_path):
+    path, signals = written(tmp_path)
+    log = read_log(path, ("X", "Y"), LogColumns())
+    assert log.dt == pytest.approx(0.002)
+    assert np.allclose(log.command, signals[:, :2])
+    assert np.allclose(log.position, 1e-3 * signals[:, 2:])
+    assert log.words == (
+        "X: command x_command, position x_position",
+        "Y: command y_command, position y_position",
+    )
+
+
+@pytest.mark.parametrize(
+    ("dt", "unit", "second"),
+    [
+        (0.0004, "s", 1),
+        (0.1, "s", 1),
+        (0.4, "ms", 1e3),
+        (2.0, "ms", 1e3),
+        (400.0, "us", 1e6),
+        (50.0, "us", 1e6),
+        (1e6, "ns", 1e9),
+    ],
+)
+def test_times_without_a_unit_are_in_the_one_that_suits_a_drive(tmp_path, dt, unit, second):
+    path, _ = written(tmp_path, dt * np.arange(ROWS))
+    log = read_log(path, ("X", "Y"), LogColumns())
+    assert log.dt == pytest.approx(dt / second)
+    said = [words for words in log.words if "states no unit" in words]
+    assert len(said) == (unit != "s") and all(f"taken as {unit}" in words for words in said)
+    assert read_log(path, ("X", "Y"), LogColumns(period=0.5)).dt == 0.5
+    stated, _ = written(tmp_path, dt * np.arange(ROWS), ("time_s", *HEADS[1:]))
+    assert read_log(stated, ("X", "Y"), LogColumns()).dt == pytest.approx(dt)
+
+
+def test_commands_may_say_their_unit(tmp_path):
+    heads = ("time_s", "x_command_V", "Y_Command [V]", *HEADS[3:])
+    path, signals = written(tmp_path, heads=heads)
+    assert np.allclose(read_log(path, ("X", "Y"), LogColumns()).command, signals[:, :2])
+
+
+def test_units_in_names_and_names_by_flags(tmp_path):
+    heads = ("t_ms", "ux", "uy", "qx_um", "qy_m")
+    path, signals = written(tmp_path, 1e3 * TIME, heads)
+    columns = LogColumns(command=("UX", "uy"), position=("qx_um", "qy_m"))
+    log = read_log(path, ("X", "Y"), columns)
+    assert log.dt == pytest.approx(0.002)
+    assert np.allclose(log.position, signals[:, 2:] * [1e-6, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("heads", "metre"),
+    [
+        (("Time [ms]", "a", "b", "Act X [um]", "q [m]"), 1e-6),
+        (("t (ms)", "a", "b", "c", "d_m"), 1e-3),
+    ],
+)
+def test_units_in_brackets(tmp_path, heads, metre):
+    path, signals = written(tmp_path, 1e3 * TIME, heads)
+    log = read_log(path, ("X", "Y"), LogColumns(None, ("a", "b"), heads[3:]))
+    assert log.dt == pytest.approx(0.002)
+    assert np.allclose(log.position, signals[:, 2:] * [metre, 1.0])
+
+
+def test_a_period_in_the_place_of_time(tmp_path):
+    path, _ = written(tmp_path, heads=("nothing", *HEADS[1:]))
+    with pytest.raises(ValueError, match="no column of time; name it with --time-column"):
+        read_log(path, ("X", "Y"), LogColumns())
+    log = read_log(path, ("X", "Y"), LogColumns(period=0.004))
+    assert log.dt == 0.004 and len(log.command) == ROWS
+
+
+def test_the_longest_part_between_gaps_and_restarts(tmp_path):
+    time = np.concatenate([TIME[:10], TIME[12:38] + 1, TIME[:4]])
+    path, signals = written(tmp_path, time)
+    log = read_log(path, ("X", "Y"), LogColumns())
+    assert np.allclose(log.command, signals[10:36, :2]) and log.dt == pytest.approx(0.002)
+    assert "1 gaps and 1 restarts of the clock, the first after 0.018 s" in log.words[-1]
+
+
+def test_faults_are_told_with_their_place(tmp_path):
+    random = np.random.default_rng(1)
+    jitter = TIME + 0.0005 * random.uniform(-1, 1, ROWS)
+    with pytest.raises(ValueError, match="samples are not evenly spaced: after"):
+        read_log(written(tmp_path, jitter)[0], ("X", "Y"), LogColumns())
+    with pytest.raises(ValueError, match="has to grow"):
+        read_log(written(tmp_path, -TIME)[0], ("X", "Y"), LogColumns())
+    with pytest.raises(ValueError, match="no column z_command; name one per axis"):
+        read_log(written(tmp_path)[0], ("X", "Z"), LogColumns())
+    with pytest.raises(ValueError, match="command-columns: needs 2 names"):
+        read_log(written(tmp_path)[0], ("X", "Y"), LogColumns(command=("x_command",)))
+    with pytest.raises(ValueError, match="has no column 'ux'"):
+        read_log(written(tmp_path)[0], ("X", "Y"), LogColumns(command=("ux", "uy")))
+
+    def broken(rows):
+        rows[7, 2] = np.nan
+
+    with pytest.raises(ValueError, match="column y_command holds no number in row 8 behind"):
+        read_log(written(tmp_path, change=broken)[0], ("X", "Y"), LogColumns())

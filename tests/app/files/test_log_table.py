@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.io import savemat
+
+from jcontour.app.files.log_table import read_table
+
+ROWS = np.array([[0.0, 1.5, -2.0], [0.001, 2.5, 1e-3]])
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_csv_with_and_without_header(tmp_path, separator):
+    path = tmp_path / "log.csv"
+    lines = [separator.join(str(x) for x in row) for row in ROWS]
+    path.write_text("\n".join(["# a comment", separator.join(["Time", "u x", "y"]), "", *lines]))
+    table = read_table(path)
+    assert list(table) == ["time", "u x", "y"]
+    assert np.array_equal(np.stack(list(table.values()), axis=1), ROWS)
+    path.write_text("\n".join(lines))
+    assert list(read_table(path)) == ["1", "2", "3"]
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_spaces_between_numbers_as_in_a_table_for_reading(tmp_path, decimal):
+    path = tmp_path / "log.dat"
+    path.write_text("  t    u\n 0.001 -1.5\n10.002    2e-3 \n".replace(".", decimal))
+    table = read_table(path)
+    assert table["t"].tolist() == [0.001, 10.002] and table["u"].tolist() == [-1.5, 2e-3]
+    path.write_text("0.001 -1.5\n0.002 x\n")
+    with pytest.raises(ValueError, match="line 2 does not hold 2 numbers"):
+        read_table(path)
+
+
+def test_a_preamble_of_text_above_the_header_is_left_out(tmp_path):
+    path = tmp_path / "log.csv"
+    above = "Servo trace export V4.2\nDrive;AX5203 X axis\nSample time;0,25 ms\n\n"
+    path.write_text(above + "Time [ms];Command [V]\n0,00;-1,5\n0,25;2e-3\n")
+    table = read_table(path)
+    assert list(table) == ["time [ms]", "command [v]"]
+    assert table["time [ms]"].tolist() == [0.0, 0.25] and table["command [v]"][0] == -1.5
+    path.write_text(above + "1,5;2\n0,25;2e-3;4\n")  # the header is wanting: it is said
+    with pytest.raises(ValueError, match="line 6 does not hold 2 numbers as the header, line 3"):
+        read_table(path)
+
+
+def test_decimal_commas_as_many_drives_write_them(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t;u\n0,001;-1,5\n0,002;2e-3\n", encoding="utf-8-sig")
+    table = read_table(path)
+    assert table["t"].tolist() == [0.001, 0.002] and table["u"].tolist() == [-1.5, 2e-3]
+
+
+def test_a_damaged_mat_file_on_which_the_reader_of_scipy_ends_its_process(tmp_path):
+    path = tmp_path / "log.mat"
+    savemat(path, {"record": {"t": ROWS[:, 0]}})
+    content = bytearray(path.read_bytes())
+    first = content.index(ROWS[:, 0].tobytes())  # the type and the size of these numbers before it
+    content[first - 8] = 0
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"log\.mat: not a readable MAT file"):
+        read_table(path)
+
+
+def test_mat_and_netcdf(tmp_path):
+    savemat(tmp_path / "log.mat", {"t": ROWS[:, :1], "vir": np.eye(3)[:, :2], "name": "EMPS"})
+    table = read_table(tmp_path / "log.mat")
+    assert set(table) == {"t", "vir_1", "vir_2"}
+    assert table["t"].tolist() == [0.0, 0.001] and table["vir_2"].tolist() == [0, 1, 0]
+    xr.Dataset({"Q": (("time", "axis"), ROWS[:, 1:])}, {"time": ROWS[:, 0]}).to_netcdf(
+        tmp_path / "log.nc", engine="h5netcdf"
+    )
+    table = read_table(tmp_path / "log.nc")
+    assert table["time"].tolist() == [0.0, 0.001] and table["q_1"].tolist() == [1.5, 2.5]
+
+
+def test_faults_are_told(tmp_path):
+    path = tmp_path / "log.csv"
+    for text, words in (
+        ("", "is empty"),
+        ("a,b\n1,2\n3\n", "line 3 does not hold 2 numbers"),
+        ("# x\na,b\n1,2\n3,off\n", "line 4 does not hold 2 numbers"),
+        ("a,a\n1,2\n", "two columns have the same name"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ValueError, match=words):
+            read_table(path)
+    path.write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(ValueError, match="cannot be read as text"):
+        read_table(path)
+    for name, words in (("log.mat", "not a readable MAT"), ("log.nc", "not a readable netCDF")):
+        (tmp_path / name).write_bytes(b"nothing of the kind" * 20)
+        with pytest.raises(ValueError, match=words):
+            read_table(tmp_path / name)
+    with pytest.raises(ValueError, match="cannot be read"):
+        read_table(tmp_path / "none.csv")
+    savemat(tmp_path / "words.mat", {"name": "EMPS"})
+    with pytest.raises(ValueError, match="no column of numbers"):
+        read_table(tmp_path / "words.mat")

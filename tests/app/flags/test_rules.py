@@ -1,0 +1,78 @@
+"""Flags as they are read and shown."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import pytest
+import tyro
+
+from jcontour.app.flags.rules import RULES
+
+
+@dataclass(frozen=True)
+class Inner:
+    depth: int = 3
+    """How deep."""
+
+
+@dataclass(frozen=True)
+class Flags:
+    """Some flags."""
+
+    speed: float | None = None
+    """How fast [m/s].
+    As the part says when not given."""
+    place: Path | None = None
+    word: str | None = "none"
+    count: int = 2
+    quick: bool = False
+    """Less of
+    everything."""
+    names: tuple[str, ...] = ()
+    rest: str = ""
+    inner: Annotated[Inner, tyro.conf.OmitArgPrefixes] = field(default_factory=Inner)
+
+
+def read(*words):
+    return tyro.cli(Flags, args=list(words), registry=RULES)
+
+
+def helped(capsys):
+    with pytest.raises(SystemExit):
+        read("--help")
+    return " ".join(capsys.readouterr().out.replace("│", " ").split())
+
+
+def test_defaults_are_those_of_the_class():
+    assert read() == Flags()
+
+
+def test_values_are_of_their_types():
+    found = read("--speed", "2", "--place", "a/b", "--word", "x", "--count", "7", "--quick")
+    assert found == Flags(2.0, Path("a/b"), "x", 7, True)
+    assert type(found.speed) is float and read("--names", "a", "b").names == ("a", "b")
+    assert read("--depth", "5").inner == Inner(5)
+
+
+def test_none_takes_a_value_back_where_it_need_not_be_given(capsys):
+    assert read("--speed", "None", "--word", "None") == Flags(word=None)
+    with pytest.raises(SystemExit):
+        read("--count", "None")
+    assert "needs a whole number in plain digits, received 'None'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [("--speed", "1_0"), ("--speed", ""), ("--count", "2.0")])
+def test_numbers_are_read_in_plain_digits(words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        read(*words)
+    assert ended.value.code == 2 and "in plain digits" in capsys.readouterr().err
+
+
+def test_help_names_the_value_and_no_default_of_nothing(capsys):
+    said = helped(capsys)
+    assert "--speed FLOAT How fast [m/s]. As the part says when not given. --place PATH" in said
+    assert "--count INT (default: 2)" in said and "--word STR (default: none)" in said
+    assert said.count("default:") == 3  # of words, of whole numbers, and of the inner flags
+    assert "--quick, --no-quick Less of everything. --names" in said and "None" not in said
+    assert "--depth INT How deep. (default: 3)" in said

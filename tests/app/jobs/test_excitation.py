@@ -1,0 +1,114 @@
+import numpy as np
+import pytest
+
+from jcontour.app.files.checks import MachineError
+from jcontour.app.jobs import excitation
+from jcontour.app.jobs.excitation import PART, SHARE, gcode, letters, read_limits, sines
+
+GIVEN = {"travel": [400, 300], "speed": 250, "acceleration": [2000, 1500]}
+PATH = "limits.json"
+SAME = {"travel": 400, "acceleration": 2000}  # for any number of axes
+
+
+@pytest.fixture(scope="module")
+def limits():
+    return read_limits(PATH, GIVEN)
+
+
+def test_speed_and_acceleration_stay_within_their_share(limits):
+    positions = sines(limits)
+    speed = np.diff(positions, axis=0) / limits.dt
+    acceleration = np.diff(speed, axis=0) / limits.dt
+    assert (np.abs(positions).max(axis=0) <= 1.001 * PART * limits.travel).all()
+    assert (np.abs(speed).max(axis=0) <= 1.01 * SHARE * limits.speed).all()
+    assert (np.abs(acceleration).max(axis=0) <= 1.01 * SHARE * limits.acceleration).all()
+    assert (np.abs(acceleration).max(axis=0) > 0.9 * SHARE * limits.acceleration).all()
+    assert not positions[[0, -1]].any()
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+@pytest.mark.parametrize("dt", [2.5e-4, 0.01, 0.05])
+def test_any_clock_gets_quick_sines_within_the_limits(dt, axes):
+    """Most of the acceleration is above the slow sines: the second differences alternate often."""
+    limits = read_limits(PATH, GIVEN | {"dt": dt, "axes": list("XYZ")[:axes], **SAME})
+    positions = sines(limits)
+    bent = np.diff(positions, 2, axis=0) / dt**2
+    assert (np.abs(bent).max(axis=0) <= 1.01 * SHARE * limits.acceleration).all()
+    turns = (np.diff(np.sign(bent), axis=0) != 0).sum(axis=0) / (dt * len(positions))
+    assert (turns > min(60.0, 0.2 / dt)).all()  # two in a period
+
+
+def test_no_axis_has_a_frequency_of_another(limits):
+    """Correlated over whole periods, away from the ends, the accelerations of two axes cancel."""
+    x, y = sines(limits).T
+    a, b = (np.diff(one[1500:-1500], 2) for one in (x, y))
+    assert abs(a @ b) < 0.05 * np.sqrt((a @ a) * (b @ b))
+    spectrum = np.abs(np.fft.rfft(np.diff(x, 2)))
+    hertz = np.fft.rfftfreq(len(x) - 2, limits.dt)
+    high = spectrum[hertz > 50].max() / spectrum.max()
+    assert high > 0.05  # there is motion to see at high frequencies too
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+@pytest.mark.parametrize("dt", [1e-3, 0.05])
+def test_frequencies_of_the_axes_are_apart(dt, axes, monkeypatch):
+    used, summed = [], excitation._summed
+    monkeypatch.setattr(
+        excitation, "_summed", lambda time, w, sizes: (used.append(w), summed(time, w, sizes))[1]
+    )
+    sines(read_limits(PATH, GIVEN | {"dt": dt, "axes": list("XYZ")[:axes], **SAME}))
+    assert len(used) == 2 * axes and min(map(len, used)) > 0
+    assert np.diff(np.sort(np.concatenate(used))).min() > 0.1  # [rad/s], half a line of 30 s
+
+
+def test_the_program_ends_where_it_began_and_stays_within_the_travel(limits):
+    place, visited, slowest = np.zeros(2), [], np.inf
+    for line in gcode(limits).splitlines():
+        if not line.startswith("G1"):
+            continue
+        words = {word[0]: float(word[1:]) for word in line.split()[1:]}
+        place = place + [words.get("X", 0.0), words.get("Y", 0.0)]
+        visited.append(place)
+        slowest = min(slowest, words["F"])
+    assert np.abs(place).max() < 1e-6
+    assert (np.abs(visited).max(axis=0) <= 1e3 * PART * limits.travel + 1e-6).all()
+    assert slowest / 60e3 == pytest.approx(SHARE * limits.speed.min())
+
+
+@pytest.mark.parametrize(
+    ("names", "moved"),
+    [
+        (["Y", "x"], ("Y", "X")),
+        (["U", "C"], ("U", "C")),
+        (["left drive", "X2"], ("X", "Y")),
+        (["F", "M"], ("X", "Y")),
+        (["x", "X"], ("X", "Y")),
+    ],
+)
+def test_every_move_is_a_word_that_moves_an_axis(names, moved):
+    limits = read_limits(PATH, GIVEN | {"axes": names})
+    assert letters(limits) == moved
+    program = gcode(limits).splitlines()
+    used = {word[0] for line in program if line.startswith("G1") for word in line.split()[1:-1]}
+    assert used == set(moved)
+    assert {f"; {name} alone" for name in names} <= set(program)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"travel": None}, "limits.json: travel: missing"),
+        ({"speed": -1}, "speed"),
+        ({"axes": ["X"]}, "axes: needs to have at least 2 items"),
+        ({"axes": 5}, "axes: needs to be a valid list"),
+        ({"axes": ["X", "X"]}, "axes"),
+        ({"length_unit": ["mm"]}, "length_unit: needs to be 'm', 'mm' or 'um'"),
+        ({"length_unit": "inch"}, "length_unit: needs to be 'm', 'mm' or 'um'"),
+        ({"jerk": 3}, "there is no field 'jerk'"),
+        ({"dt": 0.06}, "dt: needs to be less than or equal to 0.05, received 0.06"),
+    ],
+)
+def test_limits_that_cannot_be_used(change, words):
+    fields = {key: value for key, value in (GIVEN | change).items() if value is not None}
+    with pytest.raises(MachineError, match=words):
+        read_limits(PATH, fields)

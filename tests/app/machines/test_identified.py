@@ -1,0 +1,121 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jcontour.app.machines.from_file import machine_from
+from jcontour.app.machines.identified import _thinned, axis_result, counts, largest, machine_fields
+from jcontour.linear.continuous_axes import position_axis, speed_axis, with_resonance
+from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.recording import RecordedAxis, recorded
+
+DT = 1e-3
+HERTZ, DAMPING = 45.0, 0.08
+
+
+@pytest.fixture(scope="module")
+def found():
+    rows, most_poles, most_delay = 4000, 3, 4
+    soft = with_resonance(position_axis(1.0, 0.004, 2 * DT), 2 * np.pi * HERTZ, DAMPING)
+    axes = (
+        RecordedAxis(speed_axis(0.02, 0.01, 2 * DT), "speed", 1e-6, 0.5e-6, 1e-3, (500.0,)),
+        RecordedAxis(soft, "position", 1e-6, 0.5e-6, 0.0, (1.0,)),
+    )
+    signals = []
+    for k, one in enumerate(axes):
+        random = np.random.default_rng(k)
+        reference = np.repeat(random.uniform(-0.01, 0.01, rows // 50), 50)
+        signals.append(recorded(one, reference, DT, random))
+    u, y = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
+    return identify_machine(MachineRecord(DT, ("X", "Y"), u, y), most_poles, most_delay)
+
+
+def test_numbers_of_an_axis_as_engineers_say_them(found):
+    x, y = (axis_result(one) for one in found.axes)
+    assert x.integrators == 1 and x.delay == 2
+    assert x.gain == pytest.approx(0.02, rel=0.01)
+    assert x.gain_interval[0] < 0.02 < x.gain_interval[1]
+    assert x.time_constants == pytest.approx([0.01], rel=0.03) and not x.resonances
+    assert y.integrators == 0 and y.gain == pytest.approx(1.0, rel=0.01)
+    hertz, damping = y.resonances[0]
+    assert hertz == pytest.approx(HERTZ, rel=0.02) and damping == pytest.approx(DAMPING, rel=0.2)
+    assert x.explained > 0.99 and len(x.intervals) == len(x.denominator) + len(x.numerator)
+
+
+def test_the_file_is_read_by_the_other_commands(found):
+    fields = machine_fields(found, "mine", "V")
+    machine = machine_from(json.dumps(fields).encode())
+    assert machine.name == "mine" and machine.control_unit == "V"
+    assert fields["known_delay"] == 2 and fields["uncertainty"]["gain"] >= 0.02
+    assert fields["encoder_resolution"] == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_the_file_has_the_count_of_every_axis_where_they_differ(found):
+    x, y = found.axes
+    mixed = replace(found, axes=[x, replace(y, resolution=5e-6)])
+    each = machine_fields(mixed, "mine", "V")["encoder_resolution"]
+    assert each == [x.resolution, 5e-6]
+    machine = machine_from(json.dumps(machine_fields(mixed, "mine", "V")).encode())
+    assert machine.resolution == pytest.approx(np.array([1e-6, 5e-6]), rel=1e-3)
+    alike = replace(found, axes=[replace(x, resolution=1e-6), replace(y, resolution=1.005e-6)])
+    assert counts(alike) == 1.005e-6
+
+
+def test_the_file_has_the_noise_of_every_encoder(found):
+    """Half a count in the records; none where none was sure."""
+    each = machine_fields(found, "mine", "V")["encoder_noise"]
+    assert each == pytest.approx([0.5e-6, 0.5e-6], rel=0.1)
+    machine = machine_from(json.dumps(machine_fields(found, "mine", "V")).encode())
+    assert machine.encoder_noise == pytest.approx(np.array(each))
+    quiet = replace(found, axes=[replace(one, encoder_noise=0.0) for one in found.axes])
+    assert machine_fields(quiet, "mine", "V")["encoder_noise"] == 0.0
+
+
+def test_the_file_doubts_the_response_where_the_intervals_are_wide(found):
+    fields = machine_fields(found, "mine", "V")
+    machine, given = machine_from(json.dumps(fields).encode()), fields["uncertainty"]["response"]
+    assert machine.doubt is not None
+    inner = np.array(given["hertz"][1:-1])
+    widths = machine.doubt.at(2 * np.pi * DT * inner)
+    for k, one in enumerate(found.axes):
+        own = np.interp(inner, one.response.frequency, one.response.half_width)
+        assert (widths[:, k] >= 0.98 * own).all()
+    x = found.axes[0].response  # of an axis that does not ring
+    assert max(given["relative"][0]) <= max(0.02, 1.01 * x.half_width.max())
+
+
+def test_an_identified_resonance_is_no_surer_than_that_of_a_data_sheet(found):
+    """Its frequency 5 % off either way and half of its damping, as `jcontour machine` writes it."""
+    machine = machine_from(json.dumps(machine_fields(found, "mine", "V")).encode())
+    hertz, damping = axis_result(found.axes[1]).resonances[0]
+    s = 2j * np.pi * (places := np.linspace(20.0, 90.0, 71))
+    said, *true = (
+        (w**2 / (s**2 + 2 * z * w * s + w**2))
+        for w, z in [
+            (2 * np.pi * hertz * part, damping * less)
+            for part, less in ((1.0, 1.0), (0.95, 1.0), (0.95, 0.5), (1.05, 0.5))
+        ]
+    )
+    off = np.abs(np.array(true) / said - 1).max(axis=0)
+    assert machine.doubt is not None
+    widths = machine.doubt.at(2 * np.pi * DT * places)
+    assert np.all(widths[:, 1] >= 0.97 * off - 1e-3) and off.max() > 0.8
+
+
+def test_a_file_keeps_the_frequencies_around_a_sharp_mode():
+    usual = np.geomspace(1.0, 400.0, 100)
+    sharp = 45.0 * (1 + 5e-3 * np.arange(-4, 5))
+    kept = _thinned(np.union1d(usual, sharp))
+    assert np.isin(sharp, kept).all() and kept.size < 25 + 2 + sharp.size
+    np.testing.assert_array_equal(_thinned(usual), usual[::4])
+
+
+def test_limits_are_those_of_the_record(found):
+    limits = largest(found)
+    assert limits["control"] == np.abs(found.record.command).max(axis=0).tolist()
+    fastest = np.abs(np.diff(found.record.position, axis=0)).max(axis=0) / DT
+    assert (np.array(limits["speed"]) <= fastest * 1.001).all()
+    assert (np.array(limits["speed"]) > 0.3 * fastest).all()
+    assert min(limits["acceleration"]) > 0

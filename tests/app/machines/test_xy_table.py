@@ -1,0 +1,25 @@
+"""The X-Y table as a machine of the catalogue."""
+
+import numpy as np
+import pytest
+
+from jcontour.app.machines.xy_table import xy_table_machine
+from jcontour.plants.xy_table import FrictionXYTable, xy_table
+
+
+def test_a_controller_on_the_host_meets_friction():
+    hosted = xy_table_machine().hosted()
+    assert isinstance(hosted.plant, FrictionXYTable) and hosted.plant.dt == 1e-3
+    assert hosted.every == 4 and hosted.model.dt == 4e-3
+    np.testing.assert_array_equal(hosted.model.A, xy_table(4e-3).A)
+
+
+def test_another_period_is_a_whole_number_of_samples():
+    assert xy_table_machine().hosted(7e-3).every == 7
+    with pytest.raises(ValueError, match="^period-ms: needs a whole number of samples of 1 ms"):
+        xy_table_machine().hosted(2.5e-3)
+
+
+def test_its_current_is_limited():
+    machine = xy_table_machine()
+    assert machine.limits.control.tolist() == [0.5, 0.5] and machine.control_unit == "A"

@@ -1,0 +1,79 @@
+import base64
+import json
+
+import numpy as np
+import pytest
+
+from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.run_folder import RunError
+from jcontour.app.reports.page.page_data import page_data
+
+
+def numbers(packed, *shape):
+    return np.frombuffer(base64.b64decode(packed["f32"]), "<f4").reshape(shape)
+
+
+@pytest.fixture(scope="module")
+def data(run_folder):
+    return page_data(run_folder)
+
+
+def test_signals_are_those_of_the_folder(data, run_folder):
+    stored = load_dataset(run_folder / "rollouts.nc")
+    one = data["contours"][0]
+    assert one["samples"] == one["kept"] == 900
+    error = numbers(one["error"], 2, 2, 900, 2)
+    assert np.allclose(error, 1e6 * stored.contour_error.values[:, 0], rtol=1e-6)
+    feed = numbers(one["feed"], 2, 2, 900)
+    moved = np.linalg.norm(np.diff(stored.output.values[:, 0], axis=2), axis=-1)
+    assert np.allclose(feed[..., 1:], 60e3 * moved / 1e-3, rtol=1e-5)
+    arc = numbers(one["arc"], 900)
+    assert arc[0] == 0 and arc[-1] == pytest.approx(100 * np.pi, rel=1e-4)  # [mm], radius 50
+
+
+def test_padding_is_left_out_and_held_out_is_told(data):
+    assert [one["samples"] for one in data["contours"]] == [900, 700]
+    assert [one["training"] for one in data["contours"]] == [True, False]
+
+
+def test_a_small_room_thins_and_keeps_the_peak(run_folder):
+    one = page_data(run_folder, room=1.0)["contours"][0]
+    assert one["kept"] < 400
+    error = numbers(one["error"], 2, 2, one["kept"], 2)
+    assert error[1, 1, :, 0].max() == pytest.approx(90.0)
+
+
+def test_points_are_those_of_the_history(data):
+    points = data["points"]["points"]
+    assert [one["feasible"] for one in points] == [True, True, True, False]
+    assert points[1] == {
+        "x": 0.2,
+        "y": 5.0,
+        "feasible": True,
+        "design": None,
+        "weights": {"alpha": 2.0},
+    }
+
+
+def test_a_run_without_signals_has_a_page(run_folder, tmp_path):
+    folder = tmp_path / "bare"
+    folder.mkdir()
+    for name in ("settings", "result"):
+        (folder / f"{name}.json").write_text((run_folder / f"{name}.json").read_text())
+    found = page_data(folder)
+    assert found["contours"] == [] and found["sensitivity"] is None and found["points"] is None
+
+
+def test_other_folders_are_told_in_a_line(run_folder, tmp_path):
+    with pytest.raises(RunError, match="is not a run folder"):
+        page_data(tmp_path)
+    (tmp_path / "settings.json").write_text('{"command": "check"}')
+    with pytest.raises(RunError, match="'check'; pages are made of tune, simulate, front"):
+        page_data(tmp_path)
+    settings = json.loads((run_folder / "settings.json").read_text())
+    (tmp_path / "settings.json").write_text(json.dumps(settings))
+    result = json.loads((run_folder / "result.json").read_text())
+    for older in ({}, {name: value for name, value in result.items() if name != "verdict"}):
+        (tmp_path / "result.json").write_text(json.dumps(older))
+        with pytest.raises(RunError, match="another version of jcontour"):
+            page_data(tmp_path)

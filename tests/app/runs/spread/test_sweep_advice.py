@@ -1,0 +1,141 @@
+"""What a sweep says of its designs."""
+
+import shlex
+
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from jcontour.app.catalogue.choices import machine_named
+from jcontour.app.cli import _chosen
+from jcontour.app.files.results.swept_result import BestDesign, SweepResult
+from jcontour.app.files.trusted_code import trust
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.flags.tuning import Sweep, Tune
+from jcontour.app.runs.spread.sweep_advice import edge_lines, limit_lines, next_steps, repeated
+from jcontour.app.runs.spread.sweep_asked import Swept
+
+OWN = """
+import jax.numpy as jnp
+from jcontour.controller import Controller
+
+
+class Proportional(Controller):
+    gain: float = 1.0
+    feedforward: float = 1.0
+    preview: int = 0
+
+    def prepare(self, reference):
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return memory, self.gain * (plan - measurement) + 0 * self.feedforward
+"""
+
+
+def test_what_is_tuned_next_is_the_controller_that_was_swept(tmp_path):
+    (tmp_path / "mine.py").write_text(OWN)
+    trust(OWN.encode())  # as a command that names it does
+    flags = Sweep(
+        parts=("circle",),
+        controller=f"{tmp_path / 'mine.py'}:Proportional",
+        weights=("feedforward=2",),
+        previews=(0,),
+        max_sensitivity=1.5,
+        max_peak_control=5.0,
+    )
+    asked = Swept(flags, machine_named(flags.plant), [], {})
+    broken = _best(worst_um=0.5, weights={"gain": 1e9}, beyond={"peak_sensitivity": 41.0})
+    best = _best(weights={"gain": 15000.0})
+    [line] = next_steps(asked, SweepResult(points=2, diverged=0, within=2, best=[broken, best]))
+    words = line[line.index("jcontour ") :]
+    assert _chosen(shlex.split(words)[1:])[0] == Tune(
+        parts=("circle",),
+        controller=flags.controller,
+        weights=("feedforward=2", "gain=15000"),
+        max_sensitivity=1.5,
+        max_peak_control=5.0,
+    )
+
+
+def test_the_best_point_is_run_again_with_what_did_not_vary(tmp_path):
+    (tmp_path / "mine.py").write_text(OWN)
+    trust(OWN.encode())  # as a command that names it does
+    mine = f"{tmp_path / 'mine.py'}:Proportional"
+    given = {"controller": mine, "weights": ("feedforward=2",), "previews": (0,)}
+    flags = Sweep(parts=("circle", "square"), **given)
+    asked = Swept(flags, machine_named(flags.plant), [], {"gain": jnp.array([0.1, 0.3])})
+    best = _best(weights={"gain": 0.1 + 0.2})
+    [line] = repeated(asked, SweepResult(points=2, diverged=0, within=2, best=[best]))
+    words = line[line.index("jcontour ") : line.index("    (")]
+    weights = ("gain=0.30000000000000004", "feedforward=2.0")  # all digits
+    found = _chosen(shlex.split(words)[1:])[0]
+    assert isinstance(found, Simulate) and found == Simulate(
+        contour="circle", controller=mine, weights=weights
+    )
+    assert repeated(asked, SweepResult(points=2, diverged=2, within=0, best=[])) == []
+
+
+def _best(**other):
+    given = {"preview": 0, "weights": {"gain": 1.0}, "worst_um": 1.0, "nominal_um": 1.0}
+    return BestDesign(**{**given, "sensitivity": 1.4, "delay_samples": 3, **other})
+
+
+LIMITED = Swept(Sweep(max_peak_contour_error_um=1.0), machine_named("bridgeport"), [], {})
+
+
+def judged_as(best, peaks_um=(3.0, 2.0)):
+    """Peak errors of two designs with one preview."""
+    errors = 1e-6 * np.reshape(peaks_um, (1, 2, 1, 1))
+    names = ("preview", "sample", "contour", "plant")
+    metrics = ("rms_contour_error", "peak_contour_error", "diverged")
+    data = {name: (names, errors) for name in metrics} | {"diverged": (names, 0 * errors)}
+    return xr.Dataset(data | {"best": ("preview", [best])}, {"preview": [5]})
+
+
+def test_where_no_design_keeps_the_limits_it_is_said_and_how_near_they_come():
+    nothing = SweepResult(points=2, diverged=0, within=0, best=[])
+    (line,) = limit_lines(LIMITED, judged_as(-1), nothing)
+    assert line == (
+        "WARNING: preview 5: none of 2 designs keeps the limits; the least of each: "
+        "peak contour error 2 um (limit 1)"
+    )
+    assert next_steps(LIMITED, nothing)[0].startswith("Next: no design keeps the limits; allow")
+    lost = SweepResult(points=2, diverged=2, within=0, best=[])
+    assert next_steps(LIMITED, lost)[0].startswith("Next: every design diverges")
+
+
+def test_a_best_design_beyond_a_limit_of_its_loops_has_a_warning():
+    found = _best(looked=3, beyond={"peak_sensitivity": 41.2, "late_radius": 1.1})
+    result = SweepResult(points=3, diverged=0, within=3, best=[found])
+    (line,) = limit_lines(LIMITED, judged_as(0), result)
+    assert line.startswith("WARNING: preview 0: the best design breaks a limit: its Ms is 41.2, a ")
+    assert line.endswith("--min-delay-margin asks for, and 2 next best ones break a limit as well")
+    passed = SweepResult(points=3, diverged=0, within=3, best=[_best(looked=2)])
+    (line,) = limit_lines(LIMITED, judged_as(0), passed)
+    assert line.startswith("With preview 0, 1 design with less error")
+    kept = SweepResult(points=3, diverged=0, within=3, best=[_best()])
+    assert limit_lines(LIMITED, judged_as(0), kept) == []
+
+
+def test_a_best_point_on_the_edge_of_its_grid_is_told():
+    grid = {"alpha": jnp.array([1.0, 2.0, 3.0]), "beta": jnp.array([4.0, 5.0, 4.0])}
+    grid["rho"] = np.full(3, 7.0)  # one value has no edge
+    worst = np.array([9.0, 5.0, 8.0])
+    (line,) = edge_lines({"alpha": 2.0, "beta": 5.0, "rho": 7.0}, grid, worst)
+    assert line.startswith("The best beta, 5, lies on the edge of the grid: try larger ones")
+    assert edge_lines({"alpha": 2.0, "beta": 4.5, "rho": 7.0}, grid, worst) == []
+    (line,) = edge_lines({"alpha": 1.0, "beta": 4.5, "rho": 7.0}, grid, np.array([5.0, 6.0, 9.0]))
+    assert "alpha, 1, lies on the edge of the grid: try smaller ones" in line
+
+
+def test_an_edge_that_is_no_better_than_the_inside_is_not_told():
+    """Where an error hardly falls any more, a wider grid brings nothing."""
+    grid, best = {"alpha": jnp.array([1.0, 2.0, 3.0])}, {"alpha": 3.0}
+    assert edge_lines(best, grid, np.array([9.0, 5.04, 5.0])) == []
+    assert len(edge_lines(best, grid, np.array([9.0, 5.06, 5.0]))) == 1
+    grid["beta"] = jnp.array([1.0, 1.0, 2.0])  # of alpha inside, and at an end of beta
+    assert len(edge_lines(best | {"beta": 2.0}, grid, np.array([9.0, 5.04, 5.0]))) == 2

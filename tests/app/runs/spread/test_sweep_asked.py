@@ -1,0 +1,83 @@
+"""What a sweep makes of its flags."""
+
+import numpy as np
+import pytest
+
+from jcontour.app.catalogue.choices import design_for, machine_named
+from jcontour.app.flags.tuning import Sweep
+from jcontour.app.runs.spread.sweep_asked import Swept, horizons, sampled_values, swept_of
+
+
+@pytest.mark.parametrize(
+    ("word", "value"),
+    [("max_sensitivity", 0.9), ("max_count_noise", 0.0), ("max_peak_control", -1.0)],
+)
+def test_what_is_no_limit_is_refused(word, value):
+    with pytest.raises(ValueError, match=word.replace("_", "-")):
+        swept_of(Sweep(parts=("circle",), **{word: value}))
+
+
+def test_previews_have_one_flag():
+    with pytest.raises(ValueError, match="preview: a sweep has --previews"):
+        swept_of(Sweep(parts=("circle",), preview=5))
+
+
+def test_the_design_of_a_preview_is_found_once():
+    flags = Sweep(parts=("circle",), plant="gantry", controller="cascade", previews=(1,))
+    asked = Swept(flags, machine_named("gantry"), [], {})
+    assert asked.design(1) is asked.design(1)
+
+
+@pytest.mark.parametrize(
+    ("plant", "controller", "found"),
+    [
+        ("flexible-axis", "cascade", (1,)),
+        ("gantry", "cascade", (1,)),
+        ("gantry", "contouring-lq", (5, 10, 20)),
+    ],
+)
+def test_previews_that_differ_are_swept(plant, controller, found):
+    assert (
+        horizons(
+            Sweep(plant=plant, controller=controller, previews=(5, 10, 20, 10)),
+            machine_named(plant),
+        )
+        == found
+    )
+
+
+@pytest.mark.parametrize(
+    ("plant", "controller", "start", "ends", "count"),
+    [
+        ("gantry", "contouring-lq", {"alpha": 1e8, "beta": 1e9}, (1e-2, 1e4), 49),
+        (
+            "gantry",
+            "cascade",
+            {"position": 30.0, "integral_time": 0.05},
+            (0.1, 10.0),
+            25,
+        ),  # the velocity gain of X is not that of Y
+    ],
+)
+def test_what_varies_lies_around_the_start(plant, controller, start, ends, count):
+    """Weights of a cost over six decades, gains over two."""
+    flags = Sweep(plant=plant, controller=controller)
+    values = sampled_values(flags, design_for(machine_named(plant), flags))
+    assert list(values) == list(start)
+    for name, column in values.items():
+        assert column.size == count and start[name] in column
+        factors = float(column.min()) / start[name], float(column.max()) / start[name]
+        assert factors == pytest.approx(ends)
+
+
+def test_what_varies_can_be_named():
+    flags = Sweep(vary=("alpha=1,2", "beta=0,5,20"))
+    values = sampled_values(flags, design_for(machine_named("bridgeport"), flags))
+    assert sorted(zip(*map(np.ndarray.tolist, map(np.asarray, values.values())), strict=True)) == [
+        (1, 0),
+        (1, 5),
+        (1, 20),
+        (2, 0),
+        (2, 5),
+        (2, 20),
+    ]

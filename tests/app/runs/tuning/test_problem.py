@@ -1,0 +1,173 @@
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.analysis.sensitivity import LoopPeaks, late_radius
+from jcontour.app.files.checkpoints import load_state, save_state
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.reports.progress import progress
+from jcontour.app.runs.tuning.problem import tuning_run
+from jcontour.app.runs.tuning.results import shown_contours
+from jcontour.guarantees.worst_cases import PeakValues
+from jcontour.simulation.evaluation import evaluate, stack_plants
+from jcontour.simulation.metrics import Metrics
+from tuning.effort import QUICK
+from tuning.history import Evaluated
+from tuning.objectives import AtMost
+from tuning.outcome import Outcome
+from tuning.parameters import Chart
+from tuning.point import evaluate_point
+from tuning.tune import TuneState, advance
+
+
+def test_state_comes_back_to_the_last_bit_at_every_step(proportional_problem, tmp_path):
+    """A run that is saved and loaded after every step ends as one that was left alone."""
+    problem = proportional_problem(AtMost(rms_increment=2e-5, rms_tracking_error=5e-4))
+    start, effort = {name: jnp.asarray(0.3) for name in "xy"}, replace(QUICK, starts=1, scatter=2)
+    straight, stored, before = TuneState(), TuneState(), 0.0
+    while not straight.done:
+        straight = advance(problem, start, effort, straight)
+        save_state(tmp_path, advance(problem, start, effort, stored))
+        stored = load_state(tmp_path)
+        for a, b in zip(
+            jax.tree.leaves(vars(straight)), jax.tree.leaves(vars(stored)), strict=True
+        ):
+            np.testing.assert_array_equal(a, b)
+        assert before <= progress(stored, effort) <= 1.0
+        before = progress(stored, effort)
+    assert stored.done and list(tmp_path.iterdir()) == [tmp_path / "state.npz"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("objective", ["typical", "regret"])
+def test_errors_are_limited_by_those_of_the_start_on_the_smooth_machine(
+    machine_file, part_file, objective
+):
+    flags = Tune(
+        parts=(str(part_file), "circle"), plant=str(machine_file), preview=4, objective=objective
+    )
+    run = tuning_run(replace(flags, max_error_ratio=0.9))
+    assert run.limits == {**tuning_run(flags).limits, "error_ratio": 0.9}
+    family = stack_plants(run.machine.smooth_family())
+    before = run.before.build(run.before.start)
+    metrics = evaluate(family, before, run.problem.references)
+    limits = run.problem.limits
+    assert isinstance(limits, AtMost) and limits.before is not None
+    worst = np.max(metrics.rms_contour_error, axis=1)
+    np.testing.assert_allclose(limits.before.errors, worst, rtol=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [0.0, -1.0, np.inf])
+def test_a_bad_ratio_is_told(machine_file, part_file, ratio):
+    flags = Tune(parts=(str(part_file),), plant=str(machine_file), max_error_ratio=ratio)
+    with pytest.raises(ValueError, match="max-error-ratio: a limit needs to be finite"):
+        tuning_run(flags)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sensitivity", "more"), [(None, 2), (2.0, 1)])
+def test_a_delay_margin_limits_loops_with_that_much_more_delay(
+    machine_file, part_file, sensitivity, more
+):
+    """The limit at the start weights is the radius that the library finds for them."""
+    flags = Tune(parts=(str(part_file),), plant=str(machine_file), preview=4)
+    run = tuning_run(replace(flags, max_sensitivity=sensitivity, min_delay_margin=more))
+    z = Chart(run.problem.space, run.start).coordinates()
+    point = evaluate_point(run.problem, run.start, np.asarray(z))
+    loops = run.problem.loops
+    seen = run.problem.plants, run.controller(run.start), loops.windows
+    wanted = np.max([late_radius(*seen, delay) for delay in range(1, more + 1)], axis=0)
+    np.testing.assert_allclose(point.outcome.late, wanted, rtol=1e-9)
+    assert run.limits["late_radius"] < 1
+    assert ("peak_sensitivity" in run.limits) == (sensitivity is not None)
+
+
+@pytest.mark.slow
+def test_what_is_not_known_of_the_response_limits_the_loops(machine_file, part_file, tmp_path):
+    fields = json.loads(machine_file.read_text())
+    fields["uncertainty"]["response"] = {"hertz": [1, 100], "relative": [[0.01, 2.0]] * 2}
+    doubted = tmp_path / "doubted.json"
+    doubted.write_text(json.dumps(fields))
+    run = tuning_run(Tune(parts=(str(part_file),), plant=str(doubted), preview=4))
+    z = Chart(run.problem.space, run.start).coordinates()
+    found = evaluate_point(run.problem, run.start, np.asarray(z))
+    assert run.limits["response_doubt"] == 0.5
+    assert 0 < np.max(found.outcome.loops.doubt) <= 0.5  # the first loop keeps it
+    fields["uncertainty"]["response"]["relative"] = [[0.02, 4.0]] * 2
+    doubted.write_text(json.dumps(fields))
+    twice = tuning_run(Tune(parts=(str(part_file),), plant=str(doubted), preview=4))
+    other = evaluate_point(twice.problem, run.start, np.asarray(z))
+    np.testing.assert_allclose(other.outcome.loops.doubt, 2 * found.outcome.loops.doubt, rtol=1e-9)
+
+
+class Runs(NamedTuple):
+    """As much of a replay as the choice of contours looks at; errors (contour, plant)."""
+
+    rms_contour_error: np.ndarray
+    diverged: np.ndarray
+
+    @property
+    def metrics(self):
+        return self
+
+
+def chosen(count, tuned, lost=()):
+    """Contours that are shown: the first half was trained on, and every start has the error 1."""
+    training = [k < count // 2 for k in range(count)]
+    diverged = np.isin(np.arange(count), lost)[:, None]
+    replays = {
+        "start": Runs(np.ones((count, 1)), np.zeros((count, 1), bool)),
+        "tuned": Runs(np.asarray(tuned, float)[:, None], diverged),
+    }
+    run = SimpleNamespace(
+        scenarios=SimpleNamespace(training=training), machine=SimpleNamespace(error="contour")
+    )
+    return shown_contours(run, replays)
+
+
+def test_all_of_a_few_contours_are_shown():
+    assert chosen(12, range(12)) == list(range(12))
+
+
+def test_of_many_contours_those_that_fared_worst_are_shown():
+    assert chosen(40, range(40), lost=[2, 21]) == [2, 15, 16, 17, 18, 19, 21, 35, 36, 37, 38, 39]
+
+
+@pytest.mark.parametrize("flags", [{"objective": "certified"}, {"force": 0.1}])
+def test_a_machine_that_is_not_linear_has_no_certified_objective(flags):
+    with pytest.raises(ValueError, match="plant: flexible-axis.* is not linear"):
+        tuning_run(Tune(plant="flexible-axis", **flags))
+
+
+def test_points_keep_their_certified_errors(tmp_path):
+    ones = {name: np.ones((1, 2)) for name in Metrics.__dataclass_fields__}
+    ones["diverged"] = np.zeros((1, 2), bool)
+    proven = PeakValues(np.array([[1e-6, 2e-6]]), np.array([[0.5, 0.25]]))
+    outcome = Outcome(Metrics(**ones), certified=proven, count_noise=np.array([[0.1, 0.2]]))
+    row = Evaluated(0, np.zeros(2), 1e-6, -0.1, outcome, False)
+    save_state(tmp_path, TuneState(history=[row]))
+    found = load_state(tmp_path).history[0].outcome
+    np.testing.assert_array_equal(found.certified, proven)
+    np.testing.assert_array_equal(found.count_noise, outcome.count_noise)
+    assert found.late is None
+    assert found.loops is None
+
+
+def test_states_of_a_version_without_doubts_are_read(tmp_path):
+    """Its loops have no `loops_doubt`: no response was doubted, so nothing of it was used."""
+    ones = {name: np.ones((1, 2)) for name in Metrics.__dataclass_fields__}
+    ones["diverged"] = np.zeros((1, 2), bool)
+    peaks = LoopPeaks(*(np.full((1, 2), k + 1.0) for k in range(len(LoopPeaks._fields))))
+    row = Evaluated(0, np.zeros(2), 1e-6, -0.1, Outcome(Metrics(**ones), peaks), False)
+    path = save_state(tmp_path, TuneState(history=[row]))
+    with np.load(path) as file:
+        np.savez(path, **{name: file[name] for name in file.files if name != "loops_doubt"})
+    found = load_state(tmp_path).history[0].outcome.loops
+    assert not found.doubt.any()
+    np.testing.assert_array_equal(found._replace(doubt=peaks.doubt), peaks)

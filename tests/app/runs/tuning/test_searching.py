@@ -1,0 +1,113 @@
+"""Rounds of a search, on an integrator whose gain doubles on two samples between the probes."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from rich.console import Console
+
+from jcontour.analysis.probes import probe_samples
+from jcontour.app.files.checkpoints import load_state
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.runs.tuning.family_loops import WINDOWS
+from jcontour.app.runs.tuning.problem import TuningRun
+from jcontour.app.runs.tuning.searching import ROUND, NothingSound, exchange_words, searched
+from tests.tuning.bumped import HIGH, REFERENCE, problem_of
+from tuning.effort import THOROUGH
+from tuning.exchange import STABLE, Exchanged
+from tuning.parameters import Positive
+from tuning.tune import TuneState
+
+SAMPLES = (27, 28)
+
+
+def run_from(gain):
+    problem = problem_of(SAMPLES)
+    nothing = cast(Any, None)
+    design = cast(Any, SimpleNamespace(start={"gain": jnp.asarray(gain)}))
+    effort = replace(THOROUGH, starts=1, scatter=0, steps=30)
+    return TuningRun(Tune(), nothing, nothing, design, problem, effort, (), nothing, {})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("run")
+
+
+@pytest.fixture(scope="module")
+def found(folder):
+    return searched(run_from(0.4), folder, lambda state: None, Console(quiet=True))
+
+
+@pytest.mark.slow
+def test_a_loop_between_the_probes_ends_stable_and_points_of_all_rounds_count(found, folder):
+    assert not set(SAMPLES) & set(probe_samples(REFERENCE, WINDOWS).tolist())
+    first = load_state(folder)
+    alone = min(first.history, key=lambda row: row.objective)
+    assert np.exp(alone.z[0]) * HIGH > 2  # where the search alone ends
+    gain = float(found.tuned.weights["gain"])
+    assert gain == pytest.approx((1 + STABLE) / HIGH, rel=1e-4)
+    assert found.run.limits == {"spectral_radius": STABLE}
+    rounds = [load_state(folder), load_state(folder / ROUND.format(1))]
+    assert rounds[1].begin.size == 1 and not (folder / ROUND.format(2)).exists()
+    assert [row.start for row in found.tuned.history] == [
+        number for number, state in enumerate(rounds) for _ in state.history
+    ]
+    assert found.descents == 2
+    rejected = sum(row.diverged for state in rounds for row in state.history)
+    assert found.tuned.diverged_points == rejected and not found.tuned.stabilised
+
+
+@pytest.mark.slow
+def test_what_is_stored_counts(found, folder):
+    told: list[TuneState] = []
+    again = searched(run_from(0.4), folder, told.append, Console(quiet=True))
+    assert told == []
+    np.testing.assert_array_equal(again.tuned.weights["gain"], found.tuned.weights["gain"])
+    assert len(again.tuned.history) == len(found.tuned.history)
+
+
+@pytest.mark.slow
+def test_an_interrupted_round_goes_on_where_it_was(found, folder, tmp_path):
+    def stop(state):
+        if state.begin.size and len(state.history) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        searched(run_from(0.4), tmp_path, stop, Console(quiet=True))
+    again = searched(run_from(0.4), tmp_path, lambda state: None, Console(quiet=True))
+    np.testing.assert_array_equal(again.tuned.weights["gain"], found.tuned.weights["gain"])
+
+
+def test_an_exchange_is_told_in_a_line():
+    problem = problem_of(SAMPLES)
+    assert "is unstable: 1 more loop is looked" in exchange_words(Exchanged(problem, 1, True))
+    assert "limit on loops: 3 more loops are" in exchange_words(Exchanged(problem, 3, False))
+
+
+def test_nothing_sound_is_told(tmp_path):
+    with pytest.raises(NothingSound, match="every start diverges"):
+        searched(run_from(1e30), tmp_path, lambda state: None, Console(quiet=True))
+
+
+@pytest.mark.slow
+def test_a_weight_without_effect_stays_at_its_start(tmp_path):
+    run = run_from(0.4)
+    space = {"gain": Positive(), "spare": Positive()}
+    start = {**run.start, "spare": jnp.asarray(30.0)}
+    effort = replace(run.settings, starts=2, scatter=2, every_start=True, steps=2)
+    run = replace(
+        run,
+        problem=replace(run.problem, space=space),
+        design=cast(Any, SimpleNamespace(start=start)),
+        settings=effort,
+    )
+    found = searched(run, tmp_path, lambda state: None, Console(quiet=True))
+    assert found.idle == ("spare",)
+    assert float(found.tuned.weights["spare"]) == pytest.approx(30.0)
+    assert float(found.tuned.weights["gain"]) > 0.4
+    scattered = [row.z[1] for row in found.tuned.history if row.start == 1]
+    assert np.exp(scattered[0]) != pytest.approx(30.0)  # where a search may end

@@ -1,0 +1,101 @@
+"""Which loop is recommended: closed cases with errors and violations that are given."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jcontour.app.runs.tuning import simple_loops
+from jcontour.app.runs.tuning.searching import Searched
+from jcontour.app.runs.tuning.simple_loops import (
+    SimpleLoop,
+    best_simple,
+    simple_words,
+    simplest,
+    worth_trying,
+)
+
+
+@dataclasses.dataclass
+class Namespaced:
+    """A run or a design, as far as the search for its first gain reads it."""
+
+    design: object = None
+    start: dict | None = None
+
+
+def loop(name, error, violation=-0.1):
+    run = SimpleNamespace(design=SimpleNamespace(name=name))
+    return SimpleLoop(run, error, violation)  # pyright: ignore[reportArgumentType]
+
+
+def search(error, feasible=True, violation=-0.1):
+    """What a search found."""
+    problem = SimpleNamespace(objective=lambda outcome: np.array([[error]]))
+    tuned = SimpleNamespace(outcome=None, feasible=feasible, violation=violation)
+    return Searched(SimpleNamespace(problem=problem), tuned, 1)  # pyright: ignore
+
+
+def test_the_simplest_that_is_as_good_as_any_within_a_tenth():
+    loops = [loop("p", 23e-6), loop("notch", 20.9e-6), loop("pi", 20e-6), loop("far", 1e-6, 0.1)]
+    assert best_simple(loops) is loops[1]
+    beyond = [loop("p", 1e-6, 0.5), loop("pi", 2e-6, 0.2), loop("lost", np.inf, np.inf)]
+    assert best_simple(beyond) is beyond[1]
+    assert best_simple(beyond[2:]) is None and best_simple([]) is None
+    words = simple_words([*loops[:1], *beyond[1:]])
+    assert words == "p 23 um; pi 2 um, 22 % beyond a limit; lost unstable"
+
+
+@pytest.mark.parametrize(("allowed", "begins"), [(40.0, 32.0), (9.0, 8.0), (0.5, 32.0)])
+def test_the_fastest_gain_within_the_limits_begins(monkeypatch, allowed, begins):
+    """At 0.5 none of the halved gains keeps the limit: the loop is that of the first one."""
+
+    def evaluated(run):
+        return SimpleLoop(run, 1e-6, float(np.log(run.design.start["position"] / allowed)))
+
+    monkeypatch.setattr(simple_loops, "_evaluated", evaluated)
+    design = Namespaced(start={"position": 32.0, "viscous": 1.0})
+    loop = simple_loops._at_start(Namespaced(design=design))  # pyright: ignore[reportArgumentType]
+    assert loop.run.design.start == {"position": begins, "viscous": 1.0}
+
+
+def test_a_notch_is_tried_where_it_raises_the_gain_and_else_the_loop_without():
+    def designs(plain, notched):
+        pair = {"position-loop": plain, "position-loop-notch": notched}
+        return {
+            name: SimpleNamespace(start={"position": np.array([gain])})
+            for name, gain in pair.items()
+        }
+
+    for gains, kept in (((8.0, 32.0), "position-loop-notch"), ((20.0, 25.0), "position-loop")):
+        given = designs(*gains)
+        assert worth_trying(given) == [given[kept]]  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("controller", "tuned", "recommended"),
+    [
+        (search(10e-6), search(10.9e-6), True),  # as good within a tenth
+        (search(10e-6), search(11.1e-6), False),
+        (search(1e-6, feasible=False, violation=0.2), search(50e-6), True),
+        (search(1e-6, False, 0.2), search(50e-6, False, 0.3), False),
+        (search(1e-6, False, 0.4), search(50e-6, False, 0.3), True),
+        (None, search(50e-6), True),
+        (search(10e-6), None, False),
+    ],
+)
+def test_the_simple_loop_is_recommended_where_it_is_as_good(controller, tuned, recommended):
+    asked = []
+
+    def tune(run):
+        asked.append(run)
+        return tuned
+
+    found = simplest(loop("p", 14e-6), controller, tune)
+    assert found is (tuned if recommended else controller) and len(asked) == 1
+
+
+def test_a_simple_loop_that_is_far_off_is_not_tuned():
+    controller = search(10e-6)
+    assert simplest(loop("p", 16e-6), controller, lambda run: pytest.fail()) is controller

@@ -1,0 +1,69 @@
+"""Start of the command line: what it loads, and what it sets before JAX is loaded."""
+
+import os
+import subprocess
+import sys
+from importlib.metadata import version
+
+
+def test_help_imports_nothing_heavy():
+    script = (
+        "import sys\nfrom jcontour.app.cli import main\n"
+        "try:\n main(['tune', '--help'])\nexcept SystemExit: pass\n"
+        "assert not {'jax', 'matplotlib', 'xarray', 'scipy'} & set(sys.modules), sys.modules.keys()"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_environment_is_set_before_jax_and_what_is_there_stays(tmp_path):
+    """In a process of its own: this one has loaded JAX, and then nothing changes."""
+    program = (
+        "import os, sys, jcontour.app.cli as cli; assert 'numpy' not in sys.modules;"
+        "cli.keep_to_one_thread(); cli.choose_compiler(); cli.keep_compiled();"
+        "print(os.environ['XLA_FLAGS']); print(os.environ['JAX_COMPILATION_CACHE_DIR']);"
+        "print(os.environ['OPENBLAS_NUM_THREADS'])"
+    )
+    ours = ("JAX_", "XLA_", "OPENBLAS_")
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(ours)}
+    chosen = "--xla_cpu_multi_thread_eigen=false"
+    if version("jaxlib").startswith("0.10."):
+        chosen += " --xla_cpu_use_fusion_emitters=false"
+    cases = [
+        ({}, chosen, str(tmp_path / "jcontour" / "compiled"), "1"),
+        (
+            {
+                "XLA_FLAGS": "--one=1",
+                "JAX_COMPILATION_CACHE_DIR": "mine",
+                "OPENBLAS_NUM_THREADS": "3",
+            },
+            f"--one=1 {chosen}",
+            "mine",
+            "3",
+        ),
+    ]
+    for given, *expected in cases:
+        environment = {**kept, "XDG_CACHE_HOME": str(tmp_path), **given}
+        done = subprocess.run(
+            [sys.executable, "-c", program], env=environment, capture_output=True, text=True
+        )
+        assert done.stdout.splitlines() == expected, done.stderr
+
+
+def test_a_compiled_program_that_is_cut_off_is_compiled_anew_and_told(tmp_path):
+    environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(tmp_path / "programs")}
+    environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
+    environment["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
+    program = "import jax; from jcontour.app import cli; cli._answered = lambda _: "
+    program += "print(jax.jit(lambda x: 2.0 * x)(3.0)); cli.main([])"
+    told = f"it is compiled anew each time until {tmp_path / 'programs'} is deleted\n"
+    for wanted in ("", told):
+        done = subprocess.run(
+            [sys.executable, "-c", program], env=environment, capture_output=True, text=True
+        )
+        assert done.stdout == "6.0\n" and done.stderr.endswith(wanted)
+        assert bool(done.stderr) is bool(wanted) and "Traceback" not in done.stderr
+        kept = list((tmp_path / "programs").glob("*-cache"))
+        assert kept
+        for entry in kept:
+            entry.write_bytes(entry.read_bytes()[:20])

@@ -1,0 +1,113 @@
+"""Words of every command: what it prints is kept in `tests/snapshots`, without its numbers.
+
+`pytest -n 0 tests/app/test_tour.py --keep-snapshots` writes them anew: read the difference.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from jcontour.app.commands.loops.check_limits import Verified
+from jcontour.app.commands.machines.identify import IdentifyResult
+from jcontour.app.commands.tuning.sweep_predictive import PredictiveSweepResult
+from jcontour.app.files.results.bent_result import BentResult
+from jcontour.app.files.results.certified_result import CertifiedResult
+from jcontour.app.files.results.exported_result import ExportedResult
+from jcontour.app.files.results.feed_result import FeedResult
+from jcontour.app.files.results.front_result import FrontResult
+from jcontour.app.files.results.learned_result import LearnedResult
+from jcontour.app.files.results.linear_result import LinearMachineResult
+from jcontour.app.files.results.ranked_result import RankedResult
+from jcontour.app.files.results.simulated_result import SimulatedResult
+from jcontour.app.files.results.stored import to_json
+from jcontour.app.files.results.swept_result import SweepResult
+from jcontour.app.files.results.tolerance_result import ToleranceResult
+from jcontour.app.files.results.traversed_result import Traversed
+from jcontour.app.files.results.tuned_result import TunedResult
+from tests.app.tour import LONG, STOPS, masked
+
+# results that follow from the input without a search: equal on every computer
+NUMBERS = (
+    "simulate",
+    "feed",
+    "precompensate",
+    "learn",
+    "check-bound",
+    "tolerance",
+    "sweep",
+    "sweep-predictive",
+    "trace",
+    "identify",
+    "identify-linear",
+)
+
+
+RESULTS = {  # stop -> type that its result is read into
+    "simulate": SimulatedResult,
+    "tune": TunedResult,
+    "check": Verified,
+    "feed": FeedResult,
+    "precompensate": BentResult,
+    "learn": LearnedResult,
+    "check-bound": CertifiedResult,
+    "tolerance": ToleranceResult,
+    "export": ExportedResult,
+    "front": FrontResult,
+    "rank": RankedResult,
+    "sweep": SweepResult,
+    "sweep-predictive": PredictiveSweepResult,
+    "trace": Traversed,
+    "identify": IdentifyResult,
+    "identify-linear": LinearMachineResult,
+}
+
+
+def stops(names):
+    """The names, those that take long marked so."""
+    return [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in names]
+
+
+SNAPSHOTS = Path(__file__).parents[1] / "snapshots"
+
+
+@pytest.mark.parametrize("name", stops(STOPS))
+def test_a_command_prints_what_it_printed(tour, name, request):
+    visit, file = tour(name), SNAPSHOTS / f"{name}.txt"
+    printed = f"exit code {visit.code}\n{masked(visit.out)}"
+    if request.config.getoption("keep_snapshots"):
+        file.write_text(printed)
+    assert printed == file.read_text()
+
+
+def test_every_snapshot_is_of_a_command():
+    assert {path.stem for path in SNAPSHOTS.glob("*.txt")} <= set(STOPS)
+
+
+@pytest.mark.parametrize("name", stops(NUMBERS))
+def test_a_command_finds_the_numbers_that_it_found(tour, name, kept_numbers):
+    """No truth of its own: a change of the mathematics is seen here, its own tests have the truth.
+
+    To a nanometre, or a thousandth of what is larger.
+    """
+    numbers = dict(numbers_in(tour(name).stored()))
+    assert len(numbers) > 5
+    kept_numbers("results", name, numbers, rel=1e-3, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", stops(RESULTS))
+def test_a_stored_result_is_read_as_it_was_written(tour, name):
+    assert to_json(tour(name).result(RESULTS[name])) == tour(name).stored()
+
+
+def numbers_in(found, path=""):
+    """Path and value of every number of a stored result, without long lists and computing times."""
+    if isinstance(found, bool) or "seconds" in path:  # computing times, nanoseconds too
+        return
+    if isinstance(found, int | float):
+        yield path, found
+    elif isinstance(found, dict):
+        for name, inside in found.items():
+            yield from numbers_in(inside, f"{path}.{name}" if path else name)
+    elif isinstance(found, list) and len(found) <= 12:
+        for k, inside in enumerate(found):
+            yield from numbers_in(inside, f"{path}[{k}]")
