@@ -55,7 +55,6 @@ def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
     np.testing.assert_allclose(late_slopes, jax.jacrev(wanted_late)(z), rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.slow
 def test_probes_that_are_alike_count_as_each_alone(two_axes):
     family = stack_plants([Encoders(two_axes)])
     run = along(circle(1e-3), 3e-4 * np.arange(12), 1e-3, 3, at_rest=False)

@@ -6,7 +6,6 @@ from jcontour.simulation.evaluation import all_at_once, evaluate
 from tuning.sweep import design, grid, random_sample, sweep
 
 
-@pytest.mark.slow
 def test_sweep_is_a_loop_over_designs(proportional_problem):
     problem = proportional_problem()
     designs = grid(x=[0.3, 5.0], y=[0.2, 0.6])

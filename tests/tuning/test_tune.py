@@ -141,7 +141,6 @@ def outcome_from(problem, gain, reach=1.0):
     )
 
 
-@pytest.mark.slow
 def test_a_start_that_diverges_is_counted_and_another_one_found(proportional_problem):
     tuned = outcome_from(proportional_problem(), 1e17)  # its runs are not finite
     assert tuned.diverged_starts == 1

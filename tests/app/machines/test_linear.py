@@ -79,7 +79,6 @@ def test_encoders_of_different_counts_are_those_of_two_machines_of_equal_ones():
     np.testing.assert_allclose(mixed[0], [1.2e-5, 1.0e-5])
 
 
-@pytest.mark.slow
 def test_noise_of_encoders_comes_before_their_counts():
     """As much as is stated, in every plant that counts; a smooth one has as much in all."""
     noise, samples = np.array([3e-7, 0.0]), 4000

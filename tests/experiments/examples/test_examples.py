@@ -38,7 +38,6 @@ def test_every_script_is_tested():
     assert [name for name in SCRIPTS if f'run("{name}")' not in text] == []
 
 
-@pytest.mark.slow
 def test_own_plant(run):
     """A velocity loop with an integral follows a ramp: the lag is feed over position gain."""
     found, printed = run("own_plant")
@@ -63,7 +62,6 @@ def test_own_controller(run):
             assert worse or moved.rms_increment.max() > 0.5
 
 
-@pytest.mark.slow
 def test_gradient(run):
     """Each slope is that of central differences."""
     found, printed = run("gradient")
@@ -76,7 +74,6 @@ def test_gradient(run):
     assert f"{1e6 * float(found['error']):.3f} um" in printed
 
 
-@pytest.mark.slow
 def test_family(run):
     """The nominal and the worst machine, each simulated by itself."""
     found, _ = run("family")
@@ -88,7 +85,6 @@ def test_family(run):
     assert found["errors"][0, found["worst"]] > found["errors"][0, found["nominal"]]
 
 
-@pytest.mark.slow
 def test_weight_sweep(run):
     """The best design, built and simulated by itself."""
     found, printed = run("weight_sweep")
@@ -111,7 +107,6 @@ def test_constrained_replay(run):
     assert gap.within.rms_contour_error > gap.without.rms_contour_error
 
 
-@pytest.mark.slow
 def test_identify_motor(run):
     """Every interval holds the thesis's value, and is narrower than a per cent."""
     found, _ = run("identify_motor")
@@ -130,7 +125,6 @@ def test_observer_stack(run):
     assert found["errors"]["Kalman filter"] > 2 * found["errors"]["with load"]
 
 
-@pytest.mark.slow
 def test_gantry_ring(run):
     """The joints bear the torque of the head's acceleration, M_e (x y'' + d x''), and swing on it.
 
@@ -145,7 +139,6 @@ def test_gantry_ring(run):
     assert 0 < found["error"] < 1e-3
 
 
-@pytest.mark.slow
 def test_gcode_part(run):
     """Length and time of a slot by hand: the arcs are passed at sqrt(a r)."""
     found, _ = run("gcode_part")

@@ -94,7 +94,6 @@ def sliding_without_current():
     return "\n".join(rows)
 
 
-@pytest.mark.slow
 def test_a_break_away_force_of_zero_is_an_answer(tmp_path, capsys):
     data, folder = tmp_path / "free.csv", tmp_path / "run"
     data.write_text(sliding_without_current())

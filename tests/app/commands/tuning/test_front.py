@@ -21,7 +21,7 @@ def traced(tour):
 
 
 @pytest.mark.slow
-def test_every_file_is_there_and_the_netcdf_file_holds_the_points(traced):
+def test_every_file_is_there_and_the_page_and_the_netcdf_file_hold_the_points(traced):
     assert {path.name for path in traced.iterdir()} == {
         "settings.json",
         "inputs",
@@ -37,22 +37,17 @@ def test_every_file_is_there_and_the_netcdf_file_holds_the_points(traced):
         "rollouts.nc",
         "result.json",
     }
-    points = read_result(traced, FrontResult).points
+    points, page = read_result(traced, FrontResult).points, page_data(traced)
+    assert [one["design"] for one in page["points"]["points"]] == page["designs"]
+    wanted = [1e6 * one.rms_contour_error for one in points]
+    assert [one["y"] for one in page["points"]["points"]] == wanted
+    assert page["contours"] and page["plants"][0] == "nominal"
     dataset = load_dataset(traced / "front.nc")
     np.testing.assert_array_equal(dataset.budget, [point.budget for point in points])
     for name in ("rms_contour_error", "rms_increment", "objective"):
         if name in dataset:
             np.testing.assert_array_equal(dataset[name], [getattr(p, name) for p in points])
     assert dataset.rms_contour_error.attrs["units"] == "m"
-
-
-@pytest.mark.slow
-def test_a_point_of_the_page_has_the_runs_of_its_budget(traced):
-    page, result = page_data(traced), read_result(traced, FrontResult)
-    points = page["points"]["points"]
-    assert [one["design"] for one in points] == page["designs"]
-    assert [one["y"] for one in points] == [1e6 * one.rms_contour_error for one in result.points]
-    assert page["contours"] and page["plants"][0] == "nominal"
 
 
 @pytest.mark.slow

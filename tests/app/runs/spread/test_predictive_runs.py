@@ -45,7 +45,6 @@ def reversed_drives(period):
     return Hosted(with_input_gains(xy_table(1e-3), np.array([-1.0, -1.0])), xy_table(4e-3), 4)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "design", "ending"),
     [

@@ -1,6 +1,7 @@
 """Rounds of a search, on an integrator whose gain doubles on two samples between the probes."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -61,27 +62,6 @@ def test_a_loop_between_the_probes_ends_stable_and_points_of_all_rounds_count(fo
     assert found.tuned.diverged_points == rejected and not found.tuned.stabilised
 
 
-@pytest.mark.slow
-def test_what_is_stored_counts(found, folder):
-    told: list[TuneState] = []
-    again = searched(run_from(0.4), folder, told.append, Console(quiet=True))
-    assert told == []
-    np.testing.assert_array_equal(again.tuned.weights["gain"], found.tuned.weights["gain"])
-    assert len(again.tuned.history) == len(found.tuned.history)
-
-
-@pytest.mark.slow
-def test_an_interrupted_round_goes_on_where_it_was(found, folder, tmp_path):
-    def stop(state):
-        if state.begin.size and len(state.history) == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        searched(run_from(0.4), tmp_path, stop, Console(quiet=True))
-    again = searched(run_from(0.4), tmp_path, lambda state: None, Console(quiet=True))
-    np.testing.assert_array_equal(again.tuned.weights["gain"], found.tuned.weights["gain"])
-
-
 def test_an_exchange_is_told_in_a_line():
     problem = problem_of(SAMPLES)
     assert "is unstable: 1 more loop is looked" in exchange_words(Exchanged(problem, 1, True))
@@ -91,6 +71,22 @@ def test_an_exchange_is_told_in_a_line():
 def test_nothing_sound_is_told(tmp_path):
     with pytest.raises(NothingSound, match="every start diverges"):
         searched(run_from(1e30), tmp_path, lambda state: None, Console(quiet=True))
+
+
+@pytest.mark.slow
+def test_what_is_stored_counts_and_an_interrupted_round_goes_on(found, folder, tmp_path):
+    def stop(state):
+        if state.begin.size and len(state.history) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        searched(run_from(0.4), tmp_path, stop, Console(quiet=True))
+    told: dict[Path, list[TuneState]] = {folder: [], tmp_path: []}
+    for stored, states in told.items():
+        again = searched(run_from(0.4), stored, states.append, Console(quiet=True)).tuned
+        np.testing.assert_array_equal(again.weights["gain"], found.tuned.weights["gain"])
+        assert len(again.history) == len(found.tuned.history)
+    assert told[folder] == [] and told[tmp_path] != []
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 import jax
 import numpy as np
-import pytest
 
 from experiments.benchmarks.speed.lq_cases import paper_case
 from experiments.benchmarks.speed.plain_loops import (
@@ -16,7 +15,6 @@ from jcontour.simulation.evaluation import member
 WEIGHTS = (1.0, 5.0, 1e-10)
 
 
-@pytest.mark.slow
 def test_the_loops_make_the_run_that_is_timed():
     case = paper_case(np.dtype("float64"), 20, 4)
     reference, plant = (
