@@ -24,7 +24,6 @@ from jcontour.controllers.synchronisation.continuous import coupling_matrix
 from jcontour.controllers.synchronisation.speed_axes import SpeedAxes
 from jcontour.linear.plant import spectral_radius
 
-FREQUENCIES = 721  # from zero to the Nyquist frequency, both included
 STRONGEST = 1e9  # couplings beyond are not looked at
 GRID = 400  # couplings in which the first crossing is looked for
 
@@ -94,21 +93,21 @@ def continuous_bound(axes: SpeedAxes, proportional) -> float:
 
 
 def positive_real_margin(loop: SampledLoop, coupling: float) -> float:
-    """Lower bound on the eigenvalues, at all frequencies, of the Hermitian part of (17)'s inverse.
+    """Smallest eigenvalue, over all frequencies, of the Hermitian part of (17)'s inverse.
 
-    The Hermitian part of A_c0 - A_c1 exp(-jw) is looked at on a grid of the step h. For a unit
-    vector v, v' H(w) v = a - r cos(w - phi) with r at most |A_c1|, and a frequency of the grid is
-    within h/2 of phi. So no eigenvalue is smaller than
-
-        min over the grid - |A_c1| (1 - cos(h/2))
+    With c = cos w and A_c1 = S + N, symmetric and skew with N_12 = n, it is A_c0 - S c + j n
+    sqrt(1 - c^2) [[0, 1], [-1, 0]]: its smaller eigenvalue is t(c) - sqrt(q(c)), t of the first
+    degree and q of the second. The minimum is at c = 1, at c = -1 or where 4 q t'^2 = q'^2.
     Condition (17) asks for a margin above zero, and for `has_stable_poles`.
     """
     first, second = _matrices(loop, coupling)
-    turn = np.exp(-1j * np.linspace(0, np.pi, FREQUENCIES))[:, None, None]
-    H = first - second * turn
-    on_grid = np.min(np.linalg.eigvalsh((H + np.conj(np.swapaxes(H, 1, 2))) / 2))
-    half_step = np.pi / (FREQUENCIES - 1) / 2
-    return float(on_grid - np.linalg.norm(second, 2) * (1 - np.cos(half_step)))
+    S, n = (second + second.T) / 2, (second[0, 1] - second[1, 0]) / 2
+    at_zero, slope = (np.array([(M[0, 0] - M[1, 1]) / 2, M[0, 1]]) for M in (first, S))
+    q = np.poly1d([slope @ slope - n**2, -2 * at_zero @ slope, at_zero @ at_zero + n**2])
+    t = np.poly1d([-np.trace(S) / 2, np.trace(first) / 2])
+    turning = np.roots((4 * q * t.deriv() ** 2 - q.deriv() ** 2).coeffs).real
+    cosine = np.clip(np.concatenate([turning, [-1.0, 1.0]]), -1, 1)
+    return float(np.min(t(cosine) - np.sqrt(np.maximum(q(cosine), 0))))
 
 
 def has_stable_poles(loop: SampledLoop, coupling: float) -> bool:
@@ -130,7 +129,7 @@ def loop_radius(loop: SampledLoop, coupling: float) -> float:
 def positive_real_bound(loop: SampledLoop) -> float:
     """Smallest beta above zero where the margin of (17) is zero; zero where no beta has a margin.
 
-    The margin is concave in beta, and a lower bound: (17) holds for every beta below this one.
+    The margin is concave in beta: (17) holds for every beta below this one.
     """
     return _first_crossing(lambda beta: positive_real_margin(loop, beta))
 

@@ -20,7 +20,6 @@ from jcontour.controllers.synchronisation.limits import (
 from jcontour.controllers.synchronisation.speed_axes import speed_axes
 
 NAMES = ("sync_nominal", "sync_low_kc")
-BETWEEN = 1e-4  # relative: what the proof takes off for frequencies between those of the grid
 
 
 def loops(numbers, name):
@@ -41,18 +40,11 @@ def matrices(loop, beta):
     return first, np.diag(loop.a_d / loop.b_d) - np.diag(loop.proportional) @ C
 
 
-def between(loop, beta):
-    """Most by which an eigenvalue is smaller between 721 frequencies than at one of them."""
-    return np.linalg.norm(matrices(loop, beta)[1], 2) * (1 - np.cos(np.pi / 1440))
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_bounds_are_those_of_the_reference(synchronisation_numbers, name):
     for sampled, loop in loops(synchronisation_numbers, name):
         np.testing.assert_allclose(loop.adaptation, sampled["K"], rtol=1e-14)
-        bound, on_grid = positive_real_bound(loop), sampled["beta_limit_spr"]
-        np.testing.assert_allclose(bound, on_grid, rtol=BETWEEN)
-        assert bound <= on_grid
+        np.testing.assert_allclose(positive_real_bound(loop), sampled["beta_limit_spr"], rtol=1e-8)
         np.testing.assert_allclose(exact_bound(loop), sampled["beta_limit_lti"], rtol=1e-8)
         formula = bound_of_equal_axes(loop)
         np.testing.assert_allclose(formula, sampled["beta_limit_formula"], rtol=1e-12)
@@ -64,21 +56,31 @@ def test_margins_are_those_of_the_reference(synchronisation_numbers, name):
         for row in sampled["rows"]:
             beta = float(row["beta"])
             margin, radius = positive_real_margin(loop, beta), loop_radius(loop, beta)
-            np.testing.assert_allclose(margin + between(loop, beta), row["spr_margin"], rtol=1e-8)
+            np.testing.assert_allclose(margin, row["spr_margin"], rtol=1e-8)
             np.testing.assert_allclose(radius, row["loop_spectral_radius"], rtol=1e-8)
             assert has_stable_poles(loop, beta) is row["spr_poles_stable"]
 
 
-def test_the_margin_holds_between_the_frequencies_of_its_grid():
+def test_the_margin_is_the_least_over_all_frequencies():
     """The Hermitian part has the smallest eigenvalue 5.5 - 3 c - sqrt(13 - 12 c), c = cos w.
 
-    It is smallest at c = 3/4, between two frequencies of the grid, and 5/4 there.
+    It is smallest at c = 3/4, and 5/4 there.
     """
-    loop, beta = SampledLoop(np.array([0.3, 0.9]), np.full(2, 0.1), np.array([0.0, 2.0]), 1.5), 2.0
-    cosine = np.cos(np.linspace(0, np.pi, 721))
-    assert np.min(5.5 - 3 * cosine - np.sqrt(13 - 12 * cosine)) > 1.25 + 1e-6
-    margin = positive_real_margin(loop, beta)
-    assert margin <= 1.25 <= margin + between(loop, beta)
+    loop = SampledLoop(np.array([0.3, 0.9]), np.full(2, 0.1), np.array([0.0, 2.0]), 1.5)
+    assert positive_real_margin(loop, 2.0) == pytest.approx(1.25, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_margin_of_unequal_axes_is_that_of_a_dense_grid(seed):
+    random = np.random.default_rng(seed)
+    loop = SampledLoop(
+        random.uniform(0, 1, 2), random.uniform(0.1, 2, 2), random.uniform(0, 2, 2), 1
+    )
+    first, second = matrices(loop, 1.5)
+    H = first - second * np.exp(-1j * np.linspace(0, np.pi, 20001))[:, None, None]
+    dense = np.linalg.eigvalsh((H + np.conj(np.swapaxes(H, 1, 2))) / 2).min()
+    margin = positive_real_margin(loop, 1.5)
+    assert margin <= dense + 1e-12 and margin == pytest.approx(dense, abs=1e-6)
 
 
 def test_no_bound_in_continuous_time_for_equal_gains():
@@ -138,7 +140,7 @@ def test_a_coupling_above_its_bound_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_coupling(loop, 0.9)
-    with pytest.warns(UserWarning, match=r"beta is 2, .* below 0.9285 only.* from 3.759 on"):
+    with pytest.warns(UserWarning, match=r"beta is 2, .* below 0.9286 only.* from 3.759 on"):
         check_coupling(loop, 2.0)
     with pytest.warns(UserWarning, match=r"beta is 4, at 3.759 and above the axes diverge"):
         check_coupling(loop, 4.0)
