@@ -26,6 +26,7 @@ ALLOWED = {
 }
 ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.qp": {"qpsolvers", "proxsuite", "daqp"},
+    "jcontour.geometry.drawings": {"ezdxf", "svgelements"},
     "jcontour.compiled": {"numba"},
     "jcontour.native": {"numba", "llvmlite"},
     "jcontour.kernels": {"warp"},  # where the user has installed it

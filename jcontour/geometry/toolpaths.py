@@ -84,7 +84,7 @@ class Toolpath(NamedTuple):
         contour: path of the tool, rapid moves in between included.
         feed: (P,) programmed speed along every piece [m/s], NaN for rapid moves, which have none.
         rapid: (P,) which pieces are rapid moves (G0): traced, but no part is cut there.
-        line: (P,) line of the file that every piece is from.
+        line: (P,) line of the file that every piece is from; 0 where a drawing does not say.
         ignored: words of a program that mean nothing for the path, as S or M3.
         rest: (P,) how long the tool dwells at the end of every piece [s]; NaN where it goes on.
         z_alone: (P,) how long Z then moves alone at its programmed feed [s], where two axes are

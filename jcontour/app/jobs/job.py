@@ -141,11 +141,11 @@ class Job(NamedTuple):
         return self.program.rapid
 
     def line_at(self, sample: int) -> int | None:
-        """Line of the program that the run is on; None where there is no program."""
+        """Line of the file that the run is on; None where there is no file, or none of its lines."""
         if self.program is None:
             return None
         last = min(sample, self.samples - 1)  # it settles on the line that it came to
-        return int(self.program.line[_piece_at(self.contour, self.arc[last])])
+        return int(self.program.line[_piece_at(self.contour, self.arc[last])]) or None
 
     def reference(self, dt: float, preview: int) -> Reference:
         """Samples of the run, with `preview` more appended.

@@ -16,6 +16,11 @@ from jcontour.geometry.toolpaths import Toolpath
 GAP = 10e-6  # [m] ends this close are joined: programs that draw snap to less
 
 
+def at_line(line: int) -> str:
+    """Beginning of a message about a line of the file; 0 where it is not known."""
+    return f"line {line}: " if line else ""
+
+
 @dataclass
 class Drawing:
     """What a file draws, in metres, as far as it is taken.
@@ -33,20 +38,20 @@ class Drawing:
     doubts: tuple[str, ...] = ()
 
     def add(self, segments: list[Segment], line: int) -> None:
-        """Add a stroke of a line of the file.
+        """Add a stroke of a line of the file, 0 where it is not known.
 
         Raises:
             ToolpathError: it reaches too far away, or there are too many segments.
         """
         if not all(_near(segment) for segment in segments):
             raise ToolpathError(
-                f"line {line}: a point is farther than {FARTHEST:g} m away: is the unit right? "
+                f"{at_line(line)}a point is farther than {FARTHEST:g} m away: is the unit right? "
                 "(--drawing-unit mm reads millimetres)"
             )
         segments = [segment for segment in segments if not vanishes(segment)]
         self.count += len(segments)
         if self.count > MOST_MOVES:
-            raise ToolpathError(f"line {line}: more than {MOST_MOVES} segments")
+            raise ToolpathError(f"{at_line(line)}more than {MOST_MOVES} segments")
         if segments:
             self.strokes.append([Drawn(segment, line) for segment in segments])
 

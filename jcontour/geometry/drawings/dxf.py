@@ -1,27 +1,34 @@
-"""Drawings in DXF, as text of any version since R12.
+"""Drawings in DXF, text or binary, of any version, as `ezdxf` reads them.
 
     taken      LINE, ARC, CIRCLE, ELLIPSE, LWPOLYLINE and POLYLINE with bulges, SPLINE, and INSERT
                of blocks, in blocks too, in arrays, with any scale; in model space, seen from above
-    left out   all other kinds, as TEXT, DIMENSION, HATCH and POINT; what is invisible, or on a
-               layer that is off, frozen or never plotted (DEFPOINTS); blocks in other files. They
-               are told with count and layer. A block on a frozen layer is left out as a whole; on
-               one that is off, what it has on other layers is seen, as in AutoCAD
+    left out   all other kinds, as TEXT, DIMENSION, HATCH and POINT; paper space; what is invisible,
+               or on a layer that is off, frozen or never plotted (DEFPOINTS); blocks in other
+               files; the clipping of blocks. They are counted by layer. A block on a frozen layer
+               is left out as a whole; on one that is off, what it has on other layers is seen, as
+               in AutoCAD
     unit       $INSUNITS, or the one that is given; it is asked for where neither says
 
 Line types and widths mean nothing here: the tool follows the middle of each line.
 """
 
-from collections.abc import Sequence
+import io
+import logging
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
+from typing import TYPE_CHECKING, Any
 
 from jcontour.geometry.drawings import dxf_curves
-from jcontour.geometry.drawings.drawing import Drawing
-from jcontour.geometry.drawings.dxf_placing import Placement, inserted, scaled
-from jcontour.geometry.drawings.dxf_tags import Entity, Point, entities
-from jcontour.geometry.drawings.segments import Segment
+from jcontour.geometry.drawings.drawing import Drawing, at_line
 from jcontour.geometry.toolpath_rules import INCH, MM, MOST_MOVES, ToolpathError, shown
 from jcontour.geometry.toolpath_text import lines_of, read_program
+
+if TYPE_CHECKING:
+    from ezdxf.document import Drawing as Document
+    from ezdxf.entities.dxfgfx import DXFGraphic
+    from ezdxf.math import Matrix44
 
 UNITS = {  # [m] by $INSUNITS
     1: INCH,
@@ -35,47 +42,15 @@ UNITS = {  # [m] by $INSUNITS
     13: 1e-6,
     14: 0.1,
 }
-CURVES = {
-    "LINE": dxf_curves.line,
-    "CIRCLE": dxf_curves.circle,
-    "ARC": dxf_curves.arc,
-    "ELLIPSE": dxf_curves.ellipse,
-    "LWPOLYLINE": dxf_curves.light_polyline,
-    "SPLINE": dxf_curves.spline,
-}
-PARTS = ("VERTEX", "ATTRIB", "SEQEND")  # of the entity before
+BINARY = "AutoCAD Binary DXF"
+UNIT = "$INSUNITS"  # ezdxf takes metres where a file does not say
+# ahead of a file that states no version, but has the marks of R13 and later
+VERSION = "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1015\n0\nENDSEC\n"
+MARK = "AcDbEntity"
+END = re.compile(r"\n\s*0\s*\n\s*EOF\s*(\n|$)")
 NEVER_PLOTTED = "DEFPOINTS"
-FROZEN, OTHER_FILE = 1, 4 | 8  # flags of a layer, and of a block
 DEEPEST = 32  # blocks in blocks
 MOST_CELLS = 10_000  # of an array of blocks: more take longer than ten seconds
-
-
-@dataclass
-class Block:
-    """A block of a file."""
-
-    base: Point
-    flags: int
-    entities: list[Entity] = field(default_factory=list)
-
-
-@dataclass
-class Contents:
-    """What a file holds, of what matters here.
-
-    Attributes:
-        unit: [m]; None where the file does not say.
-        off: layers that are off; what a block has on other layers is seen.
-        frozen: layers that are frozen, with all that a block holds.
-        blocks: by name, in capitals.
-        entities: of the drawing itself.
-    """
-
-    unit: float | None = None
-    off: set[str] = field(default_factory=set)
-    frozen: set[str] = field(default_factory=set)
-    blocks: dict[str, Block] = field(default_factory=dict)
-    entities: list[Entity] = field(default_factory=list)
 
 
 def read_dxf(path: str | PathLike[str], unit: float | None = None) -> Drawing:
@@ -86,169 +61,158 @@ def read_dxf(path: str | PathLike[str], unit: float | None = None) -> Drawing:
         unit: of the drawing [m], whatever the file says; None for the file's own.
 
     Raises:
-        ToolpathError: "line 12: ..." for whatever cannot be read; a file without a unit where none
-            is given.
+        ToolpathError: the file or an entity cannot be read; a file without a unit where none is
+            given.
     """
-    contents = _contents(lines_of(read_program(path)))
-    unit = unit or contents.unit
-    if unit is None:
-        raise ToolpathError(
-            "the drawing does not say its unit ($INSUNITS): give it, as --drawing-unit mm"
-        )
-    reader = _Reader(contents)
-    reader.draw(contents.entities, scaled(unit), "0", 0)
+    text = read_program(path)
+    document = _document(path, text)
+    unit = unit or _unit(document.header.get(UNIT, 0) if UNIT in text else 0)
+    # imported here: it takes longer than the rest of the library
+    from ezdxf.math import Matrix44
+
+    reader = _Reader(document, _entity_lines(text))
+    reader.draw(document.modelspace(), Matrix44.scale(unit), "0", 0)
+    for layout in document.layouts:
+        if not layout.is_modelspace:
+            for entity in layout:
+                reader.leave_out(entity, _stated(entity, "layer", "0"), "in paper space")
     return reader.drawing
+
+
+def _document(path: str | PathLike[str], text: str) -> "Document":
+    """Content of a file; one with faults that move no point is mended.
+
+    Raises:
+        ToolpathError: no DXF, a file that is cut off, or numbers that cannot be read.
+    """
+    # imported here: it takes longer than the rest of the library
+    from ezdxf import recover
+    from ezdxf.filemanagement import read, readfile
+
+    logging.getLogger("ezdxf").setLevel(logging.CRITICAL)  # it tells of handles, which move nothing
+    if not text.strip():
+        raise ToolpathError("not a DXF file: it is empty")
+    try:
+        if text.startswith(BINARY):
+            return readfile(str(path))
+        stated = MARK not in text or "HEADER" in text
+        return read(io.StringIO(text if stated else VERSION + text, newline=None))
+    except Exception as error:  # of any kind, for a file that is anything
+        fault = shown(str(error), 200)[1:-1]
+    refusal = ToolpathError(f"the DXF file cannot be read: {fault}")
+    if text.startswith(BINARY):
+        raise refusal
+    if not re.match(r"\s*(0|999)\s*\n", text):
+        raise ToolpathError("line 1: not a DXF file, which begins with 0 and SECTION")
+    if not END.search(text):
+        raise ToolpathError("the file is cut off: there is no EOF")
+    try:
+        document, auditor = recover.read(io.BytesIO(text.encode("utf-8", "replace")))
+    except Exception:
+        raise refusal from None
+    if auditor.errors:
+        raise refusal
+    return document
+
+
+def _unit(code: int) -> float:
+    """Unit of the drawing [m] by its header."""
+    if not code:
+        raise ToolpathError(
+            f"the drawing does not say its unit ({UNIT}): give it, as --drawing-unit mm"
+        )
+    if code not in UNITS:
+        raise ToolpathError(
+            f"a drawing in unit {code} of {UNIT}: give another one, as --drawing-unit mm"
+        )
+    return UNITS[code]
+
+
+def _stated(entity: "DXFGraphic", name: str, default: Any) -> Any:
+    """Attribute of an entity of any kind, known to ezdxf or not."""
+    return entity.dxf.get(name, default) if entity.dxf.is_supported(name) else default
+
+
+def _entity_lines(text: str) -> dict[str, int]:
+    """Lines of a text file at which entities begin, by their handles."""
+    lines, begun, found = lines_of(text), 0, {}
+    for i in range(0, len(lines) - 1, 2):
+        code = lines[i].strip()
+        if code == "0":
+            begun = i + 2
+        elif code == "5":
+            found.setdefault(lines[i + 1].strip().upper(), begun)
+    return found
 
 
 @dataclass
 class _Reader:
-    contents: Contents
+    document: "Document"
+    lines: Mapping[str, int]
     drawing: Drawing = field(default_factory=Drawing)
-    sizes: dict[tuple[str, str], int] = field(default_factory=dict)
+    visited: int = 0
 
-    def draw(self, members: Sequence[Entity], place: Placement, layer: str, depth: int) -> None:
+    def __post_init__(self):
+        layers = list(self.document.layers)
+        self.off = {layer.dxf.name.upper() for layer in layers if layer.is_off()}
+        self.frozen = {layer.dxf.name.upper() for layer in layers if layer.is_frozen()}
+
+    def draw(
+        self, members: Iterable["DXFGraphic"], place: "Matrix44", layer: str, depth: int
+    ) -> None:
         """Draw entities of the drawing, or of a block on a layer."""
-        visited = 0
-        for i, entity in enumerate(members):
-            visited += self._size(entity, layer, depth) if depth == 0 else 0
-            if visited > MOST_MOVES:
-                raise ToolpathError(f"line {entity.line}: more than {MOST_MOVES} entities")
-            if entity.kind in PARTS:
-                continue
-            own = entity.text(8, "0").strip()
+        for entity in members:
+            self.visited += 1
+            line = self.lines.get(entity.dxf.get("handle", ""), 0)
+            if self.visited > MOST_MOVES:
+                raise ToolpathError(f"{at_line(line)}more than {MOST_MOVES} entities")
+            own = _stated(entity, "layer", "0")
             own = layer if own == "0" else own
             reason = self._hidden(entity, own)
             if reason:
-                self._leave_out(entity.kind, own, reason)
-            elif entity.kind == "INSERT":
-                self._insert(entity, place, own, depth)
+                self.leave_out(entity, own, reason)
+            elif entity.dxftype() == "INSERT":
+                self._insert(entity, place, own, depth, line)
             else:
-                segments = _segments(entity, members, i, place)
+                segments = dxf_curves.segments(entity, place, line)
                 if segments is None:
-                    self._leave_out(entity.kind, own)
+                    self.leave_out(entity, own)
                 else:
-                    self.drawing.add(segments, entity.line)
+                    self.drawing.add(segments, line)
 
-    def _insert(self, entity: Entity, place: Placement, layer: str, depth: int) -> None:
-        name, block = self._block(entity)
-        if block.flags & OTHER_FILE:
-            self._leave_out("INSERT", layer, "in another file")
+    def _insert(self, insert: Any, place: "Matrix44", layer: str, depth: int, line: int) -> None:
+        from ezdxf.xclip import XClip
+
+        block, name = insert.block(), shown(insert.dxf.get("name", ""))
+        if block is None:
+            raise ToolpathError(f"{at_line(line)}there is no block {name}")
+        if block.block.is_xref or block.block.is_xref_overlay:
+            self.leave_out(insert, layer, "in another file")
             return
         if depth == DEEPEST:
-            raise ToolpathError(
-                f"line {entity.line}: block {shown(name)} is in itself, or {DEEPEST} deep"
-            )
-        columns, rows = _cells(entity)
-        for cell in range(columns * rows):
-            inner = place.of(inserted(entity, block.base, cell % columns, cell // columns))
-            self.draw(block.entities, inner, layer, depth + 1)
+            raise ToolpathError(f"{at_line(line)}block {name} is in itself, or {DEEPEST} deep")
+        if insert.mcount > MOST_CELLS:
+            columns, rows = insert.dxf.column_count, insert.dxf.row_count
+            raise ToolpathError(f"{at_line(line)}an array of {columns} x {rows} blocks")
+        if XClip(insert).is_clipping_enabled:
+            self.leave_out(insert, layer, "its clipping")
+        for cell in insert.multi_insert() if insert.mcount > 1 else [insert]:
+            self.draw(block, cell.matrix44() * place, layer, depth + 1)
 
-    def _block(self, entity: Entity) -> tuple[str, Block]:
-        """Name of the block that is inserted, and the block."""
-        name = entity.text(2).strip()
-        block = self.contents.blocks.get(name.upper())
-        if block is None:
-            raise ToolpathError(f"line {entity.line}: there is no block {shown(name)}")
-        return name, block
-
-    def _size(self, entity: Entity, layer: str, depth: int) -> int:
-        """Number of entities that one stands for, with those of its blocks.
-
-        Each block is counted once for every layer. One that is too deep is refused when drawn.
-        """
-        if entity.kind != "INSERT" or depth == DEEPEST:
-            return 1
-        own = entity.text(8, "0").strip()
-        own = layer if own == "0" else own
-        if self._hidden(entity, own):
-            return 1
-        name, block = self._block(entity)
-        if block.flags & OTHER_FILE:
-            return 1
-        if (name, own) not in self.sizes:
-            inside = (self._size(one, own, depth + 1) for one in block.entities)
-            self.sizes[name, own] = sum(inside)
-        columns, rows = _cells(entity)
-        return 1 + columns * rows * (1 + self.sizes[name, own])
-
-    def _hidden(self, entity: Entity, layer: str) -> str:
+    def _hidden(self, entity: "DXFGraphic", layer: str) -> str:
         """Why an entity is not seen; empty where it is."""
-        if entity.flags(67):
-            return "in paper space"
-        if entity.flags(60):
+        if _stated(entity, "invisible", 0):
             return "invisible"
         layer = layer.upper()
-        if layer in self.contents.frozen:
+        if layer in self.frozen:
             return "frozen"
-        if entity.kind == "INSERT":
+        if entity.dxftype() == "INSERT":
             return ""
-        if layer in self.contents.off:
+        if layer in self.off:
             return "off"
         return "never plotted" if layer == NEVER_PLOTTED else ""
 
-    def _leave_out(self, kind: str, layer: str, reason: str = "") -> None:
-        reason = f", {reason}" if reason else ""
-        self.drawing.leave_out(f"{shown(kind)[1:-1]} (layer {shown(layer)[1:-1]}{reason})")
-
-
-def _cells(entity: Entity) -> tuple[int, int]:
-    """Columns and rows of an array of blocks."""
-    columns, rows = (max(entity.flags(code), 1) for code in (70, 71))
-    if columns * rows > MOST_CELLS:
-        raise ToolpathError(f"line {entity.line}: an array of {columns} x {rows} blocks")
-    return columns, rows
-
-
-def _segments(
-    entity: Entity, members: Sequence[Entity], i: int, place: Placement
-) -> list[Segment] | None:
-    """Segments of an entity; None where it has none, or is of a kind that is not taken."""
-    if entity.kind == "POLYLINE":
-        end = i + 1
-        while end < len(members) and members[end].kind == "VERTEX":
-            end += 1
-        return dxf_curves.polyline(entity, members[i + 1 : end], place)
-    curve = CURVES.get(entity.kind)
-    return None if curve is None else curve(entity, place)
-
-
-def _contents(lines: Sequence[str]) -> Contents:
-    """Sort the entities of a file into its sections."""
-    found, section, block = Contents(), "", None
-    for entity in entities(lines):
-        if entity.kind == "SECTION":
-            section = entity.text(2).strip().upper()
-            if section == "HEADER":
-                found.unit = _unit(entity)
-        elif entity.kind == "ENDSEC":
-            section = ""
-        elif section == "TABLES" and entity.kind == "LAYER":
-            name = entity.text(2).strip().upper()
-            if entity.flags() & FROZEN:
-                found.frozen.add(name)
-            elif entity.number(62, 7.0) < 0:
-                found.off.add(name)
-        elif section == "BLOCKS" and entity.kind == "BLOCK":
-            block = Block(entity.point(10, (0.0, 0.0, 0.0)), entity.flags())
-            found.blocks[entity.text(2).strip().upper()] = block
-        elif section == "BLOCKS" and entity.kind == "ENDBLK":
-            block = None
-        elif section == "BLOCKS" and block is not None:
-            block.entities.append(entity)
-        elif section == "ENTITIES":
-            found.entities.append(entity)
-    return found
-
-
-def _unit(header: Entity) -> float | None:
-    """Unit of the drawing [m] by its header; None where it does not say."""
-    for name, value in zip(header.tags, header.tags[1:], strict=False):
-        if name.code == 9 and name.value.strip() == "$INSUNITS":
-            code = int(min(max(value.number(), 0.0), 1000.0))
-            if code and code not in UNITS:
-                raise ToolpathError(
-                    f"line {value.line}: a drawing in unit {code} of $INSUNITS: "
-                    "give another one, as --drawing-unit mm"
-                )
-            return UNITS.get(code)
-    return None
+    def leave_out(self, entity: "DXFGraphic", layer: str, reason: str = "") -> None:
+        """Count an entity that is not taken."""
+        kind, reason = shown(entity.dxftype())[1:-1], f", {reason}" if reason else ""
+        self.drawing.leave_out(f"{kind} (layer {shown(layer)[1:-1]}{reason})")

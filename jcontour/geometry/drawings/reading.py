@@ -27,7 +27,7 @@ def read_drawing(
         gap: ends within it are joined [m].
 
     Raises:
-        ToolpathError: "line 12: ..." for whatever cannot be read; nothing is drawn; a file without
+        ToolpathError: the file or a shape cannot be read; nothing is drawn; a file without
             a unit where none is given.
     """
     try:

@@ -22,10 +22,8 @@ from typing import NamedTuple
 
 from jcontour.geometry.drawings.affine import Affine
 from jcontour.geometry.drawings.drawing import Drawing
-from jcontour.geometry.drawings.segments import Arc, Line, Segment
-from jcontour.geometry.drawings.svg_paths import path_strokes
+from jcontour.geometry.drawings.svg_shapes import PX, SHAPES, length, numbers, transform
 from jcontour.geometry.drawings.svg_tree import Element, svg_tree
-from jcontour.geometry.drawings.svg_words import PX, length, numbers, transform
 from jcontour.geometry.toolpath_rules import INCH, MOST_MOVES, ToolpathError, shown
 from jcontour.geometry.toolpath_text import read_program
 
@@ -35,7 +33,6 @@ GROUPS = ("svg", "g", "a", "switch")
 LEFT_OUT = ("text", "flowRoot", "image", "foreignObject")  # flowRoot: text of Inkscape
 DEEPEST_USE = 32
 LENGTH_SAID = re.compile("(mm|cm|Q|in|pt|pc)$")  # units that are no px, whose size differs
-QUARTER = 0.5 * math.pi
 
 
 def read_svg(path: str | PathLike[str], unit: float | None = None) -> Drawing:
@@ -75,7 +72,8 @@ def read_svg(path: str | PathLike[str], unit: float | None = None) -> Drawing:
         reader.drawing.doubts = (f"Inkscape {version}: {INCH / unit:.0f} px are read as an inch",)
     place = upright.after(view).after(transform(root))
     setting = _Setting(place, inner if box else size, _is_hidden(root, False))
-    reader.draw_all(root.children, setting)
+    for element in root.children:
+        reader.draw(element, setting)
     return reader.drawing
 
 
@@ -107,41 +105,14 @@ class _Setting(NamedTuple):
 class _Reader:
     named: dict[str, Element]
     drawing: Drawing = field(default_factory=Drawing)
-    sizes: dict[int, int] = field(default_factory=dict)
-
-    def draw_all(self, elements: list[Element], setting: _Setting) -> None:
-        """Draw elements of the drawing itself, which has not too many with those they use."""
-        count = 0
-        for element in elements:
-            count += self._size(element, 0)
-            if count > MOST_MOVES:
-                raise ToolpathError(f"line {element.line}: more than {MOST_MOVES} elements")
-            self.draw(element, setting)
-
-    def _size(self, element: Element, used: int) -> int:
-        """Number of elements that one stands for, with those that it uses.
-
-        Each is counted once. One that is too deep is refused when it is drawn.
-        """
-        if id(element) in self.sizes:
-            return self.sizes[id(element)]
-        inside = element.children
-        if element.text("display") == "none" or not _is_drawn(element):
-            inside = []
-        elif element.name == "use":
-            found = self.named.get(element.text("href").removeprefix("#"))
-            inside = [] if found is None else [found]
-            if found is not None and found.name == "symbol":
-                inside = found.children
-            used += 1
-            if used > DEEPEST_USE:
-                inside = []
-        self.sizes[id(element)] = 1 + sum(self._size(one, used) for one in inside)
-        return self.sizes[id(element)]
+    visited: int = 0
 
     def draw(self, element: Element, around: _Setting) -> None:
         """Draw an element with all within it."""
         name = element.name
+        self.visited += 1
+        if self.visited > MOST_MOVES:
+            raise ToolpathError(f"line {element.line}: more than {MOST_MOVES} elements")
         if not _is_drawn(element):
             return
         if not _is_meant(element):
@@ -276,75 +247,3 @@ def _box(element: Element) -> tuple[float, float, float, float] | None:
 def _size(root: Element, name: str, default: float) -> float:
     """Width or height of the drawing [px]; a percentage is of nothing that is known."""
     return default if "%" in root.text(name) else length(root, name, default)
-
-
-def _path(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
-    return path_strokes(element.attributes.get("d", ""), element.line)
-
-
-def _rectangle(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
-    x, width = (length(element, n, 0.0, whole[0]) for n in ("x", "width"))
-    y, height = (length(element, n, 0.0, whole[1]) for n in ("y", "height"))
-    if not (width > 0 and height > 0):
-        return []
-    rx, ry = length(element, "rx", -1.0, whole[0]), length(element, "ry", -1.0, whole[1])
-    rx, ry = (rx if rx >= 0 else max(ry, 0.0)), (ry if ry >= 0 else max(rx, 0.0))
-    rx, ry = min(rx, 0.5 * width), min(ry, 0.5 * height)
-    if not (rx and ry):
-        rx = ry = 0.0
-    right, bottom = x + width, y + height
-    sides = (
-        Line(complex(x + rx, y), complex(right - rx, y)),
-        Line(complex(right, y + ry), complex(right, bottom - ry)),
-        Line(complex(right - rx, bottom), complex(x + rx, bottom)),
-        Line(complex(x, bottom - ry), complex(x, y + ry)),
-    )
-    corners = (
-        complex(right - rx, y + ry),
-        complex(right - rx, bottom - ry),
-        complex(x + rx, bottom - ry),
-        complex(x + rx, y + ry),
-    )
-    stroke: list[Segment] = []
-    for i, (side, corner) in enumerate(zip(sides, corners, strict=True)):
-        stroke.append(side)
-        if rx:
-            stroke.append(Arc(corner, complex(rx), 1j * ry, (i - 1) * QUARTER, QUARTER))
-    return [stroke]
-
-
-def _ellipse(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
-    cx, cy = (length(element, n, 0.0, w) for n, w in zip(("cx", "cy"), whole, strict=True))
-    if element.name == "circle":
-        rx = ry = length(element, "r", 0.0, math.hypot(*whole) / math.sqrt(2))
-    else:
-        rx, ry = (length(element, n, -1.0, w) for n, w in zip(("rx", "ry"), whole, strict=True))
-        rx, ry = (rx if rx >= 0 else ry), (ry if ry >= 0 else rx)
-    if not (rx > 0 and ry > 0):
-        return []
-    return [[Arc(complex(cx, cy), complex(rx), 1j * ry, 0.0, math.tau)]]
-
-
-def _line(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
-    x1, x2 = (length(element, n, 0.0, whole[0]) for n in ("x1", "x2"))
-    y1, y2 = (length(element, n, 0.0, whole[1]) for n in ("y1", "y2"))
-    return [[Line(complex(x1, y1), complex(x2, y2))]]
-
-
-def _polyline(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
-    given = numbers(element, "points")
-    points = [complex(*given[i : i + 2]) for i in range(0, len(given) - 1, 2)]
-    if element.name == "polygon":
-        points += points[:1]
-    return [[Line(*ends) for ends in zip(points, points[1:], strict=False)]]
-
-
-SHAPES = {
-    "path": _path,
-    "rect": _rectangle,
-    "circle": _ellipse,
-    "ellipse": _ellipse,
-    "line": _line,
-    "polyline": _polyline,
-    "polygon": _polyline,
-}

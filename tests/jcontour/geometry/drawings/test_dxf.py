@@ -1,5 +1,6 @@
 """DXF: closed forms of every kind of curve, blocks, units, layers, and files that are none."""
 
+import ezdxf
 import numpy as np
 import pytest
 from scipy.special import ellipe
@@ -41,6 +42,18 @@ def test_a_leaning_circle_is_seen_as_an_ellipse(drawn):
     points = drawn.cut(drawn.dxf(f"CIRCLE 10=0 20=0 40=3 {normal}"))
     np.testing.assert_allclose((points[:, 0] / 1.5) ** 2 + (points[:, 1] / 3) ** 2, 1, atol=2e-5)
     assert abs(np.abs(points).max(axis=0) - [1.5, 3]).max() < 10 * NM
+
+
+def test_a_raised_polyline_that_leans_is_seen_where_its_points_are(drawn):
+    """Its own x is the drawing's y, and its own y leans away by 60 degrees from -x."""
+    lean, raised = np.pi / 3, 5.0
+    points = [(0.0, 0.0), (4.0, 0.0), (4.0, 2.0)]
+    up = f"38={raised} 210={np.sin(lean)} 220=0 230={np.cos(lean)}"
+    found = drawn.cut(drawn.dxf(f"LWPOLYLINE {up} 10=0 20=0 10=4 20=0 42=1 10=4 20=2"))
+    seen = [(raised * np.sin(lean) - y * np.cos(lean), x) for x, y in points]
+    farthest = (raised * np.sin(lean) - np.cos(lean), 5.0)  # of half a circle
+    for point in (*seen, farthest):
+        assert np.linalg.norm(found - point, axis=1).min() < 10 * NM
 
 
 def test_ellipses(drawn):
@@ -109,6 +122,13 @@ def test_a_spline_through_fit_points(drawn):
         assert np.linalg.norm(found - point, axis=1).min() < 10 * NM
     first, last = found[1] - found[0], found[-1] - found[-2]
     assert first[1] > 0 > last[1] and abs(first[0] / first[1]) < 0.1 > abs(last[0] / last[1])
+
+
+def test_a_closed_spline_through_points_has_no_corner_where_it_closes(drawn):
+    points = " ".join(f"11={x} 21={y}" for x, y in [(0, 0), (3, -1), (4, 2), (1, 3), (0, 0)])
+    contour = drawn.dxf(f"SPLINE 70=1 71=3 {points}").contour
+    first, last = (contour.tangent(s) for s in (0.0, float(contour.length) * (1 - 1e-9)))
+    np.testing.assert_allclose(first, last, atol=1e-6)
 
 
 BLOCK = ["BLOCK 2=part 10=1 20=1 70=0", "CIRCLE 10=3 20=1 40=2", LINE, "ENDBLK"]
@@ -197,22 +217,30 @@ BOMB = [
     [
         ([], [], "no lines or curves are drawn"),
         (["TEXT 1=x"], [], r"no lines or curves are drawn; left out: 1 TEXT \(layer 0\)"),
-        (["LINE 10=0 20=0 11=x 21=4"], [], "line 22: needs a number, received 'x'"),
-        (["LINE 10=0 20=0 11=1e9 21=4"], [], "line 16: a point is farther than 100 m away"),
+        (["LINE 10=0 20=0 11=x 21=4"], [], "Invalid floating point values near line: 3[0-9]"),
+        (["LINE 10=0 20=0 11=1e9 21=4"], [], "line 20: a point is farther than 100 m away"),
         (["LWPOLYLINE 10=0 20=0 42=1e300 10=1 20=1"], [], "a number is too large"),
-        (["LINE 10=0 20=0 11=3"], [], "line 16: LINE without group code 21"),
+        (["LINE 10=0 20=0"], [], "line 20: LINE without end"),
         (["CIRCLE 10=0 20=0 40=0"], [], r"left out: 1 CIRCLE \(layer 0\)"),
-        (["ELLIPSE 10=0 20=0 11=0 21=0 40=1"], [], "line 16: ELLIPSE without an axis"),
-        (["SPLINE 71=3 10=0 20=0"], [], "line 16: SPLINE of degree 3 with 1 control points and 0"),
-        (["SPLINE 71=0 10=0 20=0"], [], "line 16: SPLINE of degree 0"),
-        ([QUARTER.replace("40=1 ", "40=-1 ")], [], "line 16: SPLINE with knots that do not rise"),
-        ([QUARTER.replace("41=1 10", "41=-1 10")], [], "line 16: SPLINE with weights"),
-        (["SPLINE 71=3"], [], "line 16: SPLINE without control points and fit points"),
-        (["INSERT 2=none 10=0 20=0"], [], "line 16: there is no block 'none'"),
+        (["ELLIPSE 10=0 20=0 11=0 21=0 40=1"], [], "line 20: ELLIPSE without an axis"),
+        (["SPLINE 71=3 10=0 20=0"], [], "line 20: SPLINE of degree 3 with 1 control points and 0"),
+        (["SPLINE 71=99 10=0 20=0"], [], "line 20: SPLINE of degree 99"),
+        ([QUARTER.replace("40=1 ", "40=-1 ")], [], "line 20: SPLINE with knots that do not rise"),
+        ([QUARTER.replace("41=1 10", "41=-1 10")], [], "line 20: SPLINE with weights"),
+        (["SPLINE 71=3"], [], "line 20: SPLINE without control points and fit points"),
+        (["INSERT 2=none 10=0 20=0"], [], "line 20: there is no block 'none'"),
         (["INSERT 2=part 10=0 20=0"], ITSELF, "line [0-9]+: block 'part' is in itself"),
         (["INSERT 2=b0 10=0 20=0"], BOMB, "line [0-9]+: there is no block 'b9'"),
-        (["INSERT 2=p 10=0 20=0 70=9999 71=9999"], ["BLOCK 2=p"], "an array of 9999 x 9999"),
-        (["INSERT 2=p 10=0 20=0"], ["BLOCK 2=p 70=4"], "1 INSERT .layer 0, in another file"),
+        (
+            ["INSERT 2=p 10=0 20=0 70=9999 71=9999 44=1 45=1"],
+            ["BLOCK 2=p", "ENDBLK"],
+            "an array of 9999 x 9999",
+        ),
+        (
+            ["INSERT 2=p 10=0 20=0"],
+            ["BLOCK 2=p 70=4 1=other.dwg", "ENDBLK"],
+            "1 INSERT .layer 0, in another file",
+        ),
         ([f"LWPOLYLINE {TEN}"], [], "no lines or curves are drawn"),
     ],
 )
@@ -222,10 +250,10 @@ def test_bad_entities(drawn, entities, blocks, message):
     assert len(str(raised.value).splitlines()) == 1
 
 
-def test_a_bomb_of_blocks_is_refused_before_any_is_placed(drawn, monkeypatch):
-    monkeypatch.setattr("jcontour.geometry.drawings.dxf.inserted", None)
+def test_a_bomb_of_blocks_is_refused(drawn, monkeypatch):
+    monkeypatch.setattr("jcontour.geometry.drawings.dxf.MOST_MOVES", 5000)
     blocks = [*BOMB, "BLOCK 2=b9", "ENDBLK"]
-    with pytest.raises(ToolpathError, match="more than 500000 entities"):
+    with pytest.raises(ToolpathError, match="more than 5000 entities"):
         drawn.dxf("INSERT 2=b0 10=0 20=0", blocks=blocks)
 
 
@@ -234,10 +262,13 @@ def test_a_bomb_of_blocks_is_refused_before_any_is_placed(drawn, monkeypatch):
     [
         (b"", "not a DXF file: it is empty"),
         (b"G1 X1 F100\nX2\n", "line 1: not a DXF file"),
-        (b"AutoCAD Binary DXF\r\n\x1a\0", "line 1: a binary DXF; save it as text"),
+        (b"AutoCAD Binary DXF\r\n\x1a\0", "the DXF file cannot be read"),
         (b"0\nSECTION\n2\nENTITIES\n0\nLINE\n10\n", "the file is cut off: there is no EOF"),
-        (b"0\nSECTION\n2\nENTITIES\nzero\nLINE\n", "line 5: needs a group code, received 'zero'"),
-        (b"0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n20\n0\nEOF\n", "line 8: a drawing in unit 20"),
+        (b"0\nSECTION\n2\nENTITIES\nzero\nLINE\n0\nEOF\n", "Invalid group code .* line 5"),
+        (
+            b"0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n20\n0\nENDSEC\n0\nEOF\n",
+            "a drawing in unit 20",
+        ),
     ],
 )
 def test_files_that_are_no_drawings(drawn, text, message):
@@ -248,6 +279,28 @@ def test_files_that_are_no_drawings(drawn, text, message):
 def test_comments_blank_ends_and_carriage_returns(drawn):
     text = "999\nwritten by hand\n" + drawn.text([LINE]).replace("\n0\n", "\n  0\n") + "\x1a"
     assert drawn.length(drawn.read(text.replace("\n", "\r\n"))) == pytest.approx(5)
+
+
+def test_a_binary_file_is_the_same_drawing(drawn, tmp_path):
+    """Written by ezdxf: the plate, and its text in paper space."""
+    text = read_drawing(drawn.DATA / "plate.dxf", drawn.FEED)
+    path = tmp_path / "plate.dxf"
+    document = ezdxf.readfile(drawn.DATA / "plate.dxf")
+    document.units = 4
+    document.saveas(path, fmt="bin")
+    binary = read_drawing(path, drawn.FEED)
+    np.testing.assert_allclose(binary.contour.polynomial, text.contour.polynomial, atol=1e-15)
+    assert binary.ignored == text.ignored and not binary.line.any()
+
+
+def test_a_file_that_states_no_version_keeps_its_layers(drawn):
+    """ezdxf takes it for R12, whose entities have no marks."""
+    text = drawn.text([f"{LINE} 8=cold", LINE], layers=["LAYER 2=cold 70=1"], unit=None)
+    stated = "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1015\n0\nENDSEC\n"
+    assert text.startswith(stated)
+    text = text.removeprefix(stated)
+    found = drawn.read(text, 1e-3)
+    assert found.ignored == ("1 LINE (layer cold, frozen)",)
 
 
 @pytest.mark.parametrize("turns", [0, 3, 10**9])

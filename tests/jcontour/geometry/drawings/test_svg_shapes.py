@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from jcontour.geometry.drawings.svg_shapes import PX, length, numbers, path_strokes, transform
 from jcontour.geometry.drawings.svg_tree import Element
-from jcontour.geometry.drawings.svg_words import PX, length, numbers, transform
 from jcontour.geometry.toolpath_rules import ToolpathError
 
 
@@ -50,16 +50,10 @@ def test_a_transform_moves_a_point(words, expected):
 
 
 @pytest.mark.parametrize(
-    "words",
-    [
-        "rotate(1e400)",
-        "translate(0 1e400)",
-        "skewX(1e400)",
-        "matrix(1 0 0 1 0 1e400)",
-    ],
+    "words", ["rotate(1e400)", "translate(0 1e400)", "skewX(1e400)", "matrix(1 2)", "spin(3)"]
 )
-def test_a_number_that_is_too_large_is_told_with_its_line(words):
-    with pytest.raises(ToolpathError, match=r"^line 3: the number '-?1e400' is too large$"):
+def test_a_transform_that_is_none_is_refused_with_its_line(words):
+    with pytest.raises(ToolpathError, match="^line 3: transform cannot be read from"):
         transform(element(transform=words))
 
 
@@ -69,3 +63,12 @@ def test_a_length_and_a_list_need_numbers_that_are_finite():
             length(element(width=width), "width", whole=40.0)
     with pytest.raises(ToolpathError, match="^line 3: the number '1e999' is too large$"):
         numbers(element(points="1,2 1e999,3"), "points")
+
+
+def test_a_smooth_curve_goes_on_from_one_of_its_own_kind_only():
+    """SVG 2, 9.3.6 and 9.3.7: after another kind the control point is the current point."""
+    (stroke,) = path_strokes("M0 0C1 2 3 2 4 0T8 4T12 0S16 4 20 0", 1)
+    quadratic, following, cubic = stroke[1:]
+    assert quadratic.middle() == pytest.approx(0.75 * 4 + 0.25 * (8 + 4j))
+    assert following.middle() == pytest.approx(0.25 * (8 + 4j) + 0.5 * (12 + 8j) + 0.25 * 12)
+    assert cubic.middle() == pytest.approx((4 * 12 + 3 * (16 + 4j) + 20) / 8)
