@@ -3,6 +3,7 @@
 import ezdxf
 import numpy as np
 import pytest
+from ezdxf.xclip import XClip
 from scipy.special import ellipe
 
 from jcontour.geometry.drawings.reading import read_drawing
@@ -311,3 +312,13 @@ def test_an_angle_of_many_turns_is_the_angle(drawn, turns):
     )
     np.testing.assert_allclose(found.contour.position(0.0), [0.0, 5e-3], atol=1e-9)
     assert float(found.contour.length) == pytest.approx(float(once.contour.length), rel=1e-9)
+
+
+def test_a_clipped_block_is_drawn_whole_and_its_clipping_is_listed(drawn, tmp_path):
+    document = ezdxf.new(units=4)
+    document.blocks.new("B").add_line((0, 0), (3, 4))
+    XClip(document.modelspace().add_blockref("B", (0, 0))).set_block_clipping_path([(0, 0), (1, 1)])
+    document.saveas(tmp_path / "clipped.dxf")
+    toolpath = read_drawing(tmp_path / "clipped.dxf", drawn.FEED)
+    assert drawn.length(toolpath) == pytest.approx(5)
+    assert toolpath.ignored == ("1 INSERT (layer 0, its clipping)",)
