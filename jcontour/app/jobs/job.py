@@ -141,7 +141,7 @@ class Job(NamedTuple):
         return self.program.rapid
 
     def line_at(self, sample: int) -> int | None:
-        """Line of the file that the run is on; None where there is no file, or none of its lines."""
+        """Line of the file that the run is on; None where there is no file or it does not say."""
         if self.program is None:
             return None
         last = min(sample, self.samples - 1)  # it settles on the line that it came to
