@@ -4,7 +4,7 @@ The laws of a controller share two compiled programs: a rollout, and a stack of 
 slopes of each. A controller that cannot keep a law says why in its class, `laws_not_kept`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,11 +22,13 @@ from jcontour.controller import Controller, Memory, Wrapper
 from jcontour.host.loop import loop as loop_on_the_host
 from jcontour.motion.references import Reference, from_samples
 from jcontour.plant import Plant
+from jcontour.plants.flexible_axis.axis import AxisParameters
 from jcontour.simulation.closed_loop import Rollout, simulate, start_state
 from jcontour.simulation.evaluation import member
 from tests.canonical import STEPS
 
 RESTART = 5  # sample at which a run is cut in two
+SHIFT, SAME = 1.0, 1e-9  # [m]: whole counts of all encoders; what rounding leaves of it
 ROUNDING = 1e-7  # of a difference over 2e-6, of values of order ten
 # steps of a difference, and the weight of the value there: exact up to the fourth power
 DIFFERENCE = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
@@ -105,13 +107,18 @@ class Runs:
     def resumed(self) -> Start:
         """The first run from a later sample on, as it was there."""
         state, memory = jax.tree.map(
-            lambda rows: rows[RESTART], (self.once.state, self.once.memory)
+            lambda rows: np.asarray(rows)[RESTART], (self.once.state, self.once.memory)
         )
         return Start(self.along_path(RESTART), state, memory)
 
     def run(self, start: Start) -> Rollout:
         resumed = Resumed(self.controller, start.memory)
         return simulate(self.plant, resumed, start.reference, start.state)
+
+    def errors(self, reference: Reference) -> tuple[np.ndarray, np.ndarray]:
+        """What the outputs miss of a reference [m], and the controls."""
+        found = self.run(self.started(reference, 0.0))
+        return np.asarray(found.output) - reference.position[:STEPS], np.asarray(found.control)
 
     @cached_property
     def once(self) -> Rollout:
@@ -142,7 +149,7 @@ class Runs:
     def together(self) -> tuple[tuple[Any, Rollout], Any]:
         """Values, rollouts and slopes of three runs and of the first one moved both ways."""
         numbers, fixed = self.moving
-        ways, none = self.directions, jax.tree.map(jnp.zeros_like, self.directions)
+        ways, none = self.directions, jax.tree.map(np.zeros_like, self.directions)
         changes = [none] * 3
         for step, way in ((STATE_STEP, (ways[0], none[1])), (NUMBER_STEP, (none[0], ways[1]))):
             for steps in DIFFERENCE:
@@ -168,7 +175,7 @@ def size_of(rollout: Rollout, reference: Reference):
 
 
 def stacked(trees):
-    return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *trees)
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *trees)
 
 
 def shifted(state, size):
@@ -195,6 +202,25 @@ def assert_alike(found, wanted):
         assert a.shape == b.shape and a.dtype == b.dtype
         largest = max(np.abs(b).max(initial=0.0), 1e-6)
         np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * largest)
+
+
+def without_cogging(plant):
+    """The plant without a force of the place."""
+
+    def calm(node):
+        if not isinstance(node, AxisParameters):
+            return node
+        waves = ("cogging_sine", "cogging_cosine")
+        return eqx.tree_at(
+            lambda p: [getattr(p, name) for name in waves], node, replace_fn=np.zeros_like
+        )
+
+    return jax.tree.map(calm, plant, is_leaf=lambda node: isinstance(node, AxisParameters))
+
+
+def shift_of(plant, axes):
+    """A metre along the axes where the plant is the same at any place; zero along the others."""
+    return SHIFT * np.broadcast_to(plant.alike_everywhere, (axes,))
 
 
 def laws_not_kept(controller) -> dict[str, str]:
@@ -308,6 +334,24 @@ def test_a_run_goes_on_from_any_sample(keeps):
         assert_alike(again, whole)
 
 
+def test_it_is_the_same_at_any_place(keeps):
+    """A shift of the part in space changes no error, and rest stays rest there."""
+    loop = keeps("shift")
+    loop = replace(loop, plant=without_cogging(loop.plant))
+    path, still = loop.along_path(), loop.standing()
+    shift = shift_of(loop.plant, path.position.shape[1])
+    assert shift.any()
+    (here, moving), (there, _), (left, control) = (
+        loop.errors(replace(reference, position=reference.position + place[None]))
+        for reference, place in ((path, 0 * shift), (path, shift), (still, shift))
+    )
+    np.testing.assert_allclose(there, here, rtol=0, atol=SAME)
+    assert np.abs(left).max() <= SAME
+    held = np.broadcast_to(loop.plant.holding_control(shift), control.shape)
+    rounded = 1e-9 * np.abs(held).max() + 1e-6 * np.abs(moving).max()
+    np.testing.assert_allclose(control, held, rtol=0, atol=rounded)
+
+
 def test_controls_are_those_that_were_kept(loop, name, kept_numbers):
     """No truth of its own: a change of a law is seen here, the truth is in the law's own tests."""
     rows = np.asarray(loop.once.control)[[0, 1, RESTART, STEPS - 1]]
@@ -356,3 +400,18 @@ def test_plants_hold_still_and_keep_their_types(name):
         for now, before in zip(jax.tree.leaves(moved), jax.tree.leaves(rest), strict=True)
     )
     assert still is PLANTS[name].still
+
+
+@pytest.mark.parametrize("name", [name for name, entry in PLANTS.items() if entry.still])
+def test_plants_rest_anywhere(name):
+    plant, axes = without_cogging(PLANTS[name].make()), PLANTS[name].machine().model.axes
+    inputs = PLANTS[name].machine().model.inputs
+    place = np.full(axes, 0.01) + shift_of(plant, axes)
+
+    @jax.jit
+    def rested(place):
+        state = plant.initial_state(place, jnp.zeros_like(place))
+        held = jnp.broadcast_to(plant.holding_control(place), (inputs,))
+        return plant.output(plant.step(plant.step(state, held), held))
+
+    np.testing.assert_allclose(rested(place), place, rtol=0, atol=1e-12)

@@ -1,7 +1,7 @@
 """A run depends on no place: a shift changes no error, and rest stays rest anywhere.
 
-Laws of every controller of the catalogue, on its first machine and, where it suits one, on drives
-that take a position, which need another control at every place; and of every plant and wrapper.
+Laws of every wrapper, and of the controllers that suit drives which take a position: those need
+another control at every place. `test_contracts.py` has them on the machines of the catalogue.
 """
 
 import warnings
@@ -15,7 +15,6 @@ import pytest
 
 from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for
 from jcontour.app.catalogue.controllers import CONTROLLERS
-from jcontour.app.catalogue.plants import PLANTS
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import MachineLimits
@@ -28,7 +27,6 @@ from jcontour.motion.references import along
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
-from jcontour.plants.flexible_axis.axis import AxisParameters
 from jcontour.plants.wrappers.delays import Delayed, LateSensors, PartlyDelayed
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.dry_friction import WithDryFriction, with_dry_friction
@@ -98,36 +96,6 @@ def on_drives():
     return of
 
 
-@pytest.fixture(scope="session")
-def on_first_machine(closed_loop):
-    """The same on the first machine of the catalogue that suits it, without cogging."""
-
-    def of(name):
-        (_, plant), controller, reference = closed_loop(name)
-        return without_cogging(plant), controller, reference
-
-    return of
-
-
-def without_cogging(plant):
-    def calm(node):
-        if not isinstance(node, AxisParameters):
-            return node
-        harmonics = ("cogging_sine", "cogging_cosine")
-        return eqx.tree_at(
-            lambda p: [getattr(p, name) for name in harmonics],
-            node,
-            replace_fn=np.zeros_like,
-        )
-
-    return jax.tree.map(calm, plant, is_leaf=lambda node: isinstance(node, AxisParameters))
-
-
-def shift_of(plant, axes):
-    """A metre along the axes where the plant is the same at any place; zero along the others."""
-    return SHIFT * np.broadcast_to(plant.alike_everywhere, (axes,))
-
-
 def shifted(reference, shift):
     return replace(reference, position=jnp.asarray(reference.position) + shift[None])
 
@@ -148,9 +116,10 @@ def run(plant, controller, reference):
     return np.asarray(found.output) - wanted, np.asarray(found.control)
 
 
-def check_laws(plant, controller, reference):
-    shift = shift_of(plant, reference.position.shape[1])
-    assert shift.any()
+@pytest.mark.parametrize("name", TAKE_A_POSITION)
+def test_a_controller_of_a_drive_that_takes_a_position_is_the_same_at_any_place(on_drives, name):
+    plant, controller, steps = on_drives(name)
+    reference, shift = steps(STEPS), np.full(2, SHIFT)
     here, moving = run(plant, controller, reference)
     there, _ = run(plant, controller, shifted(reference, shift))
     np.testing.assert_allclose(there, here, rtol=0, atol=SAME)
@@ -160,18 +129,6 @@ def check_laws(plant, controller, reference):
     held = np.broadcast_to(plant.holding_control(rest.position[0]), control.shape)
     rounded = 1e-9 * np.abs(held).max() + 1e-6 * np.abs(moving).max()
     np.testing.assert_allclose(control, held, rtol=0, atol=rounded)
-
-
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_a_controller_is_the_same_at_any_place(on_first_machine, name):
-    plant, controller, reference = on_first_machine(name)
-    check_laws(plant, controller, reference(STEPS))
-
-
-@pytest.mark.parametrize("name", TAKE_A_POSITION)
-def test_a_controller_of_a_drive_that_takes_a_position_is_the_same_at_any_place(on_drives, name):
-    plant, controller, reference = on_drives(name)
-    check_laws(plant, controller, reference(STEPS))
 
 
 def test_three_forms_of_one_cost_agree_on_a_drive_that_takes_a_position():
@@ -242,18 +199,3 @@ def test_a_wrapped_drive_is_the_same_at_any_place_and_rests_there(kind):
     assert np.abs(here).max() > 1e-5
     np.testing.assert_allclose(there, here, rtol=0, atol=1e-12)
     np.testing.assert_allclose(moves(place + SHIFT, 0 * push), 0.0, rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("name", [name for name, entry in PLANTS.items() if entry.still])
-def test_plants_rest_anywhere(name):
-    plant, axes = without_cogging(PLANTS[name].make()), PLANTS[name].machine().model.axes
-    inputs = PLANTS[name].machine().model.inputs
-    place = np.full(axes, 0.01) + shift_of(plant, axes)
-
-    @jax.jit
-    def rested(place):
-        state = plant.initial_state(place, jnp.zeros_like(place))
-        held = jnp.broadcast_to(plant.holding_control(place), (inputs,))
-        return plant.output(plant.step(plant.step(state, held), held))
-
-    np.testing.assert_allclose(rested(place), place, rtol=0, atol=1e-12)
