@@ -13,7 +13,7 @@ from pathlib import Path
 from jcontour.app.cli import choose_compiler, keep_to_one_thread
 
 keep_to_one_thread()  # as the commands do, before NumPy is loaded; workers inherit it
-choose_compiler()  # and before JAX is loaded
+choose_compiler()  # and before JAX makes a device
 gc.set_threshold(50_000, 20, 50)  # of what is loaded and collected next, nothing goes
 
 from typing import Any

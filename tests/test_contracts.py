@@ -347,7 +347,7 @@ def test_it_is_the_same_at_any_place(keeps):
     )
     np.testing.assert_allclose(there, here, rtol=0, atol=SAME)
     assert np.abs(left).max() <= SAME
-    held = np.broadcast_to(loop.plant.holding_control(shift), control.shape)
+    held = np.broadcast_to(loop.plant.holding_control(jnp.asarray(shift)), control.shape)
     rounded = 1e-9 * np.abs(held).max() + 1e-6 * np.abs(moving).max()
     np.testing.assert_allclose(control, held, rtol=0, atol=rounded)
 
