@@ -9,15 +9,14 @@ from typing import Any
 from rich.console import Console
 
 from jcontour.app.files import run_folder
+from jcontour.app.files.results.run_metrics import CONTROL, INCREMENT, METRICS
 from jcontour.app.files.results.simulated_result import SimulatedResult
 from jcontour.app.files.results.stored import Weight, read_result, stored_as
 from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.reports import tables
-from jcontour.app.reports.tables import COLUMNS, columns_of, digits
+from jcontour.app.reports.tables import columns_of, digits
 from jcontour.app.runs.checks.weights.comparable import (
-    CONTROLS,
-    INCREMENTS,
     SAME,
     ComparableContour,
     ComparableRun,
@@ -31,8 +30,6 @@ from jcontour.app.runs.checks.weights.comparable import (
 UNCOMPARED = ("json", "out", "resume", "rollouts")
 NEITHER = "neither"  # is better: the smaller number is of a run with the verdict DO NOT USE
 SIDES = ("first", "second", "same", NEITHER)
-HEADINGS = {name: heading.replace("\n", " ") for name, heading, _ in COLUMNS}
-FACTORS = {name: factor for name, _, factor in COLUMNS}
 
 
 @dataclass(frozen=True)
@@ -170,7 +167,7 @@ def _rows(
 ) -> list[ComparedMetric]:
     others = {contour.name: contour for contour in second.contours}
     both_contour = first.error == second.error == "contour"
-    metrics = [name for name, _, _ in columns_of("contour" if both_contour else "tracking")]
+    metrics = columns_of("contour" if both_contour else "tracking")
     units = {metric: comparable(metric, first, second) for metric in metrics}
     usable, alike = (
         (first.verdict.usable, second.verdict.usable),
@@ -273,21 +270,27 @@ def _value(value: Any) -> str:
 
 def _has_one_unit(metric: str, found: ComparedResult) -> bool:
     """Whether the numbers of both runs have the same unit; an error is in um."""
-    if metric not in (*CONTROLS, *INCREMENTS):
+    if METRICS[metric].unit not in (CONTROL, INCREMENT):
         return True
     first, second = _units(metric, found)
     return first == second
 
 
 def _cells(row: ComparedMetric) -> list[str]:
-    factor = FACTORS[row.metric]
+    factor = METRICS[row.metric].factor
     values = [digits(factor * value) for value in (row.first, row.second)]
-    return [row.contour, row.plant, HEADINGS[row.metric], *values, row.better]
+    return [
+        row.contour,
+        row.plant,
+        METRICS[row.metric].heading.replace("\n", " "),
+        *values,
+        row.better,
+    ]
 
 
 def _units(metric: str, found: ComparedResult) -> list[str]:
     """Unit of a control or its increment in either run, with the sample where that differs."""
-    if metric not in INCREMENTS:
+    if METRICS[metric].unit != INCREMENT:
         return found.control_units
     if same_period(*found.sample_periods):
         return [f"{unit} per sample" for unit in found.control_units]
@@ -336,7 +339,7 @@ def better_for(found: ComparedResult) -> list[str]:
     for metric, words, units in compared:
         rows = [row for row in _alike(found) if (row.metric, row.plant) == (metric, "worst")]
         if rows:
-            a, b = (FACTORS[metric] * _largest(rows, side) for side in SIDES[:2])
+            a, b = (METRICS[metric].factor * _largest(rows, side) for side in SIDES[:2])
             told = f"{words}, worst contour and plant"
             lines.append(_line(told, (a, b), units, usable, alike))
     a, b = found.margins.get("peak_sensitivity", (None, None))

@@ -12,17 +12,6 @@ from jcontour.linear.plant import AffinePlan
 LEVEL = 1  # of compression: the signals shrink little beyond it
 
 
-def metric_unit(name: str, control_unit: str) -> str:
-    """Unit of a metric in SI."""
-    if name == "diverged":
-        return "1"
-    if name == "duration":
-        return "s"
-    if name.endswith("increment"):
-        return f"{control_unit} per sample"
-    return "m" if name.endswith("error") else control_unit
-
-
 def save_dataset(dataset: xr.Dataset, path: Path) -> Path:
     """Write netCDF, compressed."""
     encoding = {

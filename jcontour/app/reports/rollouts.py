@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from jcontour.app.files.netcdf import metric_unit, save_dataset
+from jcontour.app.files.netcdf import save_dataset
+from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.run_folder import versions
 from jcontour.app.flags.shared import Rollouts
 from jcontour.app.jobs.replays import Replay, Scenarios, desired, scored
@@ -120,7 +121,7 @@ def _metrics(runs: Sequence[Replay], unit: str) -> Variables:
     for name in vars(runs[0].metrics):
         values = np.stack([np.asarray(getattr(run.metrics, name)) for run in runs])
         kind = values.astype("i1") if values.dtype == bool else values
-        data[name] = (RUN, kind, {"units": metric_unit(name, unit)})
+        data[name] = (RUN, kind, {"units": METRICS[name].si(unit)})
     return data
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.table import Table
 
-from jcontour.app.files.results.run_metrics import MotionSummary
+from jcontour.app.files.results.run_metrics import METRICS, MotionSummary
 from jcontour.app.files.results.simulated_result import SimulatedResult
 from jcontour.app.reports.tables import (
     columns_of,
@@ -60,7 +60,7 @@ def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
 
 def plant_table(result: SimulatedResult) -> Table:
     """One row per plant of the family."""
-    headings = [heading for _, heading, _ in columns_of(result.error)]
+    headings = [METRICS[name].heading for name in columns_of(result.error)]
     rows = [
         [plant, *metric_cells(metrics, result.error)] for plant, metrics in result.plants.items()
     ]

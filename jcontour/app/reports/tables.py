@@ -9,18 +9,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from jcontour.app.files.results.run_metrics import ContourRead, PeakPlace, RunMetrics
+from jcontour.app.files.results.run_metrics import METRICS, ContourRead, PeakPlace, RunMetrics
 from jcontour.app.files.results.stored import Weight
-
-COLUMNS = (  # metric, heading, factor from SI
-    ("rms_contour_error", "RMS\ncontour\nerror um", 1e6),
-    ("peak_contour_error", "peak\ncontour\nerror um", 1e6),
-    ("rms_tracking_error", "RMS\ntracking\nerror um", 1e6),
-    ("peak_tracking_error", "peak\ntracking\nerror um", 1e6),
-    ("rms_control", "RMS\ncontrol\n", 1.0),
-    ("rms_increment", "RMS\ncontrol\nincrement", 1.0),
-)
-
 
 # columns of `worded_table` that wrap
 WORDS = ("where", "the paper", "the simulation", "case", "weights", "verdict")
@@ -154,16 +144,17 @@ def worded_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[st
     return table
 
 
-def columns_of(error: str) -> tuple[tuple[str, str, float], ...]:
-    """Columns that mean something: a single axis has no contour error apart from tracking."""
-    return tuple(column for column in COLUMNS if error == "contour" or "contour" not in column[0])
+def columns_of(error: str) -> list[str]:
+    """Metrics that mean something: a single axis has no contour error apart from tracking."""
+    tabulated = [name for name, metric in METRICS.items() if metric.in_tables]
+    return [name for name in tabulated if error == "contour" or "contour" not in name]
 
 
 def metric_cells(metrics: RunMetrics, error: str) -> list[str]:
     """Columns of `columns_of`, in their units."""
     if metrics.diverged:
         return ["diverged"] * len(columns_of(error))
-    return [digits(factor * getattr(metrics, name)) for name, _, factor in columns_of(error)]
+    return [digits(METRICS[name].factor * getattr(metrics, name)) for name in columns_of(error)]
 
 
 def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:

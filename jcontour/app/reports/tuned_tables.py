@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from rich.console import Console
 from rich.table import Table
 
+from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.results.tuned_result import (
     EngineRow,
     GapRow,
@@ -20,12 +21,7 @@ from tuning.objectives import COUNT_NOISE, LATE, RATIO
 
 SEEN, HELD_OUT = "training", "held out"
 STEP = 1.1  # of a limit, whose worth is told
-EFFORT = (  # metric, heading, factor from SI
-    ("peak_{error}_error", "peak\n{error}\nerror um", 1e6),
-    ("rms_tracking_error", "RMS\ntracking\nerror um", 1e6),
-    ("rms_control", "RMS\ncontrol\n", 1.0),
-    ("rms_increment", "RMS\nincre-\nment", 1.0),
-)
+EFFORT = ("peak_{error}_error", "rms_tracking_error", "rms_control", "rms_increment")
 
 
 def show_tuned(result: TunedResult, console: Console) -> None:
@@ -54,18 +50,19 @@ def error_table(result: TunedResult) -> Table:
 
 def effort_table(result: TunedResult) -> Table:
     """Peak error, lag and effort of start, or baseline, and tuned weights, worst of the family."""
-    columns = [column for column in EFFORT if column[0] != f"rms_{result.error}_error"]
+    columns = [name.replace("{error}", result.error) for name in EFFORT]
+    columns = [name for name in columns if name != f"rms_{result.error}_error"]
     headings = [
-        f"{heading.replace('{error}', result.error)}\n{design}"
-        for _, heading, _ in columns
+        f"{METRICS[name].heading}\n{design}"
+        for name in columns
         for design in (result.contours[0].compared, "tuned")
     ]
 
     def cells(contour: TunedContour, error: str) -> list[str]:
         pairs = [contour.metrics[design].worst for design in (contour.compared, "tuned")]
         return [
-            _number(factor * getattr(one, name.replace("{error}", error)), one.diverged)
-            for name, _, factor in columns
+            _number(METRICS[name].factor * getattr(one, name), one.diverged)
+            for name in columns
             for one in pairs
         ]
 

@@ -15,8 +15,10 @@ from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.tuned_result import TunedContour
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.files.run_folder import SETTINGS, RunError
-from jcontour.app.reports.tables import COLUMNS
+from jcontour.app.reports.tables import columns_of
 from tests.app import small_runs
+
+COLUMNS = columns_of("contour")
 
 
 def made(
@@ -132,7 +134,7 @@ def test_controls_in_other_units_are_not_called_better(tmp_path):
     a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6, unit="mm/s")
     assert "RMS change of the control" in said(run(a, a)) and len(judged(run(a, a))) == len(COLUMNS)
     found, text = run(a, b), said(run(a, b))
-    assert judged(found) == {name for name, _, _ in COLUMNS if name.endswith("error")}
+    assert judged(found) == {name for name in COLUMNS if name.endswith("error")}
     assert "1e-06 A per sample against 2e-06 mm/s per sample: not to be compared." in text
     assert "WARNING: controls are in A and in mm/s: not compared" in text
     rows = [line.split() for line in text.splitlines()]
@@ -144,7 +146,7 @@ def test_controls_in_other_units_are_not_called_better(tmp_path):
 def test_changes_per_sample_are_not_compared_where_the_samples_differ(tmp_path):
     a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6, period=5e-4)
     found, text = run(a, b), said(run(a, b))
-    assert judged(found) == {name for name, _, _ in COLUMNS} - {"rms_increment"}
+    assert judged(found) == {name for name in COLUMNS} - {"rms_increment"}
     assert "WARNING: changes of the control are in A per 1 ms and in A per 0.5 ms" in text
     rows = [line.split() for line in text.splitlines()]
     assert ["sample", "period", "ms", "1", "0.5"] in rows
@@ -207,7 +209,7 @@ def test_a_single_axis_has_no_contour_error(tmp_path):
     a = stored(tmp_path / "a", 1.0, 1e-6, error="tracking")
     b = stored(tmp_path / "b", 1.0, 2e-6, error="tracking")
     found = run(a, b)
-    names = [name for name, _, _ in COLUMNS if "contour" not in name]
+    names = [name for name in COLUMNS if "contour" not in name]
     assert [row.metric for row in found.metrics] == 2 * names
     assert found.better == {"first": 8, "second": 0, "same": 0, "neither": 0}
 
@@ -251,8 +253,8 @@ def test_two_simulated_runs_are_compared_nominal_and_worst(tmp_path):
     b = simulated(tmp_path / "b", [2e-6, 3e-6, 4e-6], gain=2.0)
     found = run(a, b)
     rows = {(row.plant, row.metric): row for row in found.metrics}
-    assert {metric for _, metric in rows} == {name for name, _, _ in COLUMNS}
-    for name, _, _ in COLUMNS:
+    assert {metric for _, metric in rows} == {name for name in COLUMNS}
+    for name in COLUMNS:
         nominal, worst = rows["nominal", name], rows["worst", name]
         assert (nominal.first, nominal.second, nominal.better) == (1e-6, 2e-6, "first")
         assert (worst.first, worst.second, worst.better) == (5e-6, 4e-6, "second")

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from jcontour.app.files.netcdf import metric_unit, save_gains
+from jcontour.app.files.netcdf import save_gains
+from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.simulation.metrics import Metrics
 from tests import canonical
 
 
@@ -20,7 +22,11 @@ from tests import canonical
     ],
 )
 def test_a_metric_has_its_unit(name, unit):
-    assert metric_unit(name, "mm/s") == unit
+    assert METRICS[name].si("mm/s") == unit
+
+
+def test_the_list_holds_every_metric_that_is_computed():
+    assert list(METRICS) == list(Metrics.__dataclass_fields__)
 
 
 def test_gains_are_those_of_the_plan(tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from jcontour.app.files import run_folder
-from jcontour.app.files.netcdf import metric_unit
+from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.results.stored import BESIDE_OTHERS, Weight
 from jcontour.app.flags.tuning import Against
 
@@ -101,7 +101,7 @@ def dataset_of(result: FrontResult, weight_units: dict[str, str]) -> xr.Dataset:
         data[name] = along([point.weights[name] for point in result.points], of, f"entry_of_{name}")
     for name in SHOWN:
         values = [getattr(point, name) for point in result.points]
-        of = "1" if name == "peak_sensitivity" else metric_unit(name, unit)
+        of = "1" if name == "peak_sensitivity" else METRICS[name].si(unit)
         data[name] = along(values, of)
     for name in ("feasible", "slack"):
         data[name] = along([float(getattr(point, name)) for point in result.points], "1")

@@ -1,37 +1,83 @@
 """Parts that the results of several commands have: metrics of a run, the machine, a contour."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jcontour.app.files.results.stored import stored_as
 
+CONTROL, INCREMENT = "control", "increment"  # units that the machine names
+
+
+class Metric(NamedTuple):
+    """How a metric is shown; lengths in um.
+
+    Attributes:
+        words: its name for people.
+        unit: SI, or one of the control.
+        in_tables, on_page: whether it is shown there.
+    """
+
+    words: str
+    unit: str
+    in_tables: bool = False
+    on_page: bool = False
+
+    @property
+    def factor(self) -> float:
+        """From SI to what is shown."""
+        return 1e6 if self.unit == "m" else 1.0
+
+    @property
+    def heading(self) -> str:
+        """Heading of a column, in three lines."""
+        lines = [*self.words.split(" "), ""][:3]
+        return "\n".join(lines) + (" um" if self.unit == "m" else "")
+
+    def si(self, control_unit: str) -> str:
+        """Unit in SI, with the unit of the machine's control."""
+        return {CONTROL: control_unit, INCREMENT: f"{control_unit} per sample"}.get(
+            self.unit, self.unit
+        )
+
+    def shown(self, control_unit: str) -> str:
+        """Unit that is shown."""
+        return "um" if self.unit == "m" else self.si(control_unit)
+
+
+def _shown(words: str, unit: str, **where: bool) -> Any:
+    return field(metadata={Metric: Metric(words, unit, **where)})
+
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """Metrics of one run in SI units, as `jcontour.simulation.metrics.Metrics` names them."""
+    """Metrics of one run in SI units, as `jcontour.simulation.metrics.Metrics` computes them.
 
-    rms_contour_error: float
-    peak_contour_error: float
-    rms_projected_error: float
-    peak_projected_error: float
-    rms_tracking_error: float
-    peak_tracking_error: float
-    rms_control: float
-    peak_control: float
-    rms_increment: float
-    peak_increment: float
-    duration: float
-    diverged: bool
+    This is the list that limits, tables, the page and the files read.
+    """
+
+    rms_contour_error: float = _shown("RMS contour error", "m", in_tables=True, on_page=True)
+    peak_contour_error: float = _shown("peak contour error", "m", in_tables=True, on_page=True)
+    rms_projected_error: float = _shown("RMS projected error", "m")
+    peak_projected_error: float = _shown("peak projected error", "m")
+    rms_tracking_error: float = _shown("RMS tracking error", "m", in_tables=True, on_page=True)
+    peak_tracking_error: float = _shown("peak tracking error", "m", in_tables=True)
+    rms_control: float = _shown("RMS control", CONTROL, in_tables=True, on_page=True)
+    peak_control: float = _shown("peak control", CONTROL)
+    rms_increment: float = _shown("RMS control increment", INCREMENT, in_tables=True)
+    peak_increment: float = _shown("peak control increment", INCREMENT)
+    duration: float = _shown("duration", "s")
+    diverged: bool = _shown("diverged", "1")
 
     @classmethod
     def of(cls, metrics: Any, pick: Callable[[np.ndarray], Any]) -> "RunMetrics":
         """One number of every metric: `pick` chooses it from an array of runs."""
-        return cls(
-            **{one.name: pick(np.asarray(getattr(metrics, one.name))) for one in fields(cls)}
-        )
+        return cls(**{name: pick(np.asarray(getattr(metrics, name))) for name in METRICS})
+
+
+METRICS: dict[str, Metric] = {one.name: one.metadata[Metric] for one in fields(RunMetrics)}
 
 
 @dataclass(frozen=True)

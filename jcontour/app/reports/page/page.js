@@ -217,12 +217,10 @@ function tellCursor() {
 }
 
 function tellMetrics() {
-  const one = contour(), unit = { rms_control: 1 };
-  const names = Object.keys(one.metrics);
-  const words = names.map((name) => name.replaceAll("_", " ") + (unit[name] ? ` [${run().control_unit}]` : " [um]"));
-  const rows = [["weights", "plant", ...words]];
+  const one = contour(), shown = Object.entries(run().shown);
+  const rows = [["weights", "plant", ...shown.map(([, [heading]]) => heading)]];
   run().designs.forEach((design, d) => run().plants.forEach((plant, p) => {
-    const values = names.map((name) => (one.metrics[name][d][p] ?? NaN) * (unit[name] || 1e6));
+    const values = shown.map(([name, [, factor]]) => factor * (one.metrics[name][d][p] ?? NaN));
     rows.push([design, one.diverged[d][p] ? `${plant} (diverged)` : plant, ...values]);
   }));
   fill($("metrics"), rows, true);

@@ -10,6 +10,7 @@ import xarray as xr
 
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.results.stored import from_json
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.reports.page.thinning import kept_samples, packed
@@ -20,7 +21,6 @@ COMMANDS = ("tune", "simulate", "front")
 BYTES = 3e6  # of the signals of a run on its page
 MOST_CONTOURS = 12
 FEWEST, MOST = 300, 3000  # samples of a contour: more do not fit on a screen
-METRICS = ("rms_contour_error", "peak_contour_error", "rms_tracking_error", "rms_control")
 
 
 def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
@@ -50,6 +50,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
             "versions": settings["versions"],
             "machine": result["machine"].get("name", ""),
             "control_unit": result["machine"]["control_unit"],
+            "shown": _shown(result["machine"]["control_unit"]),
             "controller": result["controller"],
             "error": result["error"],
             "verdict": None if command == "front" else _verdict(result["verdict"]),
@@ -131,6 +132,15 @@ def _points(folder: Path, command: str, result: dict[str, Any]) -> dict[str, Any
     }
 
 
+def _shown(control_unit: str) -> dict[str, tuple[str, float]]:
+    """Heading of every metric of the page, and its factor from SI."""
+    return {
+        name: (f"{metric.words} [{metric.shown(control_unit)}]", metric.factor)
+        for name, metric in METRICS.items()
+        if metric.on_page
+    }
+
+
 def _signals(folder: Path, room: float) -> dict[str, Any]:
     """Designs, plants and contours with their signals; none where no rollouts were kept."""
     path = folder / ROLLOUTS
@@ -176,7 +186,7 @@ def _contour(data: xr.Dataset, name: str, most: int) -> dict[str, Any]:
         "error": packed(1e6 * error[:, :, kept]),
         "control": packed(control[:, :, kept]),
         "feed": packed(60e3 * feed[:, :, kept]),
-        "metrics": {key: data[key].values.tolist() for key in METRICS},
+        "metrics": {name: data[name].values.tolist() for name in METRICS if METRICS[name].on_page},
         "diverged": data.diverged.values.astype(bool).tolist(),
     }
 

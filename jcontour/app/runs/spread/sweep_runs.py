@@ -10,7 +10,7 @@ import xarray as xr
 
 from jcontour.app.designs.design import Design, plain_weights, with_values
 from jcontour.app.files import run_folder
-from jcontour.app.files.netcdf import metric_unit
+from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.sweep_chunks import SweepChunks
 from jcontour.app.runs.spread.spreading import batching_of
 from jcontour.app.runs.spread.sweep_asked import Swept
@@ -76,7 +76,7 @@ def _dataset(asked: Swept, found: dict[str, Any]) -> xr.Dataset:
         column = rows.reshape(shape)
         if column.dtype == bool:
             column = column.astype("i1")
-        data[name] = (DIMENSIONS, column, {"units": metric_unit(name, machine.control_unit)})
+        data[name] = (DIMENSIONS, column, {"units": METRICS[name].si(machine.control_unit)})
     coordinates: dict[str, Any] = {
         "preview": ("preview", previews, {"units": "samples"}),
         "contour": [job.name for job in asked.jobs],

@@ -1,5 +1,7 @@
 """From flags to the limits of a tuning problem, and to the loops that some of them look at."""
 
+from dataclasses import fields
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +10,7 @@ from jaxtyping import Float
 from jcontour.analysis.stability import DELAY_SEARCH
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.app.designs.design import Design
+from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.flags.shared import Aimed, Limited
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.machines.machine import Machine, Usual
@@ -19,14 +22,17 @@ from tuning.objectives import COUNT_NOISE, RATIO
 from tuning.parameters import Weights
 from tuning.problem import Problem
 
+
+def _limited(flag: str) -> str:
+    """Metric that a flag like `max_peak_contour_error_um` limits; an RMS where it does not say."""
+    name = flag.removeprefix("max_").removesuffix("_um")
+    return name if name in METRICS else f"rms_{name}"
+
+
 LIMITS = {  # flag -> metric, factor to SI
-    "max_tracking_error_um": ("rms_tracking_error", 1e-6),
-    "max_peak_tracking_error_um": ("peak_tracking_error", 1e-6),
-    "max_peak_contour_error_um": ("peak_contour_error", 1e-6),
-    "max_rms_control": ("rms_control", 1.0),
-    "max_peak_control": ("peak_control", 1.0),
-    "max_rms_increment": ("rms_increment", 1.0),
-    "max_peak_increment": ("peak_increment", 1.0),
+    one.name: (_limited(one.name), 1 / METRICS[_limited(one.name)].factor)
+    for one in fields(Limited)
+    if _limited(one.name) in METRICS
 }
 MOVING = 0.5  # of the error of a tool that stands still: most that one may lag
 AT_REST = 0.8  # of the noise of counts: held between two counts a tool had up to 1.22 times it

@@ -1,11 +1,14 @@
 """Runs that can be compared, and which of their numbers: the same path, motion, unit and sample."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from jcontour.app.files.results.run_metrics import (
+    CONTROL,
+    INCREMENT,
+    METRICS,
     ContourRead,
     FamilyMetrics,
     MachineSummary,
@@ -18,8 +21,6 @@ from jcontour.app.files.results.verdict import Verdict
 
 SAME = 1e-3  # relative: a smaller difference is called none
 UNNAMED = "control unit"  # of a machine that does not say its unit
-CONTROLS = ("rms_control", "peak_control")
-INCREMENTS = ("rms_increment", "peak_increment")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,10 +104,7 @@ class ComparableRun:
 
 def _over_family(plants: list[RunMetrics]) -> FamilyMetrics:
     """The nominal plant, which is the first, and the worst of all metric by metric."""
-    worst = {
-        one.name: np.max([getattr(plant, one.name) for plant in plants]).item()
-        for one in fields(RunMetrics)
-    }
+    worst = {name: np.max([getattr(plant, name) for plant in plants]).item() for name in METRICS}
     return FamilyMetrics(plants[0], RunMetrics(**worst))
 
 
@@ -129,9 +127,9 @@ def comparable(metric: str, first: ComparableRun, second: ComparableRun) -> bool
     """Whether a metric has the same unit in both runs; an increment is one per sample."""
     mine, other = control_units(first, second)
     units = mine == other
-    if metric in INCREMENTS:
+    if METRICS[metric].unit == INCREMENT:
         return units and same_period(first.sample_period, second.sample_period)
-    return units or metric not in CONTROLS
+    return units or METRICS[metric].unit != CONTROL
 
 
 def control_units(first: ComparableRun, second: ComparableRun) -> list[str]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from jcontour.analysis.uncertain_loops import BORNE
-from jcontour.app.files.results.run_metrics import RunMetrics
+from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.results.tuned_result import PathMargins, RobustTest, Standstill
 from jcontour.app.files.results.verdict import ROUNDING, LimitCheck
 from jcontour.app.jobs.replays import Replay
@@ -17,8 +17,6 @@ from jcontour.app.runs.checks.machine_limits import OVERSHOOT, machine_limits
 from jcontour.app.runs.tuning.limits import AT_REST, LIMITS
 from jcontour.app.runs.tuning.problem import TuningRun
 from tuning.objectives import COUNT_NOISE
-
-PER_SAMPLE = {"rms_increment", "peak_increment"}
 
 
 def stated_limits(
@@ -67,21 +65,13 @@ def _metrics(run: TuningRun, replay: Replay) -> Iterator[LimitCheck]:
         values = np.asarray(getattr(replay.metrics, metric))[training]
         values = np.where(np.isfinite(values), values, np.inf)
         contour, plant = np.unravel_index(np.argmax(values), values.shape)
-        per = f"{unit} per sample" if metric in PER_SAMPLE else unit
         yield LimitCheck(
-            name=_words(metric),
+            name=METRICS[metric].words,
             value=float(values[contour, plant]) / factor,
             allowed=run.limits[metric] / factor,
-            unit="um" if metric.endswith("error") else per,
+            unit=METRICS[metric].shown(unit),
             member=f"{run.scenarios.jobs[training[contour]].name}, {run.scenarios.plants[plant]}",
         )
-
-
-def _words(metric: str) -> str:
-    """A metric in words."""
-    assert metric in RunMetrics.__dataclass_fields__
-    words = metric.replace("rms", "RMS").replace("increment", "control increment")
-    return words.replace("_", " ")
 
 
 def _loops(run: TuningRun, margins: PathMargins) -> Iterator[LimitCheck]:
