@@ -10,19 +10,17 @@ import pytest
 from jcontour.app.commands.loops.check_limits import Verified
 from jcontour.app.commands.machines.identify import IdentifyResult
 from jcontour.app.commands.tuning.sweep_predictive import PredictiveSweepResult
-from jcontour.app.files.results.bent_result import BentResult
-from jcontour.app.files.results.certified_result import CertifiedResult
-from jcontour.app.files.results.exported_result import ExportedResult
-from jcontour.app.files.results.feed_result import FeedResult
-from jcontour.app.files.results.front_result import FrontResult
-from jcontour.app.files.results.learned_result import LearnedResult
-from jcontour.app.files.results.linear_result import LinearMachineResult
-from jcontour.app.files.results.ranked_result import RankedResult
-from jcontour.app.files.results.simulated_result import SimulatedResult
+from jcontour.app.files.results.bound_results import CertifiedResult, LearnedResult, ToleranceResult
+from jcontour.app.files.results.loop_results import (
+    BentResult,
+    ExportedResult,
+    FeedResult,
+    SimulatedResult,
+    Traversed,
+)
+from jcontour.app.files.results.machine_results import LinearMachineResult
+from jcontour.app.files.results.search_results import FrontResult, RankedResult, SweepResult
 from jcontour.app.files.results.stored import to_json
-from jcontour.app.files.results.swept_result import SweepResult
-from jcontour.app.files.results.tolerance_result import ToleranceResult
-from jcontour.app.files.results.traversed_result import Traversed
 from jcontour.app.files.results.tuned_result import TunedResult
 from tests.app.tour import LONG, STOPS, masked
 

@@ -20,10 +20,10 @@ from experiments.benchmarks.searches.counted_loops import looks_at, with_counted
 from experiments.benchmarks.searches.search_methods import METHODS, PACKAGES, Spent
 from experiments.benchmarks.searches.search_traces import ProblemTraces, Record, Trace
 from experiments.benchmarks.searches.tuner_problems import PROBLEMS, measure_of, problem_of
+from experiments.benchmarks.searches.tuners_figure import Curve, tuners_figure
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.shared.png import save_figure
-from jcontour.app.reports.figures.tuning.tuners import Curve, tuners_figure
+from jcontour.app.reports.figures.png import save_figure
 from tuning.effort import THOROUGH, Effort
 from tuning.history import FEASIBLE, Evaluated
 from tuning.parameters import Chart, Weights

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.papers.alter_tsao.result import Result
-from jcontour.app.reports.figures.shared.axes import grid, legend_below, logarithmic
-from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.axes import grid, legend_below, logarithmic
+from jcontour.app.reports.figures.png import save_figures
 from jcontour.linear.transfer_functions import transfer_function
 from jcontour.plants.linear_motor_drive import PERIOD, linear_motor_drive
 

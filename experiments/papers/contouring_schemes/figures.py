@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.papers.contouring_schemes.result import Result
-from jcontour.app.reports.figures.shared.axes import legend_below
-from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.axes import legend_below
+from jcontour.app.reports.figures.png import save_figures
 
 BARS = 0.8  # of the distance between two schemes
 

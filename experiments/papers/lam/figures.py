@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from experiments.papers.lam.claims import CONTROLLERS, curve
 from experiments.papers.lam.result import Result
-from jcontour.app.reports.figures.shared.axes import legend_below
-from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.axes import legend_below
+from jcontour.app.reports.figures.png import save_figures
 
 COLOURS = dict(zip(CONTROLLERS, ("tab:blue", "tab:green", "tab:orange", "tab:red"), strict=True))
 TRACE_COLOURS = ("tab:blue", "tab:orange")

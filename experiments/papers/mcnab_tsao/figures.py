@@ -16,8 +16,8 @@ from experiments.papers.mcnab_tsao.claims import (
     table_over_weights,
 )
 from experiments.papers.mcnab_tsao.result import Case, MachineRun, Member, Result
-from jcontour.app.reports.figures.shared.axes import legend_below
-from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.axes import legend_below
+from jcontour.app.reports.figures.png import save_figures
 
 NAMES = {"output": "output terminal C'QC", "dare": "terminal H_s(Q_max)"}
 COLOURS = {"output": "tab:blue", "dare": "tab:orange"}

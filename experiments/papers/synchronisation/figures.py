@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from experiments.papers.synchronisation.claims import FAST, SLOW
 from experiments.papers.synchronisation.result import CONTINUOUS, Result
 from experiments.papers.synchronisation.runs import NOMINAL
-from jcontour.app.reports.figures.shared.axes import CYCLE, grid, legend_below
-from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.axes import CYCLE, grid, legend_below
+from jcontour.app.reports.figures.png import save_figures
 
 SHOWN = 0.4  # [s] after the load
 

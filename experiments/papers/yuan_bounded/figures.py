@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from experiments.papers.yuan_bounded.result import LoopRow, Result
 from experiments.papers.yuan_bounded.runs import DT
-from jcontour.app.reports.figures.shared.axes import CYCLE, OTHER, grid, legend_below
-from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.axes import CYCLE, OTHER, grid, legend_below
+from jcontour.app.reports.figures.png import save_figures
 
 
 def draw(result: Result, folder: Path) -> list[Path]:

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from experiments.papers.yuan_contouring_bounded.result import LoopRow, Result
 from experiments.papers.yuan_gantry.runs import SAMPLE
-from jcontour.app.reports.figures.shared.axes import CYCLE, OTHER, grid, legend_below
-from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.axes import CYCLE, OTHER, grid, legend_below
+from jcontour.app.reports.figures.png import save_figures
 
 COLUMNS = 2
 

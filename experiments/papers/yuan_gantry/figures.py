@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from experiments.papers.yuan_gantry.claims import LARGEST_TWIST, PRINTED_HZ
 from experiments.papers.yuan_gantry.result import Response, Result
-from jcontour.app.reports.figures.shared.axes import legend_below
-from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.axes import legend_below
+from jcontour.app.reports.figures.png import save_figures
 
 STYLES = {  # (head [m], coupling kept) -> colour, line
     (0.0, False): ("tab:blue", "-"),

@@ -9,8 +9,8 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from experiments.papers.yuan_tracking.result import KEPT_PERIOD, Result, Signals
-from jcontour.app.reports.figures.shared.axes import legend_below
-from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.axes import legend_below
+from jcontour.app.reports.figures.png import save_figures
 
 LABELS = {"cascade": "PI", "cascade-notch": "PI with filter", "cascade-leso-exact": "PI with LESO"}
 # the first two are nearly the same: the wide line shows beneath the narrow one

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from experiments.papers.zpetc.result import Result
 from experiments.papers.zpetc.runs import FAST
-from jcontour.app.reports.figures.shared.axes import CYCLE, DESIRED, grid, legend_below
-from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.axes import CYCLE, DESIRED, grid, legend_below
+from jcontour.app.reports.figures.png import save_figures
 from jcontour.plants.three_link import PATH_DURATION, ThreeLink, manipulator_path
 
 INSTANTS = (0.5, 2.0, 3.5)  # [s]: level, high, and low

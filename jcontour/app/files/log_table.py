@@ -1,7 +1,13 @@
-"""Columns of numbers from what drives and programs record: CSV, netCDF and MAT files."""
+"""Columns of numbers from what drives and programs record: CSV, netCDF and MAT files.
+
+SciPy reads MAT files in a process of its own: on some damaged files its reader ends the process.
+"""
 
 import csv
+import pickle
 import re
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,7 +15,6 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.app.files.checks import line
-from jcontour.app.files.mat_file import NUMERIC, read_mat
 from jcontour.regular_files import content_of
 
 MOST_BYTES = 512 * 2**20
@@ -18,6 +23,7 @@ SEPARATORS = "\t;,"
 NUMBERS = re.compile(r"(?:[\d\s.,;+-]|e|nan|inf)+", re.IGNORECASE)  # a line of nothing else
 
 Table = dict[str, Float[np.ndarray, " T"]]
+NUMERIC = "fiu"  # kinds of arrays that are columns; text and cells are none
 
 
 def read_table(path: Path) -> Table:
@@ -129,3 +135,33 @@ def _vectors(found: dict[str, np.ndarray]) -> Table:
             for k in range(long.shape[1]):
                 table[f"{name.lower()}_{k + 1}"] = long[:, k].astype(float)
     return table
+
+
+def read_mat(path: Path) -> dict[str, np.ndarray]:
+    """Arrays of numbers by name.
+
+    Raises:
+        ValueError: SciPy cannot read the file.
+    """
+    reader = [sys.executable, "-P", "-m", __name__, str(path)]  # -P: nothing of the folder it is in
+    done = subprocess.run(reader, capture_output=True)
+    if done.returncode:
+        why = done.stderr.decode(errors="replace").strip() if done.returncode == 1 else "damaged"
+        raise ValueError(f"{path}: not a readable MAT file ({why}); save it as version 7 or older")
+    return pickle.loads(done.stdout)
+
+
+def _numbers(path: str) -> dict[str, np.ndarray]:
+    from scipy.io import loadmat
+
+    found = loadmat(path)
+    arrays = {name: values for name, values in found.items() if not name.startswith("__")}
+    return {name: values for name, values in arrays.items() if values.dtype.kind in NUMERIC}
+
+
+if __name__ == "__main__":
+    try:
+        answer = pickle.dumps(_numbers(sys.argv[1]))
+    except Exception as error:  # a damaged file fails in many ways
+        sys.exit(line(error))
+    sys.stdout.buffer.write(answer)

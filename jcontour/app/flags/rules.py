@@ -7,10 +7,19 @@ Three things of tyro's are relied on. A rule that answers None leaves the type t
 it, and tyro's own come last (`tyro.constructors.ConstructorRegistry`, "primitive rules", "struct
 rules"). The text of a field is shown as given (`StructFieldSpec.helptext`). And an empty
 `help_behavior_hint` of `tyro.conf.arg` stands in the place of "(default: ...)".
+
+Help texts are the docstrings below the fields ("attribute docstrings", PEP 257). They are read from
+the source: Python forgets them, and tyro breaks their lines before digits and signs but not after a
+sentence.
 """
 
+import ast
+import inspect
+import textwrap
 from collections.abc import Callable
 from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
@@ -24,7 +33,6 @@ from tyro.constructors import (
     StructTypeInfo,
 )
 
-from jcontour.app.flags.texts import texts_of
 from jcontour.app.plain_numbers import number_in, whole_in
 
 RULES = ConstructorRegistry()
@@ -35,6 +43,36 @@ READERS: dict[type, Callable[[str], Any]] = {
     Path: Path,
 }
 NOTHING_SAID = tyro.conf.arg(help_behavior_hint="")
+
+
+@cache
+def texts_of(kind: type) -> dict[str, str]:
+    """Name -> text of every field of a dataclass, those that it inherits among them.
+
+    A sentence may begin a new line; other line breaks are those of the source alone.
+    """
+    texts: dict[str, str] = {}
+    for owner in reversed(kind.__mro__[:-1]):
+        (body,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+        assert isinstance(body, ast.ClassDef)
+        for field, text in pairwise(body.body):
+            match field, text:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=name)),
+                    ast.Expr(value=ast.Constant(value=str(said))),
+                ):
+                    texts[name] = flowing(said)
+    return texts
+
+
+def flowing(text: str) -> str:
+    r"""Lines joined, but for those that end a sentence.
+
+    >>> flowing("One sentence\n    on two lines.\n    Another.")
+    'One sentence on two lines.\nAnother.'
+    """
+    lines = [line.strip() for line in text.strip().splitlines()]
+    return "".join(line + ("\n" if line.endswith(".") else " ") for line in lines).strip()
 
 
 @RULES.primitive_rule

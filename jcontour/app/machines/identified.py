@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import norm
 
-from jcontour.app.files.results.linear_result import LinearAxisResult
+from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.machines import Machine
 from jcontour.app.machines.unsure_resonances import moved, places_around
 from tuning.identification.estimates import CONFIDENCE

@@ -1,4 +1,4 @@
-"""Rollouts of a run as a netCDF data set, and how much of them is kept."""
+"""Rollouts and sensitivity curves of a run as netCDF data sets, and how much of them is kept."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -13,8 +13,12 @@ from jcontour.app.files.run_folder import versions
 from jcontour.app.flags.shared import Rollouts
 from jcontour.app.jobs.replays import Replay, Scenarios, desired, scored
 from jcontour.app.machines.machine import Machine
+from jcontour.app.reports.figures.searches import FamilyCurves
 
-FILE = "rollouts.nc"
+SENSITIVITY = "sensitivity.nc"
+
+
+ROLLOUTS = "rollouts.nc"
 LARGE = 100e6  # bytes of signals: `auto` thins beyond them, `thinned` down to them
 FLOAT = 8  # bytes
 ERROR = "vector from the nearest point of the contour to the tool"
@@ -37,8 +41,8 @@ def save_rollouts(
     if every is None:
         return f"Rollouts: not kept ({_megabytes(size)} of signals)"
     dataset = rollouts(replays, scenarios, machine, {"title": title, **versions()}, every)
-    path = save_dataset(dataset, folder / FILE)
-    written = f"Rollouts: {FILE}, {_megabytes(path.stat().st_size)}"
+    path = save_dataset(dataset, folder / ROLLOUTS)
+    written = f"Rollouts: {ROLLOUTS}, {_megabytes(path.stat().st_size)}"
     if every == 1:
         return f"{written}, every sample"
     whole = f"all would be about {_megabytes(size)}: --rollouts full"
@@ -131,3 +135,23 @@ def _words(unit: str, name: str) -> dict[str, str]:
 
 def _megabytes(size: float) -> str:
     return f"{1e-6 * size:.3g} MB"
+
+
+def save_sensitivity(
+    curves: Mapping[str, FamilyCurves], plants: tuple[str, ...] | list[str], folder: Path
+) -> Path:
+    """Write the curves of a family by the name of the design; NaN where a loop is not stable."""
+    first = next(iter(curves.values()))
+    largest = {
+        "units": "1",
+        "long_name": "largest singular value of S over the probes of the paths",
+    }
+    values = np.stack([one.sensitivity for one in curves.values()])
+    coordinates = {
+        "design": list(curves),
+        "plant": list(plants),
+        "frequency": ("frequency", first.frequency, {"units": "Hz"}),
+    }
+    data = {"sensitivity": (("design", "plant", "frequency"), values, largest)}
+    title = {"title": "jcontour tune: sensitivity of the smooth family", **versions()}
+    return save_dataset(xr.Dataset(data, coordinates, title), folder / SENSITIVITY)

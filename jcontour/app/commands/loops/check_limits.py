@@ -18,9 +18,9 @@ from jcontour.app.flags.loops import Check
 from jcontour.app.jobs.job import Job
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
-from jcontour.app.runs.checks.stored_loops import stored_tuning
 from jcontour.app.runs.forecast import Steps
 from jcontour.app.runs.lifecycle import created, finished
+from jcontour.app.runs.stored_loops import stored_tuning
 from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.host.controller import HostController
 from jcontour.motion.references import Reference

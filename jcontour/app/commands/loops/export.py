@@ -7,20 +7,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from rich.console import Console
 
 from jcontour.app.files import run_folder
-from jcontour.app.files.results.exported_result import ExportedResult
+from jcontour.app.files.results.loop_results import ExportedResult
 from jcontour.app.files.results.stored import read_result, write_result
 from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.flags.loops import Export
 from jcontour.app.jobs.job import Job, Task
 from jcontour.app.machines.linear import LinearMachine
-from jcontour.app.reports.exported_tables import show_exported
-from jcontour.app.runs.checks.compiled_code import compiled_checks
-from jcontour.app.runs.checks.replayed_code import off_the_plan, rounding
-from jcontour.app.runs.checks.stored_loops import StoredLoop, stored_loop
+from jcontour.app.reports import tables
+from jcontour.app.runs.checks.exported_code import compiled_checks, off_the_plan, rounding
 from jcontour.app.runs.lifecycle import created, finished
-from jcontour.app.runs.loops.settling import settling, with_held_end
+from jcontour.app.runs.settling import settling, with_held_end
+from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
 from jcontour.export.affine_law import AffineLaw
 from jcontour.export.c_code import c_header, c_plan, c_source
 from jcontour.export.c_replay import Units, c_plan_reader, c_replay, plan_file, replay_file
@@ -265,3 +265,32 @@ def _next(found: ExportedResult) -> list[str]:
     if "controller.py" in found.files:
         return ["Next: python controller.py in the run folder replays the run."]
     return ["Next: load controller.st, and hand it a line of plan.csv every sample."]
+
+
+def show_exported(found: ExportedResult, console: Console) -> None:
+    """Files, what they hold, and how they were checked."""
+    title = f"{found.controller} on {found.machine}: {found.contour}, {found.samples} samples"
+    rows = [[name, words] for name, words in found.files.items()]
+    console.print(tables.plain_table(title, ("file", "what it is"), rows, text_columns=2))
+    sets = "one gain" if found.gain_sets == 1 else f"{found.gain_sets} different gains"
+    tables.say(
+        console,
+        f"It remembers {found.states} numbers, and has {sets} along the path.",
+        f"Its equations give the controls of `simulate` within {found.difference:.1e} "
+        f"{found.control_unit}; the largest is {found.largest_control:.3g}.",
+        f"Off its plan, numbers in {found.precision} precision change the controls by up to "
+        f"{found.rounding:.1e} {found.control_unit}.",
+        *(
+            f"Checked: {one.compiler}: no warning, controls off the plan within "
+            f"{one.difference:.1e} {found.control_unit}, {one.nanoseconds:.0f} ns a step"
+            for one in found.compiled
+        ),
+    )
+    if "controller.c" in found.files and not found.compiled:
+        tables.say(console, "Not checked: there is no C compiler here.")
+    if "controller.st" in found.files:
+        tables.say(console, "Not checked: the structured text, which needs a PLC's compiler.")
+    if not found.in_tables:
+        tables.say(console, "The plan is too long for tables: plan.csv holds it, line by line.")
+    tables.say(console, *(line for line in (found.start, found.end) if line))
+    tables.say(console, *(f"WARNING: {line}" for line in found.warnings))

@@ -1,18 +1,30 @@
 """`jcontour feed`: contour error against cycle time of one part, under one controller."""
 
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 from rich.console import Console
 
-from jcontour.app.files.results.feed_result import FeedPoint, FeedResult
+from jcontour.app.catalogue.choices import design_for, job_named, seeing_all
+from jcontour.app.files.results.loop_results import FeedPoint, FeedResult
 from jcontour.app.files.results.stored import write_result
-from jcontour.app.files.results.verdict import exceeded
+from jcontour.app.files.results.verdict import LimitCheck, Verdict, exceeded
 from jcontour.app.flags.loops import Feed
+from jcontour.app.jobs.job import Job, Task
+from jcontour.app.jobs.replays import Scenarios, replay
+from jcontour.app.plain_numbers import WholePath
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.loops.feeds import feeds_figure
-from jcontour.app.reports.figures.shared.png import save_figure
+from jcontour.app.reports.figures.loops import feeds_figure
+from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.runs.checks.machine_limits import machine_limits
+from jcontour.app.runs.checks.run_checks import limits_exceeded_by_plan, motions_not_followed
+from jcontour.app.runs.contour_summary import cycle_time
 from jcontour.app.runs.lifecycle import created, finished
-from jcontour.app.runs.loops.feeds import feed_points, loop_at_feeds, recommended, verdict_on
-from jcontour.app.runs.tuning.results import machine_summary
+from jcontour.app.runs.stored_loops import StoredLoop, loop_named
+from jcontour.app.runs.tuning.results import family_metrics, machine_summary
+from jcontour.controller import Controller
 
+PAYS = 0.5  # of a rise of the feed, that has to come off the cycle time
 SLOWEST, QUICKEST = 1.0, 1000.0  # per cent
 HEADINGS = (
     "feed\n%",
@@ -23,6 +35,160 @@ HEADINGS = (
     "peak\ncontrol",
     "",
 )
+
+
+def loop_at_feeds(flags: Feed) -> StoredLoop:
+    """The loop of a run folder, or of the flags.
+
+    Raises:
+        ValueError: bad input, or the part is a motion of a single axis, which has no feed.
+    """
+    loop = loop_named(flags, flags.part)
+    if loop.machine.error == "tracking":
+        raise ValueError(f"feed: {loop.machine.name} has one axis; its moves have no feed")
+    return loop
+
+
+def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
+    """Every feed, from the slowest to the quickest; the motion is planned anew for each.
+
+    All runs are as long as that of the slowest feed, with samples that do not count behind their
+    ends: to compile a program for each length would take more time than they do. A preview that is
+    the whole path has other samples at every feed.
+
+    Args:
+        loop: of the flags; its first part is run.
+        flags: with the feeds, in per cent of the programmed ones.
+
+    Raises:
+        ValueError: a feed that the machine's samples cannot hold.
+    """
+    longest = 0
+    for override in sorted(set(flags.overrides)):
+        pace = loop.pace._replace(override=override / 100)
+        planned = pace == loop.pace  # already, with the loop
+        job = loop.jobs[0] if planned else job_named(loop.parts[0], pace)
+        controller = _controller_along(loop, flags, job)
+        scenarios = Scenarios.of(
+            [job], [False], loop.machine, loop.fed, controller.preview, longest
+        )
+        if controller is loop.controller:
+            longest = scenarios.references.steps
+        found = replay(controller, scenarios)
+        lost = np.asarray(found.metrics.diverged)[0]
+        yield FeedPoint(
+            override=override,
+            cycle_time=cycle_time(job, loop.machine.model.dt),
+            metrics=family_metrics(found, 0),
+            diverged=[name for name, gone in zip(scenarios.plants, lost, strict=True) if gone],
+            limits=machine_limits(found, scenarios, loop.machine),
+            deviation=_deviation(job),
+            planned=limits_exceeded_by_plan(scenarios, loop.machine),
+            not_followed=motions_not_followed(found, scenarios),
+        )
+
+
+def _deviation(job: Task) -> float:
+    """Bound of the distance of a motion from its contour, in blended corners [m]."""
+    planned = job.planned if isinstance(job, Job) else None
+    return 0.0 if planned is None else planned.around.deviation
+
+
+def _controller_along(loop: StoredLoop, flags: Feed, job: Task) -> Controller:
+    if not isinstance(flags.preview, WholePath):
+        return loop.controller
+    design = design_for(loop.machine, seeing_all(flags, job))
+    return design.build(design.start)
+
+
+def recommended(
+    points: Sequence[FeedPoint], error: str, tolerance: float | None
+) -> tuple[FeedPoint | None, str]:
+    """The feed to run, and why.
+
+    The quickest one within the tolerance. Without one, the last at which a rise of the feed still
+    takes half as much off the cycle time, or adds no error: beyond it the machine only accelerates.
+    Where every rise does, as at constant feed, the time tells no feed from another: only the
+    machine's limits do.
+    """
+    sound = [point for point in points if point.sound]
+    if not sound:
+        return None, "at every feed a plant does not follow or a limit of the machine is exceeded"
+    if tolerance is not None:
+        return _quickest_within(tolerance, sound, error)
+    best = sound[0]
+    for point in sound[1:]:
+        rise, gain = point.override / best.override, best.cycle_time / point.cycle_time
+        cost = _peak(point, error) / _peak(best, error) - 1
+        if cost > 0 and np.log(gain) < PAYS * np.log(rise):
+            words = f"{100 * (rise - 1):.0f} % more feed takes {100 * (1 - 1 / gain):.0f} % off"
+            return best, f"beyond it {words} the cycle time, with {100 * cost:.0f} % more error"
+        best = point
+    if best is not points[-1]:
+        return best, "the quickest of these that the machine follows within its limits"
+    if len(points) == 1:
+        return best, "the only one of these; --tolerance-um says what the part allows"
+    if _peak(best, error) <= min(_peak(point, error) for point in sound):
+        return best, "the quickest of these, and no slower one has less error"
+    return None, (
+        "each rise of the feed takes at least half as many per cent off the cycle time, or adds "
+        "no error, so time alone names none: give --tolerance-um, the largest error that the "
+        "part allows"
+    )
+
+
+def verdict_on(
+    best: FeedPoint | None,
+    reason: str,
+    points: Sequence[FeedPoint],
+    error: str,
+    tolerance: float | None,
+) -> Verdict:
+    """Verdict on the feed that `recommended` names, or on there being none.
+
+    Args:
+        best: the feed; None where none is recommended.
+        reason: for or against it.
+        points: all feeds.
+        error: the error that counts, "contour" or "tracking".
+        tolerance: largest error that is allowed [m]; None where none is given.
+    """
+    if best is None:
+        undecided = tolerance is None and any(point.sound for point in points)
+        against = [] if undecided else [reason]
+        return Verdict.of([], against, passed=f"No feed is recommended: {reason}.")
+    limits = list(best.limits)
+    if tolerance is not None:
+        limits.append(
+            LimitCheck(
+                name=f"peak {error} error",
+                value=1e6 * _peak(best, error),
+                allowed=1e6 * tolerance,
+                unit="um",
+                member="family",
+            )
+        )
+    return Verdict.of(limits, passed=f"USE {best.override:g} % of the feed: {reason}.")
+
+
+def _quickest_within(
+    tolerance: float, sound: Sequence[FeedPoint], error: str
+) -> tuple[FeedPoint | None, str]:
+    """The quickest of the feeds within the tolerance [m], and why; None where none is."""
+    within = [point for point in sound if _peak(point, error) <= tolerance]
+    if within:
+        best = min(within, key=lambda point: point.cycle_time)
+        return best, f"the quickest of these within {1e6 * tolerance:g} um on every plant"
+    least = min(_peak(point, error) for point in sound)
+    words = f"no feed keeps it: the least largest error is {1e6 * least:.4g} um"
+    blended = min(point.deviation for point in sound)
+    if tolerance <= blended:
+        words += f", and the corners are blended within {1e6 * blended:.4g} um"
+    return None, words
+
+
+def _peak(point: FeedPoint, error: str) -> float:
+    return getattr(point.metrics.worst, f"peak_{error}_error")
 
 
 def command(flags: Feed) -> int:

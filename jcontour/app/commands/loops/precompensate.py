@@ -15,20 +15,19 @@ from jcontour.app.files.bent_reference import (
     save_program,
     save_samples,
 )
-from jcontour.app.files.results.bent_result import BentResult
+from jcontour.app.files.results.loop_results import BentResult
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict, exceeded
 from jcontour.app.flags.loops import Precompensate
 from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.sections import sections
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.loops.bent import bent_figure
-from jcontour.app.reports.figures.shared.png import save_figure
-from jcontour.app.runs.checks.stored_loops import StoredLoop, loop_named
+from jcontour.app.reports.figures.loops import bent_figure
+from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.runs.lifecycle import created, finished
-from jcontour.app.runs.loops.bending import Bent, bent
-from jcontour.app.runs.loops.bent_moves import moves_along
-from jcontour.app.runs.loops.settling import STILL
+from jcontour.app.runs.loops.bending import Bent, bent, moves_along
+from jcontour.app.runs.settling import STILL
+from jcontour.app.runs.stored_loops import StoredLoop, loop_named
 from jcontour.app.runs.tuning.results import machine_summary
 from jcontour.geometry.toolpaths import Toolpath
 

@@ -1,18 +1,20 @@
 """`jcontour simulate`: one controller on one contour, on every plant of the machine's family."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from rich.console import Console
 from rich.status import Status
+from rich.table import Table
 
 from jcontour.app.beside import Beside
 from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from jcontour.app.catalogue.contours import CONTOURS
 from jcontour.app.designs.design import Design, plain_weights
-from jcontour.app.files.results.run_metrics import RunMetrics
-from jcontour.app.files.results.simulated_result import SimulatedResult
+from jcontour.app.files.results.loop_results import SimulatedResult
+from jcontour.app.files.results.run_metrics import METRICS, MotionSummary, RunMetrics
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict, kept_words
 from jcontour.app.flags.loops import Simulate
@@ -21,23 +23,34 @@ from jcontour.app.jobs.listed_moves import listed_moves
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.loops.contours import figures_of
-from jcontour.app.reports.figures.loops.motion import motion_figure
-from jcontour.app.reports.figures.shared.beside import drawn_by
-from jcontour.app.reports.figures.shared.png import image
+from jcontour.app.reports.figures.contours import figures_of
+from jcontour.app.reports.figures.motion import motion_figure
+from jcontour.app.reports.figures.png import drawn_by, image
 from jcontour.app.reports.rollouts import save_rollouts
-from jcontour.app.reports.simulated_tables import show_simulated
-from jcontour.app.runs.checks.arrival import arrival_warnings, motions_not_followed
-from jcontour.app.runs.checks.between_samples import swing_warnings
-from jcontour.app.runs.checks.lost_numbers import NAN, lost_numbers
+from jcontour.app.reports.tables import (
+    columns_of,
+    digits,
+    metric_cells,
+    peak_line,
+    plain_table,
+    read_line,
+    say,
+)
 from jcontour.app.runs.checks.machine_limits import drives_at_limits_in_rapids, machine_limits
-from jcontour.app.runs.checks.planned_limits import limits_exceeded_by_plan
-from jcontour.app.runs.contour_summary import contour_read, peak_place
+from jcontour.app.runs.checks.run_checks import (
+    NAN,
+    arrival_warnings,
+    limits_exceeded_by_plan,
+    lost_numbers,
+    motions_not_followed,
+    swing_warnings,
+)
+from jcontour.app.runs.contour_summary import contour_read, contour_runs, motion_summary, peak_place
 from jcontour.app.runs.forecast import check_memory, forecast
 from jcontour.app.runs.lifecycle import created, finished, tuning_words
-from jcontour.app.runs.motion_summary import motion_summary
-from jcontour.app.runs.runs_drawn import contour_runs
 from jcontour.app.runs.tuning.results import machine_summary
+
+TOLD = 0.01  # of the cycle time, that the planner may leave to gain without a word
 
 
 def command(flags: Simulate) -> int:
@@ -174,3 +187,60 @@ def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> 
         ]
     part = [] if flags.contour is None else [flags.contour]
     return [f"Next: jcontour tune{tuning_words(part, vars(flags))}"]
+
+
+def show_simulated(result: SimulatedResult, console: Console) -> None:
+    """The table, what was read, and one sentence."""
+    console.print(plant_table(result))
+    if result.read is not None:
+        say(console, f"Read {read_line(result.contour, result.read, result.machine.axes)}")
+    if result.motion is not None:
+        console.print(motion_table(result.motion, result.machine.axes))
+    say(console, sentence(result))
+
+
+def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
+    """How long the motion takes, what limits it, and the peaks of every axis."""
+    shares = [
+        [
+            "time at rest" if name == "rest" else f"time under the limit of {name}",
+            f"{100 * share:.1f} %",
+        ]
+        for name, share in motion.shares.items()
+        if share or name != "rest"
+    ]
+    peaks = [
+        [f"peak jerk of {axis}", f"{digits(peak)} of {digits(limit)} m/s^3"]
+        for axis, peak, limit in zip(axes, motion.peak_jerk, motion.jerk_limit, strict=True)
+    ]
+    rows = [
+        ["cycle time", f"{motion.cycle_time:.3f} s"],
+        *([["of it at rest", f"{motion.dwell:.3f} s"]] if motion.dwell else []),
+        ["stops on the way", str(motion.stops)],
+        ["corners blended within", f"{1e6 * motion.deviation:.3g} um"],
+        *shares,
+        *peaks,
+    ]
+    left = motion.gap / motion.cycle_time
+    if left > TOLD:
+        rows.insert(1, ["NOT THE QUICKEST, by about", f"{100 * left:.1f} %"])
+    return plain_table("Motion that the machine is asked for (motion.png)", ["", ""], rows)
+
+
+def plant_table(result: SimulatedResult) -> Table:
+    """One row per plant of the family."""
+    headings = [METRICS[name].heading for name in columns_of(result.error)]
+    rows = [
+        [plant, *metric_cells(metrics, result.error)] for plant, metrics in result.plants.items()
+    ]
+    run = f"{result.controller} on {result.contour}, {result.samples} samples"
+    title = f"{run}, {result.feed_law}, {result.machine.nonsmooth_effects}"
+    return plain_table(title, ["plant", *headings], rows)
+
+
+def sentence(result: SimulatedResult) -> str:
+    """Where the largest error is."""
+    if result.peak is None:
+        return ""
+    line = peak_line(result.peak, result.error, result.machine.axes)
+    return f"{line[0].upper()}{line[1:]}."

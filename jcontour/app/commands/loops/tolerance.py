@@ -1,17 +1,21 @@
-"""`jcontour tolerance`: what predictive control can promise on a part, and runs that keep it."""
+"""`jcontour tolerance`: largest error that predictive control promises on a part, and its runs."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
+import jax
 import numpy as np
 import xarray as xr
+from rich.console import Console
 
 from jcontour.app.catalogue.choices import job_named, machine_named
 from jcontour.app.designs.predictive.bounded import Keeper, keeper
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_dataset
+from jcontour.app.files.results.bound_results import KeptRun, ToleranceResult
 from jcontour.app.files.results.run_metrics import ContourRead
 from jcontour.app.files.results.stored import write_result
-from jcontour.app.files.results.tolerance_result import ToleranceResult
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.flags.loops import Tolerance
 from jcontour.app.jobs.job import Pace, Task
@@ -22,20 +26,113 @@ from jcontour.app.machines.disturbance_bounds import (
     warn_of_doubt,
 )
 from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.loops.kept import kept_figure
-from jcontour.app.reports.figures.shared.png import save_figure
-from jcontour.app.reports.tolerance_tables import show_tolerance
+from jcontour.app.reports.figures.loops import kept_figure
+from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.tables import digits, of_axes, of_inputs, plain_table, read_line, say
 from jcontour.app.runs.checks.machine_limits import Signals, limits_of_groups
 from jcontour.app.runs.contour_summary import read_of
 from jcontour.app.runs.forecast import Steps, outline
 from jcontour.app.runs.lifecycle import created, finished
-from jcontour.app.runs.loops.kept_runs import Tried, kept_runs, promised_to
 from jcontour.app.runs.tuning.results import machine_summary
+from jcontour.guarantees.attacks import Attack
+from jcontour.host.loop import HostRun, reported_loop
+from jcontour.plant import Plant
+from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.qp.solvers import solver_named
+from jcontour.simulation.metrics import contour_error, tracking_error
 
+FORGOTTEN = 8  # times the length of the responses: an attack of the filter and them
 PNG = "tolerance.png"
 LONGEST = 100  # samples: beyond it a QP takes seconds
+HEADINGS = (
+    "plant",
+    "what acts",
+    "largest\nerror um",
+    "of the\ntolerance",
+    "largest\ncontrols",
+    "samples\nwithout answer",
+    "left the bounds\nat sample",
+)
+
+
+class Tried(NamedTuple):
+    """A run and its error at every sample (T,) [m]."""
+
+    row: KeptRun
+    run: HostRun
+    error: np.ndarray
+
+
+def kept_runs(keeper: Keeper, seed: int = 0) -> Iterator[Tried]:
+    """All runs, one after the other; those within the bounds come first."""
+    machine, model = keeper.machine, Encoders(keeper.model)
+    proven = promised_to(keeper)
+    steps = keeper.reference.steps
+    yield _tried(keeper, proven, "an attack", True, attacked(keeper, steps).on(model))
+    random = at_random(keeper, steps, np.random.default_rng(seed))
+    yield _tried(keeper, proven, "at random", True, random.on(model))
+    yield _tried(keeper, proven, "encoder counts", True, machine.counted(keeper.model))
+    for name, plant in zip(machine.family_names, machine.true_family(), strict=True):
+        if name != proven:
+            yield _tried(keeper, name, "encoder counts", False, plant)
+
+
+def promised_to(keeper: Keeper) -> str:
+    """The plant that the model is of: name of the member of the family."""
+    machine, same = keeper.machine, np.ones(keeper.model.inputs)
+    return next(
+        name
+        for name, gains, late in machine.members
+        if late == keeper.late and np.array_equal(gains, same)
+    )
+
+
+def attacked(keeper: Keeper, steps: int) -> Attack:
+    """The attack across the path where it is worst off, from either side in turn."""
+    frames = keeper.mpc.certified(keeper.reference)
+    worst = int(np.argmax(frames.certified[:steps]))
+    direction = frames.directions[worst, -1]
+    length = min(FORGOTTEN * keeper.mpc.response.length, steps)
+    once = keeper.response.attack(keeper.model, keeper.around, direction, length)
+    both = [np.concatenate([rows, -rows]) for rows in once]
+    # one of them ends at the sample that needs most
+    turned = [np.roll(rows, (worst + 1) % len(rows), axis=0) for rows in both]
+    return Attack(*(np.resize(rows, (steps, rows.shape[1])) for rows in turned))
+
+
+def at_random(keeper: Keeper, steps: int, generator: np.random.Generator) -> Attack:
+    """Forces and encoder errors at an end of their range, from sample to sample at random."""
+    model, around = keeper.model, keeper.around
+    force = np.sign(generator.normal(size=(steps, model.inputs))) * np.asarray(around.force)
+    return Attack(force, np.sign(generator.normal(size=(steps, model.axes))) * around.encoder)
+
+
+def _tried(keeper: Keeper, name: str, disturbance: str, within: bool, plant: Plant) -> Tried:
+    reference = keeper.reference
+    run = reported_loop(plant, keeper.controller, reference, fallback="soft")
+    error = _error(keeper.machine, run, reference)
+    memory, report = run.rollout.final_memory.inner, run.report
+    scored = np.asarray(reference.mask)[: reference.steps]
+    row = KeptRun(
+        plant=name,
+        disturbance=disturbance,
+        within=within,
+        largest=float(np.max(error[scored])),
+        left=None if memory.left < 0 else int(memory.left),
+        fallbacks=report.fallbacks,
+        control=tuple(np.abs(run.rollout.control).max(axis=0).tolist()),
+        residual=report.worst_residual,
+    )
+    return Tried(row, run, error)
+
+
+def _error(machine: Machine, run: HostRun, reference) -> np.ndarray:
+    kind = tracking_error if machine.error == "tracking" else contour_error
+    return np.linalg.norm(
+        np.asarray(kind(jax.numpy.asarray(run.rollout.output), reference)), axis=1
+    )
 
 
 def command(flags: Tolerance) -> int:
@@ -186,3 +283,67 @@ def _next(result: ToleranceResult) -> list[str]:
         "bend of the path": "a lower --feed-mm-per-min, or a smaller --corner-tolerance-um",
     }
     return [f"Next: the largest share is {largest}: {helps[largest]}."]
+
+
+def show_tolerance(result: ToleranceResult, console: Console) -> None:
+    """What is promised and why it is not less, the runs, and a sentence."""
+    if result.read is not None:
+        say(console, f"Read {read_line(result.contour, result.read, result.machine.axes)}")
+    least = sum(result.shares.values())
+    sizes = {**result.shares, "the least that can be promised": least, "promised": result.promised}
+    shares = [[name, f"{1e6 * size:.3f}"] for name, size in sizes.items()]
+    title = f"Tolerance of {result.contour} on {result.machine.name}"
+    console.print(plain_table(title, ["share", "um"], shares))
+    say(console, *promise(result), "")
+    title = f"Runs, {result.samples} samples, {result.feed_law}"
+    rows = [_cells(run, result.promised) for run in result.runs]
+    console.print(plain_table(title, HEADINGS, rows, text_columns=2))
+    say(console, *findings(result))
+
+
+def promise(result: ToleranceResult) -> list[str]:
+    """What is promised, under which conditions, and what keeps it from being smaller."""
+    unit = result.machine.control_unit
+    limiting = ", ".join(result.limiting)
+    why = f"the limits of {limiting}" if limiting else "the machine alone, none of its limits"
+    most = of_inputs(dict(enumerate(result.control_limit)), unit)
+    return [
+        f"Proven for every force of up to {digits(result.force)} {unit} on each control and every "
+        f"encoder error of up to {of_axes(result.encoder, result.machine.axes)}, at each sample,",
+        f"on one plant, {result.plant}; no control above {most}. A disturbance is forgotten after "
+        f"{result.length} samples. What decides: {why}.",
+    ]
+
+
+def findings(result: ToleranceResult) -> list[str]:
+    """Whether it was kept, by whom, and what the others lack."""
+    within = [run for run in result.runs if run.within]
+    if not all(run.keeps(result.promised) for run in within):
+        return []  # the verdict names them
+    most = max(run.largest for run in within) / result.promised
+    told = [
+        f"Kept in all {len(within)} runs within the bounds: they reach {100 * most:.0f} % of it."
+    ]
+    others = [run for run in result.runs if not run.within]
+    over = [run.plant for run in others if not run.keeps(result.promised)]
+    if over:
+        told.append(
+            f"NOT FOR THE WHOLE FAMILY: {'; '.join(over)} left the tolerance. Nothing is promised "
+            "for plants that differ from the model: load it on a machine whose delay and gains you "
+            "know. `jcontour check --bound` bounds the error of a tuned loop on every plant."
+        )
+    elif others:
+        told.append("The other plants kept it too, though nothing is promised for them.")
+    return told
+
+
+def _cells(run: KeptRun, promised: float) -> list[str]:
+    return [
+        run.plant,
+        run.disturbance,
+        digits(1e6 * run.largest),
+        f"{100 * run.largest / promised:.0f} %",
+        ", ".join(map(digits, run.control)),
+        str(run.fallbacks),
+        "" if run.left is None else str(run.left),
+    ]

@@ -229,8 +229,8 @@ def _residuals(found: IdentifiedAxis) -> dict[str, float]:
 
 
 def _store(flags: Identify, records: list[Record], found: IdentifiedAxis, folder: Path) -> None:
-    from jcontour.app.reports.figures.machines.identification import FIGURES
-    from jcontour.app.reports.figures.shared.png import save_figures
+    from jcontour.app.reports.figures.identification import FIGURES
+    from jcontour.app.reports.figures.png import save_figures
 
     if flags.demo:
         save_records(records, folder / DATA)

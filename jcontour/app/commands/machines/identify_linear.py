@@ -7,21 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.console import Console
 
 from jcontour.app.files import run_folder
 from jcontour.app.files.checks import MachineError
 from jcontour.app.files.log_file import Log, LogColumns, read_log
-from jcontour.app.files.results.linear_result import LinearAxisResult, LinearMachineResult
+from jcontour.app.files.results.machine_results import LinearAxisResult, LinearMachineResult
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.machines import Identify
 from jcontour.app.machines.from_file import machine_from
-from jcontour.app.machines.identified import (
-    axis_result,
-    counts,
-    largest,
-    machine_fields,
-    noises,
-)
+from jcontour.app.machines.identified import axis_result, counts, largest, machine_fields, noises
 from jcontour.app.machines.machine_behaviour import (
     FAST,
     GRAVITY,
@@ -30,7 +25,7 @@ from jcontour.app.machines.machine_behaviour import (
     SHORTEST,
     coarse_counts,
 )
-from jcontour.app.reports.identified_tables import show
+from jcontour.app.reports import tables
 from jcontour.app.reports.tables import of_axes
 from jcontour.app.runs.lifecycle import finished
 from jcontour.export.code_text import heading
@@ -46,6 +41,17 @@ GAIN_ASKED = 1000.0  # m/s or m per unit: more is a wrong unit
 TINY, FINE = 1e-3, 5e-9  # [m]: a whole record, and a count, that are questioned together
 DEMO_ROWS, DEMO_DT = 20_000, 1e-3
 DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time constant, delay
+HEADINGS = (
+    "axis",
+    "model",
+    "gain at rest",
+    "+- %",
+    "delay",
+    "explains %",
+    "left um",
+    "shown to Hz",
+    "family %",
+)
 
 
 def command(flags: Identify) -> int:
@@ -270,8 +276,8 @@ def _tiny(flags: Identify, found: LinearMachineFound) -> list[str]:
 
 
 def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, folder: Path) -> None:
-    from jcontour.app.reports.figures.machines.linear_axes import figures
-    from jcontour.app.reports.figures.shared.png import save_figures
+    from jcontour.app.reports.figures.identification import figures
+    from jcontour.app.reports.figures.png import save_figures
 
     run_folder.write(folder / MODEL, lambda temporary: temporary.write_text(text))
     if flags.demo:
@@ -287,3 +293,54 @@ def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, fold
             ),
         )
     save_figures(figures(flags.control_unit), found, folder)
+
+
+def show(result: LinearMachineResult, console: Console) -> None:
+    """Print the axes, the family and the doubts."""
+    seconds = result.samples * result.dt
+    tables.say(
+        console,
+        f"Data: {result.data}",
+        f"Used: {result.samples} samples at {1 / result.dt:.5g} Hz, {seconds:.4g} s",
+        *result.words,
+    )
+    rows = [_cells(one) for one in result.axes]
+    title = f"Identified machine; gains are per {result.control_unit}"
+    console.print(tables.plain_table(title, HEADINGS, rows, text_columns=2))
+    speeds = ", ".join(f"{1e3 * value:.4g}" for value in result.limits["speed"])
+    accelerations = ", ".join(f"{value:.3g}" for value in result.limits["acceleration"])
+    commands = ", ".join(f"{value:.4g}" for value in result.limits["control"])
+    late = f" and up to {result.delay} sample more of delay" if result.delay else ""
+    tables.say(
+        console,
+        f"Family: every gain to {100 * result.gain:.2g} %{late}",
+        f"Limits in the file, the largest of the record: {speeds} mm/s; {accelerations} m/s^2; "
+        f"{commands} {result.control_unit}. Change them to those of the machine.",
+        *(f"NOTE: {note}" for note in result.notes),
+    )
+
+
+def _cells(one: LinearAxisResult) -> list[str]:
+    low, high = one.gain_interval
+    spread = 50 * (high - low) / abs(one.gain) if one.gain else float("nan")
+    per = "mm/s" if one.integrators else "mm"
+    also = f" ({', '.join(map(str, one.delays))}?)" if one.delays else ""
+    return [
+        one.name,
+        words_of(one),
+        f"{1e3 * one.gain:.5g} {per}",
+        f"{spread:.2g}",
+        f"{one.delay}{also}",
+        f"{100 * one.explained:.3f}",
+        f"{1e6 * one.innovation:.3g}",
+        tables.digits(one.shown_to),
+        f"{100 * one.uncertainty:.2g}",
+    ]
+
+
+def words_of(one: LinearAxisResult) -> str:
+    """Poles of a model as an engineer says them."""
+    parts = ["integrator"] if one.integrators else []
+    parts += [f"{1e3 * value:.3g} ms" for value in one.time_constants]
+    parts += [f"{hertz:.3g} Hz (damping {z:.2g})" for hertz, z in one.resonances]
+    return ", ".join(parts) or "gain"

@@ -1,31 +1,40 @@
 """`jcontour machine`: a machine file from what is known of the axes; checks and draws a file."""
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.console import Console
 
 import jcontour.app.machines
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.files import run_folder
-from jcontour.app.files.results.machine_result import AxisSummary, MachineResult
+from jcontour.app.files.results.machine_results import AxisSummary, MachineResult
 from jcontour.app.files.results.stored import to_json
 from jcontour.app.flags.machines import Machine as Flags
 from jcontour.app.machines.built import built_machine
 from jcontour.app.machines.from_file import machine_from
 from jcontour.app.machines.machine import Machine
-from jcontour.app.machines.machine_behaviour import AxisBehaviour, axis_behaviours, questions
+from jcontour.app.machines.machine_behaviour import (
+    AxisBehaviour,
+    axis_behaviours,
+    questions,
+    response,
+)
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.machines.machine import machine_figure
-from jcontour.app.reports.figures.shared.png import save_figure
+from jcontour.app.reports.figures.axes import CYCLE, grid, legend_below, plain_ticks
+from jcontour.app.reports.figures.png import save_figure
 
 EXAMPLE = Path(jcontour.app.machines.__file__).parent / "example.json"
 OF_NO_MACHINE = ("file", "example", "json")  # flags that do not describe a machine
 SOUND = "The file is sound."
 HEADINGS = ("axis", "settles to", "per unit", "rise ms", "delay", "most m/s^2", "resonance Hz")
 UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2", "nothing": ""}
+POINTS = 300
+SHOWN = 8.0  # rise times of the step response that are drawn
 
 
 def command(flags: Flags) -> int:
@@ -194,3 +203,32 @@ def _next(found: MachineResult, path: Path, built: bool) -> list[str]:
         f"Written: {path}" if built else sound,
         f"Next: jcontour tune --plant {shlex.quote(str(name))}",
     ]
+
+
+def machine_figure(machine: Machine, found: Sequence[AxisBehaviour]) -> Figure:
+    """Speed after a step of the control; magnitude and phase from control to position."""
+    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    panels = figure.subplot_mosaic([["step", "size"], ["step", "phase"]])
+    step, size, phase = panels["step"], panels["size"], panels["phase"]
+    dt, unit = machine.model.dt, machine.control_unit
+    frequency = np.geomspace(1e-3 / dt, 0.499 / dt, POINTS)
+    for k, one in enumerate(found):
+        colour = CYCLE[k % len(CYCLE)]
+        rise = one.rise if np.isfinite(one.rise) and one.rise > 0 else 100 * dt
+        last = min(int((SHOWN * rise) / dt) + one.delay + 3, len(one.step) - 2)
+        speed = np.diff(one.step)[:last] / dt
+        shown = 1e3 * one.step[:last] if one.kind == "position" else 1e3 * speed
+        step.plot(1e3 * one.time[:last], shown, color=colour, label=one.name)
+        values = response(machine.model, k, frequency)
+        size.plot(frequency, 1e3 * np.abs(values), color=colour)
+        phase.plot(frequency, np.degrees(np.unwrap(np.angle(values))), color=colour)
+    what = "position [mm]" if all(one.kind == "position" for one in found) else "speed [mm/s]"
+    grid(step, f"{machine.name}: after a step of one {unit}", "time [ms]", what)
+    size.set(xscale="log", yscale="log")
+    phase.set(xscale="log")
+    for axes in (size, phase):
+        plain_ticks(axes.xaxis)
+    grid(size, "control to position", "", f"mm per {unit}")
+    grid(phase, "", "frequency [Hz]", "phase [degrees]")
+    legend_below(figure)
+    return figure

@@ -7,13 +7,13 @@ from rich.console import Console
 from jcontour.app.designs.design import with_values
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_dataset
-from jcontour.app.files.results.front_result import BudgetPoint, FrontResult, dataset_of
+from jcontour.app.files.results.search_results import BudgetPoint, FrontResult, dataset_of
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.tuning import Front
 from jcontour.app.jobs.replays import replay
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.shared.png import save_figure
-from jcontour.app.reports.figures.tuning.front import front
+from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.figures.searches import front
 from jcontour.app.reports.rollouts import save_rollouts
 from jcontour.app.runs.lifecycle import finished, opened, tuning_words
 from jcontour.app.runs.tuning.trade_off import Search, search_of, traced

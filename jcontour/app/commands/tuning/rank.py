@@ -3,12 +3,12 @@
 from rich.console import Console
 
 from jcontour.app.catalogue.own_classes import own_name
-from jcontour.app.files.results.ranked_result import Ranked, RankedResult
+from jcontour.app.files.results.search_results import Ranked, RankedResult
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.tuning import Rank
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.shared.png import save_figure
-from jcontour.app.reports.figures.tuning.ranking import ranking_figure
+from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.figures.searches import ranking_figure
 from jcontour.app.runs.lifecycle import finished, opened, same_task
 from jcontour.app.runs.tuning.ranking import ranked, ranking_of
 

@@ -10,12 +10,12 @@ from jcontour.app.commands.tuning import sweep_predictive
 from jcontour.app.designs.predictive.sweep_designs import PREDICTIVE
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_dataset
+from jcontour.app.files.results.search_results import BestDesign, SweepResult
 from jcontour.app.files.results.stored import write_result
-from jcontour.app.files.results.swept_result import BestDesign, SweepResult
 from jcontour.app.flags.tuning import Sweep
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.shared.png import save_figures
-from jcontour.app.reports.figures.tuning.sweep import sweep_figure, worst_errors
+from jcontour.app.reports.figures.png import save_figures
+from jcontour.app.reports.figures.sweeps import sweep_figure, worst_errors
 from jcontour.app.runs.lifecycle import finished, opened
 from jcontour.app.runs.spread.best_designs import (
     ALIKE,

@@ -24,22 +24,22 @@ from jcontour.app.designs.predictive.sweep_designs import (
     PredictiveKind,
 )
 from jcontour.app.files import run_folder
-from jcontour.app.files.design_files import DesignFiles
 from jcontour.app.files.netcdf import save_dataset
 from jcontour.app.files.results.stored import BESIDE_OTHERS, write_result
+from jcontour.app.files.sweep_files import DesignFiles
 from jcontour.app.flags.loops import Trace
 from jcontour.app.flags.shared import MachineFlags
 from jcontour.app.flags.tuning import Sweep
 from jcontour.app.jobs.pace import Pace
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.loops.predictive import front_figure, on_the_front, surface_figure
-from jcontour.app.reports.figures.shared.png import save_figures
+from jcontour.app.reports.figures.png import save_figures
+from jcontour.app.reports.figures.sweeps import front_figure, on_the_front, surface_figure
 from jcontour.app.reports.progress import counted
 from jcontour.app.runs.lifecycle import finished, opened
 from jcontour.app.runs.spread.cluster import Killed, answers, cluster_of
 from jcontour.app.runs.spread.predictive_runs import Ending, PredictiveRun, predictive_run
 from jcontour.app.runs.spread.spreading import cores
-from jcontour.app.runs.spread.varied_weights import listed_values, sampled_designs
+from jcontour.app.runs.spread.sweep_asked import listed_values, sampled_designs
 
 RUNS = "parts"  # folder of the designs' files inside a run folder
 DIMENSIONS = ("contour", "speed", "horizon", "sample")

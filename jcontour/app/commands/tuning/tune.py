@@ -17,22 +17,17 @@ from jcontour.app.jobs.job import Job
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import NO_EFFECTS
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.loops.contours import figures_of
-from jcontour.app.reports.figures.shared.beside import drawn_beside
-from jcontour.app.reports.figures.shared.png import save_figures
-from jcontour.app.reports.figures.tuning.sensitivity import sensitivity_figure
-from jcontour.app.reports.figures.tuning.tuning import FIGURES, Search
+from jcontour.app.reports.figures.contours import figures_of
+from jcontour.app.reports.figures.png import drawn_beside, save_figures
+from jcontour.app.reports.figures.searches import FIGURES, Search, sensitivity_figure
 from jcontour.app.reports.progress import progress_of
-from jcontour.app.reports.rollouts import save_rollouts
-from jcontour.app.reports.sensitivity_curves import save_sensitivity
+from jcontour.app.reports.rollouts import save_rollouts, save_sensitivity
 from jcontour.app.reports.tuned_tables import limit_words, show_tuned
-from jcontour.app.runs.checks.lost_numbers import lost_at_start
-from jcontour.app.runs.checks.weights.certified_bound import certified_bound
-from jcontour.app.runs.contour_summary import contour_read
+from jcontour.app.runs.checks.certifying import certified_bound
+from jcontour.app.runs.checks.run_checks import lost_at_start
+from jcontour.app.runs.contour_summary import contour_read, contour_runs
 from jcontour.app.runs.lifecycle import finished, opened, ranked_words
-from jcontour.app.runs.runs_drawn import contour_runs
 from jcontour.app.runs.tuning.problem import PLENTY, TuningRun, tuning_run
-from jcontour.app.runs.tuning.regret import with_regret
 from jcontour.app.runs.tuning.results import (
     SHOWN,
     Trial,
@@ -45,7 +40,7 @@ from jcontour.app.runs.tuning.results import (
     trial_of,
     tuned_result,
 )
-from jcontour.app.runs.tuning.searching import NothingSound, Searched, searched
+from jcontour.app.runs.tuning.searching import NothingSound, Searched, searched, with_regret
 from jcontour.app.runs.tuning.simple_loops import (
     SimpleLoop,
     best_simple,

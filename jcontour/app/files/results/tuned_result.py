@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from jcontour.app.files.results.certified_result import CertifiedBound
+from jcontour.app.files.results.bound_results import CertifiedBound
 from jcontour.app.files.results.run_metrics import (
     ContourRead,
     FamilyMetrics,

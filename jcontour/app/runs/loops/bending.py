@@ -1,28 +1,31 @@
-"""The bent reference of a loop, within the machine's limits, and its runs."""
+"""The bent reference of a loop, within the machine's limits, its runs and its moves."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 from rich.status import Status
 
+from jcontour.app.files.bent_reference import Moves, moves_through
 from jcontour.app.files.results.run_metrics import RunMetrics
 from jcontour.app.files.results.verdict import LimitCheck, exceeded
 from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
-from jcontour.app.jobs.sections import halted
+from jcontour.app.jobs.sections import Section, halted
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.loops.bent import BentRuns
+from jcontour.app.reports.figures.loops import BentRuns
 from jcontour.app.runs.checks.machine_limits import (
     beyond_limits_asked,
     largest_asked,
     machine_limits,
 )
-from jcontour.app.runs.checks.stored_loops import StoredLoop
 from jcontour.app.runs.forecast import Steps, outline
-from jcontour.app.runs.loops.settling import MOST as MOST_HELD
-from jcontour.app.runs.loops.settling import settling, with_held_end
+from jcontour.app.runs.settling import MOST as MOST_HELD
+from jcontour.app.runs.settling import settling, with_held_end
+from jcontour.app.runs.stored_loops import StoredLoop
 from jcontour.controllers.learning.laps import Learned
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants
@@ -213,3 +216,37 @@ def _family(loop: StoredLoop, reference: Reference):
     machine = loop.machine
     path = reference.position[: reference.steps]
     return stack_plants(list(machine.linear_family(loop.fed, path)))
+
+
+def moves_along(
+    position: Float[np.ndarray, "T m"], dt: float, run: Sequence[Section], source: str
+) -> list[Moves]:
+    """Moves of every section of a run; each begins where the one before ends.
+
+    Args:
+        position: samples of the run [m].
+        dt: sample period [s].
+        run: its sections.
+        source: name of the program that the run comes from.
+    """
+    found, place = [], position[0]
+    for section in run:
+        if section.rapid:
+            at = [section.first, *section.corners, section.last]
+            moves = Moves(position[at], np.diff(at) * dt, 0.0, rapid=True)
+        else:
+            rows = position[section.first : section.last + 1].copy()
+            rows[0] = place
+            moves = moves_through(rows, dt)
+        found.append(moves._replace(asked=_asked(section, source)))
+        place = moves.ends[-1]
+    return found
+
+
+def _asked(section: Section, source: str) -> str:
+    """What is to be done before a section, in words."""
+    by_line: dict[int, list[str]] = {}
+    for line, words in section.asked:
+        by_line.setdefault(line, []).append(words)
+    told = [f"line {line}: {', '.join(words)}" for line, words in by_line.items()]
+    return f"{source}, {'; '.join(told)}" if told else ""

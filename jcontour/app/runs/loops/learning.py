@@ -10,27 +10,24 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.app.files.results.learned_result import LearnedMachine
+from jcontour.app.designs.design import Design
+from jcontour.app.files.results.bound_results import LearnedMachine, StoredLap
+from jcontour.app.files.results.verdict import LimitCheck
 from jcontour.app.flags.loops import Learn
-from jcontour.app.runs.loops.learned_machines import (
-    Setting,
-    linear_nominal,
-    noisy,
-    read_anew,
-)
-from jcontour.controllers.learning.convergence import (
-    Convergence,
-    answers,
-    frequency_response,
-)
+from jcontour.app.jobs.job import Task
+from jcontour.app.machines.machine import Machine, MachineLimits
+from jcontour.controller import Controller
+from jcontour.controllers.learning.convergence import Convergence, answers, frequency_response
 from jcontour.controllers.learning.laps import (
     LearningLaw,
     RunLap,
     diverged_lap,
+    laps_of,
     paying_laps,
 )
 from jcontour.controllers.learning.norm_optimal import NormOptimal, norm_optimal
 from jcontour.controllers.learning.p_type import PType
+from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import family_batching, stack_plants
 from jcontour.simulation.metrics import Metrics, score_signals
@@ -39,6 +36,74 @@ SMOOTHINGS = (0, 1, 2, 4, 8, 16, 32, 64, 128, 256, 512)  # tried in turn
 CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
 SLOW = 8  # half periods of a lap, below which the lag of a loop is read from its phase
 LINEAR, NOISY = "linear model", "linear model, encoder noise"
+
+
+class Setting(NamedTuple):
+    """A controller on a part, and how the machine is learned from.
+
+    Attributes:
+        machine: what is run.
+        controller: with the weights of the start.
+        fed: what the controller is fed.
+        reference: of one lap.
+    """
+
+    machine: Machine
+    controller: Controller
+    fed: Any
+    reference: Reference
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(T, m) of a correction."""
+        return self.reference.steps, self.reference.position.shape[-1]
+
+    @property
+    def path(self) -> Float[Array, "T m"]:
+        """Positions of the reference [m]."""
+        return self.reference.position[: self.reference.steps]
+
+    def laps(self, plant: Callable[[Any], Plant]) -> RunLap:
+        """Laps on the plant that each number gives."""
+        positions = self.machine.positions(self.fed)
+        return laps_of(plant, self.controller, self.reference, positions)
+
+
+def setting(design: Design, job: Task) -> Setting:
+    """The design's start on a part.
+
+    Raises:
+        ValueError: there is no learning on this kind of machine.
+    """
+    machine = design.machine
+    machine.positions(design.fed)  # raises where laps have nothing to read
+    reference = job.reference(machine.model.dt, design.preview)
+    return Setting(machine, design.build(design.start), design.fed, reference)
+
+
+def linear_nominal(one: Setting) -> Plant:
+    """Linear nominal machine along the part."""
+    return one.machine.linear_nominal(one.fed, one.path)
+
+
+def noisy(one: Setting, seed: int) -> Callable[[Any], Plant]:
+    """Linear model behind encoders with noise in place of counts, anew in every lap."""
+
+    def of_lap(lap) -> Plant:
+        key = jax.random.fold_in(jax.random.key(seed), lap)
+        return one.machine.noisy_nominal(key, one.fed, one.path)
+
+    return of_lap
+
+
+def read_anew(one: Setting, seed: int) -> Callable[[Plant, Any], Plant]:
+    """A plant of the true family in each lap: its encoders' noise is another in every one."""
+
+    def of_lap(plant: Plant, lap) -> Plant:
+        key = jax.random.fold_in(jax.random.key(seed), lap)
+        return one.machine.with_noise(plant, key, one.shape[0], one.fed)
+
+    return of_lap
 
 
 class Prepared(NamedTuple):
@@ -242,3 +307,54 @@ def _machine(name: str, rows: Sequence[LapScores], k: int) -> LearnedMachine:
 def _measured(rows: Sequence[LapScores], k: int) -> list[float]:
     """Measured error of one machine, lap by lap [m]."""
     return [float(row.measured[k]) for row in rows]
+
+
+def shifted(reference: Reference, best: BestLap) -> Float[np.ndarray, "T m"]:
+    """Positions [m] of the reference at every sample, with the correction of a lap."""
+    return np.asarray(reference.position[: reference.steps]) + np.asarray(best.correction)
+
+
+def stored_lap(
+    position: Float[np.ndarray, "T m"],
+    dt: float,
+    best: BestLap,
+    limits: MachineLimits,
+    axes: Sequence[str],
+) -> StoredLap | None:
+    """What is said of such positions; None where nothing was learned.
+
+    Args:
+        position: of the shifted reference [m].
+        dt: sample period [s].
+        best: lap of the linear model.
+        limits: of the machine.
+        axes: names.
+    """
+    if best.lap == 1:
+        return None
+    speed = np.abs(np.diff(position, axis=0)).max(axis=0) / dt
+    acceleration = np.abs(np.diff(position, 2, axis=0)).max(axis=0) / dt**2
+    asked = (
+        ("speed", speed, limits.speed, "m/s"),
+        ("acceleration", acceleration, limits.acceleration, "m/s^2"),
+    )
+    shift = np.asarray(best.correction)
+    return StoredLap(
+        lap=best.lap,
+        error_um=1e6 * best.error,
+        largest_um=1e6 * float(np.abs(shift).max()),
+        first_um=1e6 * float(np.linalg.norm(shift[0])),
+        speed=float(speed.max()),
+        acceleration=float(acceleration.max()),
+        limits=[
+            LimitCheck(
+                name=f"{name} of {axis} that the reference asks for",
+                value=float(most[k]),
+                allowed=float(limit[k]),
+                unit=unit,
+            )
+            for name, most, limit, unit in asked
+            if limit is not None
+            for k, axis in enumerate(axes)
+        ],
+    )

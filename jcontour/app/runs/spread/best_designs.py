@@ -23,7 +23,7 @@ from jcontour.app.files.results.tuned_result import PathMargins
 from jcontour.app.flags.shared import Limited
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import Machine
-from jcontour.app.runs.checks.weights.path_margins import path_margins
+from jcontour.app.runs.checks.trials import path_margins
 from jcontour.app.runs.tuning.family_loops import WINDOWS
 from jcontour.app.runs.tuning.limits import counted, loop_limits, noise_limit
 from jcontour.simulation.evaluation import stack_plants

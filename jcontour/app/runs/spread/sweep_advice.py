@@ -7,9 +7,9 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
-from jcontour.app.files.results.swept_result import BestDesign, SweepResult
+from jcontour.app.files.results.search_results import BestDesign, SweepResult
 from jcontour.app.flags.shared import Controlled, Limited
-from jcontour.app.reports.figures.tuning.sweep import worst_errors
+from jcontour.app.reports.figures.sweeps import worst_errors
 from jcontour.app.runs.lifecycle import task_words
 from jcontour.app.runs.spread.best_designs import ALIKE, largest_of
 from jcontour.app.runs.spread.sweep_asked import Swept

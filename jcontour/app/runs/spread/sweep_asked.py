@@ -1,6 +1,7 @@
-"""What a sweep is asked for: machine, contours, previews and the values of weights."""
+"""A sweep that is asked for: machine, contours, previews and the values of weights."""
 
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,12 +15,49 @@ from jcontour.app.flags.tuning import Sweep
 from jcontour.app.jobs.job import Pace, Task
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import Machine
-from jcontour.app.runs.spread.varied_weights import listed_values, sampled_designs
+from jcontour.app.plain_numbers import named_numbers
 from jcontour.app.runs.tuning.limits import loop_limits, named_limits, noise_limit
+from tuning.sweep import grid, random_sample
 
+Listed = dict[str, tuple[float, ...]]
 FACTORS, VARIED = (0.1, 0.3, 1.0, 3.0, 10.0), 2  # of the first weights, where none are named
 # of weights of a cost: on the contours of bridgeport a tenth to a thousand times them are the best
 COST_FACTORS = (1e-2, 0.1, 1.0, 10.0, 1e2, 1e3, 1e4)
+
+
+def listed_values(words: Sequence[str]) -> Listed:
+    """Values by name of NAME=VALUE,VALUE,... words.
+
+    Raises:
+        ValueError: words of another form, or a number that is not finite.
+    """
+    return dict(named_numbers("vary", one) for one in words)
+
+
+def sampled_designs(
+    varied: Mapping[str, Sequence[float]], samples: int, seed: int
+) -> dict[str, Float[Array, " D"]]:
+    """The grid of all values, or so many random designs where `samples` is above zero.
+
+    A random sample lies between the least value and the largest, even in the logarithm.
+
+    Raises:
+        ValueError: fewer than zero samples, or a random sample from values that are not all above
+            zero.
+    """
+    if samples < 0:
+        raise ValueError(f"samples: needs at least 0, received {samples}")
+    if not samples:
+        return grid(**varied)
+    for name, values in varied.items():
+        if min(values) <= 0:
+            raise ValueError(
+                f"vary: a random sample needs values above zero, for it is even in the logarithm; "
+                f"received {min(values):g} for {name}: give a lower end above zero, or a grid "
+                "without --samples"
+            )
+    ends = {name: (min(values), max(values)) for name, values in varied.items()}
+    return random_sample(samples, seed, **ends)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from jcontour.analysis.sensitivity import (
 from jcontour.analysis.uncertain_loops import GRID, Doubt
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import Fed, Machine
-from jcontour.app.reports.figures.tuning.sensitivity import FamilyCurves
+from jcontour.app.reports.figures.searches import FamilyCurves
 from jcontour.controller import Controller
 from jcontour.devices import on_cpu
 from jcontour.motion.references import Reference

@@ -27,7 +27,7 @@ from jcontour.app.catalogue.controllers import CONTROLLERS
 from jcontour.app.designs.design import Design, plain_weights
 from jcontour.app.files import run_folder
 from jcontour.app.files.checkpoints import load_state, save_state
-from jcontour.app.files.results.ranked_result import Candidate, Ranked, RankedResult
+from jcontour.app.files.results.search_results import Candidate, Ranked, RankedResult
 from jcontour.app.files.results.stored import from_json, to_json
 from jcontour.app.files.results.verdict import Verdict, exceeded
 from jcontour.app.flags.shared import Aimed
@@ -37,12 +37,12 @@ from jcontour.app.jobs.replays import Replay, replay
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.runs.checks.machine_limits import machine_limits
-from jcontour.app.runs.checks.weights.recommendation import ALONE
-from jcontour.app.runs.checks.weights.unseen_plants import over_family
+from jcontour.app.runs.checks.recommendation import ALONE
+from jcontour.app.runs.checks.stated_limits import over_family
 from jcontour.app.runs.tuning.limits import loop_limits
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
-from jcontour.app.runs.tuning.regret import with_regret
 from jcontour.app.runs.tuning.results import machine_summary
+from jcontour.app.runs.tuning.searching import with_regret
 from tuning.effort import QUICK
 from tuning.tune import Tuned, TuneState, advance, result
 

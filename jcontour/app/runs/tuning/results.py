@@ -11,7 +11,7 @@ from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.analysis.uncertain_loops import BORNE
 from jcontour.app.beside import Beside
 from jcontour.app.designs.design import plain_weights
-from jcontour.app.files.results.certified_result import CertifiedBound
+from jcontour.app.files.results.bound_results import CertifiedBound
 from jcontour.app.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
 from jcontour.app.files.results.tuned_result import (
     EngineRow,
@@ -26,22 +26,24 @@ from jcontour.app.files.results.tuned_result import (
 from jcontour.app.files.results.verdict import ROUNDING
 from jcontour.app.jobs.replays import Replay, Scenarios, replay, scored
 from jcontour.app.machines.machine import Fed, Machine
-from jcontour.app.reports.figures.tuning.sensitivity import FamilyCurves
-from jcontour.app.runs.checks.weights.drift import offset_lasts
-from jcontour.app.runs.checks.weights.path_margins import path_margins
-from jcontour.app.runs.checks.weights.recommendation import (
+from jcontour.app.reports.figures.searches import FamilyCurves
+from jcontour.app.runs.checks.recommendation import (
     Evidence,
     active_limits,
     exceeded_most,
     flag_allowing,
+    idle_warnings,
     may_drift,
+    run_warnings,
     verdict_on,
 )
-from jcontour.app.runs.checks.weights.robustness import robust_test
-from jcontour.app.runs.checks.weights.standstill import standstill
-from jcontour.app.runs.checks.weights.stated_limits import family_limits, stated_limits
-from jcontour.app.runs.checks.weights.unseen_plants import exceeded_unseen, over_family
-from jcontour.app.runs.checks.weights.warnings import idle_warnings, run_warnings
+from jcontour.app.runs.checks.stated_limits import (
+    exceeded_unseen,
+    family_limits,
+    over_family,
+    stated_limits,
+)
+from jcontour.app.runs.checks.trials import offset_lasts, path_margins, robust_test, standstill
 from jcontour.app.runs.contour_summary import contour_read, peak_place
 from jcontour.app.runs.tuning.family_loops import (
     LeastKnown,

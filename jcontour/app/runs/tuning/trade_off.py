@@ -25,13 +25,13 @@ from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.designs.design import plain_weights
 from jcontour.app.files import run_folder
 from jcontour.app.files.checkpoints import load_state, save_state
-from jcontour.app.files.results.front_result import BudgetPoint, FrontResult, MachineUnits
+from jcontour.app.files.results.search_results import BudgetPoint, FrontResult, MachineUnits
 from jcontour.app.flags.shared import Aimed
 from jcontour.app.flags.tuning import Front, Tune
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.runs.tuning.family_loops import WINDOWS, probed_peaks
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
-from jcontour.app.runs.tuning.regret import with_regret
+from jcontour.app.runs.tuning.searching import with_regret
 from jcontour.simulation.metrics import Metrics
 from tuning.effort import QUICK
 from tuning.history import FEASIBLE, Evaluated, sound

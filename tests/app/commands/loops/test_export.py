@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 
 from jcontour.app.cli import main
-from jcontour.app.files.results.exported_result import ExportedResult
+from jcontour.app.files.results.loop_results import ExportedResult
 
 
 def test_a_simulated_run_becomes_code_that_gives_its_controls(tour):

@@ -8,14 +8,13 @@ import pytest
 
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.cli import main
-from jcontour.app.commands.loops.learn import run, verdict_on
-from jcontour.app.files.results.learned_result import LearnedMachine, LearnedResult, StoredLap
+from jcontour.app.commands.loops.learn import after, before, loading, run, verdict_on
+from jcontour.app.files.results.bound_results import LearnedMachine, LearnedResult, StoredLap
 from jcontour.app.files.results.stored import from_json, to_json
 from jcontour.app.files.results.verdict import LimitCheck
 from jcontour.app.flags.loops import Learn
 from jcontour.app.jobs.job import Pace, from_file
-from jcontour.app.reports.figures.tuning.learning import learning
-from jcontour.app.reports.learning_tables import after, before, loading
+from jcontour.app.reports.figures.loops import learning
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from jcontour.app.cli import main
 from jcontour.app.commands.loops import precompensate
 from jcontour.app.commands.loops.precompensate import ending, sentences, verdict_on
-from jcontour.app.files.results.bent_result import BentResult
+from jcontour.app.files.results.loop_results import BentResult
 from jcontour.app.files.results.run_metrics import MachineSummary
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.files.results.verdict import LimitCheck, exceeded

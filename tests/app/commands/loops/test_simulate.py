@@ -6,7 +6,7 @@ import pytest
 from jcontour.app.catalogue.choices import seeing_all
 from jcontour.app.commands.loops.simulate import _verdict, next_steps
 from jcontour.app.files.netcdf import load_dataset
-from jcontour.app.files.results.simulated_result import SimulatedResult
+from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Program

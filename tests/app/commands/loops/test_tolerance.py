@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from jcontour.app.cli import main
+from jcontour.app.commands.loops.tolerance import findings, promise
 from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.results.bound_results import ToleranceResult
 from jcontour.app.files.results.stored import read_result
-from jcontour.app.files.results.tolerance_result import ToleranceResult
-from jcontour.app.reports.tolerance_tables import findings, promise
 
 
 @pytest.fixture

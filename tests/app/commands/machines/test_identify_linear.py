@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from jcontour.app.cli import main
 from jcontour.app.commands.machines import identify_linear
-from jcontour.app.files.results.linear_result import LinearMachineResult
+from jcontour.app.files.results.machine_results import LinearMachineResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.flags.machines import Identify
 from jcontour.app.machines.from_file import load_machine

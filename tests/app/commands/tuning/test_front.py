@@ -9,7 +9,7 @@ import pytest
 from jcontour.app.cli import main
 from jcontour.app.commands.tuning.front import next_steps, show
 from jcontour.app.files.netcdf import load_dataset
-from jcontour.app.files.results.front_result import BudgetPoint, FrontResult, MachineUnits
+from jcontour.app.files.results.search_results import BudgetPoint, FrontResult, MachineUnits
 from jcontour.app.files.results.stored import from_json, read_result, to_json
 from jcontour.app.reports.page.page_data import page_data
 from jcontour.app.reports.tables import console_of

@@ -9,8 +9,8 @@ import pytest
 
 from jcontour.app.cli import main
 from jcontour.app.commands.tuning.rank import next_steps, show
-from jcontour.app.files.results.ranked_result import Candidate, Ranked, RankedResult
 from jcontour.app.files.results.run_metrics import MachineSummary
+from jcontour.app.files.results.search_results import Candidate, Ranked, RankedResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.flags.tuning import Tune

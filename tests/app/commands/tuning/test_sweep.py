@@ -9,8 +9,8 @@ import pytest
 from jcontour.app.cli import main
 from jcontour.app.commands.tuning.sweep import LOOPS, margin_lines
 from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.results.search_results import SweepResult
 from jcontour.app.files.results.stored import read_result
-from jcontour.app.files.results.swept_result import SweepResult
 
 NAMES = ("alpha", "beta")
 

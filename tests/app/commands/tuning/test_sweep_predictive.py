@@ -16,7 +16,7 @@ from jcontour.app.commands.tuning.sweep_predictive import (
 from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.flags.tuning import Sweep
-from jcontour.app.reports.figures.loops.predictive import (
+from jcontour.app.reports.figures.sweeps import (
     design_numbers,
     front_figure,
     surface_figure,

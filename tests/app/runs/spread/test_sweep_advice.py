@@ -8,7 +8,7 @@ import xarray as xr
 
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.cli import _chosen
-from jcontour.app.files.results.swept_result import BestDesign, SweepResult
+from jcontour.app.files.results.search_results import BestDesign, SweepResult
 from jcontour.app.files.trusted_code import trust
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Sweep, Tune

@@ -6,7 +6,7 @@ import pytest
 
 from jcontour.app.catalogue.choices import design_for, machine_named
 from jcontour.app.designs.lq import receding_horizon
-from jcontour.app.files.results.ranked_result import Candidate, Ranked
+from jcontour.app.files.results.search_results import Candidate, Ranked
 from jcontour.app.files.trusted_code import trust
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Rank

@@ -1,0 +1,343 @@
+"""Results of commands that run one loop: `simulate`, `feed`, `precompensate`, `trace`, `export`."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from jcontour.app.files.results.run_metrics import (
+    ContourRead,
+    FamilyMetrics,
+    MachineSummary,
+    MotionSummary,
+    PeakPlace,
+    RunMetrics,
+)
+from jcontour.app.files.results.stored import Weight
+from jcontour.app.files.results.verdict import LimitCheck, Verdict
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedResult:
+    """One controller on one contour, over the family of plants.
+
+    Attributes:
+        error: the error that counts, "contour" or "tracking".
+        terminal: cost at the end of an LQ controller's horizon; None for other controllers.
+        plants: metrics by plant, the nominal one first.
+        read: what the contour is.
+        peak: where the largest error is.
+        motion: what is asked of the machine, where it is limited in jerk.
+        verdict: every stated limit of the machine, and plants that diverge.
+        sample_period: of machine and controller [s]; None in folders of older versions.
+    """
+
+    machine: MachineSummary
+    controller: str
+    weights: dict[str, Weight]
+    error: str
+    contour: str
+    feed_law: str
+    samples: int
+    preview: int
+    terminal: str | None = None
+    model_delay: int | None = None
+    plants: dict[str, RunMetrics]
+    read: ContourRead | None = None
+    peak: PeakPlace | None = None
+    motion: MotionSummary | None = None
+    verdict: Verdict
+    sample_period: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedPoint:
+    """One feed.
+
+    Attributes:
+        override: per cent of the programmed feed.
+        cycle_time: of the whole run, with its rapid moves and rests, or of one of its laps [s].
+        metrics: of the nominal plant, and the worst of the family metric by metric.
+        diverged: plants that diverge.
+        limits: of the machine.
+        deviation: of the motion itself from the part, in blended corners, at most [m].
+        planned: a line for every limit that the motion itself exceeds.
+        not_followed: a line where the tool does not follow the motion.
+    """
+
+    override: float
+    cycle_time: float
+    metrics: FamilyMetrics
+    diverged: list[str]
+    limits: list[LimitCheck]
+    deviation: float = 0.0
+    planned: list[str] = field(default_factory=list)
+    not_followed: list[str] = field(default_factory=list)
+
+    @property
+    def sound(self) -> bool:
+        """Every plant follows, within the machine's limits."""
+        follows = not self.diverged and not self.not_followed
+        return follows and all(one.kept for one in self.limits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedResult:
+    """Error against cycle time.
+
+    Attributes:
+        error: the error that counts, "contour" or "tracking".
+        tolerance: largest error that is allowed [m]; None where none is given.
+        points: from the slowest feed to the quickest.
+        recommended: its override; None where no feed will do, or only a tolerance names one.
+        verdict: on the feed that is recommended.
+        tuned: whether the loop is one of `jcontour tune`.
+    """
+
+    machine: MachineSummary
+    controller: str
+    contour: str
+    error: str
+    tolerance: float | None
+    points: list[FeedPoint]
+    recommended: float | None
+    verdict: Verdict
+    tuned: bool = False
+
+    @property
+    def undecided(self) -> bool:
+        """Whether several feeds will do, and only a tolerance names one."""
+        return self.recommended is None and self.verdict.usable
+
+    @property
+    def corners_decide(self) -> bool:
+        """Whether the motion itself leaves the part by the whole tolerance."""
+        if self.tolerance is None:
+            return False
+        return self.tolerance <= min(point.deviation for point in self.points)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BentResult:
+    """Errors along the reference as it is, and along the bent one.
+
+    Attributes:
+        error: the error that counts, "contour" or "tracking".
+        roughness: price of the correction's bends.
+        largest: largest shift of the reference [m].
+        chord: largest distance of the G-code's moves, at their feeds, from the bent reference at
+            the same time [m]; None of one axis.
+        moves: of the G-code.
+        halts: places where the G-code stops, as the program does more there than move its axes.
+        ramps: moves of the program along which Z moves too; the G-code leaves Z alone.
+        before, after: metrics by plant, the nominal one first.
+        asked: largest speed [m/s] and acceleration [m/s^2] of an axis along the bent reference.
+        limits: of the machine, along the bent reference; of the reference itself those that it
+            exceeds.
+        limits_before: of the machine, along the reference as it is.
+        unlimited: what the machine states no limit of, of speed, acceleration and control.
+        weights: of the controller, a line for each.
+        doubts: what of the program may be meant otherwise.
+        held: how long the last point is held, until the tools rest [s]; scored like the run. None
+            of a run that ends in motion.
+        rests: whether they rest by then.
+        changing: largest acceleration of an axis from one feed of the G-code to the next [m/s^2].
+        verdict: on the bent reference.
+    """
+
+    machine: MachineSummary
+    controller: str
+    contour: str
+    error: str
+    samples: int
+    roughness: float
+    largest: float
+    chord: float | None
+    moves: int
+    before: dict[str, RunMetrics]
+    after: dict[str, RunMetrics]
+    limits: list[LimitCheck]
+    limits_before: list[LimitCheck] = field(default_factory=list)
+    asked: tuple[float, float] = (0.0, 0.0)
+    halts: int = 0
+    ramps: int = 0
+    unlimited: tuple[str, ...] = ()
+    weights: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    held: float | None = 0.0
+    rests: bool = True
+    changing: float = 0.0
+    verdict: Verdict | None = None
+
+    def _rms(self, runs: dict[str, RunMetrics]) -> list[float]:
+        return [float(getattr(run, f"rms_{self.error}_error")) for run in runs.values()]
+
+    @property
+    def nominal(self) -> tuple[float, float]:
+        """RMS error of the nominal machine before and after [m]."""
+        return self._rms(self.before)[0], self._rms(self.after)[0]
+
+    @property
+    def worst(self) -> tuple[float, float]:
+        """The worst RMS error of the family before and after [m]."""
+        return max(self._rms(self.before)), max(self._rms(self.after))
+
+    @property
+    def nominal_gain(self) -> float:
+        """How many times smaller the nominal RMS error is."""
+        return _ratio(*self.nominal)
+
+    @property
+    def worst_gain(self) -> float:
+        """How many times smaller the worst RMS error of the family is."""
+        return _ratio(*self.worst)
+
+
+def _ratio(before: float, after: float) -> float:
+    return before / max(after, 1e-15)
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Signals of a run, one row per sample of the plant."""
+
+    arc_mm: np.ndarray
+    contour_error_um: np.ndarray
+    speed_mm_s: np.ndarray
+    tool_mm: np.ndarray
+    control: np.ndarray
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the controller ran with, as the flags name it, the machine's defaults filled in.
+
+    Attributes:
+        r_control: of every control.
+        period_ms: of the controller.
+    """
+
+    q_theta: float
+    q_lag: float
+    r_control: tuple[float, ...]
+    horizon: int
+    period_ms: float
+    max_speed_mm_s: float
+
+
+@dataclass(frozen=True)
+class Traversed:
+    """Result of `trace`.
+
+    Attributes:
+        asked: what it ran with.
+        failure: why it stopped, in one line; empty when it went through.
+        steps: samples that were simulated.
+        fallbacks: of these, those that the fallback made.
+        limited: of these, the fraction with a limit active in the plan.
+        residual: the worst of any QP.
+        arrived: the tool came to the end of the path, and was there at the last sample.
+        time_s: until the margin of `traversal_score` before the end; None where it did not arrive.
+        came_mm: farthest along the path, before it left it.
+        progress_mm: where on the path the controller held it to be at the last sample.
+        outrun: that progress came to the end of the path, and the tool never did.
+        left_mm: how far off it was at most; None where it was never farther off than the path is
+            large.
+        end_mm: distance of the tool from the end of the path at the last sample.
+        rms_um: contour error of the whole path; None where the tool did not come to its end.
+        peak_um: its largest, likewise.
+        control_used: largest size of every control.
+        control_limit: of every control.
+        limits: of the machine.
+        verdict: whether the tool arrived, within the limits of the machine.
+        read: file behind the contour; None where there is none.
+        axes: names.
+        lost: what of the file is not kept, in words.
+    """
+
+    plant: str
+    contour: str
+    control_unit: str
+    length_mm: float
+    asked: Asked
+    failure: str
+    steps: int
+    fallbacks: int
+    limited: float
+    residual: float
+    arrived: bool
+    time_s: float | None
+    came_mm: float | None = None
+    progress_mm: float | None = None
+    outrun: bool = False
+    left_mm: float | None = None
+    end_mm: float | None = None
+    rms_um: float | None = None
+    peak_um: float | None = None
+    control_used: tuple[float, ...] = ()
+    control_limit: tuple[float, ...] = ()
+    limits: list[LimitCheck] = field(default_factory=list)
+    verdict: Verdict | None = None
+    signals: Signals | None = None
+    read: ContourRead | None = None
+    axes: tuple[str, ...] = ()
+    lost: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compiled:
+    """A compiler's check of the exported C code.
+
+    Attributes:
+        compiler: and its flags.
+        difference: largest, of the controls to those of `replay.csv` [control unit].
+        nanoseconds: of one step.
+    """
+
+    compiler: str
+    difference: float
+    nanoseconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportedResult:
+    """A controller as code.
+
+    Attributes:
+        exported: folder of the run.
+        controller: its name.
+        machine: its name.
+        contour: that the plan is made for.
+        samples: of the plan.
+        states: numbers that the controller remembers.
+        gain_sets: different gains along the path.
+        in_tables: the plan is compiled in; else the drive reads it, line by line.
+        control_unit: unit of the controls.
+        difference: largest of the law's controls to those of `simulate` [control unit].
+        rounding: largest difference that the precision makes in `replay.csv` [control unit].
+        largest_control: of the run [control unit].
+        precision: of the numbers, double or single.
+        files: name and meaning of every file.
+        compiled: checks by the compilers of this computer.
+        warnings: what speaks against loading it.
+        start: where the axes have to stand, in words.
+        end: what is to be done at the end of the plan.
+    """
+
+    exported: str
+    controller: str
+    machine: str
+    contour: str
+    samples: int
+    states: int
+    gain_sets: int
+    in_tables: bool
+    control_unit: str
+    difference: float
+    rounding: float
+    largest_control: float
+    precision: str
+    files: dict[str, str]
+    compiled: list[Compiled] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    start: str = ""
+    end: str = ""

@@ -1,0 +1,231 @@
+"""Results of `rank`, `front` and `sweep`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jcontour.app.files import run_folder
+from jcontour.app.files.results.run_metrics import METRICS, MachineSummary
+from jcontour.app.files.results.stored import BESIDE_OTHERS, Weight
+from jcontour.app.files.results.verdict import Verdict
+from jcontour.app.flags.tuning import Against
+
+SHOWN = ("rms_contour_error", "rms_tracking_error", "rms_increment", "peak_sensitivity")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A controller that is tuned alike, with the numbers that are chosen and not tuned.
+
+    Attributes:
+        controller: name in the catalogue, or FILE.py:NAME.
+        preview: horizon [samples].
+        terminal: cost at its end.
+        model_delay: samples of unknown delay in its model; None for its own choice.
+    """
+
+    controller: str
+    preview: int
+    terminal: str
+    model_delay: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranked:
+    """One tuned controller, on the machine with all effects; errors are RMS [m].
+
+    Attributes:
+        label: name in the table.
+        failure: why it has no place, in one line; the numbers are None then.
+        held_out: geometric mean over held-out contours of the family's worst error.
+        training: the same over training contours.
+        held_out_errors: the family's worst error, contour by contour.
+        training_errors: likewise.
+        peak_sensitivity: largest Ms at the probes of the training contours, over the family; None
+            where a frozen loop is unstable, or none is looked at.
+        learns: the controller changes while it runs; Ms is that of the loop that it begins with.
+        feasible: whether every limit holds, those of the machine with all effects.
+        exceeded: limits of the machine that its runs do not keep, a line each.
+        stationary: whether the search had ended.
+        evaluations: points that were evaluated.
+        weights: by name.
+        seconds: processor time of the runs of all contours and plants, compiled [s].
+    """
+
+    candidate: Candidate
+    label: str
+    failure: str | None = None
+    held_out: float | None = None
+    training: float | None = None
+    held_out_errors: dict[str, float] | None = None
+    training_errors: dict[str, float] | None = None
+    peak_sensitivity: float | None = None
+    learns: bool = False
+    feasible: bool = False
+    exceeded: list[str] = field(default_factory=list)
+    stationary: bool = False
+    evaluations: int = 0
+    weights: dict[str, Weight] | None = None
+    seconds: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankedResult:
+    """All controllers, the best first; those that failed come last.
+
+    Attributes:
+        error: the error that counts, "contour" or "tracking".
+        evaluations: that each of them was allowed.
+        verdict: whether a controller keeps every limit.
+        learning: names of controllers that were left out, as they learn while they run.
+    """
+
+    machine: MachineSummary
+    error: str
+    evaluations: int
+    rows: list[Ranked]
+    verdict: Verdict
+    learning: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class MachineUnits:
+    """Units of the machine that the numbers need."""
+
+    control_unit: str
+
+
+@dataclass(frozen=True)
+class BudgetPoint:
+    """The best weights found within one budget, on the smooth machines.
+
+    Attributes:
+        budget: largest RMS control increment [control unit per sample], or peak sensitivity.
+        weights: those that are one number, or one for each axis.
+        rms_contour_error: worst over contours and family [m]; so are the next two.
+        rms_tracking_error: [m].
+        rms_increment: [control unit per sample].
+        objective: what was made small: an error [m], or a ratio of two.
+        feasible: whether every limit holds.
+        slack: whether the weights need clearly less than the budget.
+        peak_sensitivity: largest Ms over the probes of the contours and the family; infinite where
+            a frozen loop is not stable.
+    """
+
+    budget: float
+    weights: dict[str, Weight] = field(metadata=BESIDE_OTHERS)
+    rms_contour_error: float
+    rms_tracking_error: float
+    rms_increment: float
+    objective: float
+    feasible: bool
+    slack: bool
+    peak_sensitivity: float
+
+    def error(self, name: str) -> float:
+        """Worst RMS error of a name, contour or tracking [m]."""
+        return getattr(self, f"rms_{name}_error")
+
+    def spent(self, against: Against) -> float:
+        """What the weights need of the quantity that the budgets limit."""
+        return self.rms_increment if against == "increment" else self.peak_sensitivity
+
+
+@dataclass(frozen=True)
+class FrontResult:
+    """A front.
+
+    Attributes:
+        machine: its units.
+        error: name of the error that counts on the machine, contour or tracking.
+        controller: name in the catalogue.
+        weights: names of the free weights.
+        points: one for every budget, from the smallest.
+        tracking_cap: limit on the RMS tracking error that no flag asked for [m]; None without it.
+        against: what the budgets limit.
+        nominal_only: the family is the nominal plant alone.
+    """
+
+    machine: MachineUnits
+    error: str
+    controller: str
+    weights: list[str]
+    points: list[BudgetPoint]
+    tracking_cap: float | None = None
+    against: Against = "increment"
+    nominal_only: bool = False
+
+    @property
+    def slack(self) -> list[float]:
+        """Budgets that are not used up."""
+        return [point.budget for point in self.points if point.slack]
+
+
+def dataset_of(result: FrontResult, weight_units: dict[str, str]) -> xr.Dataset:
+    """The front along its budgets; a weight with a number for each axis has a second dimension."""
+    unit = result.machine.control_unit
+
+    def along(values: Sequence[Any], of: str, second: str = "") -> tuple[list[str], Any, Any]:
+        column = np.array(values, float)
+        return ["budget", second][: column.ndim], column, {"units": of}
+
+    data: dict[str, Any] = {}
+    for name, of in weight_units.items():
+        data[name] = along([point.weights[name] for point in result.points], of, f"entry_of_{name}")
+    for name in SHOWN:
+        values = [getattr(point, name) for point in result.points]
+        of = "1" if name == "peak_sensitivity" else METRICS[name].si(unit)
+        data[name] = along(values, of)
+    for name in ("feasible", "slack"):
+        data[name] = along([float(getattr(point, name)) for point in result.points], "1")
+    of = unit if result.against == "increment" else "1"
+    budgets = along([point.budget for point in result.points], of)
+    attributes = {"title": f"jcontour front: error against {result.against}"}
+    return xr.Dataset(data, {"budget": budgets}, {**attributes, **run_folder.versions()})
+
+
+@dataclass(frozen=True)
+class BestDesign:
+    """The best weights with one preview within the limits, by the worst error of all runs.
+
+    Of errors that are alike, those of the calmest control are the best.
+
+    Attributes:
+        preview: [samples].
+        weights: those that vary, by name.
+        worst_um: worst RMS error [um].
+        nominal_um: worst RMS error over the contours on the nominal plant [um].
+        sensitivity: peak Ms of the frozen loops over the family; None where one is unstable.
+        delay_samples: extra delay that the nominal loops bear; -1 where one is unstable as it is.
+        looked: designs whose loops were looked at, the best first, until one kept the limits.
+        beyond: limits on loops that it breaks, with its values, SI; none did better.
+    """
+
+    preview: int
+    weights: dict[str, float] = field(metadata=BESIDE_OTHERS)
+    worst_um: float
+    nominal_um: float
+    sensitivity: float | None
+    delay_samples: int
+    looked: int = 1
+    beyond: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """Summary of a sweep; all numbers are in its netCDF file.
+
+    Attributes:
+        points: designs with their previews.
+        diverged: points that diverge on any plant along any contour.
+        within: points that do not, and whose runs keep the limits of the flags.
+        best: one design for every preview with which any is within the limits.
+    """
+
+    points: int
+    diverged: int
+    within: int
+    best: list[BestDesign]

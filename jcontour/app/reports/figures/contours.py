@@ -1,0 +1,390 @@
+"""Figures of runs along one contour: where the tool goes, and its errors over time.
+
+Draw your own runs with them:
+
+    from jcontour.app.reports.figures.contours import ContourRuns, contour_figure, error_figure
+    from jcontour.simulation.closed_loop import simulate
+
+    rollout = simulate(plant, controller, reference)
+    runs = ContourRuns.of(reference, {"mine": rollout}, name="circle")
+    contour_figure(runs).savefig("contour.png")
+    error_figure(runs).savefig("errors.png")
+
+Signals are in SI units, figures in mm and um. Contours with many details, as letters or pockets,
+and passes side by side have no room for a magnified error: there the tool is coloured by it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from jaxtyping import Bool, Int
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from jcontour.app.reports.figures.axes import (
+    DESIRED,
+    OTHER,
+    WORDS,
+    colours_of,
+    draw_curve,
+    grid,
+    legend_below,
+    long,
+    short,
+)
+from jcontour.motion.references import Reference
+from jcontour.simulation.closed_loop import Rollout
+from jcontour.simulation.metrics import contour_error
+
+NOMINAL = "nominal plant"
+ARROWS = np.array([0.2, 0.5, 0.8])  # of the way: where arrows show its direction
+ARROW = 0.005  # of the way: length of one,
+LONGEST = 0.05  # and of the contour's size: it is straight, the way is not
+ARROW_STYLE = {"arrowstyle": "-|>", "color": DESIRED}
+MAGNIFIED = 0.06  # of the contour's size: how large the largest error is drawn
+ROUNDING = 1e-12  # of the largest coordinate: an error below it is none
+TRUE = "error true to scale"
+DETAILED = 0.35  # mean diameter of the curves, of the contour's size: below it there are many
+CROWDED = 10.0  # length, of the contour's size: beyond it passes lie side by side
+STANDSTILL = 1e-9  # m in a sample: no direction below it
+MOST = 20_000  # pieces of a colour, beside those that end where a rapid move begins or ends
+COLOURS = "viridis_r"  # dark where the error is large
+PANEL = 4.2  # inches: width of one contour
+BAR = 0.9  # inches: width of a scale of colours
+TITLE = 0.5  # inches: height of a panel's title
+TITLES = 0.9  # inches: height of the figure's title and legend
+DIVERGED = "diverged"
+FLAT = 0.3  # height to width of a contour: below it panels lie above each other
+FLATTEST_AND_TALLEST = (0.17, 1.2)  # height to width of one contour's panel: room for ticks
+NARROWEST = 0.7  # width to height of what a panel shows: a title of 45 letters fits above
+
+
+@dataclass(frozen=True)
+class DrawnRun:
+    """Signals of one run.
+
+    Attributes:
+        label: of the controller or its weights; it chooses the colour.
+        plant: it ran on, in words.
+        output: (T, m) [m].
+        control: (T, p) [control unit].
+        contour_error: (T, m) [m], from the nearest point of the contour to the tool.
+        diverged: its error means nothing.
+    """
+
+    label: str
+    plant: str
+    output: np.ndarray
+    control: np.ndarray
+    contour_error: np.ndarray
+    diverged: bool = False
+
+
+@dataclass(frozen=True)
+class ContourRuns:
+    """Runs along one contour.
+
+    Attributes:
+        name: of the contour.
+        time: (T,) [s].
+        scored: (T,) which samples count.
+        reference: (T, m) [m].
+        axes: names of the m axes.
+        control_unit: for labels.
+        rows: runs to compare with each other, such as those on the nominal plant.
+    """
+
+    name: str
+    time: np.ndarray
+    scored: np.ndarray
+    reference: np.ndarray
+    axes: tuple[str, ...]
+    control_unit: str
+    rows: tuple[tuple[DrawnRun, ...], ...]
+
+    @classmethod
+    def of(
+        cls,
+        reference: Reference,
+        rollouts: Mapping[str, Rollout],
+        name: str = "contour",
+        axes: Sequence[str] = "XYZ",
+        control_unit: str = "control unit",
+    ) -> "ContourRuns":
+        """Rollouts by their labels, along one reference."""
+        steps = reference.steps
+        runs = []
+        for label, rollout in rollouts.items():
+            error = np.asarray(contour_error(rollout.output, reference))
+            output, control = np.asarray(rollout.output), np.asarray(rollout.control)
+            runs.append(DrawnRun(label, NOMINAL, output, control, error))
+        position = np.asarray(reference.position)[:steps]
+        return cls(
+            name,
+            reference.dt * np.arange(steps),
+            np.asarray(reference.mask)[:steps],
+            position,
+            tuple(axes)[: position.shape[1]],
+            control_unit,
+            (tuple(runs),),
+        )
+
+    @property
+    def runs(self) -> list[DrawnRun]:
+        """All of them."""
+        return [run for row in self.rows for run in row]
+
+    @property
+    def rapids(self) -> bool:
+        """Whether moves between scored ones do not count."""
+        first, last = np.flatnonzero(self.scored)[[0, -1]]
+        return not self.scored[first : last + 1].all()
+
+    def shown(self, signal: np.ndarray) -> np.ndarray:
+        """A signal (T, ...) with NaN where samples do not count."""
+        scored = self.scored.reshape(-1, *(1,) * (signal.ndim - 1))
+        return np.where(scored, signal, np.nan)
+
+
+def draw_way(axes: Axes, runs: ContourRuns) -> None:
+    """The contour [mm] where it counts, its first point, its direction, and rapid moves."""
+    desired = 1e3 * runs.shown(runs.reference)[:, :2]
+    axes.plot(*desired.T, color=DESIRED, linewidth=0.8, linestyle="--", label="contour")
+    place, counts = 1e3 * runs.reference[:, :2], runs.scored
+    between = counts.copy()
+    between[1:-1] &= counts[:-2] & counts[2:]  # up to the cuts on both sides
+    if runs.rapids:
+        beside = np.where(between[:, None], np.nan, place).T
+        axes.plot(*beside, color=OTHER, linewidth=0.8, linestyle=":", label="rapid")
+    axes.plot(*place[counts.argmax()], "o", color="black", markersize=3.5, label="first point")
+    _draw_arrows(axes, place, np.flatnonzero(counts))
+
+
+def _draw_arrows(axes: Axes, place: np.ndarray, cut: np.ndarray) -> None:
+    """Arrows at `ARROWS` of the way along the samples `cut` of places (T, 2) [mm]."""
+    begins = np.diff(cut, prepend=cut[0] - 2) > 1  # of every stretch without a rapid move
+    steps = np.linalg.norm(np.diff(place[cut], axis=0, prepend=place[cut[:1]]), axis=1)
+    way = np.cumsum(np.where(begins, 0.0, steps))
+    length = min(ARROW * way[-1], LONGEST * float(np.ptp(place[cut], axis=0).max()))
+    tips = np.searchsorted(way, way[-1] * ARROWS)
+    tails = np.searchsorted(way, way[tips] - length, side="right") - 1
+    tails = np.maximum(tails, np.maximum.accumulate(np.where(begins, np.arange(cut.size), 0))[tips])
+    for tail, tip in zip(cut[tails], cut[tips], strict=True):
+        axes.annotate("", tuple(place[tip]), tuple(place[tail]), arrowprops=ARROW_STYLE)
+
+
+def draw_magnified(
+    axes: Axes, runs: ContourRuns, run: DrawnRun, row: Sequence[DrawnRun], colour: str
+) -> str:
+    """Draw the tool; the magnification in words, the same for all runs of a row."""
+    factor = _magnification(runs, row)
+    tool = desired_on_contour(runs, run) + factor * 1e3 * runs.shown(run.contour_error)[:, :2]
+    axes.plot(*tool.T, color=colour, linewidth=1.0, label=run.label)
+    return TRUE if factor == 1 else f"error x {factor:g}"
+
+
+def _magnification(runs: ContourRuns, compared: Sequence[DrawnRun]) -> float:
+    """The one at which every one of these runs stays near the contour."""
+    desired = runs.shown(runs.reference)[:, :2]
+    errors = [runs.shown(run.contour_error)[:, :2] for run in compared if not run.diverged]
+    return min((magnification(desired, error) for error in errors), default=1.0)
+
+
+def desired_on_contour(runs: ContourRuns, run: DrawnRun) -> np.ndarray:
+    """Nearest points of the contour to the tool [mm], in the plane (T, 2)."""
+    return 1e3 * runs.shown(run.output - run.contour_error)[:, :2]
+
+
+def magnification(desired: np.ndarray, error: np.ndarray) -> float:
+    """1, 2, 5, 10, ...: the largest error becomes about `MAGNIFIED` of the contour's size."""
+    size = float(np.nanmax(np.nanmax(desired, axis=0) - np.nanmin(desired, axis=0)))
+    finite = np.abs(error[np.isfinite(error)])
+    largest = float(finite.max()) if finite.size else 0.0
+    if not ROUNDING * float(np.nanmax(np.abs(desired))) < largest < size:
+        return 1.0
+    factor = MAGNIFIED * size / largest
+    if factor < 1:
+        return 1.0
+    decade = 10 ** np.floor(np.log10(factor))
+    return float(decade * max(step for step in (1, 2, 5) if step <= factor / decade))
+
+
+def detailed(runs: ContourRuns) -> bool:
+    """Whether passes lie side by side, or curves are tight: the length over the angle turned.
+
+    That is the mean radius of the curves.
+    """
+    place = runs.reference[:, :2]
+    step = np.diff(place, axis=0)[runs.scored[1:] & runs.scored[:-1]]
+    length = np.linalg.norm(step, axis=1)
+    step, length = step[length > STANDSTILL], length[length > STANDSTILL]
+    heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    turned = np.abs(np.diff(heading)).sum()
+    size, whole = np.ptp(place[runs.scored], axis=0).max(), length.sum()
+    return bool(whole > CROWDED * size or 2 * whole < DETAILED * size * turned)
+
+
+def draw_coloured(
+    axes: Axes, runs: ContourRuns, run: DrawnRun, row: Sequence[DrawnRun], colour: str
+) -> str:
+    """Draw the tool; the largest error in words, ringed in `colour`. A row has one scale."""
+    place, error = 1e3 * runs.shown(run.output)[:, :2], _error(runs, run)
+    starts = _starts(runs.scored)
+    place, largest = place[starts], np.fmax.reduceat(error, starts)
+    pieces = np.stack([place[:-1], place[1:]], axis=1)
+    drawn = np.isfinite(pieces).all(axis=(1, 2))
+    order = np.argsort(largest[:-1][drawn])  # large errors lie on top
+    top = max(np.nanmax(_error(runs, one)) for one in row if not one.diverged)
+    lines = LineCollection(
+        list(pieces[drawn][order]),
+        array=largest[:-1][drawn][order],
+        cmap=COLOURS,
+        clim=(0.0, top),
+        linewidths=1.2,
+        capstyle="round",
+    )
+    axes.add_collection(lines)
+    axes.figure.colorbar(lines, ax=axes, label="error [um]")
+    worst = int(np.nanargmax(error))
+    ring = {"markersize": 9, "mfc": "none", "mec": colour, "linestyle": "none"}
+    axes.plot(*1e3 * run.output[worst, :2], "o", label=f"largest, {run.label}", **ring)
+    return f"largest error {error[worst]:.3g} um"
+
+
+def _starts(scored: Bool[np.ndarray, " T"]) -> Int[np.ndarray, " K"]:
+    """Samples where pieces begin: at equal distances, and on both sides of every border of a cut.
+
+    A piece over a border would lose the end of a cut, or draw a short rapid move as one.
+    """
+    count = len(scored)
+    before = np.flatnonzero(np.diff(scored))
+    even = np.arange(0, count, -(-count // MOST))
+    return np.unique(np.concatenate([even, before, before + 1, [count - 1]]))
+
+
+def _error(runs: ContourRuns, run: DrawnRun) -> np.ndarray:
+    """Contour error (T,) [um]; NaN where samples do not count."""
+    return 1e6 * np.linalg.norm(runs.shown(run.contour_error), axis=-1)
+
+
+def error_figure(runs: ContourRuns) -> Figure:
+    """Contour error (of a single axis: its tool), tracking error and control increment over time.
+
+    Every row of runs has a column of its own.
+    """
+    width = len(runs.rows)
+    figure = Figure(figsize=(1.5 + 6.0 * width, 7.0), layout="constrained")
+    columns = figure.subplots(3, width, sharex=True, squeeze=False).T
+    for column, row in zip(columns, runs.rows, strict=True):
+        _draw_errors(column, runs, row)
+    left_out = ", without rapid moves" if runs.rapids else ""
+    words = f" ({WORDS})" if long(runs.time.size) else ""
+    figure.suptitle(f"{short(runs.name)}: scored samples{left_out}{words}")
+    return figure
+
+
+def _draw_errors(column: Sequence[Axes], runs: ContourRuns, row: Sequence[DrawnRun]) -> None:
+    alone = len(runs.axes) == 1
+    first = "tool [mm]" if alone else "contour error [um]"
+    labels = (first, "tracking error [um]", f"increment [{runs.control_unit}]")
+    colours = colours_of([run.label for run in row])
+    for run in row:
+        legend = f"{run.label}, {run.plant}{', diverged' if run.diverged else ''}"
+        for axes, signal in zip(column, _errors(runs, run, alone), strict=True):
+            draw_curve(axes, runs.time, runs.shown(signal), colours[run.label], 0.8, legend)
+    if alone:
+        desired = 1e3 * runs.shown(runs.reference)[:, 0]
+        column[0].plot(runs.time, desired, color=DESIRED, linewidth=0.8, linestyle="--")
+    for axes, label in zip(column, labels, strict=True):
+        grid(axes, y=label)
+    used = runs.time[runs.scored]
+    column[-1].set(xlabel="time [s]", xlim=(used[0], used[-1]))
+    column[0].legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+
+
+def _errors(runs: ContourRuns, run: DrawnRun, alone: bool) -> tuple[np.ndarray, ...]:
+    """Signals drawn over time: contour error or tool, tracking error, increment."""
+    contour = 1e6 * np.linalg.norm(run.contour_error, axis=-1)
+    tracking = 1e6 * np.linalg.norm(run.output - runs.reference, axis=-1)
+    increment = np.linalg.norm(np.diff(run.control, axis=0), axis=-1)
+    return 1e3 * run.output[:, 0] if alone else contour, tracking, np.append(increment, np.nan)
+
+
+def figures_of(runs: ContourRuns) -> dict[str, Figure]:
+    """Both figures by their names, after the contour; a single axis has no plane to draw."""
+    made = {f"errors-{runs.name}": error_figure(runs)}
+    if len(runs.axes) > 1:
+        made[f"contour-{runs.name}"] = contour_figure(runs)
+    return made
+
+
+def contour_figure(runs: ContourRuns) -> Figure:
+    """The contour in the plane of its first two axes, with the error drawn larger than it is.
+
+    Every run has a panel. Runs of one plant have one magnification, so that they compare; the title
+    says how large it is. Where there are many details or passes, colours of the tool's line tell
+    its error instead.
+    """
+    panels = [[(run, row) for run in row] for row in runs.rows]
+    shape, wide = _height_to_width(runs), PANEL
+    if shape < FLAT:
+        panels, wide = [[one] for row in panels for one in row], 2 * PANEL
+    elif all(len(row) == 1 for row in panels):
+        panels = [[one for row in panels for one in row]]
+    height, width = len(panels), len(panels[0])
+    size = ((wide + BAR * detailed(runs)) * width, (wide * shape + TITLE) * height + TITLES)
+    figure = Figure(figsize=size, layout="compressed")
+    places = figure.subplots(height, width, sharex=True, sharey=True, squeeze=False)
+    colours = colours_of([run.label for run in runs.rows[0]])
+    words = []
+    for place, (run, row) in zip(places.ravel(), chain.from_iterable(panels), strict=True):
+        words.append(_draw_panel(place, runs, run, row, colours[run.label]))
+        place.label_outer(remove_inner_ticks=True)
+    _make_room(places[0, 0])
+    figure.suptitle(f"{short(runs.name)}: contour and tool{_how(runs, words)}")
+    legend_below(figure, columns=4)
+    return figure
+
+
+def _how(runs: ContourRuns, words: Sequence[str]) -> str:
+    """How the error is shown, for the title; `words` are those of the panels."""
+    if detailed(runs):
+        return ", coloured by its error"
+    return ", contour error magnified" if {*words} - {TRUE, DIVERGED} else ""
+
+
+def _height_to_width(runs: ContourRuns) -> float:
+    """Of a panel: that of the contour, within what a page can show."""
+    contour = runs.shown(runs.reference)[:, :2]
+    width, height = np.nanmax(contour, axis=0) - np.nanmin(contour, axis=0)
+    return float(np.clip(height / width, *FLATTEST_AND_TALLEST)) if width > 0 else 1.0
+
+
+def _make_room(axes: Axes) -> None:
+    """Room beside a tall contour, so that titles of panels side by side stay apart.
+
+    Likewise above and below a flat one, as a line along X is, for ticks. Scales stay equal.
+    """
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    missing = NARROWEST * (high - low) - (right - left)
+    if missing > 0:
+        axes.set_xlim(left - missing / 2, right + missing / 2)
+    missing = FLATTEST_AND_TALLEST[0] * (right - left) - (high - low)
+    if missing > 0:
+        axes.set_ylim(low - missing / 2, high + missing / 2)
+
+
+def _draw_panel(
+    axes: Axes, runs: ContourRuns, run: DrawnRun, row: Sequence[DrawnRun], colour: str
+) -> str:
+    """Draw a run; how its error is shown, in words."""
+    draw_way(axes, runs)
+    draw = draw_coloured if detailed(runs) else draw_magnified
+    words = DIVERGED if run.diverged else draw(axes, runs, run, row, colour)
+    x, y = runs.axes[:2]
+    grid(axes, f"{run.label}, {run.plant}\n{words}", f"{x} [mm]", f"{y} [mm]")
+    axes.set_aspect("equal", adjustable="box")
+    return words

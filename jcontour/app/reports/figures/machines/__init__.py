@@ -1,1 +1,0 @@
-"""Figures of machines and of their records."""

@@ -1,0 +1,283 @@
+"""Figures of searches: points tried, trade-offs, fronts, ranks, sensitivity of the family."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jcontour.app.files.results.search_results import BudgetPoint, FrontResult, RankedResult
+from jcontour.app.files.results.stored import Weight
+from jcontour.app.files.results.tuned_result import HistoryPoint, TunedResult
+from jcontour.app.reports.figures.axes import (
+    COLOURS,
+    OTHER,
+    TUNED,
+    grid,
+    legend_below,
+    logarithmic,
+    plain_ticks,
+)
+
+DIVERGED = "diverged: rejected, no objective"
+MEASURES = {  # objective -> what is made small
+    "typical": "geometric mean over contours\nof the worst RMS {error} error [um]",
+    "worst": "worst RMS {error} error [um]",
+    "mean": "mean RMS {error} error [um]",
+    "regret": "largest RMS {error} error\nover the best of its contour",
+    "certified": "geometric mean over contours\nof the largest certified {error} error [um]",
+}
+ROW = 0.32  # [inch]
+
+
+class Search(NamedTuple):
+    """A tuning run as its figures see it.
+
+    Attributes:
+        points: that the tuner tried.
+        result: of the run.
+        objective: its name among the flags.
+    """
+
+    points: Sequence[HistoryPoint]
+    result: TunedResult
+    objective: str = "typical"
+
+    @property
+    def measure(self) -> str:
+        """What the search makes small, in words with its unit."""
+        return MEASURES[self.objective].format(error=self.result.error)
+
+    def measured(self, points: Sequence[HistoryPoint]) -> np.ndarray:
+        """Objective of the points, in the unit of `measure`."""
+        factor = 1.0 if self.objective == "regret" else 1e6  # a ratio, or [m]
+        return factor * np.array([point.objective for point in points], float)
+
+
+def history_figure(search: Search) -> Figure:
+    """Objective of every point tried, and the best feasible one so far.
+
+    Points beyond a limit are hollow. Points that diverged have no objective: they stand above all
+    others.
+    """
+    points = search.points
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    axes = figure.subplots()
+    index = np.arange(1, len(points) + 1)
+    lost = np.array([point.diverged for point in points])
+    objective = search.measured(points)
+    objective = np.where(lost | ~np.isfinite(objective), np.nan, objective)
+    feasible = np.array([point.feasible for point in points], bool)
+    for number, descent in enumerate(sorted({point.descent for point in points})):
+        chosen = np.array([point.descent == descent for point in points])
+        label = "random points" if descent < 0 else f"descent {descent + 1}"
+        dots = {"color": f"C{number}", "markersize": 4}
+        axes.plot(*_at(chosen & feasible, index, objective), "o", label=label, **dots)
+        axes.plot(*_at(chosen & ~feasible, index, objective), "o", mfc="none", **dots)
+    if not (feasible | lost).all():
+        axes.plot([], [], "o", color=OTHER, mfc="none", markersize=4, label="limit exceeded")
+    best = np.fmin.accumulate(np.where(feasible, objective, np.nan))
+    axes.plot(index, best, color="0.3", linewidth=1.2, label="best feasible so far")
+    if lost.any():
+        highest = np.nanmax(objective) if np.isfinite(objective).any() else 1.0
+        height = np.full(lost.sum(), 3 * highest)
+        axes.plot(index[lost], height, "x", color="tab:red", label=DIVERGED)
+    axes.set_yscale("log")
+    plain_ticks(axes.yaxis)
+    grid(axes, "Points tried (smooth machine)", "evaluated point", search.measure)
+    legend_below(figure)
+    return figure
+
+
+def _at(chosen: np.ndarray, *values: np.ndarray) -> list[np.ndarray]:
+    return [value[chosen] for value in values]
+
+
+def trade_off_figure(search: Search) -> Figure:
+    """What the search makes small against the worst control increment, of all points that ran.
+
+    The line is the lower left edge of those within the limits; the tuned point is its lowest.
+    """
+    ran = [one for one in search.points if not one.diverged and np.isfinite(one.objective)]
+    points, result = ran, search.result
+    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
+    axes = figure.subplots()
+    increment = np.array([point.rms_increment for point in points])
+    error = search.measured(points)
+    within = np.array([point.feasible for point in points], bool)
+    dots = {"color": OTHER, "markersize": 5}
+    label = "evaluated, within the limits"
+    axes.plot(increment[within], error[within], "o", label=label, **dots)
+    if not within.all():
+        label = "evaluated, limit exceeded"
+        axes.plot(increment[~within], error[~within], "o", mfc="none", label=label, **dots)
+    x, y = lower_left_edge(increment[within], error[within])
+    axes.step(x, y, where="post", color="0.3", linewidth=1.0, label="front of these")
+    _mark(axes, "start", "s", place_of(points, result.start), increment, error)
+    _mark(axes, "tuned", "*", place_of(points, result.weights), increment, error)
+    logarithmic(axes)
+    unit = result.machine.control_unit
+    grid(
+        axes,
+        "Trade-off over training contours and family (smooth machine)",
+        f"worst RMS control increment [{unit} per sample]",
+        search.measure,
+    )
+    legend_below(figure)
+    return figure
+
+
+def _mark(
+    axes: Axes, design: str, marker: str, place: int | None, x: np.ndarray, y: np.ndarray
+) -> None:
+    if place is not None:
+        style = {"color": COLOURS[design], "markersize": 10, "linestyle": "none", "zorder": 5}
+        axes.plot(x[place], y[place], marker, label=design, **style)
+
+
+def lower_left_edge(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points that no other beats in both coordinates, by growing x."""
+    order = np.lexsort((y, x))
+    before = np.minimum.accumulate(np.append(np.inf, y[order]))[:-1]
+    edge = order[y[order] < before]
+    return x[edge], y[edge]
+
+
+def place_of(points: Sequence[HistoryPoint], weights: dict[str, Weight]) -> int | None:
+    """First point with these weights; None where there is none, as of another controller."""
+    wanted = {name: np.asarray(value) for name, value in weights.items() if value is not None}
+    for k, point in enumerate(points):
+        if not wanted.keys() <= point.weights.keys():
+            return None
+        tried = {name: np.asarray(point.weights[name]) for name in wanted}
+        if all(np.allclose(tried[name], wanted[name], rtol=1e-9) for name in wanted):
+            return k
+    return None
+
+
+FIGURES = {"history": history_figure, "trade_off": trade_off_figure}
+
+
+def front(result: FrontResult) -> Figure:
+    """Least worst error of every budget.
+
+    A filled marker is a budget that is used up, a square one that is slack, an open marker one that
+    no weights met.
+    """
+    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
+    axes = figure.subplots()
+    # a loop that is not stable has no finite peak, and no place here
+    points = [point for point in result.points if _finite(point, result)]
+    met = [point for point in points if point.feasible]
+    kinds = {
+        "tuned for this budget": ("o", TUNED, [point for point in met if not point.slack]),
+        "budget is slack": ("s", TUNED, [point for point in met if point.slack]),
+        "budget not met": ("o", "none", [point for point in points if not point.feasible]),
+    }
+    axes.plot(*_places(met, result), color=TUNED, linewidth=1.0)
+    for label, (marker, face, shown) in kinds.items():
+        if shown:
+            axes.plot(*_places(shown, result), marker, color=TUNED, mfc=face, label=label)
+    unit = result.machine.control_unit
+    against = {
+        "increment": f"worst RMS control increment [{unit} per sample]",
+        "sensitivity": "largest peak sensitivity Ms",
+    }
+    plants = "the nominal plant" if result.nominal_only else "contours and family"
+    grid(
+        axes,
+        title=f"Front over {plants} (smooth machine)",
+        x=against[result.against],
+        y=f"worst RMS {result.error} error [um]",
+    )
+    logarithmic(axes)
+    legend_below(figure)
+    return figure
+
+
+def _finite(point: BudgetPoint, result: FrontResult) -> bool:
+    return point.spent(result.against) < float("inf")
+
+
+def _places(points: Sequence[BudgetPoint], result: FrontResult) -> tuple[list[float], list[float]]:
+    spent = [point.spent(result.against) for point in points]
+    return spent, [1e6 * point.error(result.error) for point in points]
+
+
+def ranking_figure(result: RankedResult) -> Figure:
+    """A bar to the geometric mean over held-out contours, a dot for each of them.
+
+    An open bar is a controller beyond a limit; those that failed are not drawn.
+    """
+    rows = [row for row in result.rows if row.failure is None and row.held_out][::-1]
+    figure = Figure(figsize=(7.5, 1.8 + ROW * max(len(rows), 1)), layout="constrained")
+    axes = figure.subplots()
+    kinds = {
+        "geometric mean": (TUNED, [k for k, row in enumerate(rows) if row.feasible]),
+        "beyond a limit": ("none", [k for k, row in enumerate(rows) if not row.feasible]),
+    }
+    for label, (face, places) in kinds.items():
+        if places:
+            typical = [1e6 * (rows[k].held_out or 0.0) for k in places]
+            axes.barh(places, typical, 0.6, color=face, edgecolor=TUNED, label=label)
+    errors = [
+        (1e6 * e, k) for k, row in enumerate(rows) for e in (row.held_out_errors or {}).values()
+    ]
+    if errors:
+        axes.plot(*zip(*errors, strict=True), "o", ms=4, mfc=OTHER, mec="0.25", label="one contour")
+    axes.set_yticks(range(len(rows)), [row.label for row in rows])
+    grid(
+        axes,
+        title=f"{result.machine.name}: held-out contours after {result.evaluations} evaluations",
+        x=f"worst RMS {result.error} error of the family [um]",
+        y="",
+    )
+    if rows:
+        axes.set_xscale("log")
+        smallest = min(error for error, _ in errors)
+        axes.set_xlim(left=0.7 * smallest)
+        plain_ticks(axes.xaxis)
+        legend_below(figure)
+    return figure
+
+
+class FamilyCurves(NamedTuple):
+    """Sensitivity over frequency.
+
+    Attributes:
+        frequency: [Hz].
+        sensitivity: of every plant, the largest of all probes; NaN for a plant with a loop that is
+            not stable.
+    """
+
+    frequency: Float[np.ndarray, " F"]
+    sensitivity: Float[np.ndarray, "P F"]
+
+
+def sensitivity_figure(curves: Mapping[str, FamilyCurves], bound: float | None) -> Figure:
+    """One thin line for each plant, a thick one for the largest of all.
+
+    Args:
+        curves: by the name of the design.
+        bound: that the tuner kept; None without.
+    """
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    axes = figure.subplots()
+    for design, (frequency, sensitivity) in curves.items():
+        colour, stable = COLOURS[design], np.isfinite(sensitivity).all(axis=1)
+        axes.plot(frequency, sensitivity[stable].T, color=colour, linewidth=0.5, alpha=0.4)
+        if stable.any():
+            label = f"{design}, largest of the family"
+            axes.plot(frequency, sensitivity[stable].max(axis=0), color=colour, label=label)
+        if not stable.all():
+            count = f"{(~stable).sum()} of {stable.size}"
+            axes.plot([], [], color=colour, label=f"{design}: {count} plants not stable, not drawn")
+    if bound is not None:
+        axes.axhline(bound, color="0.3", linestyle="--", linewidth=1.0, label=f"limit {bound:g}")
+    logarithmic(axes)
+    title = "Sensitivity to disturbances, smooth family; below 1 the loop reduces them"
+    grid(axes, title, "frequency [Hz]", "largest singular value of S")
+    legend_below(figure)
+    return figure

@@ -1,1 +1,0 @@
-"""Shared by all figures: axes and colours, PNG files, the process that draws."""

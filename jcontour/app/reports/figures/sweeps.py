@@ -1,0 +1,282 @@
+"""Figures of sweeps: errors over weights and previews, or over weights, horizon and speed."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Bool, Float
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import Collection
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+from jcontour.app.reports.figures.axes import grid, legend_below, plain_ticks
+
+LOST, BEST, BEYOND = "tab:red", "white", "0.4"
+COLUMNS = 3  # panels side by side
+TICKS = 8  # values of a weight that are all written at the axis
+LETTERS = 20  # of labels that fit side by side under a panel
+LEVELS = 5  # errors written at the colours
+MANY, CELLS = 5_000, 100  # designs, beyond which only the best of each cell of the map is drawn
+NARROW = 10  # ratio of the ends of a scale within which all its ticks are written
+MARK = 220  # area of a design [points^2]
+PLACE = ("speed", "horizon", "sample")  # of a design, whatever the contour
+
+
+def worst_errors(
+    dataset: xr.Dataset, error: str
+) -> tuple[Float[np.ndarray, "P D"], Bool[np.ndarray, "P D"]]:
+    """Worst RMS error [um] over contours and plants of every preview and design, and what diverged.
+
+    The error of a diverged design is infinite.
+    """
+    found = 1e6 * dataset[f"rms_{error}_error"].values.max(axis=(2, 3))
+    diverged = dataset.diverged.values.astype(bool).any(axis=(2, 3))
+    return np.where(diverged, np.inf, found), diverged
+
+
+def sweep_figure(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
+    """A map over the first two weights for each preview; a curve where one weight varies.
+
+    Where more weights vary, the other designs lie behind the best at the same place.
+
+    Args:
+        dataset: of a sweep, with `within_limits` and the sample that is the `best` (-1 for none).
+        names: of the weights that vary.
+        error: that counts, "contour" or "tracking".
+    """
+    if len(names) == 1:
+        return _curves(dataset, names[0], error)
+    return _maps(dataset, names, error)
+
+
+def _curves(dataset: xr.Dataset, name: str, error: str) -> Figure:
+    worst, diverged = worst_errors(dataset, error)
+    order = np.argsort(dataset[name].values)
+    values = dataset[name].values[order]
+    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
+    axes = figure.subplots()
+    for k, preview in enumerate(dataset.preview.values):
+        height, lost = worst[k, order], diverged[k, order]
+        beyond = ~dataset.within_limits.values[k, order].astype(bool) & ~lost
+        label = f"preview {preview}: {_counted(lost, beyond)}"
+        (line,) = axes.plot(values, np.where(lost, np.nan, height), ".-", label=label)
+        if beyond.any():
+            axes.plot(values[beyond], height[beyond], "o", color=BEYOND, zorder=3)
+        best = int(dataset.best.values[k])
+        if best >= 0:
+            star = dataset[name].values[best], worst[k, best]
+            axes.plot(*star, "*", color=line.get_color(), markersize=14)
+        if lost.any():  # at the upper edge, for they have no height
+            edge = axes.get_xaxis_transform()
+            axes.plot(values[lost], np.full(lost.sum(), 0.98), "x", color=LOST, transform=edge)
+    axes.set(xlabel=named(dataset, name), ylabel=f"worst RMS {error} error [um]", yscale="log")
+    if values.min() > 0:
+        axes.set_xscale("log")
+    axes.set_title(_marks(dataset), fontsize=10)
+    axes.grid(color="0.9")
+    legend_below(figure)
+    return figure
+
+
+def _maps(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
+    worst, diverged = worst_errors(dataset, error)
+    count = len(dataset.preview)
+    columns = min(count, COLUMNS)
+    rows = -(-count // columns)
+    size = (0.8 + 4.0 * columns, 0.6 + 3.8 * rows)
+    figure = Figure(figsize=size, layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    finite = worst[np.isfinite(worst)]
+    ends = (finite.min(), finite.max()) if finite.size else (1.0, 10.0)
+    ends = (float(ends[0]), float(max(ends[1], 1.01 * ends[0])))
+    norm = LogNorm(*ends)
+    shown = None
+    for k, preview in enumerate(dataset.preview.values):
+        beyond = ~dataset.within_limits.values[k].astype(bool) & ~diverged[k]
+        best = int(dataset.best.values[k])
+        shown = _map(panels[k], dataset, names, worst[k], beyond, best, norm)
+        title = f"preview {preview}: {_counted(diverged[k], beyond)}"
+        panels[k].set_title(title, fontsize=10)
+    for unused in panels[count:]:
+        unused.set_axis_off()
+    if shown is not None:
+        label = f"worst RMS {error} error [um]"
+        ticks = np.geomspace(*ends, LEVELS)  # those of a decade would collide
+        bar = figure.colorbar(shown, ax=list(panels), label=label, ticks=ticks, format="{x:.3g}")
+        bar.ax.yaxis.set_ticks([], minor=True)
+    figure.suptitle(_marks(dataset), fontsize=10)
+    return figure
+
+
+def _map(
+    axes: Axes,
+    dataset: xr.Dataset,
+    names: Sequence[str],
+    worst: np.ndarray,
+    beyond: np.ndarray,
+    best: int,
+    norm: LogNorm,
+) -> Collection:
+    """One preview: every design a coloured mark, the best drawn over the others at its place."""
+    x, y = (dataset[name].values for name in names[:2])
+    star = x[best], y[best]
+    kept = _best_of_cells(x, y, worst)
+    x, y, worst, beyond = x[kept], y[kept], worst[kept], beyond[kept]
+    lost = ~np.isfinite(worst)
+    above = np.argsort(-worst[~lost], kind="stable")
+    marks = axes.scatter(
+        x[~lost][above], y[~lost][above], c=worst[~lost][above], norm=norm, s=160, marker="s"
+    )
+    axes.plot(x[lost], y[lost], "x", color=LOST, label="diverged")
+    if beyond.any():
+        axes.plot(x[beyond], y[beyond], "o", color=BEYOND, markersize=4, label="beyond a limit")
+    if best >= 0:
+        axes.plot(*star, "*", color=BEST, mec="black", markersize=15, label="best")
+    axes.set(xlabel=named(dataset, names[0]), ylabel=named(dataset, names[1]))
+    scaled(axes, x, y)
+    return marks
+
+
+def _best_of_cells(x: np.ndarray, y: np.ndarray, worst: np.ndarray) -> np.ndarray:
+    """Indices of the designs to draw: all, or of very many the best in each cell of the map."""
+    if worst.size <= MANY:
+        return np.arange(worst.size)
+    cells = np.zeros(worst.size, int)
+    for values in (x, y):
+        edges = np.quantile(values, np.linspace(0, 1, CELLS + 1)[1:-1])
+        cells = CELLS * cells + np.searchsorted(edges, values)
+    order = np.lexsort((worst, cells))
+    _, first = np.unique(cells[order], return_index=True)
+    return order[first]
+
+
+def scaled(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
+    """Logarithmic axes; linear near zero where a weight is zero."""
+    for values, scale in ((x, axes.set_xscale), (y, axes.set_yscale)):
+        positive = values[values > 0]
+        if values.min() > 0:
+            scale("log")
+        elif positive.size and values.min() == 0:
+            scale("symlog", linthresh=float(positive.min()))
+    for values, axis in ((x, axes.xaxis), (y, axes.yaxis)):
+        ticks = np.unique(values)
+        if ticks.size <= TICKS:
+            labels = [f"{tick:g}" for tick in ticks]
+            axis.set_ticks(ticks, labels=labels)
+            axis.set_ticks([], minor=True)
+            if axis is axes.xaxis and sum(map(len, labels)) > LETTERS:
+                axis.set_tick_params(rotation=45)
+
+
+def _marks(dataset: xr.Dataset) -> str:
+    """What the marks mean."""
+    beyond = "" if dataset.within_limits.values.all() else "; grey dot: beyond a limit on its runs"
+    return f"Star: best; red cross: diverged{beyond}"
+
+
+def _counted(lost: np.ndarray, beyond: np.ndarray) -> str:
+    more = f", {int(beyond.sum())} beyond a limit" if beyond.any() else ""
+    return f"{int(lost.sum())} of {lost.size} diverged{more}"
+
+
+def named(dataset: xr.Dataset, name: str) -> str:
+    """Name of a coordinate with its unit."""
+    unit = dataset[name].attrs.get("units", "1")
+    return name if unit in ("", "1") else f"{name} [{unit}]"
+
+
+def design_numbers(
+    dataset: xr.Dataset,
+) -> tuple[Float[np.ndarray, "V H D"], Float[np.ndarray, "V H D"]]:
+    """Time of all contours [s] and the worst RMS contour error [um] of every design.
+
+    NaN where it has not arrived along one of them.
+    """
+    arrived = (dataset.ending.values == 0).all(axis=0)
+    time = np.where(arrived, dataset.time.values.sum(axis=0), np.nan)
+    error = np.where(arrived, 1e6 * dataset.rms_contour_error.values.max(axis=0), np.nan)
+    return time, error
+
+
+def on_the_front(dataset: xr.Dataset) -> Iterator[dict[str, int]]:
+    """Places of the designs with less error than every quicker one, the quickest first."""
+    time, error = design_numbers(dataset)
+    least = np.inf
+    for flat in np.lexsort((error.ravel(), time.ravel())):
+        if error.flat[flat] < least:  # NaN is never less
+            least = error.flat[flat]
+            place = np.unravel_index(flat, error.shape)
+            yield {name: int(index) for name, index in zip(PLACE, place, strict=True)}
+
+
+def surface_figure(dataset: xr.Dataset) -> Figure:
+    """Maps over the first weight and the horizon for each speed: error above, time below.
+
+    Where more weights vary, the other designs lie behind the one of least error at their place.
+    """
+    time, error = design_numbers(dataset)
+    count = len(dataset.speed)
+    figure = Figure(figsize=(1.8 + 3.4 * count, 6.8), layout="constrained")
+    rows = figure.subplots(2, count, squeeze=False)
+    labels = ("RMS contour error [um]", "traversal time [s]")
+    for panels, values, label in zip(rows, (error, time), labels, strict=True):
+        low, high = _ends(values)
+        norm = LogNorm(low, high)
+        for axes, heights, errors, speed in zip(
+            panels, values, error, dataset.speed.values, strict=True
+        ):
+            _horizon_map(axes, dataset, heights, errors, norm)
+            axes.set_title(f"{speed:g} mm/s", fontsize=10)
+        colours = ScalarMappable(norm)
+        bar = figure.colorbar(colours, ax=list(panels), label=label, format="{x:.3g}")
+        bar.ax.yaxis.set_minor_formatter("{x:.3g}" if high < NARROW * low else NullFormatter())
+    figure.suptitle(f"{dataset.attrs['title']}; red cross: has not arrived", fontsize=10)
+    return figure
+
+
+def front_figure(dataset: xr.Dataset) -> Figure:
+    """RMS contour error over traversal time, a colour for each horizon; the front is a line."""
+    time, error = design_numbers(dataset)
+    figure = Figure(figsize=(7.0, 5.4), layout="constrained")
+    axes = figure.subplots()
+    for h, horizon in enumerate(dataset.horizon.values):
+        axes.plot(time[:, h].ravel(), error[:, h].ravel(), ".", label=f"horizon {horizon}")
+    front = [tuple(place.values()) for place in on_the_front(dataset)]
+    if front:
+        index = tuple(np.transpose(front))
+        axes.plot(time[index], error[index], color="black", linewidth=0.8, label="front")
+        axes.set_yscale("log")
+        plain_ticks(axes.yaxis)
+    grid(axes, dataset.attrs["title"], "traversal time [s]", "RMS contour error [um]")
+    legend_below(figure)
+    return figure
+
+
+def _ends(values: np.ndarray) -> tuple[float, float]:
+    """Ends of a scale for all values; of one that is the same everywhere too."""
+    finite = values[np.isfinite(values)]
+    low, high = (finite.min(), finite.max()) if finite.size else (1.0, 10.0)
+    return float(low), float(max(high, 1.01 * low))
+
+
+def _horizon_map(
+    axes: Axes,
+    dataset: xr.Dataset,
+    values: Float[np.ndarray, "H D"],
+    errors: Float[np.ndarray, "H D"],
+    norm: LogNorm,
+) -> None:
+    """One speed: every design a coloured mark, the one of least error above the others."""
+    name = next(name for name in dataset.coords if dataset[name].dims == ("sample",))
+    x, y = np.meshgrid(dataset[name].values, dataset.horizon.values.astype(float))
+    lost = ~np.isfinite(errors)
+    above = np.argsort(-errors[~lost], kind="stable")
+    x_shown, y_shown, shown = (column[~lost][above] for column in (x, y, values))
+    axes.scatter(x_shown, y_shown, c=shown, norm=norm, s=MARK, marker="s")
+    axes.plot(x[lost], y[lost], "x", color=LOST)
+    axes.set(xlabel=named(dataset, str(name)), ylabel="horizon [steps]")
+    scaled(axes, x.ravel(), y.ravel())
+    axes.margins(0.12)

@@ -1,1 +1,0 @@
-"""Figures of tuning: points, fronts, ranks, sweeps, sensitivity."""

@@ -1,0 +1,164 @@
+"""Every limit that the machine or the flags of a tuning run state, with what a loop reaches.
+
+The tuner keeps its bounds on a smooth twin along the training contours, with --nominal-only on one
+plant. Here the loop runs on the whole family with all effects.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jcontour.analysis.uncertain_loops import BORNE
+from jcontour.app.files.results.run_metrics import METRICS
+from jcontour.app.files.results.tuned_result import WITHIN, PathMargins, RobustTest, Standstill
+from jcontour.app.files.results.verdict import ROUNDING, LimitCheck
+from jcontour.app.jobs.replays import Replay
+from jcontour.app.reports.tuned_tables import limit_words
+from jcontour.app.runs.checks.machine_limits import OVERSHOOT, machine_limits
+from jcontour.app.runs.tuning.limits import AT_REST, LIMITS
+from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
+from tuning.objectives import COUNT_NOISE, LATE
+from tuning.outcome import Outcome
+from tuning.parameters import Chart, Weights
+from tuning.point import evaluate_values
+
+HELP = "the tuner saw the nominal plant alone: tune without --nominal-only"
+
+
+def stated_limits(
+    run: TuningRun, replay: Replay, margins: PathMargins, rest: Standstill | None
+) -> list[LimitCheck]:
+    """Limits of the machine, then those of the flags.
+
+    Args:
+        run: of the tuning.
+        replay: of the loop on every contour and plant, with all effects.
+        margins: of its frozen loops.
+        rest: its controls at standstill; None where nothing is counted.
+    """
+    return [
+        *machine_limits(replay, run.scenarios, run.machine),
+        *_metrics(run, replay),
+        *_loops(run, margins),
+        *_standstill(run, rest),
+    ]
+
+
+def family_limits(robust: RobustTest | None) -> list[LimitCheck]:
+    """Limits of the machine at the corners of the family and at random within it, as shares."""
+    if robust is None:
+        return []
+    return [
+        LimitCheck(
+            name=f"largest share of the limit of {name.replace('increment', 'control increment')}",
+            value=used,
+            allowed=1.0,
+            member=robust.users.get(name, ""),
+            slack=OVERSHOOT if name == "speed" else ROUNDING,
+        )
+        for name, used in robust.uses.items()
+    ]
+
+
+def _metrics(run: TuningRun, replay: Replay) -> Iterator[LimitCheck]:
+    """Limits on errors and controls along the training contours."""
+    flags, unit = run.flags, run.machine.control_unit
+    stated = {metric: factor for flag, (metric, factor) in LIMITS.items() if getattr(flags, flag)}
+    if flags.max_effort is not None:
+        stated["rms_control"] = 1.0
+    training = np.flatnonzero(run.scenarios.training)
+    for metric, factor in stated.items():
+        values = np.asarray(getattr(replay.metrics, metric))[training]
+        values = np.where(np.isfinite(values), values, np.inf)
+        contour, plant = np.unravel_index(np.argmax(values), values.shape)
+        yield LimitCheck(
+            name=METRICS[metric].words,
+            value=float(values[contour, plant]) / factor,
+            allowed=run.limits[metric] / factor,
+            unit=METRICS[metric].shown(unit),
+            member=f"{run.scenarios.jobs[training[contour]].name}, {run.scenarios.plants[plant]}",
+        )
+
+
+def _loops(run: TuningRun, margins: PathMargins) -> Iterator[LimitCheck]:
+    """Limits on the frozen loops of the family; an unstable loop has no peak."""
+    bound = run.flags.max_sensitivity
+    if bound is not None:
+        peak = np.inf if margins.sensitivity is None else margins.sensitivity
+        yield LimitCheck(name="peak sensitivity Ms", value=peak, allowed=bound, member="family")
+    if run.machine.doubt is not None:
+        used = np.inf if margins.doubt is None else margins.doubt
+        yield LimitCheck(name="unknown response", value=used, allowed=BORNE, member="family")
+
+
+def _standstill(run: TuningRun, rest: Standstill | None) -> Iterator[LimitCheck]:
+    """The control that encoder counts cause while the tool is held.
+
+    The search takes their rounding for white noise; at rest it hardly changes between samples.
+    """
+    searched = run.limits.get(COUNT_NOISE)
+    if rest is None or searched is None:
+        return
+    yield LimitCheck(
+        name="RMS control by encoder counts at rest",
+        value=rest.rms_control,
+        allowed=searched / AT_REST,
+        unit=run.machine.control_unit,
+        member="family, held between two counts",
+    )
+
+
+@dataclass(frozen=True)
+class OverFamily:
+    """Weights on the whole smooth family.
+
+    Attributes:
+        run: as it would be without --nominal-only, with the limits of the family.
+        outcome: of the weights, axes (contour or probe, plant).
+        violations: ln(value / bound), in the order of the limits' entries.
+    """
+
+    run: TuningRun
+    outcome: Outcome
+    violations: np.ndarray
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every plant keeps every limit."""
+        return not self.outcome.diverged and bool(np.all(self.violations <= WITHIN))
+
+
+def over_family(run: TuningRun, weights: Weights) -> OverFamily | None:
+    """Weights on the whole family; None where the tuner has seen it."""
+    if not run.flags.nominal_only or len(run.machine.family_names) == 1:
+        return None
+    whole = tuning_run(replace(run.flags, nominal_only=False), run.design)
+    z = np.asarray(Chart(whole.problem.space, weights).coordinates())
+    point = evaluate_values(whole.problem, whole.start, z)
+    return OverFamily(whole, point.outcome, np.asarray(point.limits))
+
+
+def exceeded_unseen(found: OverFamily | None) -> list[str]:
+    """A line for every limit that a plant breaks, with the plant that breaks it most; then help."""
+    if found is None:
+        return []
+    entries = found.run.problem.limit_entries(found.outcome)
+    worst: dict[str, tuple[int, float]] = {}  # name of the limit: plant, violation
+    for entry, violation in zip(entries, found.violations.tolist(), strict=True):
+        excess = np.inf if np.isnan(violation) else violation
+        if excess > max(WITHIN, worst.get(entry.name, (0, 0.0))[1]):
+            worst[entry.name] = entry.plant, excess
+    plants, bounds = found.run.scenarios.plants, found.run.limits
+    lines = [_line(name, bounds[name], plants[k], excess) for name, (k, excess) in worst.items()]
+    return [*lines, HELP] if lines else []
+
+
+def _line(name: str, bound: float, plant: str, violation: float) -> str:
+    """A limit that a plant breaks, whose value is exp(violation) times the bound."""
+    if not np.isfinite(violation):
+        return f"a run or a loop of the plant '{plant}' is unstable: {limit_words(name, bound)}"
+    if name == LATE:
+        return f"the plant '{plant}' does not bear the delay that --min-delay-margin asks for"
+    excess = 100 * np.expm1(violation)
+    return f"the plant '{plant}' exceeds the limit {limit_words(name, bound)} by {excess:.3g} %"

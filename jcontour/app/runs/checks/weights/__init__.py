@@ -1,1 +1,0 @@
-"""Checks of tuned weights before anybody loads them: margins, unseen plants, the verdict."""

@@ -1,0 +1,58 @@
+""""""
+
+import math
+
+import numpy as np
+import pytest
+
+from jcontour.app.files.run_folder import RunError
+from jcontour.app.files.sweep_files import DesignFiles, SweepChunks
+from jcontour.app.runs.spread.predictive_runs import Ending, PredictiveRun
+
+THIRD = PredictiveRun(Ending.ARRIVED, 1 / 3, 0.1, 1e-300, 0.5, 1e-17)
+
+
+def test_results_load_back_in_the_same_bits_in_any_order(tmp_path):
+    files = DesignFiles(tmp_path / "parts", PredictiveRun)
+    files.add(7, PredictiveRun(Ending.UNSOLVED))
+    files.add(2, THIRD)
+    again = DesignFiles(tmp_path / "parts", PredictiveRun).found
+    assert list(again) == [2, 7] and again[2] == THIRD
+    assert again[7].ending is Ending.UNSOLVED and math.isnan(again[7].time_s)
+
+
+def test_damaged_files_are_told_in_one_line(tmp_path):
+    (tmp_path / "000000001.json").write_text("{")
+    with pytest.raises(RunError, match="000000001.json: is not JSON"):
+        DesignFiles(tmp_path, PredictiveRun)
+    (tmp_path / "000000001.json").write_text('{"ending": "vanished"}')
+    with pytest.raises(RunError, match="000000001.json: is not of this version's sweep"):
+        DesignFiles(tmp_path, PredictiveRun)
+
+
+def chunk(first, count):
+    rows = np.arange(first, first + count, dtype=float)
+    return {"rms_control": np.stack([rows, -rows], axis=1), "diverged": rows % 2 == 0}
+
+
+def test_chunks_go_on_where_they_ended(tmp_path):
+    folder = tmp_path / "chunks"
+    for first, count in ((0, 3), (3, 1), (4, 12)):
+        chunks = SweepChunks(folder)
+        assert chunks.rows == first
+        chunks.add(chunk(first, count))
+    for found in (chunks.whole(), SweepChunks(folder).whole()):
+        np.testing.assert_array_equal(found["rms_control"], chunk(0, 16)["rms_control"])
+        np.testing.assert_array_equal(found["diverged"], chunk(0, 16)["diverged"])
+
+
+def test_lost_and_damaged_chunks_are_named(tmp_path):
+    chunks = SweepChunks(tmp_path)
+    for first in (0, 2, 4):
+        chunks.add(chunk(first, 2))
+    (tmp_path / "000000002.npz").rename(tmp_path / "elsewhere")
+    with pytest.raises(RunError, match="000000002.npz: is missing"):
+        SweepChunks(tmp_path)
+    (tmp_path / "000000002.npz").write_bytes((tmp_path / "elsewhere").read_bytes()[:100])
+    with pytest.raises(RunError, match="000000002.npz: cannot be read"):
+        SweepChunks(tmp_path)

@@ -1,0 +1,196 @@
+"""Figures of searches show their points."""
+
+import math
+from dataclasses import replace
+from typing import get_args, get_type_hints
+
+import numpy as np
+import pytest
+
+from jcontour.app.files.results.run_metrics import MachineSummary
+from jcontour.app.files.results.search_results import (
+    BudgetPoint,
+    Candidate,
+    FrontResult,
+    MachineUnits,
+    Ranked,
+    RankedResult,
+)
+from jcontour.app.files.results.tuned_result import HistoryPoint
+from jcontour.app.files.results.verdict import Verdict
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.reports.figures.searches import (
+    DIVERGED,
+    MEASURES,
+    Search,
+    front,
+    history_figure,
+    lower_left_edge,
+    ranking_figure,
+    sensitivity_figure,
+    trade_off_figure,
+)
+from jcontour.app.runs.tuning.family_loops import FamilyCurves
+from tests.app import small_runs
+
+BUDGETS = [
+    BudgetPoint(0.1, {"alpha": 2.0}, 5e-6, 9e-6, 0.1, 5e-6, True, False, 1.5),
+    BudgetPoint(0.2, {"alpha": 3.0}, 3e-6, 9e-6, 0.15, 3e-6, True, True, 1.8),
+    BudgetPoint(0.05, {"alpha": 1.0}, 8e-6, 9e-6, 0.06, 8e-6, False, False, np.inf),
+]
+FRONT = FrontResult(MachineUnits("A"), "contour", "contouring-lq", ["alpha"], BUDGETS)
+HERTZ = np.array([1.0, 10.0, 100.0])
+
+
+def point(alpha, objective, increment=1.0, violation=0.0, diverged=False):
+    """Its worst error grows where the objective falls: figures that show it are wrong."""
+    worst = 1e-10 / objective
+    return HistoryPoint(0, {"alpha": alpha}, objective, violation, diverged, worst, increment)
+
+
+POINTS = [
+    point(1.0, 4e-6, 2.0),
+    point(2.0, math.nan, diverged=True, violation=math.inf),
+    point(3.0, 1e-6, 3.0, violation=0.5),
+    point(4.0, 2e-6, 1.0),
+]
+RESULT = small_runs.tuned_result(start={"alpha": 1.0}, weights={"alpha": 4.0})
+
+
+def lines_of(figure):
+    return {line.get_label(): line.get_xydata() for line in figure.axes[0].get_lines()}
+
+
+def test_points_that_diverged_stand_above_all_others():
+    lines = lines_of(history_figure(Search(POINTS, RESULT)))
+    np.testing.assert_array_equal(lines[DIVERGED][:, 0], [2])
+    assert lines[DIVERGED][0, 1] > np.nanmax(lines["descent 1"][:, 1]) == 4.0
+    np.testing.assert_allclose(lines["best feasible so far"][:, 1], [4.0, 4.0, 4.0, 2.0])
+
+
+def test_points_beyond_a_limit_are_hollow():
+    figure = history_figure(Search(POINTS, RESULT))
+    hollow = [line for line in figure.axes[0].get_lines() if line.get_markerfacecolor() == "none"]
+    drawn = [line.get_xydata() for line in hollow if line.get_xydata().size]
+    np.testing.assert_allclose(drawn[0][~np.isnan(drawn[0][:, 1])], [[3.0, 1.0]])
+    assert "limit exceeded" in [line.get_label() for line in hollow]
+
+
+def test_the_trade_off_shows_start_and_tuned_among_the_points():
+    lines = lines_of(trade_off_figure(Search(POINTS, RESULT)))
+    np.testing.assert_allclose(lines["start"], [[2.0, 4.0]])
+    np.testing.assert_allclose(lines["tuned"], [[1.0, 2.0]])
+    np.testing.assert_allclose(lines["evaluated, limit exceeded"], [[3.0, 1.0]])
+    np.testing.assert_allclose(lines["front of these"], [[1.0, 2.0]])
+
+
+def test_the_tuned_point_is_on_the_front_of_what_the_search_makes_small():
+    """Its worst error is the largest, its increment too: by the worst error it would be beaten."""
+    points = [point(1.0, 4e-6, 1.0), point(2.0, 3e-6, 2.0), point(4.0, 2e-6, 3.0)]
+    front = lines_of(trade_off_figure(Search(points, RESULT)))["front of these"]
+    np.testing.assert_allclose(front, [[1.0, 4.0], [2.0, 3.0], [3.0, 2.0]])
+
+
+@pytest.mark.parametrize("draw", [history_figure, trade_off_figure])
+@pytest.mark.parametrize(
+    ("objective", "says", "least"),
+    [
+        ("typical", "geometric mean over contours\nof the worst RMS contour error [um]", 2.0),
+        ("worst", "worst RMS contour error [um]", 2.0),
+        ("regret", "largest RMS contour error\nover the best of its contour", 2e-6),
+    ],
+)
+def test_figures_say_what_the_search_makes_small(draw, objective, says, least):
+    figure = draw(Search(POINTS, RESULT, objective))
+    assert figure.axes[0].get_ylabel() == says
+    shown = lines_of(figure)
+    line = shown["tuned"] if "tuned" in shown else shown["best feasible so far"]
+    assert np.nanmin(line[:, 1]) == pytest.approx(least)
+
+
+def test_every_objective_is_in_words():
+    assert set(get_args(get_type_hints(Tune)["objective"])) == set(MEASURES)
+
+
+def test_the_edge_holds_the_points_that_no_other_beats():
+    x, y = lower_left_edge(np.array([1.0, 2.0, 3.0, 1.0]), np.array([5.0, 6.0, 1.0, 4.0]))
+    np.testing.assert_array_equal(x, [1.0, 3.0])
+    np.testing.assert_array_equal(y, [4.0, 1.0])
+
+
+def shown(result):
+    (axes,) = front(result).axes
+    return axes, {line.get_label(): line.get_xydata().tolist() for line in axes.lines[1:]}
+
+
+def test_increments_and_errors():
+    axes, lines = shown(FRONT)
+    assert lines == {
+        "tuned for this budget": [[0.1, pytest.approx(5.0)]],
+        "budget is slack": [[0.15, pytest.approx(3.0)]],
+        "budget not met": [[0.06, pytest.approx(8.0)]],
+    }
+    assert axes.get_xlabel() == "worst RMS control increment [A per sample]"
+    assert axes.get_ylabel() == "worst RMS contour error [um]"
+
+
+def test_sensitivities_of_stable_loops():
+    axes, lines = shown(replace(FRONT, against="sensitivity", nominal_only=True))
+    assert lines == {
+        "tuned for this budget": [[1.5, pytest.approx(5.0)]],
+        "budget is slack": [[1.8, pytest.approx(3.0)]],
+    }
+    assert axes.get_xlabel() == "largest peak sensitivity Ms"
+    assert "the nominal plant" in axes.get_title()
+
+
+def row(label, held_out, **others):
+    candidate = Candidate(controller=label, preview=5, terminal="output")
+    errors = {"a": held_out / 2, "b": held_out * 2}
+    return Ranked(
+        candidate=candidate, label=label, held_out=held_out, held_out_errors=errors, **others
+    )
+
+
+def drawn(rows):
+    machine = MachineSummary("table", "A", ("X", "Y"), "encoders")
+
+    result = RankedResult(
+        machine=machine, error="contour", evaluations=40, rows=rows, verdict=Verdict.of([])
+    )
+    (axes,) = ranking_figure(result).axes
+    return axes
+
+
+def test_bars_are_geometric_means_and_dots_are_contours():
+    axes = drawn([row("best", 2e-6, feasible=True), row("beyond", 1e-6, failure=None)])
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["beyond", "best"]
+    widths = {bar.get_y() + 0.3: bar.get_width() for bar in axes.patches}
+    assert widths == {1.0: pytest.approx(2.0), 0.0: pytest.approx(1.0)}
+    dots = axes.lines[-1].get_xydata().tolist()
+    assert sorted(dots) == [[0.5, 0], [1.0, 1], [2.0, 0], [4.0, 1]]
+
+
+def test_failures_have_no_bar():
+    failed = Ranked(candidate=row("x", 1.0).candidate, label="failed", failure="why")
+    assert not drawn([failed]).patches
+
+
+def test_the_largest_of_every_design_and_the_bound_are_drawn():
+    start = np.array([[0.1, 3.0, 1.0], [0.2, 2.0, 1.1], [np.nan, np.nan, np.nan]])
+    tuned = np.array([[0.1, 1.5, 1.0], [0.05, 1.9, 1.0]])
+    curves = {"start": FamilyCurves(HERTZ, start), "tuned": FamilyCurves(HERTZ, tuned)}
+    drawn = sensitivity_figure(curves, 2.0).axes[0].get_lines()
+    heights = {line.get_label(): np.asarray(line.get_ydata()).tolist() for line in drawn}
+    assert heights["start, largest of the family"] == [0.2, 3.0, 1.1]
+    assert heights["tuned, largest of the family"] == [0.1, 1.9, 1.0]
+    assert heights["start: 1 of 3 plants not stable, not drawn"] == []
+    assert heights["limit 2"] == [2.0, 2.0]
+
+
+def test_no_stable_plant_and_no_bound():
+    curves = {"start": FamilyCurves(HERTZ, np.full((2, 3), np.nan))}
+    labels = [line.get_label() for line in sensitivity_figure(curves, None).axes[0].get_lines()]
+    assert [name for name in labels if not name.startswith("_")] == [
+        "start: 2 of 2 plants not stable, not drawn"
+    ]
