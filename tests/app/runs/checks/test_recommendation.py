@@ -339,7 +339,7 @@ def test_open_loops_are_counted_and_without_any_other_there_are_no_margins():
     assert "leave out 1 probed point where" in margin_warnings(frozen_margins(left_out=1), 0)[0]
     [line] = margin_warnings(frozen_margins(radius=1.0, delay=-1, without=["ring", "eight"]), 2)
     assert line.startswith(
-        "there are no frozen_margins: at every probed point of ring, eight a control is at its limit"
+        "there are no margins: at every probed point of ring, eight a control is at its limit"
     )
 
 

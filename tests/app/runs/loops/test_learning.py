@@ -53,7 +53,7 @@ PERIOD, NONE = 1e-3, MachineLimits()
 
 @pytest.fixture(scope="module")
 def learned_axis():
-    """The thesis's learned_axis under its cascade, a short move."""
+    """The thesis's axis under its cascade, a short move."""
     reference = in_time(
         line([0.0], [0.05]), lambda t: 0.05 * np.clip(t / 0.1, 0, 1), 0.15, DT, 1, dwell=0.05
     )
@@ -160,7 +160,7 @@ def table_with_noise(noise):
 
 
 def test_a_plant_of_the_family_has_other_noise_in_every_lap_alike_on_all_plants():
-    """Gaussian within three deviations, of every learned_axis its own, in all samples of the lap."""
+    """Gaussian within three deviations, of every axis its own, in all samples of the lap."""
     one = table_with_noise(np.array([3e-6, 1e-6]))
     nominal, other = one.machine.true_family("outputs")[:2]
     anew = read_anew(one, 4)
