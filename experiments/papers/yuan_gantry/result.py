@@ -9,7 +9,6 @@ from jaxtyping import Float
 
 from experiments.benchmarks.speed.gantry_engines import EngineRate
 from experiments.papers.verdicts import Claim
-from jcontour.app.files.results.stored import stored_as
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ class Emulated:
     time_s: Float[np.ndarray, " T"]
     added_damping: float  # of the twist, by the drives
     rows: tuple[EmulatedRun, ...]
-    viscous_damping: float = stored_as("own_damping")  # of the twist, by friction: 2 b_y L^2
+    viscous_damping: float  # of the twist, by friction: 2 b_y L^2
 
     def row(self, name: str) -> EmulatedRun:
         """Run with this kind of head."""

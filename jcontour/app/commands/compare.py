@@ -20,7 +20,7 @@ from jcontour.app.files.results.run_metrics import (
     MachineSummary,
     RunMetrics,
 )
-from jcontour.app.files.results.stored import Weight, read_result, stored_as
+from jcontour.app.files.results.stored import Weight, read_result
 from jcontour.app.files.results.tuned_result import PathMargins, TunedResult
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.reports import tables
@@ -238,7 +238,7 @@ class ComparedResult:
     sample_periods: list[float | None]
     unlike: list[str]
     motions: dict[str, list[str]]
-    margins: dict[str, list[float | None]] = stored_as("safety")
+    margins: dict[str, list[float | None]]
     metrics: list[ComparedMetric]
     better: dict[str, int]
     cycle_times: dict[str, list[float | None]]

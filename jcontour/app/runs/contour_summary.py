@@ -4,7 +4,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from jcontour.app.files.results.run_metrics import ContourRead, MotionSummary, PeakPlace
+from jcontour.app.files.results.run_metrics import (
+    ContourRead,
+    FamilyMetrics,
+    MachineSummary,
+    MotionSummary,
+    PeakPlace,
+    RunMetrics,
+)
 from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.replays import Replay, Scenarios, desired, scored
 from jcontour.app.machines.machine import Machine
@@ -15,6 +22,21 @@ from jcontour.motion.cornering import Planned
 from jcontour.motion.jerk_limited.joints import unpadded
 
 LARGEST = {"rms": "largest RMS", "peak": "largest error"}  # what makes a plant the worst one
+
+
+def machine_summary(machine: Machine) -> MachineSummary:
+    """Name, axes and units of a machine."""
+    return MachineSummary(
+        machine.name, machine.control_unit, machine.axes, machine.nonsmooth_effects
+    )
+
+
+def family_metrics(replay: Replay, index: int) -> FamilyMetrics:
+    """Metrics on one contour: the nominal plant, and the worst of the family metric by metric."""
+    return FamilyMetrics(
+        nominal=RunMetrics.of(replay.metrics, lambda values: values[index, 0]),
+        worst=RunMetrics.of(replay.metrics, lambda values: values[index].max()),
+    )
 
 
 def contour_read(scenarios: Scenarios, index: int) -> ContourRead:

@@ -13,12 +13,12 @@ from tyro.conf import Positional
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.catalogue.own_classes import own_name
 from jcontour.app.files import run_folder
-from jcontour.app.files.results.stored import to_json
+from jcontour.app.files.results.stored import versioned
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.flags.shared import Controlled, MachineFlags, Spreading
 from jcontour.app.reports import tables
 from jcontour.app.reports.page.html_page import FILE, write_page
-from jcontour.app.reports.page.page_data import COMMANDS
+from jcontour.app.reports.page.page_data import KINDS
 
 WHERE = (
     "json",
@@ -214,7 +214,7 @@ def finished(
     """
     page, code = _page(folder), 0 if verdict is None else verdict.exit_code
     if flags.json:
-        print(run_folder.json_text({"run": str(folder), **to_json(result)}))
+        print(run_folder.json_text({"run": str(folder), **versioned(result)}))
         return code
     console = tables.console_of()
     show(result, console)
@@ -227,7 +227,7 @@ def finished(
 
 def _page(folder: Path) -> list[str]:
     """Write the page of a run; a line that says so."""
-    if run_folder.read_json(folder, run_folder.SETTINGS).get("command") not in COMMANDS:
+    if run_folder.read_json(folder, run_folder.SETTINGS).get("command") not in KINDS:
         return []
     try:
         return [f"Page: {write_page([folder], folder / FILE)}"]

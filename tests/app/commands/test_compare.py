@@ -21,7 +21,7 @@ from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.run_metrics import ContourRead, MachineSummary
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.tuned_result import TunedContour
-from jcontour.app.files.results.verdict import Verdict
+from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.files.run_folder import SETTINGS, RunError
 from jcontour.app.reports.tables import columns_of
 from tests.app import small_runs
@@ -244,7 +244,9 @@ def test_equal_runs(tmp_path):
 
 def test_a_run_that_must_not_be_used_is_never_recommended_nor_called_better(tmp_path):
     a = stored(tmp_path / "a", 1.0, 1e-6)
-    write_result(a, replace(made(1.0, 1e-6), verdict=Verdict.of([], ["speed of X EXCEEDS"])))
+    write_result(
+        a, replace(made(1.0, 1e-6), verdict=Verdict.of([], [reason("speed of X EXCEEDS")]))
+    )
     b = stored(tmp_path / "b", 2.0, 2e-6)
     text = said(run(a, b))
     assert "DO NOT USE THESE VALUES\n  because: speed of X EXCEEDS\nsecond:" in text
@@ -257,7 +259,7 @@ def test_a_run_that_must_not_be_used_is_never_recommended_nor_called_better(tmp_
         assert f"um: less in the {smaller}, which must not be used." in text
         assert not [line for line in text.splitlines() if "is better." in line]
     worse = stored(tmp_path / "c", 1.0, 3e-6)
-    write_result(worse, replace(made(1.0, 3e-6), verdict=Verdict.of([], ["late"])))
+    write_result(worse, replace(made(1.0, 3e-6), verdict=Verdict.of([], [reason("late")])))
     found = run(b, worse)  # the other one may be better
     assert found.better["first"] == 2 * len(COLUMNS) and "the first is better." in said(found)
 
@@ -354,7 +356,7 @@ def test_simulated_runs_of_different_machines_are_told(tmp_path):
 def test_a_run_of_another_form_says_why_it_does_not_open(tmp_path):
     a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 1.0, 1e-6)
     result = json.loads((b / "result.json").read_text())
-    del result["safety"]
+    del result["margins"]
     (b / "result.json").write_text(json.dumps(result))
     with pytest.raises(RunError, match="not of this version's TunedResult .required field missing"):
         run(a, b)

@@ -19,9 +19,9 @@ from jcontour.app.reports.figures.loops import CertifiedErrors, certificate_figu
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.tables import digits, of_axes, of_inputs, peak_line, plain_table, say
 from jcontour.app.runs.checks.certifying import CertifiedRun, certified_runs
+from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
-from jcontour.app.runs.tuning.results import machine_summary
 
 ATTACK = "attack.nc"
 HEADINGS = (
@@ -119,7 +119,7 @@ def verdict_on(
             )
         )
     helps = ["the proof takes no account of a control at its limit: it does not hold there"]
-    return Verdict.of(checks, help_with_limits=helps, passed=kept_words(checks))
+    return Verdict.of(checks, limit_remedies=helps, passed=kept_words(checks))
 
 
 def _drawn(one: CertifiedRun, error: str) -> CertifiedErrors:

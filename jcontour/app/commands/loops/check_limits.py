@@ -13,7 +13,7 @@ from jcontour.app.files.netcdf import save_dataset
 from jcontour.app.files.results.run_metrics import RunMetrics
 from jcontour.app.files.results.stored import Weight, read_result, write_result
 from jcontour.app.files.results.tuned_result import TunedResult
-from jcontour.app.files.results.verdict import LimitCheck, Verdict
+from jcontour.app.files.results.verdict import LimitCheck, Message, Verdict, reason, warning
 from jcontour.app.flags.loops import Check
 from jcontour.app.jobs.job import Job
 from jcontour.app.machines.machine import Machine
@@ -120,7 +120,12 @@ def command(flags: Check) -> int:
         bounds,
         rows,
         run.machine.control_unit,
-        verdict_on(rows, bounds, run.machine.control_unit, found.verdict.beside_limits),
+        verdict_on(
+            rows,
+            bounds,
+            run.machine.control_unit,
+            [one for one in found.verdict.messages if one.level == "reason"],
+        ),
     )
     write_result(out, result)
     rests = any(isinstance(job, Job) and job.at_rest for job in run.scenarios.jobs)
@@ -327,7 +332,7 @@ def verdict_on(
     rows: list[GapRow],
     limits: Mapping[str, list | None],
     unit: str,
-    tuned: Sequence[str] = (),
+    tuned: Sequence[Message] = (),
 ) -> Verdict:
     """Verdict on runs under limits: every one goes through, within every limit.
 
@@ -354,16 +359,15 @@ def verdict_on(
                     slack=COUNTED,
                 )
             )
-    stopped = [f"stopped: {row.contour}, {row.plant}: {row.failure}" for row in rows if row.failure]
-    held = [
-        f"the fallback acts at {row.fallbacks} steps: {row.contour}, {row.plant}"
-        for row in rows
-        if row.fallbacks
-    ]
+    messages = [*tuned]
+    for row in rows:
+        where = f"{row.contour}, {row.plant}"
+        if row.failure:
+            messages.append(reason(f"stopped: {where}: {row.failure}"))
+        if row.fallbacks:
+            messages.append(warning(f"the fallback acts at {row.fallbacks} steps: {where}"))
     helps = ["the model keeps to its limits; another plant, counts or a fallback may not"]
-    return Verdict.of(
-        checks, [*tuned, *stopped], held, helps, "USE THESE VALUES UNDER THEIR LIMITS"
-    )
+    return Verdict.of(checks, messages, helps, "USE THESE VALUES UNDER THEIR LIMITS")
 
 
 def _next(

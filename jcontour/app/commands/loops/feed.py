@@ -8,7 +8,7 @@ from rich.console import Console
 from jcontour.app.catalogue.choices import design_for, job_named, seeing_all
 from jcontour.app.files.results.loop_results import FeedPoint, FeedResult
 from jcontour.app.files.results.stored import write_result
-from jcontour.app.files.results.verdict import LimitCheck, Verdict, exceeded
+from jcontour.app.files.results.verdict import LimitCheck, Message, Verdict, exceeded
 from jcontour.app.flags.loops import Feed
 from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.replays import Scenarios, replay
@@ -18,10 +18,9 @@ from jcontour.app.reports.figures.loops import feeds_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.checks.run_checks import limits_exceeded_by_plan, motions_not_followed
-from jcontour.app.runs.contour_summary import cycle_time
+from jcontour.app.runs.contour_summary import cycle_time, family_metrics, machine_summary
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import StoredLoop, loop_named
-from jcontour.app.runs.tuning.results import family_metrics, machine_summary
 from jcontour.controller import Controller
 
 PAYS = 0.5  # of a rise of the feed, that has to come off the cycle time
@@ -155,7 +154,7 @@ def verdict_on(
     """
     if best is None:
         undecided = tolerance is None and any(point.sound for point in points)
-        against = [] if undecided else [reason]
+        against = [] if undecided else [Message("reason", reason)]
         return Verdict.of([], against, passed=f"No feed is recommended: {reason}.")
     limits = list(best.limits)
     if tolerance is not None:

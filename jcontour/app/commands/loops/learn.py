@@ -12,13 +12,14 @@ from jcontour.app.designs.design import plain_weights
 from jcontour.app.files.bent_reference import SAMPLES, save_samples
 from jcontour.app.files.results.bound_results import LearnedMachine, LearnedResult, StoredLap
 from jcontour.app.files.results.stored import Weight, write_result
-from jcontour.app.files.results.verdict import Verdict
+from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.flags.loops import Learn
 from jcontour.app.jobs.job import Pace
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import learning
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.tables import digits, plain_table, say
+from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.forecast import Steps, outline
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.loops.learning import (
@@ -30,7 +31,6 @@ from jcontour.app.runs.loops.learning import (
     shifted,
     stored_lap,
 )
-from jcontour.app.runs.tuning.results import machine_summary
 from jcontour.devices import on_cpu
 
 OF_OTHER_LAW = {"norm-optimal": ("gain", "lead"), "p-type": ("effort",)}
@@ -105,11 +105,13 @@ def verdict_on(machines: Sequence[LearnedMachine], stored: StoredLap | None) -> 
     """Verdict on the learned reference: machines that diverge, limits that it asks too much of."""
     limits = [] if stored is None else stored.limits
     against = [
-        f"{one.name} diverges at lap {one.diverged}" for one in machines if one.diverged is not None
+        reason(f"{one.name} diverges at lap {one.diverged}")
+        for one in machines
+        if one.diverged is not None
     ]
     helps = ["a larger --smoothing, or a slower feed, asks less of the machine"]
     passed = "Nothing is learned." if stored is None else "USE THIS REFERENCE"
-    return Verdict.of(limits, against, (), helps, passed)
+    return Verdict.of(limits, against, helps, passed)
 
 
 def _check(flags: Learn) -> None:

@@ -17,18 +17,18 @@ from jcontour.app.files.bent_reference import (
 )
 from jcontour.app.files.results.loop_results import BentResult
 from jcontour.app.files.results.stored import write_result
-from jcontour.app.files.results.verdict import Verdict, exceeded
+from jcontour.app.files.results.verdict import Verdict, exceeded, reason, warning
 from jcontour.app.flags.loops import Precompensate
 from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.sections import sections
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import bent_figure
 from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.loops.bending import Bent, bent, moves_along
 from jcontour.app.runs.settling import STILL
 from jcontour.app.runs.stored_loops import StoredLoop, loop_named
-from jcontour.app.runs.tuning.results import machine_summary
 from jcontour.geometry.toolpaths import Toolpath
 
 SAME = 5e-3  # of an error: less of a change has no digit of its own
@@ -179,31 +179,29 @@ def verdict_on(result: BentResult) -> Verdict:
             "gains, or tune it"
         )
     lost = any(run.diverged for run in result.after.values())
-    against = ["a plant of the family diverges"] if lost else []
+    found = [reason("a plant of the family diverges")] if lost else []
     if not (result.worst_gain > 1 and result.worst_gain * result.nominal_gain > 1):
         less = "gains less than the nominal one loses"
-        against.append(
-            f"the worst machine {less if result.worst_gain > 1 else 'is no better'}. Either one "
-            "shift cannot help it without harm to another of the family, or the controller already "
-            "sees what the model knows"
+        better = less if result.worst_gain > 1 else "is no better"
+        found.append(
+            reason(
+                f"the worst machine {better}. Either one shift cannot help it without harm to "
+                "another of the family, or the controller already sees what the model knows"
+            )
         )
-    verdict = Verdict.of(
-        result.limits, against, _unbounded(result), [helps], passed="USE THIS REFERENCE"
-    )
+    if result.unlimited:
+        found.append(
+            warning(
+                f"{result.machine.name} states no limit of {' or '.join(result.unlimited)}",
+                "look at whether your drives give what is asked for above, or state their limits "
+                "in a machine file",
+            )
+        )
+    verdict = Verdict.of(result.limits, found, [helps], passed="USE THIS REFERENCE")
     if verdict.usable:
         return verdict
-    return replace(verdict, warnings=[*verdict.warnings, f"not written for that reason: {files}"])
-
-
-def _unbounded(result: BentResult) -> list[str]:
-    """A line for a machine on which nothing limits the bend."""
-    if not result.unlimited:
-        return []
-    return [
-        f"{result.machine.name} states no limit of {' or '.join(result.unlimited)}: "
-        "look at whether your drives give what is asked for above, or state their limits in a "
-        "machine file."
-    ]
+    left_out = warning(f"not written for that reason: {files}")
+    return replace(verdict, messages=[*verdict.messages, left_out])
 
 
 def _larger(result: BentResult) -> list[str]:

@@ -16,7 +16,7 @@ from jcontour.app.designs.design import Design, plain_weights
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.run_metrics import METRICS, MotionSummary, RunMetrics
 from jcontour.app.files.results.stored import write_result
-from jcontour.app.files.results.verdict import Verdict, kept_words
+from jcontour.app.files.results.verdict import Verdict, kept_words, reason, warning
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Job, Pace, Task
 from jcontour.app.jobs.listed_moves import listed_moves
@@ -36,19 +36,22 @@ from jcontour.app.reports.tables import (
     read_line,
     say,
 )
-from jcontour.app.runs.checks.machine_limits import drives_at_limits_in_rapids, machine_limits
+from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.checks.run_checks import (
     NAN,
-    arrival_warnings,
-    limits_exceeded_by_plan,
     lost_numbers,
+    machine_warnings,
     motions_not_followed,
-    swing_warnings,
 )
-from jcontour.app.runs.contour_summary import contour_read, contour_runs, motion_summary, peak_place
+from jcontour.app.runs.contour_summary import (
+    contour_read,
+    contour_runs,
+    machine_summary,
+    motion_summary,
+    peak_place,
+)
 from jcontour.app.runs.forecast import check_memory, forecast
 from jcontour.app.runs.lifecycle import created, finished, tuning_words
-from jcontour.app.runs.tuning.results import machine_summary
 
 TOLD = 0.01  # of the cycle time, that the planner may leave to gain without a word
 
@@ -155,16 +158,10 @@ def _verdict(scenarios: Scenarios, replayed: Replay, machine: Machine) -> Verdic
     return Verdict.of(
         limits,
         [
-            *([f"it diverges on {many}: {', '.join(lost)}"] if lost else []),
-            *motions_not_followed(replayed, scenarios),
-        ],
-        [
-            *machine.remarks,
-            *lost_numbers(replayed, scenarios),
-            *limits_exceeded_by_plan(scenarios, machine),
-            *drives_at_limits_in_rapids(replayed, scenarios, machine),
-            *swing_warnings(replayed, scenarios, machine),
-            *arrival_warnings(replayed, scenarios),
+            *([reason(f"it diverges on {many}: {', '.join(lost)}")] if lost else []),
+            *map(reason, motions_not_followed(replayed, scenarios)),
+            *map(warning, lost_numbers(replayed, scenarios)),
+            *machine_warnings(replayed, scenarios, machine),
         ],
         passed=kept_words(limits),
     )

@@ -16,7 +16,7 @@ from jcontour.app.files.netcdf import save_dataset
 from jcontour.app.files.results.bound_results import KeptRun, ToleranceResult
 from jcontour.app.files.results.run_metrics import ContourRead
 from jcontour.app.files.results.stored import write_result
-from jcontour.app.files.results.verdict import Verdict
+from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.flags.loops import Tolerance
 from jcontour.app.jobs.job import Pace, Task
 from jcontour.app.machines.disturbance_bounds import (
@@ -32,10 +32,9 @@ from jcontour.app.reports.figures.loops import kept_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.tables import digits, of_axes, of_inputs, plain_table, read_line, say
 from jcontour.app.runs.checks.machine_limits import Signals, limits_of_groups
-from jcontour.app.runs.contour_summary import read_of
+from jcontour.app.runs.contour_summary import machine_summary, read_of
 from jcontour.app.runs.forecast import Steps, outline
 from jcontour.app.runs.lifecycle import created, finished
-from jcontour.app.runs.tuning.results import machine_summary
 from jcontour.guarantees.attacks import Attack
 from jcontour.host.loop import HostRun, reported_loop
 from jcontour.plant import Plant
@@ -218,8 +217,8 @@ def _verdict(found: Keeper, task: Task, tried: list[Tried]) -> Verdict:
     fault = f"not kept within the bounds: {names}. This is a fault of jcontour: please report it"
     return Verdict.of(
         limits_of_groups(seen, found.machine, within),
-        [fault] if left else [],
-        help_with_limits=[
+        [reason(fault)] if left else [],
+        limit_remedies=[
             "within the bounds the controller keeps the limits of control and speed; it does not "
             "know those of acceleration and control increment"
         ],

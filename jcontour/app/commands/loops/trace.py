@@ -19,7 +19,7 @@ from jcontour.app.designs.predictive.constrained import (
 )
 from jcontour.app.files.results.loop_results import Asked, Signals, Traversed
 from jcontour.app.files.results.stored import write_result
-from jcontour.app.files.results.verdict import LimitCheck, Verdict, exceeded, kept_words
+from jcontour.app.files.results.verdict import LimitCheck, Verdict, exceeded, kept_words, reason
 from jcontour.app.flags.loops import Trace
 from jcontour.app.flags.shared import MachineFlags
 from jcontour.app.jobs.job import Job, Pace, Task
@@ -259,10 +259,10 @@ def show(result: Traversed, console: Console) -> None:
 
 def verdict_on(result: Traversed) -> Verdict:
     """Verdict on a run: the tool arrives at the end, within every limit of the machine."""
-    against = [f"it stopped: {result.failure}"] if result.failure else []
-    against += strayed(result)
+    against = [reason(f"it stopped: {result.failure}")] if result.failure else []
+    against += map(reason, strayed(result))
     if not result.arrived and not against:
-        against.append("the tool did not arrive at the end of the path")
+        against.append(reason("the tool did not arrive at the end of the path"))
     return Verdict.of(result.limits, against, passed=kept_words(result.limits))
 
 

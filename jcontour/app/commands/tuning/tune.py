@@ -24,7 +24,7 @@ from jcontour.app.reports.progress import progress_of
 from jcontour.app.reports.rollouts import save_rollouts, save_sensitivity
 from jcontour.app.reports.tuned_tables import limit_words, show_tuned
 from jcontour.app.runs.checks.certifying import certified_bound
-from jcontour.app.runs.checks.run_checks import lost_at_start
+from jcontour.app.runs.checks.recommendation import lost_at_start
 from jcontour.app.runs.contour_summary import contour_read, contour_runs
 from jcontour.app.runs.lifecycle import finished, opened, ranked_words
 from jcontour.app.runs.tuning.problem import PLENTY, TuningRun, tuning_run

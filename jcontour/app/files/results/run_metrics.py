@@ -6,8 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jcontour.app.files.results.stored import stored_as
-
 CONTROL, INCREMENT = "control", "increment"  # units that the machine names
 
 
@@ -99,7 +97,7 @@ class MachineSummary:
     name: str
     control_unit: str
     axes: tuple[str, ...]
-    nonsmooth_effects: str = stored_as("truth")
+    nonsmooth_effects: str
 
 
 @dataclass(frozen=True)

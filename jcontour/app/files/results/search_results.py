@@ -92,13 +92,6 @@ class RankedResult:
 
 
 @dataclass(frozen=True)
-class MachineUnits:
-    """Units of the machine that the numbers need."""
-
-    control_unit: str
-
-
-@dataclass(frozen=True)
 class BudgetPoint:
     """The best weights found within one budget, on the smooth machines.
 
@@ -139,7 +132,6 @@ class FrontResult:
     """A front.
 
     Attributes:
-        machine: its units.
         error: name of the error that counts on the machine, contour or tracking.
         controller: name in the catalogue.
         weights: names of the free weights.
@@ -149,7 +141,7 @@ class FrontResult:
         nominal_only: the family is the nominal plant alone.
     """
 
-    machine: MachineUnits
+    machine: MachineSummary
     error: str
     controller: str
     weights: list[str]

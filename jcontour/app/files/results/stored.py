@@ -1,35 +1,29 @@
 """Results of commands: frozen dataclasses that become JSON, and load back from it.
 
 A field with a default is left out of the JSON while it has its default.
-`stored_as("name")` keeps the name of a field in the JSON when its name in Python changes.
 `field(metadata=BESIDE_OTHERS)` puts the entries of a dict, as weights by name, beside the other
 fields.
 NaN and infinity become null; null in a field of type `float` is read as NaN.
 """
 
-from dataclasses import field, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 import cattrs
 import numpy as np
 from cattrs.errors import BaseValidationError
-from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
+from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn
 from cattrs.strategies import configure_union_passthrough
 
 from jcontour.app.files.run_folder import RESULT, RunError, plain, read_json, write_json
 
 T = TypeVar("T")
+VERSION = 2  # of the fields of results: it grows when one is renamed or means something else
 Weight = float | list[float] | None  # of one name: a number, one number per axis, or none
 Scalar = bool | int | float | str | None
-_NAME = "name in JSON"
 _BESIDE = "entries stand beside the other fields in JSON"
 BESIDE_OTHERS = {_BESIDE: True}  # metadata of a dict field
-
-
-def stored_as(name: str, **options: Any) -> Any:
-    """Field of a result whose name in the JSON is another."""
-    return field(metadata={_NAME: name}, **options)
 
 
 def to_json(result: Any) -> Any:
@@ -51,7 +45,12 @@ def from_json(values: Any, kind: type[T]) -> T:
 
 def write_result(folder: Path, result: Any) -> Path:
     """Write the result of a run; it comes last, when all other files are there."""
-    return write_json(folder / RESULT, to_json(result))
+    return write_json(folder / RESULT, versioned(result))
+
+
+def versioned(result: Any) -> dict[str, Any]:
+    """A result as JSON, with the version of its fields."""
+    return {"version": VERSION, **to_json(result)}
 
 
 def read_result(folder: Path, kind: type[T]) -> T:
@@ -61,6 +60,8 @@ def read_result(folder: Path, kind: type[T]) -> T:
         RunError: there is none, or another version of the command wrote it.
     """
     values = read_json(folder, RESULT)
+    if values.get("version") != VERSION:
+        raise RunError(f"{folder}: its result is of another version of jcontour; run it again")
     try:
         return from_json(values, kind)
     except ValueError as error:
@@ -70,13 +71,8 @@ def read_result(folder: Path, kind: type[T]) -> T:
         ) from None
 
 
-def _names(kind: Any) -> dict[str, Any]:
-    found = {one.name: one.metadata.get(_NAME) for one in fields(kind)}
-    return {name: override(rename=other) for name, other in found.items() if other}
-
-
 def _to_dict(kind: Any) -> Any:
-    write = make_dict_unstructure_fn(kind, _converter, _cattrs_omit_if_default=True, **_names(kind))
+    write = make_dict_unstructure_fn(kind, _converter, _cattrs_omit_if_default=True)
     spread = _beside(kind)
     if not spread:
         return write
@@ -91,12 +87,12 @@ def _to_dict(kind: Any) -> Any:
 
 
 def _from_dict(kind: Any) -> Any:
-    read = make_dict_structure_fn(kind, _converter, **_names(kind))
+    read = make_dict_structure_fn(kind, _converter)
     spread = _beside(kind)
     if not spread:
         return read
     (gathered,) = spread
-    known = {one.metadata.get(_NAME, one.name) for one in fields(kind)} - {gathered}
+    known = {one.name for one in fields(kind)} - {gathered}
 
     def read_beside(values: dict[str, Any], of: Any) -> Any:
         own = {name: value for name, value in values.items() if name in known}

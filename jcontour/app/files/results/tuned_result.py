@@ -11,7 +11,7 @@ from jcontour.app.files.results.run_metrics import (
     PeakPlace,
     RunMetrics,
 )
-from jcontour.app.files.results.stored import Weight, stored_as
+from jcontour.app.files.results.stored import Weight
 from jcontour.app.files.results.verdict import Verdict
 
 WITHIN = 1e-6  # of a limit's violation: a point counts as feasible
@@ -56,7 +56,7 @@ class PathMargins:
             where the machine says nothing of it.
     """
 
-    spectral_radius: float = stored_as("largest_frozen_spectral_radius")
+    spectral_radius: float
     gain_range: tuple[tuple[float, float], ...]
     gain_search: tuple[float, float]
     delay_samples: int
@@ -82,7 +82,7 @@ class GapRow:
     contour: str
     plant: str
     smooth: float
-    nonsmooth: float = stored_as("true")
+    nonsmooth: float
     relative: float
 
 
@@ -214,7 +214,7 @@ class TunedResult:
     files: dict[str, str] = field(default_factory=dict)
     start: dict[str, Weight]
     weights: dict[str, Weight]
-    weight_lines: list[str] = stored_as("values")
+    weight_lines: list[str]
     feasible: bool
     violation: float | None
     verdict: Verdict
@@ -227,8 +227,8 @@ class TunedResult:
     diverged_starts: int
     descents: int
     plants: list[str]
-    margins: PathMargins = stored_as("safety")
-    start_margins: PathMargins = stored_as("safety_of_start")
+    margins: PathMargins
+    start_margins: PathMargins
     contours: list[TunedContour]
     gap: list[GapRow]
     training_samples: int

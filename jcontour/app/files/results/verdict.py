@@ -5,11 +5,45 @@ One rule for all commands: every stated limit is kept, or the verdict names it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 NOT_TO_USE = 3  # exit code of a command whose verdict is against its values
 ROUNDING = 1e-5  # relative: a search ends at its limits to within rounding
 NEAR = 0.9  # of a limit, from which on there is a warning
 RINGING = 0.1  # of a limit, from which on a part between samples is printed
+
+
+Level = Literal["reason", "limit", "warning"]
+
+
+@dataclass(frozen=True)
+class Message:
+    """A finding for whoever may load the values of a run.
+
+    Attributes:
+        level: a reason against them, a limit that is not kept, or what to know before.
+        text: the finding with its numbers.
+        remedy: what helps; empty where nothing is known to.
+    """
+
+    level: Level
+    text: str
+    remedy: str = ""
+
+    @property
+    def line(self) -> str:
+        """Finding and remedy in one line."""
+        return f"{self.text}: {self.remedy}" if self.remedy else self.text
+
+
+def reason(text: str, remedy: str = "") -> Message:
+    """A reason against the values."""
+    return Message("reason", text, remedy)
+
+
+def warning(text: str, remedy: str = "") -> Message:
+    """What to know before the values are loaded."""
+    return Message("warning", text, remedy)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,51 +113,54 @@ class Verdict:
     Attributes:
         usable: every stated limit is kept, and no reason speaks against the values.
         heading: yes or no, in words.
-        reasons: all of them, the limits that are not kept among them.
-        warnings: what to know before the values are loaded.
+        messages: reasons, limits that are not kept, and warnings, each level in its order.
         limits: every stated limit.
     """
 
     usable: bool
     heading: str
-    reasons: list[str]
-    warnings: list[str]
+    messages: list[Message]
     limits: list[LimitCheck]
 
     @classmethod
     def of(
         cls,
         limits: Sequence[LimitCheck],
-        reasons: Sequence[str] = (),
-        warnings: Sequence[str] = (),
-        help_with_limits: Sequence[str] = (),
+        messages: Sequence[Message] = (),
+        limit_remedies: Sequence[str] = (),
         passed: str = "USE THESE VALUES",
     ) -> "Verdict":
-        """Verdict of stated limits and further reasons.
+        """Verdict of stated limits and further findings.
 
         Args:
-            limits: every stated limit, with what the runs reach.
-            reasons: what else speaks against the values, the gravest first.
-            warnings: what to know before the values are loaded; near limits are added.
-            help_with_limits: what helps where a limit is not kept.
+            limits: every stated limit, with what the runs reach; those that are near become
+                warnings.
+            messages: further findings, the gravest first.
+            limit_remedies: what helps where a limit is not kept.
             passed: heading where nothing speaks against the values.
         """
-        beyond = exceeded(limits)
-        against = [*reasons, *beyond, *(help_with_limits if beyond else ())]
+        beyond = [Message("limit", line) for line in exceeded(limits)]
+        if beyond:
+            beyond += [Message("limit", line) for line in limit_remedies]
+        against = [*(one for one in messages if one.level != "warning"), *beyond]
+        near = [warning(one.line) for one in limits if one.near]
         refused = f"DO NOT {passed}" if passed.startswith("USE") else "DO NOT USE"
         return cls(
             usable=not against,
-            reasons=against,
-            warnings=[*warnings, *(one.line for one in limits if one.near)],
-            limits=list(limits),
             heading=refused if against else passed,
+            messages=[*against, *(one for one in messages if one.level == "warning"), *near],
+            limits=list(limits),
         )
 
     @property
-    def beside_limits(self) -> list[str]:
-        """Reasons that are no limit and no help with limits."""
-        beyond = exceeded(self.limits)
-        return self.reasons[: self.reasons.index(beyond[0])] if beyond else self.reasons
+    def reasons(self) -> list[str]:
+        """Lines against the values, limits that are not kept last."""
+        return [one.line for one in self.messages if one.level != "warning"]
+
+    @property
+    def warnings(self) -> list[str]:
+        """Lines to know before the values are loaded."""
+        return [one.line for one in self.messages if one.level == "warning"]
 
     @property
     def exit_code(self) -> int:

@@ -12,13 +12,19 @@ from jaxtyping import Float, Int
 
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.run_metrics import METRICS
-from jcontour.app.files.results.stored import from_json
-from jcontour.app.files.results.verdict import Verdict
-from jcontour.app.reports.rollouts import ROLLOUTS as ROLLOUTS
-from jcontour.app.reports.rollouts import ROLLOUTS as SENSITIVITY
+from jcontour.app.files.results.search_results import FrontResult
+from jcontour.app.files.results.stored import read_result, to_json
+from jcontour.app.files.results.tuned_result import TunedResult
+from jcontour.app.reports.rollouts import ROLLOUTS, SENSITIVITY
+from jcontour.app.reports.tuned_tables import margin_rows
 
-COMMANDS = ("tune", "simulate", "front")
+KINDS: dict[str, type[TunedResult | SimulatedResult | FrontResult]] = {
+    "tune": TunedResult,
+    "simulate": SimulatedResult,
+    "front": FrontResult,
+}
 BYTES = 3e6  # of the signals of a run on its page
 MOST_CONTOURS = 12
 FEWEST, MOST = 300, 3000  # samples of a contour: more do not fit on a screen
@@ -68,11 +74,14 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
     """
     settings = run_folder.read_json(folder, run_folder.SETTINGS)
     command = settings.get("command")
-    if command not in COMMANDS:
+    if command not in KINDS:
         raise run_folder.RunError(
-            f"{folder}: holds a run of {command!r}; pages are made of {', '.join(COMMANDS)}"
+            f"{folder}: holds a run of {command!r}; pages are made of {', '.join(KINDS)}"
         )
-    result = run_folder.read_json(folder, run_folder.RESULT)
+    result = read_result(folder, KINDS[command])
+    tuned = result if isinstance(result, TunedResult) else None
+    verdict = None if isinstance(result, FrontResult) else result.verdict
+    unit = result.machine.control_unit
     try:
         return {
             "name": folder.name,
@@ -80,16 +89,20 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
             "repeat": shlex.join(settings["command_line"]),
             "settings": {name: _word(value) for name, value in settings["flags"].items()},
             "versions": settings["versions"],
-            "machine": result["machine"].get("name", ""),
-            "control_unit": result["machine"]["control_unit"],
-            "shown": _shown(result["machine"]["control_unit"]),
-            "controller": result["controller"],
-            "error": result["error"],
-            "verdict": None if command == "front" else _verdict(result["verdict"]),
-            "lines": _lines(result),
+            "machine": result.machine.name,
+            "control_unit": unit,
+            "shown": {
+                name: (f"{metric.words} [{metric.shown(unit)}]", metric.factor)
+                for name, metric in METRICS.items()
+                if metric.on_page
+            },
+            "controller": result.controller,
+            "error": result.error,
+            "verdict": verdict and {"usable": verdict.usable, "lines": verdict.lines},
+            "lines": [] if tuned is None else _lines(tuned),
             "sensitivity": _sensitivity(folder),
-            "limit": result.get("limits", {}).get("peak_sensitivity"),
-            "points": _points(folder, command, result),
+            "limit": None if tuned is None else tuned.limits.get("peak_sensitivity"),
+            "points": _points(folder, result),
             **_signals(folder, room),
         }
     except (KeyError, AttributeError, TypeError) as error:
@@ -102,23 +115,10 @@ def _word(value: Any) -> str:
     return " ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
-def _verdict(stored: dict[str, Any]) -> dict[str, Any]:
-    """Lines that the terminal prints, and whether they are against the values."""
-    verdict = from_json(stored, Verdict)
-    return {"usable": verdict.usable, "lines": verdict.lines}
-
-
-def _lines(result: dict[str, Any]) -> list[str]:
-    """Tuned weights and margins in words."""
-    lines = list(result.get("values", []))
-    margins = result.get("safety")
-    if margins:
-        low_high = "; ".join(f"{low:.3g} to {high:.3g}" for low, high in margins["gain_range"])
-        lines.append(f"gain margin    factors {low_high}")
-        lines.append(f"delay margin   {margins['delay_samples']} samples")
-        if margins.get("sensitivity") is not None:
-            lines.append(f"Ms             {margins['sensitivity']:.3g} in the family")
-    return lines
+def _lines(result: TunedResult) -> list[str]:
+    """Tuned weights and margins, as the terminal shows them."""
+    margins = [f"{name:<23}  {value}" for name, value in margin_rows(result.margins)]
+    return [*result.weight_lines, *margins]
 
 
 def _sensitivity(folder: Path) -> dict[str, Any] | None:
@@ -135,20 +135,19 @@ def _sensitivity(folder: Path) -> dict[str, Any] | None:
     }
 
 
-def _points(folder: Path, command: str, result: dict[str, Any]) -> dict[str, Any] | None:
+def _points(folder: Path, result: TunedResult | SimulatedResult | FrontResult) -> Any:
     """Points of a front, or those that tuning tried: error against what it costs."""
-    error = f"rms_{result['error']}_error"
-    if command == "front":
-        names, against = result["weights"], result.get("against", "increment")
-        spent = "rms_increment" if against == "increment" else "peak_sensitivity"
-        rows = result["points"]
-    elif command == "tune" and (folder / "history.json").exists():
-        rows = json.loads((folder / "history.json").read_text())
-        names, spent, against = list(result["weights"]), "rms_increment", "increment"
+    error, spent, against = f"rms_{result.error}_error", "rms_increment", "increment"
+    if isinstance(result, FrontResult):
+        names, against = result.weights, result.against
+        spent = spent if against == "increment" else "peak_sensitivity"
+        rows = [to_json(point) for point in result.points]
+    elif isinstance(result, TunedResult) and (folder / "history.json").exists():
+        rows, names = json.loads((folder / "history.json").read_text()), list(result.weights)
     else:
         return None
     kept = [row for row in rows if row.get(error) is not None and row.get(spent) is not None]
-    unit = result["machine"]["control_unit"]
+    unit = result.machine.control_unit
     return {
         "x": f"RMS increment [{unit} per sample]" if against == "increment" else "Ms",
         "points": [
@@ -156,20 +155,11 @@ def _points(folder: Path, command: str, result: dict[str, Any]) -> dict[str, Any
                 "x": row[spent],
                 "y": 1e6 * row[error],
                 "feasible": bool(row.get("feasible", (row.get("violation") or 0) <= 1e-6)),
-                "design": f"{row['budget']:.4g}" if command == "front" else None,
+                "design": f"{row['budget']:.4g}" if "budget" in row else None,
                 "weights": {name: row.get(name) for name in names if row.get(name) is not None},
             }
             for row in kept
         ],
-    }
-
-
-def _shown(control_unit: str) -> dict[str, tuple[str, float]]:
-    """Heading of every metric of the page, and its factor from SI."""
-    return {
-        name: (f"{metric.words} [{metric.shown(control_unit)}]", metric.factor)
-        for name, metric in METRICS.items()
-        if metric.on_page
     }
 
 

@@ -1,15 +1,16 @@
 """Checks of runs beside their limits: arrival, motion between samples, NaN, the plan itself."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from jcontour.app.files.checks import LARGEST
+from jcontour.app.files.results.verdict import Message, warning
 from jcontour.app.jobs.job import Job, Task
-from jcontour.app.jobs.replays import Replay, Scenarios, desired, measured_speeds, replay, scored
+from jcontour.app.jobs.replays import Replay, Scenarios, desired, measured_speeds, scored
 from jcontour.app.machines.machine import Machine
-from jcontour.app.runs.checks.machine_limits import between_counted
-from jcontour.app.runs.tuning.problem import TuningRun
+from jcontour.app.runs.checks.machine_limits import between_counted, drives_at_limits_in_rapids
 from jcontour.linear.between_samples import alternating
-from jcontour.simulation.evaluation import stack_plants
 
 RESTS = 0.05  # of the largest step of a motion: the last one, where it ends at rest
 FAR = 2.0  # largest contour errors that the tool may be from the end
@@ -108,14 +109,6 @@ def swing_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> li
     ]
 
 
-def lost_at_start(run: TuningRun) -> list[str]:
-    """A line where the start of a search meets NaN so, on the smooth machines that it sees."""
-    machine, design = run.machine, run.design
-    family = stack_plants(machine.smooth_family(design.fed))
-    smooth = run.scenarios._replace(family=family)
-    return lost_numbers(replay(design.build(design.start), smooth), smooth)[:1]
-
-
 def lost_numbers(found: Replay, scenarios: Scenarios) -> list[str]:
     """One line where the nominal plant's run on a contour meets NaN out of moderate numbers.
 
@@ -207,3 +200,15 @@ def _help(job: Task, quantity: str) -> str:
     if quantity == "speed":
         return "; --feed-law jerk keeps it"
     return ": in corners a trapezoidal motion jumps in speed; --feed-law jerk keeps the limit"
+
+
+def machine_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> Iterator[Message]:
+    """What to know of a machine and of its runs: the plan, rapid moves, swings, arrival."""
+    for line in (
+        *machine.remarks,
+        *limits_exceeded_by_plan(scenarios, machine),
+        *drives_at_limits_in_rapids(replay, scenarios, machine),
+        *swing_warnings(replay, scenarios, machine),
+        *arrival_warnings(replay, scenarios),
+    ):
+        yield warning(line)

@@ -29,7 +29,7 @@ from jcontour.app.files import run_folder
 from jcontour.app.files.checkpoints import load_state, save_state
 from jcontour.app.files.results.search_results import Candidate, Ranked, RankedResult
 from jcontour.app.files.results.stored import from_json, to_json
-from jcontour.app.files.results.verdict import Verdict, exceeded
+from jcontour.app.files.results.verdict import Verdict, exceeded, reason, warning
 from jcontour.app.flags.shared import Aimed
 from jcontour.app.flags.tuning import Rank, Tune
 from jcontour.app.jobs.job import Pace
@@ -37,11 +37,11 @@ from jcontour.app.jobs.replays import Replay, replay
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.runs.checks.machine_limits import machine_limits
-from jcontour.app.runs.checks.recommendation import ALONE
+from jcontour.app.runs.checks.recommendation import ALONE, STATED
 from jcontour.app.runs.checks.stated_limits import over_family
+from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.tuning.limits import loop_limits
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
-from jcontour.app.runs.tuning.results import machine_summary
 from jcontour.app.runs.tuning.searching import with_regret
 from tuning.effort import QUICK
 from tuning.tune import Tuned, TuneState, advance, result
@@ -207,7 +207,8 @@ def ranked(ranking: Ranking, folder: Path, console: Console) -> RankedResult:
         evaluations=ranking.flags.evaluations,
         rows=rows,
         verdict=verdict_on(
-            rows, [*machine.remarks, *([ALONE] if len(machine.family_names) == 1 else [])]
+            rows,
+            [*machine.remarks, *([f"{ALONE}: {STATED}"] if len(machine.family_names) == 1 else [])],
         ),
         learning=ranking.learning,
     )
@@ -216,15 +217,14 @@ def ranked(ranking: Ranking, folder: Path, console: Console) -> RankedResult:
 def verdict_on(rows: Sequence[Ranked], warnings: Sequence[str]) -> Verdict:
     """Verdict on a ranking: a controller follows every contour within every limit."""
     usable = [row.label for row in rows if row.failure is None and row.feasible]
-    against = [] if usable else ["no controller keeps every limit", *map(_against, rows)]
-    passed = f"USE {usable[0]}, tuned" if usable else "USE ANY OF THEM"
-    return Verdict.of([], against, warnings, passed=passed)
-
-
-def _against(row: Ranked) -> str:
-    """What speaks against a controller."""
-    limits = "; ".join(row.exceeded) or "beyond a limit of the tuner"
-    return f"{row.label}: {row.failure or limits}"
+    messages = [warning(line) for line in warnings]
+    if usable:
+        return Verdict.of([], messages, passed=f"USE {usable[0]}, tuned")
+    messages.append(reason("no controller keeps every limit"))
+    for row in rows:
+        limits = "; ".join(row.exceeded) or "beyond a limit of the tuner"
+        messages.append(reason(f"{row.label}: {row.failure or limits}"))
+    return Verdict.of([], messages, passed="USE ANY OF THEM")
 
 
 def _row(ranking: Ranking, candidate: Candidate, place: Path, console: Console) -> Ranked:

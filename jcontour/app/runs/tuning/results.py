@@ -12,7 +12,6 @@ from jcontour.analysis.uncertain_loops import BORNE
 from jcontour.app.beside import Beside
 from jcontour.app.designs.design import plain_weights
 from jcontour.app.files.results.bound_results import CertifiedBound
-from jcontour.app.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
 from jcontour.app.files.results.tuned_result import (
     EngineRow,
     GapRow,
@@ -23,7 +22,7 @@ from jcontour.app.files.results.tuned_result import (
     TunedContour,
     TunedResult,
 )
-from jcontour.app.files.results.verdict import ROUNDING
+from jcontour.app.files.results.verdict import ROUNDING, Message, warning
 from jcontour.app.jobs.replays import Replay, Scenarios, replay, scored
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.reports.figures.searches import FamilyCurves
@@ -32,7 +31,6 @@ from jcontour.app.runs.checks.recommendation import (
     active_limits,
     exceeded_most,
     flag_allowing,
-    idle_warnings,
     may_drift,
     run_warnings,
     verdict_on,
@@ -44,7 +42,12 @@ from jcontour.app.runs.checks.stated_limits import (
     stated_limits,
 )
 from jcontour.app.runs.checks.trials import offset_lasts, path_margins, robust_test, standstill
-from jcontour.app.runs.contour_summary import contour_read, peak_place
+from jcontour.app.runs.contour_summary import (
+    contour_read,
+    family_metrics,
+    machine_summary,
+    peak_place,
+)
 from jcontour.app.runs.tuning.family_loops import (
     LeastKnown,
     family_curves,
@@ -143,13 +146,6 @@ def tried(
     return Trial(replay(controller, scenarios), *found, standstill(controller, machine, fed))
 
 
-def machine_summary(machine: Machine) -> MachineSummary:
-    """Name, axes and units of a machine."""
-    return MachineSummary(
-        machine.name, machine.control_unit, machine.axes, machine.nonsmooth_effects
-    )
-
-
 def tuned_result(
     searched: Searched,
     trials: Mapping[str, Trial],
@@ -189,8 +185,7 @@ def tuned_result(
             unknown=_unknown(run, tuned) if (margins.doubt or 0.0) > SAFE else None,
             unseen=exceeded_unseen(over_family(run, tuned.weights)),
             warnings=[
-                *run_warnings(run, tuned, margins, replays),
-                *idle_warnings(searched.idle),
+                *run_warnings(run, tuned, margins, replays, searched.idle),
                 *_baseline_words(trials),
             ],
         )
@@ -242,11 +237,12 @@ def _unstable(trial: Trial) -> str:
     return "" if trial.margins.stable else "a frozen loop is open or unstable"
 
 
-def _baseline_words(trials: Mapping[str, Trial]) -> list[str]:
+def _baseline_words(trials: Mapping[str, Trial]) -> list[Message]:
     if "baseline" not in trials:
         return []
     name = trials["baseline"].name
-    return [f"the baseline is {name} with its first gains, the best simple loop within every limit"]
+    best = "with its first gains, the best simple loop within every limit"
+    return [warning(f"the baseline is {name} {best}")]
 
 
 def _offset_lasts(run: TuningRun, tuned: Tuned) -> float:
@@ -295,14 +291,6 @@ def _contour(
         peak=peak_place(scenarios, replays["tuned"], index, run.machine.error),
         shown=shown,
         feed_law=job.feed_law,
-    )
-
-
-def family_metrics(replay: Replay, index: int) -> FamilyMetrics:
-    """Metrics on one contour: the nominal plant, and the worst of the family metric by metric."""
-    return FamilyMetrics(
-        nominal=RunMetrics.of(replay.metrics, lambda values: values[index, 0]),
-        worst=RunMetrics.of(replay.metrics, lambda values: values[index].max()),
     )
 
 

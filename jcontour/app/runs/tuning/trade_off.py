@@ -25,10 +25,11 @@ from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.designs.design import plain_weights
 from jcontour.app.files import run_folder
 from jcontour.app.files.checkpoints import load_state, save_state
-from jcontour.app.files.results.search_results import BudgetPoint, FrontResult, MachineUnits
+from jcontour.app.files.results.search_results import BudgetPoint, FrontResult
 from jcontour.app.flags.shared import Aimed
 from jcontour.app.flags.tuning import Front, Tune
 from jcontour.app.reports.progress import progress_of
+from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.tuning.family_loops import WINDOWS, probed_peaks
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.app.runs.tuning.searching import with_regret
@@ -136,7 +137,7 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
         state = _searched(problems, places, run, show_progress, state.histories)
     found = front_points(problems, run.start, state)[-len(budgets) :]
     return FrontResult(
-        machine=MachineUnits(run.machine.control_unit),
+        machine=machine_summary(run.machine),
         error=run.machine.error,
         controller=run.design.name,
         weights=list(run.design.free()),

@@ -20,7 +20,7 @@ from jcontour.app.commands.loops.check_limits import (
     verdict_on,
 )
 from jcontour.app.files.netcdf import load_dataset
-from jcontour.app.files.results.verdict import Verdict
+from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.flags.loops import Check
 from jcontour.app.machines.machine import MachineLimits
 from tests.app.small_runs import run_metrics
@@ -110,11 +110,8 @@ def test_a_limit_that_a_machine_exceeds_is_told_loudly():
     assert "--acceleration" in line
     within = verdict_on([kept], ASKED, "V")
     assert within.exit_code == 0 and within.reasons == []
-    unstable = verdict_on(
-        [kept], ASKED, "V", Verdict.of(verdict.limits, ["unstable"]).beside_limits
-    )
+    unstable = verdict_on([kept], ASKED, "V", [reason("unstable")])
     assert unstable.exit_code == 3 and unstable.reasons == ["unstable"]
-    assert verdict.beside_limits == []  # what constraints may mend
     stopped = verdict_on([replace(kept, failure="step 3: infeasible")], ASKED, "V")
     assert stopped.exit_code == 3 and "step 3: infeasible" in stopped.reasons[0]
 
@@ -130,7 +127,10 @@ def test_the_verdict_of_tune_comes_first_and_no_name_is_cut_on_80_columns():
     numbers = row(123.4e-6, 234.5e-6, reached={"control": [0.5]})
     late = replace(numbers, plant=plant, fallbacks=2)
     bounds = {"control": [[-1.0], [1.0]], "speed": None}
-    against, own = Verdict.of([], ["acceleration of X EXCEEDS"]), verdict_on([late], bounds, "V")
+    against, own = (
+        Verdict.of([], [reason("acceleration of X EXCEEDS")]),
+        verdict_on([late], bounds, "V"),
+    )
     bad = Verified("runs/a", against, {}, "daqp", bounds, [late], "V", own)
     text = printed(bad)
     lines = text.splitlines()

@@ -11,7 +11,7 @@ from jcontour.app.commands.loops.feed import next_steps, recommended, show, verd
 from jcontour.app.files.results.loop_results import FeedPoint, FeedResult, SimulatedResult
 from jcontour.app.files.results.run_metrics import MachineSummary
 from jcontour.app.files.results.stored import read_result
-from jcontour.app.files.results.verdict import LimitCheck, Verdict
+from jcontour.app.files.results.verdict import LimitCheck, Verdict, reason
 from jcontour.app.jobs.job import at_constant_feed, from_file
 from jcontour.app.jobs.pace import Pace
 from jcontour.app.machines.linear import bridgeport_machine
@@ -157,7 +157,7 @@ def test_what_the_motion_itself_exceeds_is_told_once(capsys):
 @pytest.mark.parametrize("planned", [["speed"], []])
 def test_slower_feeds_are_no_help_where_the_motion_itself_exceeds_a_limit(planned):
     beyond = [replace(slower(feed, planned), limits=[BEYOND]) for feed in (50, 100)]
-    none = Verdict.of([], ["none will do"])
+    none = Verdict.of([], [reason("none will do")])
     [line] = next_steps(replace(stated(beyond), recommended=None, verdict=none))
     assert ("slower --overrides" in line) is not bool(planned)
 

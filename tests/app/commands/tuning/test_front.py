@@ -9,7 +9,8 @@ import pytest
 from jcontour.app.cli import main
 from jcontour.app.commands.tuning.front import next_steps, show
 from jcontour.app.files.netcdf import load_dataset
-from jcontour.app.files.results.search_results import BudgetPoint, FrontResult, MachineUnits
+from jcontour.app.files.results.run_metrics import MachineSummary
+from jcontour.app.files.results.search_results import BudgetPoint, FrontResult
 from jcontour.app.files.results.stored import from_json, read_result, to_json
 from jcontour.app.reports.page.page_data import page_data
 from jcontour.app.reports.tables import console_of
@@ -84,7 +85,9 @@ POINTS = [
     BudgetPoint(0.2, {"alpha": 3.0}, 3e-6, 9e-6, 0.15, 3e-6, True, True, 1.8),
     BudgetPoint(0.05, {"alpha": 1.0}, 8e-6, 9e-6, 0.06, 8e-6, False, False, np.inf),
 ]
-RESULT = FrontResult(MachineUnits("A"), "contour", "contouring-lq", ["alpha"], POINTS)
+RESULT = FrontResult(
+    MachineSummary("mill", "A", ("X", "Y"), "counts"), "contour", "contouring-lq", ["alpha"], POINTS
+)
 
 
 def test_weights_stand_beside_the_metrics_in_json():

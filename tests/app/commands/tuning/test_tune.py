@@ -12,7 +12,7 @@ from jcontour.app.commands.tuning import tune
 from jcontour.app.commands.tuning.tune import held_out_words, next_steps
 from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.tuned_result import TunedResult
-from jcontour.app.files.results.verdict import Verdict
+from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.contours import BUILT_IN
 from jcontour.app.jobs.pace import Pace
@@ -106,7 +106,7 @@ def test_files_that_a_drive_loads_are_there_and_named(tuned, result):
     lines = next_steps(replace(result, verdict=Verdict.of([])), tuned)
     assert [line.split(": ")[1] for line in lines[:2]] == list(result.files)
     assert any("jcontour rank" in line for line in lines)
-    assert next_steps(replace(result, verdict=Verdict.of([], ["late"])), tuned) == []
+    assert next_steps(replace(result, verdict=Verdict.of([], [reason("late")])), tuned) == []
 
 
 @pytest.mark.parametrize(

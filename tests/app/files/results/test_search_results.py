@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from jcontour.app.files.results.run_metrics import MachineSummary
 from jcontour.app.files.results.search_results import (
     BudgetPoint,
     Candidate,
     FrontResult,
-    MachineUnits,
     Ranked,
     dataset_of,
 )
@@ -27,7 +27,14 @@ def test_a_failed_row_is_stored_without_numbers():
 
 
 def result(against):
-    return FrontResult(MachineUnits("A"), "contour", "lq", ["alpha"], POINTS, against=against)
+    return FrontResult(
+        MachineSummary("mill", "A", ("X", "Y"), "counts"),
+        "contour",
+        "lq",
+        ["alpha"],
+        POINTS,
+        against=against,
+    )
 
 
 def test_budgets_are_the_axis_with_the_unit_of_what_they_limit():

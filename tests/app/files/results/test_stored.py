@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from jcontour.app.files.results.stored import (
+    VERSION,
     Weight,
     from_json,
     read_result,
-    stored_as,
     to_json,
     write_result,
 )
@@ -28,8 +28,8 @@ class Result:
     rows: tuple[Row, ...]
     weights: dict[str, Weight]
     gain: np.ndarray
-    margins: dict[str, float] = stored_as("safety")
-    plants: list[str] = stored_as("family")
+    margins: dict[str, float]
+    plants: list[str]
     usable: bool = True
     terminal: str | None = None
 
@@ -45,8 +45,8 @@ def test_json_names_nulls_and_defaults():
         "rows": [{"error": 1e-6, "limit": None}, {"error": None, "limit": 2.0, "name": "last"}],
         "weights": {"alpha": 1.2, "stage": [1.0, 2.0], "beta": None},
         "gain": [[1.0, None]],
-        "safety": {"delay": 3.0},
-        "family": ["nominal"],
+        "margins": {"delay": 3.0},
+        "plants": ["nominal"],
     }
 
 
@@ -62,16 +62,24 @@ def test_a_result_comes_back_to_the_last_bit(tmp_path):
 
 @pytest.mark.parametrize(
     "change, words",
-    [({"rows": None}, "rows"), ({"family": [3]}, "plants"), ({"gain": "none"}, "gain")],
+    [({"rows": None}, "rows"), ({"plants": [3]}, "plants"), ({"gain": "none"}, "gain")],
 )
 def test_a_result_of_another_form_is_refused_in_one_line(tmp_path, change, words):
-    (tmp_path / "result.json").write_text(json.dumps(to_json(made()) | change))
+    (tmp_path / "result.json").write_text(
+        json.dumps({"version": VERSION} | to_json(made()) | change)
+    )
     with pytest.raises(RunError, match=rf"not of this version's Result \(.*{words}"):
+        read_result(tmp_path, Result)
+
+
+def test_a_result_of_an_older_version_is_told(tmp_path):
+    (tmp_path / "result.json").write_text(json.dumps(to_json(made())))
+    with pytest.raises(RunError, match="of another version of jcontour; run it again"):
         read_result(tmp_path, Result)
 
 
 def test_a_missing_field_is_named():
     values = to_json(made())
-    del values["safety"]
+    del values["margins"]
     with pytest.raises(ValueError, match="required field missing @ result.margins"):
         from_json(values, Result)

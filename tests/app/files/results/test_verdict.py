@@ -6,21 +6,21 @@ from dataclasses import replace
 import pytest
 
 from jcontour.app.files.results.stored import from_json, to_json
-from jcontour.app.files.results.verdict import LimitCheck, Verdict
+from jcontour.app.files.results.verdict import LimitCheck, Verdict, reason, warning
 
 HUM = LimitCheck(name="RMS control at rest", value=0.1696, allowed=0.15, unit="A", member="family")
 
 
 def test_a_limit_that_is_not_kept_is_a_reason_and_exit_code_3():
-    verdict = Verdict.of([HUM], help_with_limits=["finer encoders"])
+    verdict = Verdict.of([HUM], limit_remedies=["finer encoders"])
     assert not verdict.usable and verdict.exit_code == 3
-    reason = "RMS control at rest EXCEEDS its limit: 0.1696 of 0.15 A (family)"
-    assert verdict.reasons == [reason, "finer encoders"]
-    assert verdict.lines[:2] == ["DO NOT USE THESE VALUES", f"  because: {reason}"]
+    line = "RMS control at rest EXCEEDS its limit: 0.1696 of 0.15 A (family)"
+    assert verdict.reasons == [line, "finer encoders"]
+    assert verdict.lines[:2] == ["DO NOT USE THESE VALUES", f"  because: {line}"]
 
 
 def test_a_limit_that_is_kept_is_none_and_one_that_is_near_a_warning():
-    calm = Verdict.of([replace(HUM, value=0.1)], warnings=["late"])
+    calm = Verdict.of([replace(HUM, value=0.1)], messages=[warning("late")])
     assert calm.exit_code == 0 and calm.lines == ["USE THESE VALUES", "WARNING: late"]
     near = Verdict.of([replace(HUM, value=0.14)])
     assert near.exit_code == 0 and "is near its limit: 0.14 of 0.15 A" in near.lines[1]
@@ -40,7 +40,7 @@ def test_an_overshoot_within_the_slack_is_kept_and_named():
 
 
 def test_it_comes_back_from_its_file():
-    verdict = Verdict.of([HUM], ["late"], ["cold"])
+    verdict = Verdict.of([HUM], [reason("late"), warning("cold")])
     assert from_json(to_json(verdict), Verdict) == verdict
     lost = from_json(to_json(Verdict.of([replace(HUM, value=math.inf)])), Verdict)
     assert not lost.usable and not lost.limits[0].kept
@@ -48,7 +48,7 @@ def test_it_comes_back_from_its_file():
 
 def test_its_file_holds_every_field_and_the_heading_that_is_printed():
     refused = to_json(Verdict.of([HUM], passed="Every stated limit is kept."))
-    assert refused["heading"] == "DO NOT USE" and refused["reasons"]
+    assert refused["heading"] == "DO NOT USE" and refused["messages"][0]["level"] == "limit"
     kept = to_json(Verdict.of([]))
     expected = {"usable": True, "heading": "USE THESE VALUES"}
-    assert kept == expected | {"reasons": [], "warnings": [], "limits": []}
+    assert kept == expected | {"messages": [], "limits": []}

@@ -12,7 +12,6 @@ from jcontour.app.files.results.search_results import (
     BudgetPoint,
     Candidate,
     FrontResult,
-    MachineUnits,
     Ranked,
     RankedResult,
 )
@@ -38,7 +37,13 @@ BUDGETS = [
     BudgetPoint(0.2, {"alpha": 3.0}, 3e-6, 9e-6, 0.15, 3e-6, True, True, 1.8),
     BudgetPoint(0.05, {"alpha": 1.0}, 8e-6, 9e-6, 0.06, 8e-6, False, False, np.inf),
 ]
-FRONT = FrontResult(MachineUnits("A"), "contour", "contouring-lq", ["alpha"], BUDGETS)
+FRONT = FrontResult(
+    MachineSummary("mill", "A", ("X", "Y"), "counts"),
+    "contour",
+    "contouring-lq",
+    ["alpha"],
+    BUDGETS,
+)
 HERTZ = np.array([1.0, 10.0, 100.0])
 
 

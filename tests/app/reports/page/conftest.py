@@ -7,7 +7,9 @@ import pytest
 import xarray as xr
 
 from jcontour.app.files.netcdf import save_dataset
-from jcontour.app.reports.page.page_data import METRICS
+from jcontour.app.files.results.run_metrics import METRICS, MachineSummary
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.files.results.verdict import Verdict, reason, warning
 
 NASTY = "</script><img src=x onerror=alert(1)>@PLOTS@"
 
@@ -56,21 +58,14 @@ def write_run(folder, data=None):
         "flags": {"plant": NASTY, "parts": ["my part.ngc"]},
         "versions": {"python": "3"},
     }
-    result = {
-        "machine": {"name": NASTY, "control_unit": "V"},
-        "controller": "contouring-lq",
-        "error": "contour",
-        "verdict": {
-            "usable": False,
-            "heading": "DO NOT USE THESE VALUES",
-            "reasons": [NASTY],
-            "warnings": ["it hums"],
-            "limits": [],
-        },
-        "values": ["alpha  1"],
-        "weights": {"alpha": 1.0},
-        "limits": {"peak_sensitivity": 2.0},
-    }
+    from tests.app import small_runs  # computes: not before the tests are set up
+
+    result = small_runs.tuned_result(
+        machine=MachineSummary(NASTY, "V", ("X", "Y"), "counts"),
+        verdict=Verdict.of([], [reason(NASTY), warning("it hums")]),
+        weight_lines=["alpha  1"],
+        limits={"peak_sensitivity": 2.0},
+    )
     points = [
         {
             "alpha": 1.0 + k,
@@ -80,8 +75,9 @@ def write_run(folder, data=None):
         }
         for k in range(4)
     ]
-    for name, value in (("settings", settings), ("result", result), ("history", points)):
+    for name, value in (("settings", settings), ("history", points)):
         (folder / f"{name}.json").write_text(json.dumps(value))
+    write_result(folder, result)
     save_dataset(dataset() if data is None else data, folder / "rollouts.nc")
     frequency, sensitivity = np.geomspace(1, 500, 30), np.ones((2, 2, 30))
     curves = xr.Dataset(
