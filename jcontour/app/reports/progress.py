@@ -5,7 +5,14 @@ from contextlib import contextmanager
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from tuning.effort import Effort
 from tuning.history import FEASIBLE, rank, sound
@@ -41,16 +48,16 @@ def progress_of(
 
 
 @contextmanager
-def counted(console: Console, total: int) -> Iterator[Callable[[int], None]]:
-    """A bar to tell how many more of a number of runs are done."""
-    with _bar(console, "{task.completed:.0f} of {task.total:.0f}") as bar:
-        task = bar.add_task("runs", total=total)
+def counted(console: Console, total: int, what: str = "runs") -> Iterator[Callable[[int], None]]:
+    """A bar to tell how many more of a number of runs are done; it says when the last one is."""
+    with _bar(console, "{task.completed:.0f} of {task.total:.0f}", TimeRemainingColumn()) as bar:
+        task = bar.add_task(what, total=total)
         yield lambda more: bar.advance(task, more)
 
 
-def _bar(console: Console, words: str) -> Progress:
+def _bar(console: Console, words: str, *more: ProgressColumn) -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(words))
-    return Progress(*columns, TimeElapsedColumn(), console=console)
+    return Progress(*columns, TimeElapsedColumn(), *more, console=console)
 
 
 def progress(state: TuneState, settings: Effort) -> float:

@@ -1,13 +1,7 @@
 """Length of a long run, the time and the memory that it will take, told before it begins."""
 
-import time
-from collections.abc import Callable
-
-from rich.status import Status
-
 from jcontour.app.jobs.job import Task
 from jcontour.app.jobs.memory import free_memory, needed
-from jcontour.app.reports import tables
 
 LONG = 200_000  # samples: with less of them a run is at its end in seconds
 START = 9.0  # [s] to compile and to draw, whatever the length
@@ -43,42 +37,6 @@ def outline(job: Task, dt: float, plants: int, doing: str) -> str:
         doing: the steps, in words.
     """
     return f"{_length(job, dt, plants)}: {doing}; Ctrl-C ends it."
-
-
-class Steps:
-    """Progress through steps that take about as long as each other.
-
-    The first one compiles. The second one is timed: then a line says how long the others will take.
-
-    Args:
-        status: line that says which step it is, and how long the others will take.
-        name: of a step, as "round".
-        total: how many there are.
-        clock: time [s].
-    """
-
-    def __init__(
-        self, status: Status, name: str, total: int, clock: Callable[[], float] = time.perf_counter
-    ):
-        self.status, self.name, self.total, self.clock = status, name, total, clock
-        self.last = clock()
-        status.update(f"{name} 1 of {total}, compiling")
-
-    def done(self, number: int) -> None:
-        """A step is done; numbers begin with one."""
-        now = self.clock()
-        took, self.last = now - self.last, now
-        left = self.total - number
-        if not left:
-            return
-        step = f"{self.name} {number + 1} of {self.total}"
-        if number == 1:
-            self.status.update(step)
-            return
-        more = f"about {_seconds(took * left)} more"
-        self.status.update(f"{step}, {more}")
-        if number == 2:
-            tables.say(self.status.console, f"A {self.name} takes {_seconds(took)}: {more}.")
 
 
 def _length(job: Task, dt: float, plants: int) -> str:

@@ -1,13 +1,10 @@
 """What is said of a long run before it begins."""
 
-import io
-
 import numpy as np
 import pytest
-from rich.console import Console
 
 from jcontour.app.jobs.memory import BEGUN
-from jcontour.app.runs.forecast import Steps, check_memory, forecast, outline
+from jcontour.app.runs.forecast import check_memory, forecast, outline
 from tests.app import small_runs
 from tests.canonical import DT
 
@@ -37,17 +34,3 @@ def test_a_run_in_steps_is_outlined_before_it_begins():
     assert line == (
         "part: 41 s of motion, 41,001 samples on 5 plants: 8 rounds of bending; Ctrl-C ends it."
     )
-
-
-def test_after_the_second_step_it_is_told_how_long_the_others_take():
-    """The first one of 60 s compiles; others of 30, 20 and 20 s follow."""
-    text, times = io.StringIO(), iter([0.0, 60.0, 90.0, 110.0, 130.0])
-    with Console(file=text).status("running") as status:
-        steps = Steps(status, "round", 4, clock=lambda: next(times))
-        seen = [str(status.status)]
-        for number in (1, 2, 3, 4):
-            steps.done(number)
-            seen.append(str(status.status))
-    assert seen[:2] == ["round 1 of 4, compiling", "round 2 of 4"]
-    assert seen[2:4] == ["round 3 of 4, about 60 s more", "round 4 of 4, about 20 s more"]
-    assert text.getvalue() == "A round takes 30 s: about 60 s more.\n"

@@ -15,8 +15,10 @@ from jcontour.app.files.results.verdict import LimitCheck, Verdict, kept_words
 from jcontour.app.flags.loops import Check
 from jcontour.app.machines.disturbance_bounds import bounds_of, linear_machine, warn_of_doubt
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.loops import CertifiedErrors, certificate_figure
+from jcontour.app.reports.figures.axes import DESIRED, START, TUNED
+from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
 from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.progress import counted
 from jcontour.app.reports.tables import digits, of_axes, of_inputs, peak_line, plain_table, say
 from jcontour.app.runs.checks.certifying import CertifiedRun, certified_runs
 from jcontour.app.runs.contour_summary import machine_summary
@@ -68,10 +70,10 @@ def run(flags: Check) -> tuple[CertifiedResult, Path]:
         raise ValueError(f"cells: needs at least zero, received {flags.cells}")
     count = len(loop.jobs) * (len(machine.family_names) + (flags.cells > 0) * (machine.delay + 1))
     rows, worst = [], None
-    with tables.console_of(quiet=flags.json).status("proving") as status:
+    with counted(tables.console_of(stderr=True, quiet=flags.json), count, "proofs") as done:
         for one in certified_runs(loop, bounds, flags.cells):
             rows.append(one.row)
-            status.update(f"proving: {len(rows)} of {count} runs done")
+            done(1)
             if worst is None or one.row.bound > worst.row.bound:
                 worst = one
     assert worst is not None
@@ -91,7 +93,14 @@ def run(flags: Check) -> tuple[CertifiedResult, Path]:
     )
     folder = created(flags, "check")
     _save(worst, loop, folder)
-    save_figure(certificate_figure(_drawn(worst, machine.error)), folder / "certificate.png")
+    curves = [
+        ErrorCurve("bound, proven", worst.found.bound, START),
+        ErrorCurve("reached under attack", worst.reached, TUNED),
+        ErrorCurve("undisturbed", worst.found.nominal, DESIRED),
+    ]
+    title = f"{worst.row.contour}, {worst.row.plant}"
+    figure = errors_figure(title, machine.error, worst.reference, curves)
+    save_figure(figure, folder / "certificate.png")
     write_result(folder, result)
     return result, folder
 
@@ -120,19 +129,6 @@ def verdict_on(
         )
     helps = ["the proof takes no account of a control at its limit: it does not hold there"]
     return Verdict.of(checks, limit_remedies=helps, passed=kept_words(checks))
-
-
-def _drawn(one: CertifiedRun, error: str) -> CertifiedErrors:
-    found, row = one.found, one.row
-    return CertifiedErrors(
-        name=f"{row.contour}, {row.plant}",
-        error=error,
-        time=one.reference.dt * np.arange(found.bound.size),
-        bound=found.bound,
-        reached=one.reached,
-        nominal=found.nominal,
-        scored=found.scored,
-    )
 
 
 def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:

@@ -18,7 +18,7 @@ from jcontour.app.flags.loops import Check
 from jcontour.app.jobs.job import Job
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
-from jcontour.app.runs.forecast import Steps
+from jcontour.app.reports.progress import counted
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import stored_tuning
 from jcontour.app.runs.tuning.problem import TuningRun
@@ -188,13 +188,12 @@ def _replayed(
     tuned, rows = run.controller(weights), []
     references, plants = _references(run), _plants(run)
     count = len(references) * len(plants)
-    with tables.console_of(stderr=True, quiet=flags.json).status("replaying") as status:
-        steps = Steps(status, "run under limits", count)
+    with counted(tables.console_of(stderr=True, quiet=flags.json), count) as done:
         for gap in verify(tuned, constrained, limits, references, plants, fallback):
             rows.append(_row(gap))
             _save(gap, len(rows), run.machine, out)
             run_folder.write_json(out / "gaps.json", rows)
-            steps.done(len(rows))
+            done(1)
     return rows
 
 

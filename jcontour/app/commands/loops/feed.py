@@ -16,6 +16,7 @@ from jcontour.app.plain_numbers import WholePath
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import feeds_figure
 from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.progress import counted
 from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.checks.run_checks import limits_exceeded_by_plan, motions_not_followed
 from jcontour.app.runs.contour_summary import cycle_time, family_metrics, machine_summary
@@ -195,10 +196,10 @@ def command(flags: Feed) -> int:
     _check(flags)
     loop = loop_at_feeds(flags)
     points, count = [], len(set(flags.overrides))
-    with tables.console_of(quiet=flags.json).status("planning and running") as status:
+    with counted(tables.console_of(stderr=True, quiet=flags.json), count, "feeds") as done:
         for point in feed_points(loop, flags):
             points.append(point)
-            status.update(f"planning and running: {len(points)} of {count} feeds done")
+            done(1)
     tolerance = None if flags.tolerance_um is None else 1e-6 * flags.tolerance_um
     best, reason = recommended(points, loop.machine.error, tolerance)
     result = FeedResult(

@@ -1,6 +1,5 @@
 """`jcontour learn`: laps of a part, each with what was learned from the last."""
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,12 +17,12 @@ from jcontour.app.jobs.job import Pace
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import learning
 from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.progress import counted
 from jcontour.app.reports.tables import digits, plain_table, say
 from jcontour.app.runs.contour_summary import machine_summary
-from jcontour.app.runs.forecast import Steps, outline
+from jcontour.app.runs.forecast import outline
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.loops.learning import (
-    LapScores,
     Learner,
     Prepared,
     prepared_law,
@@ -57,21 +56,14 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
     design = design_for(machine, flags)
     one = setting(design, job)
     console = tables.console_of(stderr=True, quiet=flags.json)
-    with console.status("finding the law") as status:
-        doing = f"finding the law, then {flags.laps} laps"
-        tables.say(console, outline(job, machine.model.dt, len(machine.family_names), doing))
-        began = time.perf_counter()
+    doing = f"finding the law, then {flags.laps} laps"
+    tables.say(console, outline(job, machine.model.dt, len(machine.family_names), doing))
+    with console.status("finding the law"):
         prepared = prepared_law(one, flags)
-        tables.say(console, _found(time.perf_counter() - began, job.steps))
-        folder = created(flags, "learn")
-        learner = Learner(one, prepared.law, flags.seed)
-        steps = Steps(status, "lap", flags.laps)
-
-        def tell(lap: int, scores: LapScores) -> None:
-            _tell(console, lap, flags.laps, scores)
-            steps.done(lap)
-
-        machines = learner.run(flags.laps, tell)
+    folder = created(flags, "learn")
+    learner = Learner(one, prepared.law, flags.seed)
+    with counted(console, flags.laps, "laps") as done:
+        machines = learner.run(flags.laps, done)
     assert learner.best is not None  # there is a lap at least
     position = shifted(one.reference, learner.best)
     limits, axes = machine.limits, machine.axes
@@ -138,21 +130,6 @@ def _known(prepared: Prepared, names: list[str], dt: float) -> dict:
         "ratio_hz": hertz,
         "proven": found.invariant,
     }
-
-
-def _found(seconds: float, samples: int) -> str:
-    """A line between the law and the first lap, which takes longer than the others."""
-    return (
-        f"The law took {tables.digits(seconds)} s, by linear models of {samples:,} samples. The "
-        "first lap compiles: up to half a minute of processor time."
-    )
-
-
-def _tell(console: Console, lap: int, laps: int, scores) -> None:
-    """One line on stderr for every lap."""
-    if console.is_terminal:
-        worst = 1e6 * float(np.nanmax(scores.tool[2:]))
-        tables.say(console, f"lap {lap} of {laps}: worst of the family {worst:.4g} um")
 
 
 def show_learned(result: LearnedResult, console: Console) -> None:

@@ -50,8 +50,7 @@ def command(flags: Precompensate) -> int:
     if not flags.roughness > 0:
         raise ValueError(f"roughness: needs to be above zero, received {flags.roughness}")
     loop = loop_named(flags, flags.part)
-    with tables.console_of(stderr=True, quiet=flags.json).status("running") as status:
-        found = bent(loop, flags.roughness, status)
+    found = bent(loop, flags.roughness, tables.console_of(stderr=True, quiet=flags.json))
     machine, job = loop.machine, found.job
     flat = len(machine.axes) > 1
     source = Path(loop.parts[0]).name
@@ -65,7 +64,9 @@ def command(flags: Precompensate) -> int:
     if verdict.usable and flat:
         save_program(moves, machine.axes, folder, _head(source, result))
     title = f"{job.name} on {machine.name}, {loop.name}"
-    save_figure(bent_figure(found.drawn(title, machine)), folder / "bent.png")
+    errors = [found.errors(runs, machine.error) for runs in (found.before, found.after)]
+    about = title, machine.error, machine.axes, found.reference, found.correction
+    save_figure(bent_figure(*about, *errors), folder / "bent.png")
     write_result(folder, result)
     then = _next(result) if verdict.usable else []
     return finished(folder, result, flags, show, then, verdict)
@@ -81,7 +82,7 @@ def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult
         error=machine.error,
         samples=job.steps,
         roughness=found.roughness,
-        largest=float(np.linalg.norm(found.found.correction, axis=1).max()),
+        largest=float(np.linalg.norm(found.correction, axis=1).max()),
         chord=max((one.chord for one in moves), default=None),
         moves=sum(one.going for one in moves),
         before=found.metrics(found.before),

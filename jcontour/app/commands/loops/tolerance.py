@@ -28,12 +28,13 @@ from jcontour.app.machines.disturbance_bounds import (
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.loops import kept_figure
+from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
 from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.progress import counted
 from jcontour.app.reports.tables import digits, of_axes, of_inputs, plain_table, read_line, say
 from jcontour.app.runs.checks.machine_limits import Signals, limits_of_groups
 from jcontour.app.runs.contour_summary import machine_summary, read_of
-from jcontour.app.runs.forecast import Steps, outline
+from jcontour.app.runs.forecast import outline
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.guarantees.attacks import Attack
 from jcontour.host.loop import HostRun, reported_loop
@@ -151,14 +152,19 @@ def command(flags: Tolerance) -> int:
     console = tables.console_of(stderr=True, quiet=flags.json)
     doing = f"{2 + plants} runs with a QP at every sample"
     tables.say(console, outline(task, machine.model.dt, plants, doing))
-    with console.status("solving") as status:
-        steps = Steps(status, "run", 2 + plants)
+    with counted(console, 2 + plants) as done:
         for one in kept_runs(found):
             tried.append(one)
-            steps.done(len(tried))
+            done(1)
     result = _result(found, task, bounds, tried)
     _save(found, tried, folder)
-    save_figure(kept_figure(result, found.reference, [one.error for one in tried]), folder / PNG)
+    curves = [
+        ErrorCurve(name, one.error, f"C{k}", 1.0 if one.row.within else 0.5)
+        for k, (name, one) in enumerate(zip(_names(tried), tried, strict=True))
+    ]
+    title = f"{result.contour} on {machine.name}: promised {1e6 * result.promised:.4g} um"
+    figure = errors_figure(title, machine.error, found.reference, curves, result.promised)
+    save_figure(figure, folder / PNG)
     write_result(folder, result)
     return finished(folder, result, flags, show_tolerance, _next(result), result.verdict)
 

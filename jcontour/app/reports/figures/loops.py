@@ -1,15 +1,14 @@
 """Figures of one loop: errors over time, feeds, laps, and a run that chose its own speed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from jcontour.app.files.results.bound_results import LearnedResult, ToleranceResult
+from jcontour.app.files.results.bound_results import LearnedResult
 from jcontour.app.files.results.loop_results import FeedResult
 from jcontour.app.reports.figures.axes import (
     CYCLE,
@@ -27,116 +26,94 @@ SHIFTS = tuple(colour for colour in CYCLE if colour not in (START, TUNED))  # of
 MAGNIFIED = 0.06  # of the path's size: how large the largest error is drawn
 
 
-@dataclass(frozen=True)
-class BentRuns:
-    """A correction, and errors with and without it.
+def bent_figure(
+    title: str,
+    error: str,
+    axes: Sequence[str],
+    reference: Reference,
+    correction: np.ndarray,
+    before: np.ndarray,
+    after: np.ndarray,
+) -> Figure:
+    """Correction of a reference over time, and the errors with and without it.
 
-    Attributes:
-        name: of contour, machine and controller, in words.
-        error: the error that counts, "contour" or "tracking".
+    Errors of the nominal plant are thick, those of the family thin.
+
+    Args:
+        title: contour, machine and controller.
+        error: that counts, "contour" or "tracking".
         axes: names of the m axes.
-        time: (T,) [s].
-        scored: (T,) which samples count.
+        reference: as it was.
         correction: (T, m) [m].
-        before, after: size of the error of every plant, the nominal one first (P, T) [m].
+        before: size of the error of every plant, the nominal one first (P, T) [m].
+        after: the same along the bent reference.
     """
-
-    name: str
-    error: str
-    axes: Sequence[str]
-    time: np.ndarray
-    scored: np.ndarray
-    correction: np.ndarray
-    before: np.ndarray
-    after: np.ndarray
-
-
-def bent_figure(runs: BentRuns) -> Figure:
-    """Errors of the nominal plant thick, of the family thin."""
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    for axis, shift, colour in zip(runs.axes, runs.correction.T, SHIFTS, strict=False):
-        label = f"shift of {axis}"
-        upper.plot(runs.time, 1e6 * shift, color=colour, linewidth=1.0, label=label)
-    grid(upper, runs.name, "", "correction [um]")
+    time, scored = _scored(reference)
+    for axis, shift, colour in zip(axes, correction.T, SHIFTS, strict=False):
+        upper.plot(time, 1e6 * shift, color=colour, linewidth=1.0, label=f"shift of {axis}")
+    grid(upper, title, "", "correction [um]")
     shown: Mapping[str, tuple[np.ndarray, str]] = {
-        "reference as it is": (runs.before, START),
-        "bent reference": (runs.after, TUNED),
+        "reference as it is": (before, START),
+        "bent reference": (after, TUNED),
     }
     for label, (errors, colour) in shown.items():
-        sizes = np.where(runs.scored, 1e6 * errors, np.nan)
-        lower.plot(runs.time, sizes[1:].T, color=colour, linewidth=0.4, alpha=0.5)
-        lower.plot(runs.time, sizes[0], color=colour, linewidth=1.2, label=f"{label}, nominal")
-    counted = np.stack([runs.before, runs.after])[..., runs.scored]
+        sizes = np.where(scored, 1e6 * errors, np.nan)
+        lower.plot(time, sizes[1:].T, color=colour, linewidth=0.4, alpha=0.5)
+        lower.plot(time, sizes[0], color=colour, linewidth=1.2, label=f"{label}, nominal")
+    counted = np.stack([before, after])[..., scored]
     if (counted > 0).any():  # an exactly followed part has no logarithm
         lower.set_yscale("log")
         lower.set_ylim(bottom=max(1e-3, 1e2 * float(np.nanmax(counted[0]))))
-    grid(lower, "thin: the other plants of the family", "time [s]", f"{runs.error} error [um]")
+    grid(lower, "thin: the other plants of the family", "time [s]", f"{error} error [um]")
     legend_below(figure)
     return figure
 
 
-@dataclass(frozen=True)
-class CertifiedErrors:
-    """Errors of one contour on one plant.
+class ErrorCurve(NamedTuple):
+    """An error at every sample (T,) [m], with its style."""
 
-    Attributes:
-        name: of contour and plant, in words.
-        error: the error that counts, "contour" or "tracking".
-        time: [s].
-        bound: proven at every sample [m].
-        reached: under the attack on the worst sample [m].
-        nominal: without disturbance [m].
-        scored: which samples count.
-    """
-
-    name: str
-    error: str
-    time: np.ndarray
-    bound: np.ndarray
-    reached: np.ndarray
-    nominal: np.ndarray
-    scored: np.ndarray
+    label: str
+    error: np.ndarray
+    colour: str
+    width: float = 1.0
 
 
-def certificate_figure(errors: CertifiedErrors) -> Figure:
-    """Bound above, attacked error below it: they meet at the sample that is attacked."""
-    figure = Figure(figsize=(8.0, 4.2), layout="constrained")
-    axes = figure.subplots()
-    for label, values, colour in (
-        ("bound, proven", errors.bound, START),
-        ("reached under attack", errors.reached, TUNED),
-        ("undisturbed", errors.nominal, DESIRED),
-    ):
-        shown = np.where(errors.scored, 1e6 * values, np.nan)
-        axes.plot(errors.time, shown, color=colour, label=label, linewidth=1.0)
-    axes.set_ylim(bottom=0.0)
-    grid(axes, errors.name, "time [s]", f"{errors.error} error [um]")
-    legend_below(figure)
-    return figure
-
-
-def kept_figure(
-    result: ToleranceResult, reference: Reference, errors: Sequence[np.ndarray]
+def errors_figure(
+    title: str,
+    error: str,
+    reference: Reference,
+    curves: Sequence[ErrorCurve],
+    promised: float | None = None,
 ) -> Figure:
-    """Runs within the bounds thick, those of other plants thin; the tolerance dashed."""
+    """Errors over time where samples count, below what is promised.
+
+    Args:
+        title: of the figure.
+        error: that counts, "contour" or "tracking".
+        reference: of the runs.
+        curves: errors of the runs, or bounds on them.
+        promised: largest error [m]; None for no line.
+    """
     figure = Figure(figsize=(8.0, 4.6), layout="constrained")
     axes = figure.subplots()
-    scored = np.asarray(reference.mask)[: reference.steps]
-    time = reference.dt * np.arange(reference.steps)
-    for number, (run, error) in enumerate(zip(result.runs, errors, strict=True)):
-        shown = np.where(scored, 1e6 * error, np.nan)
-        label = f"{run.plant}, {run.disturbance}"
-        axes.plot(
-            time, shown, color=f"C{number}", linewidth=1.0 if run.within else 0.5, label=label
-        )
-    promised = 1e6 * result.promised
-    axes.axhline(promised, color="0.2", linestyle="--", linewidth=1.0, label="promised")
+    time, scored = _scored(reference)
+    for curve in curves:
+        shown = np.where(scored, 1e6 * curve.error, np.nan)
+        axes.plot(time, shown, color=curve.colour, linewidth=curve.width, label=curve.label)
+    if promised is not None:
+        axes.axhline(1e6 * promised, color="0.2", linestyle="--", linewidth=1.0, label="promised")
     axes.set_ylim(bottom=0.0)
-    title = f"{result.contour} on {result.machine.name}: promised {promised:.4g} um"
-    grid(axes, title, "time [s]", f"{result.error} error [um]")
+    grid(axes, title, "time [s]", f"{error} error [um]")
     legend_below(figure)
     return figure
+
+
+def _scored(reference: Reference) -> tuple[np.ndarray, np.ndarray]:
+    """Times of the samples [s], and which of them count."""
+    steps = reference.steps
+    return reference.dt * np.arange(steps), np.asarray(reference.mask)[:steps]
 
 
 def feeds_figure(result: FeedResult) -> Figure:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from rich.status import Status
+from rich.console import Console
 
 from jcontour.app.files.bent_reference import Moves, moves_through
 from jcontour.app.files.results.run_metrics import RunMetrics
@@ -16,13 +16,13 @@ from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.jobs.sections import Section, halted
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.loops import BentRuns
+from jcontour.app.reports.progress import counted
 from jcontour.app.runs.checks.machine_limits import (
     beyond_limits_asked,
     largest_asked,
     machine_limits,
 )
-from jcontour.app.runs.forecast import Steps, outline
+from jcontour.app.runs.forecast import outline
 from jcontour.app.runs.settling import MOST as MOST_HELD
 from jcontour.app.runs.settling import settling, with_held_end
 from jcontour.app.runs.stored_loops import StoredLoop
@@ -30,7 +30,7 @@ from jcontour.controllers.learning.laps import Learned
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants
 from tuning.bends import Bounds
-from tuning.precompensation import MORE, ROUNDS, Precompensated, precompensate
+from tuning.precompensation import MORE, ROUNDS, precompensate
 
 TRIES = 4  # of a roughness, each ten times the last
 MOST = MORE * ROUNDS
@@ -45,7 +45,7 @@ class Bent(NamedTuple):
         held: samples for which it is held; None of a run that ends in motion.
         rests: whether the tools rest by then.
         reference: of that, as it was.
-        found: the correction.
+        correction: shift of every sample (T, m) [m].
         roughness: its price.
         plants: names.
         before, after: the runs.
@@ -59,7 +59,7 @@ class Bent(NamedTuple):
     held: int | None
     rests: bool
     reference: Reference
-    found: Precompensated
+    correction: Float[np.ndarray, "T m"]
     roughness: float
     plants: tuple[str, ...]
     before: Replay
@@ -69,31 +69,15 @@ class Bent(NamedTuple):
     asked: tuple[float, float]
 
     @property
-    def position(self) -> np.ndarray:
-        """The bent reference (T, m) [m]."""
-        steps = self.reference.steps
-        return np.asarray(self.reference.position)[:steps] + self.found.correction
+    def position(self) -> Float[np.ndarray, "T m"]:
+        """The bent reference [m]."""
+        return np.asarray(self.reference.position)[: self.reference.steps] + self.correction
 
-    def drawn(self, name: str, machine: Machine) -> BentRuns:
-        """What its figure shows."""
-        steps = self.reference.steps
-        wanted = np.asarray(self.reference.position)[:steps]
-
-        def sizes(runs: Replay) -> np.ndarray:
-            tracking = machine.error == "tracking"
-            apart = runs.output[0] - wanted if tracking else runs.contour_error[0]
-            return np.linalg.norm(apart, axis=-1)
-
-        return BentRuns(
-            name=name,
-            error=machine.error,
-            axes=machine.axes,
-            time=self.reference.dt * np.arange(steps),
-            scored=np.asarray(self.reference.mask)[:steps],
-            correction=self.found.correction,
-            before=sizes(self.before),
-            after=sizes(self.after),
-        )
+    def errors(self, runs: Replay, error: str) -> Float[np.ndarray, "P T"]:
+        """Size of the error that counts, "contour" or "tracking", of every plant [m]."""
+        wanted = np.asarray(self.reference.position)[: self.reference.steps]
+        apart = runs.output[0] - wanted if error == "tracking" else runs.contour_error[0]
+        return np.linalg.norm(apart, axis=-1)
 
     def metrics(self, runs: Replay) -> dict[str, RunMetrics]:
         """Metrics by plant."""
@@ -103,90 +87,72 @@ class Bent(NamedTuple):
         }
 
 
-def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
+def bent(loop: StoredLoop, roughness: float, console: Console) -> Bent:
     """The correction of the loop's first part.
+
+    The price is raised tenfold while a limit is exceeded that is kept without a bend.
 
     Args:
         loop: controller, machine and part.
         roughness: first price of the correction's bends.
-        status: says what is being done, and how long it will take.
+        console: hears what is being done.
 
     Raises:
         ValueError: there is no linear family of this machine.
     """
     machine, controller, job = loop.machine, loop.controller, loop.jobs[0]
-    family = _family(loop, job.reference(machine.model.dt, controller.preview))
+    dt = machine.model.dt
+    family = _family(loop, job.reference(dt, controller.preview))
     at_rest = not isinstance(job, Job) or job.at_rest
     held, rests = None, True
-    if at_rest:
-        status.update("running the reference until the tool rests")
-        settled = settling(job, family, controller, machine.model.dt)
-        rests = settled is not None
-        held = round(MOST_HELD / machine.model.dt) if settled is None else settled
-        job = with_held_end(job, held)
-    reference = job.reference(machine.model.dt, controller.preview)
-    scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
     doing = f"{ROUNDS} rounds of bending, up to {MOST} where limits bind"
-    line = outline(job, machine.model.dt, len(machine.family_names), doing)
-    tables.say(status.console, line)
-    status.update("running the reference as it is")
-    before = replay(controller, scenarios)
+    with console.status("running the reference until the tool rests"):
+        if at_rest:
+            settled = settling(job, family, controller, dt)
+            rests = settled is not None
+            held = round(MOST_HELD / dt) if settled is None else settled
+            job = with_held_end(job, held)
+        tables.say(console, outline(job, dt, len(machine.family_names), doing))
+        reference = job.reference(dt, controller.preview)
+        scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
+        before = replay(controller, scenarios)
     limits_before = machine_limits(before, scenarios, machine)
     wanted = np.asarray(reference.position)[: reference.steps]
     part = 0.0 if machine.error == "tracking" else CONTOURING
-    stays = halted(job)
-    bounds = _bounds(wanted, machine, at_rest)
-
-    def asked_by(found: Precompensated) -> list[LimitCheck]:
-        return beyond_limits_asked(wanted + found.correction, wanted, machine, at_rest)
+    stays, bounds = halted(job), _bounds(wanted, machine, at_rest)
 
     def priced(price: float) -> Bent:
-        steps = Steps(status, "round", ROUNDS)
-
-        def tell(number: int) -> None:
-            if number < ROUNDS:
-                steps.done(number)
-            else:
-                status.update(f"round {number + 1} of up to {MOST}, until the limits are kept")
-
-        found = precompensate(
-            family,
-            controller,
-            reference,
-            part,
-            roughness=price,
-            held=stays,
-            bounds=bounds,
-            tell=tell,
-        )
-        after = replay(Learned(controller, jnp.asarray(found.correction)), scenarios)
-        limits = [*asked_by(found), *machine_limits(after, scenarios, machine)]
-        speed, acceleration = largest_asked(wanted + found.correction, machine.model.dt, at_rest)
+        with counted(console, ROUNDS, "rounds") as done:
+            correction = precompensate(
+                family,
+                controller,
+                reference,
+                part,
+                roughness=price,
+                held=stays,
+                bounds=bounds,
+                tell=lambda number: done(1),
+            ).correction
+        after = replay(Learned(controller, jnp.asarray(correction)), scenarios)
+        asked = beyond_limits_asked(wanted + correction, wanted, machine, at_rest)
+        limits = [*asked, *machine_limits(after, scenarios, machine)]
+        speed, acceleration = largest_asked(wanted + correction, dt, at_rest)
+        most = float(speed.max()), float(acceleration.max())
+        runs = scenarios.plants, before, after
         return Bent(
-            job,
-            held,
-            rests,
-            reference,
-            found,
-            price,
-            scenarios.plants,
-            before,
-            after,
-            limits,
-            limits_before,
-            (float(speed.max()), float(acceleration.max())),
+            job, held, rests, reference, correction, price, *runs, limits, limits_before, most
         )
 
-    one = priced(roughness)
+    found = priced(roughness)
     for attempt in range(1, TRIES):
-        broken = bool(exceeded(one.limits)) or _lost(one.after)
+        broken = bool(exceeded(found.limits)) or _lost(found.after)
         if not broken or _lost(before) or exceeded(limits_before):
             break  # no smoother shift mends what is so without one
         smoother = roughness * 10**attempt
         more = f"{ROUNDS} more rounds, with roughness {smoother:.3g}"
-        tables.say(status.console, f"A limit is exceeded or a plant does not follow: {more}.")
-        one = priced(smoother)
-    return one
+        tables.say(console, f"A limit is exceeded or a plant does not follow: {more}.")
+        found = priced(smoother)
+    return found
 
 
 def _bounds(wanted: np.ndarray, machine: Machine, at_rest: bool) -> Bounds | None:

@@ -223,12 +223,12 @@ class Learner:
         metrics = scored(shift, jnp.zeros_like(shift), self.one.reference)
         return float(self._error(metrics))
 
-    def run(self, laps: int, tell: Callable[[int, LapScores], None]) -> list[LearnedMachine]:
+    def run(self, laps: int, done: Callable[[int], None]) -> list[LearnedMachine]:
         """All laps; a machine that diverges is left out from then on, and nothing is left at last.
 
         Args:
             laps: how many.
-            tell: hears the number of every lap, from one, and its scores.
+            done: hears that one more lap is done.
         """
         count = len(self.names)
         corrections = [jnp.zeros(self.one.shape) for _ in self.singles]
@@ -245,7 +245,7 @@ class Learner:
             stacked, scores = self._together(self.family, stacked, number)
             found.append(jax.tree.map(np.asarray, scores))
             rows.append(LapScores(*(np.concatenate(each) for each in zip(*found, strict=True))))
-            tell(lap + 1, rows[-1])
+            done(1)
             if all(diverged_lap(_measured(rows, k)) for k in range(count)):
                 break
         return [_machine(name, rows, k) for k, name in enumerate(self.names)]

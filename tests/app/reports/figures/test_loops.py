@@ -1,6 +1,8 @@
-"""Figure of a bent reference: what its one legend names."""
+"""Figures of one loop show what its runs did."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -8,30 +10,26 @@ from matplotlib.colors import same_color
 
 from jcontour.app.files.results.loop_results import Signals
 from jcontour.app.reports.figures.loops import (
-    BentRuns,
-    CertifiedErrors,
+    ErrorCurve,
     bent_figure,
-    certificate_figure,
+    errors_figure,
     magnification,
     path_figure,
     signals_figure,
 )
 
 
+def reference_of(*scored, dt):
+    """A reference with these samples that count, as far as a figure reads it."""
+    return cast(Any, SimpleNamespace(dt=dt, steps=len(scored), mask=np.array(scored)))
+
+
 def test_no_two_curves_of_the_legend_have_one_colour():
     """Shifts of three axes above, errors with and without below."""
-    random = np.random.default_rng(0)
-    runs = BentRuns(
-        name="part",
-        error="contour",
-        axes="XYZ",
-        time=np.linspace(0.0, 1.0, 20),
-        scored=np.ones(20, bool),
-        correction=1e-6 * random.standard_normal((20, 3)),
-        before=1e-5 * random.random((3, 20)),
-        after=1e-6 * random.random((3, 20)),
-    )
-    (legend,) = bent_figure(runs).legends
+    random, reference = np.random.default_rng(0), reference_of(*[True] * 20, dt=0.05)
+    shift, errors = 1e-6 * random.standard_normal((20, 3)), 1e-5 * random.random((2, 3, 20))
+    figure = bent_figure("part", "contour", "XYZ", reference, shift, *errors)
+    (legend,) = figure.legends
     entries = zip(legend.get_texts(), legend.get_lines(), strict=True)
     named = {text.get_text(): line for text, line in entries}
     assert list(named) == [
@@ -46,21 +44,17 @@ def test_no_two_curves_of_the_legend_have_one_colour():
         assert not any(same_color(colour, other) for other in colours[:k])
 
 
-def test_three_curves_in_um_where_samples_count():
-    errors = CertifiedErrors(
-        name="circle, late",
-        error="contour",
-        time=np.array([0.0, 0.1, 0.2]),
-        bound=np.array([3e-6, 4e-6, 5e-6]),
-        reached=np.array([1e-6, 2e-6, 4.9e-6]),
-        nominal=np.array([1e-7, 1e-7, 2e-7]),
-        scored=np.array([False, True, True]),
-    )
-    (axes,) = certificate_figure(errors).axes
+def test_errors_are_in_um_where_samples_count():
+    reference = reference_of(False, True, True, dt=0.1)
+    curves = [
+        ErrorCurve("bound", np.array([3e-6, 4e-6, 5e-6]), "C0"),
+        ErrorCurve("reached", np.array([1e-6, 2e-6, 4.9e-6]), "C1"),
+    ]
+    (axes,) = errors_figure("circle, late", "contour", reference, curves, promised=6e-6).axes
     lines = {line.get_label(): line.get_ydata() for line in axes.lines}
-    np.testing.assert_allclose(lines["bound, proven"], [np.nan, 4.0, 5.0])
-    np.testing.assert_allclose(lines["reached under attack"], [np.nan, 2.0, 4.9])
-    np.testing.assert_allclose(lines["undisturbed"], [np.nan, 0.1, 0.2])
+    np.testing.assert_allclose(lines["bound"], [np.nan, 4.0, 5.0])
+    np.testing.assert_allclose(lines["reached"], [np.nan, 2.0, 4.9])
+    np.testing.assert_allclose(lines["promised"], [6.0, 6.0])
     assert axes.get_ylabel() == "contour error [um]" and axes.get_ylim()[0] == 0.0
 
 

@@ -294,7 +294,7 @@ def lap_of_the_mill(start, wanted, correction, noise, gains):
 def test_laps_of_the_family_are_those_of_numpy_with_noise_of_their_own():
     one, start = mill()
     law, laps = PType(0.2, 20, 1), 4
-    found = Learner(one, law, seed=3).run(laps, lambda lap, scores: None)
+    found = Learner(one, law, seed=3).run(laps, lambda more: None)
     anew, plant = read_anew(one, 3), one.machine.true_family("outputs")[0]
     wanted = 1e3 * np.asarray(one.reference.position[: one.shape[0]])
     for machine, factors in zip(found[2:], ([1.0, 1.0], [1.1, 0.9], [0.9, 1.1]), strict=True):
