@@ -1,8 +1,10 @@
 """Who imports whom: library <- tuning <- application <- experiments; third parties of each."""
 
 import ast
+import re
 import sys
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -16,7 +18,7 @@ BELOW = {  # what each package may import, itself included
     "experiments": {"jcontour", "tuning", "jcontour.app", "experiments"},
 }
 
-LIBRARY = {"jax", "equinox", "jaxtyping", "optax", "numpy", "scipy"}
+LIBRARY = {"jax", "lazy_loader", "equinox", "jaxtyping", "optax", "numpy", "scipy"}
 APPLICATION = {"matplotlib", "tyro", "rich", "xarray", "h5netcdf", "h5py"}
 ALLOWED = {
     "jcontour": LIBRARY,
@@ -50,7 +52,7 @@ ALONE = {  # third parties that a few rooms or files alone may import
 FLOORS = {  # top to bottom: a room imports its own floor and those below
     "jcontour": (
         ("mpc", "export"),
-        ("guarantees",),
+        ("bounds",),
         ("analysis", "host", "controllers"),
         ("simulation", "riccati", "qp", "kernels"),
         ("plants", "sets", "controller", "wrapper"),
@@ -64,6 +66,7 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
             "largest",
             "arrays",
             "regular_files",
+            "version",
         ),
     ),
     "experiments": (
@@ -228,3 +231,18 @@ def test_the_front_door_is_only_for_users():
         for name in MODULES
         if "jcontour" in imported_names(name) and name.startswith(("jcontour", "tuning"))
     ]
+
+
+def test_doors_open():
+    """Each name of a door is there; the guide and the examples go through doors alone."""
+    doors = [ROOT / "jcontour", *(path.parent for path in ROOT.glob("jcontour/*/__init__.pyi"))]
+    for folder in doors:
+        door = import_module(".".join(folder.relative_to(ROOT).parts))
+        for name in door.__all__:
+            assert getattr(door, name) is not None
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("experiments/docs/**/*.md")]
+    for path in [*pages, *ROOT.glob("experiments/examples/*.py")]:
+        deep = re.findall(
+            r"^\s*from (jcontour\.\w+\.\w+\S*) import", path.read_text(), re.MULTILINE
+        )
+        assert not deep, path

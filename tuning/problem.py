@@ -5,8 +5,8 @@ from typing import Any
 
 import equinox as eqx
 
+from jcontour.bounds.disturbed_family import DisturbedFamily
 from jcontour.controller import Controller
-from jcontour.guarantees.disturbed_family import DisturbedFamily
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import Batching, Score, evaluate

@@ -4,8 +4,7 @@ import numpy as np
 
 from jcontour import contours, feed_laws, references, simulate
 from jcontour.controllers import ContouringLQ, LQWeights
-from jcontour.mpc.tracking.limits import Limits
-from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
+from jcontour.mpc import Limits, TrackingMPC, TrackingWeights
 from jcontour.plants import bridgeport
 from tuning.verify import verify
 

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 
 from jcontour import contours, evaluate, feed_laws, references, stack_plants, stack_references
 from jcontour.controllers import ContouringLQ, LQWeights
-from jcontour.linear.transformations import with_input_gains
+from jcontour.linear import with_input_gains
 from jcontour.plants import Delayed, bridgeport
 
 model = bridgeport()

@@ -4,8 +4,7 @@ import jax.numpy as jnp
 
 from jcontour import contours, feed_laws, references, score, simulate
 from jcontour.controllers import Cascade, CascadeGains, OfMotors
-from jcontour.plants import Gantry, Sensed, thesis_gantry
-from jcontour.plants.gantry.motor_coordinates import MotorEncoders
+from jcontour.plants import Gantry, MotorEncoders, Sensed, thesis_gantry
 from jcontour.sensors import motors
 
 dt = 1e-3  # [s]

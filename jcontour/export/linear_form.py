@@ -5,7 +5,7 @@ Any other controller is affine in memory x and measurement y, with the matrices 
 
     x(k+1) = A x + E y + w_k,   u = f_k - F_k x - D_k y
 They are its Jacobians, and w and f its step at zero. Every operation of the step is looked at first
-(`guarantees.affine`): what is not affine is told. Limits that it keeps its memory within, as
+(`bounds.affine`): what is not affine is told. Limits that it keeps its memory within, as
 against windup, are kept (`memory_limits`); its control is kept to the limit of the machine.
 """
 
@@ -19,6 +19,8 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from jcontour.analysis.frozen_loops import linear_law, unlimited
+from jcontour.bounds.affine import NotAffine
+from jcontour.bounds.disturbed_loop import check_linear_controller, check_planless
 from jcontour.controller import Controller, Plan
 from jcontour.controllers.observers.kalman import (
     FilterObserver,
@@ -29,8 +31,6 @@ from jcontour.controllers.observers.kalman import (
 from jcontour.export.affine_law import AffineLaw
 from jcontour.export.drive_law import Correction, DriveLaw, some
 from jcontour.export.memory_limits import memory_limits
-from jcontour.guarantees.affine import NotAffine
-from jcontour.guarantees.disturbed_loop import check_linear_controller, check_planless
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout, prepared

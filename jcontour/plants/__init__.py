@@ -8,7 +8,9 @@ from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSl
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.motor_bench.back_to_back_motors import BackToBackMotors, servo_bench
 from jcontour.plants.gantry.motor_bench.hardware_in_loop import HardwareInLoop
+from jcontour.plants.gantry.motor_coordinates import MotorEncoders
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
+from jcontour.plants.linear_motor_drive import linear_motor_drive
 from jcontour.plants.servo_axes import servo_axes
 from jcontour.plants.three_link import ThreeLink, manipulator_path, three_servos
 from jcontour.plants.wrappers.delays import Delayed, LateSensors
@@ -34,6 +36,7 @@ __all__ = [
     "HardwareInLoop",
     "LateSensors",
     "LinearMotor",
+    "MotorEncoders",
     "Quantised",
     "Saturated",
     "Sensed",
@@ -44,6 +47,7 @@ __all__ = [
     "bridgeport",
     "exact_bridgeport",
     "euler_model",
+    "linear_motor_drive",
     "manipulator_path",
     "servo_axes",
     "servo_bench",

@@ -1,1 +1,5 @@
 """Finite impulse responses, invariant sets and polytopes: guarantees for bounded disturbances."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

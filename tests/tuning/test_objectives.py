@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.arrays import placed
-from jcontour.guarantees.worst_cases import PeakValues
+from jcontour.bounds.worst_cases import PeakValues
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import (
     AtMost,

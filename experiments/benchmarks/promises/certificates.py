@@ -20,14 +20,14 @@ from rich.console import Console
 from experiments.benchmarks.speed.timings import seconds
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports import tables
+from jcontour.bounds.attacks import worst_attack
+from jcontour.bounds.disturbed_family import DisturbedFamily
+from jcontour.bounds.disturbed_loop import Box, disturbed_loop
+from jcontour.bounds.peak_bounds import peak_bounds
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.devices import on_gpu
 from jcontour.geometry.contours import circle
-from jcontour.guarantees.attacks import worst_attack
-from jcontour.guarantees.disturbed_family import DisturbedFamily
-from jcontour.guarantees.disturbed_loop import Box, disturbed_loop
-from jcontour.guarantees.peak_bounds import peak_bounds
 from jcontour.motion.references import Reference, along
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.wrappers.disturbances import Disturbed

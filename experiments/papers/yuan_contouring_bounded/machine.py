@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from experiments.papers.yuan_gantry.runs import SAMPLE, reference_path
-from jcontour.guarantees.gantry.gantry_bending import Bending
+from jcontour.bounds.gantry.gantry_bending import Bending
 from jcontour.motion.references import Reference
 from jcontour.mpc.bounded.machine_runs import MachineRun, machine_run
 from jcontour.plants.gantry.gantry import Gantry

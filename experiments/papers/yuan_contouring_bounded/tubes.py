@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from experiments.papers.yuan_contouring_bounded.machine import DISTURBANCE, MOVING, Driven
-from jcontour.guarantees.gantry.gantry_bending import Bending
+from jcontour.bounds.gantry.gantry_bending import Bending
 from jcontour.plants.gantry.linear_models import Linearisation, tangent
 from jcontour.sets.disturbed_model import DisturbedModel
 from jcontour.sets.finite_responses import FiniteResponse

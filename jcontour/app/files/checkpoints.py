@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 from jcontour.app.files.run_folder import RunError, write
-from jcontour.guarantees.worst_cases import PeakValues
+from jcontour.bounds.worst_cases import PeakValues
 from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
 from tuning.descents.descent import begin

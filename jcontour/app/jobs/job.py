@@ -21,8 +21,8 @@ from jcontour.app.jobs.tolerance_advice import tolerance_advice
 from jcontour.app.machines.machine import Machine
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
-from jcontour.geometry.drawings.reading import read_drawing
-from jcontour.geometry.toolpaths import Toolpath, ToolpathError, read_csv, read_gcode
+from jcontour.geometry.reading import read
+from jcontour.geometry.toolpaths import Toolpath, ToolpathError
 from jcontour.motion.cornering import Planned
 from jcontour.motion.feed_laws import SharpTurnError, constant_feed
 from jcontour.motion.jerk_limited.joints import unpadded
@@ -286,29 +286,29 @@ def _read(path: Path, pace: Pace) -> Job:
     machine = pace.machine
     if machine.model.axes == 1:
         raise ToolpathError(f"needs a machine of two or three axes, {machine.name} has one")
-    read = _toolpath(path, pace)
-    contour, rapid = _lifted(read.contour, machine.model.axes), read.rapid
+    toolpath = _toolpath(path, pace)
+    contour, rapid = _lifted(toolpath.contour, machine.model.axes), toolpath.rapid
     if contour.axes != machine.model.axes:
         raise ToolpathError(f"has {contour.axes} axes, the machine has {machine.model.axes}")
-    z_alone = read.z_alone / pace.override
-    speed = _speed(pace.override * read.feed, rapid, machine)
+    z_alone = toolpath.z_alone / pace.override
+    speed = _speed(pace.override * toolpath.feed, rapid, machine)
     try:
         _check_duration(
-            np.asarray(contour.extent) / speed, np.nan_to_num(read.rest), z_alone, machine
+            np.asarray(contour.extent) / speed, np.nan_to_num(toolpath.rest), z_alone, machine
         )
-        run = along_path(contour, speed, rapid, pace, read.rest + z_alone)
+        run = along_path(contour, speed, rapid, pace, toolpath.rest + z_alone)
     except (TooLongError, SharpTurnError) as error:
-        raise ToolpathError(f"line {read.line[error.piece]}: {error}") from None
+        raise ToolpathError(f"line {toolpath.line[error.piece]}: {error}") from None
     before, at = _piece_before(contour, run.arc), _piece_at(contour, run.arc)
     scored = ~(rapid[before] & (rapid[at] | (z_alone[before] > 0)))
     doubts = (
-        *read.doubts,
+        *toolpath.doubts,
         *_unused_unit(path, pace),
         *_rapid_speed(speed, rapid, machine),
-        *_tolerance(read, contour, speed, pace, run.planned),
+        *_tolerance(toolpath, contour, speed, pace, run.planned),
         *_still_axes(contour, machine),
     )
-    program = Program(read.line, read.ignored, doubts, read.stops, rapid, read)
+    program = Program(toolpath.line, toolpath.ignored, doubts, toolpath.stops, rapid, toolpath)
     return Job(
         path.stem,
         contour,
@@ -324,12 +324,9 @@ def _read(path: Path, pace: Pace) -> Job:
 
 
 def _toolpath(path: Path, pace: Pace) -> Toolpath:
-    suffix = path.suffix.lower()
-    if suffix == ".csv":
-        return read_csv(path, pace.feed_or_default)
-    if suffix in DRAWINGS:
-        return read_drawing(path, pace.feed_or_default, pace.drawing_unit, pace.join)
-    return read_gcode(path, "XY" if pace.machine.model.axes == 2 else "XYZ", pace.feed)
+    axes = "XY" if pace.machine.model.axes == 2 else "XYZ"
+    feed = pace.feed_or_default if path.suffix.lower() in (".csv", *DRAWINGS) else pace.feed
+    return read(path, feed, axes, pace.drawing_unit, pace.join)
 
 
 def _unused_unit(path: Path, pace: Pace) -> Iterator[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from jcontour.app.machines.count_noise import FARTHEST, in_words
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Fed, Machine
-from jcontour.guarantees.disturbed_loop import Box
+from jcontour.bounds.disturbed_loop import Box
 from jcontour.plant import Plant
 
 

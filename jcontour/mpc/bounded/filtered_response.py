@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.guarantees.attacks import Attack
+from jcontour.bounds.attacks import Attack
 from jcontour.linear.plant import LinearPlant
 from jcontour.mpc.bounded.bounded_mpc import BoundedLimits, bounded_response, speed_signals
 from jcontour.mpc.bounded.knowledge import Knowledge, state_bounded_by_filter

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from jcontour import contours, feed_laws, references, simulate
+from jcontour.bounds.affine import NotAffine
 from jcontour.controllers import FilterObserver, OffsetFreeObserver, PreviewLQ, kalman_gain
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.observers.kalman import PredictorObserver, offset_free_gain
 from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
 from jcontour.export.drive_law import replayed
 from jcontour.export.linear_form import linear_form
-from jcontour.guarantees.affine import NotAffine
 from jcontour.linear.plant import LinearPlant
 from jcontour.plants import Encoders
 from jcontour.sensors import Sensors, motors, row

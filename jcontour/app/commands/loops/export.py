@@ -21,6 +21,7 @@ from jcontour.app.runs.checks.exported_code import compiled_checks, off_the_plan
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.settling import settling, with_held_end
 from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
+from jcontour.bounds.affine import NotAffine
 from jcontour.export.affine_law import AffineLaw
 from jcontour.export.c_code import c_header, c_plan, c_source
 from jcontour.export.c_replay import Units, c_plan_reader, c_replay, plan_file, replay_file
@@ -29,7 +30,6 @@ from jcontour.export.drive_law import DriveLaw, DrivePlan, replayed
 from jcontour.export.linear_form import linear_form
 from jcontour.export.numpy_code import numpy_source
 from jcontour.export.structured_text import structured_text
-from jcontour.guarantees.affine import NotAffine
 from jcontour.sensors import row
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import stack_plants

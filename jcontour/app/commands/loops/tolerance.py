@@ -36,7 +36,7 @@ from jcontour.app.runs.checks.machine_limits import Signals, limits_of_groups
 from jcontour.app.runs.contour_summary import machine_summary, read_of
 from jcontour.app.runs.forecast import outline
 from jcontour.app.runs.lifecycle import created, finished
-from jcontour.guarantees.attacks import Attack
+from jcontour.bounds.attacks import Attack
 from jcontour.host.loop import HostRun, reported_loop
 from jcontour.plant import Plant
 from jcontour.plants.wrappers.encoders import Encoders

@@ -21,13 +21,13 @@ from jcontour.app.machines.disturbance_bounds import Bounds, bounds_of, box_of, 
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.runs.stored_loops import StoredLoop
 from jcontour.app.runs.tuning.problem import TuningRun
+from jcontour.bounds.attacks import Attack
+from jcontour.bounds.certificates import Certificate, certificate, certificate_of
+from jcontour.bounds.disturbed_family import DisturbedFamily
+from jcontour.bounds.disturbed_loop import Box, check_linear, check_stable
+from jcontour.bounds.gains.gain_cells import GainCell
+from jcontour.bounds.gains.gain_certificates import gain_certificate
 from jcontour.controller import Controller
-from jcontour.guarantees.attacks import Attack
-from jcontour.guarantees.certificates import Certificate, certificate, certificate_of
-from jcontour.guarantees.disturbed_family import DisturbedFamily
-from jcontour.guarantees.disturbed_loop import Box, check_linear, check_stable
-from jcontour.guarantees.gains.gain_cells import GainCell
-from jcontour.guarantees.gains.gain_certificates import gain_certificate
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.plants.wrappers.disturbances import Disturbed

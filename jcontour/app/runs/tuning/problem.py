@@ -30,9 +30,9 @@ from jcontour.app.runs.tuning.limits import (
     ratio_limit,
     start_metrics,
 )
+from jcontour.bounds.disturbed_family import DisturbedFamily
+from jcontour.bounds.disturbed_loop import check_linear
 from jcontour.controller import Controller
-from jcontour.guarantees.disturbed_family import DisturbedFamily
-from jcontour.guarantees.disturbed_loop import check_linear
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from jcontour.simulation.limit_use import AxisLimits, LimitUse

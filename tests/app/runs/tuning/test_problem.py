@@ -14,7 +14,7 @@ from jcontour.app.flags.tuning import Tune
 from jcontour.app.reports.progress import progress
 from jcontour.app.runs.tuning.problem import tuning_run
 from jcontour.app.runs.tuning.results import shown_contours
-from jcontour.guarantees.worst_cases import PeakValues
+from jcontour.bounds.worst_cases import PeakValues
 from jcontour.simulation.evaluation import evaluate, stack_plants
 from jcontour.simulation.metrics import Metrics
 from tuning.effort import QUICK

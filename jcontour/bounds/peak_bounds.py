@@ -1,0 +1,166 @@
+"""Largest values of signals under bounded disturbances: exact, by adjoint sweeps.
+
+    z(k+1) = M(k) z(k) + E(k) w(k),   z(0) = 0,   |w_i(k)| <= size_i
+    e(k) = c(k)' z(k) + d(k)' w(k)
+    sup |e(k)| = sum_i |d(k)|_i size_i + sum_{j<k} sum_i |c(k)' M(k-1) ... M(j+1) E(j)|_i size_i
+It is the maximum of a linear function over a box, and w = size sign(.) reaches it. All samples k
+sweep back together, one lag at a time.
+
+A long run is cut into blocks. The sweep of a sample ends where the block before its own begins, at
+the sample b; there the state lies in a box |z(b)| <= V, found by the same sweep. So
+
+    sup |e(k)| <= sum over j >= b  +  |c(k)' M(k-1) ... M(b)| V
+which bounds the exact value from above; both are the same where there is one block.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.bounds.disturbed_loop import DisturbedLoop
+from jcontour.linear.plant import spectral_radius
+
+SHORTEST_BLOCK = 32  # samples
+LOOKED_AT = 32  # frozen loops: eigenvalues of all would take as long as the sweep
+REMAINDER = 1e-10  # of the largest bound, that the state at a block's begin may add
+
+
+class PeakBounds(NamedTuple):
+    """Largest absolute value of every signal at every sample.
+
+    Attributes:
+        bound: proven; nothing within the box exceeds it.
+        remainder: the part of it that is not reached by a disturbance of the sweep.
+    """
+
+    bound: Float[np.ndarray, "T r"]
+    remainder: Float[np.ndarray, "T r"]
+
+
+def peak_bounds(
+    loop: DisturbedLoop,
+    rows: Float[Array | np.ndarray, "T r N"],
+    size: Float[np.ndarray, " d"],
+    direct: Float[Array | np.ndarray, "T r d"] | None = None,
+    block: int | None = None,
+) -> PeakBounds:
+    """Largest absolute values of the signals c(k)' z(k) + d(k)' w(k) over all disturbances.
+
+    Args:
+        loop: along its run; the state is not disturbed at its begin.
+        rows: c(k), one for each signal.
+        size: of the box.
+        direct: d(k); zero when not given.
+        block: samples of a block; when not given, as many as make the remainder negligible.
+
+    Raises:
+        ValueError: the block has no sample, or shapes do not go together.
+    """
+    T, N, d = loop.E.shape
+    if rows.shape[0] != T or rows.shape[2] != N or size.shape != (d,):
+        raise ValueError(
+            f"rows, size: the loop needs shapes ({T}, r, {N}) and ({d},), "
+            f"received {rows.shape} and {size.shape}"
+        )
+    if block is not None:
+        if block < 1:
+            raise ValueError(f"block: needs at least one sample, received {block}")
+        return _blocked(loop, rows, size, direct, min(block, T))
+    block = block_that_forgets(loop, REMAINDER)
+    while True:
+        found = _blocked(loop, rows, size, direct, min(block, T))
+        if block >= T or found.remainder.max() <= REMAINDER * found.bound.max():
+            return found
+        block *= 2
+
+
+def block_that_forgets(loop: DisturbedLoop, left: float) -> int:
+    """Samples after which the slowest of some frozen loops has forgotten: a power of two.
+
+    Other loops, and those that change faster, may need more.
+
+    Args:
+        loop: along its run.
+        left: part of a state that is as good as nothing.
+    """
+    some = np.asarray(loop.M)[:: max(1, loop.M.shape[0] // LOOKED_AT)]
+    radius = float(np.clip(spectral_radius(some).max(), 1e-3, 1 - 1e-9))
+    forgotten = max(np.log(left) / np.log(radius), SHORTEST_BLOCK)
+    return 2 ** int(np.ceil(np.log2(forgotten)))
+
+
+def state_tubes(
+    loop: DisturbedLoop, size: Float[np.ndarray, " d"], block: int
+) -> Float[np.ndarray, "B N"]:
+    """Largest absolute value of every entry of the state at the begin of every block.
+
+    The first is zero. Every other one is that of the sweep over the block before, and of what the
+    state at its begin adds.
+    """
+    T, N = loop.E.shape[:2]
+    begins = np.arange(0, T, block)
+    unit = np.broadcast_to(np.eye(N), (begins.size, 1, N, N))
+    sums, carried = (np.asarray(found)[:, 0] for found in _swept(loop.M, loop.E, size, unit, block))
+    tubes = np.zeros((begins.size, N))
+    for b in range(1, begins.size):
+        tubes[b] = sums[b] + np.abs(carried[b]) @ tubes[b - 1]
+    return tubes
+
+
+def _blocked(loop: DisturbedLoop, rows, size, direct, block: int) -> PeakBounds:
+    T = loop.E.shape[0]
+    before = np.maximum(np.arange(T) // block - 1, 0)
+    tubes = state_tubes(loop, size, block)[before]
+    after = -T % block
+    blocks = np.pad(np.asarray(rows), ((0, after), (0, 0), (0, 0)))
+    blocks = blocks.reshape(-1, block, *blocks.shape[1:])
+    swept = _swept(loop.M, loop.E, size, blocks, block)
+    sums, carried = (np.concatenate(np.asarray(found))[:T] for found in swept)
+    remainder = np.einsum("trn,tn->tr", np.abs(carried), tubes)
+    found = sums + remainder
+    if direct is not None:
+        found = found + np.abs(np.asarray(direct)) @ size
+    return PeakBounds(found, remainder)
+
+
+@jax.jit(static_argnums=4)
+def _swept(
+    M: Float[Array, "T N N"],
+    E: Float[Array, "T N d"],
+    size: Float[Array, " d"],
+    rows: Float[Array, "B K r N"],
+    block: int,
+) -> tuple[Float[Array, "B K r"], Float[Array, "B K r N"]]:
+    """Sums back to the begin of the block before, and the rows carried back to there.
+
+    `rows` are those of the first K samples of every block. All rows of a block pass the same
+    matrices, so that a step is one product for all of them; a row joins at its own sample. Beyond
+    both ends of the run the state rests.
+    """
+    T, N = E.shape[:2]
+    count, joining = rows.shape[:2]
+    rest = jnp.broadcast_to(jnp.eye(N, dtype=M.dtype), (block, N, N))
+    after = count * block - T
+    M = jnp.concatenate([rest, M, rest[:after]])
+    E = jnp.pad(E * size[None, None], ((block, after), (0, 0), (0, 0)))
+
+    def of_block(b):
+        own = rows[b]
+
+        def back(carry, j):
+            moving, sums = carry
+            joins, k = j + 1 - block, b * block + j
+            at = jnp.maximum(joins, 0)
+            moving = moving.at[at].set(jnp.where(joins < 0, moving[at], own[at]))
+            sums = sums + jnp.sum(jnp.abs(moving @ E[k]), axis=-1)
+            return (moving @ M[k], sums), None
+
+        start = jnp.zeros_like(own), jnp.zeros(own.shape[:2], own.dtype)
+        first = jnp.arange(block - 1 + joining)  # samples from the begin of the block before
+        return jax.lax.scan(back, start, first, reverse=True)[0]
+
+    moving, sums = jax.lax.map(of_block, jnp.arange(count))
+    return sums, moving

@@ -1,0 +1,10 @@
+from .c_code import c_header as c_header
+from .c_code import c_plan as c_plan
+from .c_code import c_source as c_source
+from .drive_law import DriveLaw as DriveLaw
+from .drive_law import DrivePlan as DrivePlan
+from .drive_law import drive_plan as drive_plan
+from .drive_law import replayed as replayed
+from .linear_form import linear_form as linear_form
+from .numpy_code import numpy_source as numpy_source
+from .structured_text import structured_text as structured_text

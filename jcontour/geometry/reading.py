@@ -1,0 +1,37 @@
+"""Part files by their suffix."""
+
+from os import PathLike
+from pathlib import Path
+
+from jcontour.geometry.drawings.drawing import GAP
+from jcontour.geometry.drawings.reading import SUFFIXES, read_drawing
+from jcontour.geometry.toolpath_rules import ToolpathError
+from jcontour.geometry.toolpaths import Axes, Toolpath, read_csv, read_gcode
+
+
+def read(
+    path: str | PathLike[str],
+    feed: float | None = None,
+    axes: Axes = "XY",
+    unit: float | None = None,
+    gap: float = GAP,
+) -> Toolpath:
+    """Toolpath of a file: .csv points, a .dxf or .svg drawing, or else G-code.
+
+    Args:
+        path: of the file.
+        feed: along the contour [m/s]. Points and drawings need one; it replaces a program's own.
+        axes: of a program, "XYZ", or "XY" for its projection.
+        unit: of a drawing [m], whatever the file says; None for the file's own.
+        gap: ends of a drawing within it are joined [m].
+
+    Raises:
+        ToolpathError: as `read_csv`, `read_drawing` and `read_gcode`; points or a drawing without a
+            feed.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix != ".csv" and suffix not in SUFFIXES:
+        return read_gcode(path, axes, feed)
+    if feed is None:
+        raise ToolpathError(f"{suffix[1:]} files say no feed: give `feed` [m/s]")
+    return read_csv(path, feed) if suffix == ".csv" else read_drawing(path, feed, unit, gap)

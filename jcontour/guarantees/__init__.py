@@ -1,1 +1,0 @@
-"""Guarantees: the largest errors that a loop can have, proven."""

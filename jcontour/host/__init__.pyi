@@ -1,0 +1,1 @@
+from .loop import reported_loop as reported_loop

@@ -1,0 +1,1 @@
+from .disturbed_model import DisturbedModel as DisturbedModel
