@@ -9,18 +9,18 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 USUAL = 1e-3  # [s] between samples of a drive's record
 SLOWEST = 0.1  # [s] likewise, at most
 JITTER = 0.01  # of a period, by which a sample may be early or late
-RARE = 0.1  # of all steps: fewer odd ones are gaps, more are a clock that jitters
+MOST_JITTER = 0.5  # likewise, of stamps that are interpolated to even ones
 LEAST_PART = 0.25  # of a record without gap or restart that is worth going on with
 
 
 @dataclass(frozen=True)
 class EvenPart:
-    """The longest evenly sampled part of a record.
+    """The longest part of a record without a gap.
 
     Attributes:
-        dt: sample period [s].
+        dt: mean sample period [s].
         rows: that belong to it.
-        words: about the rest; empty where there is none.
+        words: about the rest and about jitter; empty where there is neither.
     """
 
     dt: float
@@ -47,7 +47,7 @@ def even_period(time: Float[np.ndarray, " T"]) -> float:
         ValueError: fewer than three samples, time does not grow, or it jitters or has a gap; the
             first place is named.
     """
-    usual, odd = _odd_steps(time)
+    usual, odd = _odd_steps(time, JITTER)
     if odd.size:
         raise ValueError(_uneven(time, usual, int(odd[0])))
     return _mean_step(time)
@@ -56,42 +56,50 @@ def even_period(time: Float[np.ndarray, " T"]) -> float:
 def longest_even_part(time: Float[np.ndarray, " T"]) -> EvenPart:
     """Longest part of times [s] without a gap and without a restart of the clock.
 
+    Its steps may jitter by `MOST_JITTER` of a period: it is for `resampled`.
+
     Raises:
-        ValueError: as `even_period`, but gaps and restarts are no fault while a quarter of the
-            record has none.
+        ValueError: fewer than three samples, time does not grow, or no part without a gap is a
+            quarter of the record.
     """
-    usual, odd = _odd_steps(time)
-    if not odd.size:
-        return EvenPart(_mean_step(time), slice(0, len(time)), "")
+    usual, odd = _odd_steps(time, MOST_JITTER)
     edges = np.concatenate([[0], odd + 1, [len(time)]])
     longest = int(np.argmax(np.diff(edges)))
     start, end = int(edges[longest]), int(edges[longest + 1])
     if end - start < max(LEAST_PART * len(time), 3):
-        words = f"{_uneven(time, usual, int(odd[0]))}; there are {odd.size} such places"
-        if odd.size < RARE * len(time):
-            words += (
-                f", and the longest part without, {time[start]:g} s to {time[end - 1]:g} s, has "
-                f"{end - start} of {len(time)} samples: keep that part alone, or"
-            )
-        else:
-            words += ":"
-        words += " let the drive record by its own clock"
-        if odd.size >= RARE * len(time):
-            words += (
-                ". If only the stamps jitter, and the drive samples evenly without a gap, leave "
-                "out the column of time and give --period-ms"
-            )
-        raise ValueError(words)
-    restarts = int((np.diff(time)[odd] <= 0).sum())
-    words = (
-        f"time: {odd.size - restarts} gaps and {restarts} restarts of the clock, the first after "
-        f"{time[odd[0]]:g} s; used is the longest part without, "
-        f"{time[start]:g} s to {time[end - 1]:g} s"
-    )
-    return EvenPart(_mean_step(time[start:end]), slice(start, end), words)
+        raise ValueError(
+            f"{_uneven(time, usual, int(odd[0]))}; there are {odd.size} such places, and the "
+            f"longest part without, {time[start]:g} s to {time[end - 1]:g} s, has {end - start} of "
+            f"{len(time)} samples: keep that part alone, or let the drive record by its own clock"
+        )
+    part = time[start:end]
+    dt, words = _mean_step(part), []
+    if odd.size:
+        restarts = int((np.diff(time)[odd] <= 0).sum())
+        words.append(
+            f"{odd.size - restarts} gaps and {restarts} restarts of the clock, the first after "
+            f"{time[odd[0]]:g} s; used is the longest part without, {part[0]:g} s to {part[-1]:g} s"
+        )
+    jitter = float(np.abs(np.diff(part) / dt - 1).max())
+    if jitter > JITTER:
+        words.append(
+            f"steps between stamps differ from {1e3 * dt:.4g} ms by up to {100 * jitter:.2g} %; "
+            "the signals are interpolated to even times"
+        )
+    return EvenPart(dt, slice(start, end), f"time: {'; '.join(words)}" if words else "")
 
 
-def _odd_steps(time: Float[np.ndarray, " T"]) -> tuple[float, Int[np.ndarray, " k"]]:
+def resampled(
+    time: Float[np.ndarray, " T"], dt: float, signals: Float[np.ndarray, "T s"]
+) -> Float[np.ndarray, "T s"]:
+    """Signals at even times, by lines between their samples where the stamps jitter."""
+    if np.abs(np.diff(time) / dt - 1).max() <= JITTER:
+        return signals
+    even = time[0] + dt * np.arange(len(time))
+    return np.stack([np.interp(even, time, one) for one in signals.T], axis=1)
+
+
+def _odd_steps(time: Float[np.ndarray, " T"], most: float) -> tuple[float, Int[np.ndarray, " k"]]:
     """Usual step [s], and the samples after which another one comes."""
     if len(time) < 3:
         raise ValueError(f"needs at least three samples, has {len(time)}")
@@ -99,7 +107,7 @@ def _odd_steps(time: Float[np.ndarray, " T"]) -> tuple[float, Int[np.ndarray, " 
     usual = float(np.median(steps))
     if not usual > 0:
         raise ValueError("the column time has to grow, as seconds do")
-    return usual, np.flatnonzero(~(np.abs(steps - usual) <= JITTER * usual))
+    return usual, np.flatnonzero(~(np.abs(steps - usual) <= most * usual))
 
 
 def _mean_step(time: Float[np.ndarray, " T"]) -> float:

@@ -1,7 +1,8 @@
 """Records of a machine: commands and positions of its axes over time, from a log.
 
 Columns are found by their names, x_command and x_position for the axis X beside `time` [s], or by
-flags that name them. A name may end in its unit: time_ms, x_command_V, x_position_um, Time [ms].
+flags that name them. A name may end in its unit: time_ms, x_command_V, x_position_um, Time [ms],
+x_position_deg. An angle is kept in rad where a length is in m.
 """
 
 import re
@@ -12,13 +13,17 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.app.files.checks import METRES
-from jcontour.app.files.clock import SECONDS, EvenPart, likely_unit, longest_even_part
-from jcontour.app.files.log_table import Table, read_table
+from jcontour.app.files.checks import METRES, RADIANS
+from jcontour.app.files.clock import SECONDS, EvenPart, likely_unit, longest_even_part, resampled
+from jcontour.app.files.log_table import Table, finite, read_table
 
-COMMAND_UNITS = ("v", "a", "n", "nm", "mm/s", "mm_per_s")  # in lower case
+LENGTHS = METRES | RADIANS
+RATES = tuple(f"{unit}{per}" for unit in LENGTHS for per in ("/s", "_per_s"))
+COMMAND_UNITS = (*LENGTHS, *RATES, "v", "mv", "a", "ma", "n", "nm", "rpm", "%", "percent", "counts")
 COMMAND_WORDS = ("command", "control", "u", "cmd", "torque", "velocity_command", "speed_command")
 POSITION_WORDS = ("position", "pos", "y", "q", "actual", "measured")
+ANGLE = "1 rad stands where tables have 1 m, as at a radius of 1 m"
+LISTED = 40  # columns that a refusal names
 TIME_WORDS = ("time", "t", "timestamp")
 
 
@@ -49,64 +54,80 @@ class Log:
         command: (T, axes) [command unit].
         position: (T, axes) [m].
         words: what was done to the file's numbers, one line each.
+        angles: which axes turn: their positions are in rad.
     """
 
     dt: float
     command: Float[np.ndarray, "T axes"]
     position: Float[np.ndarray, "T axes"]
     words: tuple[str, ...]
+    angles: tuple[bool, ...] = ()
 
 
 def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
     """Commands and positions of a log.
 
-    A gap, or a clock that starts again, splits the record: its longest even part is used, and that
-    is said. Jitter of more than 1 % of a sample everywhere is refused.
+    A gap, or a clock that starts again, splits the record: its longest part is used, and that is
+    said. Stamps that jitter are interpolated to even ones, with their largest deviation said.
 
     Raises:
         ValueError: the file cannot be read, a column is missing, time does not grow evenly, or a
             number is not finite; one line in the user's words.
     """
     table = read_table(path)
-    time_name = columns.time or _first(table, TIME_WORDS, tuple(SECONDS))
     commands = _named(path, table, columns.command, axes, COMMAND_WORDS, "command", COMMAND_UNITS)
-    positions = _named(path, table, columns.position, axes, POSITION_WORDS, "position", METRES)
-    command = np.stack([_column(path, table, one) for one in commands], axis=1)
-    metre = [METRES[_unit(one, METRES) or columns.length_unit] for one in positions]
-    position = np.stack([_column(path, table, one) for one in positions], axis=1) * metre
+    positions = _named(path, table, columns.position, axes, POSITION_WORDS, "position", LENGTHS)
+    units = [_unit(one, LENGTHS) or columns.length_unit for one in positions]
+    signals = np.stack([_column(path, table, one) for one in [*commands, *positions]], axis=1)
     words = [
-        f"{name}: command {u}, position {y}"
-        for name, u, y in zip(axes, commands, positions, strict=True)
+        f"{name}: command {u}, position {y}" + (f", an angle: {ANGLE}" if unit in RADIANS else "")
+        for name, u, y, unit in zip(axes, commands, positions, units, strict=True)
     ]
-    if columns.period is not None:
-        dt, keep = columns.period, slice(0, len(command))
-    elif time_name is None:
-        raise ValueError(
-            f"{path}: has no column of time; name it with --time-column, or give --period-ms; "
-            f"has {', '.join(table)}"
-        )
+    stamps, said = _stamps(path, table, columns)
+    words += said
+    if stamps is None:
+        assert columns.period is not None
+        dt, keep = columns.period, slice(0, len(signals))
     else:
-        time = _column(path, table, time_name)
-        stated = _unit(time_name, SECONDS)
-        unit = stated or likely_unit(time)
-        part = _even_part(path, time * SECONDS[unit])
+        if len(stamps) != len(signals):
+            raise ValueError(f"{path}: time has {len(stamps)} rows, the signals {len(signals)}")
+        part = _even_part(path, stamps)
         dt, keep = part.dt, part.rows
         words += [part.words] if part.words else []
-        if stated is None and unit != "s":
-            words.append(
-                f"time: column {time_name} states no unit and is taken as {unit}, a sample every "
-                f"{1e3 * dt:g} ms; if it is not, give --period-ms"
-            )
-    command, position = command[keep], position[keep]
-    both = zip([*commands, *positions], [*command.T, *position.T], strict=True)
-    for name, values in both:
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            row = (keep.start or 0) + bad[0] + 1
-            raise ValueError(
-                f"{path}: column {name} holds no number in row {row} behind the header"
-            )
-    return Log(dt, command, position, tuple(words))
+    signals = signals[keep]
+    for name, values in zip([*commands, *positions], signals.T, strict=True):
+        finite(path, name, values, keep.start or 0)
+    if stamps is not None:
+        signals = resampled(stamps[keep], dt, signals)
+    command, position = np.split(signals, 2, axis=1)
+    angles = tuple(unit in RADIANS for unit in units)
+    return Log(dt, command, position * [LENGTHS[one] for one in units], tuple(words), angles)
+
+
+def _stamps(
+    path: Path, table: Table, columns: LogColumns
+) -> tuple[Float[np.ndarray, " T"] | None, list[str]]:
+    """Times of the samples [s], and how they were read; None where a period is given."""
+    name = columns.time or _first(table, TIME_WORDS, tuple(SECONDS))
+    if columns.period is not None:
+        if name is None:
+            return None, []
+        return None, [f"time: --period-ms {1e3 * columns.period:g} counts, column {name} does not"]
+    if name is None:
+        raise ValueError(
+            f"{path}: has no column of time; name it with --time-column, or give --period-ms; "
+            f"has {_listed(table)}"
+        )
+    time = _column(path, table, name)
+    stated = _unit(name, SECONDS)
+    unit = stated or likely_unit(time)
+    if stated is not None or unit == "s":
+        return time * SECONDS[unit], []
+    period = 1e3 * SECONDS[unit] * float(np.median(np.diff(time)))
+    return time * SECONDS[unit], [
+        f"time: column {name} states no unit and is taken as {unit}, a sample every "
+        f"{period:g} ms; if it is not, give --period-ms"
+    ]
 
 
 def _even_part(path: Path, time: Float[np.ndarray, " T"]) -> EvenPart:
@@ -123,7 +144,7 @@ def _named(
     axes: Sequence[str],
     words: Sequence[str],
     what: str,
-    units: Sequence[str] | dict,
+    units: Sequence[str] | dict[str, float],
 ) -> list[str]:
     """Names of one column for each axis."""
     if given:
@@ -140,7 +161,7 @@ def _named(
         if column is None:
             raise ValueError(
                 f"{path}: has no column {name}_{what}; name one per axis with --{what}-columns; "
-                f"has {', '.join(table)}"
+                f"has {_listed(table)}"
             )
         found.append(column)
     return found
@@ -156,14 +177,24 @@ def _first(table: Table, words: Sequence[str], units: Sequence[str]) -> str | No
 
 
 def _unit(name: str, units: dict[str, float]) -> str | None:
-    """Unit at the end of a column's name."""
-    found = re.search(r"(?:_([^\W_]+)|\[(\w+)\]|\((\w+)\))$", name.strip().lower())
+    """Unit at the end of a column's name, or before the number of a matrix's column."""
+    name = re.sub(r"_\d+$", "", name.strip().lower())
+    found = re.search(r"(?:_([^\W_]+)|\[(\w+)\]|\((\w+)\))$", name)
     end = next((one for one in found.groups() if one), None) if found else None
     end = None if end is None else end.rsplit("_", 1)[-1]
     return end if end in units else None
 
 
 def _column(path: Path, table: Table, name: str) -> np.ndarray:
-    if name.lower() not in table:
-        raise ValueError(f"{path}: has no column {name!r}; has {', '.join(table)}")
-    return table[name.lower()]
+    """A column by its name, or by the last part of it, as `pos_1` of rec.pos_1."""
+    ends = [one for one in table if one.endswith(f".{name.lower()}")]
+    found = name.lower() if name.lower() in table or len(ends) != 1 else ends[0]
+    if found not in table:
+        raise ValueError(f"{path}: has no column of numbers {name!r}; has {_listed(table)}")
+    return table[found]
+
+
+def _listed(table: Table) -> str:
+    """Names of the first columns."""
+    more = f" and {len(table) - LISTED} more" if len(table) > LISTED else ""
+    return ", ".join(list(table)[:LISTED]) + more

@@ -1,42 +1,38 @@
-"""Columns of numbers from what drives and programs record: CSV, netCDF and MAT files.
+"""Columns of numbers from what drives and programs record: text, netCDF and MAT files."""
 
-SciPy reads MAT files in a process of its own: on some damaged files its reader ends the process.
-"""
-
-import csv
-import pickle
 import re
-import subprocess
-import sys
-from itertools import pairwise
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from jaxtyping import Float
 
 from jcontour.app.files.checks import line
+from jcontour.app.files.mat_file import NUMERIC, read_mat
 from jcontour.regular_files import content_of
 
 MOST_BYTES = 512 * 2**20
-COMMENTS = ("#", "%", "//")
-SEPARATORS = "\t;,"
-NUMBERS = re.compile(r"(?:[\d\s.,;+-]|e|nan|inf)+", re.IGNORECASE)  # a line of nothing else
+HEAD_BYTES = 2**16  # in which the first numbers begin
+SURE_ROWS = 5  # of numbers in a row: the text above them is over
+COMMENTS = "#%/"
+SEPARATORS = "\t;"
+SPACES = r"\s+"
 
 Table = dict[str, Float[np.ndarray, " T"]]
-NUMERIC = "fiu"  # kinds of arrays that are columns; text and cells are none
 
 
 def read_table(path: Path) -> Table:
-    """Columns of a file by name, in lower case; those of a CSV without header are 1, 2, ...
+    """Columns of numbers of a file by name, in lower case; NaN where a cell holds none.
 
-    The header is the last line before two lines of numbers; text above it is left out.
-    In place of commas a text file may have tabs, semicolons or spaces, any number of these.
-    A column of a netCDF or MAT file is a vector, or a column of a matrix: `q` of two columns gives
-    q_1 and q_2.
+    A text file may have tabs, semicolons, commas or spaces between its cells, decimal commas, and
+    any text above its header, which may be a comment; without a header columns are 1, 2, ...
+    Columns of text are left out, and where names alternate with numbers they name the columns.
+    Stamps of date and time become seconds. A column of a netCDF or MAT file is a vector, or a
+    column of a matrix: `q` of two columns gives q_1 and q_2; `rec.q` is the field of a struct.
 
     Raises:
-        ValueError: the file cannot be read, holds no column of numbers, or a line is not like the
-            others; the line is named.
+        ValueError: the file cannot be read, or holds no column of numbers.
     """
     try:
         content = content_of(path, MOST_BYTES)
@@ -47,68 +43,143 @@ def read_table(path: Path) -> Table:
     elif path.suffix.lower() in (".nc", ".h5", ".hdf5"):
         table = _vectors(_netcdf(path))
     else:
-        table = _csv(path, content)
+        table = _text(path, content)
     if not table:
         raise ValueError(f"{path}: holds no column of numbers")
     return table
 
 
-def _csv(path: Path, content: bytes) -> Table:
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: cannot be read as text; export it as CSV") from None
-    lines = [
-        (number, words)
-        for number, words in enumerate(text.splitlines(), 1)
-        if words.strip() and not words.lstrip().startswith(COMMENTS)
-    ]
-    if not lines:
+def finite(path: Path, name: str, values: Float[np.ndarray, " T"], above: int = 0) -> None:
+    """Refuse a column that lacks a number.
+
+    Args:
+        path: of the file.
+        name: of the column.
+        values: of its rows.
+        above: rows of the file before them.
+
+    Raises:
+        ValueError: a value is NaN or infinite; the first such row is named.
+    """
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        row = above + bad[0] + 1
+        raise ValueError(f"{path}: column {name} holds no number in row {row} behind the header")
+
+
+def _text(path: Path, content: bytes) -> Table:
+    if not content.strip():
         raise ValueError(f"{path}: is empty")
-    lines = _from_header(lines)
-    separator = max(SEPARATORS, key=lambda one: lines[0][1].count(one))
-    comma = separator != ","  # then it may stand in numbers, as in 0,001
-    texts = [words for _, words in lines]
-    if separator in texts[0]:
-        rows = list(csv.reader(texts, delimiter=separator, skipinitialspace=True))
-    else:
-        rows = [words.split() for words in texts]
-    named = not all(_is_number(word, comma) for word in rows[0])
-    heads = [word.strip().lower() for word in rows[0]] if named else []
-    heads = heads or [str(k + 1) for k in range(len(rows[0]))]
-    if len(set(heads)) < len(heads):
-        raise ValueError(f"{path}: two columns have the same name; has {', '.join(heads)}")
-    numbers = np.empty((len(rows) - named, len(heads)))
-    for k, cells in enumerate(rows[named:]):
-        try:
-            numbers[k] = np.array([_number(cell, comma) for cell in cells]).reshape(len(heads))
-        except ValueError:
-            place = lines[k + named][0]
-            head = f" as the header, line {lines[0][0]}" if named else ""
-            raise ValueError(
-                f"{path}: line {place} does not hold {len(heads)} numbers{head}"
-            ) from None
-    return {name: numbers[:, k].copy() for k, name in enumerate(heads)}
-
-
-def _from_header(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """Numbered lines without the text above the header, the last line before those of numbers."""
-    for k, ((_, first), (_, second)) in enumerate(pairwise(lines)):
-        if NUMBERS.fullmatch(first) and NUMBERS.fullmatch(second):
-            return lines[max(k - 1, 0) :]
-    return lines
-
-
-def _number(word: str, comma: bool) -> float:
-    return float(word.replace(",", ".") if comma else word)
-
-
-def _is_number(word: str, comma: bool) -> bool:
+    if b"\0" in content[:HEAD_BYTES]:
+        raise ValueError(f"{path}: cannot be read as text; export it as CSV")
+    encoding = "utf-8-sig"
     try:
-        _number(word, comma)
+        content.decode(encoding)
+    except UnicodeDecodeError:
+        encoding = "cp1252"
+    head = content[:HEAD_BYTES].decode(encoding, errors="replace").splitlines()
+    first, separator = _first_numbers(path, head)
+    try:
+        frame = pd.read_csv(
+            BytesIO(content),
+            sep=separator,
+            header=None,
+            skiprows=first,
+            skipinitialspace=True,
+            skip_blank_lines=False,
+            comment="#",
+            encoding=encoding,
+            encoding_errors="replace",
+            low_memory=False,
+        )
+    except ValueError as error:
+        found = re.search(r"Expected (\d+) fields in line (\d+)", str(error))
+        what = f"line {found[2]} does not hold {found[1]} cells" if found else line(error)
+        raise ValueError(f"{path}: {what}") from None
+    frame = frame.dropna(axis=1, how="all").dropna(how="all")
+    columns = {int(k): frame[k].to_numpy() for k in frame.columns}
+    names = _names(path, head[:first], columns, separator)
+    numbers = {name: _numbers(columns[k], separator != ",") for k, name in names.items()}
+    return {name: one for name, one in numbers.items() if np.isfinite(one).any()}
+
+
+def _first_numbers(path: Path, lines: list[str]) -> tuple[int, str]:
+    """Lines above the numbers, and what stands between the numbers."""
+    filled = [k for k, words in enumerate(lines) if words.strip()]
+    numeric = [_numeric(lines[k]) for k in filled]
+    for j, k in enumerate(filled):
+        if all(numeric[j : j + SURE_ROWS]):
+            return k, _separator(lines[k])
+    raise ValueError(f"{path}: holds no rows of numbers")
+
+
+def _separator(words: str) -> str:
+    """What stands between the cells of a line; in 0,1 0,2 it is the space."""
+    for one in SEPARATORS:
+        if one in words.strip():
+            return one
+    cells = words.split()
+    if "," not in words or (len(cells) > 1 and not re.search(r",\S*,|,\s|,$", words)):
+        return SPACES
+    return ","
+
+
+def _cells(words: str, separator: str) -> list[str]:
+    """Cells of a line, without empty ones at its end."""
+    words = words.strip(" \r\n")
+    cells = words.split() if separator == SPACES else words.split(separator)
+    while cells and not cells[-1].strip():
+        cells.pop()
+    return [cell.strip().strip('"') for cell in cells]
+
+
+def _numeric(words: str) -> bool:
+    """Whether half of the filled cells of a line are numbers."""
+    cells = [cell for cell in _cells(words, _separator(words)) if cell]
+    return 0 < len(cells) <= 2 * sum(_is_number(cell.replace(",", ".")) for cell in cells)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
     except ValueError:
         return False
     return True
+
+
+def _numbers(column: np.ndarray, comma: bool) -> Float[np.ndarray, " T"]:
+    """A column as numbers, seconds where it holds stamps of time; all NaN for one of text."""
+    if column.dtype.kind in NUMERIC:
+        return column.astype(float)
+    words = np.array([str(cell).strip() for cell in column])
+    points = np.char.replace(words, ",", ".") if comma else words
+    found = np.asarray(pd.to_numeric(points, errors="coerce"), float)
+    if np.isfinite(found).mean() >= 0.5:
+        return found
+    stamps = pd.to_datetime(pd.Series(words), format="ISO8601", errors="coerce", utc=True)
+    return (stamps - stamps.iloc[0]).dt.total_seconds().to_numpy()
+
+
+def _names(
+    path: Path, above: list[str], columns: dict[int, np.ndarray], separator: str
+) -> dict[int, str]:
+    """Names of the columns: from the last line above, or from text that stands before each."""
+    texts = [k for k, column in columns.items() if _is_constant_text(column)]
+    if texts and list(columns)[::2] == texts:
+        return dict(zip(list(columns)[1::2], [columns[k][0].lower() for k in texts], strict=False))
+    filled = [words for words in above if words.strip()]
+    heads = _cells(filled[-1].lstrip(COMMENTS), separator) if filled else []
+    named = len(heads) >= len(columns)
+    names = {k: (heads[k].lower() if named else "") or str(k + 1) for k in columns}
+    if len(set(names.values())) < len(names):
+        raise ValueError(f"{path}: two columns have the same name; has {', '.join(names.values())}")
+    return names
+
+
+def _is_constant_text(column: np.ndarray) -> bool:
+    first = column[0]
+    text = isinstance(first, str) and not _is_number(first.replace(",", "."))
+    return text and bool((column == first).all())
 
 
 def _netcdf(path: Path) -> dict[str, np.ndarray]:
@@ -135,33 +206,3 @@ def _vectors(found: dict[str, np.ndarray]) -> Table:
             for k in range(long.shape[1]):
                 table[f"{name.lower()}_{k + 1}"] = long[:, k].astype(float)
     return table
-
-
-def read_mat(path: Path) -> dict[str, np.ndarray]:
-    """Arrays of numbers by name.
-
-    Raises:
-        ValueError: SciPy cannot read the file.
-    """
-    reader = [sys.executable, "-P", "-m", __name__, str(path)]  # -P: nothing of the folder it is in
-    done = subprocess.run(reader, capture_output=True)
-    if done.returncode:
-        why = done.stderr.decode(errors="replace").strip() if done.returncode == 1 else "damaged"
-        raise ValueError(f"{path}: not a readable MAT file ({why}); save it as version 7 or older")
-    return pickle.loads(done.stdout)
-
-
-def _numbers(path: str) -> dict[str, np.ndarray]:
-    from scipy.io import loadmat
-
-    found = loadmat(path)
-    arrays = {name: values for name, values in found.items() if not name.startswith("__")}
-    return {name: values for name, values in arrays.items() if values.dtype.kind in NUMERIC}
-
-
-if __name__ == "__main__":
-    try:
-        answer = pickle.dumps(_numbers(sys.argv[1]))
-    except Exception as error:  # a damaged file fails in many ways
-        sys.exit(line(error))
-    sys.stdout.buffer.write(answer)

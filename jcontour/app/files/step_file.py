@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from jcontour.app.files.checks import METRES
 from jcontour.app.files.clock import SECONDS, even_period, likely_unit
-from jcontour.app.files.log_table import read_table
+from jcontour.app.files.log_table import finite, read_table
 
 NAMES = ("time", "control", "position")
 
@@ -48,6 +48,8 @@ def read_step(path: Path, length_unit: str) -> StepRecord:
             f"{path}: has no column {missing[0]!r}; needs {', '.join(NAMES)}, has "
             f"{', '.join(table)}"
         )
+    for name in NAMES:
+        finite(path, name, table[name])
     time, control, position = (table[name] for name in NAMES)
     unit = likely_unit(time)
     try:

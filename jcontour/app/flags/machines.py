@@ -10,6 +10,7 @@ from jcontour.app.flags.shared import Common
 
 Kind = Literal["flexible-axis", "linear"]
 LengthUnit = Literal["m", "mm", "um"]
+PositionUnit = Literal["m", "mm", "um", "rad", "mrad", "deg", "rev"]
 Takes = Literal["speed", "position", "force"]
 
 
@@ -40,10 +41,10 @@ class Identify(Common):
     """linear: names of the commands, one per axis: what the new controller will give the drive."""
     position_columns: tuple[str, ...] = ()
     """linear: names of the measured positions, one per axis."""
-    length_unit: LengthUnit = "mm"
+    length_unit: PositionUnit = "mm"
     """linear: unit of the positions, where their columns do not say (x_position_um)."""
     period_ms: float | None = None
-    """linear: sample period [ms], where there is no column of time or it is wrong."""
+    """linear: sample period [ms]; a column of time is then not used."""
     control_unit: str = "control unit"
     """linear: unit of the commands, for tables and figures."""
     most_order: int = 3  # a time constant and a resonance

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jcontour.app.files.clock import even_period, longest_even_part
+from jcontour.app.files.clock import even_period, longest_even_part, resampled
 
 TIME = 2.0 + 0.004 * np.arange(50)
 
@@ -28,24 +28,20 @@ def test_a_clock_with_a_gap_is_not_even():
 
 
 def test_many_gaps_are_counted_and_the_longest_part_is_named():
-    """Six parts of sixty samples, one of seventy; a clock that jitters has no part to keep."""
+    """Six parts of sixty samples, one of seventy."""
     time = np.concatenate([1.0 * k + 0.004 * np.arange(70 if k == 2 else 60) for k in range(7)])
     with pytest.raises(ValueError, match="are 6 such places, .*, 2 s to 2.276 s, has 70 of 430"):
         longest_even_part(time)
-    jittered = np.cumsum(0.004 * np.where(np.arange(50) % 2, 0.9, 1.1))
-    with pytest.raises(ValueError, match=r"are \d+ such places: let the drive record by its own"):
-        longest_even_part(jittered)
 
 
-def test_stamps_that_jitter_may_be_left_out_and_gaps_may_not():
-    """By a tenth of a sample from one to the next; and three even parts, each a fifth."""
+def test_stamps_that_jitter_become_even_ones():
+    """A line stays a line; by a tenth of a sample from one to the next."""
     jittered = np.cumsum(0.004 * np.where(np.arange(50) % 2, 0.9, 1.1))
-    with pytest.raises(ValueError, match="leave out the column of time and give --period-ms"):
-        longest_even_part(jittered)
-    gaps = np.concatenate([1.0 * k + 0.004 * np.arange(60) for k in range(5)])
-    with pytest.raises(ValueError, match="keep that part alone") as raised:
-        longest_even_part(gaps)
-    assert "--period-ms" not in str(raised.value)
+    part = longest_even_part(jittered)
+    assert part.rows == slice(0, 50) and "by up to 10 %" in part.words
+    even = resampled(jittered, part.dt, np.stack([jittered, 1 - jittered], axis=1))
+    assert np.allclose(even[:, 0], jittered[0] + part.dt * np.arange(50), atol=1e-12)
+    assert np.allclose(even[:, 1], 1 - even[:, 0])
 
 
 @pytest.mark.parametrize("read", [even_period, longest_even_part])
@@ -56,7 +52,7 @@ def test_stamps_that_jitter_may_be_left_out_and_gaps_may_not():
         (TIME[::-1], "has to grow"),
         (np.zeros(9), "has to grow"),
         (np.full(9, np.nan), "has to grow"),
-        (np.cumsum(0.004 * np.where(np.arange(50) % 2, 0.9, 1.1)), "not evenly spaced"),
+        (np.cumsum(0.004 * np.where(np.arange(50) % 2, 0.3, 2.0)), "not evenly spaced"),
     ],
 )
 def test_clocks_that_cannot_be_used(read, time, says):

@@ -82,12 +82,25 @@ def test_units_in_brackets(tmp_path, heads, metre):
     assert np.allclose(log.position, signals[:, 2:] * [metre, 1.0])
 
 
+def test_axes_that_turn(tmp_path):
+    heads = ("time_s", "x_command_rpm", "y_command_%", "rec.x_deg", "q_rev_2")
+    path, signals = written(tmp_path, heads=heads)
+    columns = LogColumns(position=("x_deg", "q_rev_2"))
+    log = read_log(path, ("X", "Y"), columns)
+    assert np.allclose(log.position, signals[:, 2:] * [np.pi / 180, 2 * np.pi])
+    assert log.angles == (True, True) and "1 rad" in log.words[0]
+    assert np.allclose(log.command, signals[:, :2])
+
+
 def test_a_period_in_the_place_of_time(tmp_path):
     path, _ = written(tmp_path, heads=("nothing", *HEADS[1:]))
     with pytest.raises(ValueError, match="no column of time; name it with --time-column"):
         read_log(path, ("X", "Y"), LogColumns())
     log = read_log(path, ("X", "Y"), LogColumns(period=0.004))
     assert log.dt == 0.004 and len(log.command) == ROWS
+    timed, _ = written(tmp_path)
+    words = read_log(timed, ("X", "Y"), LogColumns(period=0.004)).words
+    assert words[-1] == "time: --period-ms 4 counts, column time does not"
 
 
 def test_the_longest_part_between_gaps_and_restarts(tmp_path):
@@ -100,7 +113,7 @@ def test_the_longest_part_between_gaps_and_restarts(tmp_path):
 
 def test_faults_are_told_with_their_place(tmp_path):
     random = np.random.default_rng(1)
-    jitter = TIME + 0.0005 * random.uniform(-1, 1, ROWS)
+    jitter = np.cumsum(random.choice([0.001, 0.004], ROWS))
     with pytest.raises(ValueError, match="samples are not evenly spaced: after"):
         read_log(written(tmp_path, jitter)[0], ("X", "Y"), LogColumns())
     with pytest.raises(ValueError, match="has to grow"):
@@ -109,7 +122,7 @@ def test_faults_are_told_with_their_place(tmp_path):
         read_log(written(tmp_path)[0], ("X", "Z"), LogColumns())
     with pytest.raises(ValueError, match="command-columns: needs 2 names"):
         read_log(written(tmp_path)[0], ("X", "Y"), LogColumns(command=("x_command",)))
-    with pytest.raises(ValueError, match="has no column 'ux'"):
+    with pytest.raises(ValueError, match="has no column of numbers 'ux'"):
         read_log(written(tmp_path)[0], ("X", "Y"), LogColumns(command=("ux", "uy")))
 
     def broken(rows):

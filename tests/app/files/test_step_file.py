@@ -37,7 +37,7 @@ def test_faults_are_told_with_their_place(tmp_path):
         ({"rows": late}, "after 0.006 s comes 0.0075 s, the others are 0.001 s apart"),
         ({"rows": back}, "the column time has to grow"),
         ({"head": "time,current,position"}, "has no column 'control'; needs time, control"),
-        ({"rows": [*ROWS, (1.0, 2.0)]}, "line 22 does not hold 3 numbers"),
+        ({"rows": [*ROWS, (1.0, 2.0)]}, "column position holds no number in row 21 behind"),
         ({"rows": ROWS[:2]}, "needs at least three samples"),
     ):
         with pytest.raises(ValueError, match=words):

@@ -64,7 +64,12 @@ def command(flags: Identify) -> int:
     found = identify_machine(record, flags.most_order, flags.most_delay)
     name = "identified" if flags.data is None else flags.data.stem
     text = run_folder.json_text(_fields(found, name, flags.control_unit)) + "\n"
-    _check_file(text, name, found, "".join(f". {line}" for line in _tiny(flags, found)))
+    _check_file(
+        text,
+        name,
+        found,
+        "".join(f". {line}" for line in ([] if any(log.angles) else _tiny(flags, found))),
+    )
     folder = run_folder.create(
         flags.out or run_folder.default_folder("identify"),
         "identify",
@@ -214,9 +219,8 @@ def _result(
         gain=found.gain,
         delay=found.late,
         notes=[
-            *_questions(log.dt, flags, axes, limits),
-            *_coarse(found),
-            *_tiny(flags, found),
+            *_period(log.dt),
+            *([] if any(log.angles) else _lengths(flags, found, axes, limits)),
             *_copied(flags.axes),
             *found.notes,
         ],
@@ -236,16 +240,24 @@ def _copied(axes: Sequence[str]) -> list[str]:
     ]
 
 
-def _questions(
-    dt: float, flags: Identify, axes: list[LinearAxisResult], largest: dict[str, list[float]]
+def _period(dt: float) -> list[str]:
+    """A question where no drive has such a period."""
+    if SHORTEST <= dt <= LONGEST:
+        return []
+    return [
+        f"time: a sample every {1e3 * dt:g} ms is no usual period of a drive; is the unit of "
+        "its column right? Call it time_ms or time_us, or give --period-ms"
+    ]
+
+
+def _lengths(
+    flags: Identify,
+    found: LinearMachineFound,
+    axes: list[LinearAxisResult],
+    largest: dict[str, list[float]],
 ) -> list[str]:
-    """One line for each number that no machine has; most likely a unit is wrong."""
-    lines = []
-    if not SHORTEST <= dt <= LONGEST:
-        lines.append(
-            f"time: a sample every {1e3 * dt:g} ms is no usual period of a drive; is the unit of "
-            "its column right? Call it time_ms or time_us, or give --period-ms"
-        )
+    """One line for each length that no machine has; most likely a unit is wrong."""
+    lines = [*_coarse(found), *_tiny(flags, found)]
     for one, speed, moved in zip(axes, largest["speed"], largest["acceleration"], strict=True):
         if speed > FAST or moved > HARD or abs(one.gain) > GAIN_ASKED:
             lines.append(

@@ -1,0 +1,69 @@
+"""Arrays of numbers in a MAT file.
+
+SciPy, or h5py for version 7.3, reads it in a process of its own: on some damaged files it ends.
+"""
+
+import pickle
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jcontour.app.files.checks import line
+
+NUMERIC = "fiu"  # kinds of arrays that are columns; text and cells are none
+
+
+def read_mat(path: Path) -> dict[str, np.ndarray]:
+    """Arrays of numbers by name, those in a struct as `struct.field`.
+
+    Raises:
+        ValueError: the file cannot be read.
+    """
+    reader = [sys.executable, "-P", "-m", __name__, str(path)]  # -P: nothing of the folder it is in
+    done = subprocess.run(reader, capture_output=True)
+    if done.returncode:
+        why = done.stderr.decode(errors="replace").strip() if done.returncode == 1 else "damaged"
+        raise ValueError(f"{path}: not a readable MAT file ({why})")
+    return pickle.loads(done.stdout)
+
+
+def _numbers(path: str) -> dict[str, np.ndarray]:
+    import h5py
+    from scipy.io import loadmat
+
+    if not h5py.is_hdf5(path):
+        return dict(_fields("", loadmat(path)))
+    found: dict[str, np.ndarray] = {}
+    with h5py.File(path) as file:  # version 7.3
+        file.visititems(lambda name, one: found.update(_dataset(name, one)))
+    return found
+
+
+def _fields(above: str, found: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray]]:
+    """Arrays of numbers of a struct and of those inside it, as `rec.position`."""
+    for name, values in found.items():
+        if name.startswith("__") or not isinstance(values, np.ndarray):
+            continue
+        if values.dtype.kind in NUMERIC:
+            yield above + name, values
+        elif values.dtype.names and values.size == 1:
+            one = values.flat[0]
+            yield from _fields(f"{above}{name}.", dict(zip(values.dtype.names, one, strict=True)))
+
+
+def _dataset(name: str, one: Any) -> dict[str, np.ndarray]:
+    """An array of numbers of an HDF5 file by its name; none for anything else."""
+    kind = getattr(getattr(one, "dtype", None), "kind", "")
+    return {name.replace("/", "."): one[()]} if kind in NUMERIC and kind else {}
+
+
+if __name__ == "__main__":
+    try:
+        answer = pickle.dumps(_numbers(sys.argv[1]))
+    except Exception as error:  # a damaged file fails in many ways
+        sys.exit(line(error))
+    sys.stdout.buffer.write(answer)
