@@ -208,6 +208,7 @@ def _result(
     if noise := noises(found):
         encoders += f"; noise beside them of {of_axes(noise, flags.axes)} RMS"
     words = [*log.words, encoders]
+    lengths = [*_questions(flags, axes, limits), *_coarse(found), *_tiny(flags, found)]
     return LinearMachineResult(
         data=source,
         words=words,
@@ -220,7 +221,7 @@ def _result(
         delay=found.late,
         notes=[
             *_period(log.dt),
-            *([] if any(log.angles) else _lengths(flags, found, axes, limits)),
+            *([] if any(log.angles) else lengths),
             *_copied(flags.axes),
             *found.notes,
         ],
@@ -250,14 +251,11 @@ def _period(dt: float) -> list[str]:
     ]
 
 
-def _lengths(
-    flags: Identify,
-    found: LinearMachineFound,
-    axes: list[LinearAxisResult],
-    largest: dict[str, list[float]],
+def _questions(
+    flags: Identify, axes: list[LinearAxisResult], largest: dict[str, list[float]]
 ) -> list[str]:
-    """One line for each length that no machine has; most likely a unit is wrong."""
-    lines = [*_coarse(found), *_tiny(flags, found)]
+    """One line for each number that no machine has; most likely a unit is wrong."""
+    lines = []
     for one, speed, moved in zip(axes, largest["speed"], largest["acceleration"], strict=True):
         if speed > FAST or moved > HARD or abs(one.gain) > GAIN_ASKED:
             lines.append(

@@ -112,7 +112,8 @@ def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(
 def test_wrong_units_are_questioned(dt, gain, speed, words):
     axis = SimpleNamespace(name="X", gain=gain, integrators=1)
     largest = {"speed": [speed], "acceleration": [1.0]}
-    told = identify_linear._questions(dt, Identify(control_unit="V"), [axis], largest)
+    told = identify_linear._period(dt)
+    told += identify_linear._questions(Identify(control_unit="V"), [axis], largest)
     assert len(told) == len(words)
     assert all(line.startswith(one) for line, one in zip(told, words, strict=True))
 
