@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import warnings
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -220,7 +221,9 @@ def two_axes():
 def _closed_loop(name: str):
     """Smooth and true nominal plant, controller and references of a name in the catalogue."""
     from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, first_machine
+    from jcontour.app.catalogue.controllers import design_class
     from jcontour.app.catalogue.machines import MACHINES
+    from jcontour.app.designs.lq.receding_horizon import LQDesign
     from jcontour.app.flags.loops import Simulate
     from jcontour.geometry.contours import circle, line
     from jcontour.motion.references import along
@@ -228,7 +231,10 @@ def _closed_loop(name: str):
     machine = MACHINES[first_machine(name)]()
     with warnings.catch_warnings():  # not every controller reads all of them
         warnings.simplefilter("ignore", UnreadFlagWarning)
-        design = design_for(machine, Simulate(controller=name, preview=3, alpha=3.0, beta=5.0))
+        flags = Simulate(controller=name, preview=3)
+        if issubclass(design_class(name), LQDesign):
+            flags = replace(flags, alpha=3.0, beta=5.0)
+        design = design_for(machine, flags)
     plants = (
         [machine.model] * 2
         if design.fed == "state"

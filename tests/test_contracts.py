@@ -17,7 +17,6 @@ import pytest
 from jcontour.app.catalogue.choices import first_machine
 from jcontour.app.catalogue.controllers import CONTROLLERS
 from jcontour.app.catalogue.machines import MACHINES
-from jcontour.app.catalogue.plants import PLANTS
 from jcontour.controller import Controller, Memory, Wrapper
 from jcontour.host.loop import loop as loop_on_the_host
 from jcontour.motion.references import Reference, from_samples
@@ -26,6 +25,7 @@ from jcontour.plants.flexible_axis.axis import AxisParameters
 from jcontour.simulation.closed_loop import Rollout, simulate, start_state
 from jcontour.simulation.evaluation import member
 from tests.canonical import STEPS
+from tests.plants import PLANTS
 
 RESTART = 5  # sample at which a run is cut in two
 SHIFT, SAME = 1.0, 1e-9  # [m]: whole counts of all encoders; what rounding leaves of it

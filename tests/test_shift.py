@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for
-from jcontour.app.catalogue.controllers import CONTROLLERS
+from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import MachineLimits
@@ -48,7 +48,7 @@ STEPS = 5
 SHIFT = 1.0  # [m]: whole counts of all encoders
 SAME = 1e-9  # [m]
 TAKE_A_POSITION = [
-    name for name, entry in CONTROLLERS.items() if entry.suits.words.startswith("a machine given")
+    name for name in CONTROLLERS if design_class(name).needs.words.startswith("a machine given")
 ]
 
 

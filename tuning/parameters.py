@@ -7,6 +7,7 @@ Each entry maps its weight to an unbounded coordinate z, in which the tuner move
 """
 
 import abc
+from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -133,6 +134,25 @@ class Fixed(Parameter):
     def allows(self, weight) -> bool:
         """Everything."""
         return True
+
+
+class Weight(NamedTuple):
+    """Description of a weight of a controller: a class lists its own as `weights`.
+
+    Attributes:
+        name: that it is given, printed and stored by.
+        unit: of its numbers; `{control}` stands for the machine's unit of the control.
+        range: where it may go, or a function that finds it for a machine.
+        start: where it begins, one number or one for each axis, or a function that finds it for a
+            machine. None where the controller says.
+        cost: it is a weight of a quadratic cost.
+    """
+
+    name: str
+    unit: str = ""
+    range: Parameter | Callable[[Any], Parameter] = Positive()
+    start: Any = None
+    cost: bool = False
 
 
 class LQSpace(NamedTuple):

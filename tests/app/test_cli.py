@@ -12,7 +12,7 @@ import pytest
 
 from jcontour.app import cli
 from jcontour.app.catalogue.known_names import FIRST_LINES, check_plant
-from jcontour.app.catalogue.plants import PLANTS
+from jcontour.app.catalogue.machines import MACHINES
 from jcontour.app.cli import RENAMED, main
 
 # command -> module that reads its parts
@@ -221,15 +221,12 @@ def test_list_as_json(capsys):
     assert main(["list", "--json"]) == 0
     captured = capsys.readouterr()
     found = json.loads(captured.out)
-    kinds = {"plants", "python_plants", "controllers", "constrained", "contours", "experiments"}
+    kinds = {"plants", "controllers", "constrained", "contours", "experiments"}
     assert set(found) == kinds
     assert "bridgeport" in found["plants"] and "mpcc" in found["constrained"]
-    assert found["plants"].keys() | found["python_plants"].keys() == PLANTS.keys()
+    assert found["plants"].keys() == MACHINES.keys()
     for name in found["plants"]:
         check_plant(name)
-    for name in found["python_plants"]:
-        with pytest.raises(ValueError, match=f"{name} is for Python only"):
-            check_plant(name)
 
 
 @pytest.mark.parametrize(

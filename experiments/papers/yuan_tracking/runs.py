@@ -12,8 +12,8 @@ import numpy as np
 
 from experiments.papers.yuan_tracking.result import FamilyRow, GapRow, Signals, TaskMetrics
 from jcontour.app.catalogue.choices import design_for, first_machine, job_named
-from jcontour.app.catalogue.controllers import CONTROLLERS
-from jcontour.app.catalogue.machines import FLEXIBLE_AXIS
+from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
+from jcontour.app.designs.flexible_axis import AxisDesign
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.job import Pace
@@ -50,7 +50,7 @@ class Setup:
 
     def controllers(self) -> list[str]:
         """Names of all controllers that suit the axis."""
-        return [name for name, entry in CONTROLLERS.items() if entry.suits is FLEXIBLE_AXIS]
+        return [name for name in CONTROLLERS if design_class(name).needs == AxisDesign.needs]
 
     def design(self, name: str):
         """Design of a controller with its first gains: the thesis's where it gives them."""

@@ -1,193 +1,138 @@
 """Controllers by name, for the command line and for the contract tests.
 
-A newcomer adds one line here and its maker in `catalogue.designs`. Where several controllers of one
-alias suit a machine the last one is meant: the list goes from the general to the particular.
+A newcomer writes a class that describes itself, a `Controller` with `for_model` or a `Design`, and
+adds its name here.
 """
 
-from jcontour.app.catalogue.designs import (
-    contouring_scheme_designs,
-    flexible_axis_designs,
-    gantry_designs,
-    linear_feedforward_designs,
-    lq_designs,
-)
-from jcontour.app.catalogue.entries import ConstrainedEntry, ControllerEntry, Requirement
-from jcontour.app.catalogue.machines import (
-    FLEXIBLE_AXES,
-    FLEXIBLE_AXIS,
-    GANTRY,
-    GANTRY_WITH_FRICTION,
-    GANTRY_WITHOUT_FRICTION,
-    LIMITED,
-    LINEAR,
-)
+import ast
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from jcontour.app.catalogue.entries import loaded
+
+ROOT = Path(__file__).parents[3]
 
 
-def _lq(line: str) -> ControllerEntry:
-    return ControllerEntry(line, LINEAR, lq_designs)
+class Constrained(NamedTuple):
+    """A controller on the host that solves a QP at every sample.
 
+    Attributes:
+        command: that runs it.
+        line: description in one line.
+        why: a command of its own.
+    """
 
-def _linear_cascade(line: str, alias: str | None = None) -> ControllerEntry:
-    return ControllerEntry(line, LINEAR, linear_feedforward_designs, alias)
-
-
-def _on_axis(line: str, alias: str | None = None) -> ControllerEntry:
-    return ControllerEntry(line, FLEXIBLE_AXIS, flexible_axis_designs, alias)
-
-
-def _on_axes(line: str) -> ControllerEntry:
-    return ControllerEntry(line, FLEXIBLE_AXES, contouring_scheme_designs)
-
-
-def _on_gantry(line: str, alias: str, suits: Requirement = GANTRY) -> ControllerEntry:
-    return ControllerEntry(line, suits, gantry_designs, alias)
-
-
-def _learning(entry: ControllerEntry) -> ControllerEntry:
-    return entry._replace(learns=True)
+    command: str
+    line: str
+    why: str
 
 
 CONSTRAINED = {
-    "mpcc": ConstrainedEntry(
+    "mpcc": Constrained(
         "trace",
         "model predictive contouring control (Lam), chooses its own speed: `jcontour trace`",
         "chooses its own speed, nothing is tuned of it",
     ),
-    "tracking-mpc": ConstrainedEntry(
+    "tracking-mpc": Constrained(
         "sweep",
         "tracking MPC at a constant speed (Lam's other one): `jcontour sweep`",
         "is compared by its horizon and speed, nothing is tuned of it",
     ),
-    "bounded-mpc": ConstrainedEntry(
+    "bounded-mpc": Constrained(
         "tolerance",
         "predictive control that never leaves a tolerance (Yuan): `jcontour tolerance`",
         "keeps what is proven, nothing is tuned of it",
     ),
 }
-CONTROLLERS = {
-    "contouring-lq": _lq(
-        "receding-horizon LQ contouring, offset-free observer; --terminal chooses its end"
-    ),
-    "contouring-lq-riccati": _lq("the same with the Riccati terminal"),
-    "contouring-lq-kalman": _lq("the same with a Kalman filter that finds no load"),
-    "contouring-lq-predictor": _lq("the same with the predictor form of the observer"),
-    "contouring-lq-state": _lq("the same fed the true state"),
-    "contouring-lq-riccati-state": _lq("Riccati terminal, fed the true state"),
-    "contouring-lq-blocks": _lq(
-        "the same, seeing 200 samples or more; its horizon moves on in blocks"
-    ),
-    "constrained-lq": ControllerEntry(
-        "contouring LQ that keeps to the machine's limits: a quadratic program at every sample",
-        LIMITED,
-        lq_designs,
-    ),
-    "preview-lq": _lq(
-        "finite-preview LQ tracking (Tomizuka & Whitney), offset-free observer; beta unused"
-    ),
-    "preview-lq-state": _lq("the same fed the true state"),
-    "linear-cascade": _linear_cascade("P-PI cascade on encoders, speeds by difference", "cascade"),
-    "linear-cascade-feedforward": _linear_cascade(
-        "the same fed speed, acceleration and viscous friction", "cascade-feedforward"
-    ),
-    "linear-cascade-notch": _linear_cascade(
-        "the same through a notch at the lowest resonance", "cascade-notch"
-    ),
-    "position-loop": _linear_cascade("proportional position loop, fed speed and acceleration"),
-    "position-loop-notch": _linear_cascade("the same through a notch at the lowest resonance"),
-    "zpetc": _linear_cascade("zero phase error tracking (Tomizuka) in front of the cascade"),
-    "optimal-feedforward": _linear_cascade(
-        "l1-optimal feedforward with preview (Alter & Tsao) in front of the cascade"
-    ),
-    "repetitive": _learning(
-        _linear_cascade(
-            "the cascade, and what repeats with a known period learned (Tomizuka, Tsao & Chew)"
-        )
-    ),
-    "run-out": _learning(
-        _linear_cascade("the cascade, and sinusoids of a known frequency that cancel")
-    ),
-    "adaptive-zpetc": _learning(
-        _linear_cascade(
-            "a position loop behind zero phase tracking that learns the loop (Smith & Lee)"
-        )
-    ),
-    "cascade": _on_axis("P position loop around a PI velocity loop"),
-    "cascade-feedforward": _on_axis(
-        "P-PI cascade fed what the motion needs: speed, inertia, viscous and dry friction"
-    ),
-    "cascade-notch": _on_axis("P-PI cascade through a notch"),
-    "cascade-low-pass": _on_axis("P-PI cascade through a low pass"),
-    "cascade-leso": _on_axis("P-PI cascade with a linear extended state observer"),
-    "cascade-leso-exact": _on_axis("the same, its observer one sample late under zero-order hold"),
-    "cascade-leso-euler": _on_axis("the same by forward Euler"),
-    "cascade-nleso": _on_axis("P-PI cascade with a nonlinear extended state observer"),
-    "cascade-dob": _on_axis("P-PI cascade with a disturbance observer"),
-    "time-delay": _on_axis("what acted a sample ago stands for the disturbance of now"),
-    "pole-placement": _on_axis("state feedback by its poles, moving target, reduced observer"),
-    "lqr": _on_axis("linear-quadratic state feedback, moving target, reduced observer"),
-    "lqr-quasi-steady": _on_axis(
-        "the same with the thesis's target, at rest wherever the reference is"
-    ),
-    "cascade-zv": _on_axis("P-PI cascade with feedforward behind a zero-vibration shaper"),
-    "lqg": _on_axis("linear-quadratic state feedback, Kalman filter, integral action"),
-    "lqg-offset-free": _on_axis(
-        "linear-quadratic state feedback, Kalman filter that finds the load and cancels it"
-    ),
-    "flexible-zpetc": _on_axis(
-        "zero phase error tracking in front of the cascade, dry friction fed forward", "zpetc"
-    ),
-    "flexible-optimal-feedforward": _on_axis(
-        "l1-optimal feedforward with preview in front of the cascade, dry friction fed forward",
-        "optimal-feedforward",
-    ),
-    "gantry-cascade": _on_gantry(
-        "P-PI cascade of each motor, fed speed and acceleration", "cascade"
-    ),
-    "gantry-friction-cascade": _on_gantry(
-        "P-PI cascade of each motor, fed speed, acceleration and dry friction",
-        "cascade",
-        GANTRY_WITH_FRICTION,
-    ),
-    "gantry-contouring-lq": _on_gantry(
-        "contouring LQ on three motors, its model that of the beam's centre", "contouring-lq"
-    ),
-    "gantry-scheduled-lq": _on_gantry(
-        "contouring LQ on three motors, its models those along the path", "scheduled-lq"
-    ),
-    "gantry-feedback-linearised-lq": _on_gantry(
-        "the same, the coupling of head and beam cancelled by feedback (Yuan)",
-        "feedback-linearised-lq",
-    ),
-    "gantry-offset-free-lq": _on_gantry(
-        "contouring LQ on three motors, behind an observer that predicts and finds the load",
-        "offset-free-lq",
-    ),
-    "gantry-synchronised": _learning(
-        _on_gantry(
-            "adaptive feedforward of each motor, both Y drives kept together (Tomizuka)",
-            "synchronised",
-        )
-    ),
-    "gantry-self-tuning": _learning(
-        _on_gantry(
-            "a servo of each motor that learns its input gain (Astrom & Wittenmark)",
-            "self-tuning",
-            GANTRY_WITHOUT_FRICTION,
-        )
-    ),
-    "gantry-zpetc": _on_gantry(
-        "zero phase error tracking in front of the cascades, model of the beam's centre", "zpetc"
-    ),
-    "gantry-optimal-feedforward": _on_gantry(
-        "l1-optimal feedforward with preview in front of the cascades, the same model",
-        "optimal-feedforward",
-    ),
-    "cross-coupled": _on_axes("P-PI cascades with Koren's cross-coupled control, constant gains"),
-    "cross-coupled-variable": _on_axes("the same with variable gains (Koren & Lo)"),
-    "task-frame": _on_axes("P-PI cascades, position gains along the path and across it"),
-    "precompensation": _on_axes("P-PI cascades behind cross-coupled pre-compensation"),
-    "command-shaping": _on_axes("P-PI cascades behind cross-coupled position command shaping"),
-    "synchronised": _learning(
-        _on_axes("adaptive feedforward of two axes kept together (Tomizuka)")
-    ),
+CONTROLLERS = {  # name -> module and class
+    "contouring-lq": "jcontour.app.designs.lq.receding_horizon:LQDesign",
+    "contouring-lq-riccati": "jcontour.app.designs.lq.receding_horizon:RiccatiLQ",
+    "contouring-lq-kalman": "jcontour.app.designs.lq.receding_horizon:KalmanLQ",
+    "contouring-lq-predictor": "jcontour.app.designs.lq.receding_horizon:PredictorLQ",
+    "contouring-lq-state": "jcontour.app.designs.lq.receding_horizon:StateLQ",
+    "contouring-lq-riccati-state": "jcontour.app.designs.lq.receding_horizon:RiccatiStateLQ",
+    "contouring-lq-blocks": "jcontour.app.designs.lq.receding_horizon:BlocksLQ",
+    "constrained-lq": "jcontour.app.designs.lq.constrained_lq:ConstrainedLQDesign",
+    "preview-lq": "jcontour.app.designs.lq.receding_horizon:PreviewLQDesign",
+    "preview-lq-state": "jcontour.app.designs.lq.receding_horizon:PreviewStateLQ",
+    "linear-cascade": "jcontour.app.designs.feedforward:LinearCascade",
+    "linear-cascade-feedforward": "jcontour.app.designs.simple_loops:ProportionalIntegralLoop",
+    "linear-cascade-notch": "jcontour.app.designs.simple_loops:NotchedProportionalIntegralLoop",
+    "position-loop": "jcontour.app.designs.simple_loops:ProportionalLoop",
+    "position-loop-notch": "jcontour.app.designs.simple_loops:NotchedProportionalLoop",
+    "zpetc": "jcontour.app.designs.feedforward:ZeroPhaseCascade",
+    "optimal-feedforward": "jcontour.app.designs.feedforward:OptimalCascade",
+    "repetitive": "jcontour.app.designs.adaptive:RepetitiveCascade",
+    "run-out": "jcontour.app.designs.adaptive:RunOutCascade",
+    "adaptive-zpetc": "jcontour.app.designs.adaptive:AdaptiveZeroPhase",
+    "cascade": "jcontour.app.designs.flexible_axis:AxisCascade",
+    "cascade-feedforward": "jcontour.app.designs.flexible_axis:AxisFeedforward",
+    "cascade-notch": "jcontour.app.designs.flexible_axis:AxisNotch",
+    "cascade-low-pass": "jcontour.app.designs.flexible_axis:AxisLowPass",
+    "cascade-leso": "jcontour.app.designs.flexible_axis:AxisRejection",
+    "cascade-leso-exact": "jcontour.app.designs.flexible_axis:AxisExactRejection",
+    "cascade-leso-euler": "jcontour.app.designs.flexible_axis:AxisEulerRejection",
+    "cascade-nleso": "jcontour.app.designs.flexible_axis:AxisNonlinearRejection",
+    "cascade-dob": "jcontour.app.designs.flexible_axis:AxisDisturbanceObserver",
+    "time-delay": "jcontour.app.designs.flexible_axis:AxisTimeDelay",
+    "pole-placement": "jcontour.app.designs.flexible_axis:AxisPoles",
+    "lqr": "jcontour.app.designs.flexible_axis:AxisLQ",
+    "lqr-quasi-steady": "jcontour.app.designs.flexible_axis:AxisQuasiSteadyLQ",
+    "cascade-zv": "jcontour.app.designs.flexible_axis:AxisShaped",
+    "lqg": "jcontour.app.designs.flexible_axis:AxisLQG",
+    "lqg-offset-free": "jcontour.app.designs.flexible_axis:AxisOffsetFreeLQG",
+    "flexible-zpetc": "jcontour.app.designs.motor_feedforward:AxisZeroPhase",
+    "flexible-optimal-feedforward": "jcontour.app.designs.motor_feedforward:AxisOptimal",
+    "gantry-cascade": "jcontour.app.designs.gantry:GantryCascade",
+    "gantry-friction-cascade": "jcontour.app.designs.gantry:GantryFrictionCascade",
+    "gantry-contouring-lq": "jcontour.app.designs.gantry:GantryLQ",
+    "gantry-scheduled-lq": "jcontour.app.designs.gantry:GantryScheduledLQ",
+    "gantry-feedback-linearised-lq": "jcontour.app.designs.gantry:GantryLinearisedLQ",
+    "gantry-offset-free-lq": "jcontour.app.designs.gantry_observer:GantryOffsetFreeLQ",
+    "gantry-synchronised": "jcontour.app.designs.synchronised:SynchronisedDrives",
+    "gantry-self-tuning": "jcontour.app.designs.gantry:GantrySelfTuning",
+    "gantry-zpetc": "jcontour.app.designs.motor_feedforward:GantryZeroPhase",
+    "gantry-optimal-feedforward": "jcontour.app.designs.motor_feedforward:GantryOptimal",
+    "cross-coupled": "jcontour.app.designs.contouring_schemes:CrossCoupledCascade",
+    "cross-coupled-variable": "jcontour.app.designs.contouring_schemes:VariablyCoupledCascade",
+    "task-frame": "jcontour.app.designs.contouring_schemes:TaskFrameCascade",
+    "precompensation": "jcontour.app.designs.contouring_schemes:PrecompensatedCascade",
+    "command-shaping": "jcontour.app.designs.contouring_schemes:ShapedCascade",
+    "synchronised": "jcontour.app.designs.synchronised:SynchronisedAxes",
 }
+# shorter names -> what they stand for, from the general to the particular: the last one that suits
+ALIASES = {
+    "cascade": ("linear-cascade", "gantry-cascade", "gantry-friction-cascade"),
+    "cascade-feedforward": ("linear-cascade-feedforward",),
+    "cascade-notch": ("linear-cascade-notch",),
+    "zpetc": ("flexible-zpetc", "gantry-zpetc"),
+    "optimal-feedforward": ("flexible-optimal-feedforward", "gantry-optimal-feedforward"),
+    "contouring-lq": ("gantry-contouring-lq",),
+    "scheduled-lq": ("gantry-scheduled-lq",),
+    "feedback-linearised-lq": ("gantry-feedback-linearised-lq",),
+    "offset-free-lq": ("gantry-offset-free-lq",),
+    "synchronised": ("gantry-synchronised",),
+    "self-tuning": ("gantry-self-tuning",),
+}
+
+
+def line_of(name: str) -> str:
+    """First line of the docstring of a controller's class, read without importing it."""
+    module, _, its = CONTROLLERS[name].partition(":")
+    return _lines(ROOT.joinpath(*module.split(".")).with_suffix(".py"))[its]
+
+
+@cache
+def _lines(file: Path) -> dict[str, str]:
+    """Class -> first line of its docstring."""
+    return {
+        node.name: (ast.get_docstring(node) or "").partition("\n")[0].rstrip(".")
+        for node in ast.parse(file.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
+    }
+
+
+def design_class(name: str) -> type:
+    """Class of a controller of the list, imported when it is asked for."""
+    return loaded(CONTROLLERS[name])

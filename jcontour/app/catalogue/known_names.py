@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from jcontour.app.catalogue.contours import CONTOURS
-from jcontour.app.catalogue.controllers import CONSTRAINED, CONTROLLERS
+from jcontour.app.catalogue.controllers import ALIASES, CONSTRAINED, CONTROLLERS
 from jcontour.app.catalogue.machines import MACHINES
 from jcontour.app.catalogue.own_classes import FILE, check_ending, check_own, own_name, perhaps
-from jcontour.app.catalogue.plants import PLANTS
 from jcontour.app.files.checks import EXAMPLE, MachineError
 from jcontour.app.plain_numbers import named_numbers
 
@@ -28,13 +27,11 @@ def check_plant(name: str) -> None:
     if name in MACHINES or own_name(name):
         return
     check_ending("plant", name)
-    known = (
-        f"give {', '.join(MACHINES)}, a JSON or npz file ({EXAMPLE}), or a class of yours as {FILE}"
-    )
-    if name in PLANTS:
-        raise ValueError(f"plant: {name} is for Python only, see `jcontour list`; {known}")
     if not Path(name).suffix or _almost_own(name):
-        raise ValueError(f"plant: there is none named {name!r}; {perhaps(name, MACHINES)}{known}")
+        raise ValueError(
+            f"plant: there is none named {name!r}; {perhaps(name, MACHINES)}give "
+            f"{', '.join(MACHINES)}, a JSON or npz file ({EXAMPLE}), or a class of yours as {FILE}"
+        )
 
 
 def check_contour(name: str) -> None:
@@ -72,8 +69,7 @@ def check_controller(name: str) -> None:
 
     Whether it suits the machine is asked later.
     """
-    aliases = {entry.alias for entry in CONTROLLERS.values() if entry.alias}
-    known = {*CONTROLLERS, *aliases, *CONSTRAINED}
+    known = {*CONTROLLERS, *ALIASES, *CONSTRAINED}
     if name in known or own_name(name):
         return
     check_ending("controller", name)

@@ -1,7 +1,8 @@
 """Controllers and plants from a file of the user's: `mine.py:NAME` on the command line.
 
-    --controller    a `Controller`, or what makes one: a class that needs no arguments, or a
-                    function or class method that takes the machine's model, a `LinearPlant`
+    --controller    a `Controller`, or what makes one: a class with `for_model(model)`, a function
+                    or a class method that takes the machine's model, a `LinearPlant`, and, where it
+                    has an argument `preview`, that of the flags; or a class without arguments
     --plant         a `Plant`, or a class or function without arguments that makes one; a
                     `LinearPlant` becomes the same machine as from a machine file. UNCERTAINTY in
                     the file, as in a machine file, says what is not known of it
@@ -28,6 +29,7 @@ from jcontour.regular_files import content_of
 
 if TYPE_CHECKING:  # a question about a name imports none of these
     from jcontour.app.designs.design import Design
+    from jcontour.app.flags.shared import Controlled
     from jcontour.app.machines.machine import Machine
     from jcontour.controller import Controller
 
@@ -123,39 +125,22 @@ def check_own(own: OwnName) -> None:
         raise _missing(own)
 
 
-def own_controller(own: OwnName, machine: "Machine") -> "Design":
+def own_controller(own: OwnName, machine: "Machine", flags: "Controlled") -> "Design":
     """Design of a controller from a file; its weights are its own fields that are floats.
 
     Raises:
         ValueError: file or name is missing, it makes no controller, or it fails on this machine.
     """
-    from jcontour.app.designs.gains import Gain, GainDesign
+    from jcontour.app.designs.design import Design
+    from jcontour.app.designs.own import OwnDesign, made
     from jcontour.controller import Controller
 
-    controller = _made(own, Controller, (machine.model,))
+    found = _found(own)
+    if inspect.isclass(found) and issubclass(found, Design):
+        return found(str(own), machine, flags)
+    controller = _made(own, Controller, lambda thing: made(thing, machine.model, flags.preview))
     _check_run(own, controller, machine)
-    start = _weights(controller)
-
-    def with_weights(machine: Any, weights: dict[str, Any]) -> Controller:
-        import equinox as eqx
-
-        names = list(weights)
-        if not names:
-            return controller
-        values = [weights[name] for name in names]
-        return eqx.tree_at(lambda one: [getattr(one, name) for name in names], controller, values)
-
-    return GainDesign(
-        name=str(own),
-        machine=machine,
-        start=start,
-        space={name: Gain(value, "").parameter for name, value in start.items()},
-        preview=controller.preview,
-        fed="outputs",
-        make=with_weights,
-        line=f"{own.name} of {own.path.name}",
-        gains={name: Gain(value, "") for name, value in start.items()},
-    )
+    return OwnDesign(str(own), f"{own.name} of {own.path.name}", controller, machine, flags)
 
 
 def own_machine(own: OwnName) -> "Machine":
@@ -170,7 +155,7 @@ def own_machine(own: OwnName) -> "Machine":
     from jcontour.linear.plant import LinearPlant
     from jcontour.plant import Plant
 
-    plant = _made(own, Plant, ())
+    plant = _made(own, Plant, lambda thing: thing())
     name = own.name.replace(".", "-")
     linear = isinstance(plant, LinearPlant)
     make: Callable[[Any, str, Any], Machine] = linear_machine if linear else machine_of
@@ -185,8 +170,8 @@ def own_machine(own: OwnName) -> "Machine":
         raise _fault(own, error, "no machine can be made of this plant") from None
 
 
-def _made(own: OwnName, kind: type, arguments: tuple[Any, ...]) -> Any:
-    """The named thing if it is of this kind, or else what it makes."""
+def _made(own: OwnName, kind: type, make: Callable[[Any], Any]) -> Any:
+    """The named thing if it is of this kind, or else what is made of it."""
     found = _found(own)
     if isinstance(found, kind):
         return found
@@ -197,11 +182,10 @@ def _made(own: OwnName, kind: type, arguments: tuple[Any, ...]) -> Any:
             f"{own}: needs a {kind.__name__}, or a class or function that makes one, "
             f"received {received}"
         )
-    how = "without arguments" if is_class or not arguments else "from the machine's model"
     try:
-        made = found() if is_class else found(*arguments)
+        made = make(found)
     except Exception as error:
-        raise _fault(own, error, f"cannot be made {how}") from None
+        raise _fault(own, error, "cannot be made") from None
     if not isinstance(made, kind):
         raise ValueError(f"{own}: needs to make a {kind.__name__}, made a {type(made).__name__}")
     return made
@@ -280,22 +264,6 @@ def _check_run(own: OwnName, controller: "Controller", machine: "Machine") -> No
         raise _broken(own, error) from None
     except Exception as error:
         raise _fault(own, error, f"fails on {machine.name}") from None
-
-
-def _weights(controller: "Controller") -> dict[str, Any]:
-    """The controller's own fields that are finite floats, one or several in a row."""
-    import equinox as eqx
-    import numpy as np
-
-    fields = type(controller).__dataclass_fields__
-    found = {}
-    for name, field in fields.items():
-        value = getattr(controller, name)
-        if field.metadata.get("static") or not eqx.is_inexact_array_like(value):
-            continue
-        if np.ndim(value) <= 1 and np.all(np.isfinite(value)):  # a limit may be infinite
-            found[name] = value
-    return found
 
 
 def _fault(own: OwnName, error: BaseException, words: str) -> ValueError:

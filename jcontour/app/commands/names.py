@@ -1,27 +1,21 @@
 """`jcontour list`: everything that has a name."""
 
 from jcontour.app.catalogue.contours import CONTOURS
-from jcontour.app.catalogue.controllers import CONSTRAINED, CONTROLLERS
+from jcontour.app.catalogue.controllers import CONSTRAINED, CONTROLLERS, line_of
 from jcontour.app.catalogue.machines import MACHINES
-from jcontour.app.catalogue.plants import PLANTS
 from jcontour.app.commands.reproduce import experiments_found
 from jcontour.app.files import run_folder
 from jcontour.app.files.checks import EXAMPLE
 from jcontour.app.flags.others import Listing
 from jcontour.app.reports.tables import console_of, plain_table, say
 
-HEADINGS = {
-    "plants": "Plants for --plant",
-    "python_plants": "Plants for Python only: PLANTS of jcontour.app.catalogue.plants",
-}
+HEADINGS = {"plants": "Plants for --plant"}
 
 
 def run() -> dict[str, dict[str, str]]:
     """One line per name, by kind."""
     kinds = {
-        "plants": {name: PLANTS[name] for name in MACHINES},
-        "python_plants": {name: one for name, one in PLANTS.items() if name not in MACHINES},
-        "controllers": CONTROLLERS,
+        "plants": MACHINES,
         "constrained": CONSTRAINED,
         "contours": CONTOURS,
     }
@@ -29,6 +23,7 @@ def run() -> dict[str, dict[str, str]]:
         kind: {name: entry.line for name, entry in entries.items()}
         for kind, entries in kinds.items()
     }
+    named["controllers"] = {name: line_of(name) for name in CONTROLLERS}
     try:
         return {**named, "experiments": experiments_found()}
     except ValueError:  # papers are in a checkout alone

@@ -1,62 +1,90 @@
 """Contouring schemes around the cascade of two flexible axes, built from gains."""
 
-from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
 
-from jcontour.app.designs.flexible_axis import Gain, Gains, MakeController, cascade
+from jcontour.app.designs.design import Gains, Needs, picked
+from jcontour.app.designs.flexible_axis import AxisCascade
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.controller import Controller
 from jcontour.controllers.contouring.command_shaping import CommandShaped
-from jcontour.controllers.contouring.cross_coupled import Coupling, CrossCoupled, CrossGains
+from jcontour.controllers.contouring.cross_coupled import (
+    ConstantCoupling,
+    Coupling,
+    CrossCoupled,
+    CrossGains,
+    VariableCoupling,
+)
 from jcontour.controllers.contouring.precompensation import Precompensated
 from jcontour.controllers.contouring.task_frame import TaskFrame
+from tuning.parameters import Weight
 
 
-def coupled(machine: FlexibleMachine) -> dict[str, Gain]:
-    """A compensator that is weak beside the position loops."""
-    return {
-        "cross": Gain(3.0, "1/s"),
-        "cross_integral": Gain(3.0, "1/s^2"),
-        "cross_derivative": Gain(0.01, ""),
-    }
+class ContouringScheme(AxisCascade):
+    """P-PI cascades of two flexible axes or more, for a contour."""
+
+    needs = Needs(
+        "two flexible axes or more, for a contour", FlexibleMachine, lambda axes: len(axes.axes) > 1
+    )
 
 
-def along_and_across(machine: FlexibleMachine) -> dict[str, Gain]:
-    """Position gains along the path and across it, in place of one for both axes."""
-    return {"position": Gain(np.array([30.0, 30.0]), "1/s")}
+class CrossCoupledCascade(ContouringScheme):
+    """P-PI cascades with Koren's cross-coupled control, constant gains.
+
+    The compensator is weak beside the position loops.
+    """
+
+    weights = (
+        *ContouringScheme.weights,
+        Weight("cross", "1/s", start=3.0),
+        Weight("cross_integral", "1/s^2", start=3.0),
+        Weight("cross_derivative", start=0.01),
+    )
+    coupling: ClassVar[type[Coupling]] = ConstantCoupling
+
+    def build(self, weights: Gains) -> Controller:
+        gains = CrossGains(*picked("cross cross_integral cross_derivative", weights))
+        return CrossCoupled(self.cascade(weights), gains, self.coupling())
 
 
-def precompensated(machine: FlexibleMachine) -> dict[str, Gain]:
-    """Far below the bandwidth of the position loops."""
-    return {"precompensation": Gain(1.0, "1/s")}
+class VariablyCoupledCascade(CrossCoupledCascade):
+    """The same with variable gains (Koren & Lo)."""
+
+    coupling = VariableCoupling
 
 
-def shaped(machine: FlexibleMachine) -> dict[str, Gain]:
-    """A tenth of the contour error."""
-    return {"shaping": Gain(0.1, "")}
+class TaskFrameCascade(ContouringScheme):
+    """P-PI cascades, position gains along the path and across it.
+
+    They stand in place of one for both axes.
+    """
+
+    weights = (*ContouringScheme.weights, Weight("position", "1/s", start=np.array([30.0, 30.0])))
+
+    def build(self, weights: Gains) -> Controller:
+        return TaskFrame(self.cascade(weights))
 
 
-def cross_coupled(coupling: Callable[[], Coupling]) -> MakeController:
-    """The cascade with a compensator on the contour error."""
+class PrecompensatedCascade(ContouringScheme):
+    """P-PI cascades behind cross-coupled pre-compensation.
 
-    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        compensator = CrossGains(gains["cross"], gains["cross_integral"], gains["cross_derivative"])
-        return CrossCoupled(cascade(machine, gains), compensator, coupling())
+    It is far below the bandwidth of the position loops.
+    """
 
-    return build
+    weights = (*ContouringScheme.weights, Weight("precompensation", "1/s", start=1.0))
 
-
-def in_task_frame(machine: FlexibleMachine, gains: Gains) -> Controller:
-    """The cascade with its position loops along the path and across it."""
-    return TaskFrame(cascade(machine, gains))
+    def build(self, weights: Gains) -> Controller:
+        return Precompensated(self.cascade(weights), weights["precompensation"])
 
 
-def behind_precompensation(machine: FlexibleMachine, gains: Gains) -> Controller:
-    """The cascade behind CCPM."""
-    return Precompensated(cascade(machine, gains), gains["precompensation"])
+class ShapedCascade(ContouringScheme):
+    """P-PI cascades behind cross-coupled position command shaping.
 
+    It takes a tenth of the contour error.
+    """
 
-def behind_shaping(machine: FlexibleMachine, gains: Gains) -> Controller:
-    """The cascade behind CPSCS."""
-    return CommandShaped(cascade(machine, gains), gains["shaping"])
+    weights = (*ContouringScheme.weights, Weight("shaping", start=0.1))
+
+    def build(self, weights: Gains) -> Controller:
+        return CommandShaped(self.cascade(weights), weights["shaping"])

@@ -1,65 +1,140 @@
-"""Controllers as the commands see them: named weights, their ranges, what they build.
+"""Controllers as the commands see them: a class for each, with its weights and what it builds.
 
-A design also stores the files of a tuned controller.
+A class describes itself: its first line says what it is, `needs` which machines it is for,
+`weights` its weights with units and ranges, `build` makes the controller of them. The catalogue
+lists it by its name.
 """
 
 import abc
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jcontour.app.files import run_folder
+from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.plain_numbers import named_numbers
 from jcontour.controller import Controller
-from tuning.parameters import Fixed, Interval, Parameter, Weights
+from tuning.parameters import Fixed, Interval, Parameter, Weight, Weights
 
 if TYPE_CHECKING:  # the solvers take a second to import
     from jcontour.host.controller import HostController
     from jcontour.mpc.tracking.limits import Limits
     from jcontour.qp.solvers import Solver
 
+SETTINGS = ("preview", "terminal", "model_delay")  # flags that not every class reads
+M = TypeVar("M", bound=Machine)
+D = TypeVar("D", bound="Design")
+Gains = dict[str, Any]  # name -> number, or one for each axis
 
-@dataclass(frozen=True)
-class Design(abc.ABC):
-    """A controller for one machine, its numbers open.
+
+class Needs(NamedTuple):
+    """Machines that a controller is for.
 
     Attributes:
-        name: that of the catalogue.
-        machine: what it is for.
-        start: first weights by name, a dict or a module.
-        space: one parameter for each, see `tuning.parameters`.
-        preview: samples of the future it needs.
-        fed: what it is fed, the sensors or the whole state.
-        learns: it changes while it runs; its margins are those of the loop that it begins with.
+        words: what they are.
+        kind: form that they have.
+        also: what such a form has to fulfil besides.
     """
 
-    name: str
-    machine: Machine
-    start: Weights
-    space: Any
-    preview: int
-    fed: Fed
-    learns: bool = field(default=False, kw_only=True)
+    words: str
+    kind: type[Machine] = Machine
+    also: Callable[[Any], bool] = lambda _: True
 
-    limitable = False  # whether `constrained` has an answer
-    # whether the controller itself keeps to the machine's limits: the search then need not
+    def met_by(self, machine: Machine) -> bool:
+        """Whether the controller suits this machine."""
+        form = machine.form(self.kind)
+        return form is not None and self.also(form)
+
+
+class Design(abc.ABC, Generic[M]):
+    """A controller for one machine, its weights open.
+
+    Args:
+        name: that of the catalogue.
+        machine: that it is for.
+        flags: preview, first weights and what else the class reads.
+
+    Attributes:
+        line: description in one line, the first one of the class.
+        needs: machines that it is for.
+        weights: description of each of its weights.
+        reads: flags that it takes, of `SETTINGS`.
+        fed: measured by the sensors, or the whole state.
+        learns: it changes while it runs; its margins are those of the loop that it begins with.
+        limitable: `constrained` has an answer.
+        keeps_limits: it keeps to the machine's limits by itself: the search then need not.
+        lag: samples that a tuned tool may be behind, where no flag limits it: of a loop of 20 1/s
+            at 1 ms.
+        groups: names that stand for several weights.
+        first: its weights by name, with start and range on this machine.
+        start, space: first value and range of every weight, a dict or a NamedTuple.
+        preview: samples of the future that it needs.
+
+    Raises:
+        ValueError: a flag or a weight is wrong.
+    """
+
+    line: str = ""
+    needs: ClassVar[Needs]
+    weights: tuple[Weight, ...] = ()
+    reads: tuple[str, ...] = ()
+    fed: Fed = "outputs"
+    learns: ClassVar[bool] = False
+    limitable: ClassVar[bool] = False
     keeps_limits: ClassVar[bool] = False
-    # samples that a tuned tool may be behind, where no flag limits it: a loop of 20 1/s at 1 ms
     lag: ClassVar[float] = 50.0
-    # names that stand for several weights
     groups: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    Start: ClassVar[type] = dict
+    Space: ClassVar[type] = dict
+
+    def __init__(self, name: str, machine: M, flags: Controlled):
+        self.name, self.machine, self.flags = name, machine, flags
+        self.line = self.line or first_line(type(self))
+        self.first = {one.name: one for one in self._on_machine()}
+        starts = self.Start(**{name: one.start for name, one in self.first.items()})
+        self.start: Weights = changed(starts, given(flags))
+        self.space: Any = self.Space(**{name: one.range for name, one in self.first.items()})
+        self.preview = self.first_preview(starts)
 
     @abc.abstractmethod
     def build(self, weights: Weights) -> Controller:
         """The controller; traced, so that gradients flow through it."""
 
-    def freed(self, names: Sequence[str]) -> Self:
+    def starts(self) -> Gains:
+        """Where weights begin that do not say it; the machine has no weight without a start."""
+        return {}
+
+    def first_preview(self, first: Weights) -> int:
+        """Samples of the future that the controller needs with its own first weights."""
+        return self.build(first).preview
+
+    def _on_machine(self) -> list[Weight]:
+        starts, machine, found = self.starts(), self.machine, []
+        for one in self.weights:
+            start = starts.get(one.name, one.start)
+            start = start(machine) if callable(start) else start
+            if start is not None:
+                within = one.range if isinstance(one.range, Parameter) else one.range(machine)
+                unit = one.unit.format(control=machine.control_unit)
+                found.append(one._replace(unit=unit, range=within, start=start))
+        return found
+
+    def replaced(self: D, **attributes: Any) -> D:
+        """The same with other attributes."""
+        other = copy(self)
+        vars(other).update(attributes)
+        return other
+
+    def freed(self: D, names: Sequence[str]) -> D:
         """The same with these weights free and all others fixed; a group stands for its weights.
 
         Raises:
@@ -76,10 +151,9 @@ class Design(abc.ABC):
             name: parameter if parameter is None or name in wanted else Fixed()
             for name, parameter in space.items()
         }
-        kept = fixed if isinstance(self.space, dict) else type(self.space)(**fixed)
-        return replace(self, space=kept)
+        return self.replaced(space=self.Space(**fixed))
 
-    def tunable(self) -> "Design":
+    def tunable(self: D) -> D:
         """The design that is tuned: itself where it does not say otherwise."""
         return self
 
@@ -99,32 +173,45 @@ class Design(abc.ABC):
 
         The speed of a loop grows with their roots: they vary over more decades than gains.
         """
-        return frozenset()
+        return frozenset(name for name, one in self.first.items() if one.cost)
 
-    @abc.abstractmethod
     def units(self) -> dict[str, str]:
         """Unit of every weight that is one number, or one for each axis."""
+        return {name: one.unit for name, one in self.first.items()}
 
-    @abc.abstractmethod
     def settings(self) -> dict[str, Any]:
         """Settings that are chosen and not tuned, for the stored result."""
+        return {"preview": self.preview}
 
-    @abc.abstractmethod
     def description(self) -> dict[str, str]:
         """Description heading by heading, for people."""
+        start = ", ".join(f"{name} {_words(self.start[name])}" for name in self.free())
+        return {"Controller": self.line, "Free": f"start {start}"}
 
-    @abc.abstractmethod
     def weight_lines(self, weights: dict[str, Any]) -> list[str]:
         """Named weights with their units, one line each, as an engineer types them into a drive."""
+        width = max(map(len, weights))
+        return [
+            f"{name:<{width}}  {_words(value)} {self.first[name].unit}".rstrip()
+            for name, value in weights.items()
+        ]
 
     @property
-    @abc.abstractmethod
     def files(self) -> dict[str, str]:
         """Files that `save` writes, and how a drive reads each, in a few words."""
+        return {"controller.json": "every number of the controller by its place, SI units"}
 
-    @abc.abstractmethod
     def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
-        """Files of a tuned controller beside its weights."""
+        """Files of a tuned controller beside its weights: its numbers, by their place in it."""
+        leaves = jax.tree_util.tree_leaves_with_path(eqx.filter(controller, eqx.is_inexact_array))
+        numbers = {
+            jax.tree_util.keystr(path).lstrip("."): np.asarray(leaf).tolist()
+            for path, leaf in leaves
+        }
+        run_folder.write_json(
+            folder / "controller.json",
+            {"dt": self.machine.model.dt, "controller": self.line, "numbers": numbers},
+        )
 
     def free(self) -> list[str]:
         """Names of the weights that are tuned."""
@@ -142,6 +229,30 @@ class Design(abc.ABC):
                     f"{name}: tuning needs a start {_place(parameter)}, received {weight}"
                 )
 
+    def model_delay(self, most: int, usual: int) -> int:
+        """Samples of the unknown delay that the model predicts over; the usual ones if not given.
+
+        Raises:
+            ValueError: the flag is not within the most that the machine may have.
+        """
+        asked = self.flags.model_delay
+        if asked is not None and not 0 <= asked <= most:
+            raise ValueError(
+                f"model-delay: {self.machine.name} may be 0 to {most} samples late beyond what is "
+                f"known, received {asked}"
+            )
+        return usual if asked is None else asked
+
+
+def first_line(described: Any) -> str:
+    """First line of the docstring of a class, without its full stop."""
+    return (described.__doc__ or "").partition("\n")[0].rstrip(".")
+
+
+def picked(names: str, gains: Gains) -> list[Any]:
+    """The gains of these names, separated by blanks, in their order."""
+    return [gains[name] for name in names.split()]
+
 
 def by_name(weights: Weights) -> dict[str, Any]:
     """The weights, a dict, a module or a NamedTuple, as a dict."""
@@ -157,12 +268,24 @@ def _place(parameter: Parameter) -> str:
     return "above zero"
 
 
+def _words(value: Any) -> str:
+    numbers = [value] if isinstance(value, float) else np.ravel(value)
+    return ", ".join(f"{float(number):.6g}" for number in numbers)
+
+
 def plain_weights(weights: Weights) -> dict[str, Any]:
     """Named weights as floats, and lists where there are several; None where there is none."""
     return {
         name: None if value is None else np.asarray(value, float).tolist()
         for name, value in by_name(weights).items()
     }
+
+
+def given(flags: Controlled) -> list[str]:
+    """Weights that the flags set, as NAME=VALUE; those of --weights come last and hold."""
+    named = {name: getattr(flags, name) for name in ("alpha", "beta", "rho")}
+    own = [f"{name}={value!r}" for name, value in named.items() if value is not None]
+    return [*own, *flags.weights]
 
 
 def changed(start: Weights, changes: Sequence[str]) -> Weights:

@@ -1,19 +1,16 @@
 """Controllers of flexible axes, built from gains.
 
-They are the cascade with its parts around it, and state feedback behind its observers. Every part
-names its gains once, where they start and where they may go. Every controller takes all of them by
-name.
+They are the cascade with its parts around it, and state feedback behind its observers.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.app.designs.gains import Gain, GainDesign, Gains
-from jcontour.app.flags.shared import Controlled
+from jcontour.app.designs.design import Design, Gains, Needs, picked
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
@@ -24,12 +21,16 @@ from jcontour.controllers.feedback.state_feedback import (
     SteadyTarget,
     lq_gain,
     moving_target,
+    quasi_steady_target,
 )
 from jcontour.controllers.feedback.time_delay import TimeDelayControl
 from jcontour.controllers.observers.disturbance_observer import DisturbanceObserver
 from jcontour.controllers.observers.extended_state_observers import (
     NLESO,
+    CurrentLESO,
     DisturbanceRejection,
+    EulerLESO,
+    ExactLESO,
     ExtendedStateObserver,
 )
 from jcontour.controllers.observers.kalman import OffsetFreeObserver, kalman_gain, offset_free_gain
@@ -37,300 +38,334 @@ from jcontour.controllers.observers.reduced_observer import ReducedObserver, the
 from jcontour.controllers.wrappers.filters import Filtered, low_pass, notch
 from jcontour.controllers.wrappers.shaped import Shaped
 from jcontour.linear.plant import LinearPlant
-from jcontour.motion.input_shaping import Shaper
+from jcontour.motion.input_shaping import zv
 from jcontour.plants.flexible_axis.axis import thesis_axis
 from jcontour.sensors import motors
-from tuning.parameters import Interval
+from tuning.parameters import Interval, Weight
 
 # of damping: poles stay complex, and Ackermann's formula well conditioned
 RATIO = Interval(0.02, 0.98)
 SPEED_NOISE = 1e-3  # [m/s] of the drive's speed, as the Kalman filter takes it
 CONTROL_NOISE = 0.1  # [A] of what the model does not know, as it changes from sample to sample
 
-GainSet = Callable[[FlexibleMachine], dict[str, Gain]]
-MakeController = Callable[[FlexibleMachine, Gains], Controller]
+
+class AxisDesign(Design[FlexibleMachine]):
+    """A controller of flexible axes; it sees a sample ahead."""
+
+    needs = Needs("a flexible axis", FlexibleMachine)
+
+    def first_preview(self, first: Gains) -> int:
+        return 1
 
 
-def loops(machine: FlexibleMachine) -> dict[str, Gain]:
-    """Gains of the thesis's cascade, section 3.4.2.
+def _velocity(machine: FlexibleMachine):
+    """Gain of a velocity loop that is as fast as that of the thesis's axis."""
+    return _number(55.67 * _heaviness(machine) / _heaviness(None))
 
-    The velocity loop of another axis is as fast as that of the thesis's axis.
+
+class AxisCascade(AxisDesign):
+    """P position loop around a PI velocity loop.
+
+    Gains are those of the thesis, section 3.4.2.
     """
-    velocity = 55.67 * _heaviness(machine) / _heaviness(None)
-    return {
-        "position": Gain(30.0, "1/s"),
-        "velocity": Gain(_number(velocity), "A s/m"),
-        "integral_time": Gain(0.04, "s"),
-    }
+
+    weights = (
+        Weight("position", "1/s", start=30.0),
+        Weight("velocity", "A s/m", start=_velocity),
+        Weight("integral_time", "s", start=0.04),
+    )
+
+    def build(self, weights: Gains) -> Controller:
+        return self.cascade(weights)
+
+    def cascade(self, gains: Gains) -> Cascade:
+        """P-PI on the motors; of the gains those that it knows."""
+        known = {name: gains[name] for name in CascadeGains.__dataclass_fields__ if name in gains}
+        axes, dt = len(self.machine.axes), self.machine.model.dt
+        return Cascade(CascadeGains(**known), motors(axes), dt, current_limit(self.machine))
 
 
-def feedforward(machine: FlexibleMachine) -> dict[str, Gain]:
-    """Feedforward gains by the model."""
+def _viscous(machine: FlexibleMachine):
     p = machine.parameters
-    dry = (p.friction.coulomb + p.friction.stribeck) / p.force_constant
-    return {
-        "feedforward": Gain(1.0, ""),
-        "inertia": Gain(_number(_heaviness(machine)), "A s^2/m"),
-        "viscous": Gain(_number(p.friction.viscous / p.force_constant), "A s/m"),
-        "coulomb": Gain(_number(dry), "A"),
-    }
+    return _number(p.friction.viscous / p.force_constant)
 
 
-def notched(machine: FlexibleMachine) -> dict[str, Gain]:
-    """The thesis's notch, section 3.4.2."""
-    return {
-        "notch": Gain(87.0, "rad/s", _below_nyquist(machine)),
-        "depth": Gain(0.85, ""),
-        "notch_damping": Gain(0.05, ""),
-    }
-
-
-def smoothed(machine: FlexibleMachine) -> dict[str, Gain]:
-    """A low pass a decade above the velocity loop."""
-    return {
-        "low_pass": Gain(1000.0, "rad/s", _below_nyquist(machine)),
-        "low_pass_damping": Gain(np.sqrt(0.5), ""),
-    }
-
-
-def rejection(machine: FlexibleMachine) -> dict[str, Gain]:
-    """The thesis's extended state observer, section 3.4.2; forward Euler is stable up to 2 / dt."""
-    return {"bandwidth": Gain(700.0, "rad/s", Interval(1.0, 1.9 / machine.model.dt))}
-
-
-def linear_range(machine: FlexibleMachine) -> dict[str, Gain]:
-    """Errors beyond ten encoder counts are weighed less."""
-    return {"delta": Gain(10 * machine.encoder_resolution, "m")}
-
-
-def inverted(machine: FlexibleMachine) -> dict[str, Gain]:
-    """A disturbance observer somewhat faster than the velocity loop."""
-    return {"bandwidth": Gain(100.0, "rad/s", Interval(1.0, 1.0 / machine.model.dt))}
-
-
-def poles(machine: FlexibleMachine) -> dict[str, Gain]:
-    """A rigid pair as fast as the thesis's velocity loop, and the link's own, damped."""
-    return {
-        "rigid": Gain(60.0, "rad/s"),
-        "rigid_damping": Gain(0.9, "", RATIO),
-        "link": Gain(_link_frequency(machine), "rad/s"),
-        "link_damping": Gain(0.1, "", RATIO),
-    }
-
-
-def state_weights(machine: FlexibleMachine) -> dict[str, Gain]:
-    """Diagonal of Q beside R = 1 / A^2.
-
-    An ampere weighs as much as 0.3 mm of the motor or the tool, or as 20 mm/s of the motor.
-    """
-    return {
-        "motor": Gain(1e7, "A^2/m^2", cost=True),
-        "motor_speed": Gain(2.5e3, "A^2 s^2/m^2", cost=True),
-        "tool": Gain(1e7, "A^2/m^2", cost=True),
-        "tool_speed": Gain(10.0, "A^2 s^2/m^2", cost=True),
-    }
-
-
-def integrated(machine: FlexibleMachine) -> dict[str, Gain]:
-    """Weight on the integral of the position error: as heavy after 20 ms as the error itself."""
-    return {"integral": Gain(2.5e10, "A^2/(m s)^2", cost=True)}
-
-
-def delayed(machine: FlexibleMachine) -> dict[str, Gain]:
-    """A double pole at the thesis's position loop.
-
-    The input gain is taken twice as large as that of the moving mass: a drive that is late, and
-    speeds by difference, leave no more room.
-    """
-    return {
-        "stiffness": Gain(900.0, "1/s^2"),
-        "damping": Gain(60.0, "1/s"),
-        "input_gain": Gain(_number(2 / _heaviness(machine)), "m/(A s^2)"),
-    }
-
-
-def vibration(machine: FlexibleMachine) -> dict[str, Gain]:
-    """The mode that a shaper cancels: the tool on its spring."""
+def _dry(machine: FlexibleMachine):
+    """Current that the guide ways take at rest."""
     p = machine.parameters
-    ratio = p.damping / (2 * np.sqrt(p.stiffness * p.tool_mass))
-    return {
-        "mode": Gain(_link_frequency(machine), "rad/s"),
-        "mode_damping": Gain(float(np.mean(ratio)), "", RATIO),
-    }
+    return _number((p.friction.coulomb + p.friction.stribeck) / p.force_constant)
 
 
-def drifting(machine: FlexibleMachine) -> dict[str, Gain]:
-    """How fast the load that the Kalman filter follows may change."""
-    return {"drift": Gain(0.02, "A per sample")}
+DRY_FRICTION = Weight("coulomb", "A", start=_dry)
 
 
-def cascade(machine: FlexibleMachine, gains: Gains) -> Cascade:
-    """P-PI on the motors; of the gains those that it knows."""
-    known = {name: gains[name] for name in CascadeGains.__dataclass_fields__ if name in gains}
-    return Cascade(
-        CascadeGains(**known), motors(len(machine.axes)), machine.model.dt, _current_limit(machine)
+class AxisFeedforward(AxisCascade):
+    """P-PI cascade fed what the motion needs: speed, inertia, viscous and dry friction.
+
+    Feedforward gains are those of the model.
+    """
+
+    weights = (
+        *AxisCascade.weights,
+        Weight("feedforward", start=1.0),
+        Weight("inertia", "A s^2/m", start=lambda machine: _number(_heaviness(machine))),
+        Weight("viscous", "A s/m", start=_viscous),
+        DRY_FRICTION,
     )
 
 
-def time_delay(machine: FlexibleMachine, gains: Gains) -> TimeDelayControl:
-    """Time-delay control on the motors."""
-    return TimeDelayControl(
-        gains["stiffness"],
-        gains["damping"],
-        gains["input_gain"],
-        motors(len(machine.axes)),
-        machine.model.dt,
-        _current_limit(machine),
+def _below_nyquist(machine: FlexibleMachine) -> Interval:
+    return Interval(1.0, 0.99 * np.pi / machine.model.dt)
+
+
+class AxisNotch(AxisCascade):
+    """P-PI cascade through a notch.
+
+    It is the thesis's, section 3.4.2, made by Tustin's rule without prewarping.
+    """
+
+    weights = (
+        *AxisCascade.weights,
+        Weight("notch", "rad/s", _below_nyquist, 87.0),
+        Weight("depth", start=0.85),
+        Weight("notch_damping", start=0.05),
     )
 
+    def build(self, weights: Gains) -> Controller:
+        model = self.machine.model
+        section = notch(*picked("notch depth notch_damping", weights), model.dt)
+        return Filtered(super().build(weights), section, model.inputs)
 
-def with_notch(make: MakeController) -> MakeController:
-    """Controller with a notch at its output.
 
-    The notch is made by Tustin's rule without prewarping, as in the thesis.
+class AxisLowPass(AxisCascade):
+    """P-PI cascade through a low pass, a decade above the velocity loop."""
+
+    weights = (
+        *AxisCascade.weights,
+        Weight("low_pass", "rad/s", _below_nyquist, 1000.0),
+        Weight("low_pass_damping", start=np.sqrt(0.5)),
+    )
+
+    def build(self, weights: Gains) -> Controller:
+        model = self.machine.model
+        section = low_pass(*picked("low_pass low_pass_damping", weights), model.dt)
+        return Filtered(super().build(weights), section, model.inputs)
+
+
+class AxisRejection(AxisCascade):
+    """P-PI cascade with a linear extended state observer.
+
+    It is the thesis's, section 3.4.2, with b0 = k_t / M_m. Forward Euler is stable up to 2 / dt.
     """
 
-    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        section = notch(gains["notch"], gains["depth"], gains["notch_damping"], machine.model.dt)
-        return Filtered(make(machine, gains), section, machine.model.inputs)
+    weights = (
+        *AxisCascade.weights,
+        Weight("bandwidth", "rad/s", lambda axis: Interval(1.0, 1.9 / axis.model.dt), 700.0),
+    )
+    observer: ClassVar[type[ExtendedStateObserver]] = CurrentLESO
 
-    return build
-
-
-def with_low_pass(make: MakeController) -> MakeController:
-    """Controller with a low pass at its output."""
-
-    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        section = low_pass(gains["low_pass"], gains["low_pass_damping"], machine.model.dt)
-        return Filtered(make(machine, gains), section, machine.model.inputs)
-
-    return build
-
-
-def with_observer(
-    make: MakeController, observer: Callable[..., ExtendedStateObserver]
-) -> MakeController:
-    """Controller from whose output the estimate of an extended state observer is subtracted.
-
-    b0 = k_t / M_m as in the thesis.
-    """
-
-    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        p = machine.parameters
+    def build(self, weights: Gains) -> Controller:
+        p, machine = self.machine.parameters, self.machine
         b0 = _number(p.force_constant / p.motor_mass)
-        width = {"delta": gains["delta"]} if observer is NLESO else {}
-        estimator = observer(gains["bandwidth"], b0, machine.model.dt, **width)
-        return DisturbanceRejection(make(machine, gains), estimator, motors(len(machine.axes)))
-
-    return build
+        width = {name: weights[name] for name in ("delta",) if name in weights}
+        estimator = self.observer(weights["bandwidth"], b0, machine.model.dt, **width)
+        return DisturbanceRejection(super().build(weights), estimator, motors(len(machine.axes)))
 
 
-def with_inverse(make: MakeController) -> MakeController:
-    """Controller from whose output the estimate of a disturbance observer is subtracted.
+class AxisExactRejection(AxisRejection):
+    """The same, its observer one sample late under zero-order hold."""
 
-    The observer's nominal model is the whole moving mass.
+    observer = ExactLESO
+
+
+class AxisEulerRejection(AxisRejection):
+    """The same by forward Euler."""
+
+    observer = EulerLESO
+
+
+class AxisNonlinearRejection(AxisRejection):
+    """P-PI cascade with a nonlinear extended state observer.
+
+    It weighs errors beyond ten encoder counts less.
     """
 
-    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        b0 = _number(1 / _heaviness(machine))
-        return DisturbanceObserver(
-            make(machine, gains),
-            motors(len(machine.axes)),
-            gains["bandwidth"],
-            b0,
-            machine.model.dt,
+    weights = (
+        *AxisRejection.weights,
+        Weight("delta", "m", start=lambda machine: 10 * machine.encoder_resolution),
+    )
+    observer = NLESO
+
+
+class AxisDisturbanceObserver(AxisCascade):
+    """P-PI cascade with a disturbance observer.
+
+    Its nominal model is the whole moving mass; it is somewhat faster than the velocity loop.
+    """
+
+    weights = (
+        *AxisCascade.weights,
+        Weight("bandwidth", "rad/s", lambda axis: Interval(1.0, 1.0 / axis.model.dt), 100.0),
+    )
+
+    def build(self, weights: Gains) -> Controller:
+        b0, sensors = _number(1 / _heaviness(self.machine)), motors(len(self.machine.axes))
+        dt, loops = self.machine.model.dt, super().build(weights)
+        return DisturbanceObserver(loops, sensors, weights["bandwidth"], b0, dt)
+
+
+def _link_frequency(machine: FlexibleMachine) -> float:
+    """Frequency of the tool on its spring [rad/s]."""
+    return float(np.sqrt(np.mean(machine.parameters.stiffness / machine.parameters.tool_mass)))
+
+
+def _link_damping(machine: FlexibleMachine) -> float:
+    p = machine.parameters
+    return float(np.mean(p.damping / (2 * np.sqrt(p.stiffness * p.tool_mass))))
+
+
+class AxisShaped(AxisFeedforward):
+    """P-PI cascade with feedforward behind a zero-vibration shaper.
+
+    The shaper cancels the mode of the tool on its spring.
+    """
+
+    weights = (
+        *AxisFeedforward.weights,
+        Weight("mode", "rad/s", start=_link_frequency),
+        Weight("mode_damping", range=RATIO, start=_link_damping),
+    )
+
+    def build(self, weights: Gains) -> Controller:
+        return Shaped(super().build(weights), zv(*picked("mode mode_damping", weights)))
+
+
+class AxisTimeDelay(AxisDesign):
+    """Time-delay control: what acted a sample ago stands for the disturbance of now.
+
+    It has a double pole at the thesis's position loop. The input gain is twice that of the moving
+    mass: a drive that is late, and speeds by difference, leave no more room.
+    """
+
+    weights = (
+        Weight("stiffness", "1/s^2", start=900.0),
+        Weight("damping", "1/s", start=60.0),
+        Weight("input_gain", "m/(A s^2)", start=lambda axis: _number(2 / _heaviness(axis))),
+    )
+
+    def build(self, weights: Gains) -> Controller:
+        sensors, dt = motors(len(self.machine.axes)), self.machine.model.dt
+        limit = current_limit(self.machine)
+        return TimeDelayControl(**weights, sensors=sensors, dt=dt, limit=limit)
+
+
+class AxisPoles(AxisDesign):
+    """State feedback by its poles, moving target, reduced observer.
+
+    A rigid pair is as fast as the thesis's velocity loop; the link keeps its own, damped.
+    """
+
+    weights = (
+        Weight("rigid", "rad/s", start=60.0),
+        Weight("rigid_damping", range=RATIO, start=0.9),
+        Weight("link", "rad/s", start=_link_frequency),
+        Weight("link_damping", range=RATIO, start=0.1),
+    )
+
+    def build(self, weights: Gains) -> Controller:
+        model = self.machine.model
+        places, ratios = (
+            picked("rigid link", weights),
+            picked("rigid_damping link_damping", weights),
         )
-
-    return build
-
-
-def with_shaper(make: MakeController, shaper: Callable[..., Shaper]) -> MakeController:
-    """Controller behind an input shaper."""
-
-    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        return Shaped(make(machine, gains), shaper(gains["mode"], gains["mode_damping"]))
-
-    return build
+        wanted = damped_poles(jnp.stack(places), jnp.stack(ratios), model.dt)
+        feedback = StateFeedback(placed_gain(model, wanted), moving_target(model))
+        return _observed(self.machine, feedback)
 
 
-def placed(target: Callable[[LinearPlant], SteadyTarget]) -> MakeController:
-    """State feedback with two pairs of poles."""
+class AxisLQ(AxisDesign):
+    """Linear-quadratic state feedback, moving target, reduced observer.
 
-    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        wanted = damped_poles(
-            jnp.stack([gains["rigid"], gains["link"]]),
-            jnp.stack([gains["rigid_damping"], gains["link_damping"]]),
-            machine.model.dt,
-        )
-        return StateFeedback(placed_gain(machine.model, wanted), target(machine.model))
-
-    return build
-
-
-def quadratic(target: Callable[[LinearPlant], SteadyTarget]) -> MakeController:
-    """State feedback by the linear-quadratic regulator."""
-
-    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        gain = lq_gain(machine.model, _state_weight(machine, gains), jnp.eye(len(machine.axes)))
-        return StateFeedback(gain, target(machine.model))
-
-    return build
-
-
-def behind_reduced_observer(make: MakeController) -> MakeController:
-    """Controller fed the state: that of the tool is estimated, with the thesis's gain.
-
-    The observer takes the ZOH model. It is stable; with Euler's model it is not.
+    Its weights are the diagonal of Q beside R = 1 / A^2: an ampere weighs as much as 0.3 mm of the
+    motor or the tool, or as 20 mm/s of the motor.
     """
 
-    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        return ReducedObserver(make(machine, gains), machine.model, thesis_gain(len(machine.axes)))
+    weights = (
+        Weight("motor", "A^2/m^2", start=1e7, cost=True),
+        Weight("motor_speed", "A^2 s^2/m^2", start=2.5e3, cost=True),
+        Weight("tool", "A^2/m^2", start=1e7, cost=True),
+        Weight("tool_speed", "A^2 s^2/m^2", start=10.0, cost=True),
+    )
+    target: ClassVar[Callable[[LinearPlant], SteadyTarget]] = moving_target
 
-    return build
+    def build(self, weights: Gains) -> Controller:
+        return _observed(self.machine, self.regulator(weights))
+
+    def regulator(self, weights: Gains) -> StateFeedback:
+        """State feedback by the linear-quadratic regulator."""
+        model, m = self.machine.model, len(self.machine.axes)
+        gain = lq_gain(model, _state_weight(self.machine, weights), jnp.eye(m))
+        return StateFeedback(gain, type(self).target(model))
 
 
-def behind_offset_free_filter(make: MakeController) -> MakeController:
-    """Controller fed the state: a Kalman filter estimates all of it, with the load.
+class AxisQuasiSteadyLQ(AxisLQ):
+    """The same with the thesis's target, at rest wherever the reference is."""
 
-    The load is cancelled.
-    """
+    target = quasi_steady_target
 
-    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        measured, noise = _measured(machine)
-        gain = offset_free_gain(machine.model, measured, CONTROL_NOISE, gains["drift"], noise)
+
+class AxisOffsetFreeLQG(AxisLQ):
+    """Linear-quadratic state feedback, Kalman filter that finds the load and cancels it."""
+
+    weights = (*AxisLQ.weights, Weight("drift", "A per sample", start=0.02))
+
+    def build(self, weights: Gains) -> Controller:
+        model, (measured, noise) = self.machine.model, _measured(self.machine)
         return OffsetFreeObserver(
-            controller=make(machine, gains),
-            model=machine.model,
-            gain=gain,
+            controller=self.regulator(weights),
+            model=model,
+            gain=offset_free_gain(model, measured, CONTROL_NOISE, weights["drift"], noise),
             measured=measured,
-            limit=_current_limit(machine),
+            limit=current_limit(self.machine),
         )
 
-    return build
 
+class AxisLQG(AxisLQ):
+    """Linear-quadratic state feedback, Kalman filter, integral action.
 
-def integral_lqg(machine: FlexibleMachine, gains: Gains) -> IntegralLQG:
-    """Regulator on a Kalman filter's estimate and on an integral.
-
-    The integral is that of the motors' position errors.
+    The integral is that of the motors' errors, as heavy after 20 ms as the error itself.
     """
-    model, m = machine.model, len(machine.axes)
-    (measured, noise), sensors = _measured(machine), motors(m)
-    integral = jnp.diag(jnp.broadcast_to(gains["integral"], (m,)))
-    K, K_i = integral_lq_gains(
-        model, positions_of(sensors, measured), _state_weight(machine, gains), integral, jnp.eye(m)
-    )
-    seen = LinearPlant(model.A, model.B, measured, model.dt)
-    L = kalman_gain(seen, CONTROL_NOISE, noise)
-    return IntegralLQG(
-        feedback=StateFeedback(K, moving_target(model)),
-        integral_gain=K_i,
-        model=model,
-        filter_gain=L,
-        measured=measured,
-        sensors=sensors,
-        limit=_current_limit(machine),
-    )
+
+    weights = (*AxisLQ.weights, Weight("integral", "A^2/(m s)^2", start=2.5e10, cost=True))
+
+    def build(self, weights: Gains) -> Controller:
+        model, m = self.machine.model, len(self.machine.axes)
+        (measured, noise), sensors = _measured(self.machine), motors(m)
+        K, K_i = integral_lq_gains(
+            model,
+            positions_of(sensors, measured),
+            _state_weight(self.machine, weights),
+            jnp.diag(jnp.broadcast_to(weights["integral"], (m,))),
+            jnp.eye(m),
+        )
+        seen = LinearPlant(model.A, model.B, measured, model.dt)
+        return IntegralLQG(
+            feedback=StateFeedback(K, moving_target(model)),
+            integral_gain=K_i,
+            model=model,
+            filter_gain=kalman_gain(seen, CONTROL_NOISE, noise),
+            measured=measured,
+            sensors=sensors,
+            limit=current_limit(self.machine),
+        )
+
+
+def _observed(machine: FlexibleMachine, feedback: StateFeedback) -> ReducedObserver:
+    """State feedback whose tool is estimated: the observer takes the ZOH model.
+
+    It is stable; with Euler's model it is not.
+    """
+    return ReducedObserver(feedback, machine.model, thesis_gain(len(machine.axes)))
 
 
 def _state_weight(machine: FlexibleMachine, gains: Gains) -> Float[Array, "n n"]:
@@ -352,17 +387,9 @@ def _measured(machine: FlexibleMachine) -> tuple[Float[Array, "q n"], Float[np.n
     return jnp.eye(2 * m, machine.model.states), deviations
 
 
-def _link_frequency(machine: FlexibleMachine) -> float:
-    """Frequency of the tool on its spring [rad/s]."""
-    return float(np.sqrt(np.mean(machine.parameters.stiffness / machine.parameters.tool_mass)))
-
-
-def _current_limit(machine: FlexibleMachine) -> Any:
+def current_limit(machine: FlexibleMachine) -> Any:
+    """Limit of the drives' currents; infinite where none is stated."""
     return np.inf if machine.limits.control is None else machine.limits.control
-
-
-def _below_nyquist(machine: FlexibleMachine) -> Interval:
-    return Interval(1.0, 0.99 * np.pi / machine.model.dt)
 
 
 def _heaviness(machine: FlexibleMachine | None):
@@ -374,17 +401,3 @@ def _heaviness(machine: FlexibleMachine | None):
 def _number(per_axis):
     """One number for a single axis."""
     return per_axis[0] if per_axis.shape == (1,) else per_axis
-
-
-def axis_design(
-    make: MakeController, *gain_sets: GainSet
-) -> Callable[[str, str, FlexibleMachine, Controlled], GainDesign]:
-    """Maker of a design from the gains that each of its parts names."""
-
-    def design(name: str, line: str, machine: FlexibleMachine, flags: Controlled) -> GainDesign:
-        named = {key: gain for gains in gain_sets for key, gain in gains(machine).items()}
-        start = {key: gain.start for key, gain in named.items()}
-        space = {key: gain.parameter for key, gain in named.items()}
-        return GainDesign(name, machine, start, space, 1, "outputs", make, line, named)
-
-    return design

@@ -4,22 +4,23 @@ The observer sees the positions of the three motors. Its model is that of the be
 predicts over the delay of the drives' bus, which may be there or not.
 """
 
-from functools import partial
+from functools import cached_property
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.app.designs.gains import Gain, GainDesign, Gains
-from jcontour.app.designs.gantry import lq_weights, quadratic
+from jcontour.app.designs.design import Gains
+from jcontour.app.designs.gantry import GantryLQ
 from jcontour.app.designs.lq.first_loop import STATES, Drift
-from jcontour.app.flags.shared import Controlled
 from jcontour.app.machines.gantry import GantryMachine
+from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, RiccatiTerminal
 from jcontour.controllers.observers.kalman import OffsetFreeObserver, offset_free_gain
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
+from tuning.parameters import Weight
 
 MOTORS = 3
 # [rad per sample] of the load's estimate: the regulator is faster, so that the observer alone
@@ -31,40 +32,54 @@ BANDWIDTH = 0.033
 ALPHA, BETA = 7e8, 2e8
 
 
-def offset_free_design(
-    name: str, line: str, machine: GantryMachine, flags: Controlled
-) -> GainDesign:
-    """Design of the LQ controller, its observer and the delay of their model.
+def _noise(machine: GantryMachine) -> float:
+    """Noise of the controls whose observer crosses over at the bandwidth by itself."""
+    return rounding(machine) / _gain(machine, BANDWIDTH)
 
-    Raises:
-        ValueError: the delay is not one that the machine may have.
+
+class GantryOffsetFreeLQ(GantryLQ):
+    """Contouring LQ on three motors, behind an observer that predicts and finds the load.
+
+    As in the first loops of linear machines, drift / rounding = w / |G(w)| at the bandwidth w. The
+    model predicts over all of the unknown delay where none is given.
     """
-    gains = _gains(machine)
-    start = {key: gain.start for key, gain in gains.items()}
-    space = {key: gain.parameter for key, gain in gains.items()}
-    late = _model_delay(machine, flags)
-    with jax.ensure_compile_time_eval():  # the zeros of the model are known while it is built
-        model = with_input_delay(machine.model, late)
-    build = partial(_observed, model, flags.preview)
-    chosen = {"model_delay": late}
-    return GainDesign(
-        name, machine, start, space, flags.preview, "outputs", build, line, gains, chosen
+
+    weights = (
+        Weight("alpha", "A^2/m^2", start=ALPHA, cost=True),
+        Weight("beta", "A^2/m^2", start=BETA, cost=True),
+        GantryLQ.weights[2],
+        Weight("control_noise", "A", start=lambda machine: STATES * _noise(machine)),
+        Weight("drift", "A per sample", Drift(), lambda machine: BANDWIDTH * _noise(machine)),
     )
+    reads = ("preview", "model_delay")
 
+    @cached_property
+    def late(self) -> int:
+        """Samples of the unknown delay that the model predicts over."""
+        most = self.machine.unknown_delay
+        return self.model_delay(most, most)
 
-def _gains(machine: GantryMachine) -> dict[str, Gain]:
-    """Weights of the cost, and the noises that the observer takes.
+    @cached_property
+    def model(self) -> LinearPlant:
+        """Model with the delay; never traced: its zeros are known while it is built."""
+        with jax.ensure_compile_time_eval():
+            return with_input_delay(self.machine.model, self.late)
 
-    As in the first loops of linear machines, drift / rounding = w / |G(w)| at the bandwidth w.
-    """
-    noise = rounding(machine) / _gain(machine, BANDWIDTH)  # crosses over there by itself
-    return {
-        **quadratic(machine),
-        "alpha": Gain(ALPHA, "A^2/m^2", cost=True),
-        "beta": Gain(BETA, "A^2/m^2", cost=True),
-        "control_noise": Gain(STATES * noise, "A"),
-        "drift": Gain(BANDWIDTH * noise, "A per sample", Drift()),
-    }
+    def first_preview(self, first: Gains) -> int:
+        return self.flags.preview
+
+    def settings(self) -> dict[str, int]:
+        return {**super().settings(), "model_delay": self.late}
+
+    def build(self, weights: Gains) -> Controller:
+        model, cost = self.model, self.cost(weights)
+        return OffsetFreeObserver(
+            controller=ContouringLQ(model, cost, self.flags.preview, RiccatiTerminal()),
+            model=model,
+            gain=_observer_gain(self.machine, model, weights),
+            measured=jnp.eye(2 * MOTORS, model.states),
+            limit=jnp.asarray(self.machine.limits.control),
+        )
 
 
 def rounding(machine: GantryMachine) -> float:
@@ -80,31 +95,6 @@ def _gain(machine: GantryMachine, bandwidth: float) -> float:
     A, B = np.asarray(machine.model.A), np.asarray(machine.model.B)
     G = np.linalg.solve(np.exp(1j * bandwidth) * np.eye(len(A)) - A, B)[:MOTORS]
     return float(np.linalg.svd(G, compute_uv=False)[1])
-
-
-def _model_delay(machine: GantryMachine, flags: Controlled) -> int:
-    """Samples of the unknown delay that the model predicts over; all of them where not given."""
-    asked = machine.unknown_delay if flags.model_delay is None else flags.model_delay
-    if not 0 <= asked <= machine.unknown_delay:
-        raise ValueError(
-            f"model-delay: {machine.name} may be 0 to {machine.unknown_delay} samples late, "
-            f"received {asked}"
-        )
-    return asked
-
-
-def _observed(
-    model: LinearPlant, preview: int, machine: GantryMachine, gains: Gains
-) -> OffsetFreeObserver:
-    inner = ContouringLQ(model, lq_weights(gains), preview, RiccatiTerminal())
-    seen = jnp.eye(2 * MOTORS, model.states)
-    return OffsetFreeObserver(
-        controller=inner,
-        model=model,
-        gain=_observer_gain(machine, model, gains),
-        measured=seen,
-        limit=jnp.asarray(machine.limits.control),
-    )
 
 
 def _observer_gain(

@@ -7,17 +7,18 @@ with its head at the beam's centre and the coupling of head and twist left out
 the beam's twist included, is the feedback's.
 """
 
-from collections.abc import Callable
+import abc
+from functools import cached_property
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.app.designs import flexible_axis, gantry
-from jcontour.app.designs.feedforward import CONSTRAINT, SMOOTHING, WEIGHT, first_numbers
-from jcontour.app.designs.gains import Gain, GainDesign, Gains
-from jcontour.app.flags.shared import Controlled
+from jcontour.app.designs import gantry
+from jcontour.app.designs.design import Design, Gains
+from jcontour.app.designs.feedforward import CONSTRAINT, SMOOTHING, WEIGHT
+from jcontour.app.designs.flexible_axis import DRY_FRICTION, AxisCascade
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.app.machines.gantry import GantryMachine
 from jcontour.controller import Controller
@@ -42,7 +43,7 @@ from jcontour.plants.wrappers.encoders import FineEncoders
 from jcontour.sensors import Sensors, motors
 
 ORDER = 16  # of the model: at 1 ms it is down 3 dB at 50 Hz for q = 1/4, links ring at 10 to 40 Hz
-MODEL = SMOOTHING._replace(start=0.2)  # the inverse of a link takes the fourth difference
+INVERSE = SMOOTHING._replace(start=0.2)  # the inverse of a link takes the fourth difference
 
 
 class Inverted(NamedTuple):
@@ -57,31 +58,93 @@ class Inverted(NamedTuple):
     nominal: Plant
 
 
-# free numbers of an inverse, and the inverse made of them
-Ahead = tuple[dict[str, Gain], Callable[[Gains], PreviewFilter]]
-MakeAhead = Callable[[list[TransferFunction], Controlled], Ahead]
+class ZeroPhase(Design):
+    """Zero phase error tracking of what a machine's motors do; it takes the preview it needs."""
+
+    @cached_property
+    @abc.abstractmethod
+    def inverted(self) -> Inverted:
+        """Nominal machine that is inverted."""
+
+    def inverse(self, gains: Gains) -> PreviewFilter:
+        """The inverse."""
+        return zero_phase_inverse(self.inverted.transfers, gains["smoothing"], RINGING, ORDER)
 
 
-def zero_phase(transfers: list[TransferFunction], flags: Controlled) -> Ahead:
-    """Zero phase error tracking; it takes the preview that it needs."""
+class Optimal(ZeroPhase):
+    """Feedforward optimal in l1; the preview of the flags is beyond that of the model."""
 
-    def ahead(gains: Gains) -> PreviewFilter:
-        return zero_phase_inverse(transfers, gains["smoothing"], RINGING, ORDER)
+    @cached_property
+    def inverses(self) -> list[OptimalInverse]:
+        """Inverse of every motor; its taps are those of the first numbers."""
+        following = ModelFollowing(ORDER, ORDER + self.flags.preview, CONSTRAINT)
+        first = {name: float(self.start[name]) for name in ("smoothing", "weight")}
+        transfers = self.inverted.transfers
+        return [OptimalInverse(one, following, **first, ringing=RINGING) for one in transfers]
 
-    return {"smoothing": MODEL}, ahead
+    def inverse(self, gains: Gains) -> PreviewFilter:
+        return optimal_filter(self.inverses, gains["smoothing"], gains["weight"])
 
 
-def optimal(transfers: list[TransferFunction], flags: Controlled) -> Ahead:
-    """l1-optimal feedforward; the preview of the flags is beyond that of the model."""
-    following = ModelFollowing(ORDER, ORDER + flags.preview, CONSTRAINT)
-    free = {"smoothing": MODEL, "weight": WEIGHT}
-    first = first_numbers(free, flags)
-    inverses = [OptimalInverse(one, following, **first, ringing=RINGING) for one in transfers]
+class AxisZeroPhase(ZeroPhase, AxisCascade):
+    """Zero phase error tracking in front of the cascade, dry friction fed forward.
 
-    def ahead(gains: Gains) -> PreviewFilter:
-        return optimal_filter(inverses, gains["smoothing"], gains["weight"])
+    The unknown delay of the nominal machine is half of what it may be where none is given.
+    """
 
-    return free, ahead
+    weights = (*AxisCascade.weights, DRY_FRICTION, INVERSE)
+    reads = ("model_delay",)
+
+    @cached_property
+    def inverted(self) -> Inverted:
+        most = self.machine.unknown_delay
+        return of_axes(self.machine, self.model_delay(most, most // 2))
+
+    def first_preview(self, first: Gains) -> int:
+        return self.build(first).preview
+
+    def build(self, weights: Gains) -> Controller:
+        loops = {key: value for key, value in weights.items() if key != "coulomb"}
+        cascade = self.cascade({**loops, "feedforward": 1.0})
+        behind = InverseFeedforward(cascade, self.inverse(weights), self.inverted.nominal)
+        return FrictionFeedforward(behind, weights["coulomb"], cascade.limit)
+
+
+class AxisOptimal(Optimal, AxisZeroPhase):
+    """Feedforward optimal in l1 with preview in front of the cascade, dry friction fed forward."""
+
+    weights = (*AxisZeroPhase.weights, WEIGHT)
+    reads = ("preview", "model_delay")
+
+
+class GantryZeroPhase(ZeroPhase, gantry.GantryCascade):
+    """Zero phase error tracking in front of the cascades, model of the beam's centre.
+
+    Dry friction is fed forward where there is some.
+    """
+
+    weights = (*gantry.LOOPS, gantry.DRY_FRICTION, INVERSE)
+    reads = ("model_delay",)
+
+    @cached_property
+    def inverted(self) -> Inverted:
+        self.model_delay(0, 0)
+        return of_drives(self.machine)
+
+    def build(self, weights: Gains) -> Controller:
+        loops = {one.name: weights[one.name] for one in gantry.LOOPS}
+        cascade = self.cascade({**loops, "feedforward": jnp.ones(2)})
+        behind = InverseFeedforward(cascade, self.inverse(weights), self.inverted.nominal)
+        dry = gantry.MOTORS @ weights.get("coulomb", jnp.zeros(2))
+        limit = jnp.asarray(self.machine.limits.control)
+        return OfMotors(FrictionFeedforward(behind, dry, limit), gantry.MOTORS)
+
+
+class GantryOptimal(Optimal, GantryZeroPhase):
+    """Feedforward optimal in l1 with preview in front of the cascades, the same model."""
+
+    weights = (*GantryZeroPhase.weights, WEIGHT)
+    reads = ("preview", "model_delay")
 
 
 def of_axes(machine: FlexibleMachine, late: int) -> Inverted:
@@ -105,82 +168,3 @@ def of_drives(machine: GantryMachine) -> Inverted:
         motion = SteadyMotion(jnp.eye(6)[:, :3], jnp.eye(6)[:, 3:] / dt)
         of_motors = LinearPlant(model.A, model.B, np.eye(3, 6), dt, motion=motion)
     return Inverted([x, y, y], FineEncoders(of_motors, motors(3)))
-
-
-def axes_feedforward(
-    make: MakeAhead,
-) -> Callable[[str, str, FlexibleMachine, Controlled], GainDesign]:
-    """Maker of a design: the cascade of flexible axes behind an inverse, and their friction."""
-
-    def design(name: str, line: str, machine: FlexibleMachine, flags: Controlled) -> GainDesign:
-        inverted = of_axes(machine, _late(machine, flags))
-        free, ahead = make(inverted.transfers, flags)
-        dry = flexible_axis.feedforward(machine)["coulomb"]
-        gains = {**flexible_axis.loops(machine), "coulomb": dry, **free}
-
-        def build(machine: FlexibleMachine, values: Gains) -> Controller:
-            loops = {key: value for key, value in values.items() if key != "coulomb"}
-            cascade = flexible_axis.cascade(machine, {**loops, "feedforward": 1.0})
-            behind = InverseFeedforward(cascade, ahead(values), inverted.nominal)
-            return FrictionFeedforward(behind, values["coulomb"], cascade.limit)
-
-        return _design(name, line, machine, gains, build)
-
-    return design
-
-
-def drives_feedforward(
-    make: MakeAhead,
-) -> Callable[[str, str, GantryMachine, Controlled], GainDesign]:
-    """Maker of a design: the cascade of a gantry's motors behind an inverse, and their friction."""
-
-    def design(name: str, line: str, machine: GantryMachine, flags: Controlled) -> GainDesign:
-        if flags.model_delay:
-            raise ValueError(
-                f"model-delay: the inverse of {machine.name} knows no delay, "
-                f"received {flags.model_delay}"
-            )
-        inverted = of_drives(machine)
-        free, ahead = make(inverted.transfers, flags)
-        known = gantry.loops(machine)
-        if machine.friction is not None:
-            known = gantry.loops_and_dry_friction(machine)
-        kept = ("position", "velocity", "integral_time", "coulomb")
-        gains = {**{key: known[key] for key in kept if key in known}, **free}
-
-        def build(machine: GantryMachine, values: Gains) -> Controller:
-            loops = {key: values[key] for key in kept[:3]}
-            of_motors = gantry.cascade(machine, {**loops, "feedforward": jnp.ones(2)}, 0)
-            cascade = of_motors.controller
-            behind = InverseFeedforward(cascade, ahead(values), inverted.nominal)
-            dry = gantry.MOTORS @ values.get("coulomb", jnp.zeros(2))
-            limit = jnp.asarray(machine.limits.control)
-            return OfMotors(FrictionFeedforward(behind, dry, limit), gantry.MOTORS)
-
-        return _design(name, line, machine, gains, build)
-
-    return design
-
-
-def _design(name, line, machine, gains: dict[str, Gain], build) -> GainDesign:
-    start = {key: gain.start for key, gain in gains.items()}
-    space = {key: gain.parameter for key, gain in gains.items()}
-    preview = build(machine, start).preview
-    return GainDesign(name, machine, start, space, preview, "outputs", build, line, gains)
-
-
-def _late(machine: FlexibleMachine, flags: Controlled) -> int:
-    """Samples of the unknown delay in the nominal machine.
-
-    Raises:
-        ValueError: the flag is not within what the machine may have.
-    """
-    most = machine.unknown_delay
-    if flags.model_delay is None:
-        return most // 2
-    if not 0 <= flags.model_delay <= most:
-        raise ValueError(
-            f"model-delay: {machine.name} may be 0 to {most} samples late beyond what is known, "
-            f"received {flags.model_delay}"
-        )
-    return flags.model_delay

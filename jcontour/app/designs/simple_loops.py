@@ -5,23 +5,21 @@ force. A notch stands at the lowest resonance of the machine, the same on all ax
 filtered alike stay together.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
+import abc
 
 import numpy as np
 
+from jcontour.app.designs.design import Gains, picked
 from jcontour.app.designs.feedforward import (
+    LinearCascade,
+    LinearDesign,
     axes_of,
     cascade,
-    cascade_units,
     cascades,
-    fastest,
-    gain_design,
     level_gains,
     motion_gains,
 )
-from jcontour.app.designs.gains import Gain, GainDesign, Gains
-from jcontour.app.flags.shared import Controlled
+from jcontour.app.designs.lq.first_loop import fastest
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.steady_response import steady_response
 from jcontour.controller import Controller
@@ -29,7 +27,7 @@ from jcontour.controllers.feedback.position_loop import PositionLoop
 from jcontour.controllers.wrappers.filters import Filtered, notch
 from jcontour.linear.plant import LinearPlant
 from jcontour.sensors import Sensors
-from tuning.parameters import Fixed, Interval
+from tuning.parameters import Fixed, Interval, Weight
 
 PROPORTIONAL, CASCADE = "position-loop", "linear-cascade-feedforward"  # without a notch
 NOTCHED = {PROPORTIONAL: "position-loop-notch", CASCADE: "linear-cascade-notch"}
@@ -40,20 +38,116 @@ USUAL = 0.1  # of the sampling rate: where a notch begins on a machine without o
 DEPTH, DAMPING = 0.2, 0.2  # of a notch that bears a resonance 5 % off: it allows 3 times the gain
 
 
-class Loop(NamedTuple):
-    """A simple loop on one machine.
+MOTION = (  # what the motion needs
+    Weight("inertia", "{control} s^2/m"),
+    Weight("viscous", "{control} s/m"),
+)
 
-    Attributes:
-        series: gains of the loops, from fast to slow.
-        units: of these.
-        fed: gains of the feedforward, and of the notch.
-        build: makes the controller of both.
+
+class SimpleLoop(LinearDesign):
+    """The fastest loop of a series that keeps the margin with its feedforward."""
+
+    @abc.abstractmethod
+    def series(self) -> list[Gains]:
+        """Gains of the loop, from fast to slow."""
+
+    def fixed(self) -> Gains:
+        """Gains that all loops of the series have in common."""
+        return motion_gains(self.machine)
+
+    def starts(self) -> Gains:
+        fixed, series = self.fixed(), self.series()
+        found = fastest(self.machine, series, lambda gains: self.build({**fixed, **gains}))
+        return {**series[found], **fixed}
+
+
+class ProportionalLoop(SimpleLoop):
+    """Proportional position loop, fed speed and acceleration.
+
+    It is as fast on all axes at first. A machine that takes positions is fed the position, too.
     """
 
-    series: list[Gains]
-    units: dict[str, str]
-    fed: dict[str, Gain]
-    build: Callable[[Gains], Controller]
+    weights = (
+        Weight("position", "1/s"),
+        *MOTION,
+        Weight("level", "{control}/m", Fixed()),
+    )
+
+    def series(self) -> list[Gains]:
+        model = self.machine.model
+        return [{"position": np.full(model.axes, w / model.dt)} for w in POSITION_CROSSOVERS]
+
+    def fixed(self) -> Gains:
+        levels = level_gains(self.machine)
+        return super().fixed() | ({"level": levels} if levels.any() else {})
+
+    def build(self, weights: Gains) -> Controller:
+        names = ("position", "viscous", "inertia", "level")
+        known = {name: weights[name] for name in names if name in weights}
+        model = self.machine.model
+        return PositionLoop(**known, sensors=Sensors(range(model.axes)), dt=model.dt)
+
+
+class ProportionalIntegralLoop(SimpleLoop):
+    """P-PI cascade fed speed, acceleration and viscous friction."""
+
+    weights = (*LinearCascade.weights, Weight("feedforward"), *MOTION)
+
+    def series(self) -> list[Gains]:
+        return cascades(self.machine)
+
+    def fixed(self) -> Gains:
+        return {"feedforward": 1.0, **super().fixed()}
+
+    def build(self, weights: Gains) -> Controller:
+        return cascade(self.machine, weights)
+
+
+def _place(machine: LinearMachine) -> float:
+    return resonance(machine.model) or 2 * np.pi * USUAL / machine.model.dt
+
+
+def _around(machine: LinearMachine) -> Interval:
+    place = _place(machine)
+    return Interval(place / 2, min(2 * place, 3.0 / machine.model.dt))
+
+
+NOTCH = (
+    Weight("notch", "rad/s", _around),
+    Weight("depth", range=Interval(0.01, 1.0)),
+    Weight("notch_damping", range=Interval(0.02, 2.0)),
+)
+
+
+class Notched(SimpleLoop):
+    """A loop through a notch, its feedforward ahead of what the notch is late by."""
+
+    def fixed(self) -> Gains:
+        place = _place(self.machine)
+        late = 2 * DAMPING * (1 - DEPTH) / place  # [s] of a slow control in the notch
+        section = {"notch": place, "depth": DEPTH, "notch_damping": DAMPING}
+        return _ahead(super().fixed(), late) | section
+
+    def build(self, weights: Gains) -> Controller:
+        shape, machine = picked("notch depth notch_damping", weights), self.machine
+        return Filtered(
+            controller=super().build(weights),
+            filter=notch(*shape, machine.model.dt, prewarp=True),
+            inputs=machine.model.inputs,
+            holding=machine.holding,
+        )
+
+
+class NotchedProportionalLoop(Notched, ProportionalLoop):
+    """Proportional position loop through a notch at the lowest resonance."""
+
+    weights = (*ProportionalLoop.weights, *NOTCH)
+
+
+class NotchedProportionalIntegralLoop(Notched, ProportionalIntegralLoop):
+    """P-PI cascade with feedforward through a notch at the lowest resonance."""
+
+    weights = (*ProportionalIntegralLoop.weights, *NOTCH)
 
 
 def simple_names(machine: LinearMachine) -> list[str]:
@@ -83,76 +177,10 @@ def resonance(model: LinearPlant) -> float | None:
     return float(np.abs(rings).min()) if rings.size else None
 
 
-def proportional(machine: LinearMachine) -> Loop:
-    """A proportional position loop, as fast on all axes at first."""
-    model, sensors = machine.model, Sensors(range(machine.model.axes))
-    series = [{"position": np.full(model.axes, w / model.dt)} for w in POSITION_CROSSOVERS]
-    fed = motion_gains(machine)
-    levels = level_gains(machine)
-    if levels.any():
-        fed["level"] = Gain(levels, f"{machine.control_unit}/m", Fixed())
-
-    def build(gains: Gains) -> Controller:
-        names = ("position", "viscous", "inertia", "level")
-        known = {name: gains[name] for name in names if name in gains}
-        return PositionLoop(**known, sensors=sensors, dt=model.dt)
-
-    return Loop(series, {"position": "1/s"}, fed, build)
-
-
-def proportional_integral(machine: LinearMachine) -> Loop:
-    """A P-PI cascade."""
-    fed = {"feedforward": Gain(1.0, ""), **motion_gains(machine)}
-    return Loop(
-        cascades(machine), cascade_units(machine), fed, lambda gains: cascade(machine, gains)
-    )
-
-
-def notched(make: Callable[[LinearMachine], Loop]) -> Callable[[LinearMachine], Loop]:
-    """The loop through a notch."""
-
-    def loop(machine: LinearMachine) -> Loop:
-        inner, dt = make(machine), machine.model.dt
-        place = resonance(machine.model) or 2 * np.pi * USUAL / dt
-        late = 2 * DAMPING * (1 - DEPTH) / place  # [s] of a slow control in the notch
-        section = {
-            "notch": Gain(place, "rad/s", Interval(place / 2, min(2 * place, 3.0 / dt))),
-            "depth": Gain(DEPTH, "", Interval(0.01, 1.0)),
-            "notch_damping": Gain(DAMPING, "", Interval(0.02, 2.0)),
-        }
-
-        def build(gains: Gains) -> Controller:
-            filter = notch(gains["notch"], gains["depth"], gains["notch_damping"], dt, prewarp=True)
-            inputs, holding = machine.model.inputs, machine.holding
-            return Filtered(
-                controller=inner.build(gains), filter=filter, inputs=inputs, holding=holding
-            )
-
-        return inner._replace(fed={**_ahead(inner.fed, late), **section}, build=build)
-
-    return loop
-
-
-def _ahead(fed: dict[str, Gain], late: float) -> dict[str, Gain]:
+def _ahead(fed: Gains, late: float) -> Gains:
     """Feedforward whose control passes what makes it late [s].
 
     (k_0 + k_v s + k_a s^2) (1 + late s), to the second order.
     """
-    k_0, k_v, k_a = (fed[name].start if name in fed else 0.0 for name in ORDERS)
-    moved = {"viscous": k_v + late * k_0, "inertia": k_a + late * k_v}
-    return fed | {name: fed[name]._replace(start=start) for name, start in moved.items()}
-
-
-def simple_design(
-    make: Callable[[LinearMachine], Loop],
-) -> Callable[[str, str, LinearMachine, Controlled], GainDesign]:
-    """Maker of a design from a simple loop."""
-
-    def design(name: str, line: str, machine: LinearMachine, flags: Controlled) -> GainDesign:
-        loop = make(machine)
-        fed = {key: gain.start for key, gain in loop.fed.items()}
-        first = fastest(machine, loop.series, lambda gains: loop.build({**fed, **gains}))
-        gains = {key: Gain(first[key], unit) for key, unit in loop.units.items()} | loop.fed
-        return gain_design(name, line, machine, gains, loop.build)
-
-    return design
+    k_0, k_v, k_a = (fed.get(name, 0.0) for name in ORDERS)
+    return fed | {"viscous": k_v + late * k_0, "inertia": k_a + late * k_v}

@@ -9,11 +9,13 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.app.designs.gains import Gain, GainDesign, Gains
-from jcontour.app.flags.shared import Controlled
+from jcontour.app.designs.contouring_schemes import ContouringScheme
+from jcontour.app.designs.design import Design, Gains
+from jcontour.app.designs.gantry import GANTRY
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.app.machines.gantry import GantryMachine
 from jcontour.app.machines.machine import Machine
+from jcontour.controller import Controller
 from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
     SynchronisedGains,
@@ -23,6 +25,7 @@ from jcontour.controllers.synchronisation.speed_axes import SpeedAxes, speed_axe
 from jcontour.controllers.wrappers.motor_kinematics import OfMotors
 from jcontour.sensors import motors
 from jcontour.tracing import is_concrete
+from tuning.parameters import Weight
 
 
 class Loops(NamedTuple):
@@ -48,57 +51,62 @@ BIAS = 0.1  # [m/s] that a load is estimated by: a usual speed
 DRIVES = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])  # both drives of the gantry follow y
 
 
-def gains_of(axes: SpeedAxes, loops: Loops, dt: float) -> dict[str, Gain]:
+WEIGHTS = (
+    Weight("position", "1/s"),
+    Weight("proportional", "A s/m"),
+    Weight("adaptation", "A s^3/m^3 per sample"),
+    Weight("coupling"),
+)
+
+
+def _starts(axes: SpeedAxes, loops: Loops, dt: float) -> Gains:
     """Gains from the model of the axes.
 
     The adaptation to a load gathers gamma v_c^2 e a sample, as a PI loop gathers k_c T / T_i e.
     """
     proportional = loops.speed / axes.gain
     return {
-        "position": Gain(jnp.full(len(axes.gain), loops.position), "1/s"),
-        "proportional": Gain(jnp.asarray(proportional), "A s/m"),
-        "adaptation": Gain(
-            jnp.asarray(proportional * dt / loops.integral_time / BIAS**2), "A s^3/m^3 per sample"
-        ),
-        "coupling": Gain(loops.coupling, ""),
+        "position": jnp.full(len(axes.gain), loops.position),
+        "proportional": jnp.asarray(proportional),
+        "adaptation": jnp.asarray(proportional * dt / loops.integral_time / BIAS**2),
+        "coupling": loops.coupling,
     }
 
 
-def loops_of_axes(machine: FlexibleMachine) -> dict[str, Gain]:
-    """Gains of two flexible axes."""
-    return gains_of(axes_of(machine), AXES_LOOPS, machine.model.dt)
-
-
-def loops_of_drives(machine: GantryMachine) -> dict[str, Gain]:
-    """Gains of X and Y, the same for both drives of Y."""
-    two = SpeedAxes(*(values[:2] for values in drives_of(machine)))
-    return gains_of(two, DRIVES_LOOPS, machine.model.dt)
-
-
-def two_axes(machine: FlexibleMachine, gains: Gains) -> AdaptiveSynchronisation:
-    """Both axes of the machine as the pair.
+class SynchronisedAxes(Design[FlexibleMachine]):
+    """Adaptive feedforward of two axes kept together (Tomizuka).
 
     A coupling above its bound is warned of, for the largest speed that is usual.
     """
-    return _synchronised(machine, axes_of(machine), gains, (0, 1))
+
+    needs, weights, learns = ContouringScheme.needs, WEIGHTS, True
+
+    def starts(self) -> Gains:
+        return _starts(axes_of(self.machine), AXES_LOOPS, self.machine.model.dt)
+
+    def build(self, weights: Gains) -> Controller:
+        return _synchronised(self.machine, axes_of(self.machine), weights, (0, 1))
 
 
-def axes_design(name: str, line: str, machine: FlexibleMachine, flags: Controlled) -> GainDesign:
-    """Design of `two_axes`."""
-    gains = loops_of_axes(machine)
-    start = {key: gain.start for key, gain in gains.items()}
-    space = {key: gain.parameter for key, gain in gains.items()}
-    preview = two_axes(machine, start).preview
-    return GainDesign(name, machine, start, space, preview, "outputs", two_axes, line, gains)
+class SynchronisedDrives(Design[GantryMachine]):
+    """Adaptive feedforward of each motor, both Y drives kept together (Tomizuka).
 
+    Its gains are those of X and Y, the same for both drives of Y.
+    """
 
-def both_drives(machine: GantryMachine, gains: Gains, preview: int) -> OfMotors:
-    """The Y drives of a gantry as the pair, the head by itself."""
-    each = {
-        name: jnp.asarray(DRIVES) @ value if jnp.ndim(value) else value
-        for name, value in gains.items()
-    }
-    return OfMotors(_synchronised(machine, drives_of(machine), each, (1, 2)), DRIVES)
+    needs, weights, learns = GANTRY, WEIGHTS, True
+
+    def starts(self) -> Gains:
+        two = SpeedAxes(*(values[:2] for values in drives_of(self.machine)))
+        return _starts(two, DRIVES_LOOPS, self.machine.model.dt)
+
+    def build(self, weights: Gains) -> Controller:
+        each = {
+            name: jnp.asarray(DRIVES) @ value if jnp.ndim(value) else value
+            for name, value in weights.items()
+        }
+        drives = drives_of(self.machine)
+        return OfMotors(_synchronised(self.machine, drives, each, (1, 2)), DRIVES)
 
 
 def axes_of(machine: FlexibleMachine) -> SpeedAxes:

@@ -5,7 +5,7 @@ equations.
 """
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -115,7 +115,7 @@ class FlexibleAxisFile(Schema):
     """what the numbers are not good for"""
 
     @model_validator(mode="after")
-    def _fits(self) -> Self:
+    def _fits(self) -> "FlexibleAxisFile":
         """As many numbers as axes, harmonics of a sine as of a cosine."""
         if not 1 <= self.count <= MOST_AXES:
             raise ValueError(f"axes: needs one to {MOST_AXES} axes, received {self.count}")
@@ -150,7 +150,7 @@ class FlexibleAxisFile(Schema):
         return AxisParameters(friction=Friction(**friction), **numbers, **cogging)
 
     @classmethod
-    def of(cls, parameters: AxisParameters, **others: Any) -> Self:
+    def of(cls, parameters: AxisParameters, **others: Any) -> "FlexibleAxisFile":
         """The file of these parameters, those of a single axis without lists."""
         p = parameters
         return cls(

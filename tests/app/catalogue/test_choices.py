@@ -4,10 +4,12 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
 
+from jcontour.app.catalogue import controllers
 from jcontour.app.catalogue.choices import (
     controllers_for,
     design_for,
@@ -17,33 +19,33 @@ from jcontour.app.catalogue.choices import (
     seeing_all,
 )
 from jcontour.app.catalogue.contours import CONTOURS
-from jcontour.app.catalogue.controllers import CONTROLLERS
-from jcontour.app.catalogue.machines import (
-    FLEXIBLE_AXES,
-    FLEXIBLE_AXIS,
-    GANTRY,
-    GANTRY_WITH_FRICTION,
-    GANTRY_WITHOUT_FRICTION,
-    LIMITED,
-    LINEAR,
-    MACHINES,
-)
+from jcontour.app.catalogue.controllers import ALIASES, CONTROLLERS, design_class, line_of
+from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.designs.design import Needs
+from jcontour.app.designs.flexible_axis import AxisCascade
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.pace import Pace
+from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.plain_numbers import WholePath
+from jcontour.controller import Controller
 from jcontour.motion.references import along
 from jcontour.simulation.closed_loop import prepared
+from tuning.parameters import Weight
 
 THESIS_AXIS = Path(__file__).parents[3] / "jcontour" / "app" / "machines" / "thesis-axis.json"
-ALONG_CONTOURS = {name for name, entry in CONTROLLERS.items() if entry.suits is FLEXIBLE_AXES}
+NEEDS = {name: design_class(name).needs.words for name in CONTROLLERS}
+LINEAR = "a machine given by A, B, C"
+LIMITED = f"{LINEAR} that states limits"
+AXES, AXIS = "two flexible axes or more, for a contour", "a flexible axis"
+ALONG_CONTOURS = {name for name, needs in NEEDS.items() if needs == AXES}
 SUITED = {  # machine -> the kinds that it is of
     "bridgeport": [LINEAR, LIMITED],
     "xy-table": [LINEAR, LIMITED],
     "emps": [LINEAR, LIMITED],
-    "flexible-axis": [FLEXIBLE_AXIS],
-    "flexible-axes": [FLEXIBLE_AXIS, FLEXIBLE_AXES],
-    "gantry": [GANTRY, GANTRY_WITHOUT_FRICTION],
-    "gantry-friction": [GANTRY, GANTRY_WITH_FRICTION],
+    "flexible-axis": [AXIS],
+    "flexible-axes": [AXIS, AXES],
+    "gantry": ["a gantry", "a gantry without dry friction"],
+    "gantry-friction": ["a gantry", "a gantry with dry friction"],
 }
 
 
@@ -53,7 +55,7 @@ SUITED = {  # machine -> the kinds that it is of
 )
 def test_an_unknown_controller_is_answered_with_those_of_the_machine(name):
     machine = machine_named(name)
-    suited = [one for one, entry in CONTROLLERS.items() if entry.suits in SUITED[name]]
+    suited = [one for one, needs in NEEDS.items() if needs in SUITED[name]]
     assert controllers_for(machine) == suited and machine.usual.controller in suited
     with pytest.raises(ValueError, match=f"none named 'magic'; give one of {', '.join(suited)}$"):
         design_for(machine, Simulate(controller="magic"))
@@ -75,12 +77,27 @@ def test_a_short_name_means_the_controller_of_the_machine(machine, asked, meant)
     assert design_for(machine_named(machine), Simulate(controller=asked)).name == meant
 
 
-def test_every_name_has_its_maker_and_every_maker_its_name():
-    made = {name for entry in CONTROLLERS.values() for name in entry.designs()}
-    assert made == set(CONTROLLERS)
-    assert all(name in entry.designs() for name, entry in CONTROLLERS.items())
-    assert {name for entry in CONTOURS.values() for name in entry.tasks()} == set(CONTOURS)
-    assert all(name in entry.tasks() for name, entry in CONTOURS.items())
+def test_every_name_has_its_class_and_every_class_its_line():
+    assert all(design_class(name).__doc__.startswith(line_of(name)) for name in CONTROLLERS)
+    assert len(set(CONTROLLERS.values())) == len(CONTROLLERS)
+    assert {name for names in ALIASES.values() for name in names} <= set(CONTROLLERS)
+
+
+def test_every_name_of_a_contour_has_its_maker():
+    made = {name for entry in CONTOURS.values() for name in entry.load()}
+    assert made == set(CONTOURS) and all(name in CONTOURS[name].load() for name in CONTOURS)
+
+
+def test_a_plain_controller_may_be_in_the_list(monkeypatch):
+    monkeypatch.setitem(CONTROLLERS, "seen", f"{__name__}:Seen")
+    monkeypatch.setattr(controllers, "loaded", lambda place: Seen)
+    machine = machine_named("bridgeport")
+    assert "seen" in controllers_for(machine) and "seen" not in controllers_for(
+        machine_named("gantry")
+    )
+    found = design_for(machine, Simulate(controller="seen", preview=4, weights=("gain=3",)))
+    assert found.units() == {"gain": "A/m"} and found.preview == 4
+    assert found.build(found.start).gain == 3 and found.line == "Proportional loop of two axes"
 
 
 @pytest.mark.parametrize(
@@ -129,15 +146,39 @@ def test_a_machine_is_what_it_is_and_not_what_its_user_calls_it(tmp_path):
 def test_a_fault_in_a_maker_is_shown(monkeypatch):
     """The controller stays in the list, and whoever asks for it is told."""
 
-    def fail(name, line, machine, flags):
+    def fail(self):
         raise ValueError("a fault of ours")
 
-    failing = CONTROLLERS["cascade"]._replace(designs=lambda: {"cascade": fail})
-    monkeypatch.setitem(CONTROLLERS, "cascade", failing)
+    monkeypatch.setattr(AxisCascade, "starts", fail)
     machine = machine_named("flexible-axis")
     assert "cascade" in controllers_for(machine)
     with pytest.raises(ValueError, match="a fault of ours"):
         design_for(machine, Simulate(controller="cascade"))
+
+
+class Seen(Controller):
+    """Proportional loop of two axes.
+
+    A controller that describes itself, without a design.
+    """
+
+    gain: float
+    preview: int = eqx.field(static=True)
+    weights = (Weight("gain", "A/m"),)
+    needs = Needs("a linear machine of two axes", LinearMachine)
+
+    @classmethod
+    def for_model(cls, model, preview):
+        return cls(1.0, preview)
+
+    def prepare(self, reference):
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return memory, self.gain * (plan - measurement)
 
 
 def path_job(flags):
@@ -178,7 +219,7 @@ def test_a_longer_preview_than_the_whole_path_changes_nothing(controller):
 @pytest.mark.parametrize(
     ("controller", "given", "unread"),
     [
-        ("cascade", {"alpha": 1e12, "preview": 20, "model_delay": 0}, "--preview, --alpha"),
+        ("cascade", {"preview": 20, "model_delay": 0}, "--preview, --model-delay"),
         ("preview-lq", {"alpha": 1e12, "preview": 20, "terminal": "riccati"}, "--terminal"),
         ("contouring-lq", {"alpha": 1e12, "preview": 20, "terminal": "riccati"}, None),
     ],
@@ -187,3 +228,9 @@ def test_flags_that_a_controller_does_not_read_are_said(recwarn, controller, giv
     design_for(machine_named("bridgeport"), Simulate(controller=controller, **given))
     told = [str(one.message) for one in recwarn]
     assert [one.partition(" does not read ")[2] for one in told] == ([unread] if unread else [])
+
+
+def test_a_weight_that_a_controller_lacks_is_refused_with_those_that_it_has():
+    for given in ({"alpha": 1e12}, {"weights": ("alpha=1e12",)}):
+        with pytest.raises(ValueError, match="no weight 'alpha'; known are position, velocity"):
+            design_for(machine_named("flexible-axis"), Simulate(controller="cascade", **given))

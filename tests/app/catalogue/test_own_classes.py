@@ -23,7 +23,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jcontour.app.designs.flexible_axis import AxisCascade
 from jcontour.controller import Controller
+from tuning.parameters import Interval, Weight
 
 print("loaded")
 
@@ -34,7 +36,7 @@ class PD(Controller):
     preview: int = eqx.field(static=True, default=0)
 
     @classmethod
-    def for_model(cls, model):
+    def by_model(cls, model):
         return cls(gain=1.0 / model.dt)
 
     def prepare(self, reference):
@@ -45,6 +47,21 @@ class PD(Controller):
 
     def step(self, memory, plan, measurement):
         return memory, self.gain * (plan - measurement)
+
+class Looking(PD):
+    weights = (Weight("gain", "A/m", Interval(1.0, 5e3)),)
+
+    @classmethod
+    def for_model(cls, model, preview):
+        return cls(gain=1.0 / model.dt, preview=preview)
+
+class Slow(AxisCascade):
+    "A position loop that begins slowly."
+
+    weights = (*AxisCascade.weights, Weight("position", "1/s", start=3.0))
+
+class Misnamed(PD):
+    weights = (Weight("gains"),)
 
 class Open(PD):
     gain: int = 1
@@ -154,8 +171,8 @@ def files(tmp_path_factory):
     return folder
 
 
-def design(files, name, machine="bridgeport", weights=()):
-    flags = Simulate(controller=f"{files / 'mine.py'}:{name}", weights=weights)
+def design(files, name, machine="bridgeport", **flags):
+    flags = Simulate(controller=f"{files / 'mine.py'}:{name}", **flags)
     return design_for(machine_named(machine), flags)
 
 
@@ -172,7 +189,12 @@ def test_names_in_a_file():
 
 @pytest.mark.parametrize(
     ("name", "gain"),
-    [("PD", 100.0), ("ready", 7.0), ("PD.for_model", 2000.0)],  # the model's sample is 0.5 ms
+    [
+        ("PD", 100.0),
+        ("ready", 7.0),
+        ("PD.by_model", 2000.0),
+        ("Looking", 2000.0),
+    ],  # the model's sample is 0.5 ms
 )
 def test_a_class_an_instance_or_a_function_makes_the_controller(files, name, gain):
     found = design(files, name)
@@ -210,8 +232,27 @@ def test_flags_that_an_own_controller_does_not_read_are_said(files, recwarn):
     plain = Simulate(controller=f"{files / 'mine.py'}:PD")
     design_for(machine_named("bridgeport"), plain)
     assert not recwarn
-    with pytest.warns(UserWarning, match="mine.py:PD does not read --preview, --alpha: its pre"):
-        design_for(machine_named("bridgeport"), replace(plain, preview=30, alpha=3.0))
+    with pytest.warns(UserWarning, match="mine.py:PD does not read --preview"):
+        design_for(machine_named("bridgeport"), replace(plain, preview=30))
+    with pytest.raises(ValueError, match="no weight 'alpha'; known are gain"):
+        design_for(machine_named("bridgeport"), replace(plain, alpha=3.0))
+
+
+def test_a_class_is_made_for_the_model_and_preview_and_says_what_it_tunes(files):
+    found = design(files, "Looking", preview=4)
+    assert found.preview == found.build(found.start).preview == 4
+    assert found.units() == {"gain": "A/m"} and found.weight_lines(found.start) == [
+        "gain  2000 A/m"
+    ]
+    with pytest.raises(ValueError, match="gain: tuning needs a start between 1 and 5000"):
+        design(files, "Looking", weights=("gain=6000",)).check_start()
+    with pytest.raises(ValueError, match="no weight 'gains'; known are gain"):
+        design(files, "Misnamed")
+
+
+def test_a_design_of_a_file_goes_the_way_of_those_of_the_catalogue(files):
+    found = design(files, "Slow", "flexible-axis")
+    assert found.start["position"] == 3.0 and found.line == "A position loop that begins slowly"
 
 
 def test_without_float_fields_nothing_is_tuned(files):
@@ -228,7 +269,7 @@ FAULTS = {  # controller -> what is told
     "mine.py:number": "or a class or function that makes one, received int",
     "mine.py:eqx.Module": "received another class",
     "mine.py:wrong": "needs to make a Controller, made a str",
-    "mine.py:Needy": "cannot be made without arguments (TypeError",
+    "mine.py:Needy": "cannot be made (TypeError",
     "mine.py:Broken": f"mine.py:{line_of('1 / 0', CONTROLLERS)}: Broken: fails on bridge",
     "mine.py:OneNumber": "OneNumber: step: the control needs shape (2,), received (1,)",
     "mine.py:Deciding": f"py:{line_of('if plan[0]', CONTROLLERS)}: Deciding: fails on bridgeport: "
@@ -252,8 +293,8 @@ PLANT_FAULTS = {
     "plants.py:single": "needs two or three outputs",
     "plants.py:coupled": "from jcontour.linear.plant import SteadyMotion\n",
     "plants.py:unreached": "out of reach of the inputs",
-    "plants.py:jnp.zeros": "cannot be made without arguments",
-    "plants.py:Plant": "cannot be made without arguments",
+    "plants.py:jnp.zeros": "cannot be made",
+    "plants.py:Plant": "cannot be made",
     "plants.py:Sliding": "Sliding needs one of your own, --controller FILE.py:NAME",
     "plants.py": "a class of yours as FILE.py:NAME",
     "mine.py:PD": "needs a Plant",
@@ -313,11 +354,11 @@ def test_simulate_with_controller_and_plant_of_files(capsys, files, tmp_path):
 
 def test_a_resumed_run_reads_its_own_copies(files, tmp_path):
     mine, plants, run = files / "mine.py", files / "plants.py", tmp_path / "run"
-    flags = Tune(plant=f"{plants}:Sliding", controller=f"{mine}:PD.for_model", out=run)
+    flags = Tune(plant=f"{plants}:Sliding", controller=f"{mine}:PD.by_model", out=run)
     created(flags, "tune")
     _, again = resumed(Tune(resume=run), "tune")
     assert again.plant == f"{run}/inputs/0/plants.py:Sliding"
-    assert again.controller == f"{run}/inputs/1/mine.py:PD.for_model"
+    assert again.controller == f"{run}/inputs/1/mine.py:PD.by_model"
     assert (run / "inputs/1/mine.py").read_bytes() == mine.read_bytes()
 
 

@@ -9,24 +9,21 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import design_for
-from jcontour.app.catalogue.controllers import CONTROLLERS
-from jcontour.app.catalogue.machines import FLEXIBLE_AXIS
-from jcontour.app.designs.design import with_values
-from jcontour.app.designs.flexible_axis import cascade, loops, quadratic, state_weights
+from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
+from jcontour.app.designs.flexible_axis import AxisCascade, AxisLQ
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Pace
 from jcontour.app.jobs.motions import task_a
 from jcontour.app.machines.flexible_axis import biaxial_machine, thesis_machine
 from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.app.machines.machine import MachineLimits
-from jcontour.controllers.feedback.state_feedback import moving_target
 from jcontour.geometry.contours import line
 from jcontour.motion.point_to_point import thesis_task_a
 from jcontour.motion.references import along, from_samples
 from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.simulation.closed_loop import simulate
 
-ON_AXES = [name for name, entry in CONTROLLERS.items() if entry.suits is FLEXIBLE_AXIS]
+ON_AXES = [name for name in CONTROLLERS if design_class(name).needs == AxisCascade.needs]
 
 
 @pytest.fixture(scope="module")
@@ -76,8 +73,8 @@ def test_gains_start_where_the_tuner_may_go_and_have_units(machine):
 @pytest.mark.slow
 def test_the_velocity_loop_of_a_lighter_axis_is_as_fast(machine):
     pair = biaxial_machine()
-    start = loops(pair)["velocity"].start
-    p, thesis = pair.parameters, loops(machine)["velocity"].start
+    start = AxisCascade("", pair, Simulate()).start["velocity"]
+    p, thesis = pair.parameters, AxisCascade("", machine, Simulate()).start["velocity"]
     speed = start * p.force_constant / (p.motor_mass + p.tool_mass)
     np.testing.assert_allclose(speed, thesis * 79.33 / 40.0, rtol=1e-12)
     assert float(thesis) == pytest.approx(55.67)
@@ -86,26 +83,20 @@ def test_the_velocity_loop_of_a_lighter_axis_is_as_fast(machine):
 @pytest.mark.slow
 def test_axes_side_by_side_have_the_gains_of_each_alone(machine):
     pair = biaxial_machine()
-    weights = {name: gain.start for name, gain in state_weights(machine).items()}
-    both = quadratic(moving_target)(pair, weights).gain
-    alone = quadratic(moving_target)(machine, weights).gain
+    side_by_side, single = (AxisLQ("", one, Simulate()) for one in (pair, machine))
+    both, alone = (one.regulator(single.start).gain for one in (side_by_side, single))
     np.testing.assert_allclose(both[0, ::2], alone[0], rtol=1e-9)
     np.testing.assert_array_equal(both[0, 1::2], 0.0)
 
 
 @pytest.mark.slow
 def test_the_drive_limits_the_current(machine):
-    limited = design_for(machine, Simulate(controller="cascade")).build(
-        with_values(loops_start(machine), {})
-    )
-    assert np.isinf(limited.limit)
+    unlimited = AxisCascade("", machine, Simulate())
+    assert np.isinf(unlimited.cascade(unlimited.start).limit)
     free = biaxial_machine()
     axis = replace(free, limits=free.limits._replace(control=np.array([3.0, 2.0])))
-    np.testing.assert_array_equal(cascade(axis, loops_start(axis)).limit, [3.0, 2.0])
-
-
-def loops_start(machine):
-    return {name: gain.start for name, gain in loops(machine).items()}
+    limited = AxisCascade("", axis, Simulate())
+    np.testing.assert_array_equal(limited.cascade(limited.start).limit, [3.0, 2.0])
 
 
 def test_what_is_kept_of_a_design(machine, tmp_path):

@@ -7,7 +7,6 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.app.catalogue.plants import PLANTS
 from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle
@@ -16,6 +15,7 @@ from jcontour.host.loop import Stopped, loop, reported_loop
 from jcontour.motion.references import along
 from jcontour.qp.problem import QP, Unsolved
 from jcontour.simulation.closed_loop import prepared, simulate
+from tests.plants import PLANTS
 
 PREVIEW, DT = 3, 0.5e-3
 WEIGHTS = LQWeights(3.0, 5.0, 2e-9)

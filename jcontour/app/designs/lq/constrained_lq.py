@@ -3,17 +3,15 @@
 It is tuned like the controller without limits, and begins where that one begins.
 """
 
-from dataclasses import fields, replace
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
-from jcontour.app.designs.lq.first_loop import first_loop
+from jcontour.app.designs.design import Needs
 from jcontour.app.designs.lq.loop_weights import LoopWeights
-from jcontour.app.designs.lq.receding_horizon import TERMINALS, LQDesign, contouring_lq
+from jcontour.app.designs.lq.receding_horizon import TERMINALS, LQDesign
 from jcontour.app.files import run_folder
-from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import MachineLimits
@@ -21,7 +19,7 @@ from jcontour.controller import Controller
 from jcontour.controllers.observers.kalman import OffsetFreeTold
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
-from tuning.parameters import Positive
+from tuning.parameters import Positive, Weight
 
 UNKNOWN = 0.03  # of speed and acceleration
 
@@ -37,25 +35,30 @@ class CostWeight(Positive):
 
 
 class ConstrainedLQDesign(LQDesign):
-    """Contouring LQ under limits at every sample, behind an observer of state and load.
+    """Contouring LQ that keeps to the machine's limits: a quadratic program at every sample.
 
-    Those on speed and acceleration are divided by the family's largest gain, and kept 3 % below.
+    Limits on speed and acceleration are divided by the family's largest gain, and kept 3 % below.
+    It is behind an observer of state and load.
     """
 
-    keeps_limits: ClassVar[bool] = True
+    needs = Needs(
+        "a machine given by A, B, C that states limits",
+        LinearMachine,
+        lambda machine: any(limit is not None for limit in machine.limits),
+    )
+    weights = (
+        *LQDesign.weights,
+        Weight("alpha", "m-2", CostWeight(), cost=True),
+        Weight("beta", "m-2", CostWeight(), cost=True),
+    )
+    keeps_limits = True
+    law = "receding-horizon LQ contouring under limits"
 
     def build(self, weights: LoopWeights) -> Controller:
-        """Controller behind its observer."""
         model, terminal = self.model, TERMINALS[self.terminal]
         limits = Limits.within(**_kept_by_all(self.machine)._asdict())
         inner = ConstrainedLQ(model, weights.cost, self.preview, limits, terminal)
         return OffsetFreeTold(inner, model, self.gain(weights), model.C)
-
-    def begun(self) -> "ConstrainedLQDesign":
-        """The same with the weights of the first loop without limits."""
-        free = super().build
-        found = first_loop(self.machine, free, self.start, self.preview, self.fed)
-        return replace(self, start=found._replace(**self.given), at_first_loop=True)
 
     @property
     def files(self) -> dict[str, str]:
@@ -80,17 +83,3 @@ def _kept_by_all(machine: LinearMachine) -> MachineLimits:
         None if limit is None else limit / most for limit in (limits.speed, limits.acceleration)
     )
     return limits._replace(speed=speed, acceleration=acceleration)
-
-
-def constrained_lq(
-    name: str, line: str, machine: LinearMachine, flags: Controlled
-) -> ConstrainedLQDesign:
-    """The design; the flags choose its terminal.
-
-    Raises:
-        ValueError: as the design without limits.
-    """
-    free = contouring_lq()(name, line, machine, flags)
-    found = ConstrainedLQDesign(**{one.name: getattr(free, one.name) for one in fields(free)})
-    space = found.space._replace(alpha=CostWeight(), beta=CostWeight())
-    return replace(found, line="receding-horizon LQ contouring under limits", space=space)

@@ -18,8 +18,8 @@ series of w the fastest is taken whose peak sensitivity stays below 2, on straig
 an axis and across all of them, for the whole family.
 """
 
-from collections.abc import Callable
-from typing import ClassVar
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -60,18 +60,34 @@ def first_loop(
     preview: int,
     fed: Fed,
 ) -> LoopWeights:
-    """Weights of the fastest loop of the series that keeps the margin; rho and stage of `start`.
-
-    Where none keeps it, those of the loop with the smallest peak: tuning begins by mending it.
-    """
+    """Weights of the fastest loop of the series that keeps the margin; rho and stage of `start`."""
     series = [_weights(machine, bandwidth, start) for bandwidth in BANDWIDTHS]
-    family = stack_plants(machine.smooth_family(fed))
+    return series[fastest(machine, series, build, preview, fed)]
+
+
+def fastest(
+    machine: LinearMachine,
+    series: Sequence[Any],
+    build: Callable[[Any], Controller],
+    preview: int = 1,
+    fed: Fed = "outputs",
+) -> int:
+    """Index of the first loop of a series that keeps the margin on the family.
+
+    Where none keeps it, that with the smallest peak: tuning begins by mending it.
+
+    Args:
+        machine: whose family it is.
+        series: weights from fast to slow.
+        build: makes the controller of such weights.
+        preview: samples that it looks ahead.
+        fed: what it is fed.
+    """
     stacked = jax.tree.map(lambda *values: jnp.stack([jnp.asarray(v) for v in values]), *series)
-    peaks = np.asarray(
-        sensitivity_peaks(build, stacked, family, straight_windows(machine, preview), machine.doubt)
-    )
+    family, windows = stack_plants(machine.smooth_family(fed)), straight_windows(machine, preview)
+    peaks = sensitivity_peaks(build, stacked, family, windows, machine.doubt)
     kept = np.flatnonzero(peaks <= SENSITIVITY)
-    return series[kept[0] if kept.size else int(np.argmin(peaks))]
+    return int(kept[0] if kept.size else np.argmin(peaks))
 
 
 class Drift(Positive):

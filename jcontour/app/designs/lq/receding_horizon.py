@@ -5,8 +5,7 @@ model predicts over the middle of the machine's unknown delay: a machine of 0 to
 at most one sample away from it. Gain schedule and observer are stored.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -17,7 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.app.designs.design import Design, by_name, changed
+from jcontour.app.designs.design import changed, given
+from jcontour.app.designs.feedforward import LinearDesign
 from jcontour.app.designs.lq.first_loop import Drift, first_loop
 from jcontour.app.designs.lq.loop_weights import LoopSpace, LoopWeights
 from jcontour.app.files import run_folder
@@ -25,7 +25,6 @@ from jcontour.app.files.netcdf import save_gains
 from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.linear import LinearMachine
-from jcontour.app.machines.machine import Fed
 from jcontour.controller import Controller
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import (
@@ -47,55 +46,85 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import member
-from tuning.parameters import Fixed, Positive
+from tuning.parameters import Fixed, Positive, Weight
 
 LEAST_BLOCK = 200  # samples: the fastest block measured; the paper's loops forget within them
 TERMINALS: dict[str, Terminal] = {"output": OutputTerminal(), "riccati": RiccatiTerminal()}
-# model, weights, preview -> controller that is fed the state
-MakeController = Callable[[LinearPlant, LQWeights, int], Controller]
 ObserverForm = Literal["offset-free", "filter", "predictor"]
 
 
-@dataclass(frozen=True)
-class LQDesign(Design):
-    """LQ controller behind an observer, unless it is fed the state.
+class LQDesign(LinearDesign):
+    """Receding-horizon LQ contouring, offset-free observer; --terminal chooses its end.
+
+    Its first weights are those of the machine's publication, or of its first loop; what the user
+    has set stays.
 
     Attributes:
-        machine: it needs the noise that its encoders make.
-        make: makes the controller that the observer feeds.
-        line: description of that controller.
-        terminal: its name.
+        law: description of the controller that the observer feeds.
         observer: form of the observer.
-        late: samples of the machine's unknown delay that the model predicts over.
-        given: weights that the user has set.
-        chosen_delay: the user has set the delay.
-        limitable: there is a constrained MPC of the same cost.
+        ends: name of the cost at the end of the horizon; None where the flags choose.
         at_first_loop: it starts at its first loop.
+
+    Raises:
+        ValueError: a weight, the delay or the preview is wrong.
     """
 
-    machine: LinearMachine
-    make: MakeController
-    line: str
-    terminal: str
-    observer: ObserverForm
-    late: int
-    given: Mapping[str, float]
-    chosen_delay: bool
-    limitable: bool = False
-    at_first_loop: bool = False
+    weights = (
+        Weight("alpha", "m-2", cost=True),
+        Weight("beta", "m-2", cost=True),
+        Weight("rho", "1/({control})^2", Fixed(), cost=True),
+        Weight("control_noise", "{control}"),
+        Weight("drift", "{control} per sample", Drift()),
+    )
+    reads = ("preview", "terminal", "model_delay")
+    limitable = True
+    lag = 5.0  # it sees the path ahead
+    groups: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+        {"observer": ("control_noise", "drift")}
+    )
+    Start, Space = LoopWeights, LoopSpace
+    law: ClassVar[str] = "receding-horizon LQ contouring"
+    observer: ClassVar[ObserverForm] = "offset-free"
+    ends: ClassVar[str | None] = None
+
+    def __init__(self, name: str, machine: LinearMachine, flags: Controlled):
+        if flags.preview < 1:
+            raise ValueError(f"preview: needs at least one sample, received {flags.preview}")
+        super().__init__(name, machine, flags)
+        self.at_first_loop = False
+        if machine.published is None:
+            self.start, self.at_first_loop = self._first_loop(), True
+
+    def starts(self) -> dict[str, float]:
+        machine = self.machine
+        found = {"alpha": 1.0, "beta": 10.0, "rho": 1 / machine.largest_control**2}
+        if self.fed == "outputs":
+            found["control_noise"] = machine.control_noise
+            if self.observer == "offset-free":
+                found["drift"] = 1.0
+        published = machine.published or {}
+        return {name: published.get(name, start) for name, start in found.items()}
+
+    def first_preview(self, first: LoopWeights) -> int:
+        return self.flags.preview
+
+    @property
+    def terminal(self) -> str:
+        """That of the class, or the one that is asked for."""
+        return self.ends or self.flags.terminal
 
     @cached_property
     def model(self) -> LinearPlant:
-        """Model of the machine with its known delay and `late` samples more.
+        """Model of the machine with its known delay and `late` samples more."""
+        return self._delayed(self.late)
 
-        Never traced: its zeros say which states belong to which axis.
-        """
-        with jax.ensure_compile_time_eval():
-            return with_input_delay(self.machine.model, self.late)
+    def law_of(self, weights: LQWeights) -> Controller:
+        """The controller, fed the state of the model."""
+        return ContouringLQ(self.model, weights, self.preview, TERMINALS[self.terminal])
 
     def build(self, weights: LoopWeights) -> Controller:
         """Controller behind its observer."""
-        inner = self.make(self.model, weights.cost, self.preview)
+        inner = self.law_of(weights.cost)
         if self.fed == "state":
             return inner
         model, gain = self.model, self.gain(weights)
@@ -109,6 +138,36 @@ class LQDesign(Design):
             controller=inner, model=model, gain=gain, measured=model.C, limit=jnp.asarray(bound)
         )
 
+    def _delayed(self, late: int) -> LinearPlant:
+        """Never traced: its zeros say which states belong to which axis."""
+        with jax.ensure_compile_time_eval():
+            return with_input_delay(self.machine.model, late)
+
+    @cached_property
+    def late(self) -> int:
+        """Samples of the unknown delay that the model predicts over.
+
+        Raises:
+            ValueError: the flag is negative, or more than the machine may have.
+        """
+        if self.fed == "state":
+            if self.flags.model_delay:
+                raise ValueError(
+                    "model-delay: fed the state, a controller has no delay in its model"
+                )
+            return 0
+        usual = 0 if self.machine.published else self.machine.middle_delay
+        return self.model_delay(self.machine.delay, usual)
+
+    def _first_loop(self) -> LoopWeights:
+        """Weights of the first loop without limits, but for those that the user has set."""
+
+        def build(weights: LoopWeights) -> Controller:
+            return LQDesign.build(self, weights)
+
+        found = first_loop(self.machine, build, self.start, self.preview, self.fed)
+        return changed(found, given(self.flags))
+
     def gain(self, weights: LoopWeights) -> Float[Array, "both q"]:
         """Gain of the observer; the encoders' rounding is its measurement noise."""
         model, rounding = self.model, self.machine.measurement_noise
@@ -116,11 +175,6 @@ class LQDesign(Design):
             noises = weights.control_noise, weights.drift
             return offset_free_gain(model, model.C, *noises, rounding)
         return kalman_gain(model, weights.control_noise, rounding)
-
-    lag: ClassVar[float] = 5.0  # it sees the path ahead
-    groups: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-        {"observer": ("control_noise", "drift")}
-    )
 
     def constrained(self, weights, limits, solver):
         """The MPC of the same cost; None for preview LQ and for the predictor form."""
@@ -145,7 +199,7 @@ class LQDesign(Design):
         if "stage" not in names:
             return super().freed(names)
         start = self.start._replace(stage=jnp.ones(self.preview))
-        profiled = replace(self, start=start, space=self.space._replace(stage=Positive()))
+        profiled = self.replaced(start=start, space=self.space._replace(stage=Positive()))
         return super(LQDesign, profiled).freed(names)
 
     def tunable(self) -> "LQDesign":
@@ -155,27 +209,11 @@ class LQDesign(Design):
         """
         if self.fed == "state":
             return self
-        late = self.late if self.chosen_delay else self.machine.middle_delay
+        late = self.late if self.flags.model_delay is not None else self.machine.middle_delay
         if self.at_first_loop and late == self.late:
             return self
-        return replace(self, late=late).begun()
-
-    def begun(self) -> "LQDesign":
-        """The same with the weights of its first loop, but for those that the user has set."""
-        found = first_loop(self.machine, self.build, self.start, self.preview, self.fed)
-        return replace(self, start=found._replace(**self.given), at_first_loop=True)
-
-    @property
-    def costs(self) -> frozenset[str]:
-        """Those of errors and of the control."""
-        return frozenset({"alpha", "beta", "rho"})
-
-    def units(self) -> dict[str, str]:
-        """Those of the weights that are one number."""
-        unit = self.machine.control_unit
-        noises = {"control_noise": unit, "drift": f"{unit} per sample"}
-        found = {"alpha": "m-2", "beta": "m-2", "rho": f"1/({unit})^2", **noises}
-        return {name: found[name] for name in found if getattr(self.start, name) is not None}
+        there = self.replaced(late=late, model=self._delayed(late), at_first_loop=True)
+        return there.replaced(start=there._first_loop())
 
     def settings(self) -> dict[str, Any]:
         """Preview, terminal, delay of the model."""
@@ -186,7 +224,7 @@ class LQDesign(Design):
         free = ", ".join("stage profile" if name == "stage" else name for name in self.free())
         start = ", ".join(f"{name} {float(getattr(self.start, name)):g}" for name in self.units())
         return {
-            "Controller": f"{self.line}, preview {self.preview}, {self.terminal} terminal",
+            "Controller": f"{self.law}, preview {self.preview}, {self.terminal} terminal",
             "Model": f"predicts over a delay of {self._delay()}",
             "Free": f"{free}; start {start}",
         }
@@ -265,131 +303,67 @@ EQUATIONS: dict[ObserverForm, str] = {
 }
 
 
-def contouring_lq(
-    terminal: str | None = None, fed: Fed = "outputs", observer: ObserverForm = "offset-free"
-) -> Callable[[str, str, LinearMachine, Controlled], LQDesign]:
-    """Maker of a contouring LQ design; the flags choose the terminal when none is given here."""
+class RiccatiLQ(LQDesign):
+    """The same with the Riccati terminal."""
 
-    def design(name: str, line: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
-        chosen = terminal or flags.terminal
-
-        def make(model: LinearPlant, weights: LQWeights, preview: int) -> Controller:
-            return ContouringLQ(model, weights, preview, TERMINALS[chosen])
-
-        line = "receding-horizon LQ contouring"
-        found = _design(name, machine, flags, make, line, chosen, fed, observer)
-        return replace(found, limitable=observer != "predictor")
-
-    return design
+    reads = ("preview", "model_delay")
+    ends = "riccati"
 
 
-def blockwise_lq() -> Callable[[str, str, LinearMachine, Controlled], LQDesign]:
-    """Maker of an LQ contouring design whose horizon moves on in blocks: a long preview."""
+class KalmanLQ(LQDesign):
+    """The same with a Kalman filter that finds no load."""
 
-    def make(model: LinearPlant, weights: LQWeights, preview: int) -> Controller:
-        return BlockwiseLQ(model, weights, preview)
-
-    def design(name: str, line: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
-        flags = replace(flags, preview=max(flags.preview, LEAST_BLOCK))
-        line = "LQ contouring, its horizon in blocks"
-        return _design(name, machine, flags, make, line, "output", "outputs", "offset-free")
-
-    return design
+    observer = "filter"
 
 
-def preview_lq(
-    fed: Fed = "outputs",
-) -> Callable[[str, str, LinearMachine, Controlled], LQDesign]:
-    """Maker of a preview LQ design: there is no contour weight."""
+class PredictorLQ(LQDesign):
+    """The same with the predictor form of the observer."""
 
-    def make(model: LinearPlant, weights: LQWeights, preview: int) -> Controller:
-        return PreviewLQ(model, weights.alpha, weights.rho, preview)
-
-    def design(name: str, line: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
-        line = "finite-preview LQ tracking"
-        found = _design(name, machine, flags, make, line, "riccati", fed, "offset-free")
-        return replace(found, space=found.space._replace(beta=Fixed()))
-
-    return design
+    observer = "predictor"
+    limitable = False
 
 
-def _design(
-    name: str,
-    machine: LinearMachine,
-    flags: Controlled,
-    make: MakeController,
-    line: str,
-    terminal: str,
-    fed: Fed,
-    observer: ObserverForm,
-) -> LQDesign:
-    """The design with the weights of the flags, of the machine's publication or of its first loop.
+class StateLQ(LQDesign):
+    """The same fed the true state."""
 
-    Raises:
-        ValueError: a weight, the delay or the preview is wrong.
-    """
-    if flags.preview < 1:
-        raise ValueError(f"preview: needs at least one sample, received {flags.preview}")
-    start = LoopWeights(1.0, 10.0, 1 / machine.largest_control**2)
-    space = LoopSpace()
-    if fed == "outputs":
-        start = start._replace(control_noise=machine.control_noise)
-        space = space._replace(control_noise=Positive())
-        if observer == "offset-free":
-            start, space = start._replace(drift=1.0), space._replace(drift=Drift())
-    given = _given(flags, start)
-    late = _model_delay(machine, flags, fed)
-    chosen = flags.model_delay is not None
-    found = LQDesign(
-        name,
-        machine,
-        start._replace(**given),
-        space,
-        flags.preview,
-        fed,
-        make,
-        line,
-        terminal,
-        observer,
-        late,
-        given,
-        chosen,
-    )
-    if machine.published is None:
-        return found.begun()
-    return replace(found, start=start._replace(**{**_known(machine.published, start), **given}))
+    fed = "state"
 
 
-def _given(flags: Controlled, start: LoopWeights) -> dict[str, float]:
-    """Weights that the flags set.
+class RiccatiStateLQ(RiccatiLQ):
+    """Receding-horizon LQ contouring with the Riccati terminal, fed the true state."""
 
-    Raises:
-        ValueError: as `changed`.
-    """
-    named = {name: getattr(flags, name) for name in ("alpha", "beta", "rho")}
-    given = {name: value for name, value in named.items() if value is not None}
-    after = by_name(changed(start, flags.weights))
-    return given | {one.partition("=")[0]: after[one.partition("=")[0]] for one in flags.weights}
+    fed = "state"
 
 
-def _known(published: Mapping[str, float], start: LoopWeights) -> dict[str, float]:
-    """Published weights that this loop has."""
-    return {name: x for name, x in published.items() if getattr(start, name) is not None}
+class BlocksLQ(LQDesign):
+    """LQ contouring that sees 200 samples or more; its horizon moves on in blocks."""
+
+    reads = ("preview", "model_delay")
+    law = "LQ contouring, its horizon in blocks"
+    ends = "output"
+    limitable = False
+
+    def first_preview(self, first: LoopWeights) -> int:
+        return max(self.flags.preview, LEAST_BLOCK)
+
+    def law_of(self, weights: LQWeights) -> Controller:
+        return BlockwiseLQ(self.model, weights, self.preview)
 
 
-def _model_delay(machine: LinearMachine, flags: Controlled, fed: Fed) -> int:
-    """Samples of the unknown delay that the model predicts over.
+class PreviewLQDesign(LQDesign):
+    """Finite-preview LQ tracking (Tomizuka & Whitney), offset-free observer; beta unused."""
 
-    Raises:
-        ValueError: the flag is negative, or more than the machine may have.
-    """
-    if flags.model_delay is None:
-        return 0 if fed == "state" or machine.published else machine.middle_delay
-    if fed == "state" and flags.model_delay:
-        raise ValueError("model-delay: fed the state, a controller has no delay in its model")
-    if not 0 <= flags.model_delay <= machine.delay:
-        raise ValueError(
-            f"model-delay: {machine.name} may be 0 to {machine.delay} samples late beyond what is "
-            f"known, received {flags.model_delay}"
-        )
-    return flags.model_delay
+    weights = (*LQDesign.weights, Weight("beta", "m-2", Fixed(), cost=True))
+    reads = ("preview", "model_delay")
+    law = "finite-preview LQ tracking"
+    ends = "riccati"
+    limitable = False
+
+    def law_of(self, weights: LQWeights) -> Controller:
+        return PreviewLQ(self.model, weights.alpha, weights.rho, self.preview)
+
+
+class PreviewStateLQ(PreviewLQDesign):
+    """Finite-preview LQ tracking, fed the true state."""
+
+    fed = "state"

@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, job_named, machine_named
-from jcontour.app.catalogue.own_classes import own_name
 from jcontour.app.designs.design import Design, by_name, with_values
 from jcontour.app.designs.predictive.sweep_designs import PREDICTIVE
 from jcontour.app.flags.tuning import Sweep
@@ -183,8 +182,7 @@ def _check(asked: Swept) -> None:
 
 def _design(flags: Sweep, machine: Machine, preview: int) -> Design:
     """The controller with a preview; without a word where it has none: nobody gave it one."""
-    if flags.controller is None or own_name(flags.controller) is None:  # another has its own
-        flags = replace(flags, preview=preview)
+    flags = replace(flags, preview=preview)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnreadFlagWarning)
         return design_for(machine, flags).tunable()

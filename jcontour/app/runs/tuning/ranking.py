@@ -20,11 +20,10 @@ from jcontour.app.catalogue.choices import (
     controllers_for,
     design_for,
     job_named,
+    learns,
     machine_named,
-    read_by,
 )
-from jcontour.app.catalogue.controllers import CONTROLLERS
-from jcontour.app.designs.design import Design, plain_weights
+from jcontour.app.designs.design import Design, given, plain_weights
 from jcontour.app.files import run_folder
 from jcontour.app.files.checkpoints import load_state, save_state
 from jcontour.app.files.results.search_results import Candidate, Ranked, RankedResult
@@ -75,7 +74,7 @@ class Ranking:
         """Names that are left out, as no margin is known of what they learn."""
         if self.flags.controllers:
             return []
-        return [name for name in controllers_for(self.machine) if CONTROLLERS[name].learns]
+        return [name for name in controllers_for(self.machine) if learns(name)]
 
     def run_of(self, candidate: Candidate) -> TuningRun:
         """Tuning run of one controller.
@@ -91,8 +90,7 @@ class Ranking:
     def flags_of(self, candidate: Candidate) -> Tune:
         """Flags of the tuning run of one controller."""
         shared: dict[str, Any] = {one.name: getattr(self.flags, one.name) for one in fields(Aimed)}
-        flags = Tune(**{**shared, **vars(candidate), "parts": self.flags.parts})
-        return read_by(candidate.controller, flags)
+        return Tune(**{**shared, **vars(candidate), "parts": self.flags.parts})
 
 
 def ranking_of(flags: Rank) -> Ranking:
@@ -103,7 +101,7 @@ def ranking_of(flags: Rank) -> Ranking:
     """
     if flags.controller is not None:
         raise ValueError("controller: a ranking takes several; name them with --controllers")
-    if flags.weights:
+    if given(flags):
         raise ValueError("weights: every controller of a ranking begins at its own; leave it out")
     if flags.evaluations < 1:
         raise ValueError(f"evaluations: needs at least 1, received {flags.evaluations}")
@@ -135,9 +133,9 @@ def _with_one(ranking: Ranking) -> Ranking:
 def _candidates(flags: Rank, machine: Machine) -> tuple[list[Candidate], dict[Candidate, Design]]:
     """Every controller, with every choice of numbers that it reads, and designs made on the way."""
     found, designs = [], {}
-    suiting = [name for name in controllers_for(machine) if not CONTROLLERS[name].learns]
+    suiting = [name for name in controllers_for(machine) if not learns(name)]
     for name in flags.controllers or suiting:
-        asked = read_by(name, replace(flags, controller=name))
+        asked = replace(flags, controller=name)
         try:
             with warnings.catch_warnings():  # the flags are for those that read them
                 warnings.simplefilter("ignore", UnreadFlagWarning)

@@ -70,9 +70,8 @@ def simple_loops(run: TuningRun) -> list[SimpleLoop]:
         return []
     with warnings.catch_warnings():  # the flags are for those that read them
         warnings.simplefilter("ignore", UnreadFlagWarning)
-        designs = {
-            name: design_for(machine, replace(flags, controller=name, weights=())) for name in names
-        }
+        own = replace(flags, weights=(), alpha=None, beta=None, rho=None)
+        designs = {name: design_for(machine, replace(own, controller=name)) for name in names}
     return [_at_start(of_design(run, one)) for one in worth_trying(designs)]
 
 
@@ -130,7 +129,7 @@ def _at_start(run: TuningRun) -> SimpleLoop:
             break
         design = loop.run.design
         slower = {**design.start, "position": design.start["position"] / 2}
-        loop = _evaluated(replace(loop.run, design=replace(design, start=slower)))
+        loop = _evaluated(replace(loop.run, design=design.replaced(start=slower)))
     return loop if loop.kept else first
 
 

@@ -133,7 +133,7 @@ def test_noise_of_a_gantry_is_on_its_motors_positions_alone(gantry):
 
 def test_a_machine_without_linear_models_is_refused(learned_axis):
     own = machine_of(SmoothFlexibleAxis(thesis_axis(), DT), "mine")
-    design = replace(design_for(thesis_machine(), Simulate()), machine=own)
+    design = design_for(thesis_machine(), Simulate()).replaced(machine=own)
     job = job_named("task-a", Pace(thesis_machine(), None, None))
     with pytest.raises(ValueError, match="flexible axes or a gantry, mine is none of them"):
         setting(design, job)

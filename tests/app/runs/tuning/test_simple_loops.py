@@ -24,6 +24,9 @@ class Namespaced:
     design: object = None
     start: dict | None = None
 
+    def replaced(self, **attributes):
+        return dataclasses.replace(self, **attributes)
+
 
 def loop(name, error, violation=-0.1):
     run = SimpleNamespace(design=SimpleNamespace(name=name))
