@@ -236,9 +236,8 @@ def test_the_front_door_is_only_for_users():
 
 def test_doors_open():
     """Each name of a door is there; the guide and the examples go through doors alone."""
-    doors = [ROOT / "jcontour", *(path.parent for path in ROOT.glob("jcontour/*/__init__.pyi"))]
-    for folder in doors:
-        door = import_module(".".join(folder.relative_to(ROOT).parts))
+    for stub in [*ROOT.glob("jcontour/**/__init__.pyi"), ROOT / "tuning/__init__.pyi"]:
+        door = import_module(".".join(stub.parent.relative_to(ROOT).parts))
         for name in door.__all__:
             assert getattr(door, name) is not None
     pages = [*ROOT.glob("*.md"), *ROOT.glob("experiments/docs/**/*.md")]

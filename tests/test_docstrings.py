@@ -22,7 +22,7 @@ LONG = (  # a second or more each, most of it compiling
     "jcontour.plants.three_link",
     "jcontour.simulation.evaluation",
     "tuning.descents.quadratic_step",
-    "tuning.tune",
+    "tuning.tuner",
 )
 FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 

@@ -21,7 +21,7 @@ from tuning.objectives import COUNT_NOISE, LATE, LOOP_LIMITS, AtMost, Limits, no
 from tuning.parameters import Chart, Weights
 from tuning.point import looked_at
 from tuning.problem import Problem
-from tuning.tune import Tuned
+from tuning.tuner import Tuned
 
 MANY = 64  # probes of each contour after a search: they cost as much as one more of its points
 WORSE = np.log(1.01)  # a limit that is exceeded by less between the probes counts as kept

@@ -21,7 +21,7 @@ from tuning.objectives import Limits
 from tuning.outcome import Outcome
 from tuning.parameters import Chart, Weights
 from tuning.problem import Problem
-from tuning.tune import TuneState, advance
+from tuning.tuner import TuneState, advance
 
 
 class FrontPoint(NamedTuple):

@@ -6,7 +6,7 @@ from jcontour import contours, feed_laws, references, simulate
 from jcontour.controllers import ContouringLQ, LQWeights
 from jcontour.mpc import Limits, TrackingMPC, TrackingWeights
 from jcontour.plants import bridgeport
-from tuning.verify import verify
+from tuning import verify
 
 model = bridgeport()
 square = contours.polygon([[0.0, 0.0], [1e-3, 0.0], [1e-3, 1e-3], [0.0, 1e-3]])  # [m]

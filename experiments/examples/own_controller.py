@@ -7,11 +7,7 @@ import jax.numpy as jnp
 from jcontour import contours, feed_laws, references, stack_plants, stack_references
 from jcontour.controller import Controller
 from jcontour.plants import Encoders, bridgeport
-from tuning.effort import Effort
-from tuning.objectives import AtMost, worst_contour_error
-from tuning.parameters import Positive
-from tuning.problem import Problem
-from tuning.tune import tune
+from tuning import AtMost, Effort, Positive, Problem, tune, worst_contour_error
 
 
 class Proportional(Controller):

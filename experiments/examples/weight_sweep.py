@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jcontour import contours, feed_laws, references, stack_plants, stack_references
 from jcontour.controllers import ContouringLQ, LQWeights
 from jcontour.plants import bridgeport
-from tuning.sweep import grid, sweep
+from tuning import grid, sweep
 
 model = bridgeport()
 circle = contours.circle(1e-3)  # [m]

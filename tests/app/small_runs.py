@@ -23,7 +23,7 @@ from jcontour.motion.references import Reference
 from jcontour.simulation.metrics import Metrics
 from tests import canonical
 from tuning.outcome import Outcome
-from tuning.tune import Tuned
+from tuning.tuner import Tuned
 
 LINE = line([0.0, 0.0], [1e-2, 0.0])
 NO_LIMITS = MachineLimits()

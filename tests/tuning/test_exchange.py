@@ -12,7 +12,7 @@ from tuning.exchange import STABLE, exchanged
 from tuning.loops import ProbedLoops
 from tuning.objectives import AtMost, no_limits
 from tuning.parameters import Interval
-from tuning.tune import tune
+from tuning.tuner import tune
 
 FEW, MANY = 4, 64
 SAMPLES = (30, 31)  # between the probes that a search begins with

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from jcontour.simulation.evaluation import all_at_once, evaluate
-from tuning.sweep import design, grid, random_sample, sweep
+from tuning.sweeps import design, grid, random_sample, sweep
 
 
 def test_sweep_is_a_loop_over_designs(proportional_problem):

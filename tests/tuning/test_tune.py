@@ -30,7 +30,7 @@ from tuning.outcome import Outcome
 from tuning.parameters import Chart, LQSpace, Positive
 from tuning.point import evaluate_point
 from tuning.problem import Problem
-from tuning.tune import FEASIBLE, IN_ONE_STEP, TuneState, _scattered_point, advance, result, tune
+from tuning.tuner import FEASIBLE, IN_ONE_STEP, TuneState, _scattered_point, advance, result, tune
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "mcnab" / "tuning.json").read_text())
 START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
@@ -284,7 +284,7 @@ def test_many_scattered_points_are_evaluated_without_slopes(
         asked.append(z)
         return evaluate_point(problem, start, z)
 
-    monkeypatch.setattr("tuning.tune.evaluate_point", evaluate)
+    monkeypatch.setattr("tuning.tuner.evaluate_point", evaluate)
     history = tune(limited, START, replace(THOROUGH, starts=2, scatter=scatter, steps=1)).history
     first = next(k for k, row in enumerate(history) if row.start < 0)
     scattered = history[first : first + scatter]

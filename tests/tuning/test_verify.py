@@ -12,7 +12,7 @@ from jcontour.host.observed import ObservedHost
 from jcontour.motion.references import along
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
-from tuning.verify import reached, verify
+from tuning.verification import reached, verify
 
 PREVIEW, DT = 4, 0.5e-3
 WEIGHTS = LQWeights(3.0, 5.0, 2e-9)

@@ -29,7 +29,7 @@ from tuning.history import FEASIBLE, Evaluated
 from tuning.parameters import Chart, Weights
 from tuning.point import evaluate_point, evaluate_values
 from tuning.problem import Problem
-from tuning.tune import TuneState, advance
+from tuning.tuner import TuneState, advance
 
 OURS = "jcontour"
 WITH_SLOPES = 3  # evaluations that one with slopes counts as

@@ -33,7 +33,7 @@ from experiments.papers.contouring_schemes.runs import (
 )
 from experiments.papers.contouring_schemes.tables import show
 from experiments.papers.verdicts import undecided
-from tuning.tune import Evaluated, Tuned
+from tuning.tuner import Evaluated, Tuned
 
 __all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
 

@@ -29,7 +29,7 @@ from tuning.effort import THOROUGH
 from tuning.objectives import AtMost, mean_contour_error
 from tuning.parameters import Fixed, Interval, Parameter, Positive
 from tuning.problem import Problem
-from tuning.tune import Evaluated, Tuned, TuneState, advance, result
+from tuning.tuner import Evaluated, Tuned, TuneState, advance, result
 
 ARRIVED = 50e-6  # [m] from the end: there the contour counts as done
 # limits of RMS current and of RMS increments, times what the thesis's gains with feedforward need

@@ -27,7 +27,7 @@ from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis
 from jcontour.simulation.closed_loop import Rollout, simulate
 from jcontour.simulation.evaluation import stack_references
-from tuning.tune import tune
+from tuning.tuner import tune
 
 JOBS = {"A": "task-a", "B": "task-b"}  # in the catalogue
 BASELINE = "cascade"  # the thesis's P-PI with its gains

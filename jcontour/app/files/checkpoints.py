@@ -19,7 +19,7 @@ from tuning.descents.descent import begin
 from tuning.descents.quadratic_step import Model
 from tuning.history import Evaluated
 from tuning.outcome import LoopPeaks, Outcome
-from tuning.tune import TuneState
+from tuning.tuner import TuneState
 
 STATE = "state.npz"
 # stored leaf by leaf; every other field of the state is one number or one array

@@ -16,7 +16,7 @@ from rich.progress import (
 
 from tuning.effort import Effort
 from tuning.history import FEASIBLE, rank, sound
-from tuning.tune import TuneState
+from tuning.tuner import TuneState
 
 COMPILING = "compiling"
 PACE = 0.85  # part of a descent that is left after a step: nobody knows how many it takes

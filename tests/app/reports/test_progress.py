@@ -11,7 +11,7 @@ from tests.app import small_runs
 from tuning.effort import QUICK
 from tuning.history import Evaluated
 from tuning.outcome import Outcome
-from tuning.tune import TuneState
+from tuning.tuner import TuneState
 
 
 def point(error, violation=-1.0, diverged=False, start=0):

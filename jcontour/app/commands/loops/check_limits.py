@@ -30,7 +30,7 @@ from jcontour.qp.solvers import Solver, solver_named
 from jcontour.simulation.evaluation import member
 from jcontour.simulation.metrics import Metrics
 from tuning.parameters import Weights
-from tuning.verify import Gap, verify
+from tuning.verification import Gap, verify
 
 FLAGS = {  # limit -> flag, factor to SI
     "control": ("max_control", 1.0),
@@ -61,7 +61,7 @@ HEADINGS = (
 
 @dataclass(frozen=True)
 class GapRow:
-    """One contour on one plant, see `tuning.verify.Gap`."""
+    """One contour on one plant, see `tuning.verification.Gap`."""
 
     contour: str
     plant: str

@@ -49,7 +49,7 @@ from jcontour.app.runs.tuning.simple_loops import (
     simple_words,
     simplest,
 )
-from tuning.tune import Tuned
+from tuning.tuner import Tuned
 
 SIMPLE = "simple-loop"  # folder of its search
 FIRST = 3  # of many contours, that are named before the tuning

@@ -24,7 +24,7 @@ from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.simulation.evaluation import stack_plants
 from tuning.objectives import COUNT_NOISE, LATE, RATIO, USE_LIMITS
 from tuning.problem import Problem
-from tuning.tune import Price, Tuned
+from tuning.tuner import Price, Tuned
 
 START, TUNED = "start", "tuned"  # loops of a contour's metrics
 OF_AXES = (

@@ -16,7 +16,7 @@ from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import named_numbers
 from jcontour.app.runs.tuning.limits import loop_limits, named_limits, noise_limit
-from tuning.sweep import grid, random_sample
+from tuning.sweeps import grid, random_sample
 
 Listed = dict[str, tuple[float, ...]]
 FACTORS, VARIED = (0.1, 0.3, 1.0, 3.0, 10.0), 2  # of the first weights, where none are named

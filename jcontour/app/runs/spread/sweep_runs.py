@@ -16,7 +16,7 @@ from jcontour.app.runs.spread.spreading import batching_of
 from jcontour.app.runs.spread.sweep_asked import Swept
 from jcontour.simulation.devices import Spread
 from jcontour.simulation.evaluation import Batching
-from tuning.sweep import sweep
+from tuning.sweeps import sweep
 
 CHUNKS = "parts"  # folder of the chunks inside a run folder
 DIMENSIONS = ("preview", "sample", "contour", "plant")

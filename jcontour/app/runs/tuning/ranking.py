@@ -43,7 +43,7 @@ from jcontour.app.runs.tuning.limits import loop_limits
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.app.runs.tuning.searching import with_regret
 from tuning.effort import QUICK
-from tuning.tune import Tuned, TuneState, advance, result
+from tuning.tuner import Tuned, TuneState, advance, result
 
 # as much as the evaluations allow: several descents, each to its end
 EFFORT = replace(QUICK, starts=3, scatter=8, steps=40, tolerance=1e-4, every_start=True)

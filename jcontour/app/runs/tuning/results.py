@@ -61,7 +61,7 @@ from jcontour.controller import Controller
 from jcontour.simulation.evaluation import member, stack_plants
 from tuning.objectives import LEAST
 from tuning.parameters import Chart
-from tuning.tune import Tuned
+from tuning.tuner import Tuned
 
 SAFE = BORNE * (1 + ROUNDING)  # of what a response that is not known may take of a loop
 SHOWN = 12  # contours: more are too many to look at

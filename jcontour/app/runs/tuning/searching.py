@@ -29,7 +29,7 @@ from tuning.idle import put_back, without_slope
 from tuning.objectives import AtMost, Regret
 from tuning.parameters import Chart
 from tuning.problem import Problem
-from tuning.tune import Tuned, TuneState, advance, result, tune
+from tuning.tuner import Tuned, TuneState, advance, result, tune
 
 BEST = "best-alone.json"
 ROUNDS = 3  # after the first: each costs a part of it, and few contours need more than one

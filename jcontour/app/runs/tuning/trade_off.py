@@ -41,7 +41,7 @@ from tuning.parameters import Chart
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
 from tuning.point import evaluate_values, objective_value
 from tuning.problem import Problem
-from tuning.tune import TuneState, advance
+from tuning.tuner import TuneState, advance
 
 # a budget begins where the one before ended, which may be a local optimum: several others help
 EFFORT = replace(QUICK, starts=4, scatter=16, steps=40, tolerance=1e-4, every_start=True)

@@ -27,7 +27,7 @@ from tests.app import small_runs
 from tests.app.small_runs import family_metrics, margins
 from tuning.objectives import COUNT_NOISE, AtMost
 from tuning.outcome import LoopPeaks, Outcome
-from tuning.tune import Price
+from tuning.tuner import Price
 
 FOUND = small_runs.tuned()
 

@@ -23,7 +23,7 @@ from tuning.objectives import AtMost
 from tuning.outcome import Outcome
 from tuning.parameters import Chart
 from tuning.point import evaluate_point
-from tuning.tune import TuneState, advance
+from tuning.tuner import TuneState, advance
 
 
 def test_state_comes_back_to_the_last_bit_at_every_step(proportional_problem, tmp_path):

@@ -26,7 +26,7 @@ from tuning.exchange import STABLE, Exchanged
 from tuning.outcome import Outcome
 from tuning.parameters import Chart, Positive
 from tuning.point import evaluate_point
-from tuning.tune import TuneState
+from tuning.tuner import TuneState
 
 SAMPLES = (27, 28)
 
