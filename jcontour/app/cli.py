@@ -37,6 +37,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     others.Listing: ("list", "jcontour.app.commands.names"),
     others.Reproduce: ("reproduce", "jcontour.app.commands.reproduce"),
 }
+LIST_MOVES = "jcontour.app.commands.loops.list_moves"  # `simulate --list-moves`: nothing runs
 RENAMED = {  # command of the version before -> what does it now
     "verify": "check RUN",
     "certify": "check RUN --bound",
@@ -208,6 +209,8 @@ def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
         raise ValueError(f"{arguments[0]}: it is `jcontour {RENAMED[arguments[0]]}` now")
     flags = fitted_help.read(_any_command(), arguments, "jcontour", _DESCRIPTION)
     _, module = COMMANDS[type(flags)]
+    if getattr(flags, "list_moves", False):
+        module = LIST_MOVES
     return flags, lambda flags: import_module(module).command(flags)  # devices are set up first
 
 

@@ -15,8 +15,8 @@ import ast
 import inspect
 import sys
 import traceback
-from collections.abc import Callable, Iterable
-from contextlib import redirect_stdout, suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, redirect_stdout, suppress
 from difflib import get_close_matches
 from functools import cache, reduce
 from pathlib import Path
@@ -234,9 +234,32 @@ def _module(path: Path, source: bytes) -> ModuleType:
     module = ModuleType(f"{path.stem}_of_user")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # where dataclasses look their annotations up
-    with redirect_stdout(sys.stderr):  # what is on stdout is JSON
+    with redirect_stdout(sys.stderr), _folder_first(path.parent.resolve()):  # stdout holds JSON
         exec(compile(source, str(path), "exec"), vars(module))
     return module
+
+
+@contextmanager
+def _folder_first(folder: Path) -> Iterator[None]:
+    """Let a file import what lies beside it before anything else of that name, as scripts do.
+
+    Modules that this program has loaded under such a name, as `tuning`, are its own again behind.
+    """
+    beside = {path.stem for path in folder.glob("*.py")}
+    beside |= {path.parent.name for path in folder.glob("*/__init__.py")}
+    loaded = {name: sys.modules.get(name) for name in beside}
+    ours = {
+        name
+        for name, module in loaded.items()
+        if module is not None and not str(getattr(module, "__file__", "")).startswith(str(folder))
+    }
+    hidden = {name: sys.modules.pop(name) for name in [*sys.modules] if name.split(".")[0] in ours}
+    sys.path.insert(0, str(folder))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder))
+        sys.modules.update(hidden)
 
 
 def _check_run(own: OwnName, controller: "Controller", machine: "Machine") -> None:

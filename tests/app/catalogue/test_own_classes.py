@@ -1,5 +1,6 @@
 """Controllers and plants from files of the user's: what runs, and what is refused in one line."""
 
+import importlib
 import json
 import re
 from dataclasses import replace
@@ -8,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from jcontour.app.catalogue import own_classes
 from jcontour.app.catalogue.choices import design_for, machine_named
 from jcontour.app.catalogue.own_classes import own_name, trust_named
 from jcontour.app.cli import main
@@ -417,3 +419,17 @@ def test_the_controller_of_the_readme_runs_as_it_says(capsys, monkeypatch, tmp_p
     assert main([*command.split(), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert not any(metrics["diverged"] for metrics in found["plants"].values())
+
+
+def test_what_lies_beside_the_file_is_imported_first(tmp_path):
+    """His `tuning.py` and his helper; the program keeps its own package of that name."""
+    (tmp_path / "tuning.py").write_text("GAIN = 7.0\n")
+    (tmp_path / "his_helper.py").write_text("import tuning\nTWICE = 2 * tuning.GAIN\n")
+    (tmp_path / "mine.py").write_text(
+        "from his_helper import TWICE\nimport tuning\nBOTH = tuning, TWICE\n"
+    )
+    path = tmp_path / "mine.py"
+    trust(path.read_bytes())
+    own, twice = own_classes._found(own_classes.OwnName(path, "BOTH"))
+    assert (own.GAIN, twice) == (7.0, 14.0)
+    assert importlib.import_module("tuning").Problem.__name__ == "Problem"

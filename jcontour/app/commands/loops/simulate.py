@@ -11,7 +11,6 @@ from rich.table import Table
 
 from jcontour.app.beside import Beside
 from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
-from jcontour.app.catalogue.contours import CONTOURS
 from jcontour.app.designs.design import Design, plain_weights
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.run_metrics import METRICS, MotionSummary, RunMetrics
@@ -19,7 +18,6 @@ from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict, kept_words, reason, warning
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Job, Pace, Task
-from jcontour.app.jobs.listed_moves import listed_moves
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
@@ -58,24 +56,11 @@ TOLD = 0.01  # of the cycle time, that the planner may leave to gain without a w
 
 def command(flags: Simulate) -> int:
     """The whole command: simulate, print, exit code."""
-    if flags.list_moves:
-        return _list_moves(flags)
     with tables.console_of(stderr=True, quiet=flags.json).status("planning the motion") as status:
         found, folder, line = run(flags, status)
     nominal = next(iter(found.plants.values()))
     then = next_steps(flags, nominal.diverged, any(NAN in one for one in found.verdict.warnings))
     return finished(folder, found, flags, show_simulated, [line, *then], found.verdict)
-
-
-def _list_moves(flags: Simulate) -> int:
-    """Print what was understood of the file."""
-    if flags.contour is None or flags.contour in CONTOURS:
-        raise ValueError(
-            "list-moves: needs a program or a drawing, as in `jcontour simulate part.ngc`"
-        )
-    for line in listed_moves(Path(flags.contour), Pace.of(flags, machine_named(flags.plant))):
-        print(line)
-    return 0
 
 
 def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path, str]:
