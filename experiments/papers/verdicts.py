@@ -1,15 +1,9 @@
-"""How published statements and numbers fare here: the verdict on each, and their table."""
+"""How published statements and numbers fare here: the verdict on each."""
 
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-
-from rich.table import Table
-
-from jcontour.app.reports.tables import worded_table
-
-HEADINGS = ("where", "the paper", "the simulation", "verdict")
 
 
 class Verdict(StrEnum):
@@ -65,12 +59,6 @@ def rounds_to(value: float, printed: str) -> bool:
 def undecided(claims: Sequence[Claim]) -> tuple[Claim, ...]:
     """The same statements without a verdict: the run is too short for one."""
     return tuple(replace(row, verdict=Verdict.UNDECIDED) for row in claims)
-
-
-def claims_table(claims: Sequence[Claim], title: str = "Statements") -> Table:
-    """Table of the statements, one row each."""
-    rows = [(row.item, row.claim, row.finding, row.verdict.value) for row in claims]
-    return worded_table(title, HEADINGS, rows)
 
 
 def missed(claims: Sequence[Claim]) -> list[str]:

@@ -14,7 +14,7 @@ from jcontour.plant import Plant
 from jcontour.plants.gantry.engines.mjx_engine import GantryMJX
 from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo
 from jcontour.plants.gantry.gantry import SUBSTEP, Gantry
-from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
+from jcontour.plants.gantry.parameters import thesis_gantry
 
 BATCH = 1000  # machines at once where nothing else is asked for
 STATES = 200  # random ones, for the agreement
@@ -58,26 +58,25 @@ def engine_rates(
     """
     if batch < 2:
         raise ValueError(f"batch: needs at least two machines at once, received {batch}")
-    parameters = thesis_gantry()
-    ours = Gantry(parameters, SUBSTEP)
-    plants: dict[str, Plant] = {
-        "jcontour": ours,
-        "MuJoCo": GantryMuJoCo(parameters, SUBSTEP),
-        "MJX": GantryMJX(parameters, SUBSTEP),
-    }
-    rows = []
-    for name, plant in plants.items():
+    differences, rows = engine_differences(), []
+    for name, plant in _engines().items():
         if isinstance(plant, GantryMuJoCo):
-            single, batched = _host_rate(parameters, time_for_each), None
+            single, batched = _host_rate(time_for_each), None
         else:
             single, batched = _rate(plant, 1, time_for_each), _rate(plant, batch, time_for_each)
-        rows.append(EngineRate(name, _difference(plant, ours), single, batch, batched))
+        rows.append(EngineRate(name, differences[name], single, batch, batched))
         tell(f"{name}: {digits(single)} steps per second of one machine")
     return rows
 
 
-def _difference(plant: Plant, ours: Plant) -> float:
-    """Largest difference of the next state, each component over its largest value."""
+def _engines() -> dict[str, Plant]:
+    """Our model first."""
+    kinds = {"jcontour": Gantry, "MuJoCo": GantryMuJoCo, "MJX": GantryMJX}
+    return {name: kind(thesis_gantry(), SUBSTEP) for name, kind in kinds.items()}
+
+
+def engine_differences() -> dict[str, float]:
+    """Largest difference of the next state to our model, each component over its largest value."""
     random = np.random.default_rng(0)
     places = random.uniform(-0.5, 0.5, (STATES, 2))
     moves = random.uniform(-2e-4, 2e-4, (STATES, 2))
@@ -92,13 +91,16 @@ def _difference(plant: Plant, ours: Plant) -> float:
 
         return np.asarray(jax.jit(jax.vmap(one))(places, moves, currents))
 
-    wanted = stepped(ours)
-    return float(np.max(np.abs(stepped(plant) - wanted) / np.abs(wanted).max(axis=0)))
+    states = {name: stepped(plant) for name, plant in _engines().items()}
+    wanted = states["jcontour"]
+    largest = np.abs(wanted).max(axis=0)
+    return {name: float(np.max(np.abs(one - wanted) / largest)) for name, one in states.items()}
 
 
-def _host_rate(parameters: GantryParameters, time: float) -> float:
+def _host_rate(time: float) -> float:
     """Steps per second of MuJoCo, which makes many steps in one call."""
-    return HOST_STEPS * _rate(GantryMuJoCo(parameters, HOST_STEPS * SUBSTEP, HOST_STEPS), 1, time)
+    plant = GantryMuJoCo(thesis_gantry(), HOST_STEPS * SUBSTEP, HOST_STEPS)
+    return HOST_STEPS * _rate(plant, 1, time)
 
 
 def _rate(plant: Plant, batch: int, time: float) -> float:

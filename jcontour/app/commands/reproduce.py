@@ -1,16 +1,17 @@
-"""`jcontour reproduce NAME`: the experiment module of that name, its figures and its verdicts.
+"""`jcontour reproduce NAME`: the experiment of a paper, its figures, tables and verdicts.
 
-An experiment is a module `experiments/papers/NAME/experiment.py` with SOURCE, PUBLISHED, Settings
-(a dataclass: its fields are the flags, `quick` among them), and
+A paper is a folder `experiments/papers/NAME` with three modules:
 
-    run(settings, folder) -> result: a frozen dataclass, `claims` among its fields,
-    draw(result, folder) -> paths of the figures,   show(result, console).
+    experiment: SOURCE, Settings (a dataclass: its fields are the flags, `quick` among them),
+        run(settings) -> result, a frozen dataclass
+    claims: claims(result) -> statements with their verdicts,   tables(result) -> tables and lines
+    figures: FIGURES, name of a file -> function that draws it from the result
 """
 
 import ast
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ import tyro
 from jcontour.app.commands.checkout import in_checkout
 from jcontour.app.flags.fitted_help import read
 
-NEEDED = {"SOURCE", "PUBLISHED", "Settings", "run", "draw", "show"}
+NEEDED = {"SOURCE", "Settings", "run"}
 
 
 def experiments_found() -> dict[str, str]:
@@ -82,24 +83,36 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
 
 def _run(module: Any, name: str, flags: Any) -> int:
     from jcontour.app.files import run_folder
-    from jcontour.app.files.results.stored import write_result
-    from jcontour.app.reports import tables
+    from jcontour.app.files.results.stored import to_json, write_result
+    from jcontour.app.reports.figures.png import save_figures
+    from jcontour.app.reports.tables import say
     from jcontour.app.runs.lifecycle import finished
 
     place = flags.out or run_folder.default_folder(name)
     folder = run_folder.create(place, f"reproduce {name}", flags, [])
-    result = module.run(flags.settings, folder)
-    module.draw(result, folder)
-    write_result(folder, result)
-
-    def show(result: Any, console: Any) -> None:
-        tables.say(console, str(module.SOURCE))
-        module.show(result, console)
-
+    tables = in_checkout("reproduce", "experiments.papers.tables")
     verdicts = in_checkout("reproduce", "experiments.papers.verdicts")
-    tally = verdicts.tally(result.claims, flags.settings.quick)
-    last = [*verdicts.missed(result.claims), tally]
-    return finished(folder, result, flags, show, last)
+    said, figures = (
+        import_module(f"{module.__package__}.{part}") for part in ("claims", "figures")
+    )
+    result = module.run(flags.settings)
+    claims, parts = tuple(said.claims(result)), tuple(said.tables(result))
+    save_figures(figures.FIGURES, result, folder)
+    stored = {
+        "source": module.SOURCE,
+        "settings": asdict(flags.settings),
+        **to_json(result),
+        "tables": tables.stored(parts),
+        "claims": to_json(claims),
+    }
+    write_result(folder, stored)
+
+    def show(stored: Any, console: Any) -> None:
+        say(console, module.SOURCE)
+        tables.show(console, parts, claims)
+
+    last = [*verdicts.missed(claims), verdicts.tally(claims, flags.settings.quick)]
+    return finished(folder, stored, flags, show, last)
 
 
 def command(flags: Any) -> int:

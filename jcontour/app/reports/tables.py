@@ -2,7 +2,7 @@
 
 import re
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -12,8 +12,15 @@ from rich.table import Table
 from jcontour.app.files.results.run_metrics import METRICS, ContourRead, PeakPlace, RunMetrics
 from jcontour.app.files.results.stored import Weight
 
-# columns of `worded_table` that wrap
-WORDS = ("where", "the paper", "the simulation", "case", "weights", "verdict")
+COLUMNS = (  # metric, heading, factor from SI
+    ("rms_contour_error", "RMS\ncontour\nerror um", 1e6),
+    ("peak_contour_error", "peak\ncontour\nerror um", 1e6),
+    ("rms_tracking_error", "RMS\ntracking\nerror um", 1e6),
+    ("peak_tracking_error", "peak\ntracking\nerror um", 1e6),
+    ("rms_control", "RMS\ncontrol\n", 1.0),
+    ("rms_increment", "RMS\ncontrol\nincrement", 1.0),
+)
+
 WIDE = 110  # columns where the output is not a terminal
 COMMAND = re.compile(r"(?<!`)\bjcontour(?: |$)")  # where one begins that is copied from the screen
 QUOTED = re.compile(r"'[^']*'")
@@ -126,28 +133,9 @@ def plain_table(
     return table
 
 
-def worded_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
-    """A table of a paper: columns of words wrap, the others hold numbers."""
-    table = Table(
-        title=escape(title),
-        title_justify="left",
-        title_style="bold",
-        box=SIMPLE_HEAD,
-        show_edge=False,
-        padding=(0, 1, 0, 0),
-    )
-    for heading in headings:
-        words = heading in WORDS
-        table.add_column(heading, justify="left" if words else "right", no_wrap=not words)
-    for row in rows:
-        table.add_row(*(escape(cell) for cell in row))
-    return table
-
-
-def columns_of(error: str) -> list[str]:
-    """Metrics that mean something: a single axis has no contour error apart from tracking."""
-    tabulated = [name for name, metric in METRICS.items() if metric.in_tables]
-    return [name for name in tabulated if error == "contour" or "contour" not in name]
+def columns_of(error: str) -> tuple[tuple[str, str, float], ...]:
+    """Columns that mean something: a single axis has no contour error apart from tracking."""
+    return tuple(column for column in COLUMNS if error == "contour" or "contour" not in column[0])
 
 
 def metric_cells(metrics: RunMetrics, error: str) -> list[str]:

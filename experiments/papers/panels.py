@@ -1,0 +1,79 @@
+"""Figures of a paper: panels, and the curves of each."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from jcontour.app.reports.figures.axes import grid, legend_below
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Values over x, drawn with a style of matplotlib.
+
+    Without x a number is a level right across the panel.
+    """
+
+    x: Any
+    y: Any
+    label: str | None = None
+    style: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Curves in one pair of axes.
+
+    Attributes:
+        title: above it.
+        x: label of its axis.
+        y: label of its axis.
+        curves: from back to front.
+        axes: other properties of the axes, as `xscale="log"`.
+    """
+
+    title: str
+    x: str
+    y: str
+    curves: list[Curve]
+    axes: dict[str, Any] = field(default_factory=dict)
+
+
+def drawn(
+    panels: Sequence[Panel],
+    size: tuple[float, float],
+    title: str = "",
+    columns: int = 1,
+    legend: int = 3,
+    **shared: Any,
+) -> Figure:
+    """Panels row by row, and below them one legend of all labels.
+
+    Args:
+        panels: at least one.
+        size: width and height [inch].
+        title: of the figure.
+        columns: panels in a row.
+        legend: names in a row of the legend.
+        shared: `sharex` or `sharey`, as `Figure.subplots` has them.
+    """
+    figure = Figure(figsize=size, layout="constrained")
+    rows = -(-len(panels) // columns)
+    places = figure.subplots(rows, columns, squeeze=False, **shared).ravel()
+    for axes, panel in zip(places, panels, strict=False):
+        for curve in panel.curves:
+            if curve.x is None:
+                axes.axhline(curve.y, label=curve.label, **curve.style)
+            else:
+                axes.plot(curve.x, curve.y, label=curve.label, **curve.style)
+        grid(axes, panel.title, panel.x, panel.y)
+        axes.set(**panel.axes)
+    for axes in places[len(panels) :]:
+        axes.remove()
+    if title:
+        figure.suptitle(title)
+    if any(curve.label for panel in panels for curve in panel.curves):
+        legend_below(figure, columns=legend)
+    return figure
