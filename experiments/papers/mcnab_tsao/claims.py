@@ -1,123 +1,85 @@
-"""Statements of McNab & Tsao, what the simulation says, and the verdicts."""
+"""Statements of McNab & Tsao, what the simulation says, and the tables."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
-from experiments.papers.mcnab_tsao.result import (
-    TERMINALS,
-    Case,
-    CaseRun,
-    Compared,
+import numpy as np
+
+from experiments.papers.mcnab_tsao.experiment import (
+    ALPHAS,
+    BETAS,
+    FIGURE_2_ALPHA,
+    FIGURE_9,
+    FIGURE_10,
+    THEOREM_HORIZON,
+    TOO_HIGH_ALPHA,
     MachineRun,
     Result,
-    Table1Row,
 )
+from experiments.papers.mcnab_tsao.runs import TERMINALS
+from experiments.papers.tables import Table
 from experiments.papers.verdicts import Claim, Verdict
 
 STEADY = 0.25  # relative spread that still counts as constant in Figs 9 and 10
 KNEE = 9  # [samples] the preview after which the paper sees no gain (its section 4)
 LITTLE = 1 / 3  # relative change that still counts as little effect
 EQUAL = 1e-9  # relative
-FIGURE_2_ALPHA = 1.2  # the largest at which the points of Fig. 2 can still be told apart
-FIGURE_9, FIGURE_10 = (4.0, 0.0), (0.25, 15.0)  # the paper's alpha, beta
-CIRCLE_MM = 1.0  # radius
-
-Table = dict[tuple[float, float], float]  # (alpha, beta) -> error [um]
+CIRCLE_UM = 1e3  # radius
 
 
-class PublishedRow(NamedTuple):
-    """Row of the paper's Table 1: RMS errors over one lap of the circle, on the machine."""
+class Row(NamedTuple):
+    """Row of Table 1: RMS errors in print, over one lap of the circle on the machine, and ours."""
 
-    case: str
+    name: str
     terminal: str
     alpha: float
     beta: float
     te_um: float
     ce_um: float
+    ours: MachineRun
 
 
-def table_1(published: Iterable[PublishedRow], result: Result) -> tuple[Table1Row, ...]:
+PUBLISHED = (
+    ("I", "output", 8.0, 0.0, 3.35, 3.07),
+    ("II", "output", 1.2, 20.0, 43.07, 1.07),
+    ("III", "dare", 3.0, 0.0, 4.10, 3.78),
+    ("IV", "dare", 0.25, 15.0, 6.55, 1.70),
+    ("finite preview", "dare", 3.0, 0.0, 4.10, 3.78),
+)
+
+
+def table_1(result: Result) -> list[Row]:
     """The paper's rows with ours beside them: measurements, shown and not matched."""
-    rows = []
-    for row in published:
-        run = result.nominal(Case(row.terminal, row.alpha, row.beta))
-        if row.case == "finite preview":
-            run = result.finite_preview.nominal[row.case]
-        tracking = _compared(row.te_um, run.te_um)
-        contour = _compared(row.ce_um, run.ce_um)
-        case = (row.case, row.terminal, row.alpha, row.beta)
-        rows.append(Table1Row(*case, tracking, contour, Verdict.EXPERIMENTAL))
-    return tuple(rows)
+    runs = [result.on_family(*row[1:4])[0] for row in PUBLISHED[:-1]]
+    runs.append(result.finite_preview["finite preview"])
+    return [Row(*row, ours) for row, ours in zip(PUBLISHED, runs, strict=True)]
 
 
-def table_over_weights(result: Result, terminal: str, error: str) -> Table:
-    """One error on the nominal machine over the weight grid, by (alpha, beta)."""
-    pairs = [(alpha, beta) for alpha in result.weights.alpha for beta in result.weights.beta]
-    return {pair: getattr(result.nominal(Case(terminal, *pair)), error) for pair in pairs}
-
-
-def over_previews(
-    result: Result, terminal: str, weights: tuple[float, float], error: str
-) -> tuple[list[int], list[float]]:
-    """Preview lengths, and one error on the nominal machine."""
-    wanted = (terminal, *weights)
-    runs = [run for run in result.runs if (run.terminal, run.alpha, run.beta) == wanted]
-    runs.sort(key=lambda run: run.preview)
-    return [run.preview for run in runs], [getattr(run.machines[0], error) for run in runs]
-
-
-def claims(result: Result) -> tuple[Claim, ...]:
-    """All that the paper shows or states beside the numbers of Table 1, one row each."""
-    parts = (
-        _figure_2,
-        _measured_figures,
-        _figure_4,
-        _figure_6,
-        _tracking_weight,
-        _little_effect,
-        _terminals,
-        _figure_9,
-        _figure_10,
-        _theorem_1,
-        _trade,
-        _finite_preview,
-        _line,
+def claims(result: Result) -> Iterator[Claim]:
+    """All that the paper shows or states beside the numbers of Table 1."""
+    errors = [result.on_family("output", FIGURE_2_ALPHA, beta)[0].ce_um for beta in BETAS]
+    yield Claim(
+        "Fig. 2",
+        "contour weight moves the points onto the circle",
+        f"RMS contour error {listed(errors)} um at beta {listed(BETAS)} "
+        f"(alpha {FIGURE_2_ALPHA:g}, output terminal)",
+        _if(falls(errors), Verdict.REPRODUCED),
     )
-    return tuple(row for part in parts for row in part(result))
-
-
-def _compared(paper: float, ours: float | None) -> Compared:
-    assert ours is not None  # the nominal machine does not diverge
-    return Compared(paper, ours, ours / paper)
-
-
-def _figure_2(result: Result) -> Iterator[Claim]:
-    betas = result.weights.beta
-    errors = [result.nominal(Case("output", FIGURE_2_ALPHA, beta)).ce_um for beta in betas]
-    finding = (
-        f"RMS contour error {listed(errors)} um at beta {listed(betas)} "
-        f"(alpha {FIGURE_2_ALPHA:g}, output terminal)"
-    )
-    claim = "contour weight moves the points onto the circle"
-    yield Claim("Fig. 2", claim, finding, _if(_falls(errors), Verdict.REPRODUCED))
-
-
-def _measured_figures(result: Result) -> Iterator[Claim]:
-    numbers = {
-        "Fig. 3": ("output", "te_um"),
-        "Fig. 5": ("output", "ce_um"),
-        "Fig. 7": ("dare", "te_um"),
-        "Fig. 8": ("dare", "ce_um"),
-    }
-    for figure, (terminal, error) in numbers.items():
-        yield _measured_figure(result, figure, terminal, error)
+    yield _measured_figure(result, "Fig. 3", "output", "te_um")
+    yield _measured_figure(result, "Fig. 5", "output", "ce_um")
+    yield _measured_figure(result, "Fig. 7", "dare", "te_um")
+    yield _measured_figure(result, "Fig. 8", "dare", "ce_um")
+    yield from _over_the_weights(result)
+    yield from _over_the_preview(result)
+    yield from _theorem_1(result)
+    yield from _rows_of_table_1(result)
+    yield from _line(result)
 
 
 def _measured_figure(result: Result, figure: str, terminal: str, error: str) -> Claim:
     """U-shape over alpha on the machine that is latest."""
-    alphas, delay = result.weights.all_alphas, result.family[-1].delay
-    runs = {alpha: result.run_of(Case(terminal, alpha, 0.0)).machines for alpha in alphas}
+    alphas, delay = (*ALPHAS, TOO_HIGH_ALPHA), result.family[-1].delay
+    runs = {alpha: result.on_family(terminal, alpha, 0.0) for alpha in alphas}
     late = {alpha: machines[-1] for alpha, machines in runs.items()}
     stable = {alpha: getattr(run, error) for alpha, run in late.items() if run.stable}
     lost = [
@@ -130,154 +92,131 @@ def _measured_figure(result: Result, figure: str, terminal: str, error: str) -> 
         finding += f"unstable at alpha {' and '.join(lost)}"
     else:
         finding += f"{stable[alphas[-1]]:.3g} um at {alphas[-1]:g}"
-    if _falls([getattr(machines[0], error) for machines in runs.values()]):
+    if falls([getattr(machines[0], error) for machines in runs.values()]):
         finding += "; the nominal machine only improves"
-    holds = alphas[0] < best < alphas[-1]
     claim = "measured errors fall with the weight, then rise"
+    holds = alphas[0] < best < alphas[-1]
     return Claim(figure, claim, finding, _if(holds, Verdict.SAME_ORDERING))
 
 
-def _figure_4(result: Result) -> Iterator[Claim]:
-    table, (alphas, betas) = table_over_weights(result, "output", "te_um"), _axes(result)
-    columns = {beta: [table[alpha, beta] for alpha in alphas] for beta in betas}
-    holds = all(_falls(column) for column in columns.values())
-    first, last = table[alphas[0], betas[0]], table[alphas[-1], betas[0]]
+def _over_the_weights(result: Result) -> Iterator[Claim]:
+    """Figs 4 and 6 to 8, and section 4, on the nominal machine; arrays have axes (alpha, beta)."""
+    tracking = {terminal: result.over_weights(terminal, "te_um") for terminal in TERMINALS}
+    contour = {terminal: result.over_weights(terminal, "ce_um") for terminal in TERMINALS}
+    holds = all(map(falls, tracking["output"].T))
     words = "falls" if holds else "does not always fall"
-    finding = f"{words} with alpha, {first:.4g} to {last:.4g} um at beta {betas[0]:g}"
-    claim = "simulated tracking error falls as weights grow (no numbers given)"
-    yield Claim("Fig. 4", claim, finding, _if(holds, Verdict.SAME_ORDERING))
-
-
-def _figure_6(result: Result) -> Iterator[Claim]:
-    claim = "simulated contour error falls as contour weight grows (no numbers given)"
-    alphas, betas = _axes(result)
+    first, last = tracking["output"][[0, -1], 0]
+    yield Claim(
+        "Fig. 4",
+        "simulated tracking error falls as weights grow (no numbers given)",
+        f"{words} with alpha, {first:.4g} to {last:.4g} um at beta {BETAS[0]:g}",
+        _if(holds, Verdict.SAME_ORDERING),
+    )
     for terminal, item in (("output", "Fig. 6"), ("dare", "as Fig. 6, H_s")):
-        true = table_over_weights(result, terminal, "ce_um")
-        rows = {alpha: [true[alpha, beta] for beta in betas] for alpha in alphas}
-        holds = [alpha for alpha in alphas if _falls(rows[alpha])]
-        if holds:
-            last = holds[-1]
-            finding = f"at alpha {listed(holds)}; at {last:g}: {listed(rows[last])} um over beta"
+        claim = "simulated contour error falls as contour weight grows (no numbers given)"
+        rows = dict(zip(ALPHAS, contour[terminal], strict=True))
+        good = [alpha for alpha in ALPHAS if falls(rows[alpha])]
+        if good:
+            last = good[-1]
+            finding = f"at alpha {listed(good)}; at {last:g}: {listed(rows[last])} um over beta"
             yield Claim(item, claim, finding, Verdict.SAME_ORDERING)
-        for alpha in alphas:
-            if alpha not in holds:
+        for alpha in ALPHAS:
+            if alpha not in good:
                 finding = f"alpha {alpha:g}: {listed(rows[alpha])} um"
                 finding += _lag_leaves_the_circle(result, terminal, alpha)
                 yield Claim(item, claim, finding, Verdict.NOT_REPRODUCED)
+    for terminal in TERMINALS:
+        claim = "tracking weight lowers the contour error too"
+        item = f"sec. 4, {terminal}"
+        columns = dict(zip(BETAS, contour[terminal].T, strict=True))
+        good = [beta for beta in BETAS if falls(columns[beta])]
+        others = [beta for beta in BETAS if beta not in good]
+        if good:
+            yield Claim(item, claim, f"at beta {listed(good)}", Verdict.SAME_ORDERING)
+        if others:
+            finding = (
+                f"at beta {listed(others)}: the contour weight rules it, "
+                f"{listed(columns[others[-1]])} um over alpha at {others[-1]:g}"
+            )
+            yield Claim(item, claim, finding, Verdict.NOT_REPRODUCED)
+    for terminal in TERMINALS:
+        change = np.abs(tracking[terminal] / tracking[terminal][:, :1] - 1).max(axis=1)
+        worst = int(np.argmax(change))
+        little = bool(change[worst] <= LITTLE)
+        finding = f"changes by at most {100 * change[worst]:.0f} % over beta "
+        finding += f"(at alpha {ALPHAS[worst]:g})"
+        if terminal == "dare" and not little:
+            finding += "; H_s(Q_max) grows with beta in all directions, along the path too"
+        claim = "contour weight hardly changes the tracking error"
+        yield Claim(f"sec. 4, {terminal}", claim, finding, _if(little, Verdict.SAME_ORDERING))
+    better = [int(np.sum(error["output"] < error["dare"])) for error in (tracking, contour)]
+    count = len(ALPHAS) * len(BETAS)
+    yield Claim(
+        "Figs 7, 8",
+        "H_s(Q_max) performs a little worse than the output terminal",
+        f"output terminal better at {better[0]} of {count} weights in tracking, "
+        f"{better[1]} in contour error; the paper compares measured errors, best against best",
+        _if(min(better) > count / 2, Verdict.SAME_ORDERING),
+    )
 
 
 def _lag_leaves_the_circle(result: Result, terminal: str, alpha: float) -> str:
     """Remark where eq. 3's error does fall: a lag along the tangent leaves the circle."""
-    runs = [result.nominal(Case(terminal, alpha, beta)) for beta in result.weights.beta]
-    lag = runs[-1].te_um
-    if lag is None or not _falls([run.projected_um for run in runs]):
+    runs = [result.on_family(terminal, alpha, beta)[0] for beta in BETAS]
+    if not falls([run.projected_um for run in runs]):
         return ""
-    off = lag**2 / (2e3 * CIRCLE_MM)  # [um]
+    lag = runs[-1].te_um
+    off = lag**2 / (2 * CIRCLE_UM)
     return (
         f"; eq. 3's error does fall, but a lag of {lag:.3g} um lies {off:.2g} um off a 1 mm circle"
     )
 
 
-def _tracking_weight(result: Result) -> Iterator[Claim]:
-    claim = "tracking weight lowers the contour error too"
-    alphas, betas = _axes(result)
+def _over_the_preview(result: Result) -> Iterator[Claim]:
+    """Figs 9 and 10."""
     for terminal in TERMINALS:
-        table, item = table_over_weights(result, terminal, "ce_um"), f"sec. 4, {terminal}"
-        columns = {beta: [table[alpha, beta] for alpha in alphas] for beta in betas}
-        holds = [beta for beta in betas if _falls(columns[beta])]
-        others = [beta for beta in betas if beta not in holds]
-        if holds:
-            yield Claim(item, claim, f"at beta {listed(holds)}", Verdict.SAME_ORDERING)
-        if others:
-            errors = columns[others[-1]]
-            finding = (
-                f"at beta {listed(others)}: the contour weight rules it, "
-                f"{listed(errors)} um over alpha at {others[-1]:g}"
-            )
-            yield Claim(item, claim, finding, Verdict.NOT_REPRODUCED)
-
-
-def _little_effect(result: Result) -> Iterator[Claim]:
-    claim = "contour weight hardly changes the tracking error"
-    alphas, betas = _axes(result)
-    for terminal in TERMINALS:
-        table = table_over_weights(result, terminal, "te_um")
-        change = {}
-        for alpha in alphas:
-            plain = table[alpha, betas[0]]
-            change[alpha] = max(abs(table[alpha, beta] / plain - 1) for beta in betas)
-        worst = max(change, key=lambda alpha: change[alpha])
-        little = change[worst] <= LITTLE
-        finding = f"changes by at most {100 * change[worst]:.0f} % over beta (at alpha {worst:g})"
-        if terminal == "dare" and not little:
-            finding += "; H_s(Q_max) grows with beta in all directions, along the path too"
-        yield Claim(f"sec. 4, {terminal}", claim, finding, _if(little, Verdict.SAME_ORDERING))
-
-
-def _terminals(result: Result) -> Iterator[Claim]:
-    better = []
-    for error in ("te_um", "ce_um"):
-        output, dare = (table_over_weights(result, terminal, error) for terminal in TERMINALS)
-        better.append(sum(output[pair] < dare[pair] for pair in output))
-    alphas, betas = _axes(result)
-    count = len(alphas) * len(betas)
-    finding = (
-        f"output terminal better at {better[0]} of {count} weights in tracking, "
-        f"{better[1]} in contour error; the paper compares measured errors, best against best"
-    )
-    claim = "H_s(Q_max) performs a little worse than the output terminal"
-    holds = min(better) > count / 2
-    yield Claim("Figs 7, 8", claim, finding, _if(holds, Verdict.SAME_ORDERING))
-
-
-def _figure_9(result: Result) -> Iterator[Claim]:
-    claim = f"tracking error falls up to {KNEE} samples of preview, then stays"
-    for terminal in TERMINALS:
-        previews, errors = over_previews(result, terminal, FIGURE_9, "te_um")
-        at = dict(zip(previews, errors, strict=True))
-        before = [at[n] for n in previews if n <= KNEE]
-        after = [at[n] for n in previews if n > KNEE]
+        at = result.over_previews(terminal, FIGURE_9, "te_um")
+        before = [error for n, error in at.items() if n <= KNEE]
+        after = [error for n, error in at.items() if n > KNEE]
         level = all(abs(error / at[KNEE] - 1) <= STEADY for error in after)
         some = ", ".join(f"{at[n]:.4g} at {n}" for n in (1, 6, 8, KNEE))
         finding = f"{some}, then {min(after):.3g} to {max(after):.3g} um"
-        if not _falls(before):
+        if not falls(before):
             finding += "; level from fewer samples on"
-        best = Verdict.REPRODUCED if _falls(before) else Verdict.SAME_ORDERING
+        claim = f"tracking error falls up to {KNEE} samples of preview, then stays"
+        best = Verdict.REPRODUCED if falls(before) else Verdict.SAME_ORDERING
         yield Claim(f"Fig. 9, {terminal}", claim, finding, _if(level, best))
-
-
-def _figure_10(result: Result) -> Iterator[Claim]:
-    claim = "mean square contour error is the same at most preview lengths"
     for terminal in TERMINALS:
-        previews, errors = over_previews(result, terminal, FIGURE_10, "ce_um")
+        errors = result.over_previews(terminal, FIGURE_10, "ce_um").values()
         squares = [error**2 for error in errors]
         median = sorted(squares)[len(squares) // 2]
         near = sum(abs(square / median - 1) <= STEADY for square in squares)
         finding = (
-            f"within {100 * STEADY:.0f} % of {median:.3g} um^2 at {near} of {len(previews)}; "
+            f"within {100 * STEADY:.0f} % of {median:.3g} um^2 at {near} of {len(squares)}; "
             f"{min(squares):.2g} to {max(squares):.2g}"
         )
-        holds = near > len(previews) / 2
+        holds = near > len(squares) / 2
         if not holds:
-            _, lag = over_previews(result, terminal, FIGURE_10, "te_um")
+            lag = result.over_previews(terminal, FIGURE_10, "te_um")
+            first, last = min(lag), max(lag)
             finding += (
-                f"; it lags by {lag[0]:.4g} um at preview {previews[0]}, "
-                f"{lag[-1]:.3g} um at {previews[-1]}"
+                f"; it lags by {lag[first]:.4g} um at preview {first}, {lag[last]:.3g} um at {last}"
             )
+        claim = "mean square contour error is the same at most preview lengths"
         yield Claim(f"Fig. 10, {terminal}", claim, finding, _if(holds, Verdict.SAME_ORDERING))
 
 
 def _theorem_1(result: Result) -> Iterator[Claim]:
-    theorem = result.theorem_1
-    largest = max(max(one.dare) for one in theorem.sets)
-    finding = (
-        f"{len(theorem.sets)} weight sets x {theorem.directions} directions x "
-        f"horizons 1 to {theorem.longest}: largest radius {largest:.4f}"
+    largest = max(max(one.dare) for one in result.sets)
+    yield Claim(
+        "Theorem 1",
+        "H_s(Q_max) is stable on every line at every horizon",
+        f"{len(result.sets)} weight sets x {result.directions} directions x "
+        f"horizons 1 to {THEOREM_HORIZON}: largest radius {largest:.4f}",
+        _if(largest < 1, Verdict.REPRODUCED),
     )
-    claim = "H_s(Q_max) is stable on every line at every horizon"
-    yield Claim("Theorem 1", claim, finding, _if(largest < 1, Verdict.REPRODUCED))
-    bad = [loop for loop in theorem.unstable if loop.terminal == "output"]
-    cases = len(theorem.sets) * theorem.longest
+    bad = [loop for loop in result.unstable if loop.terminal == "output"]
+    cases = len(result.sets) * THEOREM_HORIZON
     finding = f"unstable in {len(bad)} of {cases} cases"
     if bad:
         horizons, rhos = {loop.preview for loop in bad}, {loop.rho for loop in bad}
@@ -286,69 +225,150 @@ def _theorem_1(result: Result) -> Iterator[Claim]:
     yield Claim("sec. 3", claim, finding, _if(len(bad) < cases, Verdict.REPRODUCED))
 
 
-def _trade(result: Result) -> Iterator[Claim]:
-    claim = "less contour error for more tracking error"
-    for before, after in (result.table_1[:2], result.table_1[2:4]):
-        contour = (before.ce_um.ours, after.ce_um.ours)
-        tracking = (before.te_um.ours, after.te_um.ours)
-        finding = (
-            f"contour {contour[0]:.3f} to {contour[1]:.3f} um, "
-            f"tracking {tracking[0]:.3f} to {tracking[1]:.3f} um"
+def _rows_of_table_1(result: Result) -> Iterator[Claim]:
+    """What the order of its rows says, and the last one."""
+    rows = table_1(result)
+    for before, after in (rows[:2], rows[2:4]):
+        one, other = before.ours, after.ours
+        yield Claim(
+            f"Table 1, {before.name} to {after.name}",
+            "less contour error for more tracking error",
+            f"contour {one.ce_um:.3f} to {other.ce_um:.3f} um, "
+            f"tracking {one.te_um:.3f} to {other.te_um:.3f} um",
+            _if(other.ce_um < one.ce_um and other.te_um > one.te_um, Verdict.SAME_ORDERING),
         )
-        holds = contour[1] < contour[0] and tracking[1] > tracking[0]
-        item = f"Table 1, {before.case} to {after.case}"
-        yield Claim(item, claim, finding, _if(holds, Verdict.SAME_ORDERING))
-
-
-def _finite_preview(result: Result) -> Iterator[Claim]:
-    found = result.finite_preview
-    held, kept = (_both(found.nominal[name]) for name in ("case III, path held", "case III"))
-    finding = (
-        f"gains agree to {found.largest_gain_difference:.0e} with the Appendix continuation; "
-        f"a path held at its end gives {held} um in place of {kept}"
+    runs = [result.finite_preview[name] for name in ("case III, path held", "case III")]
+    held, kept = (f"{run.te_um:.3f}/{run.ce_um:.3f}" for run in runs)
+    difference = result.largest_gain_difference
+    yield Claim(
+        "Table 1, last row",
+        "finite preview is case III",
+        f"gains agree to {difference:.0e} with the Appendix continuation; "
+        f"a path held at its end gives {held} um in place of {kept}",
+        _if(difference <= EQUAL, Verdict.REPRODUCED),
     )
-    equal = found.largest_gain_difference <= EQUAL
-    claim = "finite preview is case III"
-    yield Claim("Table 1, last row", claim, finding, _if(equal, Verdict.REPRODUCED))
-
-
-def _both(run: MachineRun) -> str:
-    return f"{run.te_um:.3f}/{run.ce_um:.3f}"
 
 
 def _line(result: Result) -> Iterator[Claim]:
-    for terminal in TERMINALS:
-        for alpha in sorted({run.alpha for run in result.line}):
-            wanted = (terminal, alpha)
-            runs = [run for run in result.line if (run.terminal, run.alpha) == wanted]
-            yield _on_line(terminal, alpha, runs)
+    """Contour error over beta on the line at 37 degrees."""
+    kinds = sorted({(TERMINALS.index(run.case.terminal), run.case.alpha) for run in result.line})
+    for index, alpha in kinds:
+        kind = (TERMINALS[index], alpha)
+        runs = [run for run in result.line if (run.case.terminal, run.case.alpha) == kind]
+        errors = [run.machines[0].ce_um for run in runs]
+        finding = f"alpha {alpha:g}, beta {listed(run.case.beta for run in runs)}: "
+        finding += f"{listed(errors)} um"
+        if not falls(errors):
+            finding += "; a steady offset that the cost of a constant u leaves"
+        claim = "contour error falls as contour weight grows"
+        verdict = _if(falls(errors), Verdict.SAME_ORDERING)
+        yield Claim(f"line at 37 deg, {kind[0]}", claim, finding, verdict)
 
 
-def _on_line(terminal: str, alpha: float, runs: Sequence[CaseRun]) -> Claim:
-    errors = [run.machines[0].ce_um for run in runs]
-    betas = [run.beta for run in runs]
-    finding = f"alpha {alpha:g}, beta {listed(betas)}: {listed(errors)} um"
-    if not _falls(errors):
-        finding += "; a steady offset that the cost of a constant u leaves"
-    claim = "contour error falls as contour weight grows"
-    verdict = _if(_falls(errors), Verdict.SAME_ORDERING)
-    return Claim(f"line at 37 deg, {terminal}", claim, finding, verdict)
-
-
-def _axes(result: Result) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Alphas and betas of the grid."""
-    return result.weights.alpha, result.weights.beta
-
-
-def listed(values: Iterable[float | None]) -> str:
+def listed(values: Iterable[float]) -> str:
     """Values to three digits, with commas."""
-    return ", ".join("diverged" if value is None else f"{value:.3g}" for value in values)
+    return ", ".join(f"{value:.3g}" for value in values)
 
 
-def _falls(values: Sequence[float | None]) -> bool:
-    """Whether each value is below the one before; a diverged run (None) does not fall."""
-    return all(a is not None and b is not None and b < a for a, b in pairwise(values))
+def falls(values: Sequence[float]) -> bool:
+    """Whether each value is below the one before; a diverged run (infinite) does not fall."""
+    return bool(np.all(np.isfinite(values)) and np.all(np.diff(values) < 0))
 
 
 def _if(holds: bool, verdict: Verdict) -> Verdict:
     return verdict if holds else Verdict.NOT_REPRODUCED
+
+
+class OnFamily(NamedTuple):
+    """One controller on the family; errors are infinite where a run diverges."""
+
+    name: str
+    terminal: str
+    nominal: MachineRun
+    ce_um: float  # on the worst machine, as the next two
+    te_um: float
+    radius: float
+    verdict: str
+
+
+def tables(result: Result) -> Iterator[Table]:
+    """Table 1, its weights on the family, the U-shape, and the unstable cases of Theorem 1."""
+    yield Table(
+        "Table 1: RMS errors over a lap of the circle [um], "
+        "the machine (paper) beside the simulation (ours)",
+        table_1(result),
+        {
+            "case": "name",
+            "weights": lambda row: f"{row.terminal}\n{row.alpha:g}/{row.beta:g}",
+            "te\npaper": "te_um:.2f",
+            "te\nours": "ours.te_um:.3f",
+            "te\nratio": lambda row: f"{row.ours.te_um / row.te_um:.2f}",
+            "ce\npaper": "ce_um:.2f",
+            "ce\nours": "ours.ce_um:.3f",
+            "ce\nratio": lambda row: f"{row.ours.ce_um / row.ce_um:.2f}",
+            "verdict": lambda row: Verdict.EXPERIMENTAL,
+        },
+        words=2,
+    )
+    rows = [_on_family(result, "Table 1", *row[1:4]) for row in PUBLISHED[:-1]]
+    for terminal in TERMINALS:
+        name = "best stable of the grid"
+        grid = [_on_family(result, name, terminal, a, b) for a in ALPHAS for b in BETAS]
+        stable = [row for row in grid if row.radius < 1]
+        rows += sorted(stable, key=lambda row: row.ce_um)[:1]
+    yield Table(
+        "Table 1's weights on the family of machines: unknown input gains and delays [um]",
+        rows,
+        {
+            "weights": "name",
+            "terminal": "terminal",
+            "ce\nnominal": "nominal.ce_um:.4g",
+            "ce\nworst": "ce_um:.4g",
+            "te\nworst": "te_um:.4g",
+            "largest\nradius": "radius:.4f",
+            "verdict": "verdict",
+        },
+    )
+    delay = result.family[-1].delay
+    yield Table(
+        "Figs 3 and 5: beta 0, output terminal, "
+        f"unknown input delay [samples]: {delay}; errors [um]",
+        [(a, result.on_family("output", a, 0.0)) for a in (*ALPHAS, TOO_HIGH_ALPHA)],
+        {
+            "alpha": lambda row: f"{row[0]:g}",
+            "te\nnominal": lambda row: f"{row[1][0].te_um:.4g}",
+            "ce\nnominal": lambda row: f"{row[1][0].ce_um:.4g}",
+            f"te\ndelay {delay}": lambda row: f"{row[1][-1].te_um:.4g}",
+            f"ce\ndelay {delay}": lambda row: f"{row[1][-1].ce_um:.4g}",
+            "frozen\nradius": lambda row: f"{row[1][-1].spectral_radius:.4f}",
+            "verdict": lambda row: (
+                "stable" if row[1][-1].stable else "unstable: the numbers mean nothing"
+            ),
+        },
+        words=0,
+    )
+    yield Table(
+        "Theorem 1: every unstable case on straight lines",
+        result.unstable,
+        {
+            "alpha/beta/rho": lambda loop: f"{loop.alpha:g}/{loop.beta:g}/{loop.rho:.0e}",
+            "terminal": "terminal",
+            "horizon": "preview",
+            "directions": lambda loop: f"{loop.unstable_directions} of {result.directions}",
+            "largest\nradius": "largest_radius:.4f",
+        },
+    )
+
+
+def _on_family(result: Result, name: str, terminal: str, alpha: float, beta: float) -> OnFamily:
+    machines = result.on_family(terminal, alpha, beta)
+    pairs = zip(result.family, machines, strict=True)
+    unstable = [str(member.delay) for member, found in pairs if not found.stable]
+    verdict = "stable on every machine"
+    if unstable:
+        verdict = f"frozen loops unstable at delay {', '.join(unstable)}"
+    worst = (
+        max(getattr(machine, name) for machine in machines)
+        for name in ("ce_um", "te_um", "spectral_radius")
+    )
+    return OnFamily(f"{name}: {alpha:g}/{beta:g}", terminal, machines[0], *worst, verdict)

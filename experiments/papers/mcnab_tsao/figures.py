@@ -1,23 +1,26 @@
 """Figures of McNab & Tsao, drawn from a result."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.papers.mcnab_tsao.claims import (
+from experiments.papers.mcnab_tsao.experiment import (
+    ALPHAS,
+    BETAS,
     FIGURE_2_ALPHA,
     FIGURE_9,
     FIGURE_10,
-    over_previews,
-    table_over_weights,
+    THEOREM_HORIZON,
+    TOO_HIGH_ALPHA,
+    MachineRun,
+    Result,
 )
-from experiments.papers.mcnab_tsao.result import Case, MachineRun, Member, Result
+from experiments.papers.mcnab_tsao.runs import Member
+from experiments.papers.panels import Curve, Panel, drawn
 from jcontour.app.reports.figures.axes import legend_below
-from jcontour.app.reports.figures.png import save_figures
 
 NAMES = {"output": "output terminal C'QC", "dare": "terminal H_s(Q_max)"}
 COLOURS = {"output": "tab:blue", "dare": "tab:orange"}
@@ -35,54 +38,50 @@ MEASURED = {
 SIMULATED = {("output", "te_um"): "Fig. 4: ", ("output", "ce_um"): "Fig. 6: "}
 
 
-def draw(result: Result, folder: Path) -> list[Path]:
-    """Save all figures as PNG files in `folder`."""
-    figures = {
-        "figure-2": points_along_the_circle,
-        "figures-3-and-5": errors_on_the_family,
-        "figures-4-and-6": bars_over_the_weights,
-        "figures-9-and-10": errors_over_the_preview,
-        "theorem-1": radii_over_the_horizon,
-    }
-    return save_figures(figures, result, folder)
-
-
 def points_along_the_circle(result: Result) -> Figure:
     """Fig. 2: output samples approach the circle as contour weight is added."""
-    figure = Figure(figsize=(6.5, 6.0), layout="constrained")
-    axes = figure.subplots()
-    desired = 1e6 * result.points.desired_m
+    desired = 1e6 * result.desired_m
     middle = desired[len(desired) // 2]
     angle = np.linspace(0.0, 2 * np.pi, 20_001)
     circle = 1e3 * np.column_stack([np.cos(angle), np.sin(angle)]) - middle
-    axes.plot(*circle.T, color="0.6", linewidth=1.0, label="circle")
-    axes.plot(*(desired - middle).T, "o", color="0.2", mfc="none", markersize=8, label="desired")
-    for colour, (beta, output) in zip(POINT_COLOURS, result.points.output_m.items(), strict=False):
-        points = 1e6 * output - middle
-        axes.plot(*points.T, "x", color=colour, markersize=7, label=f"beta {beta}")
-    axes.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), aspect="equal")
-    axes.set(xlabel="x [um]", ylabel="y [um]")
-    axes.set_title(
+    ring = {"marker": "o", "linestyle": "", "color": "0.2", "mfc": "none", "markersize": 8}
+    curves = [
+        Curve(*circle.T, "circle", {"color": "0.6", "linewidth": 1.0}),
+        Curve(*(desired - middle).T, "desired", ring),
+    ]
+    for colour, (beta, output) in zip(POINT_COLOURS, result.output_m.items(), strict=False):
+        cross = {"marker": "x", "linestyle": "", "color": colour, "markersize": 7}
+        curves.append(Curve(*(1e6 * output - middle).T, f"beta {beta}", cross))
+    title = (
         "Fig. 2: samples on the 1 mm circle, motion to the lower left\n"
         f"alpha {FIGURE_2_ALPHA:g}, output terminal"
     )
-    axes.grid(color="0.92")
-    axes.legend(frameon=False)
-    return figure
+    limits = (-REACH, REACH)
+    axes = {"xlim": limits, "ylim": limits, "aspect": "equal"}
+    return drawn([Panel(title, "x [um]", "y [um]", curves, axes)], (6.5, 6.0), legend=4)
 
 
 def bars_over_the_weights(result: Result) -> Figure:
-    """Figs 4 and 6, and the same with H_s: nominal machine."""
+    """Figs 4 and 6, and the same with H_s: nominal machine.
+
+    A group for each alpha, in it a bar for each beta.
+    """
     figure = Figure(figsize=(11.0, 7.5), layout="constrained")
     grid = figure.subplots(2, 2, sharex=True, sharey="row")
-    alphas = result.weights.alpha
+    groups = np.arange(len(ALPHAS))
     for row, error in enumerate(ERRORS):
         for column, terminal in enumerate(NAMES):
-            axes = grid[row, column]
-            _bars(axes, result, terminal, error)
+            axes, heights = grid[row, column], result.over_weights(terminal, error)
+            for k, beta in enumerate(BETAS):
+                place = groups + (k - (len(BETAS) - 1) / 2) * BAR
+                style = {"color": SHADES[k], "label": f"beta {beta:g}"}
+                axes.bar(place, heights[:, k], BAR - 0.01, **style)
             number = SIMULATED.get((terminal, error), "")
             axes.set_title(f"{number}RMS {ERRORS[error]} error, {NAMES[terminal]}")
-            axes.set_xticks(np.arange(len(alphas)), [f"{alpha:g}" for alpha in alphas])
+            axes.set_xticks(groups, [f"{alpha:g}" for alpha in ALPHAS])
+            axes.set_yscale("log")
+            axes.grid(axis="y", color="0.92")
+            axes.set_axisbelow(True)
     _label(grid)
     legend_below(figure, grid[0, 0], columns=6)
     return figure
@@ -95,9 +94,9 @@ def errors_on_the_family(result: Result) -> Figure:
     """
     figure = Figure(figsize=(11.0, 7.5), layout="constrained")
     grid = figure.subplots(2, 2, sharex=True, sharey="row")
-    alphas = result.weights.all_alphas
+    alphas = (*ALPHAS, TOO_HIGH_ALPHA)
     for column, terminal in enumerate(NAMES):
-        runs = [result.run_of(Case(terminal, alpha, 0.0)).machines for alpha in alphas]
+        runs = [result.on_family(terminal, alpha, 0.0) for alpha in alphas]
         for row, error in enumerate(ERRORS):
             axes = grid[row, column]
             for i, member in enumerate(result.family):
@@ -118,55 +117,43 @@ def errors_on_the_family(result: Result) -> Figure:
 
 def errors_over_the_preview(result: Result) -> Figure:
     """Figs 9 and 10: errors against the number of preview samples, both terminals."""
-    figure = Figure(figsize=(11.0, 4.5), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    tracking, square = [], []
     for terminal, name in NAMES.items():
-        style = {"color": COLOURS[terminal], "label": name}
-        previews, tracking = over_previews(result, terminal, FIGURE_9, "te_um")
-        left.plot(previews, tracking, "+-", **style)
-        previews, contour = over_previews(result, terminal, FIGURE_10, "ce_um")
-        right.plot(previews, np.square(contour), "+-", **style)
-    left.set(title="Fig. 9: RMS tracking error, alpha 4, beta 0", ylabel="[um]")
-    right.set(title="Fig. 10: mean square contour error, alpha 0.25, beta 15", ylabel="[um^2]")
-    for axes in (left, right):
-        axes.set(xlabel="preview [samples]", yscale="log")
-        axes.grid(color="0.92")
-    legend_below(figure, left, columns=2)
-    return figure
+        style = {"marker": "+", "color": COLOURS[terminal]}
+        te = result.over_previews(terminal, FIGURE_9, "te_um")
+        ce = result.over_previews(terminal, FIGURE_10, "ce_um")
+        tracking.append(Curve(list(te), list(te.values()), name, style))
+        square.append(Curve(list(ce), np.square(list(ce.values())), name, style))
+    titles = (
+        "Fig. 9: RMS tracking error, alpha 4, beta 0",
+        "Fig. 10: mean square contour error, alpha 0.25, beta 15",
+    )
+    x, axes = "preview [samples]", {"yscale": "log"}
+    panels = [
+        Panel(titles[0], x, "[um]", tracking, axes),
+        Panel(titles[1], x, "[um^2]", square, axes),
+    ]
+    return drawn(panels, (11.0, 4.5), columns=2, legend=2)
 
 
 def radii_over_the_horizon(result: Result) -> Figure:
     """Theorem 1: largest spectral radius over all directions, per weight set and horizon."""
-    figure = Figure(figsize=(11.0, 4.5), layout="constrained")
-    row = figure.subplots(1, 2, sharey=True)
-    theorem = result.theorem_1
-    rhos = sorted({one.rho for one in theorem.sets}, reverse=True)
-    horizons = np.arange(1, theorem.longest + 1)
-    for axes, (terminal, name) in zip(row, NAMES.items(), strict=True):
-        for one in sorted(theorem.sets, key=lambda one: -one.rho):
+    rhos = sorted({one.rho for one in result.sets}, reverse=True)
+    horizons = np.arange(1, THEOREM_HORIZON + 1)
+    panels = []
+    for terminal, name in NAMES.items():
+        curves = []
+        for one in sorted(result.sets, key=lambda one: -one.rho):
             style = {"color": f"C{rhos.index(one.rho)}", "linewidth": 0.7, "markersize": 3}
-            axes.plot(horizons, getattr(one, terminal), ".-", **style)
-        axes.axhline(1.0, color="0.2", linestyle="--", linewidth=1.0, label="limit of stability")
-        axes.set(xlabel="horizon N_p", xscale="log", yscale="log")
-        axes.set(title=f"{name}, {len(theorem.sets)} weight sets")
-        axes.grid(color="0.92", which="both")
-    row[0].set_ylabel("largest spectral radius over all directions")
-    lines = [Line2D([], [], color=f"C{k}", label=f"rho {rho:.0e}") for k, rho in enumerate(rhos)]
-    legend_below(figure, row[0], columns=4, more=lines)
-    return figure
-
-
-def _bars(axes: Axes, result: Result, terminal: str, error: str) -> None:
-    """A group for each alpha, in it a bar for each beta."""
-    alphas, betas = result.weights.alpha, result.weights.beta
-    table = table_over_weights(result, terminal, error)
-    for k, beta in enumerate(betas):
-        place = np.arange(len(alphas)) + (k - (len(betas) - 1) / 2) * BAR
-        heights = [table[alpha, beta] for alpha in alphas]
-        axes.bar(place, heights, BAR - 0.01, color=SHADES[k], label=f"beta {beta:g}")
-    axes.set_yscale("log")
-    axes.grid(axis="y", color="0.92")
-    axes.set_axisbelow(True)
+            radii = getattr(one, terminal)
+            curves.append(Curve(horizons, radii, f"rho {one.rho:.0e}", {"marker": ".", **style}))
+        limit = {"color": "0.2", "linestyle": "--", "linewidth": 1.0}
+        curves.append(Curve(None, 1.0, "limit of stability", limit))
+        title = f"{name}, {len(result.sets)} weight sets"
+        axes = {"xscale": "log", "yscale": "log"}
+        panels.append(Panel(title, "horizon N_p", "largest spectral radius", curves, axes))
+    title = "Theorem 1: largest spectral radius over all directions"
+    return drawn(panels, (11.0, 4.8), title, columns=2, legend=4, sharey=True)
 
 
 def _label(grid: np.ndarray) -> None:
@@ -189,7 +176,7 @@ def _with_unstable(
 
     A cross is at the top edge where the run diverged.
     """
-    values = np.array([np.nan if run.diverged else getattr(run, error) for run in runs], float)
+    values = np.array([getattr(run, error) for run in runs])
     stable = np.array([run.stable for run in runs])
     axes.plot(alphas, values, ":", color=colour, linewidth=1.0)
     axes.plot(alphas, np.where(stable, values, np.nan), ".-", color=colour, label=label)
@@ -207,3 +194,12 @@ def _machine_name(machine: Member) -> str:
     if machine.gain_x == machine.gain_y == 1:
         return "nominal"
     return f"gains x {machine.gain_x:g}, y {machine.gain_y:g}"
+
+
+FIGURES = {
+    "figure-2": points_along_the_circle,
+    "figures-3-and-5": errors_on_the_family,
+    "figures-4-and-6": bars_over_the_weights,
+    "figures-9-and-10": errors_over_the_preview,
+    "theorem-1": radii_over_the_horizon,
+}

@@ -5,6 +5,7 @@ one compiled plan and one compiled closed loop: the horizon is an array, and the
 a member of the family.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import equinox as eqx
@@ -13,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from experiments.papers.mcnab_tsao.result import PREVIEW, TERMINALS, Case, Member
 from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
@@ -43,6 +43,8 @@ from jcontour.simulation.closed_loop import follow, prepared
 from jcontour.simulation.evaluation import member, stack_plants, stack_references
 from jcontour.simulation.metrics import Metrics, score_signals
 
+TERMINALS = ("output", "dare")  # C'QC, and H_s(Q_max)
+PREVIEW = 10  # [samples] the paper's horizon, where it does not vary it
 RADIUS = 1e-3  # [m] of the paper's circle
 FEED = 3 / 60  # [m/s] the paper's 3 m/min
 RHO = 2e-9  # [1/control unit^2] the paper's control weight
@@ -51,6 +53,28 @@ WINDOW = (502, 753)  # the last lap is scored: the transient is gone
 LINE_ANGLE = np.deg2rad(37.0)  # no symmetry of the machine in this direction
 LONGEST = 30  # [samples] of the preview lengths in Figs 9 and 10
 RADIUS_STRIDE = 5  # frozen loops every 7 degrees of the circle: the radius varies slowly
+
+
+@dataclass(frozen=True)
+class Case:
+    """A controller of the study; rho is the paper's."""
+
+    terminal: str
+    alpha: float
+    beta: float
+    preview: int = PREVIEW
+
+
+@dataclass(frozen=True)
+class Member:
+    """A machine: factors on its two inputs, and an input delay [samples].
+
+    The controller knows neither.
+    """
+
+    gain_x: float
+    gain_y: float
+    delay: int
 
 
 class FamilyRun(NamedTuple):

@@ -11,12 +11,18 @@ import numpy as np
 import pytest
 
 from experiments.papers.mcnab_tsao import experiment
-from experiments.papers.mcnab_tsao.claims import claims
-from experiments.papers.mcnab_tsao.result import Case, Result
-from experiments.papers.mcnab_tsao.runs import RHO, AnyHorizonLQ, Setup, family, radii_on_lines
+from experiments.papers.mcnab_tsao.claims import claims, table_1
+from experiments.papers.mcnab_tsao.runs import (
+    RHO,
+    AnyHorizonLQ,
+    Case,
+    Setup,
+    family,
+    radii_on_lines,
+)
 from experiments.papers.verdicts import Verdict
 from jcontour.analysis.stability import frozen_spectral_radii
-from jcontour.app.files.results.stored import from_json, to_json
+from jcontour.app.files.results.stored import to_json
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.closed_loop import prepared
@@ -36,21 +42,8 @@ def setup():
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory):
-    """A --quick run, stored as JSON and read again."""
-    folder, told = tmp_path_factory.mktemp("run"), []
-    settings = experiment.Settings(quick=True)
-    found = experiment.run(settings, folder, lambda part, doing: told.append(part))
-    assert told == sorted(told) and told[0] == 0.0 and told[-1] == 1.0
-    assert not list(folder.iterdir())
-    text = json.dumps(to_json(found), allow_nan=False)
-    return from_json(json.loads(text), Result)
-
-
-def test_published_rows_are_the_papers():
-    assert [row.case for row in experiment.PUBLISHED] == ["I", "II", "III", "IV", "finite preview"]
-    assert [row.te_um for row in experiment.PUBLISHED] == [3.35, 43.07, 4.10, 6.55, 4.10]
-    assert [row.ce_um for row in experiment.PUBLISHED] == [3.07, 1.07, 3.78, 1.70, 3.78]
+def result():
+    return experiment.run(experiment.Settings(quick=True))
 
 
 @pytest.mark.parametrize(
@@ -143,46 +136,42 @@ def test_every_run_on_the_circle(result, table, count):
     rows = load(table)
     assert len(rows) == count
     for row in rows:
-        ours = result.nominal(Case(row["terminal"], row["alpha"], row["beta"], row["Np"]))
+        ours = result.on_family(row["terminal"], row["alpha"], row["beta"], row["Np"])[0]
         found = {key: getattr(ours, name) for key, name in NUMBERS.items()}
         assert found == pytest.approx({key: row[key] for key in NUMBERS}, rel=1e-6)
 
 
 @pytest.mark.slow
 def test_theorem_1(result):
-    theorem = result.theorem_1
-    assert len(theorem.sets) == 36
-    assert all(len(one.output) == len(one.dare) == 50 for one in theorem.sets)
-    assert max(max(one.dare) for one in theorem.sets) < 0.89
-    assert {(loop.terminal, loop.preview) for loop in theorem.unstable} == {("output", 1)}
-    assert all(loop.rho < 1e-10 for loop in theorem.unstable)
-    assert len(theorem.unstable) == 22
+    assert len(result.sets) == 36
+    assert all(len(one.output) == len(one.dare) == 50 for one in result.sets)
+    assert max(max(one.dare) for one in result.sets) < 0.89
+    assert {(loop.terminal, loop.preview) for loop in result.unstable} == {("output", 1)}
+    assert all(loop.rho < 1e-10 for loop in result.unstable)
+    assert len(result.unstable) == 22
 
 
 @pytest.mark.slow
 def test_verdicts(result):
     verdicts = defaultdict(list)
-    for row in result.claims:
+    for row in claims(result):
         verdicts[row.item].append(row.verdict)
-    assert {row.verdict for row in result.table_1} == {Verdict.EXPERIMENTAL}
     for item in ("Fig. 9, output", "Theorem 1", "Table 1, last row", "Fig. 2"):
         assert verdicts[item] == [YES]
     for item in ("Fig. 3", "Fig. 4", "Fig. 5"):
         assert verdicts[item] == [PARTLY]
     assert verdicts["Fig. 6"] == [PARTLY, NO, NO]
     assert verdicts["line at 37 deg, output"][0] == NO
-    assert result.finite_preview.largest_gain_difference < 1e-9
-    finite, case_iii = result.table_1[4], result.table_1[2]
-    assert finite.te_um.ours == pytest.approx(case_iii.te_um.ours, rel=1e-9)
-    assert claims(result) == result.claims  # as read from JSON
+    assert result.largest_gain_difference < 1e-9
+    finite, case_iii = table_1(result)[4], table_1(result)[2]
+    assert finite.ours.te_um == pytest.approx(case_iii.ours.te_um, rel=1e-9)
 
 
 def test_a_diverged_machine_has_no_numbers(setup):
     case = Case("output", 20.0, 0.0)
-    row = experiment._row(case, setup.run(setup.plan(case, setup.circle), setup.circle))
-    assert row.case == case
-    assert [machine.diverged for machine in row.machines] == [False, False, False, False, True]
-    assert row.machines[-1].te_um is None and not row.machines[-1].stable
-    stored = to_json(row)
+    machines = experiment._machines(setup.run(setup.plan(case, setup.circle), setup.circle))
+    assert [machine.diverged for machine in machines] == [False, False, False, False, True]
+    assert machines[-1].te_um == np.inf and not machines[-1].stable
+    stored = to_json(machines)
     assert json.loads(json.dumps(stored, allow_nan=False)) == stored
-    assert not any(isinstance(leaf, np.ndarray) for leaf in jax.tree.leaves(stored))
+    assert stored[-1]["te_um"] is None
