@@ -5,10 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.papers.lam.claims import CONTROLLERS, MPCC, claims
+from experiments.papers.lam.claims import claims
+from experiments.papers.lam.experiment import (
+    CONTROLLERS,
+    Point,
+    Result,
+    Trace,
+    lobes,
+    machines,
+    point,
+    traced,
+    tracked,
+)
+from experiments.papers.lam.experiment import MPCC_4MS as MPCC
 from experiments.papers.lam.figures import along_the_path, contour, trade_off
-from experiments.papers.lam.result import Lobes, Point, Result, Trace
-from experiments.papers.lam.runs import lobes, machines, point, traced, tracked
 from experiments.papers.verdicts import Verdict
 from jcontour.geometry.periodic_splines import polar_lobes
 
@@ -57,8 +67,7 @@ def made_up(mpcc, others):
         curvature_per_mm=bend,
     )
     fast = replace(slow, q_theta=5.0, speed_mm_s=200 - 50 * bend, contour_error_um=2 * np.ones(100))
-    path = Lobes(100.0, 100.0, line)
-    return Result("", {}, ("p",), path, (slow, fast), tuple(points))
+    return Result(("p",), 100.0, 100.0, line, (slow, fast), tuple(points))
 
 
 def verdicts(result):
