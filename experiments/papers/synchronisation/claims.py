@@ -1,12 +1,24 @@
-"""Statements of Tomizuka, Hu, Chiu & Kamano, our findings and the verdicts."""
+"""Statements of Tomizuka, Hu, Chiu & Kamano, our findings, the verdicts, and the tables."""
+
+from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Float
 
-from experiments.papers.synchronisation.result import CONTINUOUS, Result, Row
-from experiments.papers.synchronisation.runs import NOMINAL, WEAK
+from experiments.papers.synchronisation.experiment import (
+    CONTINUOUS,
+    FAST,
+    NOMINAL,
+    PLANTS,
+    SLOW,
+    WEAK,
+    Result,
+    Row,
+)
+from experiments.papers.tables import Column, Table
 from experiments.papers.verdicts import Claim, Verdict, verdict
+from jcontour.app.reports.tables import digits
 
-FAST, SLOW = 2.0, 10.0  # [ms], the paper's sample periods
 AT_LEAST, AROUND, EDGE = 10.0, 3.0, 4.0  # what the paper says of beta
 ZERO = 1e-12  # an error below is rounding
 ROUNDING = 1e-8  # of a bound
@@ -15,98 +27,82 @@ SIMILAR = 1.5  # ratio of two peaks up to which the responses are similar
 NEAR = 1.1  # ratio of two beta up to which one is near the other
 
 
-def claims(result: Result) -> tuple[Claim, ...]:
+def claims(result: Result) -> Iterator[Claim]:
     """Every statement with what is found on axes of our choice: the paper prints none."""
-    return (
-        _alone(result),
-        _together(result),
-        _stronger(result, CONTINUOUS, "Fig. 6"),
-        _any_coupling(result),
-        _meets(result),
-        _stronger(result, FAST, "Fig. 11"),
-        _fast(result),
-        _slow(result),
-        _sufficient(result),
-    )
-
-
-def _alone(result: Result) -> Claim:
-    row = result.row(NOMINAL, CONTINUOUS, 0.0)
-    return Claim(
+    alone, coupled = (result.row(NOMINAL, CONTINUOUS, beta) for beta in (0.0, 5.0))
+    yield Claim(
         "Fig. 3",
         "without coupling the axis without load keeps its speed, and the axes are apart",
-        f"largest errors {row.peak_e1:.1g} and {row.peak_e2:.3f}; apart by {row.peak_sync:.3f}",
-        verdict(row.peak_e1 < ZERO and row.peak_sync > 0),
+        f"largest errors {alone.peak_e1:.1g} and {alone.peak_e2:.3f}; "
+        f"apart by {alone.peak_sync:.3f}",
+        verdict(alone.peak_e1 < ZERO and alone.peak_sync > 0),
     )
-
-
-def _together(result: Result) -> Claim:
-    alone, coupled = (result.row(NOMINAL, CONTINUOUS, beta) for beta in (0.0, 5.0))
-    words = (
-        f"beta = 5: errors up to {coupled.peak_e1:.3f} and {coupled.peak_e2:.3f}; "
-        f"integral of the difference {coupled.iae_sync / alone.iae_sync:.3f} of that without"
-    )
-    return Claim(
+    yield Claim(
         "Fig. 5",
         "with coupling both axes have errors, and their difference is quickly removed",
-        words,
+        f"beta = 5: errors up to {coupled.peak_e1:.3f} and {coupled.peak_e2:.3f}; "
+        f"integral of the difference {coupled.iae_sync / alone.iae_sync:.3f} of that without",
         verdict(coupled.peak_e1 > ZERO and coupled.iae_sync < 0.5 * alone.iae_sync),
     )
-
-
-def _stronger(result: Result, period_ms: float, item: str) -> Claim:
-    rows = [row for row in result.column(NOMINAL, period_ms) if row.beta <= AT_LEAST]
-    peaks, areas = np.array([[row.peak_sync, row.iae_sync] for row in rows]).T
-    falls = bool(np.all(np.diff(peaks) < 0) and np.all(np.diff(areas) < 0))
-    words = (
-        f"peak {peaks[0]:.3f} at beta = 0, {peaks[-1]:.3f} at {rows[-1].beta:g}; "
-        f"integral {areas[0]:.4f} and {areas[-1]:.4f} s"
-    )
-    claim = "the synchronisation error falls as beta grows"
-    return Claim(item, claim, words, verdict(falls, bool(peaks[-1] < peaks[0])))
-
-
-def _any_coupling(result: Result) -> Claim:
+    yield _stronger(result, CONTINUOUS, "Fig. 6")
     bound = result.bound(NOMINAL, FAST).continuous
-    return Claim(
+    yield Claim(
         "(9)",
         "equal axes may have any positive beta in continuous time",
         "no bound from (9)" if bound is None else f"bound {bound:.4g}",
         verdict(bound is None),
     )
-
-
-def _meets(result: Result) -> Claim:
-    curve = result.curve(NOMINAL, FAST, 2.0)
-    early = slice(0, int(np.argmax(np.abs(curve.e2))) + 1)
-    same = bool(np.all(curve.e1[early] * curve.e2[early] >= 0) and np.any(curve.e1[early] != 0))
-    words = (
-        f"beta = 2, 2 ms: axis 1 off by {_peak(curve.e1):+.3f}, axis 2 by {_peak(curve.e2):+.3f}"
+    two = result.row(NOMINAL, FAST, 2.0)
+    early = slice(0, int(np.argmax(np.abs(two.e2))) + 1)
+    same = np.all(two.e1[early] * two.e2[early] >= 0) and np.any(two.e1[early] != 0)
+    yield Claim(
+        "Fig. 10",
+        "the axis without load goes to meet the other",
+        f"beta = 2, 2 ms: axis 1 off by {_peak(two.e1):+.3f}, axis 2 by {_peak(two.e2):+.3f}",
+        verdict(bool(same)),
     )
-    claim = "the axis without load goes to meet the other"
-    return Claim("Fig. 10", claim, words, verdict(same))
-
-
-def _fast(result: Result) -> Claim:
-    row, bound = result.row(NOMINAL, FAST, AT_LEAST), result.bound(NOMINAL, FAST).exact
+    yield _stronger(result, FAST, "Fig. 11")
+    row, limit = result.row(NOMINAL, FAST, AT_LEAST), result.bound(NOMINAL, FAST).exact
     alike = result.row(NOMINAL, CONTINUOUS, AT_LEAST).peak_sync / row.peak_sync
-    stable = not row.diverged and bound >= AT_LEAST
-    words = (
-        f"stable up to {bound:.2f}; at 10 the continuous peak is {alike:.2f} x the sampled one; "
-        f"{CHOSEN}"
+    stable = not row.diverged and limit >= AT_LEAST
+    yield Claim(
+        "after Fig. 11",
+        "at 2 ms beta may be at least 10, much like in continuous time",
+        f"stable up to {limit:.2f}; at 10 the continuous peak is {alike:.2f} x the sampled one; "
+        f"{CHOSEN}",
+        verdict(stable and 1 / SIMILAR < alike < SIMILAR),
     )
-    claim = "at 2 ms beta may be at least 10, much like in continuous time"
-    return Claim("after Fig. 11", claim, words, verdict(stable and 1 / SIMILAR < alike < SIMILAR))
+    yield _slow(result)
+    weak = result.bound(WEAK, SLOW)
+    yield Claim(
+        "(17)",
+        "(17) is enough for stability; it need not be necessary",
+        f"weak feedback, 10 ms: (17) holds below {weak.proven:.4f}, the loop is stable below "
+        f"{weak.exact:.4f}; nominal axes: the two bounds are equal",
+        verdict(all(one.proven <= one.exact * (1 + ROUNDING) for one in result.bounds)),
+    )
+
+
+def _stronger(result: Result, period_ms: float, item: str) -> Claim:
+    kind = (NOMINAL, period_ms)
+    rows = [row for row in result.rows if (row.plant, row.period_ms) == kind]
+    rows = [row for row in rows if row.beta <= AT_LEAST]  # beta ascending
+    peaks, areas = np.array([[row.peak_sync, row.iae_sync] for row in rows]).T
+    falls = bool(np.all(np.diff(peaks) < 0) and np.all(np.diff(areas) < 0))
+    return Claim(
+        item,
+        "the synchronisation error falls as beta grows",
+        f"peak {peaks[0]:.3f} at beta = 0, {peaks[-1]:.3f} at {rows[-1].beta:g}; "
+        f"integral {areas[0]:.4f} and {areas[-1]:.4f} s",
+        verdict(falls, bool(peaks[-1] < peaks[0])),
+    )
 
 
 def _slow(result: Result) -> Claim:
     bound = result.bound(NOMINAL, SLOW).exact
-    calm, rings = (result.row(NOMINAL, SLOW, beta) for beta in (AROUND, 3.5))
+    calm, rings, edge = (result.row(NOMINAL, SLOW, beta) for beta in (AROUND, 3.5, EDGE))
+    fate = "has diverged" if edge.diverged else f"has grown to {edge.peak_sync:.2g}"
     ordered = AROUND < bound < NEAR * EDGE and rings.turns > calm.turns
-    words = (
-        f"stable up to {bound:.3f}; the difference changes sign {calm.turns} times at 3, "
-        f"{rings.turns} times at 3.5; at 4 it {_fate(result.row(NOMINAL, SLOW, EDGE))}; {CHOSEN}"
-    )
     if bound >= EDGE or not ordered:  # a loop that is near instability is stable
         fares = verdict(ordered, AROUND < bound)
     else:
@@ -114,25 +110,57 @@ def _slow(result: Result) -> Claim:
     return Claim(
         "Figs 12-14",
         "at 10 ms beta may be around 3; above it oscillates, and is near instability at 4",
-        words,
+        f"stable up to {bound:.3f}; the difference changes sign {calm.turns} times at 3, "
+        f"{rings.turns} times at 3.5; at 4 it {fate}; {CHOSEN}",
         fares,
     )
 
 
-def _sufficient(result: Result) -> Claim:
-    bound = result.bound(WEAK, SLOW)
-    words = (
-        f"weak feedback, 10 ms: (17) holds below {bound.proven:.4f}, the loop is stable below "
-        f"{bound.exact:.4f}; nominal axes: the two bounds are equal"
-    )
-    holds = all(row.proven <= row.exact * (1 + ROUNDING) for row in result.bounds)
-    claim = "(17) is enough for stability; it need not be necessary"
-    return Claim("(17)", claim, words, verdict(holds))
-
-
-def _peak(error) -> float:
+def _peak(error: Float[np.ndarray, " T"]) -> float:
     return float(error[np.argmax(np.abs(error))])
 
 
-def _fate(row: Row) -> str:
-    return "has diverged" if row.diverged else f"has grown to {row.peak_sync:.2g}"
+def tables(result: Result) -> Iterator[Table | str]:
+    """What is ours, the responses, and the bounds on beta."""
+    yield "The paper prints no plant and no gains. Ours, per unit of speed and of control:"
+    for name, plant in PLANTS.items():
+        poles, gains = (", ".join(f"{x:g}" for x in values) for values in plant.axes)
+        feedback = ", ".join(f"{x:g}" for x in plant.proportional)
+        yield (
+            f"  {name}: a = {poles} 1/s, b = {gains}, k_c = {feedback}, "
+            f"gamma = {plant.adaptation:g} 1/s (sampled: gamma T), v_c = 1"
+        )
+    columns: dict[str, Column] = {"axes": "plant", "time": _time, "beta": "beta:g"}
+    numbers = {
+        "peak\napart": "peak_sync",
+        "integral\napart s": "iae_sync",
+        "peak\ne1": "peak_e1",
+        "peak\ne2": "peak_e2",
+    }
+    for heading, name in numbers.items():
+        columns[heading] = lambda row, name=name: _number(row, name)
+    yield Table("Step of load on axis 2", result.rows, columns, words=2)
+    yield Table(
+        "Bounds on beta",
+        result.bounds,
+        {
+            "axes": "plant",
+            "time": _time,
+            "K": "adaptation:.4g",
+            "(9)": lambda row: "none" if row.continuous is None else digits(row.continuous),
+            "(17)": "proven:.4g",
+            "exact loop": "exact:.4g",
+        },
+        words=2,
+    )
+
+
+def _number(row: Row, name: str) -> str:
+    value = getattr(row, name)
+    if row.diverged:
+        return "diverged"
+    return "0" if value < ZERO else digits(value)
+
+
+def _time(row) -> str:
+    return "continuous" if row.period_ms == CONTINUOUS else f"{row.period_ms:g} ms"
