@@ -2,33 +2,48 @@
 
 The printed data admit no invariant set and no controller; the certificate shows it. With the speed
 limit relaxed, a constraint-tightened MPC keeps a third of the thesis's tolerance.
+
+The model is (4.4), forward Euler at 1 ms; states are (x_m, v_m) and the estimated (x_e, v_e). The
+lumped disturbance w of at most 5 mm/s acts on v_m, and through the printed observer gain on both
+estimates.
 """
 
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
+from functools import cache
 
-from experiments.papers.yuan_bounded.claims import claims
-from experiments.papers.yuan_bounded.figures import draw
-from experiments.papers.yuan_bounded.result import PREVIEWED, UNKNOWN, Result
-from experiments.papers.yuan_bounded.runs import (
-    LENGTHS,
-    PRINTED_CASES,
-    QUICK_LENGTHS,
-    certificate,
-    least_row,
-    loop_row,
-    observer_radius,
-)
-from experiments.papers.yuan_bounded.tables import show
+import numpy as np
+from jaxtyping import Float
 
-__all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
+from jcontour.geometry import contours
+from jcontour.linear.plant import LinearPlant, spectral_radius
+from jcontour.motion.point_to_point import thesis_task_a
+from jcontour.motion.references import Reference, from_samples
+from jcontour.mpc.bounded.bounded_mpc import BoundedLimits, BoundedMPC, bounded_response
+from jcontour.plants import thesis_axis
+from jcontour.plants.flexible_axis.models import euler_model
+from jcontour.sets.disturbed_model import DisturbedModel, Signal
+from jcontour.sets.least_peaks import NoResponse, least_peak
+from jcontour.sets.tolerance_certificates import least_tolerance_of_any
 
 SOURCE = (
     "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
     "Doctoral thesis, The University of Melbourne (2020), chapter 4 "
     "(error-bounded tracking control)"
 )
-PUBLISHED = ()  # its sets have no numbers in print
+DT = 1e-3  # [s]
+DISTURBANCE = 5e-3  # [m/s], largest w, section 4.3.1
+ACCELERATION = 4.0  # [m/s^2], of the reference
+FEED, STROKE = 0.1, 0.1  # [m/s], [m], of the reference
+CURRENT = 9.0  # [A]
+PRINTED_SPEED, RELAXED_SPEED = 0.1, 0.25  # [m/s], limit of motor and end effector; ours
+OBSERVER = np.array([[0.0, 1e-3], [0.0, 1e-3]])  # L_r
+PRINTED_CASES = ((5e-3, 0.1), (2.5e-3, 0.1), (5e-3, 0.105))  # w [m/s], speed limit [m/s]
+STATES = ("x_m", "v_m", "x_e", "v_e")
+FOR_DISTURBANCES = 4.5  # [A] of 9: the motion itself needs up to 4.3 A
+SQUARE = 125  # samples of half a period of the slow disturbance
+UNKNOWN, PREVIEWED = "unknown", "previewed"  # what the controller knows of the reference
+LENGTHS = {UNKNOWN: (40, 60, 80), PREVIEWED: (40, 60, 80)}
+QUICK_LENGTHS = {UNKNOWN: (40, 60), PREVIEWED: (40,)}
 SAMPLES, QUICK_SAMPLES = 1500, 450  # of each closed loop
 
 
@@ -40,20 +55,195 @@ class Settings:
     """One certificate of three, shorter responses, a third of the samples."""
 
 
-def run(settings: Settings, folder: Path) -> Result:
-    """Compute everything; nothing is written to the folder."""
+@dataclass(frozen=True)
+class CertificateRow:
+    """Least tolerance that any controller at all needs."""
+
+    disturbance_mm_s: float  # largest w
+    speed_limit: float  # of motor and end effector [m/s]
+    bound_mm: float  # proven by the multipliers of the linear program
+
+
+@dataclass(frozen=True)
+class LeastRow:
+    """Least tolerance of finite responses; None where none respects the limits."""
+
+    reference: str  # what is known of it
+    length: int  # samples N
+    tolerance_mm: float | None
+    limiting: tuple[str, ...]  # limits that keep it from being smaller, or that none respects
+
+
+@dataclass(frozen=True)
+class LoopRow:
+    """Run of the bounded MPC under disturbances in their box, every QP solved."""
+
+    reference: str  # what is known of it
+    length: int  # samples N of the plan
+    promised_mm: float  # tolerance
+    largest_mm: float  # tracking error of the end effector
+    largest_current: float  # [A]
+    largest_speed: float  # [m/s], in error coordinates if the reference is unknown
+    speed_limit: float  # for it [m/s]
+    samples: int
+    error_mm: Float[np.ndarray, " T"]
+
+
+@dataclass(frozen=True)
+class Result:
+    """Proofs for the printed data, least tolerances, and closed loops."""
+
+    observer_radius: float  # spectral radius of the printed observer on the printed model
+    certificates: tuple[CertificateRow, ...]
+    least: tuple[LeastRow, ...]
+    loops: tuple[LoopRow, ...]
+
+
+def run(settings: Settings) -> Result:
+    """Compute everything."""
     cases = PRINTED_CASES[:1] if settings.quick else PRINTED_CASES
     lengths = QUICK_LENGTHS if settings.quick else LENGTHS
     samples = QUICK_SAMPLES if settings.quick else SAMPLES
-    found = Result(
-        source=SOURCE,
-        settings=asdict(settings),
-        observer_radius=observer_radius(),
-        certificates=tuple(certificate(*case) for case in cases),
-        least=tuple(least_row(kind, N) for kind, row in lengths.items() for N in row),
-        loops=(
+    return Result(
+        observer_radius(),
+        tuple(certificate(*case) for case in cases),
+        tuple(least_row(kind, N) for kind, row in lengths.items() for N in row),
+        (
             loop_row(UNKNOWN, lengths[UNKNOWN][-1], samples),
             loop_row(PREVIEWED, lengths[PREVIEWED][0], samples),
         ),
     )
-    return replace(found, claims=claims(found))
+
+
+@cache
+def axis() -> LinearPlant:
+    """The printed model."""
+    return euler_model(thesis_axis(), DT)
+
+
+def observer_radius() -> float:
+    """Spectral radius of A22 - L_r A12, the printed observer's error."""
+    A = np.asarray(axis().A)
+    return float(spectral_radius(A[2:, 2:] - OBSERVER @ A[:2, 2:]))
+
+
+def disturbed(size: float, previewed: bool) -> DisturbedModel:
+    """The axis under w of this size [m/s], and under a reference's acceleration if unknown."""
+    column = np.array([0.0, size])
+    model = DisturbedModel.of(axis().A, axis().B, np.append(column, OBSERVER @ column))
+    known = model.with_disturbance(ACCELERATION * DT * np.array([0.0, 1.0, 0.0, 1.0]))
+    return model if previewed else known
+
+
+def limits(previewed: bool) -> BoundedLimits:
+    """Current and speeds; an unknown reference takes its own share of them at any time."""
+    share = 0.0 if previewed else FEED
+    viscous = thesis_axis().friction.viscous / thesis_axis().force_constant
+    current = CURRENT - float(np.max(np.asarray(viscous))) * share
+    speeds = disturbed(DISTURBANCE, True).state_signals(
+        ("v_m", "v_e"), np.eye(4)[[1, 3]], RELAXED_SPEED - share
+    )
+    return BoundedLimits(current, speeds)
+
+
+def certificate(size: float, speed: float) -> CertificateRow:
+    """Proof for the printed data: w at its lower end along the printed point-to-point motion."""
+    model = disturbed(size, True)
+    ramp = ACCELERATION * DT * np.arange(26)
+    steady = round((STROKE - DT * (ramp[:-1].sum() + ramp.sum())) / (FEED * DT))
+    speeds = np.concatenate([ramp[:-1], np.full(steady, FEED), ramp[::-1]])
+    reference = np.concatenate([[0.0], DT * np.cumsum(speeds)])
+    half = 0.1  # [m], positions from -0.05 to 0.15
+    limited = [
+        *model.state_signals(STATES, np.eye(4), [half, speed, half, speed]),
+        *model.control_signals(CURRENT),
+    ]
+    wanted = Signal("tool", np.array([0.0, 0.0, 1.0, 0.0]), np.zeros(1), 1.0)
+    acting = -np.ones((len(reference) - 1, 1))
+    middles = [0.05, 0.0, 0.05, 0.0, 0.0]
+    found = least_tolerance_of_any(model, wanted, limited, reference, acting, middles)
+    return CertificateRow(1e3 * size, speed, 1e3 * found.bound)
+
+
+def least_row(reference: str, length: int) -> LeastRow:
+    """Least tolerance of finite responses; even a previewed reference takes its share of limits."""
+    previewed = reference == PREVIEWED
+    model, bounds = disturbed(DISTURBANCE, previewed), limits(False)
+    small = model.state_signals(["tool"], np.eye(4)[2])
+    limited = [*bounds.signals, *model.control_signals(bounds.control)]
+    try:
+        found = least_peak(model, small, limited, length)
+    except NoResponse as none:
+        return LeastRow(reference, length, None, none.limiting)
+    return LeastRow(reference, length, 1e3 * found.tolerance, found.limiting)
+
+
+def loop_row(reference: str, length: int, samples: int) -> LoopRow:
+    """The bounded MPC under disturbances that change slowly, at random, or to reach most."""
+    previewed = reference == PREVIEWED
+    model, bounds = disturbed(DISTURBANCE, previewed), limits(previewed)
+    plant = axis()
+    room = bounds._replace(control=FOR_DISTURBANCES) if previewed else bounds
+    mpc = BoundedMPC(plant, bounded_response(plant, model, room, length, False), bounds)
+    path = _moving(mpc.preview, samples) if previewed else _still(mpc.preview, samples)
+    attack = mpc.response.attack(model.state_signals(["tool"], np.eye(4)[2])[0])
+    states, controls = _driven(mpc, model, path, _disturbances(path.steps, attack))
+    error = states[:, 2] - np.asarray(path.position)[: path.steps, 0]
+    return LoopRow(
+        reference,
+        length,
+        1e3 * mpc.promised(mpc.certified(path), path.steps),
+        1e3 * float(np.abs(error).max()),
+        float(np.abs(controls).max()),
+        float(np.abs(states[:, [1, 3]]).max()),
+        float(bounds.signals[0].limit),
+        path.steps,
+        1e3 * error,
+    )
+
+
+def _disturbances(steps: int, attack: np.ndarray) -> np.ndarray:
+    """Thirds of the run: slow square waves, bang-bang at random, attacks from either side."""
+    generator, q = np.random.default_rng(0), attack.shape[1]
+    third = steps // 3
+    slow = np.where(np.arange(third) // SQUARE % 2 == 0, 1.0, -1.0)[:, None] * np.ones(q)
+    fast = np.sign(generator.normal(size=(third, q)))
+    both = np.concatenate([attack, -attack])
+    rest = np.resize(both, (steps - 2 * third, q))
+    return np.concatenate([slow, fast, rest])
+
+
+def _driven(mpc: BoundedMPC, model: DisturbedModel, path: Reference, w: np.ndarray):
+    """States (T, 4) and controls (T, 1); a QP without an answer raises."""
+    plan, memory = mpc.prepare(path), mpc.initial_memory(path)
+    x = np.asarray(axis().initial_state(path.position[0], path.start_increment))
+    states, controls = [], []
+    for k in range(path.steps):
+        sample = type(plan.sample)(*(leaf[k] for leaf in plan.sample))
+        row = type(plan)(plan.state[k], sample)
+        memory, u, _ = mpc.step(memory, row, x)
+        states.append(x)
+        controls.append(u)
+        x = model.A @ x + model.B @ u + model.E @ w[k]
+    return np.array(states), np.array(controls)
+
+
+def _moving(preview: int, samples: int) -> Reference:
+    """The first samples of the thesis's point-to-point motion, which continues in the preview."""
+    whole = thesis_task_a(preview=preview)
+    last = min(samples, whole.steps) + preview
+    return from_samples(
+        whole.position[:last],
+        whole.tangent[:last],
+        DT,
+        preview,
+        contour=whole.contour,
+        in_motion=False,
+    )
+
+
+def _still(preview: int, samples: int) -> Reference:
+    """Error coordinates: the reference is zero, its motion is a disturbance."""
+    zeros = np.zeros((samples + preview, 1))
+    path = contours.polyline([[-1.0], [1.0]])
+    return from_samples(zeros, zeros + 1.0, DT, preview, contour=path, in_motion=False)

@@ -1,34 +1,24 @@
 """Figures of Yuan's chapter 4, drawn from a result."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.papers.yuan_bounded.result import LoopRow, Result
-from experiments.papers.yuan_bounded.runs import DT
-from jcontour.app.reports.figures.axes import CYCLE, OTHER, grid, legend_below
-from jcontour.app.reports.figures.png import save_figures
-
-
-def draw(result: Result, folder: Path) -> list[Path]:
-    """Save all figures as PNG files in `folder`."""
-    return save_figures({"figure-4-2": errors}, result, folder)
+from experiments.papers.panels import Curve, Panel, drawn
+from experiments.papers.yuan_bounded.experiment import DT, Result
+from jcontour.app.reports.figures.axes import CYCLE, OTHER
 
 
 def errors(result: Result) -> Figure:
     """Tracking error under the disturbances, between the promised bounds."""
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(result.loops)))
-    for axes, row in zip(panels, result.loops, strict=True):
-        _panel(axes, row)
-    figure.suptitle("Bounded MPC: slow, random and worst disturbances, a third of the run each")
-    legend_below(figure)
-    return figure
+    panels = []
+    for row in result.loops:
+        dashed = {"color": OTHER, "linestyle": "--"}
+        time = DT * np.arange(row.samples)
+        curves = [Curve(time, row.error_mm, "tracking error", {"color": CYCLE[0]})]
+        curves += [Curve(None, sign * row.promised_mm, "promised", dashed) for sign in (-1, 1)]
+        panels.append(Panel(f"reference {row.reference}", "time [s]", "error [mm]", curves))
+    title = "Bounded MPC: slow, random and worst disturbances, a third of the run each"
+    return drawn(panels, (9.0, 3.6), title, columns=len(panels))
 
 
-def _panel(axes, row: LoopRow) -> None:
-    axes.plot(DT * np.arange(row.samples), row.error_mm, color=CYCLE[0], label="tracking error")
-    for sign in (-1, 1):
-        axes.axhline(sign * row.promised_mm, color=OTHER, linestyle="--", label="promised")
-    grid(axes, f"reference {row.reference}", "time [s]", "error [mm]")
+FIGURES = {"figure-4-2": errors}

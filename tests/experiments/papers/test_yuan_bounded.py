@@ -9,18 +9,22 @@ import pytest
 
 from experiments.papers.verdicts import Verdict
 from experiments.papers.yuan_bounded.claims import claims
-from experiments.papers.yuan_bounded.experiment import Settings, run
-from experiments.papers.yuan_bounded.figures import draw, errors
-from experiments.papers.yuan_bounded.result import (
+from experiments.papers.yuan_bounded.experiment import (
     PREVIEWED,
     UNKNOWN,
     CertificateRow,
     LeastRow,
     LoopRow,
     Result,
+    Settings,
+    axis,
+    certificate,
+    disturbed,
+    least_row,
+    limits,
+    run,
 )
-from experiments.papers.yuan_bounded.runs import axis, certificate, disturbed, least_row, limits
-from jcontour.app.files.results.stored import from_json, to_json
+from experiments.papers.yuan_bounded.figures import errors
 
 DATA = Path(__file__).parents[2] / "data" / "guarantees"
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
@@ -69,7 +73,7 @@ def made_up():
         LeastRow(UNKNOWN, 60, 1.39, ("control",)),
         LeastRow(PREVIEWED, 40, 0.058, ("control",)),
     )
-    return Result("", {}, 1.001, (CertificateRow(5.0, 0.1, 4.856),), least, loops)
+    return Result(1.001, (CertificateRow(5.0, 0.1, 4.856),), least, loops)
 
 
 def test_verdicts_follow_the_numbers():
@@ -91,18 +95,15 @@ def test_verdicts_follow_the_numbers():
     assert verdicts(replace(whole, loops=strong))[4] == NO
 
 
-def test_results_are_stored_and_drawn(tmp_path):
-    result = replace(made_up(), claims=claims(made_up()))
-    same = from_json(to_json(result), Result)
-    assert same.least == result.least and same.loops[0].promised_mm == 1.4
-    assert [path.suffix for path in draw(result, tmp_path)] == [".png"]
-    panel = errors(result).axes[1]
+def test_the_figure_shows_the_numbers():
+    panel = errors(made_up()).axes[1]
     assert panel.lines[0].get_ydata() == pytest.approx([0.025, -0.05])
     assert {abs(line.get_ydata()[0]) for line in panel.lines[1:]} == {0.09}
 
 
 @pytest.mark.slow
-def test_the_chapter_in_its_quick_form(tmp_path):
-    result = run(Settings(quick=True), tmp_path)
-    assert [claim.verdict for claim in result.claims[:5]] == [NO, NO, PARTLY, PARTLY, PARTLY]
+def test_the_chapter_in_its_quick_form():
+    result = run(Settings(quick=True))
+    verdicts = [claim.verdict for claim in claims(result)]
+    assert verdicts[:5] == [NO, NO, PARTLY, PARTLY, PARTLY]
     assert all(0.75 * row.promised_mm < row.largest_mm for row in result.loops)
