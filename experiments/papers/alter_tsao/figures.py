@@ -1,30 +1,15 @@
 """Figures of Alter & Tsao, drawn from a result."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.papers.alter_tsao.result import Result
-from jcontour.app.reports.figures.axes import grid, legend_below, logarithmic
-from jcontour.app.reports.figures.png import save_figures
+from experiments.papers.alter_tsao.experiment import Result
+from experiments.papers.panels import Curve, Panel, drawn
+from jcontour.app.reports.figures.axes import grid, legend_below
 from jcontour.linear.transfer_functions import transfer_function
 from jcontour.plants.linear_motor_drive import PERIOD, linear_motor_drive
 
 STEP_SAMPLES = 12  # a few time constants of the current loop
-
-
-def draw(result: Result, folder: Path) -> list[Path]:
-    """Save all figures as PNG files in `folder`."""
-    figures = {
-        "drive": drive,
-        "figure-2": figure_2,
-        "figures-3-4": figures_3_and_4,
-        "table-1": errors,
-    }
-    if result.perturbed:
-        figures["perturbed"] = perturbed
-    return save_figures(figures, result, folder)
 
 
 def drive(result: Result) -> Figure:
@@ -54,50 +39,54 @@ def drive(result: Result) -> Figure:
 
 def figure_2(result: Result) -> Figure:
     """Trajectory of one period."""
-    figure = Figure(figsize=(6.4, 3.2), layout="constrained")
-    axes = figure.subplots()
-    axes.plot(PERIOD * np.arange(result.trajectory.size), 1e3 * result.trajectory)
-    grid(axes, "Fig. 2: trajectory", "time [s]", "position [mm]")
-    return figure
+    trajectory = Curve(PERIOD * np.arange(result.trajectory.size), 1e3 * result.trajectory)
+    panel = Panel("Fig. 2: trajectory", "time [s]", "position [mm]", [trajectory])
+    return drawn([panel], (6.4, 3.2))
 
 
 def figures_3_and_4(result: Result) -> Figure:
     """Errors of (0, 9, 0), simulated; the paper's figures were measured."""
-    figure = Figure(figsize=(6.4, 2.4 * len(result.errors)), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(len(result.errors), 1, sharex=True))
-    for axes, (name, error) in zip(panels, result.errors.items(), strict=True):
-        axes.plot(PERIOD * np.arange(error.size), 1e6 * error)
-        grid(axes, name, y="error [um]")
-    panels[-1].set(xlabel="time [s]")
-    return figure
+    panels = []
+    for name, error in result.errors.items():
+        curve = Curve(PERIOD * np.arange(error.size), 1e6 * error)
+        x = "time [s]" if len(panels) == len(result.errors) - 1 else ""
+        panels.append(Panel(name, x, "error [um]", [curve]))
+    return drawn(panels, (6.4, 2.4 * len(panels)), sharex=True)
 
 
 def errors(result: Result) -> Figure:
     """Largest errors of Table 1: in print, ours, and measured."""
-    figure = Figure(figsize=(7.2, 4.0), layout="constrained")
-    axes = figure.subplots()
     lines = [line.line for line in result.table_1]
-    printed = [1e6 * float(line.printed_max) for line in result.table_1]
     measured = [1e6 * float(line.measured_max) for line in result.table_1]
+    printed = [1e6 * float(line.printed_max) for line in result.table_1]
     ours = [1e6 * line.max_error for line in result.table_1]
-    axes.semilogy(lines, measured, "^", color="0.6", label="measured")
-    axes.semilogy(lines, printed, "o", markersize=8, fillstyle="none", label="simulated, print")
-    axes.semilogy(lines, ours, ".", color="tab:orange", label="simulated, ours")
-    grid(axes, "Table 1: largest tracking error", "line", "error [um]")
-    legend_below(figure, axes)
-    return figure
+    ring = {"marker": "o", "linestyle": "", "markersize": 8, "fillstyle": "none"}
+    curves = [
+        Curve(lines, measured, "measured", {"marker": "^", "linestyle": "", "color": "0.6"}),
+        Curve(lines, printed, "simulated, print", ring),
+        Curve(lines, ours, "simulated, ours", {"marker": ".", "linestyle": "", "color": "C1"}),
+    ]
+    title, log = "Table 1: largest tracking error", {"yscale": "log"}
+    return drawn([Panel(title, "line", "error [um]", curves, log)], (7.2, 4.0))
 
 
 def perturbed(result: Result) -> Figure:
     """Costs over eps, and the limits of Table 2."""
-    figure = Figure(figsize=(6.0, 4.0), layout="constrained")
-    axes = figure.subplots()
-    eps = [row.eps for row in result.perturbed]
-    axes.plot(eps, [row.l1 for row in result.perturbed], "o-", label="l1 cost")
-    axes.plot(eps, [row.hinf for row in result.perturbed], "s-", label="H-infinity cost")
-    axes.axhline(result.table_2[0].limit, color="0.4", linestyle="--", label="limit")
-    axes.axhline(result.table_2[0].attainable, color="0.4", linestyle=":", label="attainable")
-    logarithmic(axes)
-    grid(axes, "(0, 9, 0) with integral action", "eps", "cost")
-    legend_below(figure, axes, columns=4)
-    return figure
+    eps, costs = [row.eps for row in result.perturbed], result.table_2[0]
+    curves = [
+        Curve(eps, [row.l1 for row in result.perturbed], "l1 cost", {"marker": "o"}),
+        Curve(eps, [row.hinf for row in result.perturbed], "H-infinity cost", {"marker": "s"}),
+        Curve(None, costs.limit, "limit", {"color": "0.4", "linestyle": "--"}),
+        Curve(None, costs.attainable, "attainable", {"color": "0.4", "linestyle": ":"}),
+    ]
+    title, log = "(0, 9, 0) with integral action", {"xscale": "log", "yscale": "log"}
+    return drawn([Panel(title, "eps", "cost", curves, log)], (6.0, 4.0), legend=4)
+
+
+FIGURES = {
+    "drive": drive,
+    "figure-2": figure_2,
+    "figures-3-4": figures_3_and_4,
+    "table-1": errors,
+    "perturbed": perturbed,
+}

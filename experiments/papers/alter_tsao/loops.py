@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import polynomial
+from scipy.signal import lfilter
 
-from experiments.papers.alter_tsao.result import LoopRun, Perturbed
 from experiments.papers.alter_tsao.runs import (
     SECOND_DIFFERENCE,
     Signal,
@@ -32,6 +32,29 @@ RUNS = {  # (m, N_p, N) in the loop; integral action needs N >= 1 where no eps i
 }
 SWEEP = (1.0, 0.3, 0.1, 0.01, 1e-3, 1e-4)  # eps
 GRID = 20_001  # frequencies from 0 to pi
+
+
+@dataclass(frozen=True)
+class LoopRun:
+    """One controller in the loop with the example drive, from rest, over its second period."""
+
+    controller: str
+    order: int
+    preview: int
+    constraint: int
+    max_error: float  # [m]
+    apart: float  # from the filter E_track [m]
+    per_acceleration: float  # largest model following error over largest second difference
+    slowest_pole: float  # smallest modulus in lambda: above one is stable
+
+
+@dataclass(frozen=True)
+class Perturbed:
+    """Cost of the suboptimal filter with the unit-circle zero moved by eps."""
+
+    eps: float
+    l1: float
+    hinf: float
 
 
 @dataclass(frozen=True)
@@ -83,11 +106,11 @@ def loop_runs(zero: float) -> tuple[LoopRun, ...]:
     drive = linear_motor_drive(bandwidth_of_zero(zero))
     plant = transfer_function(drive)
     by_name = feedbacks(linear_motor_drive())
-    found = []
-    for name, sets in RUNS.items():
-        for numbers in sets:
-            found.append(_loop(drive, plant, name, by_name[name], ModelFollowing(*numbers)))
-    return tuple(found)
+    return tuple(
+        _loop(drive, plant, name, by_name[name], ModelFollowing(*numbers))
+        for name, sets in RUNS.items()
+        for numbers in sets
+    )
 
 
 def _loop(
@@ -133,32 +156,15 @@ def simulated(
 ) -> Signal:
     """Output of the loop u = C_fb (r_p - y) + C_ff r_p from rest, sample by sample."""
     A, B, C = np.asarray(drive.A), np.asarray(drive.B)[:, 0], np.asarray(drive.C)[0]
-    back = _Filter(feedback.numerator, feedback.denominator)
-    ahead = _Filter(*forward)
+    ahead = lfilter(*forward, previewed)
+    back = (feedback.numerator, feedback.denominator)
+    memory = np.zeros(max(map(len, back)) - 1)
     state, output = np.zeros(len(A)), np.zeros(previewed.size)
     for k, reference in enumerate(previewed):
         output[k] = C @ state
-        control = back.step(reference - output[k]) + ahead.step(reference)
-        state = A @ state + B * control
+        control, memory = lfilter(*back, [reference - output[k]], zi=memory)
+        state = A @ state + B * (control[0] + ahead[k])
     return output
-
-
-class _Filter:
-    """A filter in its transposed direct form."""
-
-    def __init__(self, numerator: Taps, denominator: Taps):
-        order = max(len(numerator), len(denominator))
-        self.b = np.zeros(order)
-        self.a = np.zeros(order)
-        self.b[: len(numerator)] = numerator / denominator[0]
-        self.a[: len(denominator)] = denominator / denominator[0]
-        self.memory = np.zeros(order)
-
-    def step(self, value: float) -> float:
-        """Next sample."""
-        out = self.b[0] * value + self.memory[0]
-        self.memory[:-1] = self.memory[1:] + self.b[1:] * value - self.a[1:] * out
-        return float(out)
 
 
 def perturbed_costs(zero: float, sweep: Iterable[float] = SWEEP) -> tuple[Perturbed, ...]:

@@ -1,30 +1,32 @@
 """Tables 1 to 3 of Alter & Tsao, digit by digit."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 
-class PublishedLine(NamedTuple):
+@dataclass(frozen=True)
+class PublishedLine:
     """Line of Table 1 or 3: m, N_p, N, and errors as printed [m]."""
 
     line: int
     order: int
     preview: int
     constraint: int
-    measured_max: str
-    simulated_max: str
+    measured_max: str  # on the authors' machine
+    printed_max: str  # simulated by the authors
     measured_rms: str
-    simulated_rms: str
+    printed_rms: str
 
 
-class PublishedCosts(NamedTuple):
+@dataclass(frozen=True)
+class PublishedCosts:
     """Row of Table 2, as printed."""
 
     order: int
     preview: int
     constraint: int
-    limit: str  # lim J_eps
-    optimal: str  # J_1
-    without: str  # |M|_1, no feedforward
+    printed_limit: str  # lim J_eps
+    printed_optimal: str  # J_1
+    printed_without: str  # |M|_1, no feedforward
 
 
 TABLE_1 = (

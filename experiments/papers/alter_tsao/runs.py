@@ -1,6 +1,6 @@
 """Trajectory, errors and costs behind the tables of Alter & Tsao."""
 
-from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,6 @@ from experiments.papers.alter_tsao.published import (
     PublishedCosts,
     PublishedLine,
 )
-from experiments.papers.alter_tsao.result import Costs, Line, Line30
 from experiments.papers.verdicts import Verdict, rounds_to, verdict
 from jcontour.controllers.feedforward.hinf import hinf_optimum
 from jcontour.controllers.feedforward.l1 import l1_optimum
@@ -32,6 +31,41 @@ SEARCHED_EPS = (0.05, 1.0)
 
 Signal = Float[np.ndarray, " T"]
 Taps = Float[np.ndarray, " c"]
+
+
+@dataclass(frozen=True)
+class Line(PublishedLine):
+    """Line of Table 1, simulated: errors over one period of the trajectory [m]."""
+
+    l1_cost: float
+    hinf_cost: float
+    gap: float  # between the cost and the dual's bound
+    max_error: float
+    rms_error: float
+    max_verdict: Verdict
+    rms_verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Costs(PublishedCosts):
+    """Row of Table 2."""
+
+    value: float  # |M(b)|
+    limit: float
+    optimal: float  # 2 |M(b)| / (1 - b), Corollary 1
+    by_program: float  # the same by linear programming
+    attainable: float  # smaller where T and G share lambda = 1
+
+
+@dataclass(frozen=True)
+class Line30:
+    """Table 3, line 30: the eps that its printed numbers imply, and what other filters give."""
+
+    eps_from_max: float
+    eps_from_rms: float
+    limit_max: float  # eps -> 0 [m]
+    limit_rms: float
+    optimal_max: float  # of the l1-optimal FIR filter [m]
 
 
 def trajectory() -> Signal:
@@ -68,17 +102,11 @@ def following_of(row: PublishedLine | PublishedCosts) -> ModelFollowing:
     return ModelFollowing(row.order, row.preview, row.constraint)
 
 
-def tracking_taps(row: PublishedLine | PublishedCosts, zero: float) -> Taps:
+def tracking_taps(row: PublishedLine, zero: float) -> Taps:
     """Error against the reference itself of a row's l1 optimum."""
     following = following_of(row)
     optimum = l1_optimum(following.matching(np.array([0.0, zero])))
     return following.tracking_error(optimum)[0]
-
-
-def table_1(zero: float) -> tuple[Line, ...]:
-    """All lines of Table 1 that do not need the authors' controller."""
-    reference = trajectory()
-    return tuple(_line(row, zero, reference) for row in TABLE_1)
 
 
 def line_error(row: PublishedLine, zero: float) -> Signal:
@@ -86,28 +114,20 @@ def line_error(row: PublishedLine, zero: float) -> Signal:
     return periodic(tracking_taps(row, zero), trajectory())
 
 
-def _line(row: PublishedLine, zero: float, reference: Signal) -> Line:
-    following = following_of(row)
-    problem = following.matching(np.array([0.0, zero]))
+def line(row: PublishedLine, zero: float) -> Line:
+    """A line of Table 1."""
+    problem = following_of(row).matching(np.array([0.0, zero]))
     optimum = l1_optimum(problem)
-    error = periodic(following.tracking_error(optimum)[0], reference)
-    other = line_error(row, ZERO)
+    error, other = line_error(row, zero), line_error(row, ZERO)
     return Line(
-        line=row.line,
-        order=row.order,
-        preview=row.preview,
-        constraint=row.constraint,
+        **vars(row),
         l1_cost=optimum.cost,
         hinf_cost=hinf_optimum(problem).cost,
         gap=optimum.gap,
         max_error=peak(error),
         rms_error=rms(error),
-        printed_max=row.simulated_max,
-        printed_rms=row.simulated_rms,
-        measured_max=row.measured_max,
-        measured_rms=row.measured_rms,
-        max_verdict=_verdict(peak(error), peak(other), row.simulated_max),
-        rms_verdict=_verdict(rms(error), rms(other), row.simulated_rms),
+        max_verdict=_verdict(peak(error), peak(other), row.printed_max),
+        rms_verdict=_verdict(rms(error), rms(other), row.printed_rms),
     )
 
 
@@ -132,38 +152,28 @@ def zero_interval() -> tuple[float, float]:
     fits = [
         b
         for b in INTERVAL
-        if all(
-            rounds_to(amplitude * abs(b) ** (row.preview - 1), row.simulated_max) for row in rows
-        )
+        if all(rounds_to(amplitude * abs(b) ** (row.preview - 1), row.printed_max) for row in rows)
     ]
     return float(fits[0]), float(fits[-1])
 
 
-def table_2(rows: Iterable[PublishedCosts], zero: float) -> tuple[Costs, ...]:
+def costs(row: PublishedCosts, zero: float) -> Costs:
     """Costs with integral action in the feedback; the zero at the origin is factored out."""
-    return tuple(_costs(row, zero) for row in rows)
-
-
-def _costs(row: PublishedCosts, zero: float) -> Costs:
     following = following_of(row)
     wanted, weight = (
         float(polynomial.polyval(zero, taps)) for taps in (following.response, following.weight)
     )
     value = wanted / (weight * zero)
-    costs = corollary_1(value, zero)
+    proven = corollary_1(value, zero)
     through = value / (1 - zero) * np.array([1.0, -1.0])  # M(b) at b and 0 at 1
     program = l1_optimum(ModelMatching([zero], through), on_circle=[1.0], taps=PROGRAM_TAPS)
     return Costs(
-        order=row.order,
-        preview=row.preview,
-        constraint=row.constraint,
+        **vars(row),
         value=abs(value),
-        limit=costs.limit,
-        optimal=costs.attainable,
+        limit=proven.limit,
+        optimal=proven.attainable,
         by_program=program.cost,
-        attainable=abs(value) if row.constraint else costs.attainable,
-        printed_limit=row.limit,
-        printed_optimal=row.optimal,
+        attainable=abs(value) if row.constraint else proven.attainable,
     )
 
 
@@ -182,8 +192,8 @@ def line_30(zero: float) -> Line30:
     limit = value * (reference - reference.mean())
     step = value / (1 - zero) * (np.roll(reference, -1) - reference)
     return Line30(
-        eps_from_max=eps_of(peak, row.simulated_max),
-        eps_from_rms=eps_of(rms, row.simulated_rms),
+        eps_from_max=eps_of(peak, row.printed_max),
+        eps_from_rms=eps_of(rms, row.printed_rms),
         limit_max=peak(limit),
         limit_rms=rms(limit),
         optimal_max=peak(step),
@@ -194,8 +204,7 @@ def zpetc_apart(zero: float) -> float:
     """Difference between line 28 and the error of zero phase error tracking."""
     row = TABLE_1[27]
     factor = np.array([-zero, 1.0])
-    mirrored = (
-        np.convolve(factor, factor[::-1]) / factor.sum() ** 2
-    )  # lambda Bu(l) Bu(1/l) / Bu(1)^2
+    # lambda Bu(l) Bu(1/l) / Bu(1)^2
+    mirrored = np.convolve(factor, factor[::-1]) / factor.sum() ** 2
     zero_phase = polynomial.polysub([0.0, 0.0, 1.0], np.concatenate([[0.0], mirrored]))
     return float(np.max(np.abs(polynomial.polysub(zero_phase, tracking_taps(row, zero)))))
