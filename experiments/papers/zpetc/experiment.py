@@ -5,55 +5,17 @@ paper does not give. Models, filters and equations are checked to the printed di
 a path, a geometry and model errors that are chosen.
 """
 
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
-from experiments.papers.zpetc.claims import claims
-from experiments.papers.zpetc.figures import draw
-from experiments.papers.zpetc.published import (
-    BEST_TIME,
-    FIRST_ORDER,
-    LOOP_3_MS,
-    LOOP_17_MS,
-    PLANT_3_MS,
-    PLANT_17_MS,
-    PREFILTER,
-    TABLE_2,
-)
-from experiments.papers.zpetc.result import Prefilter, Result
-from experiments.papers.zpetc.runs import (
-    FAST,
-    FITTED_POLE,
-    INTEGRAL_TIMES,
-    STARTS,
-    TRACES,
-    TRUTHS,
-    adaptive,
-    adaptive_runs,
-    equation_5,
-    errors,
-    fitted_loop,
-    gain_left,
-    integral_runs,
-    legs,
-    models,
-    prefilter_of,
-    printed_loop,
-    tracking,
-    units,
-)
-from experiments.papers.zpetc.runs import SLOW as SLOW_PERIOD
-from experiments.papers.zpetc.tables import show
-
-__all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
+from experiments.papers.zpetc import runs
 
 SOURCE = (
     "A. Smith, K.-M. Lee: An Experimental Investigation of Two Digital Tracking Controllers: "
     "Adaptive and Non-Adaptive. ASME Winter Annual Meeting (1990)"
 )
-PUBLISHED = (PLANT_3_MS, LOOP_3_MS, PREFILTER, PLANT_17_MS, LOOP_17_MS, FIRST_ORDER, TABLE_2)
 
 
 @dataclass(frozen=True)
@@ -64,32 +26,48 @@ class Settings:
     """Three integral times in place of ten."""
 
 
-def run(settings: Settings, folder: Path) -> Result:
-    """Simulate everything; nothing is written to the folder."""
-    times = (None, 0.002, 0.01, BEST_TIME) if settings.quick else INTEGRAL_TIMES
-    poor = TRUTHS[2]
-    drawn = {
-        "Fig. 8: no integrator, gain x1.5": errors(tracking(None), poor, FAST),
-        f"Fig. 9: T_i = {BEST_TIME:g} s, gain x1.5": errors(tracking(BEST_TIME), poor, FAST),
-        "adaptive, gain x1.5": errors(adaptive(STARTS[0], TRACES[0]), poor, SLOW_PERIOD),
-    }
-    corrected, printed = equation_5()
-    found = Result(
-        source=SOURCE,
-        settings=asdict(settings),
-        models=models(),
-        prefilters=(
-            Prefilter(f"servo pole {FITTED_POLE:.2f}", prefilter_of(fitted_loop()), PREFILTER),
-            Prefilter("from (7) as printed", prefilter_of(printed_loop()), PREFILTER),
-        ),
-        slow_pole=float(-np.log(float(LOOP_3_MS.poles[1])) / FAST),
+@dataclass(frozen=True)
+class Result:
+    """Models, filters and equations, and runs of one leg."""
+
+    models: tuple[runs.Model, ...]
+    prefilters: dict[str, tuple[float, ...]]  # coefficients of (8) by what they are made from
+    slow_pole: float  # of the printed loop [rad/s]
+    corrected_5: float  # difference between (5), corrected, and a simulation at 3 Hz
+    printed_5: float  # the same as printed
+    units: tuple[runs.Units, ...]
+    gain_error: runs.GainError
+    path_mm: Float[np.ndarray, "T legs"]  # lengths of the legs from the start, every 3 ms
+    errors_um: dict[str, Float[np.ndarray, " T"]]  # of drawn runs
+    integral: tuple[runs.IntegralRun, ...]
+    adaptive: tuple[runs.AdaptiveRun, ...]
+
+
+def run(settings: Settings) -> Result:
+    """Simulate everything."""
+    times = (None, 0.002, 0.01, runs.BEST_TIME) if settings.quick else runs.INTEGRAL_TIMES
+    poor, best = runs.TRUTHS[2], runs.BEST_TIME
+    adaptive = runs.adaptive(runs.STARTS[0], runs.TRACES[0])
+    corrected, printed = runs.equation_5()
+    return Result(
+        models=runs.models(),
+        prefilters={
+            f"servo pole {runs.FITTED_POLE:.2f}": runs.prefilter_of(runs.fitted_loop()),
+            "from (7) as printed": runs.prefilter_of(runs.printed_loop()),
+        },
+        slow_pole=float(-np.log(float(runs.LOOP_3_MS.printed_poles[1])) / runs.FAST),
         corrected_5=corrected,
         printed_5=printed,
-        units=units(),
-        gain_error=gain_left(),
-        path_mm=1e3 * legs(FAST),
-        errors_um=drawn,
-        integral=integral_runs(times=times),
-        adaptive=adaptive_runs(),
+        units=runs.units(),
+        gain_error=runs.gain_left(),
+        path_mm=1e3 * runs.legs(runs.FAST),
+        errors_um={
+            "Fig. 8: no integrator, gain x1.5": runs.errors(runs.tracking(None), poor, runs.FAST),
+            f"Fig. 9: T_i = {best:g} s, gain x1.5": runs.errors(
+                runs.tracking(best), poor, runs.FAST
+            ),
+            "adaptive, gain x1.5": runs.errors(adaptive, poor, runs.SLOW),
+        },
+        integral=runs.integral_runs(times=times),
+        adaptive=runs.adaptive_runs(),
     )
-    return replace(found, claims=claims(found))

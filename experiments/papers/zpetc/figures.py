@@ -1,31 +1,18 @@
 """Figures of Smith & Lee, drawn from a result."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.papers.zpetc.result import Result
+from experiments.papers.panels import Curve, Panel, drawn
+from experiments.papers.zpetc.experiment import Result
 from experiments.papers.zpetc.runs import FAST
 from jcontour.app.reports.figures.axes import CYCLE, DESIRED, grid, legend_below
-from jcontour.app.reports.figures.png import save_figures
 from jcontour.plants.three_link import PATH_DURATION, ThreeLink, manipulator_path
 
 INSTANTS = (0.5, 2.0, 3.5)  # [s]: level, high, and low
 TICKS = (-0.2, 0.0, 0.2)  # [m]
-
-
-def draw(result: Result, folder: Path) -> list[Path]:
-    """Save all figures as PNG files in `folder`."""
-    figures = {
-        "manipulator": manipulator,
-        "figure-7": figure_7,
-        "errors": errors,
-        "integral-time": integral_time,
-        "gain-error": gain_error,
-    }
-    return save_figures(figures, result, folder)
 
 
 def manipulator(result: Result) -> Figure:
@@ -71,44 +58,46 @@ def _draw_legs(axes: Any, instant: float, colour: str) -> None:
 
 def figure_7(result: Result) -> Figure:
     """Legs of the manipulator along the path."""
-    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
-    axes = figure.subplots()
     time = FAST * np.arange(len(result.path_mm))
-    for leg in range(result.path_mm.shape[1]):
-        axes.plot(time, result.path_mm[:, leg], label=f"link {leg}")
-    grid(axes, "Fig. 7: desired length from the start, on a path of ours", "time [s]", "[mm]")
-    legend_below(figure, axes)
-    return figure
+    curves = [Curve(time, leg, f"link {k}") for k, leg in enumerate(result.path_mm.T)]
+    title = "Fig. 7: desired length from the start, on a path of ours"
+    return drawn([Panel(title, "time [s]", "[mm]", curves)], (6.4, 3.6))
 
 
 def errors(result: Result) -> Figure:
     """Errors over time, Figs 8 and 9 and the adaptive run."""
-    figure = Figure(figsize=(6.4, 1.9 * len(result.errors_um)), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(len(result.errors_um), 1, sharex=True))
-    for axes, (name, error) in zip(panels, result.errors_um.items(), strict=True):
-        axes.plot(np.linspace(0, PATH_DURATION, error.size), error, linewidth=0.8)
-        grid(axes, name, y="error [um]")
-    panels[-1].set(xlabel="time [s]")
-    return figure
+    panels = []
+    for name, error in result.errors_um.items():
+        curve = Curve(np.linspace(0, PATH_DURATION, error.size), error, None, {"linewidth": 0.8})
+        x = "time [s]" if len(panels) == len(result.errors_um) - 1 else ""
+        panels.append(Panel(name, x, "error [um]", [curve]))
+    return drawn(panels, (6.4, 1.9 * len(panels)), sharex=True)
 
 
 def integral_time(result: Result) -> Figure:
     """Mean error over the integral time."""
-    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
-    axes = figure.subplots()
+    curves = []
     for truth in dict.fromkeys(row.truth for row in result.integral):
         rows = [row for row in result.integral if row.truth == truth and row.integral_time]
         times = [row.integral_time for row in rows]
-        axes.loglog(times, [row.mean_um for row in rows], "o-", label=truth)
-    grid(axes, "Zero phase tracking with an integrator", "integral time [s]", "mean error [um]")
-    legend_below(figure, axes, columns=2)
-    return figure
+        curves.append(Curve(times, [row.mean_um for row in rows], truth, {"marker": "o"}))
+    title, log = "Zero phase tracking with an integrator", {"xscale": "log", "yscale": "log"}
+    panel = Panel(title, "integral time [s]", "mean error [um]", curves, log)
+    return drawn([panel], (6.4, 4.0), legend=2)
 
 
 def gain_error(result: Result) -> Figure:
     """Gain that zero phase tracking leaves."""
-    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
-    axes = figure.subplots()
-    axes.loglog(result.gain_error.hertz, 100 * np.abs(result.gain_error.error))
-    grid(axes, "Gain error, no phase error", "frequency [Hz]", "gain error [%]")
-    return figure
+    left, log = result.gain_error, {"xscale": "log", "yscale": "log"}
+    curves = [Curve(left.hertz, 100 * np.abs(left.error))]
+    panel = Panel("Gain error, no phase error", "frequency [Hz]", "gain error [%]", curves, log)
+    return drawn([panel], (6.4, 3.6))
+
+
+FIGURES = {
+    "manipulator": manipulator,
+    "figure-7": figure_7,
+    "errors": errors,
+    "integral-time": integral_time,
+    "gain-error": gain_error,
+}

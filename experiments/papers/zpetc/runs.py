@@ -1,6 +1,8 @@
 """Models, filters and runs behind the tables and figures of Smith & Lee, for the first leg."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -8,15 +10,6 @@ from jaxtyping import Float
 from numpy.polynomial import polynomial
 from scipy.signal import lfilter
 
-from experiments.papers.zpetc.published import (
-    AMPLIFIER,
-    LOOP_3_MS,
-    LOOP_17_MS,
-    PLANT_3_MS,
-    PLANT_17_MS,
-    PublishedModel,
-)
-from experiments.papers.zpetc.result import AdaptiveRun, GainError, IntegralRun, Model, Units
 from jcontour.controller import Controller
 from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
 from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
@@ -45,6 +38,37 @@ from jcontour.plants.wrappers.encoders import Encoders, Quantised
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 
+
+@dataclass(frozen=True)
+class PublishedModel:
+    """Discrete model in print: (6), (7), (16) and (17)."""
+
+    item: str
+    printed_gain: str
+    printed_zero: str
+    printed_poles: tuple[str, str]
+
+
+POLE = 567.0  # of (1), in print [rad/s]
+CORRECTED_POLE = 567.5  # gives the printed digits (errata)
+PLANT_3_MS = PublishedModel("(6)", "0.0449", "0.5737", ("1", "0.1822"))
+LOOP_3_MS = PublishedModel("(7)", "3.673e-2", "0.5737", ("0.2196", "0.9259"))
+PLANT_17_MS = PublishedModel("(16)", "0.4335", "0.1171", ("1", "7.235e-5"))
+LOOP_17_MS = PublishedModel("(17)", "0.2995", "0.1171", ("0.0544", "0.6461"))
+FIRST_ORDER = ("0.3539", "0.6461")  # (19): b_0 and the pole
+PREFILTER = ("6.3060", "3.7692", "-11.3100", "2.2348")  # (8)
+WITHOUT_INTEGRATOR = 546.1  # [um]
+WITH_INTEGRATOR = 111.8  # [um], in the text; Table 2 has 66.5
+BEST_TIME = 0.05  # [s], section 5.1: with the least mean error of Table 2
+TABLE_2 = (  # mean errors [um], measured, of a good and a poor model; the times T_i are lost
+    (99.3, 74.7),
+    (67.1, 42.9),
+    (66.5, 41.9),
+    (71.1, 44.2),
+    (81.0, 57.9),
+)
+AMPLIFIER = {"Table 1": 38.0, "text": 750.0}  # [A/V]
+GAIN = "16359"  # of (1)
 FAST, SLOW = 3e-3, 16.8e-3  # sample periods [s]
 PRINTED_POSITION_POLE = 26.0  # [rad/s] at which the paper places the slower pole
 FITTED_GAIN, FITTED_POLE = 817.41795, 567.503628  # give all digits of (8)
@@ -53,6 +77,61 @@ STARTS = ((-0.6461, 0.3539), (-0.8, 0.2))  # the good model (19), and a poor one
 TRACES = (2.0, 200.0)
 ADAPTATION_OFF = 1e9  # [m] of dead zone
 FLOOR = 1e-3  # [m]: the paper's normalisation is in mm
+
+
+@dataclass(frozen=True)
+class Model(PublishedModel):
+    """The same of a servo with a pole [rad/s]: gain, zero (-z of 1 + z / z) and poles."""
+
+    pole_rad_s: float
+    gain: float
+    zero: float
+    poles: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class IntegralRun:
+    """Zero phase tracking of one leg with an integrator, counts of 43 um."""
+
+    truth: str
+    integral_time: float | None  # [s]; None without
+    mean_um: float
+    peak_um: float
+
+
+@dataclass(frozen=True)
+class AdaptiveRun:
+    """Adaptive zero phase tracking of one leg, counts of 43 um."""
+
+    truth: str
+    theta: tuple[float, float]  # first a_1 and b_0
+    trace: float
+    rule: str  # of the forgetting factor: ours, as printed, or none
+    mean_um: float
+    peak_um: float
+    second_half_um: float
+    final_theta: tuple[float, float]
+    fitted_theta: tuple[float, float]  # of the servo's loop, by least squares along the path
+    final_trace: float
+
+
+@dataclass(frozen=True)
+class GainError:
+    """Gain and phase that zero phase tracking leaves, over frequency."""
+
+    hertz: Float[np.ndarray, " f"]
+    error: Float[np.ndarray, " f"]
+    phase: Float[np.ndarray, " f"]  # of y / y_d [rad]
+
+
+@dataclass(frozen=True)
+class Units:
+    """Gain and pole of (1) from Table 1, with one of the two amplifier gains."""
+
+    source: str
+    amperes_per_volt: float
+    gain_inch: float  # inch / (s^2 V)
+    pole: float  # [rad/s]
 
 
 class Truth(NamedTuple):
@@ -92,7 +171,7 @@ def placing_gain(plant: TransferFunction, pole: float = PRINTED_POSITION_POLE) -
 def models() -> tuple[Model, ...]:
     """(6), (7), (16), (17) with the pole in print and with the corrected one."""
     found = []
-    for pole in (567.0, SERVO_POLE):
+    for pole in (POLE, SERVO_POLE):
         for dt, open_, loop in ((FAST, PLANT_3_MS, LOOP_3_MS), (SLOW, PLANT_17_MS, LOOP_17_MS)):
             plant = servo(dt, pole=pole)
             found.append(_model(open_, pole, plant))
@@ -104,17 +183,15 @@ def models() -> tuple[Model, ...]:
 def _model(published: PublishedModel, pole: float, found: TransferFunction) -> Model:
     per_mm = 1e3 if published.item in ("(6)", "(16)") else 1.0  # the paper's plants are in mm
     poles = sorted((float(np.real(p)) for p in found.poles_z), key=abs)
-    if published.poles[0] == "1":
+    if published.printed_poles[0] == "1":
         poles = poles[::-1]
+    zero = -float(np.real(found.zeros_z[0]))
     return Model(
-        item=published.item,
+        **vars(published),
         pole_rad_s=pole,
         gain=per_mm * found.gain,
-        zero=-float(np.real(found.zeros_z[0])),
+        zero=zero,
         poles=(poles[0], poles[1]),
-        printed_gain=published.gain,
-        printed_zero=published.zero,
-        printed_poles=published.poles,
     )
 
 
@@ -126,9 +203,9 @@ def prefilter_of(loop: TransferFunction) -> tuple[float, ...]:
 
 def printed_loop() -> TransferFunction:
     """(7) as printed."""
-    zero = float(LOOP_3_MS.zero)
-    top = float(LOOP_3_MS.gain) * np.array([0.0, 1.0, zero])
-    first, second = (np.array([1.0, -float(pole)]) for pole in LOOP_3_MS.poles)
+    zero = float(LOOP_3_MS.printed_zero)
+    top = float(LOOP_3_MS.printed_gain) * np.array([0.0, 1.0, zero])
+    first, second = (np.array([1.0, -float(pole)]) for pole in LOOP_3_MS.printed_poles)
     below = np.convolve(first, second)
     return from_polynomials(top, below, FAST)
 
@@ -233,13 +310,10 @@ def integral_runs(
     truths: Iterable[Truth] = TRUTHS, times: Iterable[float | None] = INTEGRAL_TIMES
 ) -> tuple[IntegralRun, ...]:
     """Mean and largest error over the integral time."""
-    times = tuple(times)
     found = []
-    for truth in truths:
-        for time in times:
-            error = np.abs(errors(tracking(time), truth, FAST))
-            row = IntegralRun(truth.name, time, float(error.mean()), float(error.max()))
-            found.append(row)
+    for truth, time in product(truths, times):
+        error = np.abs(errors(tracking(time), truth, FAST))
+        found.append(IntegralRun(truth.name, time, float(error.mean()), float(error.max())))
     return tuple(found)
 
 
@@ -253,12 +327,12 @@ def adaptive(theta: tuple[float, float], trace: float, dead_zone: float = 0.0):
 def adaptive_runs(truths: Iterable[Truth] = TRUTHS[:3]) -> tuple[AdaptiveRun, ...]:
     """Adaptive runs with our forgetting factor, as printed, and without adaptation."""
     found = []
-    for truth in truths:
-        for theta in STARTS:
-            found.append(_adaptive_run(truth, theta, TRACES[0], ADAPTATION_OFF, "none"))
-            for trace in TRACES:
-                found.append(_adaptive_run(truth, theta, trace, 0.0, "ours"))
-            found.append(as_printed(truth, theta, TRACES[1]))
+    for truth, theta in product(truths, STARTS):
+        found += [
+            _adaptive_run(truth, theta, TRACES[0], ADAPTATION_OFF, "none"),
+            *(_adaptive_run(truth, theta, trace, 0.0, "ours") for trace in TRACES),
+            as_printed(truth, theta, TRACES[1]),
+        ]
     return tuple(found)
 
 
