@@ -1,96 +1,90 @@
-"""Statements of Yuan's section 2.3 about contouring schemes, our findings and the verdicts."""
+"""Statements of Yuan's section 2.3 about contouring schemes, the verdicts, and the tables."""
+
+from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
-from experiments.papers.contouring_schemes.result import Result
-from experiments.papers.contouring_schemes.runs import (
-    CASCADE,
-    CONSTANT,
-    FEEDBACK,
-    PRECOMPENSATION,
-    SHAPING,
-    TASK_FRAME,
-    VARIABLE,
-)
-from experiments.papers.verdicts import Claim, Verdict, verdict
+from experiments.papers.contouring_schemes import runs
+from experiments.papers.contouring_schemes.experiment import Result
+from experiments.papers.tables import Column, Table
+from experiments.papers.verdicts import Claim, Verdict, undecided, verdict
+from jcontour.app.reports.tables import digits
 
 # ratio of errors up to which two schemes count as alike: what another machine or contour may turn
 # round
 ALIKE = 1.05
+COLUMNS = {
+    "RMS\ncontour um": "contour_um",
+    "peak\num": "peak_um",
+    "RMS at the\nmotors um": "motor_um",
+    "RMS\ntracking um": "tracking_um",
+    "RMS\ncurrent A": "current_a",
+    "RMS\nincrement A": "increment_a",
+    "time s": "time_s",
+}
 
 
 def claims(result: Result) -> tuple[Claim, ...]:
-    """Every statement with what is found on the true nominal machine, on held-out contours.
+    """Every statement with what is found; a quick run decides none."""
+    statements = tuple(_decided(result))
+    return undecided(statements) if result.quick else statements
+
+
+def _decided(result: Result) -> Iterator[Claim]:
+    """Judged on the true nominal machine, on held-out contours.
 
     The loops have feedback alone, as in the papers of the survey.
     """
-    return (
-        *_cross_coupling(result),
-        _task_frame(result),
-        _precompensation(result),
-        _shaping(result),
-        _tracking(result),
-    )
-
-
-def _error(result: Result, scheme: str, column: str = "contour_um") -> float:
-    """Mean over the held-out contours [um]."""
-    return result.mean(scheme, FEEDBACK, "nominal", training=False, column=column)
-
-
-def _on(result: Result, scheme: str, contour: str) -> float:
-    """RMS contour error on one contour [um]."""
-    return result.mean(scheme, FEEDBACK, "nominal", contour=contour)
-
-
-def _cross_coupling(result: Result) -> tuple[Claim, Claim]:
-    names = (CASCADE, CONSTANT, VARIABLE)
-    plain, constant, variable = (_error(result, name) for name in names)
+    names = result.schemes
+    on_nominal = partial(result.mean, loops=runs.FEEDBACK, plant="nominal")
+    errors = {name: on_nominal(name, training=False) for name in names}  # [um]
+    plain, constant, variable = errors[runs.CASCADE], errors[runs.CONSTANT], errors[runs.VARIABLE]
     words = (
         f"held-out curves: constant {constant / plain:.2f} x, "
         f"variable {variable / plain:.2f} x the cascade's error"
     )
-    smaller = "cross-coupled control makes the contour error smaller"
-    gains = "constant gains are not effective on nonlinear contours, variable ones are"
-    return (
-        Claim("2.3.1", smaller, words, _smaller(min(constant, variable), plain)),
-        Claim("2.3.1", gains, words, _smaller(variable, constant)),
+    yield Claim(
+        "2.3.1",
+        "cross-coupled control makes the contour error smaller",
+        words,
+        _smaller(min(constant, variable), plain),
     )
-
-
-def _task_frame(result: Result) -> Claim:
-    task, plain = _error(result, TASK_FRAME), _error(result, CASCADE)
-    words = f"{task / plain:.2f} x the cascade's error on a machine of two different axes"
-    claim = "tangential-contouring control is limited where the axes differ"
-    return Claim("2.3.2", claim, words, verdict(task * ALIKE > plain))
-
-
-def _precompensation(result: Result) -> Claim:
-    contours = ("rhombus", "circle")
-    lines, circle = (_on(result, PRECOMPENSATION, c) / _on(result, VARIABLE, c) for c in contours)
-    words = (
-        f"error over that of cross-coupled control: {lines:.2f} on lines with corners, "
-        f"{circle:.2f} on the circle"
+    yield Claim(
+        "2.3.1",
+        "constant gains are not effective on nonlinear contours, variable ones are",
+        words,
+        _smaller(variable, constant),
     )
-    claim = "CCPM is comparable with cross-coupled control on lines, better on circles"
+    yield Claim(
+        "2.3.2",
+        "tangential-contouring control is limited where the axes differ",
+        f"{errors[runs.TASK_FRAME] / plain:.2f} x the cascade's error "
+        "on a machine of two different axes",
+        verdict(errors[runs.TASK_FRAME] * ALIKE > plain),
+    )
+    lines, circle = (
+        on_nominal(runs.PRECOMPENSATION, contour=name) / on_nominal(runs.VARIABLE, contour=name)
+        for name in ("rhombus", "circle")
+    )
     comparable = 1 / ALIKE < lines < ALIKE
-    found = verdict(comparable and circle < 1, circle < min(1, lines))
-    return Claim("2.3.3", claim, words, found)
-
-
-def _shaping(result: Result) -> Claim:
-    names = (CASCADE, SHAPING, PRECOMPENSATION)
-    plain, shaped, ccpm = (_error(result, name) for name in names)
-    words = f"{shaped / plain:.2f} x the cascade's error, pre-compensation {ccpm / plain:.2f} x"
-    claim = "command shaping, beside the numerical control, does as well as CCPM"
-    return Claim("2.3.3", claim, words, verdict(shaped < ALIKE * ccpm))
-
-
-def _tracking(result: Result) -> Claim:
-    """Fig. 2.10: Case II has the larger tracking error and the smaller contour error."""
-    names = result.schemes
-    contour = np.array([_error(result, name) for name in names])
-    tracking = np.array([_error(result, name, "tracking_um") for name in names])
+    yield Claim(
+        "2.3.3",
+        "CCPM is comparable with cross-coupled control on lines, better on circles",
+        f"error over that of cross-coupled control: {lines:.2f} on lines with corners, "
+        f"{circle:.2f} on the circle",
+        verdict(comparable and circle < 1, circle < min(1, lines)),
+    )
+    shaped, ccpm = errors[runs.SHAPING], errors[runs.PRECOMPENSATION]
+    yield Claim(
+        "2.3.3",
+        "command shaping, beside the numerical control, does as well as CCPM",
+        f"{shaped / plain:.2f} x the cascade's error, pre-compensation {ccpm / plain:.2f} x",
+        verdict(shaped < ALIKE * ccpm),
+    )
+    # Fig. 2.10: Case II has the larger tracking error and the smaller contour error
+    contour = np.array(list(errors.values()))
+    tracking = np.array([on_nominal(name, column="tracking_um", training=False) for name in names])
     better = contour[:, None] * ALIKE < contour[None, :]
     worse = tracking[:, None] > tracking[None, :] * ALIKE
     pairs = np.argwhere(better & worse)
@@ -98,10 +92,81 @@ def _tracking(result: Result) -> Claim:
         f"{names[i]} has the smaller contour error and the larger tracking error of {names[j]}"
         for i, j in pairs[:2]
     )
-    words = words or "no pair of schemes where one is larger and the other smaller"
-    claim = "a smaller contour error does not need smaller tracking errors"
-    return Claim("2.3, Fig. 2.10", claim, words, verdict(len(pairs) > 0))
+    yield Claim(
+        "2.3, Fig. 2.10",
+        "a smaller contour error does not need smaller tracking errors",
+        words or "no pair of schemes where one is larger and the other smaller",
+        verdict(len(pairs) > 0),
+    )
 
 
 def _smaller(value: float, other: float) -> Verdict:
     return verdict(value * ALIKE < other, value < other)
+
+
+def tables(result: Result) -> Iterator[Table | str]:
+    """The rules, held-out and training contours, every contour, and the outcome."""
+    count, limits = result.evaluations, result.limits
+    seen = dict.fromkeys(row.contour for row in result.rows if row.training)
+    yield (
+        f"Tuned on the smooth twin ({', '.join(runs.TUNED_ON)}) along {', '.join(seen)}: "
+        "the mean RMS contour error of the end effector.\n"
+        f"{count} evaluations for the cascade, then {count} from it and {count} from the thesis's "
+        "gains for every scheme.\n"
+        "Gains: any above zero, k_ff up to 1.5. "
+        f"Limits: RMS current {limits['rms_control']:.4g} A, RMS increment\n"
+        f"{limits['rms_increment']:.4g} A ({runs.CURRENT:g} x and {runs.INCREMENT:g} x "
+        "what the thesis's gains with feedforward need).\n"
+    )
+    for loops in result.different("loops"):
+        for plant in result.different("plant"):
+            yield _means(result, f"Held-out contours, {loops}, {plant}", loops, plant, False)
+        yield _means(result, f"Training contours, {loops}, nominal", loops, "nominal", True)
+        columns: dict[str, Column] = {"scheme": str}
+        for contour in result.different("contour"):
+            mean = partial(result.mean, loops=loops, plant="nominal", contour=contour)
+            columns[contour] = lambda scheme, mean=mean: digits(mean(scheme))
+        title = f"RMS contour error um, {loops}, nominal"
+        yield Table(title, result.different("scheme"), columns)
+    yield from _outcome(result)
+
+
+def _means(result: Result, title: str, loops: str, plant: str, training: bool) -> Table:
+    columns: dict[str, Column] = {"scheme": str}
+    for heading, column in COLUMNS.items():
+        mean = partial(result.mean, loops=loops, plant=plant, column=column, training=training)
+        columns[heading] = lambda scheme, mean=mean: digits(mean(scheme))
+    return Table(f"{title}, stick and slip", result.different("scheme"), columns)
+
+
+def _outcome(result: Result) -> Iterator[str]:
+    """Ranking on held-out contours, the best beside the plain cascade, and what none can see."""
+    yield ""
+    for loops in result.different("loops"):
+        mean = partial(result.mean, loops=loops)
+        held = {name: mean(name, plant="nominal", training=False) for name in result.schemes}
+        seen = {name: mean(name, plant="nominal", training=True) for name in result.schemes}
+        order = sorted(held, key=lambda name: held[name])
+        ranked = ", ".join(f"{name} {held[name]:.1f} ({seen[name]:.1f}) um" for name in order)
+        yield f"Held out (training), {loops}: {ranked}"
+        best = order[0]
+        worst, worst_plain = (
+            max(mean(name, plant=plant, training=False) for plant in result.different("plant"))
+            for name in (best, runs.CASCADE)
+        )
+        motors = mean(best, plant="nominal", column="motor_um", training=False)
+        yield (
+            f"  {best}: {held[best] / held[runs.CASCADE]:.2f} x the error of the plain cascade "
+            f"tuned as much; on the worst machine {worst:.1f} against {worst_plain:.1f} um; "
+            f"{motors:.1f} um at its motors, where it is measured"
+        )
+    yield (
+        "The descents end with the budget: smaller differences than a tenth may turn round with a "
+        "larger one."
+    )
+    if result.quick:
+        yield "A quick run decides no statement: its budget is a fifth of the full one."
+    for row in result.tuning:
+        if not row.feasible:
+            name = f"{row.scheme}, {row.loops}"
+            yield f"WARNING: no gains within the limits were found for {name}"

@@ -10,15 +10,11 @@ tables are of the machine with stick and slip. Its end effectors are not measure
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
 import jax
 import numpy as np
 
-from experiments.papers.contouring_schemes.claims import claims
-from experiments.papers.contouring_schemes.figures import draw
-from experiments.papers.contouring_schemes.result import Result, Row, TunedScheme
 from experiments.papers.contouring_schemes.runs import (
     CASCADE,
     FEEDBACK,
@@ -26,16 +22,13 @@ from experiments.papers.contouring_schemes.runs import (
     MODEL_ERRORS,
     STRONG,
     TUNED_ON,
+    Row,
     Scheme,
     Setup,
     rows,
     schemes,
 )
-from experiments.papers.contouring_schemes.tables import show
-from experiments.papers.verdicts import undecided
-from tuning.tuner import Evaluated, Tuned
-
-__all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
+from tuning.tune import Evaluated, Tuned
 
 SOURCE = (
     "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
@@ -44,7 +37,6 @@ SOURCE = (
     "J.-H. Chin & T.-C. Lin (1997), C.-C. Lo & C. Y. Chung (1999), "
     "G. T.-C. Chiu & M. Tomizuka (2001), C. S. Chen & L. Y. Chen (2011)"
 )
-PUBLISHED = ()  # a survey: statements, no numbers
 QUICK_PART = 5  # a quick run has this part of the evaluations
 LEAST = 3  # evaluations of a descent
 
@@ -63,25 +55,73 @@ class Settings:
             raise ValueError(f"evaluations: needs at least three, received {self.evaluations}")
 
 
-def run(settings: Settings, folder: Path) -> Result:
-    """Tune and simulate everything; nothing is written to the folder."""
+@dataclass(frozen=True)
+class TunedScheme:
+    """Gains of one scheme, and how its tuning went."""
+
+    scheme: str
+    loops: str
+    cascade: dict[str, list[float]]
+    gains: list[float]  # of the scheme itself
+    feasible: bool
+    diverged_points: int
+    smooth_um: float  # mean RMS contour error on the smooth twin
+    best_um: Sequence[float]  # best feasible objective after every evaluation, the cascade's first
+
+
+@dataclass(frozen=True)
+class Result:
+    """How all schemes were tuned, and their runs on the true machines."""
+
+    quick: bool  # too few evaluations for a verdict
+    evaluations: int  # of one descent
+    limits: dict[str, float]
+    tuning: tuple[TunedScheme, ...]
+    rows: tuple[Row, ...]
+
+    def different(self, column: str) -> list[str]:
+        """Values of a column of the runs, each once: "scheme", "loops", "plant", "contour"."""
+        return list(dict.fromkeys(getattr(row, column) for row in self.rows))
+
+    @property
+    def schemes(self) -> list[str]:
+        """Tuned schemes: all but the cascade before it is tuned."""
+        return list(dict.fromkeys(row.scheme for row in self.tuning))
+
+    def mean(
+        self, scheme: str, loops: str, plant: str, column: str = "contour_um", **which: object
+    ) -> float:
+        """Mean of a column over runs, which are those of some `training` or `contour`.
+
+        Infinite when a run diverged or has no such number.
+        """
+        wanted = {"scheme": scheme, "loops": loops, "plant": plant, **which}
+        rows = [
+            row
+            for row in self.rows
+            if all(getattr(row, name) == value for name, value in wanted.items())
+        ]
+        values = np.array([getattr(row, column) for row in rows])
+        if any(row.diverged for row in rows) or not np.isfinite(values).all():
+            return float("inf")
+        return float(np.mean(values))
+
+
+def run(settings: Settings) -> Result:
+    """Tune and simulate everything."""
     plants, loops, budget = tuple(MODEL_ERRORS), tuple(LOOPS), settings.evaluations
     if settings.quick:
         plants, loops, budget = TUNED_ON, (FEEDBACK,), max(LEAST, budget // QUICK_PART)
     setup = Setup(TUNED_ON, budget)
     parts = [compared(setup, one, plants) for one in loops]
     bounds = np.asarray(setup.limits.bounds).tolist()
-    found = Result(
-        source=SOURCE,
-        settings=asdict(settings),
-        tuned_on=TUNED_ON,
+    return Result(
+        quick=settings.quick,
         evaluations=budget,
         limits=dict(zip(setup.limits.names, bounds, strict=True)),
         tuning=tuple(row for tuning, _ in parts for row in tuning),
         rows=tuple(row for _, found in parts for row in found),
     )
-    statements = claims(found)
-    return replace(found, claims=undecided(statements) if settings.quick else statements)
 
 
 def compared(
@@ -109,15 +149,10 @@ def scheme_tuned(
     far = scheme.around(LOOPS[loops].start, STRONG)
     tuned = setup.tuned(scheme, LOOPS[loops], [near, far])
     numbers = rows(name, loops, scheme.build(tuned.weights), plants)
-    return _told(name, loops, tuned, first.history), numbers
-
-
-def _told(name: str, loops: str, tuned: Tuned, before: list[Evaluated]) -> TunedScheme:
-    """A tuned scheme in plain numbers; the evaluations of the cascade come first."""
     weights = (vars(tuned.weights.cascade), tuned.weights.scheme)
     cascade, gains = jax.tree.map(lambda leaf: np.asarray(leaf).tolist(), weights)
-    values = [_feasible_um(row) for row in (*before, *tuned.history)]
-    return TunedScheme(
+    values = [_feasible_um(row) for row in (*first.history, *tuned.history)]
+    described = TunedScheme(
         scheme=name,
         loops=loops,
         cascade=cascade,
@@ -127,6 +162,7 @@ def _told(name: str, loops: str, tuned: Tuned, before: list[Evaluated]) -> Tuned
         smooth_um=1e6 * float(np.mean(tuned.outcome.metrics.rms_contour_error)),
         best_um=np.minimum.accumulate(values).tolist(),
     )
+    return described, numbers
 
 
 def _feasible_um(row: Evaluated) -> float:

@@ -5,13 +5,10 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from rich.console import Console
 
-from experiments.papers.contouring_schemes.claims import claims
-from experiments.papers.contouring_schemes.contours import held_out, run_along, training
-from experiments.papers.contouring_schemes.experiment import Settings, show
+from experiments.papers.contouring_schemes.claims import claims, tables
+from experiments.papers.contouring_schemes.experiment import Result, Settings, TunedScheme
 from experiments.papers.contouring_schemes.figures import errors, tuning
-from experiments.papers.contouring_schemes.result import Result, Row, TunedScheme
 from experiments.papers.contouring_schemes.runs import (
     ARRIVED,
     CASCADE,
@@ -25,9 +22,14 @@ from experiments.papers.contouring_schemes.runs import (
     TASK_FRAME,
     TUNED_ON,
     VARIABLE,
+    Row,
     arrival,
+    held_out,
+    run_along,
     schemes,
+    training,
 )
+from experiments.papers.tables import Table, stored
 from experiments.papers.verdicts import Verdict
 from jcontour.app.machines.flexible_axis import SAMPLE
 
@@ -77,7 +79,7 @@ def made_up(errors, tracking=None, loops=tuple(LOOPS)):
         for one in loops
     )
     limits = {"rms_control": 1.5, "rms_increment": 0.1}
-    return Result("", {}, ("nominal",), 7, limits, tuned, rows)
+    return Result(False, 7, limits, tuned, rows)
 
 
 def verdicts(result):
@@ -99,17 +101,25 @@ def test_a_diverged_run_never_wins():
     assert verdicts(replace(result, rows=rows))[:2] == [NO] * 2
 
 
-def test_shown_with_its_rules_and_its_outcome(tmp_path):
+def test_shown_with_its_rules_and_its_outcome():
     result = made_up(GOOD)
     first, *others = result.rows
     late = replace(first, time_s=np.inf)  # this one does not arrive
-    result = replace(result, rows=(late, *others), claims=claims(result))
-    console = Console(width=140, record=True, quiet=False, file=(tmp_path / "shown").open("w"))
-    show(result, console)
-    text = console.export_text()
+    parts = list(tables(replace(result, rows=(late, *others))))
+    text = "\n".join(part for part in parts if not isinstance(part, Table))
     assert all(name in text for name in schemes())
     assert "7 evaluations" in text and "0.67 x the error of the plain cascade" in text
     assert "no gains within the limits were found for task frame, with feedforward" in text
+    rows = {one["title"]: one["cells"] for one in stored(parts)}
+    assert rows["Held-out contours, feedback alone, nominal, stick and slip"][1][:2] == [
+        CASCADE,
+        "30",
+    ]
+    assert rows["Training contours, feedback alone, nominal, stick and slip"][0][-1] == "-"
+
+
+def test_a_quick_run_decides_nothing():
+    assert set(verdicts(replace(made_up(GOOD), quick=True))) == {Verdict.UNDECIDED}
 
 
 def test_bars_are_the_held_out_errors():
