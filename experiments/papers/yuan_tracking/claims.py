@@ -1,35 +1,32 @@
-"""Statements of Yuan's section 3.4.3 on tracking, targets of the tuner, and the verdicts."""
+"""Statements of Yuan's section 3.4.3 on tracking, targets of the tuner, verdicts, and tables."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
 from typing import NamedTuple
 
+from experiments.papers.tables import Column, Table
 from experiments.papers.verdicts import Claim, Verdict, verdict
-from experiments.papers.yuan_tracking.result import (
+from experiments.papers.yuan_tracking.experiment import (
+    BASELINE,
     TASKS,
     Columns,
-    FamilyRow,
-    GapRow,
     RankingRow,
     Result,
-    TableRow,
-    TimedColumns,
 )
 
+PI, FILTERED, LESO = "Cascaded PI", "Cascaded PI with filter", "Cascaded PI with LESO"
 OURS = {  # row of the thesis's tables -> ours; how its observer is sampled the thesis does not say
-    "Cascaded PI": ("cascade",),
-    "Cascaded PI with filter": ("cascade-notch",),
-    "Cascaded PI with LESO": ("cascade-leso-exact", "cascade-leso-euler", "cascade-leso"),
+    PI: ("cascade",),
+    FILTERED: ("cascade-notch",),
+    LESO: ("cascade-leso-exact", "cascade-leso-euler", "cascade-leso"),
 }
-LESO = "Cascaded PI with LESO"
-OBSERVERS = OURS[LESO]
 COLUMNS = tuple(column.name for column in fields(Columns))
 SIZED = 2.0  # factor between our change and the printed one up to which their sizes match
 MARGINAL = 0.1  # a change up to which an improvement is marginal
 LARGEST_GAP = 0.03  # between the smooth twin at its default sharpness and the true axis
 DEFAULT_SHARPNESS = 1e3  # [s/m]
-# mean end-effector error on task A over that of the thesis's gains
-TARGETS = {"cascade": 0.6, "cascade-feedforward": 0.15}
+# mean end-effector error on task A over that of the thesis's gains: targets of our own
+TARGETS = {BASELINE: 0.6, "cascade-feedforward": 0.15}
 MOST_CURRENT = 1.2  # over that of the thesis's gains
 SECTION = "section 3.4.3"
 
@@ -43,49 +40,55 @@ class PublishedRow(NamedTuple):
     time_ms: float  # of computing per sample
 
 
-def row_of(rows: Sequence[RankingRow], controller: str, gains: str = "start") -> RankingRow:
-    """The one row of a controller.
-
-    Raises:
-        KeyError: it has not been run.
-    """
-    for row in rows:
-        if (row.controller, row.gains) == (controller, gains):
-            return row
-    raise KeyError(f"{controller}, {gains}")
-
-
-def table_rows(
-    published: Sequence[PublishedRow], ranking: Sequence[RankingRow]
-) -> tuple[TableRow, ...]:
-    """Rows of Tables 3.1 and 3.2 with ours beside them: measurements, shown and not matched."""
-    found = []
-    for row in published:
-        ours = {name: _timed(row_of(ranking, name), row.task) for name in OURS[row.name]}
-        found.append(
-            TableRow(row.task, row.name, Verdict.EXPERIMENTAL, row.columns, row.time_ms, ours)
-        )
-    return tuple(found)
+PUBLISHED = (
+    PublishedRow("A", PI, Columns(4.002, 1.603, 6.556, 1.722, 2.556, 0.744), 0.026),
+    PublishedRow("A", FILTERED, Columns(4.001, 1.596, 6.271, 1.695, 2.272, 0.707), 0.028),
+    PublishedRow("A", LESO, Columns(3.963, 1.379, 8.953, 1.823, 6.910, 1.743), 0.027),
+    PublishedRow("B", PI, Columns(3.358, 1.975, 3.552, 2.053, 0.830, 0.595), 0.0115),
+    PublishedRow("B", FILTERED, Columns(3.344, 1.968, 3.535, 2.043, 0.551, 0.553), 0.0118),
+    PublishedRow("B", LESO, Columns(4.044, 1.969, 11.758, 4.394, 9.105, 2.118), 0.0117),
+)
+Published = Sequence[PublishedRow]
 
 
-def claims(result: Result, confirmed: Sequence[str]) -> tuple[Claim, ...]:
+def claims(result: Result, published: Published = PUBLISHED) -> Iterator[Claim]:
     """Statements of section 3.4.3, then our own targets for the twin and for tuned controllers."""
-    ranking = result.ranking
-    tuned = {row.controller for row in ranking if row.gains == "tuned"}
-    return (
-        _tool_vibrates_more(result),
-        _filter_is_marginal(ranking),
-        _filter_relieves_the_link(result),
-        _observer_on_task_a(result),
-        _observer_on_task_b(result),
-        _twin(result.gap),
-        *(_target(ranking, name) for name in confirmed if name in tuned),
+    yield _tool_vibrates_more(result, published)
+    by_task = {task: _changes(result, "cascade-notch", task) for task in TASKS}
+    changes = [change for found in by_task.values() for change in found.values()]
+    yield Claim(
+        SECTION,
+        "the notch changes most metrics marginally",
+        f"its metrics change by {100 * min(changes):+.2f} to {100 * max(changes):+.2f} %",
+        verdict(max(map(abs, changes)) < MARGINAL),
     )
-
-
-def _timed(row: RankingRow, task: str) -> TimedColumns:
-    metrics = row.on(task)
-    return TimedColumns(**{c: getattr(metrics, c) for c in COLUMNS}, time_us=row.time_us)
+    relief = {task: by_task[task]["def_max"] for task in TASKS}
+    wanted = {task: _in_print(published, FILTERED, task)["def_max"] for task in TASKS}
+    yield Claim(
+        SECTION,
+        "the notch lowers the largest deformation by 11 % on task A, 33 % on task B",
+        ", ".join(f"{100 * change:+.2f} % on task {task}" for task, change in relief.items()),
+        _ordered(
+            all(change < 0 for change in relief.values()),
+            [(relief[task], wanted[task]) for task in TASKS],
+        ),
+    )
+    yield from _observer(result, published)
+    default = next(row for row in result.gap if row.sharpness == DEFAULT_SHARPNESS)
+    first, last = result.gap[0], result.gap[-1]
+    shrinks = last.A < first.A and last.B < first.B
+    words = f"{100 * default.A:.3f} % on task A, {100 * default.B:.3f} % on task B; "
+    words += "smaller the sharper" if shrinks else "not smaller the sharper"
+    yield Claim(
+        "ours",
+        "the smooth twin is within 3 % of the true axis in RMS end-effector error",
+        words,
+        verdict(shrinks and max(default.A, default.B) <= LARGEST_GAP),
+    )
+    tuned = {row.controller: row for row in result.ranking if row.gains == "tuned"}
+    for name in TARGETS:
+        if name in tuned:
+            yield _target(result.row(BASELINE), tuned[name])
 
 
 def _ordered(holds: bool, pairs: Iterable[tuple[float, float]]) -> Verdict:
@@ -96,23 +99,16 @@ def _ordered(holds: bool, pairs: Iterable[tuple[float, float]]) -> Verdict:
     return Verdict.REPRODUCED if sized else Verdict.SAME_ORDERING
 
 
-def _in_print(result: Result, name: str, task: str) -> dict[str, float]:
-    """Printed relative change of every column against the plain cascade."""
-    rows = {(row.name, row.task): row.paper for row in result.tables}
-    found, plain = rows[name, task], rows["Cascaded PI", task]
-    return {column: getattr(found, column) / getattr(plain, column) - 1 for column in COLUMNS}
-
-
 def _excess(found: Columns) -> float:
     """Largest error of the end effector over the motor's, less 1."""
     return found.ee_max / found.em_max - 1
 
 
-def _tool_vibrates_more(result: Result) -> Claim:
+def _tool_vibrates_more(result: Result, published: Published) -> Claim:
     found = [
-        (f"{ours} on {row.task}", _excess(columns), _excess(row.paper))
-        for row in result.tables
-        for ours, columns in row.ours.items()
+        (f"{ours} on {row.task}", _excess(result.row(ours).on(row.task)), _excess(row.columns))
+        for row in published
+        for ours in OURS[row.name]
     ]
     lost = [where for where, excess, _ in found if excess <= 0]
     worst, printed = max(ours for _, ours, _ in found), max(wanted for *_, wanted in found)
@@ -126,95 +122,138 @@ def _tool_vibrates_more(result: Result) -> Claim:
     return Claim(SECTION, "the end effector vibrates more than the motor", words, fares)
 
 
-def _changes(rows: Sequence[RankingRow], name: str, task: str) -> dict[str, float]:
+def _changes(result: Result, name: str, task: str) -> dict[str, float]:
     """Relative change of every column against the plain cascade."""
-    ours, plain = row_of(rows, name).on(task), row_of(rows, "cascade").on(task)
-    return {column: getattr(ours, column) / getattr(plain, column) - 1 for column in COLUMNS}
+    return _relative(result.row(name).on(task), result.row("cascade").on(task))
 
 
-def _filter_is_marginal(rows: Sequence[RankingRow]) -> Claim:
-    by_task = [_changes(rows, "cascade-notch", task) for task in TASKS]
-    changes = [change for found in by_task for change in found.values()]
-    words = f"its metrics change by {100 * min(changes):+.2f} to {100 * max(changes):+.2f} %"
-    holds = max(map(abs, changes)) < MARGINAL
-    return Claim(SECTION, "the notch changes most metrics marginally", words, verdict(holds))
+def _in_print(published: Published, name: str, task: str) -> dict[str, float]:
+    """The same of the printed numbers."""
+    rows = {(row.name, row.task): row.columns for row in published}
+    return _relative(rows[name, task], rows[PI, task])
 
 
-def _filter_relieves_the_link(result: Result) -> Claim:
-    found = {task: _changes(result.ranking, "cascade-notch", task)["def_max"] for task in TASKS}
-    wanted = {task: _in_print(result, "Cascaded PI with filter", task)["def_max"] for task in TASKS}
-    words = ", ".join(f"{100 * change:+.2f} % on task {task}" for task, change in found.items())
-    claim = "the notch lowers the largest deformation by 11 % on task A, 33 % on task B"
-    pairs = [(found[task], wanted[task]) for task in TASKS]
-    fares = _ordered(all(change < 0 for change in found.values()), pairs)
-    return Claim(SECTION, claim, words, fares)
+def _relative(found: Columns, plain: Columns) -> dict[str, float]:
+    return {column: getattr(found, column) / getattr(plain, column) - 1 for column in COLUMNS}
 
 
-def _observer_on_task_a(result: Result) -> Claim:
-    columns, wanted = ("em_max", "em_mean"), _in_print(result, LESO, "A")
-    found = {name: _changes(result.ranking, name, "A") for name in OBSERVERS}
+def _observer(result: Result, published: Published) -> Iterator[Claim]:
+    """The extended state observer: better on task A, worse on task B."""
+    found = {name: _changes(result, name, "A") for name in OURS[LESO]}
+    wanted = _in_print(published, LESO, "A")
+    pairs = _pairs(found, wanted, ("em_max", "em_mean"))
     words = "; ".join(
-        f"{name}: {100 * change['em_max']:+.1f} % largest, {100 * change['em_mean']:+.1f} % mean"
-        for name, change in {**found, "in print": wanted}.items()
+        f"{name}: {100 * one['em_max']:+.1f} % largest, {100 * one['em_mean']:+.1f} % mean"
+        for name, one in {**found, "in print": wanted}.items()
     )
+    fares = _ordered(all(ours < 0 for ours, _ in pairs), pairs)
     claim = "the LESO improves the motor's largest and mean error on task A"
-    pairs = [(change[one], wanted[one]) for change in found.values() for one in columns]
-    return Claim(SECTION, claim, words, _ordered(all(ours < 0 for ours, _ in pairs), pairs))
-
-
-def _observer_on_task_b(result: Result) -> Claim:
-    columns, wanted = ("em_max", "ee_max", "ee_mean"), _in_print(result, LESO, "B")
-    found = {name: _changes(result.ranking, name, "B") for name in OBSERVERS}
+    yield Claim(SECTION, claim, words, fares)
+    found = {name: _changes(result, name, "B") for name in OURS[LESO]}
+    wanted = _in_print(published, LESO, "B")
+    pairs = _pairs(found, wanted, ("em_max", "ee_max", "ee_mean"))
+    fares = _ordered(all(ours > 0 for ours, _ in pairs), pairs)
     words = "; ".join(
         f"{name}: motor {100 * change['em_max']:+.1f} %, tool {100 * change['ee_max']:+.1f} % "
         f"largest, {100 * change['ee_mean']:+.1f} % mean"
         for name, change in {**found, "in print": wanted}.items()
     )
-    claim = "the LESO worsens motor and end effector on task B"
-    pairs = [(change[one], wanted[one]) for change in found.values() for one in columns]
-    fares = _ordered(all(ours > 0 for ours, _ in pairs), pairs)
     if fares is Verdict.NOT_REPRODUCED:
         words += "; the tool of the model hardly vibrates, that of the bench does"
-    return Claim(SECTION, claim, words, fares)
+    yield Claim(SECTION, "the LESO worsens motor and end effector on task B", words, fares)
 
 
-def _twin(gap: Sequence[GapRow]) -> Claim:
-    default = next(row for row in gap if row.sharpness == DEFAULT_SHARPNESS)
-    shrinks = all(gap[-1].on(task) < gap[0].on(task) for task in TASKS)
-    words = f"{100 * default.A:.3f} % on task A, {100 * default.B:.3f} % on task B; "
-    words += "smaller the sharper" if shrinks else "not smaller the sharper"
-    claim = "the smooth twin is within 3 % of the true axis in RMS end-effector error"
-    holds = shrinks and max(default.A, default.B) <= LARGEST_GAP
-    return Claim("ours", claim, words, verdict(holds))
+def _pairs(
+    found: dict[str, dict[str, float]], wanted: dict[str, float], columns: Sequence[str]
+) -> list[tuple[float, float]]:
+    """Our change and the printed one, of every form of the observer."""
+    return [(change[one], wanted[one]) for change in found.values() for one in columns]
 
 
-def _target(rows: Sequence[RankingRow], name: str) -> Claim:
+def _target(before: RankingRow, tuned: RankingRow) -> Claim:
     """Tuned gains against the thesis's on the same plant: both tasks, nominal and off by 20 %."""
-    before = {(row.task, row.plant): row for row in row_of(rows, "cascade").family}
     ratios: dict[tuple[str, str], float] = {}
     currents: dict[tuple[str, str], float] = {}
-    for member in row_of(rows, name, "tuned").family:
-        key = (member.task, member.plant)
-        ratios[key], currents[key] = _over(member, before[key])
-    most = TARGETS[name]
+    plain = {(row.task, row.plant): row for row in before.family}
+    for row in tuned.family:
+        key = (row.task, row.plant)
+        lost = row.diverged or plain[key].diverged
+        ratios[key] = float("inf") if lost else row.ee_mean / plain[key].ee_mean
+        currents[key] = float("inf") if lost else row.u_rms / plain[key].u_rms
+    most = TARGETS[tuned.controller]
     task, plant = worst = max(ratios, key=lambda key: ratios[key])
-    words = (
+    return Claim(
+        "ours",
+        f"tuned {tuned.controller}: at most {most:g} of the mean end-effector error of the "
+        f"thesis's gains, at most {MOST_CURRENT:g} x its current",
         f"{ratios['A', 'nominal']:.3f} on task A at {currents['A', 'nominal']:.2f} x its RMS "
         f"current; {ratios['B', 'nominal']:.3f} on task B; at worst {ratios[worst]:.3f} "
-        f"(task {task}, {plant}) at up to {max(currents.values()):.2f} x the current"
+        f"(task {task}, {plant}) at up to {max(currents.values()):.2f} x the current",
+        verdict(max(ratios.values()) <= most and max(currents.values()) <= MOST_CURRENT),
     )
-    claim = (
-        f"tuned {name}: at most {most:g} of the mean end-effector error of the thesis's gains, "
-        f"at most {MOST_CURRENT:g} x its current"
-    )
-    holds = max(ratios.values()) <= most and max(currents.values()) <= MOST_CURRENT
-    return Claim("ours", claim, words, verdict(holds))
 
 
-def _over(tuned: FamilyRow, before: FamilyRow) -> tuple[float, float]:
-    """Ratios of mean error and of RMS current; infinite where one of the runs diverges."""
-    numbers = (tuned.ee_mean, before.ee_mean, tuned.u_rms, before.u_rms)
-    error, error_before, current, current_before = numbers
-    if error is None or error_before is None or current is None or current_before is None:
-        return float("inf"), float("inf")
-    return error / error_before, current / current_before
+HEADINGS = {
+    "motor\nmax": "em_max",
+    "motor\nmean": "em_mean",
+    "tool\nmax": "ee_max",
+    "tool\nmean": "ee_mean",
+    "deform.\nmax": "def_max",
+    "effort": "u_mean",
+}
+RANKED = {"motor": "em_mean", "tool": "ee_mean", "def.": "def_max", "effort": "u_mean"}
+
+
+class Line(NamedTuple):
+    """Line of Table 3.1 or 3.2: the paper's, and below it ours."""
+
+    case: str
+    columns: Columns
+    time_us: float
+    verdict: str
+
+
+def tables(result: Result) -> Iterator[Table]:
+    """Tables 3.1 and 3.2, the ranking, and the gap of the twin."""
+    for task, number in zip(TASKS, ("3.1", "3.2"), strict=True):
+        lines = []
+        for row in PUBLISHED:
+            if row.task == task:
+                time = 1e3 * row.time_ms
+                lines.append(Line(row.name, row.columns, time, Verdict.EXPERIMENTAL))
+                for name in OURS[row.name]:
+                    ours = result.row(name)
+                    lines.append(Line(f"ours: {name}", ours.on(task), ours.time_us, ""))
+        yield Table(
+            f"Table {number}, task {task}: the test bench, and below each row our simulation "
+            "of its model [mm, A, us per sample]",
+            lines,
+            {
+                "case": "case",
+                **{heading: f"columns.{name}:.3f" for heading, name in HEADINGS.items()},
+                "time": "time_us:.3g",
+                "verdict": "verdict",
+            },
+        )
+    pace = result.row("cascade").time_us
+    columns: dict[str, Column] = {"controller": "controller", "gains": "gains"}
+    for task in TASKS:
+        for heading, name in RANKED.items():
+            columns[f"{task}\n{heading}"] = f"{task}.{name}:.3f"
+    yield Table(
+        "Ranking: mean errors of motor and tool, largest deformation (mm), mean current (A); "
+        f"time per sample against the cascade's ({pace:.2g} us on this computer)",
+        sorted(result.ranking, key=lambda row: row.error),
+        {**columns, "time": lambda row: f"{row.time_us / pace:.1f}"},
+        words=2,
+    )
+    yield Table(
+        "Smooth twin against true axis: gap in RMS end-effector error, thesis's cascade",
+        result.gap,
+        {
+            "sharpness s/m": "sharpness:g",
+            "task A %": lambda row: f"{100 * row.A:.4f}",
+            "task B %": lambda row: f"{100 * row.B:.4f}",
+        },
+        words=0,
+    )

@@ -4,52 +4,49 @@ Every controller of flexible axes is tuned and ranked as well. The thesis's tabl
 its test bench: our simulation of its model stands beside them and is not fitted to them.
 """
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, fields, replace
-from pathlib import Path
+from dataclasses import dataclass, fields
+from functools import cache
 from typing import Any, NamedTuple
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
-from experiments.papers.yuan_tracking.claims import PublishedRow, claims, table_rows
-from experiments.papers.yuan_tracking.figures import draw
-from experiments.papers.yuan_tracking.result import (
-    KEPT_PERIOD,
-    Columns,
-    FamilyRow,
-    RankingRow,
-    Result,
-    Signals,
-)
-from experiments.papers.yuan_tracking.runs import (
-    BASELINE,
-    Setup,
-    gap_curve,
-    metrics,
-    on_the_family,
-    tuned_weights,
-)
-from experiments.papers.yuan_tracking.tables import show
+from jcontour.app.catalogue.choices import design_for, first_machine, job_named
+from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
+from jcontour.app.designs.flexible_axis import AxisDesign
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.jobs.job import Pace
+from jcontour.app.jobs.replays import Scenarios, replay
+from jcontour.app.machines.flexible_axis import EFFORT, FlexibleMachine, thesis_machine
+from jcontour.app.runs.tuning.limits import start_metrics
+from jcontour.app.runs.tuning.problem import tuning_run
 from jcontour.controller import Controller
-
-__all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
+from jcontour.motion.references import Reference
+from jcontour.plant import Plant
+from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis
+from jcontour.simulation.closed_loop import Rollout, simulate
+from jcontour.simulation.evaluation import stack_references
+from tuning.tune import tune
 
 SOURCE = (
     "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
     "Doctoral thesis, The University of Melbourne (2020), chapter 3 "
     "(performance of tracking control)"
 )
-PI, FILTERED, OBSERVED = "Cascaded PI", "Cascaded PI with filter", "Cascaded PI with LESO"
-PUBLISHED = (  # columns as in `Columns` [mm, A], then computing per sample [ms]
-    PublishedRow("A", PI, Columns(4.002, 1.603, 6.556, 1.722, 2.556, 0.744), 0.026),
-    PublishedRow("A", FILTERED, Columns(4.001, 1.596, 6.271, 1.695, 2.272, 0.707), 0.028),
-    PublishedRow("A", OBSERVED, Columns(3.963, 1.379, 8.953, 1.823, 6.910, 1.743), 0.027),
-    PublishedRow("B", PI, Columns(3.358, 1.975, 3.552, 2.053, 0.830, 0.595), 0.0115),
-    PublishedRow("B", FILTERED, Columns(3.344, 1.968, 3.535, 2.043, 0.551, 0.553), 0.0118),
-    PublishedRow("B", OBSERVED, Columns(4.044, 1.969, 11.758, 4.394, 9.105, 2.118), 0.0117),
-)
-CONFIRMED = (BASELINE, "cascade-feedforward")  # controllers with a target of our own
+JOBS = {"A": "task-a", "B": "task-b"}  # in the catalogue
+BASELINE = "cascade"  # the thesis's P-PI with its gains
+# [s/m]; the default, 1e3, turns the friction within 1 mm/s
+SHARPNESSES = (100.0, 200.0, 500.0, 1e3, 2e3, 5e3, 1e4)
+TIMINGS = 20  # the shortest of them counts, because other work only adds
+TASKS = tuple(JOBS)  # point to point, to and fro along a cosine
+KEPT_PERIOD = 5e-3  # [s] between the samples of a signal: a fourteenth of the link's period
 DRAWN = (BASELINE, "cascade-notch", "cascade-leso-exact")  # Figs 3.8 to 3.11
 
 
@@ -63,8 +60,149 @@ class Settings:
     """Controllers that are tuned, by their names in `jcontour list`; all when none is given."""
 
 
-def run(settings: Settings, folder: Path) -> Result:
-    """Simulate everything; nothing is written to the folder.
+@dataclass(frozen=True)
+class Columns:
+    """Columns of Tables 3.1 and 3.2: errors and deformation [mm], mean current [A]."""
+
+    em_max: float  # motor
+    em_mean: float
+    ee_max: float  # end effector
+    ee_mean: float
+    def_max: float  # motor against end effector
+    u_mean: float
+
+
+@dataclass(frozen=True)
+class TaskMetrics(Columns):
+    """Columns of the thesis, and RMS and peak of the current [A]."""
+
+    u_rms: float
+    u_max: float
+
+
+@dataclass(frozen=True)
+class FamilyRow:
+    """One task on one machine of the family; infinite where the run diverges."""
+
+    task: str
+    plant: str
+    diverged: bool
+    ee_mean: float  # [mm]
+    u_rms: float  # [A]
+
+
+@dataclass(frozen=True)
+class RankingRow:
+    """A controller with its first gains ("start") or with tuned ones ("tuned")."""
+
+    controller: str
+    gains: str
+    weights: dict[str, Any]
+    A: TaskMetrics
+    B: TaskMetrics
+    family: tuple[FamilyRow, ...]  # of tuned controllers, and of the one they are compared with
+    time_us: float  # of computing per sample
+
+    def on(self, task: str) -> TaskMetrics:
+        """Metrics of one task."""
+        return getattr(self, task)
+
+    @property
+    def error(self) -> float:
+        """Mean error of the end effector, both tasks together [mm]."""
+        return self.A.ee_mean + self.B.ee_mean
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Motor, end effector and reference [m], and current [A], of one run."""
+
+    motor: Float[np.ndarray, " T"]
+    tool: Float[np.ndarray, " T"]
+    wanted: Float[np.ndarray, " T"]
+    current: Float[np.ndarray, " T"]
+
+
+@dataclass(frozen=True)
+class GapRow:
+    """Relative gap of the smooth twin in RMS end-effector error, at one sharpness [s/m]."""
+
+    sharpness: float
+    A: float
+    B: float
+
+
+@dataclass(frozen=True)
+class Result:
+    """All controllers on both tasks, signals of some, and the gap of the smooth twin."""
+
+    ranking: tuple[RankingRow, ...]
+    signals: dict[str, dict[str, Signals]]  # by controller and task, every `KEPT_PERIOD`
+    gap: tuple[GapRow, ...]  # sharpness ascending
+
+    def row(self, controller: str, gains: str = "start") -> RankingRow:
+        """The one row of a controller."""
+        wanted = (controller, gains)
+        return next(row for row in self.ranking if (row.controller, row.gains) == wanted)
+
+
+class Setup:
+    """The thesis's axis and its two tasks.
+
+    The controllers are fed the exact position and speed of the motor, as in its simulations.
+    """
+
+    def __init__(self):
+        self.machine: FlexibleMachine = thesis_machine()
+        self.true = FlexibleAxis(self.machine.parameters, self.machine.model.dt)
+        pace = Pace(self.machine, None, None)
+        self.jobs = [job_named(name, pace) for name in JOBS.values()]
+
+    def controllers(self) -> list[str]:
+        """Names of all controllers that suit the axis."""
+        return [name for name in CONTROLLERS if design_class(name).needs == AxisDesign.needs]
+
+    def design(self, name: str):
+        """Design of a controller with its first gains: the thesis's where it gives them."""
+        return design_for(self.machine, Simulate(controller=name))
+
+    def scenarios(self, preview: int) -> Scenarios:
+        """Both tasks on the whole true family, behind encoders that count."""
+        return Scenarios.of(self.jobs, [True, False], self.machine, "outputs", preview)
+
+    def references(self, preview: int) -> Reference:
+        """References of both tasks, stacked."""
+        return stack_references(
+            [job.reference(self.machine.model.dt, preview) for job in self.jobs]
+        )
+
+    def signals(self, controller: Controller, plant: Plant | None = None) -> dict[str, Signals]:
+        """Signals of every task on the true axis, or on another plant."""
+        references = self.references(controller.preview)
+        run = _both(self.true if plant is None else plant, controller, references)
+        found = {}
+        rows = (run.measurement[0], run.output, references.position, run.control)
+        for k, (task, job) in enumerate(zip(JOBS, self.jobs, strict=True)):
+            found[task] = Signals(*(np.asarray(row)[k, : job.samples, 0] for row in rows))
+        return found
+
+    def time_per_sample(self, controller: Controller) -> float:
+        """Computing time of the controller alone [s].
+
+        It is fed what it would measure on an axis that follows task A exactly.
+        """
+        reference = self.jobs[0].reference(self.machine.model.dt, controller.preview)
+        position = reference.position[: reference.steps]
+        speed = np.gradient(np.asarray(position), reference.dt, axis=0)
+        rows = (controller.prepare(reference), (position, jnp.asarray(speed)))
+        memory = controller.initial_memory(reference)
+        _alone(controller, memory, rows).block_until_ready()  # compiled
+        times = [_timed(lambda: _alone(controller, memory, rows)) for _ in range(TIMINGS)]
+        return min(times) / reference.steps
+
+
+def run(settings: Settings) -> Result:
+    """Simulate everything.
 
     Raises:
         ValueError: no such controller of flexible axes.
@@ -78,10 +216,21 @@ def run(settings: Settings, folder: Path) -> Result:
                 f"give some of {', '.join(known)}"
             )
     to_tune = () if settings.quick else settings.tuned or tuple(known)
-    rows, signals = _all_runs(setup, known, to_tune)
-    tables = table_rows(PUBLISHED, rows)
-    found = Result(SOURCE, asdict(settings), rows, signals, gap_curve(setup), tables)
-    return replace(found, claims=claims(found, CONFIRMED))
+
+    def tracked(name: str) -> list[_Tracked]:
+        return _tracked(setup, name, name in to_tune, bool(to_tune) and name == BASELINE)
+
+    # compiling takes longer than simulating, and lets other threads go on
+    with ThreadPoolExecutor(2) as pool:
+        found = list(pool.map(tracked, known))
+    every = round(KEPT_PERIOD / setup.machine.model.dt)
+    signals = {
+        name: {task: _thinned(one, every) for task, one in runs[0].signals.items()}
+        for name, runs in zip(known, found, strict=True)
+        if name in DRAWN
+    }
+    ranking = tuple(_row(setup, one) for runs in found for one in runs)
+    return Result(ranking, signals, gap_curve(setup))
 
 
 class _Tracked(NamedTuple):
@@ -93,25 +242,6 @@ class _Tracked(NamedTuple):
     controller: Controller
     signals: dict[str, Signals]
     family: tuple[FamilyRow, ...]
-
-
-def _all_runs(
-    setup: Setup, known: Sequence[str], to_tune: Sequence[str]
-) -> tuple[tuple[RankingRow, ...], dict[str, dict[str, Signals]]]:
-    """Rows of the ranking, and the signals of Figs 3.8 to 3.11."""
-
-    def tracked(name: str) -> list[_Tracked]:
-        return _tracked(setup, name, name in to_tune, bool(to_tune) and name == BASELINE)
-
-    # compiling takes longer than simulating, and lets other threads go on
-    with ThreadPoolExecutor(2) as pool:
-        found = list(pool.map(tracked, known))
-    signals = {}
-    for name, runs in zip(known, found, strict=True):
-        if name in DRAWN:
-            signals[name] = _thinned(setup, runs[0].signals)
-    rows = [_row(setup, one) for runs in found for one in runs]
-    return tuple(rows), signals
 
 
 def _tracked(setup: Setup, name: str, tune: bool, compared: bool) -> list[_Tracked]:
@@ -142,11 +272,101 @@ def _row(setup: Setup, one: _Tracked) -> RankingRow:
     )
 
 
-def _thinned(setup: Setup, by_task: dict[str, Signals]) -> dict[str, Signals]:
-    """Signals at every `KEPT_PERIOD`."""
-    every = round(KEPT_PERIOD / setup.machine.model.dt)
-    names = [field.name for field in fields(Signals)]
-    kept = {}
-    for task, signals in by_task.items():
-        kept[task] = Signals(**{name: getattr(signals, name)[::every] for name in names})
-    return kept
+def _thinned(signals: Signals, every: int) -> Signals:
+    return Signals(*(getattr(signals, field.name)[::every] for field in fields(Signals)))
+
+
+def metrics(signals: Signals) -> TaskMetrics:
+    """Columns of Tables 3.1 and 3.2 [mm, A], and RMS and peak of the current.
+
+    The last input acts on no sample and is left out.
+    """
+    motor = 1e3 * np.abs(signals.motor - signals.wanted)
+    tool = 1e3 * np.abs(signals.tool - signals.wanted)
+    deformation = 1e3 * np.abs(signals.motor - signals.tool)
+    current = np.abs(signals.current[:-1])
+    return TaskMetrics(
+        em_max=float(motor.max()),
+        em_mean=float(motor.mean()),
+        ee_max=float(tool.max()),
+        ee_mean=float(tool.mean()),
+        def_max=float(deformation.max()),
+        u_mean=float(current.mean()),
+        u_rms=float(np.sqrt(np.mean(current**2))),
+        u_max=float(current.max()),
+    )
+
+
+def gap_curve(setup: Setup) -> tuple[GapRow, ...]:
+    """Smooth twin against the true axis under the thesis's cascade, over the sharpness."""
+    design = setup.design(BASELINE)
+    controller = design.build(design.start)
+    parameters, dt = setup.machine.parameters, setup.machine.model.dt
+    true = _rms(setup.signals(controller))
+    rows = []
+    for sharpness in SHARPNESSES:
+        plant = SmoothFlexibleAxis(parameters, dt, sharpness)
+        smooth = _rms(setup.signals(controller, plant))
+        rows.append(GapRow(sharpness, *(abs(smooth[task] / true[task] - 1) for task in TASKS)))
+    return tuple(rows)
+
+
+def tuned_weights(name: str) -> dict[str, Any]:
+    """Gains tuned on the smooth family on task A.
+
+    They may need 1.2 times the RMS current of the thesis's cascade there.
+
+    Raises:
+        ValueError: every start diverges.
+    """
+    run = tuning_run(
+        Tune(plant=first_machine(name), controller=name, max_rms_control=_allowed_current())
+    )
+    return tune(run.problem, run.start, run.settings).weights
+
+
+def on_the_family(setup: Setup, controller: Controller) -> tuple[FamilyRow, ...]:
+    """Every task on every true member of the family."""
+    scenarios = setup.scenarios(controller.preview)
+    found, rows = replay(controller, scenarios), []
+    for k, (task, job) in enumerate(zip(JOBS, setup.jobs, strict=True)):
+        wanted = np.asarray(scenarios.references.position)[k, : job.samples]
+        for p, plant in enumerate(scenarios.plants):
+            if found.metrics.diverged[k, p]:
+                rows.append(FamilyRow(task, plant, True, np.inf, np.inf))
+                continue
+            error = 1e3 * np.abs(found.output[k, p, : job.samples] - wanted)
+            current = found.control[k, p, : job.samples - 1]
+            rms = float(np.sqrt(np.mean(current**2)))
+            rows.append(FamilyRow(task, plant, False, float(error.mean()), rms))
+    return tuple(rows)
+
+
+@cache
+def _allowed_current() -> float:
+    """Largest RMS current that tuned gains may need on the smooth family [A]."""
+    baseline = tuning_run(Tune(plant=first_machine(BASELINE), controller=BASELINE))
+    return EFFORT * float(np.max(start_metrics(baseline.problem, baseline.start).rms_control))
+
+
+def _rms(by_task: dict[str, Signals]) -> dict[str, float]:
+    """RMS end-effector error of every task [m]."""
+    squares = {task: np.mean((one.tool - one.wanted) ** 2) for task, one in by_task.items()}
+    return {task: float(np.sqrt(square)) for task, square in squares.items()}
+
+
+@eqx.filter_jit
+def _both(plant: Plant, controller: Controller, references: Reference) -> Rollout:
+    return jax.vmap(lambda reference: simulate(plant, controller, reference))(references)
+
+
+@eqx.filter_jit
+def _alone(controller: Controller, memory: Any, rows: tuple[Any, Any]) -> jax.Array:
+    """Controls for given plans and measurements."""
+    return jax.lax.scan(lambda memory, row: controller.step(memory, *row), memory, rows)[1]
+
+
+def _timed(work: Callable[[], jax.Array]) -> float:
+    began = time.perf_counter()
+    work().block_until_ready()
+    return time.perf_counter() - began

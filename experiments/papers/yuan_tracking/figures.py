@@ -1,16 +1,13 @@
 """Figures of Yuan's chapter 3, drawn from a result."""
 
-from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from experiments.papers.yuan_tracking.result import KEPT_PERIOD, Result, Signals
+from experiments.papers.panels import Curve, Panel, drawn
+from experiments.papers.yuan_tracking.experiment import KEPT_PERIOD, Result
 from jcontour.app.reports.figures.axes import legend_below
-from jcontour.app.reports.figures.png import save_figures
 
 LABELS = {"cascade": "PI", "cascade-notch": "PI with filter", "cascade-leso-exact": "PI with LESO"}
 # the first two are nearly the same: the wide line shows beneath the narrow one
@@ -23,41 +20,24 @@ SIDES = {"motor": "(a) motor", "tool": "(b) end effector"}
 TASK_COLOURS = {"A": "tab:blue", "B": "tab:orange"}
 
 
-def draw(result: Result, folder: Path) -> list[Path]:
-    """Save all figures as PNG files in `folder`."""
-    figures = {
-        "figure-3-8": partial(positions, task="A", number="3.8"),
-        "figure-3-9": partial(errors, task="A", number="3.9"),
-        "figure-3-10": partial(positions, task="B", number="3.10"),
-        "figure-3-11": partial(errors, task="B", number="3.11"),
-        "ranking": ranking,
-        "smooth-twin": twin,
-    }
-    return save_figures(figures, result, folder)
-
-
-def positions(result: Result, task: str, number: str) -> Figure:
-    """Figs 3.8 and 3.10: motor and end effector beside the reference."""
-    figure = _over_time(result, task, "position [mm]", getattr)
-    wanted = 1e3 * next(iter(result.signals.values()))[task].wanted
-    time = KEPT_PERIOD * np.arange(wanted.size)
-    for axes in figure.axes:
-        axes.plot(time, wanted, color="0.3", linewidth=0.8, linestyle="--", label="reference")
-    legend_below(figure, figure.axes[0], columns=4)
-    figure.suptitle(f"Fig. {number}: position, task {task}")
-    return figure
-
-
-def errors(result: Result, task: str, number: str) -> Figure:
-    """Figs 3.9 and 3.11: tracking errors of motor and end effector."""
-
-    def error(signals: Signals, side: str) -> Float[np.ndarray, " T"]:
-        return signals.wanted - getattr(signals, side)
-
-    figure = _over_time(result, task, "error [mm]", error)
-    legend_below(figure, figure.axes[0], columns=3)
-    figure.suptitle(f"Fig. {number}: tracking error, task {task}")
-    return figure
+def over_time(result: Result, task: str, number: str, error: bool) -> Figure:
+    """Figs 3.8 to 3.11: motor and end effector beside the reference, or their errors."""
+    wanted = next(iter(result.signals.values()))[task].wanted
+    time, panels = KEPT_PERIOD * np.arange(wanted.size), []
+    for side, title in SIDES.items():
+        curves = []
+        for controller, tasks in result.signals.items():
+            signal = getattr(tasks[task], side)
+            values = 1e3 * (wanted - signal if error else signal)
+            curves.append(Curve(time, values, LABELS[controller], STYLES[controller]))
+        if not error:
+            dashed = {"color": "0.3", "linewidth": 0.8, "linestyle": "--"}
+            curves.append(Curve(time, 1e3 * wanted, "reference", dashed))
+        y = "error [mm]" if error else "position [mm]"
+        panels.append(Panel(title, "time [s]", y, curves, {"xmargin": 0.01}))
+    kind = "tracking error" if error else "position"
+    title = f"Fig. {number}: {kind}, task {task}"
+    return drawn(panels, (8.0, 6.0), title, legend=4, sharex=True)
 
 
 def ranking(result: Result) -> Figure:
@@ -78,38 +58,20 @@ def ranking(result: Result) -> Figure:
 
 def twin(result: Result) -> Figure:
     """Gap of the smooth twin over its sharpness."""
-    figure = Figure(figsize=(6.0, 4.0), layout="constrained")
-    axes = figure.subplots()
-    sharpness = [row.sharpness for row in result.gap]
+    sharpness, curves = [row.sharpness for row in result.gap], []
     for task, colour in TASK_COLOURS.items():
-        gap = [100 * row.on(task) for row in result.gap]
-        axes.loglog(sharpness, gap, "o-", color=colour, label=f"task {task}")
-    axes.set(
-        xlabel="sharpness [s/m]",
-        ylabel="gap in RMS end-effector error [%]",
-        title="Smooth twin against stick and slip",
-    )
-    axes.grid(color="0.9", which="both")
-    axes.legend(frameon=False)
-    return figure
+        gap = [100 * getattr(row, task) for row in result.gap]
+        curves.append(Curve(sharpness, gap, f"task {task}", {"marker": "o", "color": colour}))
+    title, y = "Smooth twin against stick and slip", "gap in RMS end-effector error [%]"
+    log = {"xscale": "log", "yscale": "log"}
+    return drawn([Panel(title, "sharpness [s/m]", y, curves, log)], (6.0, 4.0))
 
 
-def _over_time(
-    result: Result,
-    task: str,
-    label: str,
-    signal: Callable[[Signals, str], Float[np.ndarray, " T"]],
-) -> Figure:
-    """One panel for the motor, one for the end effector."""
-    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
-    panels = figure.subplots(2, 1, sharex=True)
-    for axes, (side, title) in zip(panels, SIDES.items(), strict=True):
-        for controller, tasks in result.signals.items():
-            values = 1e3 * signal(tasks[task], side)
-            time = KEPT_PERIOD * np.arange(values.size)
-            axes.plot(time, values, label=LABELS[controller], **STYLES[controller])
-        axes.set(ylabel=label, title=title)
-        axes.grid(color="0.9")
-        axes.margins(x=0.01)
-    panels[-1].set(xlabel="time [s]")
-    return figure
+FIGURES = {
+    "figure-3-8": partial(over_time, task="A", number="3.8", error=False),
+    "figure-3-9": partial(over_time, task="A", number="3.9", error=True),
+    "figure-3-10": partial(over_time, task="B", number="3.10", error=False),
+    "figure-3-11": partial(over_time, task="B", number="3.11", error=True),
+    "ranking": ranking,
+    "smooth-twin": twin,
+}
