@@ -1,6 +1,6 @@
 """Runs behind Yuan's section 5.6: the path of Fig. 5.11 with a motor bench as the gantry's head."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.papers.yuan_gantry.result import Emulated, EmulatedRun
 from experiments.papers.yuan_gantry.runs import SAMPLE, Follower, reference_path
 from jcontour.controller import Controller
 from jcontour.controllers.wrappers.compensated import Compensated
@@ -24,6 +23,39 @@ from jcontour.simulation.metrics import contour_error, score, tracking_error
 
 # [N m s/rad] that the drives add to the twist: six times their friction, 3 % of the critical
 DAMPED = 2000.0
+
+
+@dataclass(frozen=True)
+class EmulatedRun:
+    """Section 5.6.4: errors along X and Y and from the contour, for one kind of head."""
+
+    name: str  # "gantry", or the condition of the bench that stands for its head
+    peak_x_error_m: float
+    peak_y_error_m: float
+    peak_contour_error_m: float
+    rms_contour_error_m: float
+    peak_twist_rad: float
+    twist_rad: Float[np.ndarray, " T"]
+    diverged: bool
+    contour_error_m: Float[np.ndarray, " T"]
+    distance_m: float  # largest, of the tool from that of the gantry
+    twist_damping: float | None = None  # of a bench, without a controller [N m s/rad]
+    peak_load_a: float | None = None  # current of the load motor
+    peak_remainder_m_per_s: float | None = None  # F_Nx of (5.50), of a bench one sample late
+
+
+@dataclass(frozen=True)
+class Emulated:
+    """Section 5.6: the gantry, and benches in its head's place; damping in N m s/rad."""
+
+    time_s: Float[np.ndarray, " T"]
+    added_damping: float  # of the twist, by the drives
+    viscous_damping: float  # of the twist, by friction: 2 b_y L^2
+    rows: tuple[EmulatedRun, ...]
+
+    def row(self, name: str) -> EmulatedRun:
+        """Run with this kind of head."""
+        return next(row for row in self.rows if row.name == name)
 
 
 class TwistDamping(eqx.Module):

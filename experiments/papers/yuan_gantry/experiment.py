@@ -7,24 +7,23 @@ follows from it. A plain follower drives the path; the thesis's set-based contro
 `yuan_contouring_bounded`.
 """
 
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 
-from experiments.benchmarks.speed.gantry_engines import engine_rates
-from experiments.papers.yuan_gantry.claims import claims
-from experiments.papers.yuan_gantry.emulation import emulated
-from experiments.papers.yuan_gantry.figures import draw
-from experiments.papers.yuan_gantry.result import Result
-from experiments.papers.yuan_gantry.runs import along_the_path, identified, responses
-from experiments.papers.yuan_gantry.tables import show
-
-__all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
+from experiments.benchmarks.speed.gantry_engines import engine_differences
+from experiments.papers.yuan_gantry.emulation import Emulated, emulated
+from experiments.papers.yuan_gantry.runs import (
+    Identified,
+    PathRun,
+    Response,
+    along_the_path,
+    identified,
+    responses,
+)
 
 SOURCE = (
     "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
     "Doctoral thesis, The University of Melbourne (2020), ch. 5"
 )
-PUBLISHED = ("antiresonance_hz", "largest_twist_rad")
 
 
 @dataclass(frozen=True)
@@ -32,18 +31,25 @@ class Settings:
     """Flags of `jcontour reproduce yuan-gantry`."""
 
     quick: bool = False
-    """Time the engines briefly: their rates are rougher."""
+    """The same: the whole takes seconds."""
 
 
-def run(settings: Settings, folder: Path) -> Result:
-    """Compute everything; nothing is written to the folder."""
-    found = Result(
-        source=SOURCE,
-        settings=asdict(settings),
-        responses=responses(),
-        path=along_the_path(),
-        emulated=emulated(),
-        identified=identified(),
-        engines=engine_rates(0.2 if settings.quick else 1.0),
-    )
-    return replace(found, claims=claims(found))
+@dataclass(frozen=True)
+class Result:
+    """Resonances, the path, the emulated head, the identified machine, and three engines."""
+
+    responses: tuple[Response, ...]
+    path: PathRun
+    emulated: Emulated
+    identified: tuple[Identified, ...]
+    engines: dict[str, float]  # largest difference to our model in a step, relative
+
+    def response(self, head: float, coupling: bool) -> Response:
+        """Response for a position of the head [m]."""
+        wanted = (head, coupling)
+        return next(row for row in self.responses if (row.head_m, row.coupling) == wanted)
+
+
+def run(settings: Settings) -> Result:
+    """Compute everything."""
+    return Result(responses(), along_the_path(), emulated(), identified(), engine_differences())

@@ -1,14 +1,11 @@
 """Figures of Yuan's chapter 5, drawn from a result."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
+from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.yuan_gantry.claims import LARGEST_TWIST, PRINTED_HZ
-from experiments.papers.yuan_gantry.result import Response, Result
-from jcontour.app.reports.figures.axes import legend_below
-from jcontour.app.reports.figures.png import save_figures
+from experiments.papers.yuan_gantry.experiment import Result
 
 STYLES = {  # (head [m], coupling kept) -> colour, line
     (0.0, False): ("tab:blue", "-"),
@@ -29,37 +26,33 @@ HEADS = {  # kind of head -> its line; wide lines show beneath narrow ones that 
 }
 
 
-def draw(result: Result, folder: Path) -> list[Path]:
-    """Save all figures as PNG files in `folder`."""
-    figures = {
-        "figure-5-6": bode,
-        "figures-5-11-and-5-13": path,
-        "section-5-6": bench,
-    }
-    return save_figures(figures, result, folder)
-
-
 def bode(result: Result) -> Figure:
     """Fig. 5.6: gain and phase from the current i_1 to the speed of its drive."""
-    figure = Figure(figsize=(8.0, 6.5), layout="constrained")
-    gain, phase = figure.subplots(2, 1, sharex=True)
+    gain, phase = [], []
     for row in result.responses:
         if (row.head_m, row.coupling) not in STYLES:
             continue  # as printed, (5.12) does not know the side
         colour, line = STYLES[row.head_m, row.coupling]
         style = {"color": colour, "linestyle": line, "linewidth": 1.1}
-        gain.plot(row.frequency_hz, row.gain_db, label=_response_name(row), **style)
-        phase.plot(row.frequency_hz, row.phase_deg, **style)
+        coupling = "coupling kept" if row.coupling else "as printed"
+        name = f"head at {row.head_m:g} m, {coupling}: {row.antiresonance_hz:.1f} Hz"
+        gain.append(Curve(row.frequency_hz, row.gain_db, name, style))
+        phase.append(Curve(row.frequency_hz, row.phase_deg, name, style))
+    title, axes = "Fig. 5.6: from i_1 to the speed of drive 1", {"xscale": "log", "xlim": SHOWN_HZ}
+    figure = drawn(
+        [
+            Panel(title, "", "gain [dB re 1 m/s per A]", gain, axes),
+            Panel("", "frequency [Hz]", "phase [deg]", phase, axes),
+        ],
+        (8.0, 6.5),
+        legend=2,
+        sharex=True,
+    )
+    upper, lower = figure.axes
     for head, frequency in PRINTED_HZ.items():
-        gain.axvline(frequency, color=STYLES[head, False][0], linewidth=0.6, alpha=0.6)
-    gain.set(xscale="log", xlim=SHOWN_HZ, ylabel="gain [dB re 1 m/s per A]")
-    gain.set(title="Fig. 5.6: from i_1 to the speed of drive 1")
-    phase.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
-    phase.set_xticks(TICKS_HZ, [str(tick) for tick in TICKS_HZ])
-    phase.minorticks_off()
-    for axes in (gain, phase):
-        axes.grid(color="0.9")
-    legend_below(figure, gain, columns=2)
+        upper.axvline(frequency, color=STYLES[head, False][0], linewidth=0.6, alpha=0.6)
+    lower.set_xticks(TICKS_HZ, [str(tick) for tick in TICKS_HZ])
+    lower.minorticks_off()
     return figure
 
 
@@ -91,26 +84,21 @@ def bench(result: Result) -> Figure:
 
     A run that loses its contour has no contour error in the figure.
     """
-    found = result.emulated
-    figure = Figure(figsize=(9.0, 7.0), layout="constrained")
-    error, twist = figure.subplots(2, 1, sharex=True)
-    for row in found.rows:
-        style = {"linewidth": 0.9, **HEADS[row.name], "label": row.name}
+    error, twist, time = [], [], result.emulated.time_s
+    for row in result.emulated.rows:
+        style = {"linewidth": 0.9, **HEADS[row.name]}
         if not row.diverged:
-            error.plot(found.time_s, 1e6 * row.contour_error_m, **style)
-        twist.plot(found.time_s, 1e6 * np.abs(row.twist_rad), **style)
-    allowed = 1e6 * LARGEST_TWIST
-    twist.axhline(allowed, color="0.5", linestyle="--", linewidth=0.8, label="allowed twist")
-    error.set(yscale="log", ylim=(1e-1, None), ylabel="contour error [um]")
-    error.set(title="Section 5.6: a motor bench as the head of the gantry")
-    twist.set(yscale="log", ylim=(1e-4, None), xlabel="time [s]", ylabel="twist of the beam [urad]")
-    for axes in (error, twist):
-        axes.grid(color="0.9")
-        axes.margins(x=0.01)
-    legend_below(figure, twist, columns=3)
-    return figure
+            error.append(Curve(time, 1e6 * row.contour_error_m, row.name, style))
+        twist.append(Curve(time, 1e6 * np.abs(row.twist_rad), row.name, style))
+    dashed = {"color": "0.5", "linestyle": "--", "linewidth": 0.8}
+    twist.append(Curve(None, 1e6 * LARGEST_TWIST, "allowed twist", dashed))
+    log = {"yscale": "log", "xmargin": 0.01}
+    panels = [
+        Panel("", "", "contour error [um]", error, {**log, "ylim": (1e-1, None)}),
+        Panel("", "time [s]", "twist of the beam [urad]", twist, {**log, "ylim": (1e-4, None)}),
+    ]
+    title = "Section 5.6: a motor bench as the head of the gantry"
+    return drawn(panels, (9.0, 7.0), title, sharex=True)
 
 
-def _response_name(row: Response) -> str:
-    coupling = "coupling kept" if row.coupling else "as printed"
-    return f"head at {row.head_m:g} m, {coupling}: {row.antiresonance_hz:.1f} Hz"
+FIGURES = {"figure-5-6": bode, "figures-5-11-and-5-13": path, "section-5-6": bench}

@@ -1,11 +1,13 @@
 """Runs behind Yuan's chapter 5: responses of a drive, the gantry along a path, its parameters."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.papers.yuan_gantry.result import Identified, PathRun, Response
 from jcontour.controller import Controller
 from jcontour.geometry.contours import chain, circle, line
 from jcontour.motion.point_to_point import PointToPoint
@@ -29,6 +31,45 @@ ACCELERATION = 1.0  # [m/s^2]
 UNITS = ("kg", "kg m^2", "kg", "kg m", "N s/m", "N s/m", "N m/rad")  # of what is identified
 FREQUENCY = 30.0  # [rad/s] w of the follower: ours
 DAMPING = 0.8  # z of the follower: ours
+
+
+@dataclass(frozen=True)
+class Response:
+    """Fig. 5.6: frequency response from the current i_1 to the speed of its drive."""
+
+    head_m: float  # position of the head on the beam
+    coupling: bool  # whether the terms with M_e x_h are kept; (5.12) as printed has none
+    antiresonance_hz: float  # of the zeros
+    resonance_hz: float  # of the poles
+    frequency_hz: Float[np.ndarray, " F"]
+    gain_db: Float[np.ndarray, " F"]  # relative to 1 m/s per ampere
+    phase_deg: Float[np.ndarray, " F"]  # without jumps
+
+
+@dataclass(frozen=True)
+class PathRun:
+    """The gantry along Fig. 5.11; axes (time, component), SI units."""
+
+    time_s: Float[np.ndarray, " T"]
+    twist_rad: Float[np.ndarray, " T"]
+    tool_m: Float[np.ndarray, "T 2"]
+    wanted_m: Float[np.ndarray, "T 2"]
+    contour_error_m: Float[np.ndarray, " T"]
+    control_a: Float[np.ndarray, "T 3"]
+    peak_twist_rad: float
+    peak_contour_error_m: float
+    rms_contour_error_m: float
+    diverged: bool
+
+
+@dataclass(frozen=True)
+class Identified:
+    """Section 5.2.2: a quantity of the machine, and what the identification finds."""
+
+    name: str
+    true: float
+    found: float
+    interval: Sequence[float]  # 95 %: from, to
 
 
 class Follower(Controller):

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from experiments.benchmarks.speed.gantry_engines import EngineRate
 from experiments.papers.verdicts import Verdict
 from experiments.papers.yuan_gantry.claims import PRINTED_HZ, claims
 from experiments.papers.yuan_gantry.emulation import CASES, DAMPED, TwistDamping, emulated
+from experiments.papers.yuan_gantry.experiment import Result
 from experiments.papers.yuan_gantry.figures import bench, bode, path
-from experiments.papers.yuan_gantry.result import Result
 from experiments.papers.yuan_gantry.runs import (
     FREQUENCY,
     SAMPLE,
@@ -30,16 +29,7 @@ YES, NO, SHOWN = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED, Verdict.EXPERIMENTA
 
 @pytest.fixture(scope="module")
 def result():
-    ours = EngineRate("jcontour", 0.0, single=1.0, batch=1000, batched=1.0)
-    return Result(
-        source="",
-        settings={},
-        responses=responses(),
-        path=along_the_path(),
-        emulated=emulated(),
-        identified=(),
-        engines=[ours],
-    )
+    return Result(responses(), along_the_path(), emulated(), (), {"jcontour": 0.0})
 
 
 def test_frequencies_of_the_reference_data(result):
@@ -150,7 +140,7 @@ def test_verdicts_follow_the_numbers(result):
     twisted = replace(
         result,
         path=replace(result.path, peak_twist_rad=1e-3),
-        engines=[replace(result.engines[0], difference=1e-3)],
+        engines={"jcontour": 1e-3},
     )
     assert verdicts(twisted) == [YES, NO, NO, SHOWN, YES, SHOWN, SHOWN, NO]
     shifted = tuple(
