@@ -12,34 +12,33 @@ import pytest
 from experiments.papers.verdicts import Verdict
 from experiments.papers.yuan_contouring_bounded.claims import claims
 from experiments.papers.yuan_contouring_bounded.controllers import controller, random_forces
-from experiments.papers.yuan_contouring_bounded.experiment import QUICK_STEPS, Settings, run
-from experiments.papers.yuan_contouring_bounded.figures import draw, errors
-from experiments.papers.yuan_contouring_bounded.machine import POINTS, driven
-from experiments.papers.yuan_contouring_bounded.result import (
+from experiments.papers.yuan_contouring_bounded.experiment import (
     ATTACKED,
     CEBC1,
     CEBC2,
     EVERY,
+    EXACT,
     FOUR,
     FRICTION,
     GANTRY,
     GUIDES,
-    ONE,
-    LoopRow,
-    Result,
-)
-from experiments.papers.yuan_contouring_bounded.runs import (
-    EXACT,
     LATE_TRACKED,
+    ONE,
+    QUICK_STEPS,
     RUBBED,
     TRACKED,
+    LoopRow,
+    Result,
+    Settings,
     loop_row,
     polygons,
+    run,
     tube,
 )
+from experiments.papers.yuan_contouring_bounded.figures import errors
+from experiments.papers.yuan_contouring_bounded.machine import POINTS, driven
 from experiments.papers.yuan_contouring_bounded.timed import Timed, TimedMemory, seconds
 from experiments.papers.yuan_gantry.runs import SAMPLE
-from jcontour.app.files.results.stored import from_json, to_json
 from jcontour.arrays import placed
 from jcontour.host.controller import HostController, StepReport
 from jcontour.plants.gantry.gantry import Gantry
@@ -106,8 +105,6 @@ class Counting(HostController):
 
 def made_up() -> Result:
     return Result(
-        source="",
-        settings={},
         polygons=polygons(),
         loops=(
             row(CEBC1, FOUR, 40.0),
@@ -176,13 +173,10 @@ def test_polygons_of_algorithm_2():
     assert found.printed_side_mm < found.radius_mm < found.side_mm
 
 
-def test_a_result_is_stored_and_drawn(tmp_path):
-    result = made_up()
-    stored = from_json(to_json(result), Result)
-    assert stored.loops[0].label == "CEBC-1, four places"
-    assert stored.loops[5].place == "gantry late, worst"
-    assert len(errors(result).axes) == len(result.loops)
-    assert [path.exists() for path in draw(result, tmp_path)] == [True]
+def test_every_run_has_its_panel():
+    titles = [axes.get_title() for axes in errors(made_up()).axes]
+    assert titles[0] == "CEBC-1, four places; gantry, worst" and len(titles) == 6
+    assert titles[5].endswith("gantry late, worst")
 
 
 def test_parts_hold_every_state_and_motor_once():
@@ -238,7 +232,7 @@ def test_the_tube_covers_the_error_of_its_models_on_the_machine_itself(design):
 
 @pytest.mark.slow
 def test_the_runs_stay_inside_and_the_attack_reaches_nine_tenths():
-    result = run(Settings(quick=True), None)
+    result = run(Settings(quick=True))
     for one in result.loops:
         assert one.kept and one.samples == QUICK_STEPS
         assert one.motor_share <= 1 + 1e-9 and one.remainder_share <= 1
