@@ -28,7 +28,7 @@ from experiments.papers.contouring_schemes.runs import (
     rows,
     schemes,
 )
-from tuning.tune import Evaluated, Tuned
+from tuning.tuner import Evaluated, Tuned
 
 SOURCE = (
     "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "

@@ -33,7 +33,7 @@ from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis
 from jcontour.simulation.closed_loop import Rollout, simulate
 from jcontour.simulation.evaluation import stack_references
-from tuning.tune import tune
+from tuning.tuner import tune
 
 SOURCE = (
     "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
