@@ -1,57 +1,46 @@
-"""Results of a benchmark, one row for each seed, kept in a CSV file."""
+"""Rows of a long benchmark, kept in a file as they come: a second run goes on."""
 
-import csv
-from collections.abc import Iterable
+import json
+from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
-from typing import Any, TextIO, TypeVar, get_type_hints
+from typing import TypeVar
 
-Row = TypeVar("Row")  # a NamedTuple
-FLAGS = {"True": True, "False": False}
+Row = TypeVar("Row")  # a dataclass of numbers, words and lists of them
 
 
-def opened(path: Path, kind: type[Row], what: str) -> tuple[list[Row], TextIO]:
-    """Rows of a file, and the file to append to; it is made where there is none.
+def kept(
+    path: Path | None,
+    kind: type[Row],
+    keys: Iterable[Hashable],
+    run: Callable[..., list[Row]],
+) -> list[Row]:
+    """Rows of all keys, in their order; `run(*key)` makes those that no file holds.
 
-    A last line without its end is dropped: the run before was ended while it was written.
-
-    Args:
-        path: of the file.
-        kind: NamedTuple of a row, its fields numbers, texts and bools.
-        what: rows are, for messages.
+    Every line of the file is a key with its rows, as JSON. A last line without its end is dropped:
+    the run before was ended while it was written.
 
     Raises:
         ValueError: the file cannot be read or written, or holds something else.
     """
-    types = get_type_hints(kind)
+    keys = [key if isinstance(key, tuple) else (key,) for key in keys]
+    done = _read(path, kind) if path is not None else {}
+    for key in keys:
+        if key not in done:
+            done[key] = run(*key)
+            if path is not None:
+                with path.open("a") as file:
+                    line = [list(key), [vars(row) for row in done[key]]]
+                    file.write(json.dumps(line) + "\n")
+    return [row for key in keys for row in done[key]]
+
+
+def _read(path: Path, kind: type[Row]) -> dict[tuple, list[Row]]:
     try:
         text = path.read_text() if path.exists() else ""
         whole = text[: text.rfind("\n") + 1]
-        cells = _cells(path, whole.splitlines(), types, what)
-        if whole != text:
-            path.write_text(whole)
-        file = path.open("a")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"keep: {error}") from None
-    if not whole:
-        write(file, [list(types)])
-    return [kind(*row) for row in cells], file
-
-
-def write(file: TextIO, rows: Iterable[Iterable]) -> None:
-    """Add rows, at once."""
-    csv.writer(file, lineterminator="\n").writerows(rows)
-    file.flush()
-
-
-def _cells(path: Path, lines: list[str], types: dict[str, type], what: str) -> list[list[Any]]:
-    head, *rows = csv.reader(lines or [",".join(types)])
-    if head != list(types):
-        raise ValueError(f"keep: {path} holds no {what}")
-    found = []
-    for number, row in enumerate(rows, start=2):
-        try:
-            named = zip(types.values(), row, strict=True)
-            found.append([FLAGS[cell] if kind is bool else kind(cell) for kind, cell in named])
-        except (ValueError, KeyError):
-            raise ValueError(f"keep: {path}, line {number}: needs the fields of {what}") from None
-    return found
+        lines = [json.loads(line) for line in whole.splitlines()]
+        done = {tuple(key): [kind(**row) for row in rows] for key, rows in lines}
+        path.write_text(whole)
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise ValueError(f"keep: {path} is of no such benchmark: {error}") from None
+    return done

@@ -1,16 +1,15 @@
 """`jcontour bench identify`: what `identify --machine linear` finds of axes that it cannot see."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
 from rich.console import Console
 
-from experiments.benchmarks.kept_rows import opened, write
+from experiments.benchmarks.kept_rows import kept
 from experiments.benchmarks.records.hidden_machines import (
     DT,
     PROGRAMS,
@@ -36,7 +35,8 @@ FREQUENCIES = 24
 HIGHEST = 0.3  # of the sampling rate
 
 
-class HiddenResult(NamedTuple):
+@dataclass(frozen=True)
+class HiddenResult:
     """What was found of one axis.
 
     Attributes:
@@ -67,6 +67,11 @@ class HiddenResult(NamedTuple):
     held_out: float
     seconds: float
 
+    @property
+    def exact(self) -> bool:
+        """Whether the whole samples of the delay were found."""
+        return self.found == int(self.delay)
+
 
 @dataclass(frozen=True)
 class IdentifyBench:
@@ -83,48 +88,34 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> IdentifyBench:
         ValueError: the file to keep them is none of this benchmark.
     """
     machines = range(flags.first_seed, flags.first_seed + flags.seeds)
-    asked = [(program, machine) for program in PROGRAMS for machine in machines]
-    if flags.keep is None:
-        return IdentifyBench([one for rows in _run(asked, tell) for one in rows], SECONDS)
-    known, file = opened(flags.keep, HiddenResult, "identified axes")
-    done = {(one.program, one.seed): one for one in known}
-    missing = [one for one in asked if not _keys(*one) <= done.keys()]
-    with file:
-        for rows in _run(missing, tell):
-            write(file, rows)
-            done |= {(one.program, one.seed): one for one in rows}
-    kept = [done[key] for one in asked for key in sorted(_keys(*one))]
-    return IdentifyBench(kept, SECONDS)
 
-
-def _keys(program: str, machine: int) -> set[tuple[str, int]]:
-    """Program and seed of the two axes of a machine."""
-    return {(program, 2 * machine), (program, 2 * machine + 1)}
-
-
-def _run(
-    asked: Iterable[tuple[str, int]], tell: Callable[[str], None]
-) -> Iterator[list[HiddenResult]]:
-    """Both axes of one machine after another; every other is late by a part of a sample."""
-    for program, machine in asked:
-        seeds = sorted(seed for _, seed in _keys(program, machine))
-        axes = [hidden_axis(np.random.default_rng(seed), DT) for seed in seeds]
-        if machine % 2:
-            axes = [
-                late_by_a_part(axis, DT, np.random.default_rng([seed, 1]))
-                for axis, seed in zip(axes, seeds, strict=True)
-            ]
-        record = hidden_record(axes, program, machine)
-        began = time.perf_counter()
-        found = identify_machine(record, MOST_POLES, MOST_DELAY)
-        seconds = time.perf_counter() - began
-        rows = [
-            _compared(axes[k], found.axes[k], record, k, program, seed, seconds)
-            for k, seed in enumerate(seeds)
-        ]
+    def run(program: str, machine: int) -> list[HiddenResult]:
+        rows = _identified(program, machine)
         for one in rows:
             tell(_line(one))
-        yield rows
+        return rows
+
+    keys = product(PROGRAMS, machines)
+    return IdentifyBench(kept(flags.keep, HiddenResult, keys, run), SECONDS)
+
+
+def _identified(program: str, machine: int) -> list[HiddenResult]:
+    """Both axes of a machine; those of every other are late by a part of a sample."""
+    seeds = [2 * machine, 2 * machine + 1]
+    axes = [hidden_axis(np.random.default_rng(seed), DT) for seed in seeds]
+    if machine % 2:
+        axes = [
+            late_by_a_part(axis, DT, np.random.default_rng([seed, 1]))
+            for axis, seed in zip(axes, seeds, strict=True)
+        ]
+    record = hidden_record(axes, program, machine)
+    began = time.perf_counter()
+    found = identify_machine(record, MOST_POLES, MOST_DELAY)
+    seconds = time.perf_counter() - began
+    return [
+        _compared(axes[k], found.axes[k], record, k, program, seed, seconds)
+        for k, seed in enumerate(seeds)
+    ]
 
 
 def show(console: Console, result: IdentifyBench) -> None:
@@ -134,7 +125,9 @@ def show(console: Console, result: IdentifyBench) -> None:
         some = [
             one
             for one in result.axes
-            if one.program == program and _parted(one) == parted and (one.states > 2) == resonant
+            if one.program == program
+            and (one.delay % 1 > 0) == parted
+            and (one.states > 2) == resonant
         ]
         if some:
             kind = "with resonance" if resonant else "without"
@@ -155,30 +148,17 @@ def show(console: Console, result: IdentifyBench) -> None:
 
 
 def _row(program: str, kind: str, some: list[HiddenResult]) -> list[str]:
-    exact = sum(_exact(one) for one in some)
-    told = sum(_exact(one) or one.told for one in some)
+    exact = sum(one.exact for one in some)
+    told = sum(one.exact or one.told for one in some)
     errors = [100 * one.error for one in some]
     return [
-        program,
-        kind,
-        str(len(some)),
-        str(exact),
-        str(told),
+        *(program, kind, str(len(some)), str(exact), str(told)),
         f"{max(errors):.2g}",
         f"{np.median(errors):.2g}",
         f"{100 * np.mean([one.inside for one in some]):.3g}",
         f"{100 * np.mean([one.holds for one in some]):.3g}",
         f"{max(one.held_out for one in some):.4g}",
     ]
-
-
-def _parted(one: HiddenResult) -> bool:
-    """Whether the delay is not of whole samples."""
-    return one.delay % 1 > 0
-
-
-def _exact(one: HiddenResult) -> bool:
-    return one.found == int(one.delay)
 
 
 def _line(one: HiddenResult) -> str:

@@ -9,10 +9,10 @@ what is lost is lost by identifying.
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
@@ -20,7 +20,7 @@ from jaxtyping import Float
 from rich.console import Console
 from scipy.linalg import block_diag
 
-from experiments.benchmarks.kept_rows import opened, write
+from experiments.benchmarks.kept_rows import kept
 from experiments.benchmarks.records.hidden_machines import (
     DT,
     KINDS,
@@ -51,7 +51,8 @@ WORDS = {
 }
 
 
-class Way(NamedTuple):
+@dataclass(frozen=True)
+class Way:
     """One hidden machine.
 
     Errors are means over the contours of the RMS contour error of both designs, NaN where a run or
@@ -117,26 +118,17 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> WholeWayBench:
         ValueError: the file to keep them is none of this benchmark.
     """
     seeds = range(flags.first_seed, flags.first_seed + flags.seeds)
-    if flags.keep is None:
-        return WholeWayBench(list(_run(seeds, flags.evaluations, tell)))
-    known, file = opened(flags.keep, Way, "machines of the whole way")
-    ways = {way.seed: way for way in known if way.seed in seeds}
-    with file:
-        for way in _run(sorted(set(seeds) - ways.keys()), flags.evaluations, tell):
-            write(file, [way])
-            ways[way.seed] = way
-    return WholeWayBench([ways[seed] for seed in sorted(ways)])
 
-
-def _run(seeds: Sequence[int], evaluations: int, tell: Callable[[str], None]) -> Iterator[Way]:
-    for seed in seeds:
+    def run(seed: int) -> list[Way]:
         takes = KINDS[seed % len(KINDS)]
         random = np.random.default_rng([seed, 16])
         axes = [hidden_axis(random, DT, takes) for _ in range(2)]
-        way = _way(axes, seed, evaluations)
+        way = _way(axes, seed, flags.evaluations)
         tell(_line(way))
-        yield way
         jax.clear_caches()  # every machine has programs of its own: they would fill the memory
+        return [way]
+
+    return WholeWayBench(kept(flags.keep, Way, seeds, run))
 
 
 def show(console: Console, result: WholeWayBench) -> None:
@@ -153,17 +145,8 @@ def show(console: Console, result: WholeWayBench) -> None:
         ]
         for way in result.machines
     ]
-    columns = [
-        "no",
-        "takes",
-        "record",
-        "delays",
-        "identified\num",
-        "true\num",
-        "ratio",
-        "worst\ncontour",
-    ]
-    columns += ["from a\ncount on", "family", "limits\nkept"]
+    columns = ["no", "takes", "record", "delays", "identified\num", "true\num", "ratio"]
+    columns += ["worst\ncontour", "from a\ncount on", "family", "limits\nkept"]
     console.print(tables.plain_table("From the log to the contour", columns, rows, text_columns=3))
     for name in ("ratio", "counted", "family"):
         ratios = np.array([getattr(way, name) for way in result.machines])
@@ -280,7 +263,8 @@ def _tuned_on(fields: dict[str, Any], truth: dict[str, Any], evaluations: int) -
         except NothingSound as error:
             return OnTheMachine({}, {}, False, f"tune found nothing ({error})")
         except MachineError as error:
-            return OnTheMachine({}, {}, False, f"tune refused the file ({_reason(error, path)})")
+            fault = str(error).removeprefix(f"{path}: ")
+            return OnTheMachine({}, {}, False, f"tune refused the file ({fault})")
     controller = found.run.controller(found.tuned.weights)
     machine = machine_from(json.dumps(truth).encode(), "true")
     family = machine.true_family(found.run.design.fed)
@@ -294,8 +278,3 @@ def _tuned_on(fields: dict[str, Any], truth: dict[str, Any], evaluations: int) -
             diverged.append(job.name)
     lost = f"diverged on {', '.join(diverged)}" if diverged else ""
     return OnTheMachine(errors, largest, found.tuned.feasible, lost)
-
-
-def _reason(error: MachineError, path: Path) -> str:
-    """What is wrong with a file, without the place where this benchmark keeps it."""
-    return str(error).removeprefix(f"{path}: ")

@@ -1,7 +1,9 @@
 """Tuning problems of the catalogue's machines that searches are measured on."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -9,7 +11,10 @@ from jaxtyping import Float
 
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.runs.tuning.problem import tuning_run
+from jcontour.controller import Controller
+from jcontour.plant import Plant
 from tuning.history import FEASIBLE
+from tuning.loops import Looked, Loops
 from tuning.parameters import Weights
 from tuning.point import evaluate_values
 from tuning.problem import Problem
@@ -60,10 +65,38 @@ class Tried(eqx.Module):
     objective: float
 
 
+class CountedLoops(Loops):
+    """Other loops, and a count of looks at them."""
+
+    loops: Loops
+    tally: list[None] = eqx.field(static=True)
+
+    def matrices(self, plants: Plant, controller: Controller) -> Any:
+        """Those of the loops."""
+        return self.loops.matrices(plants, controller)
+
+    def look(self, matrices: Any, slopes: Any) -> tuple[Looked, Looked]:
+        """What the loops show; counted."""
+        self.tally.append(None)
+        return self.loops.look(matrices, slopes)
+
+
+def with_counted_loops(problem: Problem) -> Problem:
+    """The same problem, whose looks at its loops are counted."""
+    if problem.loops is None:
+        return problem
+    return replace(problem, loops=CountedLoops(problem.loops, []))
+
+
+def looks_at(problem: Problem) -> int:
+    """Number of looks at its loops so far; 0 for a problem without."""
+    return len(problem.loops.tally) if isinstance(problem.loops, CountedLoops) else 0
+
+
 def problem_of(name: str) -> tuple[Problem, Weights]:
-    """Problem and start of a name."""
+    """Problem and start of a name; looks at its loops are counted."""
     run = tuning_run(PROBLEMS[name])
-    return run.problem, run.start
+    return with_counted_loops(run.problem), run.start
 
 
 def measure_of(problem: Problem, start: Weights) -> Callable[[Float[np.ndarray, " d"]], Tried]:

@@ -5,7 +5,7 @@ many evaluations a search needs to come within 2 % of the best value that anythi
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from itertools import groupby, product
@@ -16,10 +16,14 @@ import numpy as np
 from jaxtyping import Float
 from rich.console import Console
 
-from experiments.benchmarks.searches.counted_loops import looks_at, with_counted_loops
+from experiments.benchmarks.kept_rows import kept
 from experiments.benchmarks.searches.search_methods import METHODS, PACKAGES, Spent
-from experiments.benchmarks.searches.search_traces import ProblemTraces, Record, Trace
-from experiments.benchmarks.searches.tuner_problems import PROBLEMS, measure_of, problem_of
+from experiments.benchmarks.searches.tuner_problems import (
+    PROBLEMS,
+    looks_at,
+    measure_of,
+    problem_of,
+)
 from experiments.benchmarks.searches.tuners_figure import Curve, tuners_figure
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports import tables
@@ -37,10 +41,51 @@ REACH = 7.0  # half width in ln(weight) of the box that others search: three dec
 AWAY = 3.0  # half width of the box of first points
 CLOSE = 1.02  # of the best value known
 LARGEST_GRID = 2  # weights beyond which a grid is not tried
-ENOUGH = 1.001  # of the best value known: a search that comes there ends
 REPEATED = 5  # evaluations that are timed
 EVALUATIONS = evaluate_values, evaluate_point
 COUNTS = np.unique(np.geomspace(1, 10_000, 200).astype(int))  # evaluations at which curves are kept
+
+Search = tuple[list[float], list[float], list[float]]  # values, evaluations, seconds so far
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Every better feasible value that one search found, in the order of its evaluations.
+
+    >>> one = Trace("p", "grid", 0, [3.0, 9.0], [5.0, 2.0], [0.1, 0.2])
+    >>> one.at(np.array([1, 3, 8, 9, 99])).tolist()
+    [inf, 5.0, 5.0, 2.0, 2.0]
+    >>> one.until(2.5), one.until(1.0)
+    ((9.0, 0.2), (inf, inf))
+
+    Attributes:
+        spent: evaluations until then.
+        best: the value.
+        seconds: of processor time until then.
+    """
+
+    problem: str
+    method: str
+    seed: int
+    spent: list[float]
+    best: list[float]
+    seconds: list[float]
+
+    @property
+    def least(self) -> float:
+        """The best value; infinite where there is none."""
+        return self.best[-1] if self.best else np.inf
+
+    def at(self, counts: np.ndarray) -> np.ndarray:
+        """Best value within so many evaluations; infinite before the first."""
+        return np.append(np.inf, self.best)[np.searchsorted(self.spent, counts, side="right")]
+
+    def until(self, value: float) -> tuple[float, float]:
+        """Evaluations and seconds to come to a value; infinite where it does not."""
+        for spent, best, seconds in zip(self.spent, self.best, self.seconds, strict=True):
+            if best <= value:
+                return spent, seconds
+        return np.inf, np.inf
 
 
 @dataclass(frozen=True)
@@ -92,7 +137,7 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
     """Every search on every problem, from as many starts as are asked for.
 
     Raises:
-        ValueError: the libraries of the others are not installed.
+        ValueError: the libraries of the others are not installed, or there is no such search.
     """
     missing = [name for name in PACKAGES if find_spec(name) is None]
     if missing:
@@ -100,50 +145,31 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
             f"bench tuners: needs {', '.join(missing)}; run it as "
             "uv run --group bench jcontour bench tuners"
         )
-    record = Record.read(flags.keep, flags.evaluations)
-    methods = _searches(flags)
-    prepared = {name: _prepared(name, record) for name in PROBLEMS if name not in record.problems}
-    while left := _left(record, methods, flags.seeds):
-        for seed, name, method in left:
-            if name not in prepared:
-                prepared[name] = _prepared(name, record)
-            one = prepared[name]
-            one.found.put(method, seed, _searched(one, method, seed, record.budget))
-            record.write(flags.keep)
-            tell(f"start {seed + 1} of {flags.seeds}: {name}: {method}")
-    rows, curves = [], {}
-    for name, one in record.problems.items():
-        several, curves[name] = _summed_up(name, one, record.budget)
-        rows += several
-    if flags.figure is not None:
-        save_figure(tuners_figure(curves), Path(flags.figure))
-    found = record.problems.items()
-    costs = [Cost(name, one.compiling, one.evaluating) for name, one in found]
-    return TunersBench(record.budget, rows, costs)
-
-
-def _searches(flags: Bench) -> tuple[str, ...]:
-    """Names of the searches that are asked for.
-
-    Raises:
-        ValueError: there is none of that name.
-    """
     known = (OURS, *METHODS)
     for name in flags.searches:
         if name not in known:
             raise ValueError(f"searches: needs names of {', '.join(known)}, received {name}")
-    return flags.searches or known
+    prepared = {name: _prepared(name) for name in PROBLEMS}
 
+    def run(seed: int, name: str, method: str, budget: int) -> list[Trace]:
+        found = _searched(prepared[name], method, seed, budget)
+        tell(f"start {seed + 1} of {flags.seeds}: {name}: {method}")
+        return [_better(name, method, seed, *found)]
 
-def _left(record: Record, methods: tuple[str, ...], seeds: int) -> list[tuple[int, str, str]]:
-    """Seed, problem and search of what is still to do; an end at any time leaves whole seeds."""
-    every = product(range(seeds), PROBLEMS, methods)
-    return [one for one in every if _lacking(record.problems[one[1]], one[2], one[0])]
-
-
-def _lacking(found: ProblemTraces, method: str, seed: int) -> bool:
-    fits = method != "grid" or found.weights <= LARGEST_GRID
-    return fits and found.lacks(method, seed)
+    keys = [
+        (seed, name, method, flags.evaluations)
+        for seed, name, method in product(range(flags.seeds), PROBLEMS, flags.searches or known)
+        if method != "grid" or prepared[name].first.size <= LARGEST_GRID
+    ]
+    traces = kept(flags.keep, Trace, keys, run)
+    rows, curves = [], {}
+    for name, one in prepared.items():
+        some = [trace for trace in traces if trace.problem == name]
+        several, curves[name] = _summed_up(one.first.size, some, flags.evaluations)
+        rows += several
+    if flags.figure is not None:
+        save_figure(tuners_figure(curves), Path(flags.figure))
+    return TunersBench(flags.evaluations, rows, [one.cost for one in prepared.values()])
 
 
 @dataclass(frozen=True)
@@ -157,21 +183,16 @@ class Prepared:
     problem: Problem
     start: Weights
     first: Float[np.ndarray, " d"]
-    found: ProblemTraces
+    cost: Cost
 
 
-def _prepared(name: str, record: Record) -> Prepared:
-    """A problem with its programs compiled, and a first value known."""
+def _prepared(name: str) -> Prepared:
     problem, start = problem_of(name)
-    problem = with_counted_loops(problem)
     first = np.asarray(Chart(problem.space, start).coordinates())
     costs = [_cost(lambda one=one: one(problem, start, first)) for one in EVALUATIONS]
-    _ours(problem, start, first, 0, 2 * WITH_SLOPES, 0.0)  # what is small
-    if name not in record.problems:
-        compiling, evaluating = zip(*costs, strict=True)
-        known = _ours(problem, start, first, 0, record.budget, 0.0).least
-        record.problems[name] = ProblemTraces(first.size, known, compiling, evaluating)
-    return Prepared(problem, start, first, record.problems[name])
+    _ours(problem, start, first, 0, 2 * WITH_SLOPES)  # what is small
+    compiling, evaluating = zip(*costs, strict=True)
+    return Prepared(problem, start, first, Cost(name, compiling, evaluating))
 
 
 def _cost(evaluate: Callable[[], object]) -> tuple[float, float]:
@@ -185,18 +206,33 @@ def _cost(evaluate: Callable[[], object]) -> tuple[float, float]:
     return max(0.0, compiled - clock - each), each
 
 
-def _searched(one: Prepared, method: str, seed: int, budget: int) -> Trace:
-    """Trace of a search from one start."""
+def _searched(one: Prepared, method: str, seed: int, budget: int) -> Search:
+    """Values of a search from one start, and what they took."""
     begin = one.first + np.random.default_rng(seed).uniform(-AWAY, AWAY, one.first.size)
-    enough = ENOUGH * one.found.known if np.isfinite(one.found.known) else 0.0
     if method == OURS:
-        return _ours(one.problem, one.start, begin, seed, budget, enough)
+        return _ours(one.problem, one.start, begin, seed, budget)
     measure = measure_of(one.problem, one.start)
     box = np.stack([one.first - REACH, one.first + REACH])
-    return _theirs(measure, METHODS[method], begin, box, seed, budget, enough)
+    values: list[float] = []
+    seconds: list[float] = []
+    clock = time.process_time()
+
+    def counted(z: np.ndarray) -> float:
+        if len(values) >= budget:
+            raise Spent
+        tried = measure(np.asarray(z, float))
+        values.append(tried.objective)
+        seconds.append(time.process_time() - clock)
+        return tried.merit
+
+    try:
+        METHODS[method](counted, begin, box, seed)
+    except Spent:
+        pass
+    return values, np.arange(1.0, len(values) + 1).tolist(), seconds
 
 
-def _ours(problem: Problem, start, begin, seed: int, budget: int, enough: float) -> Trace:
+def _ours(problem: Problem, start, begin, seed: int, budget: int) -> Search:
     weights = Chart(problem.space, start).weights(jnp.asarray(begin))
     effort = replace(THOROUGH, seed=seed, tolerance=1e-4)
     state, clock = TuneState(), time.process_time()
@@ -212,10 +248,26 @@ def _ours(problem: Problem, start, begin, seed: int, budget: int, enough: float)
         values += [_value(row) for row in rows]
         spent += (before + np.cumsum([_cost_of(row, effort) for row in rows])).tolist()
         seconds += [time.process_time() - clock] * len(rows)
-        if min(values, default=np.inf) <= enough:
-            break
     within = sum(one <= budget for one in spent)
-    return Trace.of(values[:within], spent[:within], seconds[:within], enough)
+    return values[:within], spent[:within], seconds[:within]
+
+
+def _better(
+    name: str,
+    method: str,
+    seed: int,
+    values: Sequence[float],
+    spent: Sequence[float],
+    seconds: Sequence[float],
+) -> Trace:
+    """Trace of a search; infinite values are beyond a limit."""
+    best = np.minimum.accumulate(np.append(np.inf, values))
+    better = best[1:] < best[:-1]
+    rows = (
+        [one for one, is_better in zip(row, better, strict=True) if is_better]
+        for row in (spent, values, seconds)
+    )
+    return Trace(name, method, seed, *rows)
 
 
 def _cost_of(row: Evaluated, effort: Effort) -> int:
@@ -227,48 +279,30 @@ def _value(row: Evaluated) -> float:
     return np.inf if row.diverged or row.violation > FEASIBLE else row.objective
 
 
-def _theirs(measure, method, begin, box, seed: int, budget: int, enough: float) -> Trace:
-    values: list[float] = []
-    seconds: list[float] = []
-    clock = time.process_time()
-
-    def counted(z: np.ndarray) -> float:
-        if len(values) >= budget or (values and values[-1] <= enough):
-            raise Spent
-        tried = measure(np.asarray(z, float))
-        values.append(tried.objective)
-        seconds.append(time.process_time() - clock)
-        return tried.merit
-
-    try:
-        method(counted, begin, box, seed)
-    except Spent:
-        pass
-    return Trace.of(values, np.arange(1.0, len(values) + 1).tolist(), seconds, enough)
-
-
 def _summed_up(
-    name: str, found: ProblemTraces, budget: int
+    weights: int, traces: list[Trace], budget: int
 ) -> tuple[list[TunerRow], dict[str, Curve]]:
-    best = min(trace.least for several in found.traces.values() for trace in several)
-    best = min(best, found.known)
-    rows = [_row(name, found.weights, *pair, best) for pair in found.traces.items()]
+    """Rows and curves of one problem by search, beside the best of all of them."""
+    best = min((trace.least for trace in traces), default=np.inf)
     counts = COUNTS[COUNTS <= budget]
-    curves = {}
-    for method, several in found.traces.items() if np.isfinite(best) else ():
-        relative = np.stack([trace.at(counts) for trace in several]) / best
-        curves[method] = Curve(counts, *_quartiles(relative))
+    rows, curves = [], {}
+    for method in dict.fromkeys(trace.method for trace in traces):
+        several = [trace for trace in traces if trace.method == method]
+        rows.append(_row(weights, method, several, best))
+        if np.isfinite(best):
+            relative = np.stack([trace.at(counts) for trace in several]) / best
+            curves[method] = Curve(counts, *_quartiles(relative))
     return rows, curves
 
 
-def _row(name: str, weights: int, method: str, several: list[Trace], best: float) -> TunerRow:
+def _row(weights: int, method: str, several: list[Trace], best: float) -> TunerRow:
     until = np.array([trace.until(CLOSE * best) for trace in several])
     if not np.isfinite(best):  # no search has come within the limits
         until = np.full_like(until, np.inf)
     evaluations, seconds = (_quartiles(column) for column in until.T)
     low, middle, high = map(_known, evaluations)
     return TunerRow(
-        problem=name,
+        problem=several[0].problem,
         weights=weights,
         method=method,
         seeds=len(several),

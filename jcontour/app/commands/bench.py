@@ -31,7 +31,6 @@ ROOMS = {  # of `experiments/benchmarks`: the parts in each
     "speed": ("mpc", "qp", "lq", "gantry"),
     "searches": ("tuners",),
     "records": ("identify", "whole_way"),
-    "promises": ("motion", "program", "certificates"),
 }
 
 

@@ -58,9 +58,6 @@ class Bench(Common):
             "tuners",
             "identify",
             "whole_way",
-            "motion",
-            "program",
-            "certificates",
         ]
     ] = "mpc"  # it has to fit a sample period
     """Timed part of the library.
@@ -70,19 +67,15 @@ class Bench(Common):
     gantry: the gantry in every engine.
     tuners: the tuner against searches without slopes, hours; `uv run --group bench`.
     identify: random axes, recorded and identified again, minutes each.
-    whole_way: from the log of a hidden machine to the contour error there, minutes each.
-    motion: random toolpaths, planned and compared with their limits.
-    program: a finishing program of 150,000 chords by law of motion, minutes.
-    certificates: a certified bound with its slopes, and random laps against it."""
+    whole_way: from the log of a hidden machine to the contour error there, minutes each."""
     batch: tuple[int, ...] = ()
     """LQ: runs at once, what suits the device when not given.
-    Gantry: machines at once, 1000 when not given. Certificates: laps at once.
-    QP: problems at once, 128 when not given. Program: chords, 150,000 when not given."""
+    Gantry: machines at once, 1000 when not given.
+    QP: problems at once, 128 when not given."""
     seeds: int = 20  # quartiles of fewer say little
-    """Tuners: random starts of every search. Identify, whole_way: machines of two axes.
-    Motion: paths. Certificates: batches of laps."""
+    """Tuners: random starts of every search. Identify, whole_way: machines of two axes."""
     first_seed: int = 0
-    """Motion, certificates, identify, whole_way: seed of the first path, batch or machine."""
+    """Identify, whole_way: seed of the first machine."""
     searches: tuple[str, ...] = ()
     """Tuners: names of those that search, as the table has them; all when not given."""
     evaluations: int = 600  # CMA-ES needs hundreds at four weights
@@ -90,7 +83,7 @@ class Bench(Common):
     Whole_way: of every search at most, one with slopes counts one."""
     keep: Path | None = None
     """File that keeps what is done; with it, a second run goes on.
-    Tuners: every start, JSON. Motion: every path, identify: every axis, whole_way: every
-    machine, CSV. LQ, QP: results that later ones are compared with, JSON."""
+    Tuners: every start; identify, whole_way: every machine.
+    LQ, QP: results that later ones are compared with."""
     figure: Path | None = None
     """Tuners: PNG file for the best value so far against evaluations."""

@@ -1,73 +1,47 @@
 """Rows that go through a file."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from experiments.benchmarks.kept_rows import opened, write
-from experiments.benchmarks.promises.kept_promises import Checked
-
-WHAT = "random toolpaths"
-ROWS = [
-    Checked(8, "lines, feeds differ", 3, 1.0, 0.1 + 0.2, 1 + 1e-10, 1.0, 0.9, 1.0, 0.1),
-    Checked(11, "lines and arcs", 50, 1.0, 0.5, 1.0, 1.0, 0.9, np.nan, 0.1),
-]
+from experiments.benchmarks.kept_rows import kept
 
 
-def test_rows_come_back_to_the_last_bit(tmp_path):
-    path = tmp_path / "paths.csv"
-    for row in ROWS:
-        with opened(path, Checked, WHAT)[1] as file:
-            write(file, [row])
-    found, file = opened(path, Checked, WHAT)
-    file.close()
-    assert found[0] == ROWS[0] and str(found) == str(ROWS)  # NaN is no other NaN
-
-
-def test_a_line_cut_off_is_dropped_and_written_again(tmp_path):
-    path = tmp_path / "paths.csv"
-    with opened(path, Checked, WHAT)[1] as file:
-        write(file, ROWS)
-    path.write_text(path.read_text()[:-9])
-    found, file = opened(path, Checked, WHAT)
-    with file:
-        assert found == ROWS[:1]
-        write(file, ROWS[1:])
-    assert len(opened(path, Checked, WHAT)[0]) == 2
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("a,b\n1,2\n", "holds no random toolpaths"),
-        (None, r"line 2: needs the fields of random toolpaths"),
-    ],
-)
-def test_other_files_are_refused(tmp_path, text, message):
-    path = tmp_path / "paths.csv"
-    with opened(path, Checked, WHAT)[1]:
-        pass
-    path.write_text(path.read_text() + "1,lines,x\n" if text is None else text)
-    with pytest.raises(ValueError, match=f"keep: .*{message}"):
-        opened(path, Checked, WHAT)
-    with pytest.raises(ValueError, match="keep: "):
-        opened(tmp_path / "none" / "paths.csv", Checked, WHAT)
-
-
-class Kept(NamedTuple):
-    """A row with a flag."""
-
-    seed: int
+@dataclass(frozen=True)
+class Row:
+    name: str
+    ratio: float
     sound: bool
+    values: list[float]
 
 
-def test_a_flag_is_no_text(tmp_path):
-    path = tmp_path / "rows.csv"
-    rows = [Kept(0, True), Kept(1, False)]
-    with opened(path, Kept, "rows")[1] as file:
-        write(file, rows)
-    assert opened(path, Kept, "rows")[0] == rows
-    path.write_text("seed,sound\n0,perhaps\n")
-    with pytest.raises(ValueError, match="line 2"):
-        opened(path, Kept, "rows")
+def run(ran):
+    def rows(seed, name):
+        ran.append((seed, name))
+        return [Row(name, 0.1 + 0.2 * seed, seed > 0, [np.inf, np.nan])]
+
+    return rows
+
+
+def test_a_second_run_goes_on_with_the_same_bits(tmp_path):
+    """A last line that was cut off is made again."""
+    path, ran = tmp_path / "rows.json", []
+    keys = [(seed, name) for seed in (0, 1) for name in ("a", "b")]
+    before = kept(path, Row, keys, run(ran))
+    assert ran == keys
+    path.write_text(path.read_text()[:-9])
+    ran.clear()
+    after = kept(path, Row, [*keys, (2, "a")], run(ran))
+    assert ran == [(1, "b"), (2, "a")]
+    assert str(after[:4]) == str(before)  # NaN is no other NaN
+    assert str(kept(None, Row, keys, run(ran))) == str(before)
+
+
+@pytest.mark.parametrize("text", ["a,b\n", '[[0], [{"x": 1}]]\n', "7\n"])
+def test_other_files_are_refused(tmp_path, text):
+    path = tmp_path / "rows.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match="keep: .*rows.json"):
+        kept(path, Row, [(0, "a")], run([]))
+    assert path.read_text() == text

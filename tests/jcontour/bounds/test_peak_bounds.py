@@ -121,7 +121,6 @@ def noises(random, laps, steps):
 
 @pytest.mark.slow
 def test_no_lap_of_a_thousand_exceeds_the_bound(reference_circle):
-    """`jcontour bench certificates` looks at more of them."""
     row, laps = reference_circle.rows[0], 1000
     controller, box = reference_circle.of(row)
     plant, reference = reference_circle.plant, reference_circle.reference

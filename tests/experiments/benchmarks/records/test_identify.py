@@ -52,28 +52,25 @@ ROW = HiddenResult("contour", 0, "speed", 2, 1.0, 2, True, 3.0, 0.01, 0.9, 0.8, 
 
 
 def test_axes_that_are_kept_are_not_identified_again(monkeypatch, tmp_path):
-    """A machine of which one axis is written, as a run that was ended leaves it, runs again."""
     ran = []
 
-    def run(asked, tell):
-        for program, machine in asked:
-            ran.append((program, machine))
-            yield [ROW._replace(program=program, seed=2 * machine + k) for k in (0, 1)]
+    def run(program, machine):
+        ran.append((program, machine))
+        return [replace(ROW, program=program, seed=2 * machine + k) for k in (0, 1)]
 
-    monkeypatch.setattr(identify, "_run", run)
-    flags = Bench(what="identify", seeds=2, first_seed=3, keep=tmp_path / "axes.csv")
+    monkeypatch.setattr(identify, "_identified", run)
+    flags = Bench(what="identify", seeds=2, first_seed=3, keep=tmp_path / "axes.json")
     before = identify.measured(flags, print)
     assert ran == [(program, machine) for program in PROGRAMS for machine in (3, 4)]
-    flags.keep.write_text("".join(flags.keep.read_text().splitlines(keepends=True)[:-1]))
     ran.clear()
     after = identify.measured(replace(flags, seeds=3), print).axes
-    assert ran == [(PROGRAMS[0], 5), (PROGRAMS[1], 4), (PROGRAMS[1], 5)]
+    assert ran == [(PROGRAMS[0], 5), (PROGRAMS[1], 5)]
     assert [one.seed for one in after] == 2 * [6, 7, 8, 9, 10, 11]
     assert [one for one in after if one.seed < 10] == before.axes
 
 
 def test_what_is_printed(capsys):
-    rows = [ROW, ROW._replace(seed=2, delay=2.7, seconds=3.0)]
+    rows = [ROW, replace(ROW, seed=2, delay=2.7, seconds=3.0)]
     show(console_of(), IdentifyBench(rows, 60.0))
     printed = capsys.readouterr().out
     assert "1.02" in printed and "2 s for 60 s" in printed

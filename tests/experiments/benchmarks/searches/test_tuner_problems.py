@@ -1,5 +1,7 @@
 """What a search without slopes sees of a problem is what the tuner sees."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,12 @@ from experiments.benchmarks.searches.tuner_problems import (
     LOST,
     PROBLEMS,
     _departed,
+    looks_at,
     measure_of,
     problem_of,
+    with_counted_loops,
 )
+from tuning.loops import Loops
 from tuning.parameters import Chart
 from tuning.point import evaluate_point
 
@@ -35,3 +40,29 @@ def test_points_that_diverge_are_worse_the_farther_they_leave_their_contour():
 
 def test_there_are_six_problems_of_2_to_14_weights():
     assert len(PROBLEMS) == 6
+
+
+class Doubled(Loops):
+    """Loops that show twice what they are given."""
+
+    def matrices(self, plants, controller):
+        return controller + plants
+
+    def look(self, matrices, slopes):
+        return 2 * matrices, 2 * slopes
+
+
+@dataclass(frozen=True)
+class Posed:
+    """A problem as far as its loops."""
+
+    loops: Loops | None = None
+
+
+def test_every_look_counts_and_shows_the_same():
+    problem = with_counted_loops(Posed(Doubled()))
+    assert looks_at(problem) == 0 and problem.loops.matrices(1, 2) == 3
+    for _ in range(2):
+        assert problem.loops.look(np.array(3.0), np.array(4.0)) == (6.0, 8.0)
+    assert looks_at(problem) == 2 and looks_at(with_counted_loops(Posed(Doubled()))) == 0
+    assert looks_at(with_counted_loops(Posed())) == 0

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from experiments.benchmarks.searches import tuners
-from experiments.benchmarks.searches.counted_loops import with_counted_loops
 from experiments.benchmarks.searches.search_methods import METHODS
-from experiments.benchmarks.searches.search_traces import ProblemTraces, Trace
+from experiments.benchmarks.searches.tuner_problems import with_counted_loops
 from experiments.benchmarks.searches.tuners import Cost, TunersBench, measured, show
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports.tables import console_of
@@ -19,31 +18,30 @@ from tuning.objectives import AtMost
 from tuning.parameters import Positive
 
 
-def trace(values, each=1):
+def trace(method, values, each=1):
     counts = each * np.arange(1.0, len(values) + 1)
-    return Trace.of(values, counts, counts)
+    return tuners._better("p", method, 0, values, counts, counts)
 
 
-def of_two(traces, known=np.inf):
-    return ProblemTraces(2, known, (0.0, 0.0), (0.0, 0.0), traces)
+def test_a_trace_holds_the_best_so_far():
+    one = trace("grid", [np.inf, 5.0, 7.0, 2.0, 2.0])
+    assert (one.spent, one.best, one.seconds) == ([2.0, 4.0], [5.0, 2.0], [2.0, 4.0])
+    assert trace("grid", [np.inf]).least == trace("grid", []).least == np.inf
 
 
 def test_searches_are_compared_with_the_best_of_all():
-    traces = {
-        "jcontour": [trace([4.0, 2.0], each=3), trace([2.02], each=3)],
-        "Sobol": [trace([9.0, 8.0, 2.03]), trace([7.0, 6.0])],
-    }
-    (ours, theirs), curves = tuners._summed_up("p", of_two(traces), 10)
+    traces = [
+        *(trace("jcontour", values, each=3) for values in ([4.0, 2.0], [2.02])),
+        *(trace("Sobol", values) for values in ([9.0, 8.0, 2.03], [7.0, 6.0])),
+    ]
+    (ours, theirs), curves = tuners._summed_up(2, traces, 10)
     assert (ours.best, ours.reached, ours.evaluations) == (2.0, 2, (3.0, 3.0, 6.0))
     assert (theirs.reached, theirs.evaluations) == (1, (3.0, 3.0, None))
-    assert isinstance(curves["Sobol"].middle, np.ndarray)
     assert curves["jcontour"].low[2] == pytest.approx(1.01)
-    (ours, _), _ = tuners._summed_up("p", of_two(traces, 1.99), 10)
-    assert (ours.best, ours.reached) == (1.99, 2)  # what a search from elsewhere found counts
 
 
 def test_nobody_arrives_where_nothing_is_within_the_limits():
-    (row,), curves = tuners._summed_up("p", of_two({"Sobol": [trace([np.inf, np.inf])]}), 10)
+    (row,), curves = tuners._summed_up(2, [trace("Sobol", [np.inf, np.inf])], 10)
     assert (row.reached, row.evaluations, curves) == (0, (None, None, None), {})
 
 
@@ -68,7 +66,7 @@ def test_a_run_goes_on_from_its_file(small, tmp_path):
     assert ours.method == "jcontour" and ours.reached == 1
     (needed,) = set(ours.evaluations)
     assert needed % 3 == 0 and needed <= 60
-    assert measured(flags, told.append) == first and len(told) == 1 + len(METHODS)
+    assert measured(flags, told.append).rows == first.rows and len(told) == 1 + len(METHODS)
     more = measured(replace(flags, seeds=2, searches=("Sobol",)), told.append)
     assert told[1 + len(METHODS) :] == ["start 2 of 2: gains: Sobol"]
     assert {row.method: row.seeds for row in more.rows} == dict.fromkeys(
@@ -88,8 +86,8 @@ def test_looks_without_a_run_count_too(monkeypatch):
     monkeypatch.setattr(tuners, "advance", advance)
     space, start = {"x": Positive()}, {"x": 1.0}
     problem = with_counted_loops(Posed(Silent(), space))
-    found = tuners._ours(problem, start, np.zeros(1), 0, 16, 0.0)
-    assert (found.spent, found.best) == ([9.0, 12.0, 15.0], [5.0, 4.0, 3.0])
+    found = tuners._ours(problem, start, np.zeros(1), 0, 16)
+    assert found[:2] == ([5.0, 4.0, 3.0], [9.0, 12.0, 15.0])
 
 
 def test_scattered_points_without_slopes_count_once(monkeypatch):
@@ -100,8 +98,8 @@ def test_scattered_points_without_slopes_count_once(monkeypatch):
 
     monkeypatch.setattr(tuners, "advance", advance)
     problem = Posed(None, {"x": Positive()})
-    found = tuners._ours(problem, {"x": jnp.asarray(1.0)}, np.zeros(1), 0, 6, 0.0)
-    assert (found.spent, found.best) == ([3.0, 4.0, 5.0, 6.0], [5.0, 4.0, 3.0, 2.0])
+    found = tuners._ours(problem, {"x": jnp.asarray(1.0)}, np.zeros(1), 0, 6)
+    assert found[:2] == ([5.0, 4.0, 3.0, 2.0], [3.0, 4.0, 5.0, 6.0])
 
 
 class Silent(Loops):
@@ -123,8 +121,8 @@ class Posed:
 
 
 def test_the_table_says_who_arrives(capsys):
-    traces = {"jcontour": [trace([2.0], each=3)], "Sobol": [trace([9.0])]}
-    rows, _ = tuners._summed_up("p", of_two(traces), 10)
+    traces = [trace("jcontour", [2.0], each=3), trace("Sobol", [9.0])]
+    rows, _ = tuners._summed_up(2, traces, 10)
     costs = [Cost("p", (1.5, 4.0), (0.002, 0.0075))]
     show(console_of(), TunersBench(10, rows, costs))
     printed = capsys.readouterr().out

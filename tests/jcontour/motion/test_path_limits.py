@@ -1,17 +1,16 @@
-"""Motions of random toolpaths keep what is promised, and what does not is found."""
+"""Motions of random toolpaths keep their limits, and one that does not is recognised."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
-from experiments.benchmarks.promises import kept_promises
-from experiments.benchmarks.promises.kept_promises import checked, stopping_time
-from experiments.benchmarks.promises.motion import broken
 from jcontour.geometry import contours
 from jcontour.motion.cornering import cornered
 from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
+from tests.jcontour.motion import path_limits
+from tests.jcontour.motion.path_limits import ratios_of, stopping_time
 
 
 def test_time_of_stopping_in_closed_form():
@@ -39,8 +38,8 @@ def test_time_of_stopping_in_closed_form():
         (1616103, "lines and arcs"),
     ],
 )
-def test_a_path_keeps_all_promises(seed, kind):
-    assert broken(checked(seed, kind)) == []
+def test_a_path_keeps_all_limits(seed, kind):
+    assert ratios_of(seed, kind).exceeded() == []
 
 
 def test_a_jerk_above_its_limit_is_found(monkeypatch):
@@ -48,8 +47,8 @@ def test_a_jerk_above_its_limit_is_found(monkeypatch):
         planned = cornered(contour, feed, limits._replace(jerk=1.1 * limits.jerk), tolerance)
         return planned._replace(motion=dataclasses.replace(planned.motion, limits=limits))
 
-    monkeypatch.setattr(kept_promises, "cornered", loose)
-    assert broken(checked(4, "lines")) == ["jerk"]
+    monkeypatch.setattr(path_limits, "cornered", loose)
+    assert ratios_of(4, "lines").exceeded() == ["jerk"]
 
 
 def test_a_corner_cut_too_far_is_found(monkeypatch):
@@ -58,8 +57,8 @@ def test_a_corner_cut_too_far_is_found(monkeypatch):
         apart = np.zeros_like(planned.around.apart)
         return planned._replace(around=dataclasses.replace(planned.around, apart=apart))
 
-    monkeypatch.setattr(kept_promises, "cornered", loose)
-    assert broken(checked(4, "lines")) == ["deviation"]
+    monkeypatch.setattr(path_limits, "cornered", loose)
+    assert ratios_of(4, "lines").exceeded() == ["deviation"]
 
 
 @pytest.mark.parametrize("turn", [-4.5, -0.3, 0.3, 2.0, 6.0])
@@ -68,4 +67,4 @@ def test_the_distance_from_an_arc_is_that_from_its_nearest_point(turn):
     points = np.random.default_rng(1).uniform(-4e-3, 6e-3, (200, 2))
     on = piece.taken(None).jet(np.linspace(0.0, 1.0, 20_001) * piece.extent)[0]
     nearest = np.linalg.norm(points[:, None] - on, axis=2).min(axis=1)
-    np.testing.assert_allclose(kept_promises._to_arc(points, piece), nearest, atol=1e-7)
+    np.testing.assert_allclose(path_limits._to_arc(points, piece), nearest, atol=1e-7)

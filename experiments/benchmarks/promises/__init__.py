@@ -1,1 +1,0 @@
-"""Promises tried at random: certified bounds, limits of motions."""
