@@ -12,15 +12,6 @@ from rich.table import Table
 from jcontour.app.files.results.run_metrics import METRICS, ContourRead, PeakPlace, RunMetrics
 from jcontour.app.files.results.stored import Weight
 
-COLUMNS = (  # metric, heading, factor from SI
-    ("rms_contour_error", "RMS\ncontour\nerror um", 1e6),
-    ("peak_contour_error", "peak\ncontour\nerror um", 1e6),
-    ("rms_tracking_error", "RMS\ntracking\nerror um", 1e6),
-    ("peak_tracking_error", "peak\ntracking\nerror um", 1e6),
-    ("rms_control", "RMS\ncontrol\n", 1.0),
-    ("rms_increment", "RMS\ncontrol\nincrement", 1.0),
-)
-
 WIDE = 110  # columns where the output is not a terminal
 COMMAND = re.compile(r"(?<!`)\bjcontour(?: |$)")  # where one begins that is copied from the screen
 QUOTED = re.compile(r"'[^']*'")
@@ -133,9 +124,10 @@ def plain_table(
     return table
 
 
-def columns_of(error: str) -> tuple[tuple[str, str, float], ...]:
-    """Columns that mean something: a single axis has no contour error apart from tracking."""
-    return tuple(column for column in COLUMNS if error == "contour" or "contour" not in column[0])
+def columns_of(error: str) -> list[str]:
+    """Metrics that mean something: a single axis has no contour error apart from tracking."""
+    tabulated = [name for name, metric in METRICS.items() if metric.in_tables]
+    return [name for name in tabulated if error == "contour" or "contour" not in name]
 
 
 def metric_cells(metrics: RunMetrics, error: str) -> list[str]:
