@@ -47,13 +47,13 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.csv_points import csv_points
-from jcontour.geometry.gcode.moves.doubts import doubts_of, plane_left_out
-from jcontour.geometry.gcode.moves.move import Move, Stop
-from jcontour.geometry.gcode.moves.stops import (
-    DWELL,
+from jcontour.geometry.gcode.move import DWELL, Move, Stop
+from jcontour.geometry.gcode.program_notes import (
     EXACT,
     START,
+    doubts_of,
     ignored_words,
+    plane_left_out,
     stops_in_cuts,
     told_left_out,
     told_stops,

@@ -12,12 +12,12 @@ from jcontour.app.jobs.motion_laws import UM
 from jcontour.app.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
-from jcontour.geometry.gcode.moves.doubts import doubts_of, plane_left_out
-from jcontour.geometry.gcode.moves.move import Move, Stop
-from jcontour.geometry.gcode.moves.stops import (
-    DWELL,
+from jcontour.geometry.gcode.move import DWELL, Move, Stop
+from jcontour.geometry.gcode.program_notes import (
     EXACT,
+    doubts_of,
     ignored_words,
+    plane_left_out,
     stops_in_cuts,
     told_left_out,
     told_stops,

@@ -5,17 +5,15 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 
-from jcontour.geometry.gcode.language import codes
-from jcontour.geometry.gcode.language.expressions import whole
-from jcontour.geometry.gcode.language.line_words import LineWords, sorted_words
-from jcontour.geometry.gcode.moves import cycles
-from jcontour.geometry.gcode.moves.arc_words import MOST_TURNS, Arcs, arcs_of
-from jcontour.geometry.gcode.moves.feeds import feed_per_minute, inverse_time_feed
-from jcontour.geometry.gcode.moves.modes import PLANES, Modes
-from jcontour.geometry.gcode.moves.move import Move, Point
-from jcontour.geometry.gcode.moves.offsets import SYSTEMS, ZERO, Offsets, replaced
-from jcontour.geometry.gcode.moves.targets import target
-from jcontour.geometry.gcode.moves.tracer import Tracer, check_near
+from jcontour.geometry.gcode import cycles
+from jcontour.geometry.gcode import words as codes
+from jcontour.geometry.gcode.arc_words import MOST_TURNS, arcs_of
+from jcontour.geometry.gcode.expressions import whole
+from jcontour.geometry.gcode.modes import PLANES, Modes, feed_per_minute, inverse_time_feed, target
+from jcontour.geometry.gcode.move import ZERO, Move, Point, check_near
+from jcontour.geometry.gcode.offsets import SYSTEMS, Offsets, replaced
+from jcontour.geometry.gcode.tracer import Tracer
+from jcontour.geometry.gcode.words import LineWords, sorted_words
 from jcontour.geometry.toolpath_rules import SHORTEST, ToolpathError
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
@@ -56,12 +54,6 @@ class Machine:
         """Moves made so far."""
         return self.tracer.moves
 
-    @property
-    def state(self) -> tuple:
-        """Everything that says what its next move is."""
-        modal = self.modes, self.motion, self.offsets, self.homes, self.tool, self.next_tool
-        return self.tracer.at, *modal, self.sticky, self.level_before_cycles
-
     def __post_init__(self) -> None:
         self.modes.feed = self.first_feed
 
@@ -77,10 +69,11 @@ class Machine:
             self._switch(found)
         if not codes.STOPPING.isdisjoint(found.m_codes):
             self._stop(found.m_codes, codes.STOPPING)
-        if "F" in values:
-            self._set_feed(values["F"])
-        if not values.keys() <= MOVING:
-            self._tell(values)
+        if "F" in values and not self.modes.inverse_time:
+            self.modes.feed = feed_per_minute(values["F"], self.modes.unit, self.first_feed)
+        elif "F" in values and not values["F"] > 0:
+            raise ToolpathError(f"G93 needs F above 0, received F{values['F']:g}")
+        self.ignored |= values.keys() & TOLD
         if not codes.FLOW.isdisjoint(found.m_codes):
             return found
         once = found.codes.get("once")
@@ -161,33 +154,24 @@ class Machine:
             self.ignored.add("R")
         return said
 
-    def _tell(self, values: dict[str, float]) -> None:
-        self.ignored |= values.keys() & TOLD
-
-    def _set_feed(self, word: float) -> None:
-        if self.modes.inverse_time:
-            if not word > 0:
-                raise ToolpathError(f"G93 needs F above 0, received F{word:g}")
-            return
-        self.modes.feed = feed_per_minute(word, self.modes.unit, self.first_feed)
-
     def _do_once(self, code: int, values: dict[str, float]) -> None:
-        if code == 40:
-            self._dwell(values)
-        elif code == 100:
-            self._set_up(values)
-        elif code in (280, 300):
-            self._go_home(code, values)
-        elif code in (281, 301):
-            self.homes[code - 1] = self.tracer.at
-        elif code == 520:
-            self.offsets.shift_by(self._by_axis(values))
-        elif code == 920:
-            self.offsets.shift_to(self._by_axis(values), self.tracer.at)
-        elif code == 923:
-            self.offsets.shift_again()
-        else:
-            self.offsets.unshift(for_good=code == 921)
+        match code:
+            case 40:
+                self._dwell(values)
+            case 100:
+                self._set_up(values)
+            case 280 | 300:
+                self._go_home(code, values)
+            case 281 | 301:
+                self.homes[code - 1] = self.tracer.at
+            case 520:
+                self.offsets.shift_by(self._by_axis(values))
+            case 920:
+                self.offsets.shift_to(self._by_axis(values), self.tracer.at)
+            case 923:
+                self.offsets.shift_again()
+            case _:
+                self.offsets.unshift(for_good=code == 921)
 
     def _dwell(self, values: dict[str, float]) -> None:
         """Rest for P seconds; axis words beside P are a move after it, X without P is the time."""
@@ -237,7 +221,10 @@ class Machine:
             raise ToolpathError(f"E feeds a filament in a move: {codes.NO_PRINTERS}")
         motion = self._assumed(values) if self.motion is None else self.motion
         if on_machine:
-            self._move_on_machine(values)
+            if motion not in (0, 10):
+                raise ToolpathError("G53 needs G0 or G1")
+            end = replaced(self.tracer.at, self._by_axis(values))
+            self._trace_line(end, motion == 0, values)
         elif motion in codes.CYCLES:
             self._drill(values)
         elif motion > 10:
@@ -258,12 +245,6 @@ class Machine:
         self.motion, self.assumed_at = 0, self.tracer.line
         return self.motion
 
-    def _move_on_machine(self, values: dict[str, float]) -> None:
-        if self.motion not in (0, 10):
-            raise ToolpathError("G53 needs G0 or G1")
-        end = replaced(self.tracer.at, self._by_axis(values))
-        self._trace_line(end, self.motion == 0, values)
-
     def _here(self) -> Point:
         """Coordinates in the program of where the machine is."""
         return self.tracer.at if self.offsets.none else self.offsets.in_program(self.tracer.at)
@@ -278,22 +259,13 @@ class Machine:
     def _arc(self, values: dict[str, float]) -> None:
         here, there = self._here(), self._target(values)
         arcs = arcs_of(values, here, there, self.modes, counter_clockwise=self.motion == 30)
-        self._trace_arcs(arcs, here, there[PLANES[self.modes.plane][2]], values)
-
-    def _trace_arcs(
-        self,
-        arcs: Arcs,
-        here: Point,
-        last_level: float,
-        values: dict[str, float],
-    ) -> None:
         plane = self.modes.plane
         _, _, normal = PLANES[plane]
         if normal < 2 and self.offsets.angle:
             raise ToolpathError(
                 f"an arc in the plane of G{plane // 10} in a rotated work system is not supported"
             )
-        rise = last_level - here[normal]
+        rise = there[normal] - here[normal]
         turned = sum(abs(angle) for _, _, angle in arcs)
         slope = rise / turned if abs(rise) >= SHORTEST else 0.0
         lengths = [math.hypot(abs(end - centre), slope) * abs(angle) for end, centre, angle in arcs]

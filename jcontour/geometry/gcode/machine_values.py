@@ -23,7 +23,11 @@ def machine_values(machine: Machine, key: int | str, call_level: int) -> float |
     if isinstance(key, int):
         return _numbered(machine, key)
     if key == PLASMA_FEED:
-        return _plasma_feed(machine)
+        if machine.first_feed is None:
+            raise ToolpathError(
+                "the feed is in the plasma table's list; --feed-mm-per-min gives one"
+            )
+        return machine.first_feed * 60.0 / machine.modes.unit
     if key.startswith("_"):
         return _named(machine, key, call_level)
     return None
@@ -55,12 +59,6 @@ def _numbered(machine: Machine, key: int) -> float | None:
         if axis == ROTATION:
             return math.degrees(offsets.angles[system])
     return None
-
-
-def _plasma_feed(machine: Machine) -> float:
-    if machine.first_feed is None:
-        raise ToolpathError("the feed is in the plasma table's list; --feed-mm-per-min gives one")
-    return machine.first_feed * 60.0 / machine.modes.unit
 
 
 def _named(machine: Machine, key: str, call_level: int) -> float | None:

@@ -6,17 +6,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from jcontour.geometry.gcode.language import codes
-from jcontour.geometry.gcode.language.blocks import NOTHING, SKIPPED, Block, OWord, read_block
-from jcontour.geometry.gcode.language.expressions import evaluated, whole
-from jcontour.geometry.gcode.language.flow import Structure, structure, told_label
-from jcontour.geometry.gcode.language.parameters import Locals, Parameters
-from jcontour.geometry.gcode.language.repetition import Repetition
-from jcontour.geometry.gcode.language.sender_lines import sender_word
+from jcontour.geometry.gcode import words as codes
+from jcontour.geometry.gcode.blocks import NOTHING, SKIPPED, Block, OWord, read_block, sender_word
+from jcontour.geometry.gcode.expressions import evaluated, whole
+from jcontour.geometry.gcode.flow import Structure, structure, told_label
 from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.gcode.machine_values import machine_values
-from jcontour.geometry.gcode.moves.modes import Modes
-from jcontour.geometry.gcode.moves.tracer import Tracer
+from jcontour.geometry.gcode.modes import Modes
+from jcontour.geometry.gcode.parameters import Locals, Parameters
+from jcontour.geometry.gcode.tracer import Tracer
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 from jcontour.geometry.toolpath_text import lines_of, read_program
 
@@ -81,12 +79,6 @@ class Frame:
     modes: tuple[Modes, int] | None = None  # and work system, that M70 or M73 kept
     restores: bool = False  # whether they come back at the end (M73)
 
-    @property
-    def state(self) -> tuple:
-        """What decides how it goes on."""
-        place = id(self.source), self.next, self.begin, self.laps, self.by_m98
-        return *place, self.kept, self.loops, self.branched, self.modes, self.restores
-
 
 @dataclass
 class Program:
@@ -109,7 +101,6 @@ class Program:
     repeated_before: int = 0
     marked: bool = False  # by a first %
     begun: bool = False  # whether a line that says something has come
-    repetition: Repetition = field(default_factory=Repetition)
 
     def run(self, most_lines: int | None = None) -> None:
         """Carry out lines up to the end of the program, or so many.
@@ -175,15 +166,12 @@ class Program:
                 "a loop that does not end?"
             )
 
-    def _check_round(self) -> None:
-        """End a loop that comes back to a state it was in."""
-        frames = tuple(frame.state for frame in self.frames)
-        self.repetition.check((*self.machine.state, *self.parameters.state, *frames))
-
     def _block(self, source: Source, index: int) -> Block:
         line = source.lines[index]
         if "%" in line and line.lstrip().startswith("%"):
-            self._percent(line)
+            if self.begun or self.marked:  # the first one opens a program, the next one ends it
+                self.machine.ended = True
+            self.marked = True
             return NOTHING
         word = sender_word(line)
         if word is not None:
@@ -191,31 +179,20 @@ class Program:
             return NOTHING
         return read_block(line)
 
-    def _percent(self, line: str) -> None:
-        """The first % opens a program, the next one ends it."""
-        if self.begun or self.marked:
-            self.machine.ended = True
-        self.marked = True
-
     def _execute(self, frame: Frame, block: Block) -> None:
         parameters = self.parameters
         words = [
             (letter, value if isinstance(value, int | float) else evaluated(value, parameters))
             for letter, value in block.words
         ]
-        if block.settings:
-            self._set(block)
+        # once all values are known
+        settings = [(key(parameters), evaluated(one, parameters)) for key, one in block.settings]
+        for key, value in settings:
+            parameters.set(key, value)
         if words:
             found = self.machine.execute(words)
             for code in found.m_codes:
                 self._m_code(frame, code, found.values)
-
-    def _set(self, block: Block) -> None:
-        """Set the parameters of a line, once all values are known."""
-        parameters = self.parameters
-        found = [(key(parameters), evaluated(value, parameters)) for key, value in block.settings]
-        for key, value in found:
-            parameters.set(key, value)
 
     def _m_code(self, frame: Frame, code: int, values: dict[str, float]) -> None:
         if code == codes.CALL:
@@ -270,13 +247,10 @@ class Program:
         places = frame.source.structure
         if index in places.beginning:  # the end of a do
             if self._value(word):
-                self._check_round()
                 frame.next = places.beginning[index] + 1
             return
         if word.keyword == "while":
-            if self._value(word):
-                self._check_round()
-            else:
+            if not self._value(word):
                 frame.next = places.ending[index] + 1
             return
         if index not in frame.loops:

@@ -1,10 +1,13 @@
-"""Codes that a program may contain, by group, and the letters that go with each.
+"""Codes that a program may contain, by group, and the words of a line sorted by them.
 
 G codes are ten times their number, so that G59.1 is whole. One of a group is in force at a time.
 """
 
-from jcontour.geometry.gcode.language.expressions import whole
-from jcontour.geometry.toolpath_rules import ToolpathError
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from jcontour.geometry.gcode.expressions import whole
+from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
 CYCLES = frozenset({730, 740, 810, 820, 830, 840, 850, 860, 880, 890})  # canned, expanded to moves
 NO_MOTION = 800
@@ -89,6 +92,11 @@ STOPPING = frozenset({3, 4, 5, 6, 7, 8, 9, 19, 52, 61, 64, 65, 66, 68, *range(10
 PAUSES = frozenset({0, 1, 60})
 INVALIDATE, SAVE, RESTORE, SAVE_IN_SUBPROGRAM = 71, 70, 72, 73  # M codes of the modal state
 MOST_M = 9999
+LARGEST = 1e9  # of any number in a program
+KNOWN = frozenset("DEFHIJKLNPQRSTXYZ@^$")
+OTHER_AXES = frozenset("ABCUVW")
+NEED_A_CODE = frozenset("LPQ$")
+NOT_NEGATIVE = frozenset("NST")
 
 
 def g_code(value: float) -> int:
@@ -115,3 +123,101 @@ def m_code(value: float) -> int:
         reason = f" ({REFUSED_M[code]})" if code in REFUSED_M else ""
         raise ToolpathError(f"'M{code}' is not supported{reason}")
     return code
+
+
+class LineWords(NamedTuple):
+    """Words of one line.
+
+    Attributes:
+        codes: G code by its group, in tenths.
+        without_motion: G codes that do not move this machine, in tenths.
+        m_codes: M codes in order.
+        values: numbers of the other letters, line numbers left out.
+    """
+
+    codes: dict[str, int]
+    without_motion: list[int]
+    m_codes: list[int]
+    values: dict[str, float]
+
+
+def sorted_words(words: Sequence[tuple[str, float]], motion: int | None) -> LineWords:
+    """Sort the words of a line.
+
+    Args:
+        words: letters and numbers.
+        motion: code of the motion in force, in tenths.
+
+    Raises:
+        ToolpathError: an unknown word, a letter twice, two codes of a group, a number that is too
+            large, an axis that is not simulated.
+    """
+    codes: dict[str, int] = {}
+    without_motion: list[int] = []
+    m_codes: list[int] = []
+    values: dict[str, float] = {}
+    for letter, value in words:
+        if not abs(value) <= LARGEST:
+            raise ToolpathError(f"the number in {shown(f'{letter}{value:.6g}')} is too large")
+        if letter == "G":
+            # G5 and G5.1 without axes are Fanuc's look-ahead, with axes splines
+            looks = value in LOOK_AHEAD and not any(other in "XYZIJ" for other, _ in words)
+            code = round(10 * value) if looks else g_code(value)
+            if code in GROUP_OF:
+                _add_code(codes, code)
+            else:
+                without_motion.append(code)
+        elif letter == "M":
+            m_codes.append(m_code(value))
+        elif letter in OTHER_AXES:
+            if value:
+                raise ToolpathError(
+                    f"'{letter}{value:g}' moves an axis that is not simulated: only X, Y and Z are"
+                )
+            values[letter] = value
+        elif letter not in KNOWN:
+            raise ToolpathError(f"unknown word '{letter}{value:g}'")
+        else:
+            if letter in NOT_NEGATIVE and (value < 0 or (letter == "T" and value % 1)):
+                needed = "a whole number" if letter == "T" else "a number"
+                raise ToolpathError(
+                    f"'{letter}{value:g}': {letter} needs {needed} that is not negative"
+                )
+            if letter in values:
+                raise ToolpathError(f"{letter} is given twice")
+            values[letter] = value
+    values.pop("N", None)
+    found = LineWords(codes, without_motion, m_codes, values)
+    if not NEED_A_CODE.isdisjoint(values):
+        _check_letters(found, motion)
+    return found
+
+
+def _add_code(codes: dict[str, int], code: int) -> None:
+    """Add a code to its group; G80 beside a motion code only ends what was in force before."""
+    group = GROUP_OF[code]
+    other = codes.get(group)
+    if other is None or other == code or (group == "motion" and other == 800):
+        codes[group] = code
+    elif group == "once" and 530 in (code, other):
+        raise ToolpathError(f"G53 and G{(code + other - 530) / 10:g} in one line")
+    elif not (group == "motion" and code == 800):
+        raise ToolpathError(
+            f"'G{code / 10:g}' and another G code of its kind ({group}) in one line"
+        )
+
+
+def _check_letters(found: LineWords, motion: int | None) -> None:
+    """L, P, Q and $ (a spindle) need a code; M codes of a machine may have any."""
+    if found.m_codes:
+        return
+    allowed = "".join(
+        LETTERS.get(code, "") for code in (*found.codes.values(), *found.without_motion)
+    )
+    if "motion" not in found.codes and motion is not None:
+        allowed += LETTERS.get(motion, "")
+    for letter in sorted(NEED_A_CODE & found.values.keys()):
+        if letter not in allowed:
+            raise ToolpathError(
+                f"unknown word '{letter}{found.values[letter]:g}': no code here needs {letter}"
+            )

@@ -40,11 +40,6 @@ class Parameters:
     _common: dict[str, float] = field(default_factory=dict)
     _own: dict[str, float] = field(default_factory=dict)
 
-    @property
-    def state(self) -> tuple:
-        """All values that were set."""
-        return self._numbered, self._common, self._own
-
     def value(self, key: int | str) -> float:
         """Value of #key or #<key>; a number that was never set has 0.
 

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from jcontour.geometry.gcode.moves.move import Stop
-from jcontour.geometry.gcode.moves.stops import ignored_words, stops_in_cuts, told_stops
+from jcontour.geometry.gcode.move import Stop
+from jcontour.geometry.gcode.program_notes import ignored_words, stops_in_cuts, told_stops
 from jcontour.geometry.gcode.programs import interpreted
 from jcontour.geometry.toolpaths import parse_gcode
 

@@ -13,12 +13,13 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from jcontour.geometry.gcode.language.blocks import OWord, read_block
-from jcontour.geometry.gcode.language.parameters import Parameters
+from jcontour.geometry.gcode.blocks import OWord, read_block
+from jcontour.geometry.gcode.parameters import Parameters
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
 MAYBE_O_WORD = re.compile(r"\s*(?:\([^)]*\)\s*)*(?:[Nn][\s0-9.]*)?[Oo]")
 BRANCHES = frozenset({"if", "elseif", "else"})
+DEEPEST = 200  # branches, loops and subprograms in others
 LOOPS = frozenset({"while", "do", "repeat"})
 CLOSED_BY = {
     "elseif": BRANCHES - {"else"},
@@ -89,21 +90,14 @@ class _Open:
     label: str
     index: int
     branches: list[int]
-    depth: int
 
 
 @dataclass
 class _Reader:
-    """What has begun: all of it, the subprograms, and the others by label; the innermost is last.
-
-    Nothing is looked for by going through all that has begun, so that the time grows with the
-    number of lines.
-    """
+    """Structure so far, and what has begun; the innermost is last."""
 
     found: Structure
     open: list[_Open] = field(default_factory=list)
-    subs: list[_Open] = field(default_factory=list)
-    labelled: dict[tuple[str, bool], list[_Open]] = field(default_factory=dict)
 
     def read(self, o_words: Iterable[tuple[int, OWord]]) -> None:
         constant = Parameters()
@@ -140,49 +134,45 @@ class _Reader:
 
     def _innermost(self, label: str, keywords: Iterable[str]) -> _Open | None:
         """What has begun last under a label, if it is one of these, in this subprogram."""
-        begun = self.labelled.get((label, False))
-        if not begun or (self.subs and begun[-1].depth < self.subs[-1].depth):
-            return None
-        return begun[-1] if begun[-1].keyword in keywords else None
+        for begun in reversed(self.open):
+            if begun.keyword == "sub":
+                return None
+            if begun.label == label:
+                return begun if begun.keyword in keywords else None
+        return None
 
     def _begin(self, index: int, keyword: str, label: str) -> None:
-        begun = _Open(keyword, label, index, [index], len(self.open))
-        self.open.append(begun)
-        self.labelled.setdefault((label, keyword == "sub"), []).append(begun)
-        if keyword == "sub":
-            self.subs.append(begun)
+        if len(self.open) == DEEPEST:
+            self._fault(index, f"{told_label(label)} {keyword} is more than {DEEPEST} deep")
+            return
+        self.open.append(_Open(keyword, label, index, [index]))
 
     def _begin_subprogram(self, index: int, keyword: str, label: str) -> None:
         if keyword == "sub":
-            for begun in self.subs[-1:]:  # those around it have the fault already
+            around = next((one for one in reversed(self.open) if one.keyword == "sub"), None)
+            if around is not None:  # those around it have the fault already
                 self._fault(
-                    begun.index,
-                    f"subprogram {told_label(label)} begins inside {told_label(begun.label)}",
+                    around.index,
+                    f"subprogram {told_label(label)} begins inside {told_label(around.label)}",
                 )
             self._begin(index, keyword, label)
-        if label in self.found.subprograms and keyword == "sub":
-            self._fault(index, f"subprogram {told_label(label)} is there twice")
+            if label in self.found.subprograms:
+                self._fault(index, f"subprogram {told_label(label)} is there twice")
         self.found.subprograms.setdefault(label, (index, keyword == ""))
 
     def _end_subprogram(self, index: int, label: str) -> None:
-        begun = self.labelled.get((label, True))
-        if not begun:
+        begun = (one for one in reversed(self.open) if (one.keyword, one.label) == ("sub", label))
+        sub = next(begun, None)
+        if sub is None:
             self._fault(index, f"{told_label(label)} endsub without {told_label(label)} sub")
             return
-        sub = begun[-1]
         self._drop_behind(sub)
         self.found.following[sub.index] = index
         self.found.beginning[index] = sub.index
 
     def _drop_behind(self, last: _Open) -> None:
         """End what has begun, and mark as faulty what began inside it and never ended."""
-        while True:
-            left = self.open.pop()
-            self.labelled[left.label, left.keyword == "sub"].pop()
-            if left.keyword == "sub":
-                self.subs.pop()
-            if left is last:
-                return
+        while (left := self.open.pop()) is not last:
             self._fault(left.index, f"{told_label(left.label)} {left.keyword} has no end")
 
     def _close_loop(self, index: int, label: str, keywords: frozenset[str]) -> None:

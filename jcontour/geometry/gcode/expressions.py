@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from jcontour.geometry.gcode.language.parameters import Parameters
+from jcontour.geometry.gcode.parameters import Parameters
 from jcontour.geometry.toolpath_rules import NUMBER, ToolpathError, shown
 
 EQUAL = 1e-6  # difference of two values that compare EQ

@@ -3,9 +3,9 @@
 import math
 
 from jcontour.geometry.arcs import ARC_SLACK, ARC_SLACK_INCH, arcs_between, centre_from_radius
-from jcontour.geometry.gcode.language.expressions import whole
-from jcontour.geometry.gcode.moves.modes import PLANES, Modes
-from jcontour.geometry.gcode.moves.move import Point
+from jcontour.geometry.gcode.expressions import whole
+from jcontour.geometry.gcode.modes import PLANES, Modes
+from jcontour.geometry.gcode.move import Point
 from jcontour.geometry.toolpath_rules import INCH, ToolpathError
 
 Arcs = list[tuple[complex, complex, float]]  # end, centre [m] and angle [rad] of one after another

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from jcontour.geometry.gcode.moves.arc_words import arcs_of
-from jcontour.geometry.gcode.moves.modes import Modes
+from jcontour.geometry.gcode.arc_words import arcs_of
+from jcontour.geometry.gcode.modes import Modes
 from jcontour.geometry.toolpath_rules import ToolpathError
 from jcontour.geometry.toolpaths import parse_gcode
 

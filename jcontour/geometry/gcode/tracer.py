@@ -1,14 +1,11 @@
 """Moves that a machine has made, and what X and Y alone see of an arc in another plane."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from jcontour.geometry.gcode.moves.modes import PLANES
-from jcontour.geometry.gcode.moves.move import Move, Point, Stop
-from jcontour.geometry.gcode.moves.offsets import ZERO
-from jcontour.geometry.gcode.moves.stops import DWELL, UP_OR_DOWN
-from jcontour.geometry.toolpath_rules import FARTHEST, MOST_MOVES, SHORTEST, ToolpathError
+from jcontour.geometry.gcode.modes import PLANES
+from jcontour.geometry.gcode.move import DWELL, UP_OR_DOWN, ZERO, Move, Point, Stop, check_near
+from jcontour.geometry.toolpath_rules import MOST_MOVES, SHORTEST, ToolpathError
 
 
 @dataclass
@@ -116,13 +113,6 @@ class Tracer:
                     target, feed * math.dist(self.at, target) / length, plane, lifted=True
                 )
             before = stop
-
-
-def check_near(lengths: Iterable[float]) -> None:
-    """Raise ToolpathError if any of these lengths [m] is too large for a machine."""
-    for length in lengths:
-        if not abs(length) <= FARTHEST:
-            raise ToolpathError(f"a coordinate is farther than {FARTHEST:g} m away")
 
 
 def _turning_points(begin: float, last: float, cosine: bool) -> list[float]:

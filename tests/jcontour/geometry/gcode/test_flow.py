@@ -1,4 +1,4 @@
-from jcontour.geometry.gcode.language.flow import structure
+from jcontour.geometry.gcode.flow import structure
 
 MANY = 20_000
 

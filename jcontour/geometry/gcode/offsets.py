@@ -9,10 +9,9 @@ and the tool's offset (G43.1), as LinuxCNC has it.
 import math
 from dataclasses import dataclass, field
 
-from jcontour.geometry.gcode.moves.move import Point
+from jcontour.geometry.gcode.move import ZERO, Point
 
 SYSTEMS = 9  # G54 to G59.3
-ZERO: Point = (0.0, 0.0, 0.0)
 
 
 @dataclass

@@ -1,8 +1,13 @@
 """One move of the tool: a line, an arc or a helix; and a stop between two of them."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
+from jcontour.geometry.toolpath_rules import FARTHEST, ToolpathError
+
 Point = tuple[float, float, float]  # [m]
+ZERO: Point = (0.0, 0.0, 0.0)
+DWELL, UP_OR_DOWN = "G4", "Z"  # why a stop is made
 
 
 class Move(NamedTuple):
@@ -49,3 +54,10 @@ class Stop(NamedTuple):
     line: int
     why: str
     besides: float = 0.0
+
+
+def check_near(lengths: Iterable[float]) -> None:
+    """Raise ToolpathError if any of these lengths [m] is too large for a machine."""
+    for length in lengths:
+        if not abs(length) <= FARTHEST:
+            raise ToolpathError(f"a coordinate is farther than {FARTHEST:g} m away")

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable
 from typing import NamedTuple
 
-from jcontour.geometry.gcode.language.expressions import (
+from jcontour.geometry.gcode.expressions import (
     FUNCTIONS,
     NAME,
     Cursor,
@@ -20,7 +20,7 @@ from jcontour.geometry.gcode.language.expressions import (
     read_value,
     whole,
 )
-from jcontour.geometry.gcode.language.parameters import Parameters
+from jcontour.geometry.gcode.parameters import Parameters
 from jcontour.geometry.toolpath_rules import NUMBER, ToolpathError, shown
 
 INNERMOST = r"\([^()]*\)"
@@ -42,6 +42,7 @@ KEYWORD = re.compile(  # the longest first: "do" begins no other, but "else" doe
     "continue|endrepeat|endwhile|elseif|endsub|return|repeat|endif|break|while|call|else|sub|do|if",
     re.IGNORECASE,
 )
+MOST_TOLD = 20  # letters of a line for grbl itself
 NO_EXPONENTS = ": controls know no exponents; the word E needs a space before it here"
 CONDITIONAL = frozenset({"if", "elseif", "while", "repeat"})  # these need a value
 RETURNING = frozenset({"return", "endsub"})  # these may have one
@@ -102,7 +103,10 @@ def read_block(line: str) -> Block:
         text = "".join(stripped.split())
         if text.startswith("/"):
             return NOTHING if text == "/" else SKIPPED
-        _check_brackets(stripped, line)
+        if ")" in stripped and "(" in line:
+            raise ToolpathError(f"a ) too many: {shown(line.strip())}")
+        if "(" in stripped:
+            raise ToolpathError(f"a comment without its ): {shown(line.strip())}")
         said = _said(line)
     else:
         stripped, said = line, NOTHING
@@ -120,14 +124,6 @@ def read_block(line: str) -> Block:
     except RecursionError:
         raise ToolpathError("an expression is nested too deeply") from None
     return found._replace(abort=said.abort, shows_message=said.shows_message)
-
-
-def _check_brackets(stripped: str, line: str) -> None:
-    """Raise ToolpathError where brackets are left after the comments were taken out."""
-    if ")" in stripped and "(" in line:
-        raise ToolpathError(f"a ) too many: {shown(line.strip())}")
-    if "(" in stripped:
-        raise ToolpathError(f"a comment without its ): {shown(line.strip())}")
 
 
 def _said(line: str) -> Block:
@@ -159,16 +155,13 @@ def _read(cursor: Cursor, line: str, exponents: bool) -> Block:
         if letter is None or exponent or not VALUE.match(cursor.text, cursor.at):
             reason = NO_EXPONENTS if exponent else ""
             raise ToolpathError(f"cannot read {shown(_written(line, before))}{reason}")
-        words.append((letter[0].upper(), _read_number(cursor)))
+        number = WORD.match(cursor.text, before)
+        if number is None:
+            words.append((letter[0].upper(), read_value(cursor)))
+        else:
+            words.append((letter[0].upper(), float(number[2])))
+            cursor.at = number.end()
     return Block(tuple(words), tuple(settings))
-
-
-def _read_number(cursor: Cursor) -> float | Expression:
-    number = WORD.match(cursor.text, cursor.at - 1)
-    if number is None:
-        return read_value(cursor)
-    cursor.at = number.end()
-    return float(number[2])
 
 
 def _written(line: str, at: int) -> str:
@@ -211,3 +204,23 @@ def _read_label(cursor: Cursor) -> Callable[[Parameters], str]:
         raise ToolpathError(f"an O-word needs a number or a name before {shown(cursor.rest)}")
     value = read_value(cursor)
     return lambda parameters: str(whole(evaluated(value, parameters), "the number of an O-word"))
+
+
+def sender_word(line: str) -> str | None:
+    """What is told of a line that is not G-code; None for G-code.
+
+    >>> sender_word("$32=1"), sender_word("?  ; the status"), sender_word("G1 X1")
+    ('$32', '?', None)
+
+    Raises:
+        ToolpathError: a jog, which would move the machine.
+    """
+    begin = line.lstrip()[:1]
+    if begin == "$":
+        word = "".join(line.split()).upper()
+        if word.startswith("$J"):
+            raise ToolpathError(f"{shown(line)} is a jog of grbl, which is not simulated")
+        return word.split("=")[0][:MOST_TOLD]
+    if begin and begin in "?~" and COMMENT.sub(r"\1", line).strip() == begin:
+        return begin
+    return None

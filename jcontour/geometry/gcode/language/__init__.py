@@ -1,1 +1,0 @@
-"""Text of a program: lines, expressions, parameters, O-words, and the codes it may contain."""
