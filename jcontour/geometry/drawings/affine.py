@@ -18,11 +18,6 @@ class Affine(NamedTuple):
         """Map that takes 1 to `x` and i to `y`, before the shift."""
         return cls(0.5 * (x - 1j * y), 0.5 * (x + 1j * y), shift)
 
-    @classmethod
-    def rotation(cls, angle: float) -> "Affine":
-        """Turn around the origin [rad]."""
-        return cls(cmath.rect(1.0, angle))
-
     def point(self, point: Planar) -> Planar:
         """Where a point goes."""
         return self.turn * point + self.mirror * point.conjugate() + self.shift

@@ -83,19 +83,16 @@ class _Reader:
         if len(self.open) == DEEPEST:
             raise ToolpathError(f"line {line}: elements more than {DEEPEST} deep")
         space, _, last = name.rpartition(" ")
-        attributes = {_attribute(key): value for key, value in given.items()}
+        attributes = {}
+        for key, value in given.items():
+            namespace, _, own = key.rpartition(" ")
+            attributes[f"inkscape:{own}" if namespace == INKSCAPE else own] = value
         element = Element(last if space in ("", SVG) else "", line, attributes)
         if self.open:
             self.open[-1].children.append(element)
         else:
             self.root = element
         self.open.append(element)
-
-
-def _attribute(key: str) -> str:
-    """Name of an attribute, without its namespace."""
-    space, _, name = key.rpartition(" ")
-    return f"inkscape:{name}" if space == INKSCAPE else name
 
 
 def _check_inside(name: str, value: str | None, line: int) -> None:
