@@ -67,7 +67,6 @@ def read_dxf(path: str | PathLike[str], unit: float | None = None) -> Drawing:
     text = read_program(path)
     document = _document(path, text)
     unit = unit or _unit(document.header.get(UNIT, 0) if UNIT in text else 0)
-    # imported here: it takes longer than the rest of the library
     from ezdxf.math import Matrix44
 
     reader = _Reader(document, _entity_lines(text))
@@ -85,11 +84,12 @@ def _document(path: str | PathLike[str], text: str) -> "Document":
     Raises:
         ToolpathError: no DXF, a file that is cut off, or numbers that cannot be read.
     """
+    # it warns of handles, which move nothing, and as it is imported of a cache of fonts
+    logging.getLogger("ezdxf").setLevel(logging.CRITICAL)
     # imported here: it takes longer than the rest of the library
     from ezdxf import recover
     from ezdxf.filemanagement import read, readfile
 
-    logging.getLogger("ezdxf").setLevel(logging.CRITICAL)  # it tells of handles, which move nothing
     if not text.strip():
         raise ToolpathError("not a DXF file: it is empty")
     try:
