@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.app.catalogue.choices import design_for
-from jcontour.app.designs.design import Design, by_name
+from jcontour.app.designs.design import Design
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.machines.families import LATE, members
 from jcontour.app.machines.flexible_axis import SAMPLE, biaxial_machine, scaled
@@ -168,7 +168,7 @@ class Scheme:
     def build(self, weights: Weights) -> Controller:
         """The scheme with these gains."""
         gains = dict(zip(self.names, weights.scheme, strict=True))
-        return self.design.build({**by_name(weights.cascade), **gains})
+        return self.design.build({**vars(weights.cascade), **gains})
 
     def around(self, gains: CascadeGains, strength: float = 1.0) -> Weights:
         """First weights, the scheme's own times a factor."""

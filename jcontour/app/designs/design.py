@@ -76,7 +76,7 @@ class Design(abc.ABC, Generic[M]):
             at 1 ms.
         groups: names that stand for several weights.
         first: its weights by name, with start and range on this machine.
-        start, space: first value and range of every weight, a dict or a NamedTuple.
+        start, space: first value and range of every weight by name.
         preview: samples of the future that it needs.
 
     Raises:
@@ -93,16 +93,14 @@ class Design(abc.ABC, Generic[M]):
     keeps_limits: ClassVar[bool] = False
     lag: ClassVar[float] = 50.0
     groups: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
-    Start: ClassVar[type] = dict
-    Space: ClassVar[type] = dict
 
     def __init__(self, name: str, machine: M, flags: Controlled):
         self.name, self.machine, self.flags = name, machine, flags
         self.line = self.line or first_line(type(self))
         self.first = {one.name: one for one in self._on_machine()}
-        starts = self.Start(**{name: one.start for name, one in self.first.items()})
-        self.start: Weights = changed(starts, given(flags))
-        self.space: Any = self.Space(**{name: one.range for name, one in self.first.items()})
+        starts = {name: one.start for name, one in self.first.items()}
+        self.start: Gains = changed(starts, given(flags))
+        self.space: dict[str, Parameter] = {name: one.range for name, one in self.first.items()}
         self.preview = self.first_preview(starts)
 
     @abc.abstractmethod
@@ -140,18 +138,14 @@ class Design(abc.ABC, Generic[M]):
         Raises:
             ValueError: there is no such weight or group.
         """
-        space = by_name(self.space)
-        known = [name for name, parameter in space.items() if parameter is not None]
+        known = list(self.space)
         wanted = [name for group in names for name in self.groups.get(group, (group,))]
         for name in wanted:
             if name not in known:
                 named = ", ".join([*known, *self.groups])
                 raise ValueError(f"free: there is no weight {name!r}; known are {named}")
-        fixed = {
-            name: parameter if parameter is None or name in wanted else Fixed()
-            for name, parameter in space.items()
-        }
-        return self.replaced(space=self.Space(**fixed))
+        space = {name: one if name in wanted else Fixed() for name, one in self.space.items()}
+        return self.replaced(space=space)
 
     def tunable(self: D) -> D:
         """The design that is tuned: itself where it does not say otherwise."""
@@ -215,15 +209,14 @@ class Design(abc.ABC, Generic[M]):
 
     def free(self) -> list[str]:
         """Names of the weights that are tuned."""
-        space, kept = by_name(self.space), (Fixed, type(None))
-        return [name for name in by_name(self.start) if not isinstance(space.get(name), kept)]
+        return [name for name in self.start if not isinstance(self.space[name], Fixed)]
 
     def check_start(self) -> None:
         """Raise ValueError unless every weight that is tuned starts where it may go."""
         if not self.free():
             raise ValueError(f"controller: {self.name} has no free weights, nothing is tuned of it")
         for name in self.free():
-            parameter, weight = by_name(self.space)[name], by_name(self.start)[name]
+            parameter, weight = self.space[name], self.start[name]
             if not parameter.allows(np.asarray(weight)):
                 raise ValueError(
                     f"{name}: tuning needs a start {_place(parameter)}, received {weight}"
@@ -254,14 +247,6 @@ def picked(names: str, gains: Gains) -> list[Any]:
     return [gains[name] for name in names.split()]
 
 
-def by_name(weights: Weights) -> dict[str, Any]:
-    """The weights, a dict, a module or a NamedTuple, as a dict."""
-    if isinstance(weights, dict):
-        return dict(weights)
-    fields = getattr(weights, "_asdict", lambda: vars(weights))
-    return dict(fields())
-
-
 def _place(parameter: Parameter) -> str:
     if isinstance(parameter, Interval):
         return f"between {parameter.low:g} and {parameter.high:g}"
@@ -274,11 +259,8 @@ def _words(value: Any) -> str:
 
 
 def plain_weights(weights: Weights) -> dict[str, Any]:
-    """Named weights as floats, and lists where there are several; None where there is none."""
-    return {
-        name: None if value is None else np.asarray(value, float).tolist()
-        for name, value in by_name(weights).items()
-    }
+    """Named weights as floats, and lists where there are several."""
+    return {name: np.asarray(value, float).tolist() for name, value in weights.items()}
 
 
 def given(flags: Controlled) -> list[str]:
@@ -288,20 +270,19 @@ def given(flags: Controlled) -> list[str]:
     return [*own, *flags.weights]
 
 
-def changed(start: Weights, changes: Sequence[str]) -> Weights:
+def changed(start: Gains, changes: Sequence[str]) -> Gains:
     """The start with some weights given as NAME=VALUE, or NAME=VALUE,VALUE,... for several axes.
 
     Raises:
         ValueError: there is no such weight, its value is not a finite number, or there are more or
             fewer numbers than it has.
     """
-    named = by_name(start)
     values = {}
     for change in changes:
         name, numbers = named_numbers("weights", change)
-        if name not in named:
-            raise ValueError(f"weights: there is no weight {name!r}; known are {', '.join(named)}")
-        size = np.size(named[name])
+        if name not in start:
+            raise ValueError(f"weights: there is no weight {name!r}; known are {', '.join(start)}")
+        size = np.size(start[name])
         if len(numbers) not in (1, size):
             needed = "one number" if size == 1 else f"one number or {size}"
             raise ValueError(f"weights: {name} needs {needed}, received {change!r}")
@@ -310,11 +291,9 @@ def changed(start: Weights, changes: Sequence[str]) -> Weights:
     return with_values(start, values)
 
 
-def with_values(weights: Weights, values: dict[str, Any]) -> Weights:
+def with_values(weights: Gains, values: dict[str, Any]) -> Gains:
     """The weights with some of them replaced by name; one number stands for all axes."""
-    named = by_name(weights)
-    named = named | {
-        name: jnp.broadcast_to(jnp.asarray(value), np.shape(named[name]))
+    return weights | {
+        name: jnp.broadcast_to(jnp.asarray(value), np.shape(weights[name]))
         for name, value in values.items()
     }
-    return named if isinstance(weights, dict) else type(weights)(**named)

@@ -8,8 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jcontour.app.designs.design import Needs
-from jcontour.app.designs.lq.loop_weights import LoopWeights
+from jcontour.app.designs.design import Gains, Needs
 from jcontour.app.designs.lq.receding_horizon import TERMINALS, LQDesign
 from jcontour.app.files import run_folder
 from jcontour.app.jobs.replays import Scenarios
@@ -54,10 +53,10 @@ class ConstrainedLQDesign(LQDesign):
     keeps_limits = True
     law = "receding-horizon LQ contouring under limits"
 
-    def build(self, weights: LoopWeights) -> Controller:
+    def build(self, weights: Gains) -> Controller:
         model, terminal = self.model, TERMINALS[self.terminal]
         limits = Limits.within(**_kept_by_all(self.machine)._asdict())
-        inner = ConstrainedLQ(model, weights.cost, self.preview, limits, terminal)
+        inner = ConstrainedLQ(model, self.cost(weights), self.preview, limits, terminal)
         return OffsetFreeTold(inner, model, self.gain(weights), model.C)
 
     @property

@@ -30,7 +30,7 @@ from jcontour.analysis.frozen_loops import FrozenLoop
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks
 from jcontour.analysis.uncertain_loops import BORNE, Doubt
-from jcontour.app.designs.lq.loop_weights import LoopWeights
+from jcontour.app.designs.design import Gains
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Fed
 from jcontour.controller import Controller
@@ -55,11 +55,11 @@ BANDWIDTHS = np.geomspace(0.5, 1e-3, 16)  # [rad per sample] from fast to slow
 
 def first_loop(
     machine: LinearMachine,
-    build: Callable[[LoopWeights], Controller],
-    start: LoopWeights,
+    build: Callable[[Gains], Controller],
+    start: Gains,
     preview: int,
     fed: Fed,
-) -> LoopWeights:
+) -> Gains:
     """Weights of the fastest loop of the series that keeps the margin; rho and stage of `start`."""
     series = [_weights(machine, bandwidth, start) for bandwidth in BANDWIDTHS]
     return series[fastest(machine, series, build, preview, fed)]
@@ -100,18 +100,18 @@ class Drift(Positive):
     reach: ClassVar[float] = float(np.log(1e3))
 
 
-def _weights(machine: LinearMachine, bandwidth: float, start: LoopWeights) -> LoopWeights:
-    regulator = bandwidth if start.control_noise is None else _regulator(machine)
-    rho = float(start.rho)
+def _weights(machine: LinearMachine, bandwidth: float, start: Gains) -> Gains:
+    regulator = bandwidth if "control_noise" not in start else _regulator(machine)
+    rho = float(start["rho"])
     crossing = rho / _gain(machine, regulator) ** 2 / (1 + CONTOUR_RATIO)
     alpha = max(crossing, rho / _gain(machine, STANDING) ** 2 / BEHIND)
-    found = start._replace(alpha=alpha, beta=CONTOUR_RATIO * alpha)
-    if start.control_noise is None:
+    found = start | {"alpha": alpha, "beta": CONTOUR_RATIO * alpha}
+    if "control_noise" not in start:
         return found
     noise = _reached(machine, machine.measurement_noise, bandwidth)
-    if start.drift is None:
-        return found._replace(control_noise=noise)
-    return found._replace(control_noise=STATES * noise, drift=bandwidth * noise)
+    if "drift" not in start:
+        return found | {"control_noise": noise}
+    return found | {"control_noise": STATES * noise, "drift": bandwidth * noise}
 
 
 def _regulator(machine: LinearMachine) -> float:

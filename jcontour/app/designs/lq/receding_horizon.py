@@ -16,10 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.app.designs.design import changed, given
+from jcontour.app.designs.design import Gains, changed, given, picked
 from jcontour.app.designs.feedforward import LinearDesign
 from jcontour.app.designs.lq.first_loop import Drift, first_loop
-from jcontour.app.designs.lq.loop_weights import LoopSpace, LoopWeights
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_gains
 from jcontour.app.flags.shared import Controlled
@@ -82,7 +81,6 @@ class LQDesign(LinearDesign):
     groups: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {"observer": ("control_noise", "drift")}
     )
-    Start, Space = LoopWeights, LoopSpace
     law: ClassVar[str] = "receding-horizon LQ contouring"
     observer: ClassVar[ObserverForm] = "offset-free"
     ends: ClassVar[str | None] = None
@@ -105,7 +103,7 @@ class LQDesign(LinearDesign):
         published = machine.published or {}
         return {name: published.get(name, start) for name, start in found.items()}
 
-    def first_preview(self, first: LoopWeights) -> int:
+    def first_preview(self, first: Gains) -> int:
         return self.flags.preview
 
     @property
@@ -122,9 +120,13 @@ class LQDesign(LinearDesign):
         """The controller, fed the state of the model."""
         return ContouringLQ(self.model, weights, self.preview, TERMINALS[self.terminal])
 
-    def build(self, weights: LoopWeights) -> Controller:
+    def cost(self, weights: Gains) -> LQWeights:
+        """Weights of the cost."""
+        return LQWeights(*picked("alpha beta rho", weights), weights.get("stage"))
+
+    def build(self, weights: Gains) -> Controller:
         """Controller behind its observer."""
-        inner = self.law_of(weights.cost)
+        inner = self.law_of(self.cost(weights))
         if self.fed == "state":
             return inner
         model, gain = self.model, self.gain(weights)
@@ -159,22 +161,22 @@ class LQDesign(LinearDesign):
         usual = 0 if self.machine.published else self.machine.middle_delay
         return self.model_delay(self.machine.delay, usual)
 
-    def _first_loop(self) -> LoopWeights:
+    def _first_loop(self) -> Gains:
         """Weights of the first loop without limits, but for those that the user has set."""
 
-        def build(weights: LoopWeights) -> Controller:
+        def build(weights: Gains) -> Controller:
             return LQDesign.build(self, weights)
 
         found = first_loop(self.machine, build, self.start, self.preview, self.fed)
         return changed(found, given(self.flags))
 
-    def gain(self, weights: LoopWeights) -> Float[Array, "both q"]:
+    def gain(self, weights: Gains) -> Float[Array, "both q"]:
         """Gain of the observer; the encoders' rounding is its measurement noise."""
         model, rounding = self.model, self.machine.measurement_noise
         if self.observer == "offset-free":
-            noises = weights.control_noise, weights.drift
+            noises = weights["control_noise"], weights["drift"]
             return offset_free_gain(model, model.C, *noises, rounding)
-        return kalman_gain(model, weights.control_noise, rounding)
+        return kalman_gain(model, weights["control_noise"], rounding)
 
     def constrained(self, weights, limits, solver):
         """The MPC of the same cost; None for preview LQ and for the predictor form."""
@@ -191,15 +193,15 @@ class LQDesign(LinearDesign):
             offset_free = self.observer == "offset-free"
             observer = OffsetFreeGain(gain, self.model.C) if offset_free else FilterGain(gain)
         return limited_lq(
-            self.model, weights.cost, self.preview, terminal, observer, limits, solver
+            self.model, self.cost(weights), self.preview, terminal, observer, limits, solver
         )
 
     def freed(self, names: Sequence[str]) -> "LQDesign":
         """As every design; a stage profile begins even, the observer is free as a whole."""
         if "stage" not in names:
             return super().freed(names)
-        start = self.start._replace(stage=jnp.ones(self.preview))
-        profiled = self.replaced(start=start, space=self.space._replace(stage=Positive()))
+        start = self.start | {"stage": jnp.ones(self.preview)}
+        profiled = self.replaced(start=start, space=self.space | {"stage": Positive()})
         return super(LQDesign, profiled).freed(names)
 
     def tunable(self) -> "LQDesign":
@@ -222,7 +224,7 @@ class LQDesign(LinearDesign):
     def description(self) -> dict[str, str]:
         """Controller, observer, free weights, start."""
         free = ", ".join("stage profile" if name == "stage" else name for name in self.free())
-        start = ", ".join(f"{name} {float(getattr(self.start, name)):g}" for name in self.units())
+        start = ", ".join(f"{name} {float(self.start[name]):g}" for name in self.units())
         return {
             "Controller": f"{self.law}, preview {self.preview}, {self.terminal} terminal",
             "Model": f"predicts over a delay of {self._delay()}",
@@ -246,7 +248,7 @@ class LQDesign(LinearDesign):
         ):
             if weights.get(name) is not None:
                 lines.append(f"{heading:<14} {weights[name]:.6g} {unit}{per} (observer)")
-        if weights["stage"]:
+        if weights.get("stage"):
             lines.append("stage          " + " ".join(f"{value:.4g}" for value in weights["stage"]))
         return lines
 
@@ -343,7 +345,7 @@ class BlocksLQ(LQDesign):
     ends = "output"
     limitable = False
 
-    def first_preview(self, first: LoopWeights) -> int:
+    def first_preview(self, first: Gains) -> int:
         return max(self.flags.preview, LEAST_BLOCK)
 
     def law_of(self, weights: LQWeights) -> Controller:

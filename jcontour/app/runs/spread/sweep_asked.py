@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, job_named, machine_named
-from jcontour.app.designs.design import Design, by_name, with_values
+from jcontour.app.designs.design import Design, with_values
 from jcontour.app.designs.predictive.sweep_designs import PREDICTIVE
 from jcontour.app.flags.tuning import Sweep
 from jcontour.app.jobs.job import Pace, Task
@@ -132,7 +132,7 @@ def around_start(design: Design) -> dict[str, tuple[float, ...]]:
     """
     starts = {}
     for name in design.free():
-        starts[name] = np.unique(np.asarray(by_name(design.start)[name], float))
+        starts[name] = np.unique(np.asarray(design.start[name], float))
     single = {}
     for name, values in starts.items():
         if values.size == 1 and values[0] > 0:
@@ -168,7 +168,7 @@ def _check(asked: Swept) -> None:
     """Refuse names, values and parts that do not fit before anything is written."""
     for preview in asked.flags.previews:
         design = asked.design(preview)
-        known = by_name(design.start)
+        known = design.start
         unknown = [name for name in asked.values if name not in known]
         if unknown:
             raise ValueError(

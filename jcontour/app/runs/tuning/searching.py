@@ -16,7 +16,6 @@ import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
 
-from jcontour.app.designs.design import by_name
 from jcontour.app.files import run_folder
 from jcontour.app.files.checkpoints import load_state, save_state
 from jcontour.app.reports.tables import say
@@ -184,7 +183,7 @@ def _put_back(found: Searched) -> Searched:
         return found
     z = Chart(problem.space, start).coordinates()
     beside = jnp.where(idle, z + 1, z)
-    first, moved = (by_name(Chart(problem.space, start).weights(at)) for at in (z, beside))
+    first, moved = (Chart(problem.space, start).weights(at) for at in (z, beside))
     names = tuple(name for name in first if not np.array_equal(first[name], moved[name]))
     return replace(found, tuned=found.tuned._replace(weights=weights), idle=names)
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, names_controller
-from jcontour.app.designs.design import Design, by_name
+from jcontour.app.designs.design import Design
 from jcontour.app.designs.simple_loops import NOTCHED, simple_names
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.machines.linear import LinearMachine
@@ -85,7 +85,7 @@ def worth_trying(designs: Mapping[str, Design]) -> list[Design]:
     left_out = set()
     for plain, notched in NOTCHED.items():
         if plain in designs and notched in designs:
-            gains = [np.max(by_name(designs[one].start)["position"]) for one in (plain, notched)]
+            gains = [np.max(designs[one].start["position"]) for one in (plain, notched)]
             left_out.add(plain if gains[1] > PAYS * gains[0] else notched)
     return [design for name, design in designs.items() if name not in left_out]
 

@@ -73,9 +73,9 @@ def test_the_search_ends_where_dearer_errors_change_the_gains_no_more(name):
 
     def gains(more):
         start = design.start
-        weights = start._replace(alpha=more * start.alpha, beta=more * start.beta)
+        weights = start | {name: more * start[name] for name in ("alpha", "beta")}
         return np.asarray(
-            ContouringLQ(design.model, weights.cost, design.preview).prepare(reference).F[0]
+            ContouringLQ(design.model, design.cost(weights), design.preview).prepare(reference).F[0]
         )
 
     def change(more):

@@ -73,7 +73,9 @@ def test_it_keeps_the_margin_and_the_next_faster_one_does_not(plant):
     design = design_for(machine, Simulate(plant=plant)).tunable()
     assert peak(design, design.start) <= SENSITIVITY * (1 + 1e-2)
     series = [module._weights(machine, w, design.start) for w in BANDWIDTHS]
-    index = next(k for k, one in enumerate(series) if np.isclose(one.drift, design.start.drift))
+    index = next(
+        k for k, one in enumerate(series) if np.isclose(one["drift"], design.start["drift"])
+    )
     assert index > 0
     assert peak(design, series[index - 1]) > SENSITIVITY * (1 - 1e-2)
 

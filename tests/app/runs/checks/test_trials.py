@@ -110,7 +110,7 @@ def counting_machine():
 
 def controller_of(counting_machine):
     design = design_for(counting_machine, Simulate(preview=3))
-    return design.build(design.start._replace(drift=1e-2, control_noise=1e-2))
+    return design.build(design.start | dict(drift=1e-2, control_noise=1e-2))
 
 
 @pytest.mark.slow
@@ -223,7 +223,7 @@ def test_it_counts_what_single_runs_show(drift, machine, monkeypatch):
     monkeypatch.setattr(trials, "MEMBERS", FEW)
     monkeypatch.setattr(trials, "SIDE_BY_SIDE", 3)
     design = design_for(machine, Simulate(preview=10))
-    controller = design.build(design.start._replace(drift=drift))
+    controller = design.build(design.start | dict(drift=drift))
     seen = scenarios(machine, design)
     found = trials.robust_test(controller, machine, seen, design.fed, seed=3)
     family = machine.random_family(FEW, 3)
