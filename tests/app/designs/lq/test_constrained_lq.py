@@ -81,8 +81,8 @@ def test_the_search_ends_where_dearer_errors_change_the_gains_no_more(name):
     def change(more):
         return np.abs(gains(10 * more) - gains(more)).max() / np.abs(gains(more)).max()
 
-    farthest = np.exp(design.space.alpha.reach)
-    assert design.space.beta.reach == design.space.alpha.reach
+    farthest = np.exp(design.space["alpha"].reach)
+    assert design.space["beta"].reach == design.space["alpha"].reach
     assert change(1.0) > 0.4
     assert change(farthest) < 2e-3
 

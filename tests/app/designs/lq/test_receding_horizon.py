@@ -75,7 +75,7 @@ def test_bad_settings_are_told(flags, fault, machine):
 def test_a_group_frees_its_weights_and_the_others_stay(machine):
     design = design_for(machine, Simulate(preview=3)).freed(["observer", "beta"])
     assert sorted(design.free()) == ["beta", "control_noise", "drift"]
-    assert isinstance(design.space.alpha, Fixed)
+    assert isinstance(design.space["alpha"], Fixed)
 
 
 def test_a_stage_profile_begins_even(machine):
