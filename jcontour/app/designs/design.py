@@ -100,7 +100,7 @@ class Design(abc.ABC, Generic[M]):
         self.first = {one.name: one for one in self._on_machine()}
         starts = {name: one.start for name, one in self.first.items()}
         self.start: Gains = changed(starts, given(flags))
-        self.space: dict[str, Parameter] = {name: one.range for name, one in self.first.items()}
+        self.space: dict[str, Any] = {name: one.range for name, one in self.first.items()}
         self.preview = self.first_preview(starts)
 
     @abc.abstractmethod
