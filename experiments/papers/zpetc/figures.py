@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.zpetc.experiment import Result
-from experiments.papers.zpetc.runs import FAST
+from experiments.papers.zpetc.runs import FAST, FRICTIONS
 from jcontour.app.reports.figures.axes import CYCLE, DESIRED, grid, legend_below
 from jcontour.plants.three_link import PATH_DURATION, ThreeLink, manipulator_path
 
@@ -75,15 +75,19 @@ def errors(result: Result) -> Figure:
 
 
 def integral_time(result: Result) -> Figure:
-    """Mean error over the integral time."""
-    curves = []
-    for truth in dict.fromkeys(row.truth for row in result.integral):
-        rows = [row for row in result.integral if row.truth == truth and row.integral_time]
-        times = [row.integral_time for row in rows]
-        curves.append(Curve(times, [row.mean_um for row in rows], truth, {"marker": "o"}))
-    title, log = "Zero phase tracking with an integrator", {"xscale": "log", "yscale": "log"}
-    panel = Panel(title, "integral time [s]", "mean error [um]", curves, log)
-    return drawn([panel], (6.4, 4.0), legend=2)
+    """Mean error over the integral time, as modelled and as built."""
+    rubbed = [row for row in result.limited if row.friction == FRICTIONS[-1]]
+    titles = ("the linear servo", f"current limited, friction {FRICTIONS[-1]:g} A")
+    panels, log = [], {"xscale": "log", "yscale": "log"}
+    for title, runs in zip(titles, (result.integral, rubbed), strict=True):
+        curves = []
+        for truth in dict.fromkeys(row.truth for row in runs):
+            rows = [row for row in runs if row.truth == truth and row.integral_time]
+            times = [row.integral_time for row in rows]
+            curves.append(Curve(times, [row.mean_um for row in rows], truth, {"marker": "o"}))
+        panels.append(Panel(title, "integral time [s]", "mean error [um]", curves, log))
+    title = "Zero phase tracking with an integrator"
+    return drawn(panels, (9.0, 4.0), title, columns=2, legend=4)
 
 
 def gain_error(result: Result) -> Figure:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from numpy.polynomial import polynomial
 from scipy.signal import lfilter
 
+from experiments.papers.zpetc.limited_servo import LimitedServo
 from jcontour.controller import Controller
 from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
 from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
@@ -25,6 +26,7 @@ from jcontour.linear.transfer_functions import (
     transfer_function,
 )
 from jcontour.motion.references import Reference, from_samples
+from jcontour.plant import Plant
 from jcontour.plants.servo_axes import servo_axes
 from jcontour.plants.three_link import (
     LVDT_QUANTUM,
@@ -76,6 +78,7 @@ INTEGRAL_TIMES = (None, 0.002, 0.003, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  #
 STARTS = ((-0.6461, 0.3539), (-0.8, 0.2))  # the good model (19), and a poor one
 TRACES = (2.0, 200.0)
 ADAPTATION_OFF = 1e9  # [m] of dead zone
+FRICTIONS = (0.0, 3.0, 6.0)  # [A], assumed: with the most, 0.05 s is the best time, as in print
 FLOOR = 1e-3  # [m]: the paper's normalisation is in mm
 
 
@@ -97,6 +100,7 @@ class IntegralRun:
     integral_time: float | None  # [s]; None without
     mean_um: float
     peak_um: float
+    friction: float | None = None  # [A] beside the limit of the current; None without both
 
 
 @dataclass(frozen=True)
@@ -288,13 +292,12 @@ def reference(dt: float, preview: int) -> Reference:
 
 def errors(controller: Controller, truth: Truth, dt: float) -> Float[np.ndarray, " T"]:
     """Errors of the leg along the path [um]."""
-    return _errors(controller, truth, dt)[0]
+    return _errors(controller, servo_axes([truth.gain * SERVO_GAIN], truth.pole, dt))[0]
 
 
-def _errors(controller: Controller, truth: Truth, dt: float):
-    plant = Encoders(servo_axes([truth.gain * SERVO_GAIN], truth.pole, dt))
-    wanted = reference(dt, controller.preview)
-    run = simulate(Quantised(plant, LVDT_QUANTUM), controller, wanted)
+def _errors(controller: Controller, servo: Plant):
+    wanted = reference(servo.dt, controller.preview)
+    run = simulate(Quantised(Encoders(servo), LVDT_QUANTUM), controller, wanted)
     output = np.asarray(run.output)[:, 0]
     return 1e6 * (np.asarray(wanted.position)[: output.size, 0] - output), run
 
@@ -307,13 +310,21 @@ def tracking(integral_time: float | None) -> ZeroPhaseTracking:
 
 
 def integral_runs(
-    truths: Iterable[Truth] = TRUTHS, times: Iterable[float | None] = INTEGRAL_TIMES
+    truths: Iterable[Truth] = TRUTHS,
+    times: Iterable[float | None] = INTEGRAL_TIMES,
+    friction: float | None = None,
 ) -> tuple[IntegralRun, ...]:
-    """Mean and largest error over the integral time."""
+    """Mean and largest error over the integral time; with a friction [A] as the leg is built."""
     found = []
     for truth, time in product(truths, times):
-        error = np.abs(errors(tracking(time), truth, FAST))
-        found.append(IntegralRun(truth.name, time, float(error.mean()), float(error.max())))
+        gain = truth.gain * SERVO_GAIN
+        if friction is None:
+            servo = servo_axes([gain], truth.pole, FAST)
+        else:
+            servo = LimitedServo(gain, truth.pole, friction, FAST)
+        size = np.abs(_errors(tracking(time), servo)[0])
+        row = IntegralRun(truth.name, time, float(size.mean()), float(size.max()), friction)
+        found.append(row)
     return tuple(found)
 
 
@@ -349,7 +360,8 @@ def one_pole_fit(truth: Truth) -> tuple[float, float]:
 def _adaptive_run(
     truth: Truth, theta: tuple[float, float], trace: float, dead_zone: float, rule: str
 ) -> AdaptiveRun:
-    error, run = _errors(adaptive(theta, trace, dead_zone), truth, SLOW)
+    servo = servo_axes([truth.gain * SERVO_GAIN], truth.pole, SLOW)
+    error, run = _errors(adaptive(theta, trace, dead_zone), servo)
     estimate = run.final_memory.estimate
     final = np.asarray(estimate.theta)[0]
     return _row(truth, theta, trace, rule, error, final, float(np.trace(estimate.gain[0])))
