@@ -14,6 +14,7 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 
+from experiments.papers.yuan_bounded.point_to_point import PointToPointRun, point_to_point
 from jcontour.geometry import contours
 from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.motion.point_to_point import thesis_task_a
@@ -97,6 +98,7 @@ class Result:
     certificates: tuple[CertificateRow, ...]
     least: tuple[LeastRow, ...]
     loops: tuple[LoopRow, ...]
+    motions: tuple[PointToPointRun, ...]  # Figs 4.3 and 4.5
 
 
 def run(settings: Settings) -> Result:
@@ -112,6 +114,7 @@ def run(settings: Settings) -> Result:
             loop_row(UNKNOWN, lengths[UNKNOWN][-1], samples),
             loop_row(PREVIEWED, lengths[PREVIEWED][0], samples),
         ),
+        point_to_point(),
     )
 
 

@@ -21,4 +21,14 @@ def errors(result: Result) -> Figure:
     return drawn(panels, (9.0, 3.6), title, columns=len(panels))
 
 
-FIGURES = {"figure-4-2": errors}
+def motions(result: Result) -> Figure:
+    """Figs 4.3 and 4.5: tracking error of the end effector along the point-to-point motion."""
+    curves = [
+        Curve(run.period_s * np.arange(run.error_mm.size), run.error_mm, run.controller)
+        for run in result.motions
+    ]
+    title = "Figs 4.3 and 4.5: point-to-point motion, the controllers that can be run"
+    return drawn([Panel(title, "time [s]", "error [mm]", curves)], (8.0, 4.0), legend=2)
+
+
+FIGURES = {"figure-4-2": errors, "figures-4-3-and-4-5": motions}

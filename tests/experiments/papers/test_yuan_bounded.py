@@ -25,8 +25,10 @@ from experiments.papers.yuan_bounded.experiment import (
     run,
 )
 from experiments.papers.yuan_bounded.figures import errors
+from experiments.papers.yuan_bounded.point_to_point import PointToPointRun, motion
 
 DATA = Path(__file__).parents[2] / "data" / "guarantees"
+ORDER = Verdict.SAME_ORDERING
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 
@@ -73,7 +75,9 @@ def made_up():
         LeastRow(UNKNOWN, 60, 1.39, ("control",)),
         LeastRow(PREVIEWED, 40, 0.058, ("control",)),
     )
-    return Result(1.001, (CertificateRow(5.0, 0.1, 4.856),), least, loops)
+    runs = (("1 kHz", 3.9, 1.7), ("4 kHz", 3.8, 1.7), ("standard", 7.7, 5.3), ("tuned", 2.2, 1.4))
+    motions = tuple(PointToPointRun(name, 1e-3, most, mean, error) for name, most, mean in runs)
+    return Result(1.001, (CertificateRow(5.0, 0.1, 4.856),), least, loops, motions)
 
 
 def test_verdicts_follow_the_numbers():
@@ -81,7 +85,11 @@ def test_verdicts_follow_the_numbers():
         return [claim.verdict for claim in claims(result)]
 
     whole = made_up()
-    assert verdicts(whole) == [NO, NO, PARTLY, PARTLY, PARTLY, Verdict.EXPERIMENTAL]
+    assert verdicts(whole)[:5] == [NO, NO, PARTLY, PARTLY, PARTLY]
+    assert verdicts(whole)[5:] == [YES, NO, NO, ORDER, YES, NO, Verdict.EXPERIMENTAL]
+    one, *others = whole.motions
+    printed = replace(one, largest_mm=3.44, mean_mm=0.66)
+    assert verdicts(replace(whole, motions=(printed, *others)))[6:9] == [YES, NO, NO]
     printed = tuple(replace(row, speed_limit=0.1) for row in whole.loops)
     assert verdicts(replace(whole, loops=printed))[3] == YES
     assert verdicts(replace(whole, observer_radius=0.99))[0] == YES
@@ -107,3 +115,10 @@ def test_the_chapter_in_its_quick_form():
     verdicts = [claim.verdict for claim in claims(result)]
     assert verdicts[:5] == [NO, NO, PARTLY, PARTLY, PARTLY]
     assert all(0.75 * row.promised_mm < row.largest_mm for row in result.loops)
+
+
+def test_the_motion_waits_and_ends_after_a_tenth_of_a_metre():
+    position = np.asarray(motion(1e-3, 1).position)[:, 0]
+    assert not position[:200].any() and position[-1] == pytest.approx(0.1)
+    assert np.diff(position).max() == pytest.approx(1e-4)
+    assert np.diff(position, 2).max() == pytest.approx(4e-6, rel=1e-6)
