@@ -1,7 +1,10 @@
-"""Comparison of two runs of a command: what changed, and which is better where."""
+"""Comparison of two runs of a command: what changed, and which is better where.
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+Numbers are compared where path, motion, unit and sample are the same.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -17,175 +20,21 @@ from jcontour.app.files.results.run_metrics import (
     METRICS,
     ContourRead,
     FamilyMetrics,
-    MachineSummary,
     RunMetrics,
 )
 from jcontour.app.files.results.stored import Weight, read_result
-from jcontour.app.files.results.tuned_result import PathMargins, TunedResult
+from jcontour.app.files.results.tuned_result import TunedContour, TunedResult
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.reports import tables
 from jcontour.app.reports.tables import columns_of, digits
 
 SAME = 1e-3  # relative: a smaller difference is called none
 UNNAMED = "control unit"  # of a machine that does not say its unit
-
-
-@dataclass(frozen=True, kw_only=True)
-class ComparableContour:
-    """One contour of a run.
-
-    Attributes:
-        training: whether the weights were tuned on it.
-        metrics: of the weights of the run.
-        read: what the contour is; None in folders of older versions.
-        feed_law: of the motion, in words; empty likewise.
-    """
-
-    name: str
-    training: bool
-    metrics: FamilyMetrics
-    read: ContourRead | None = None
-    feed_law: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ComparableRun:
-    """What a run of `tune` and one of `simulate` have in common.
-
-    Attributes:
-        error: the error that counts, "contour" or "tracking".
-        margins: None of `simulate`, which looks at none.
-        sample_period: [s]; None in folders of older versions.
-    """
-
-    machine: MachineSummary
-    error: str
-    weights: dict[str, Weight]
-    verdict: Verdict
-    contours: list[ComparableContour]
-    margins: PathMargins | None = None
-    sample_period: float | None = None
-
-    @classmethod
-    def of_tuned(cls, result: TunedResult) -> "ComparableRun":
-        """The tuned weights on all contours."""
-        contours = [
-            ComparableContour(
-                name=one.name,
-                training=one.training,
-                metrics=one.metrics["tuned"],
-                read=one.read,
-                feed_law=one.feed_law,
-            )
-            for one in result.contours
-        ]
-        return cls(
-            machine=result.machine,
-            error=result.error,
-            weights=result.weights,
-            verdict=result.verdict,
-            contours=contours,
-            margins=result.margins,
-            sample_period=result.sample_period,
-        )
-
-    @classmethod
-    def of_simulated(cls, result: SimulatedResult) -> "ComparableRun":
-        """The controller on its one contour."""
-        contour = ComparableContour(
-            name=result.contour,
-            training=False,
-            metrics=_over_family(list(result.plants.values())),
-            read=result.read,
-            feed_law=result.feed_law,
-        )
-        return cls(
-            machine=result.machine,
-            error=result.error,
-            weights=result.weights,
-            verdict=result.verdict,
-            contours=[contour],
-            sample_period=result.sample_period,
-        )
-
-
-def _over_family(plants: list[RunMetrics]) -> FamilyMetrics:
-    """The nominal plant, which is the first, and the worst of all metric by metric."""
-    worst = {name: np.max([getattr(plant, name) for plant in plants]).item() for name in METRICS}
-    return FamilyMetrics(plants[0], RunMetrics(**worst))
-
-
-def unlike_paths(first: ComparableRun, second: ComparableRun) -> list[str]:
-    """Names of contours that are not the same path in both runs, as those made for other parts."""
-    return [a.name for a, b in _pairs(first, second) if _other_path(a.read, b.read)]
-
-
-def unlike_motions(first: ComparableRun, second: ComparableRun) -> dict[str, list[str]]:
-    """Motion in either run of every contour that is the same path, but not the same motion."""
-    slack = 2 * max(one.sample_period or 0.0 for one in (first, second))
-    found = {}
-    for a, b in _pairs(first, second):
-        if not _other_path(a.read, b.read) and _other_motion(a, b, slack):
-            found[a.name] = [_motion_words(one) for one in (a, b)]
-    return found
-
-
-def comparable(metric: str, first: ComparableRun, second: ComparableRun) -> bool:
-    """Whether a metric has the same unit in both runs; an increment is one per sample."""
-    mine, other = control_units(first, second)
-    units = mine == other
-    if METRICS[metric].unit == INCREMENT:
-        return units and same_period(first.sample_period, second.sample_period)
-    return units or METRICS[metric].unit != CONTROL
-
-
-def control_units(first: ComparableRun, second: ComparableRun) -> list[str]:
-    """Units of the controls; one without a name is that of its machine alone."""
-    machines = [first.machine, second.machine]
-    units = [machine.control_unit for machine in machines]
-    if units == [UNNAMED, UNNAMED] and machines[0].name != machines[1].name:
-        return [f"{UNNAMED} of {machine.name}" for machine in machines]
-    return units
-
-
-def same_period(first: float | None, second: float | None) -> bool:
-    """Whether two sample periods [s] are equal; one that is not known is taken to be."""
-    return first is None or second is None or bool(np.isclose(first, second, rtol=1e-9, atol=0))
-
-
-def _pairs(
-    first: ComparableRun, second: ComparableRun
-) -> Iterator[tuple[ComparableContour, ComparableContour]]:
-    others = {contour.name: contour for contour in second.contours}
-    return ((one, others[one.name]) for one in first.contours if one.name in others)
-
-
-def _other_path(first: ContourRead | None, second: ContourRead | None) -> bool:
-    """Whether length or box differ, beyond rounding."""
-    if first is None or second is None:
-        return False
-    a, b = ([one.length, *one.low, *one.high] for one in (first, second))
-    return len(a) != len(b) or not np.allclose(a, b, rtol=SAME, atol=SAME * first.length)
-
-
-def _other_motion(first: ComparableContour, second: ComparableContour, slack: float) -> bool:
-    """Whether feed law or duration differ, by more than some samples' time [s]."""
-    if first.feed_law and second.feed_law and first.feed_law != second.feed_law:
-        return True
-    a, b = (None if one.read is None else one.read.duration for one in (first, second))
-    return a is not None and b is not None and not np.isclose(a, b, rtol=SAME, atol=slack)
-
-
-def _motion_words(contour: ComparableContour) -> str:
-    """Feed law and duration, as far as they are known."""
-    duration = None if contour.read is None else contour.read.duration
-    lasting = "" if duration is None else f"{duration:.4g} s"
-    return ", ".join(filter(None, [contour.feed_law, lasting])) or "-"
-
-
 UNCOMPARED = ("json", "out", "resume", "rollouts")
 NEITHER = "neither"  # is better: the smaller number is of a run with the verdict DO NOT USE
 SIDES = ("first", "second", "same", NEITHER)
+KINDS = {"tune": TunedResult, "simulate": SimulatedResult}
+Compared = TunedResult | SimulatedResult
 
 
 @dataclass(frozen=True)
@@ -243,6 +92,33 @@ class ComparedResult:
     better: dict[str, int]
     cycle_times: dict[str, list[float | None]]
 
+    @property
+    def usable(self) -> list[bool]:
+        """Whether the weights of either run may be used."""
+        return [verdict.usable for verdict in self.verdicts]
+
+    @property
+    def same_machine(self) -> bool:
+        """Whether both runs are of one machine."""
+        return self.machines[0] == self.machines[1]
+
+    @property
+    def alike(self) -> list[ComparedMetric]:
+        """Metrics of the contours that are the same path and the same motion in both runs."""
+        unlike = {*self.unlike, *self.motions}
+        return [row for row in self.metrics if row.contour not in unlike]
+
+    def units(self, metric: str) -> list[str]:
+        """Unit of a metric in either run; of an increment with the sample where that differs."""
+        if METRICS[metric].unit == CONTROL:
+            return self.control_units
+        if METRICS[metric].unit != INCREMENT:
+            return ["um", "um"]
+        if same_period(*self.sample_periods):
+            return [f"{unit} per sample" for unit in self.control_units]
+        both = zip(self.control_units, self.sample_periods, strict=True)
+        return [f"{unit} per {digits(1e3 * (period or 0))} ms" for unit, period in both]
+
 
 def run(first: Path, second: Path) -> ComparedResult:
     """Settings that differ, weights, and every metric of every contour that both runs have.
@@ -252,11 +128,23 @@ def run(first: Path, second: Path) -> ComparedResult:
             both differ, or a run is of an older version.
     """
     folders = (first, second)
-    command = _command(first)
+    named = run_folder.read_json(first, run_folder.SETTINGS).get("command")
+    command = "simulate" if named == "simulate" else "tune"
     settings = [run_folder.opened(folder, command) for folder in folders]
-    a, b = (_read(folder, command) for folder in folders)
+    a, b = (read_result(folder, KINDS[command]) for folder in folders)
     unlike, motions = unlike_paths(a, b), unlike_motions(a, b)
     rows = _rows(a, b, [*unlike, *motions])
+    margins = {}
+    if isinstance(a, TunedResult) and isinstance(b, TunedResult):
+        for name, margin in (
+            ("spectral_radius", "spectral_radius"),
+            ("delay_samples", "delay_samples"),
+            ("peak_sensitivity", "sensitivity"),
+        ):
+            margins[name] = [getattr(one.margins, margin) for one in (a, b)]
+    times = {}
+    for one, other in _pairs(a, b):
+        times[one.name] = [None if c.read is None else c.read.duration for c in (one, other)]
     names = list(dict.fromkeys((*a.weights, *b.weights)))
     return ComparedResult(
         command=command,
@@ -270,44 +158,98 @@ def run(first: Path, second: Path) -> ComparedResult:
         sample_periods=[a.sample_period, b.sample_period],
         unlike=unlike,
         motions=motions,
-        margins=_margins(a, b),
+        margins=margins,
         metrics=rows,
         better={side: sum(row.better == side for row in rows) for side in SIDES},
-        cycle_times=_cycle_times(a, b),
+        cycle_times=times,
     )
 
 
-def _command(folder: Path) -> str:
-    """`simulate` of a run of that command, else `tune`, which the second folder needs, too."""
-    named = run_folder.read_json(folder, run_folder.SETTINGS).get("command")
-    return "simulate" if named == "simulate" else "tune"
-
-
-def _read(folder: Path, command: str) -> ComparableRun:
-    if command == "tune":
-        return ComparableRun.of_tuned(read_result(folder, TunedResult))
-    return ComparableRun.of_simulated(read_result(folder, SimulatedResult))
-
-
-def _margins(first: ComparableRun, second: ComparableRun) -> dict[str, list[float | None]]:
-    """Margins of both; none of `simulate`."""
-    a, b = first.margins, second.margins
-    if a is None or b is None:
-        return {}
-    return {
-        "largest_frozen_spectral_radius": [a.spectral_radius, b.spectral_radius],
-        "delay_samples": [a.delay_samples, b.delay_samples],
-        "peak_sensitivity": [a.sensitivity, b.sensitivity],
+def _contours(result: Compared) -> list[TunedContour]:
+    """Contours of a run; of `simulate` its one, with the worst of its plants."""
+    if isinstance(result, TunedResult):
+        return result.contours
+    plants = list(result.plants.values())
+    worst = {
+        one.name: np.max([getattr(plant, one.name) for plant in plants]).item()
+        for one in fields(RunMetrics)
     }
+    return [
+        TunedContour(
+            name=result.contour,
+            training=False,
+            samples=result.samples,
+            metrics={"tuned": FamilyMetrics(plants[0], RunMetrics(**worst))},
+            read=result.read,
+            feed_law=result.feed_law,
+        )
+    ]
 
 
-def _cycle_times(first: ComparableRun, second: ComparableRun) -> dict[str, list[float | None]]:
-    """Durations of the contours that both runs have."""
-    a, b = (
-        {one.name: None if one.read is None else one.read.duration for one in run.contours}
-        for run in (first, second)
-    )
-    return {name: [a[name], b[name]] for name in a if name in b}
+def _pairs(first: Compared, second: Compared) -> list[tuple[TunedContour, TunedContour]]:
+    """Contours that both runs have."""
+    others = {contour.name: contour for contour in _contours(second)}
+    return [(one, others[one.name]) for one in _contours(first) if one.name in others]
+
+
+def unlike_paths(first: Compared, second: Compared) -> list[str]:
+    """Names of contours that are not the same path in both runs, as those made for other parts."""
+    return [a.name for a, b in _pairs(first, second) if _other_path(a.read, b.read)]
+
+
+def _other_path(first: ContourRead | None, second: ContourRead | None) -> bool:
+    """Whether length or box differ, beyond rounding."""
+    if first is None or second is None:
+        return False
+    a, b = ([one.length, *one.low, *one.high] for one in (first, second))
+    return len(a) != len(b) or not np.allclose(a, b, rtol=SAME, atol=SAME * first.length)
+
+
+def unlike_motions(first: Compared, second: Compared) -> dict[str, list[str]]:
+    """Motion in either run of every contour that is the same path, but not the same motion.
+
+    Feed law or duration differ, by more than some samples' time.
+    """
+    slack = 2 * max(one.sample_period or 0.0 for one in (first, second))
+    motions = {}
+    for pair in _pairs(first, second):
+        a, b = pair
+        if _other_path(a.read, b.read):
+            continue
+        lasting = [None if one.read is None else one.read.duration for one in pair]
+        laws = {one.feed_law for one in pair if one.feed_law}
+        known = [float("nan") if time is None else time for time in lasting]
+        apart = abs(known[0] - known[1]) > slack + SAME * abs(known[1])
+        if len(laws) > 1 or apart:  # nothing is apart from what is not known
+            motions[a.name] = [
+                ", ".join(filter(None, [one.feed_law, "" if time is None else f"{time:.4g} s"]))
+                or "-"
+                for one, time in zip(pair, lasting, strict=True)
+            ]
+    return motions
+
+
+def comparable(metric: str, first: Compared, second: Compared) -> bool:
+    """Whether a metric has the same unit in both runs; an increment is one per sample."""
+    if METRICS[metric].unit not in (CONTROL, INCREMENT):
+        return True
+    mine, other = control_units(first, second)
+    same = METRICS[metric].unit == CONTROL or same_period(first.sample_period, second.sample_period)
+    return mine == other and same
+
+
+def control_units(first: Compared, second: Compared) -> list[str]:
+    """Units of the controls; one without a name is that of its machine alone."""
+    machines = [first.machine, second.machine]
+    units = [machine.control_unit for machine in machines]
+    if units == [UNNAMED, UNNAMED] and machines[0].name != machines[1].name:
+        return [f"{UNNAMED} of {machine.name}" for machine in machines]
+    return units
+
+
+def same_period(first: float | None, second: float | None) -> bool:
+    """Whether two sample periods [s] are equal; one that is not known is taken to be."""
+    return first is None or second is None or bool(np.isclose(first, second, rtol=1e-9, atol=0))
 
 
 def _changed(both: Sequence[dict[str, Any]], without: Sequence[str] = ()) -> dict[str, list[Any]]:
@@ -318,40 +260,21 @@ def _changed(both: Sequence[dict[str, Any]], without: Sequence[str] = ()) -> dic
     return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def _rows(
-    first: ComparableRun, second: ComparableRun, unlike: Sequence[str]
-) -> list[ComparedMetric]:
-    others = {contour.name: contour for contour in second.contours}
+def _rows(first: Compared, second: Compared, unlike: Sequence[str]) -> list[ComparedMetric]:
+    """Every metric of every contour that both runs have, and which is better."""
     both_contour = first.error == second.error == "contour"
     metrics = columns_of("contour" if both_contour else "tracking")
-    units = {metric: comparable(metric, first, second) for metric in metrics}
-    usable, alike = (
-        (first.verdict.usable, second.verdict.usable),
-        first.machine.name == second.machine.name,
-    )
+    usable = [first.verdict.usable, second.verdict.usable]
+    same_machine = first.machine.name == second.machine.name
+    judged = {name for name in metrics if same_machine and comparable(name, first, second)}
     rows = []
-    for contour in first.contours:
-        if contour.name not in others:
-            continue
+    for pair in _pairs(first, second):
+        name, training = pair[0].name, (pair[0].training, pair[1].training)
         for plant, metric in product(("nominal", "worst"), metrics):
-            judged = usable if alike and units[metric] and contour.name not in unlike else None
-            rows.append(_row(contour, others[contour.name], plant, metric, judged))
+            values = [getattr(getattr(one.metrics["tuned"], plant), metric) for one in pair]
+            better = _better(*values, usable) if metric in judged and name not in unlike else ""
+            rows.append(ComparedMetric(name, plant, metric, *values, training, better))
     return rows
-
-
-def _row(
-    first: ComparableContour,
-    second: ComparableContour,
-    plant: str,
-    metric: str,
-    usable: Sequence[bool] | None,
-) -> ComparedMetric:
-    """Both numbers, and which is better where the weights that may be used are told."""
-    both = (first, second)
-    a, b = (getattr(getattr(one.metrics, plant), metric) for one in both)
-    training = (first.training, second.training)
-    better = "" if usable is None else _better(a, b, usable)
-    return ComparedMetric(first.name, plant, metric, a, b, training, better)
 
 
 def _better(first: float, second: float, usable: Sequence[bool]) -> str:
@@ -372,43 +295,40 @@ def _smaller(first: float, second: float) -> str:
 
 def show(found: ComparedResult, console: Console) -> None:
     """Warnings, verdict of each run, two tables, and which is better for what."""
-    tables.say(console, *warnings(found))
+    tables.say(console, *(f"WARNING: {line}" for line in warnings(found)))
     for side, folder, verdict in zip(SIDES, found.runs, found.verdicts, strict=False):
         tables.say(console, f"{side}: {folder}", verdict.heading)
         tables.say(console, *(f"  because: {line}" for line in verdict.reasons))
-    changes = [
-        [key, _value(a), _value(b)]
-        for part in (_machines(found), found.settings, found.versions, found.weights)
-        for key, (a, b) in part.items()
-        if a != b
-    ]
+    motions: dict[tuple[str, ...], list[str]] = {}
+    for name, motion in found.motions.items():
+        motions.setdefault(tuple(motion), []).append(name)
+    pairs: dict[str, Sequence[Any]] = {
+        "machine": found.machines,
+        "control unit": found.control_units,
+        "sample period ms": [None if one is None else 1e3 * one for one in found.sample_periods],
+        **{f"motion of {', '.join(names)}": pair for pair, names in motions.items()},
+        **found.settings,
+        **found.versions,
+        **found.weights,
+    }
+    changes = [[key, _value(a), _value(b)] for key, (a, b) in pairs.items() if a != b]
     for name, pair in found.margins.items():
         changes.append([name.replace("_", " "), *map(digits, pair)])
-    table = tables.plain_table("What changed", ["", "first", "second"], changes, 3)
-    console.print(table)
+    console.print(tables.plain_table("What changed", ["", "first", "second"], changes, 3))
     headings = ["contour", "plant", "metric", "first", "second", "better"]
-    shown = [row for row in found.metrics if _has_one_unit(row.metric, found)]
-    rows = [_cells(row) for row in shown]
+    rows = []
+    for row in found.metrics:
+        metric, (first, second) = METRICS[row.metric], found.units(row.metric)
+        if first == second:
+            values = [digits(metric.factor * value) for value in (row.first, row.second)]
+            heading = metric.heading.replace("\n", " ")
+            rows.append([row.contour, row.plant, heading, *values, row.better])
     first, second = found.control_units
     units = f"; controls in {first}" if first == second else ""
     whose = "Tuned weights" if found.command == "tune" else "Runs"
     title = f"{whose} of both, smaller is better{units}"
     console.print(tables.plain_table(title, headings, rows, 3))
     tables.say(console, *better_for(found), recommendation(found))
-
-
-def _machines(found: ComparedResult) -> dict[str, Sequence[Any]]:
-    """Machine, units and motions of both runs."""
-    periods = [None if one is None else 1e3 * one for one in found.sample_periods]
-    pairs: dict[str, Sequence[Any]] = {
-        "machine": found.machines,
-        "control unit": found.control_units,
-        "sample period ms": periods,
-    }
-    together: dict[tuple[str, ...], list[str]] = {}
-    for name, motion in found.motions.items():
-        together.setdefault(tuple(motion), []).append(name)
-    return pairs | {f"motion of {', '.join(names)}": pair for pair, names in together.items()}
 
 
 def _value(value: Any) -> str:
@@ -424,89 +344,54 @@ def _value(value: Any) -> str:
     return " ".join(map(_value, value)) if isinstance(value, list) else str(value)
 
 
-def _has_one_unit(metric: str, found: ComparedResult) -> bool:
-    """Whether the numbers of both runs have the same unit; an error is in um."""
-    if METRICS[metric].unit not in (CONTROL, INCREMENT):
-        return True
-    first, second = _units(metric, found)
-    return first == second
-
-
-def _cells(row: ComparedMetric) -> list[str]:
-    factor = METRICS[row.metric].factor
-    values = [digits(factor * value) for value in (row.first, row.second)]
-    return [
-        row.contour,
-        row.plant,
-        METRICS[row.metric].heading.replace("\n", " "),
-        *values,
-        row.better,
-    ]
-
-
-def _units(metric: str, found: ComparedResult) -> list[str]:
-    """Unit of a control or its increment in either run, with the sample where that differs."""
-    if METRICS[metric].unit != INCREMENT:
-        return found.control_units
-    if same_period(*found.sample_periods):
-        return [f"{unit} per sample" for unit in found.control_units]
-    both = zip(found.control_units, found.sample_periods, strict=True)
-    return [f"{unit} per {digits(1e3 * (period or 0))} ms" for unit, period in both]
-
-
 def warnings(found: ComparedResult) -> list[str]:
-    """Warnings where the numbers are hard to compare."""
+    """Lines where the numbers are hard to compare."""
     lines = []
-    first, second = found.machines
-    if not _same_machine(found):
+    if not found.same_machine:
         lines.append(
-            f"WARNING: the runs are of different machines, {first} and {second}: a smaller error "
+            f"the runs are of different machines, {' and '.join(found.machines)}: a smaller error "
             "does not mean better weights"
         )
     elif "plant" in found.settings:
-        lines.append("WARNING: the machine comes from different files: it may not be the same")
+        lines.append("the machine comes from different files: it may not be the same")
     if found.unlike:
         lines.append(
-            f"WARNING: {', '.join(found.unlike)}: not the same path in both runs, as held-out "
-            "contours are made for the parts; their errors do not say which weights are better"
+            f"{', '.join(found.unlike)}: not the same path in both runs, as held-out contours are "
+            "made for the parts; their errors do not say which weights are better"
         )
     if found.motions:
         lines.append(
-            f"WARNING: {', '.join(found.motions)}: not the same motion in both runs; their errors "
-            "do not say which weights are better"
+            f"{', '.join(found.motions)}: not the same motion in both runs; their errors do not "
+            "say which weights are better"
         )
     for words, metric in (("controls", "rms_control"), ("changes of the control", "rms_increment")):
-        first, second = _units(metric, found)
+        first, second = found.units(metric)
         if first != second:
-            lines.append(f"WARNING: {words} are in {first} and in {second}: not compared")
+            lines.append(f"{words} are in {first} and in {second}: not compared")
     if "feed_mm_per_min" in found.settings or "acceleration" in found.settings:
-        lines.append("WARNING: feed or acceleration differ, and errors grow with both")
+        lines.append("feed or acceleration differ, and errors grow with both")
     return lines
 
 
 def better_for(found: ComparedResult) -> list[str]:
-    """One line each for error, control effort and robustness: what either run has."""
-    lines, usable, alike = [], _usable(found), _same_machine(found)
-    compared = [
-        ("rms_contour_error", "RMS contour error", ("um", "um")),
-        ("rms_tracking_error", "RMS tracking error", ("um", "um")),
-        ("rms_increment", "RMS change of the control", _units("rms_increment", found)),
-    ]
-    for metric, words, units in compared:
-        rows = [row for row in _alike(found) if (row.metric, row.plant) == (metric, "worst")]
+    """One line each for error, control effort, robustness and time: what either run has."""
+    lines = []
+    for metric, words in (
+        ("rms_contour_error", "RMS contour error"),
+        ("rms_tracking_error", "RMS tracking error"),
+        ("rms_increment", "RMS change of the control"),
+    ):
+        rows = [row for row in found.alike if (row.metric, row.plant) == (metric, "worst")]
         if rows:
-            a, b = (METRICS[metric].factor * _largest(rows, side) for side in SIDES[:2])
+            factor = METRICS[metric].factor
+            a, b = (  # NaN where one diverged
+                factor * float(np.max([getattr(row, side) for row in rows])) for side in SIDES[:2]
+            )
             told = f"{words}, worst contour and plant"
-            lines.append(_line(told, (a, b), units, usable, alike))
+            lines.append(_line(found, told, (a, b), found.units(metric)))
     a, b = found.margins.get("peak_sensitivity", (None, None))
     if a is not None and b is not None:
-        lines.append(_line("Peak sensitivity over the family", (a, b), ("", ""), usable, alike))
-    return [*lines, *_quicker(found)]
-
-
-def _quicker(found: ComparedResult) -> list[str]:
-    """A line for every contour whose cycle times differ, of the same path."""
-    lines = []
+        lines.append(_line(found, "Peak sensitivity over the family", (a, b), ("", "")))
     for name, (a, b) in found.cycle_times.items():
         if a is None or b is None or name in found.unlike or _smaller(a, b) == "same":
             continue
@@ -515,52 +400,28 @@ def _quicker(found: ComparedResult) -> list[str]:
     return lines
 
 
-def _usable(found: ComparedResult) -> list[bool]:
-    return [verdict.usable for verdict in found.verdicts]
-
-
-def _same_machine(found: ComparedResult) -> bool:
-    first, second = found.machines
-    return first == second
-
-
-def _alike(found: ComparedResult) -> list[ComparedMetric]:
-    """Rows of the contours that are the same path and the same motion in both runs."""
-    unlike = {*found.unlike, *found.motions}
-    return [row for row in found.metrics if row.contour not in unlike]
-
-
-def _largest(rows: Sequence[ComparedMetric], side: str) -> float:
-    values = [getattr(row, side) for row in rows]
-    lost = any(value != value for value in values)
-    return float("nan") if lost else max(values)
-
-
 def _line(
-    words: str,
-    values: tuple[float, float],
-    units: Sequence[str],
-    usable: Sequence[bool],
-    alike: bool,
+    found: ComparedResult, words: str, values: tuple[float, float], units: Sequence[str]
 ) -> str:
     """Both numbers, and which is better where unit and machine are the same."""
     a, b = ("diverged" if value != value else digits(value) for value in values)
     first, second = units
     if first != second:
         return f"{words}: {a} {first} against {b} {second}: not to be compared."
-    if not alike:
-        return f"{words}: {a} against {b} {first}".rstrip() + ", of different machines."
-    side = _better(*values, usable)
+    both = f"{words}: {a} against {b} {first}".rstrip()
+    if not found.same_machine:
+        return f"{both}, of different machines."
+    side = _better(*values, found.usable)
     which = {
         "same": "the same",
         NEITHER: f"less in the {_smaller(*values)}, which must not be used",
     }.get(side, f"the {side} is better")
-    return f"{words}: {a} against {b} {first}".rstrip() + f": {which}."
+    return f"{both}: {which}."
 
 
 def recommendation(found: ComparedResult) -> str:
     """Which weights may be loaded; what the command advised against is never recommended."""
-    command, (first, second) = found.command, _usable(found)
+    command, (first, second) = found.command, found.usable
     both = "Both may be loaded" if command == "tune" else "Both keep every stated limit"
     if not (first or second):
         return f"Load neither: `{command}` said DO NOT USE of both."
@@ -569,11 +430,11 @@ def recommendation(found: ComparedResult) -> str:
         return f"Only the {side} may be loaded: `{command}` said DO NOT USE of the {other}."
     if not found.metrics:
         return "The runs have no contour in common: there is nothing to compare."
-    if not _alike(found):
+    if not found.alike:
         return (
             "No contour is the same path and motion in both: "
             f"{command} both on one part, at one feed."
         )
-    if not _same_machine(found):
+    if not found.same_machine:
         return f"{both}, each on its own machine: neither is called better."
     return f"{both}: the lines above say which is better for what."
