@@ -1,16 +1,13 @@
 """Tables that `jcontour tune` prints."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 
 from rich.console import Console
 from rich.table import Table
 
 from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.results.tuned_result import (
-    EngineRow,
-    GapRow,
-    LostFirst,
     PathMargins,
     TunedContour,
     TunedResult,
@@ -28,8 +25,22 @@ def show_tuned(result: TunedResult, console: Console) -> None:
     """Everything a tuning run found, and one sentence."""
     for table in (error_table(result), effort_table(result)):
         console.print(table)
-    lines = [*peak_lines(result), *values_block(result), "", sentence(result)]
-    say(console, *lines, *limit_lines(result))
+    say(
+        console,
+        *(  # where the tuned weights leave the largest error
+            f"{one.name}, tuned: {peak_line(one.peak, result.error, result.machine.axes)}"
+            for one in result.contours
+            if one.peak is not None and one.shown
+        ),
+        "",
+        f"{result.controller}, tuned",
+        *(f"  {line}" for line in result.weight_lines),
+        *margin_lines(result),
+        *trial_lines(result),
+        "",
+        sentence(result),
+        *limit_lines(result),
+    )
 
 
 def error_table(result: TunedResult) -> Table:
@@ -104,94 +115,78 @@ def _number(value: float, diverged: bool) -> str:
     return "diverged" if diverged else digits(value)
 
 
-def peak_lines(result: TunedResult) -> list[str]:
-    """Where the tuned weights leave the largest error on every contour."""
-    axes = result.machine.axes
-    return [
-        f"{one.name}, tuned: {peak_line(one.peak, result.error, axes)}"
-        for one in result.contours
-        if one.peak is not None and one.shown
-    ]
+def margin_lines(result: TunedResult) -> Iterator[str]:
+    """Margins of the tuned loop beside those of the start, and where it is lost first."""
+    probes = f"up to {result.margins.probes_per_contour} points of each training contour"
+    yield f"Margins of the nominal loop, its gains frozen at {probes}"
+    for name, value, before in margin_rows(result.margins, result.start_margins):
+        yield f"  {name:<23}  {value:<24} start: {before}"
+    if (place := result.margins.lost_first) is not None:
+        where = position(result.machine.axes, place.position)
+        yield (
+            f"  {'stability lost first':<23}  input {place.input}, on {place.contour} where the "
+            f"reference is at {where}"
+        )
 
 
-def values_block(result: TunedResult) -> list[str]:
-    """The values, and what is known of them."""
-    margins = result.margins
-    probes = f"up to {margins.probes_per_contour} points of each training contour"
-    lines = [
-        "",
-        f"{result.controller}, tuned",
-        *(f"  {line}" for line in result.weight_lines),
-    ]
-    lines.append(f"Margins of the nominal loop, its gains frozen at {probes}")
-    for name, value, before in margin_rows(margins, result.start_margins):
-        lines.append(f"  {name:<23}  {value:<24} start: {before}")
-    if margins.lost_first is not None:
-        lines.append(lost_first_line(margins.lost_first, result.machine.axes))
-    lines += robust_lines(result) + standstill_lines(result) + certified_lines(result)
-    effects = result.machine.nonsmooth_effects
+def trial_lines(result: TunedResult) -> Iterator[str]:
+    """Other plants, standstill, what is proven, and what smoothing hides of the machine."""
+    error, unit = result.error, result.machine.control_unit
+    if (test := result.robust) is not None:
+        lost = "none diverges" if test.diverged == 0 else f"{test.diverged} DIVERGE"
+        worst = f"{1e6 * test.error:.4g} um on {test.contour} ({test.plant})"
+        drawn = "" if result.margins.doubt is None else "; none has another response"
+        yield (
+            f"{test.members} plants of the family, at its corners and at random: {lost}, "
+            f"worst RMS {error} error {worst}{drawn}"
+        )
+    if {"start", "tuned"} <= set(result.standstill):
+        start, tuned = result.standstill["start"], result.standstill["tuned"]
+        control = f"{digits(start.rms_control)} -> {digits(tuned.rms_control)} {unit} RMS"
+        increment = f"{digits(start.rms_increment)} -> {digits(tuned.rms_increment)} per sample"
+        yield f"Standstill between two counts, worst of the family: control {control}, {increment}"
+    if (proven := result.certified) is not None and proven.error is None:
+        yield f"No proven bound of the {error} error: {proven.refused}"
+    elif proven is not None:
+        encoder = of_axes(proven.encoder, result.machine.axes)
+        yield (
+            f"Proven for every force of up to {digits(proven.force)} {unit} and encoder error of "
+            f"up to {encoder}: {error} error at most {digits(1e6 * (proven.error or 0.0))} um "
+            f"({proven.contour}, {proven.plant})"
+        )
     if result.gap:
-        lines.append(f"Gap of the machine with {effects} to the smooth one that was tuned")
+        effects = result.machine.nonsmooth_effects
+        yield f"Gap of the machine with {effects} to the smooth one that was tuned"
     shown = {one.name for one in result.contours if one.shown}
-    lines += [_gap_line(row) for row in result.gap if row.contour in shown]
+    for row in result.gap:
+        where = f"  {row.contour}, {row.plant}"
+        if row.contour in shown and not math.isfinite(row.relative):
+            yield f"{where}: diverged"
+        elif row.contour in shown:
+            errors = f"{1e6 * row.smooth:.5g} -> {1e6 * row.nonsmooth:.5g} um RMS"
+            yield f"{where:<25} {errors} ({100 * row.relative:+.2f} %)"
     if result.confirmed:
-        lines.append(f"The same runs in {result.confirmed[0].engine}, nominal plant")
-        lines += [_engine_line(row) for row in result.confirmed]
-    return lines
-
-
-def robust_lines(result: TunedResult) -> list[str]:
-    """Random plants of the family."""
-    test = result.robust
-    if test is None:
-        return []
-    lost = "none diverges" if test.diverged == 0 else f"{test.diverged} DIVERGE"
-    worst = (
-        f"worst RMS {result.error} error {1e6 * test.error:.4g} um on {test.contour} ({test.plant})"
-    )
-    drawn = "" if result.margins.doubt is None else "; none has another response"
-    return [
-        f"{test.members} plants of the family, at its corners and at random: {lost}, {worst}{drawn}"
-    ]
-
-
-def standstill_lines(result: TunedResult) -> list[str]:
-    """What rounding makes the controls do while the tool is held."""
-    if not {"start", "tuned"} <= set(result.standstill):
-        return []
-    start, tuned = result.standstill["start"], result.standstill["tuned"]
-    unit = result.machine.control_unit
-    control = f"{digits(start.rms_control)} -> {digits(tuned.rms_control)} {unit} RMS"
-    increment = f"{digits(start.rms_increment)} -> {digits(tuned.rms_increment)} per sample"
-    return [f"Standstill between two counts, worst of the family: control {control}, {increment}"]
-
-
-def certified_lines(result: TunedResult) -> list[str]:
-    """The largest error that is possible under bounded disturbances, or why there is no proof."""
-    one = result.certified
-    if one is None:
-        return []
-    if one.error is None:
-        return [f"No proven bound of the {result.error} error: {one.refused}"]
-    force = f"force of up to {digits(one.force)} {result.machine.control_unit}"
-    encoder = of_axes(one.encoder, result.machine.axes)
-    return [
-        f"Proven for every {force} and encoder error of up to {encoder}: "
-        f"{result.error} error at most {digits(1e6 * one.error)} um ({one.contour}, {one.plant})"
-    ]
+        yield f"The same runs in {result.confirmed[0].engine}, nominal plant"
+    for row in result.confirmed:
+        errors = f"{1e6 * row.ours:.6g} -> {1e6 * row.theirs:.6g} um RMS"
+        yield f"  {row.contour:<23} {errors}, tools at most {1e6 * row.apart:.2g} um apart"
 
 
 def sentence(result: TunedResult) -> str:
     """Change of the worst error of the family, contours held out and trained on."""
     parts = []
     for training, words in ((False, "held-out"), (True, "training")):
-        ratios = [_ratio(one, result.error) for one in result.contours if one.training is training]
-        known = [ratio for ratio in ratios if ratio is not None]
-        if known:
-            typical = math.exp(sum(math.log(ratio) for ratio in known) / len(known))
-            many = "contour" if len(known) == 1 else "contours"
+        logarithms = []
+        for one in result.contours:
+            start, tuned = (one.metrics[name].worst for name in (one.compared, "tuned"))
+            if one.training is training and not (start.diverged or tuned.diverged):
+                ratio = rms_error(tuned, result.error) / rms_error(start, result.error)
+                logarithms.append(math.log(ratio))
+        if logarithms:
+            typical = math.exp(sum(logarithms) / len(logarithms))
+            many = "contour" if len(logarithms) == 1 else "contours"
             factor = f"{typical:.2f}" if typical >= 0.01 else f"{typical:.1g}"
-            parts.append(f"x {factor} on {len(known)} {words} {many}")
+            parts.append(f"x {factor} on {len(logarithms)} {words} {many}")
     what = f"Worst RMS {result.error} error of the family, geometric mean"
     return f"{what}: {', '.join(parts)}." if parts else "No run of start or tuned weights is sound."
 
@@ -229,26 +224,6 @@ def limit_words(name: str, bound: float) -> str:
     return f"{limited} <= {bound:.6g}"
 
 
-def _ratio(contour: TunedContour, error: str) -> float | None:
-    start, tuned = (contour.metrics[name].worst for name in (contour.compared, "tuned"))
-    if start.diverged or tuned.diverged:
-        return None
-    return rms_error(tuned, error) / rms_error(start, error)
-
-
-def _engine_line(row: EngineRow) -> str:
-    errors = f"{1e6 * row.ours:.6g} -> {1e6 * row.theirs:.6g} um RMS"
-    return f"  {row.contour:<23} {errors}, tools at most {1e6 * row.apart:.2g} um apart"
-
-
-def _gap_line(row: GapRow) -> str:
-    where = f"  {row.contour}, {row.plant}"
-    if row.relative - row.relative != 0:  # NaN or infinite
-        return f"{where}: diverged"
-    errors = f"{1e6 * row.smooth:.5g} -> {1e6 * row.nonsmooth:.5g} um RMS"
-    return f"{where:<25} {errors} ({100 * row.relative:+.2f} %)"
-
-
 def margin_rows(*designs: PathMargins) -> list[tuple[str, ...]]:
     """One row per margin: its name, then its value for every design."""
     radii = (f"{one.spectral_radius:.6f} (stable < 1)" for one in designs)
@@ -266,12 +241,6 @@ def margin_rows(*designs: PathMargins) -> list[tuple[str, ...]]:
         )
         rows.append(("unknown response", *used))
     return rows
-
-
-def lost_first_line(place: LostFirst, axes: Sequence[str]) -> str:
-    """Where the loop is lost first."""
-    where = f"on {place.contour} where the reference is at {position(axes, place.position)}"
-    return f"  {'stability lost first':<23}  input {place.input}, {where}"
 
 
 def _gain_range(margins: PathMargins, k: int) -> str:
