@@ -1,8 +1,9 @@
 """`jcontour check RUN`: tuned weights replayed under the limits of the machine at every sample."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -21,15 +22,9 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.progress import counted
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import stored_tuning
-from jcontour.app.runs.tuning.problem import TuningRun
-from jcontour.host.controller import HostController
-from jcontour.motion.references import Reference
-from jcontour.mpc.tracking.limits import Bounds, Limits
-from jcontour.plant import Plant
-from jcontour.qp.solvers import Solver, solver_named
+from jcontour.mpc.tracking.limits import Limits
+from jcontour.qp.solvers import solver_named
 from jcontour.simulation.evaluation import member
-from jcontour.simulation.metrics import Metrics
-from tuning.parameters import Weights
 from tuning.verification import Gap, verify
 
 FLAGS = {  # limit -> flag, factor to SI
@@ -75,6 +70,23 @@ class GapRow:
     without: RunMetrics
     within: RunMetrics | None
 
+    @classmethod
+    def of(cls, gap: Gap) -> "GapRow":
+        """Numbers of a gap that are stored."""
+        values: dict[str, Any] = {one.name: getattr(gap, one.name) for one in fields(cls)}
+        for name in ("without", "within"):
+            if values[name] is not None:
+                values[name] = RunMetrics.of(values[name], lambda value: value.item())
+        values["reached"] = {name: largest.tolist() for name, largest in gap.reached.items()}
+        return cls(**values)
+
+    @property
+    def added_error(self) -> float:
+        """RMS contour error under limits beyond that of the tuned controller [m]."""
+        if self.within is None:
+            return 0.0
+        return self.within.rms_contour_error - self.without.rms_contour_error
+
 
 @dataclass(frozen=True)
 class Verified:
@@ -101,36 +113,55 @@ class Verified:
 
 
 def command(flags: Check) -> int:
-    """The whole command: replay, print, exit code."""
-    folder = flags.run
-    run, weights = stored_tuning(folder)
-    found, solver = read_result(folder, TunedResult), solver_named(flags.solver)
-    limits = limits_of(flags, run.machine)
-    constrained = _constrained(run, weights, limits, solver)
-    for reference in _references(run).values():
+    """The whole command: replay, print, exit code.
+
+    Every run is stored as it is done: kept if the rest is interrupted.
+    """
+    run, weights = stored_tuning(flags.run)
+    machine, scenarios = run.machine, run.scenarios
+    tuned, solver = read_result(flags.run, TunedResult), solver_named(flags.solver)
+    limits = limits_of(flags, machine)
+    constrained = run.design.constrained(weights, limits, solver)
+    if constrained is None:
+        raise ValueError(
+            f"check: {run.design.name} has no form that keeps to limits at every sample; "
+            "contouring-lq has one"
+        )
+    references = {
+        job.name: job.reference(machine.model.dt, run.design.preview) for job in scenarios.jobs
+    }
+    plants = {name: member(scenarios.family, k) for k, name in enumerate(scenarios.plants)}
+    for reference in references.values():
         constrained.initial_memory(reference)  # raises what does not fit before anything is written
     out = created(flags, "check")
-    rows = _replayed(run, weights, constrained, limits, flags, out)
-    bounds = {name: _listed(pair) for name, pair in limits._asdict().items()}
+    fallback = None if flags.fallback == "stop" else flags.fallback
+    rows, count = [], len(references) * len(plants)
+    replays = verify(run.controller(weights), constrained, limits, references, plants, fallback)
+    with counted(tables.console_of(stderr=True, quiet=flags.json), count) as done:
+        for gap in replays:
+            rows.append(GapRow.of(gap))
+            _save(gap, len(rows), machine, out)
+            run_folder.write_json(out / "gaps.json", rows)
+            done(1)
+    bounds = {
+        name: None if pair is None else [np.asarray(bound).tolist() for bound in pair]
+        for name, pair in limits._asdict().items()
+    }
+    unit = machine.control_unit
+    against = [one for one in tuned.verdict.messages if one.level == "reason"]
     result = Verified(
-        str(folder),
-        found.verdict,
-        found.weights,
-        solver.name,
-        bounds,
-        rows,
-        run.machine.control_unit,
-        verdict_on(
-            rows,
-            bounds,
-            run.machine.control_unit,
-            [one for one in found.verdict.messages if one.level == "reason"],
-        ),
+        tuned=str(flags.run),
+        tuned_verdict=tuned.verdict,
+        weights=tuned.weights,
+        solver=solver.name,
+        limits=bounds,
+        gaps=rows,
+        control_unit=unit,
+        verdict=verdict_on(rows, bounds, unit, against),
     )
     write_result(out, result)
-    rests = any(isinstance(job, Job) and job.at_rest for job in run.scenarios.jobs)
-    away = AWAY if rests else AT_FEED
-    then = _next(rows, result.verdict, result.limits, away)
+    rests = any(isinstance(job, Job) and job.at_rest for job in scenarios.jobs)
+    then = _next(rows, result.verdict, bounds, AWAY if rests else AT_FEED)
     return finished(out, result, flags, show, then, result.verdict)
 
 
@@ -156,79 +187,6 @@ def limits_of(flags: Check, machine: Machine) -> Limits:
             "--max-speed-mm-s or another"
         )
     return Limits.within(**sizes)
-
-
-def _constrained(
-    run: TuningRun, weights: Weights, limits: Limits, solver: Solver
-) -> HostController:
-    """The tuned controller under limits.
-
-    Raises:
-        ValueError: there is none for this kind of controller.
-    """
-    controller = run.design.constrained(weights, limits, solver)
-    if controller is None:
-        raise ValueError(
-            f"check: {run.design.name} has no form that keeps to limits at every sample; "
-            "contouring-lq has one"
-        )
-    return controller
-
-
-def _replayed(
-    run: TuningRun,
-    weights: Weights,
-    constrained: HostController,
-    limits: Limits,
-    flags: Check,
-    out: Path,
-) -> list[GapRow]:
-    """Every contour on every plant, stored as they are done: kept if the rest is interrupted."""
-    fallback = None if flags.fallback == "stop" else flags.fallback
-    tuned, rows = run.controller(weights), []
-    references, plants = _references(run), _plants(run)
-    count = len(references) * len(plants)
-    with counted(tables.console_of(stderr=True, quiet=flags.json), count) as done:
-        for gap in verify(tuned, constrained, limits, references, plants, fallback):
-            rows.append(_row(gap))
-            _save(gap, len(rows), run.machine, out)
-            run_folder.write_json(out / "gaps.json", rows)
-            done(1)
-    return rows
-
-
-def _references(run: TuningRun) -> dict[str, Reference]:
-    dt, preview = run.machine.model.dt, run.design.preview
-    return {one.name: one.reference(dt, preview) for one in run.scenarios.jobs}
-
-
-def _plants(run: TuningRun) -> dict[str, Plant]:
-    family = run.scenarios.family
-    return {name: member(family, k) for k, name in enumerate(run.scenarios.plants)}
-
-
-def _row(gap: Gap) -> GapRow:
-    return GapRow(
-        gap.contour,
-        gap.plant,
-        gap.active_fraction,
-        gap.acting_fraction,
-        gap.residual,
-        gap.fallbacks,
-        gap.stopped,
-        gap.failure,
-        {name: largest.tolist() for name, largest in gap.reached.items()},
-        _metrics(gap.without),
-        None if gap.within is None else _metrics(gap.within),
-    )
-
-
-def _metrics(metrics: Metrics) -> RunMetrics:
-    return RunMetrics.of(metrics, lambda value: value.item())
-
-
-def _listed(bounds: Bounds | None) -> list | None:
-    return None if bounds is None else [np.asarray(bound).tolist() for bound in bounds]
 
 
 def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
@@ -265,51 +223,43 @@ def show(result: Verified, console: Console) -> None:
     """The verdict of `tune` where it was against the weights, the gap table, what stopped."""
     if not result.tuned_verdict.usable:
         tables.say(console, f"`tune` said of {result.tuned}:", *result.tuned_verdict.lines, "")
-    names = ", ".join(name for name, bounds in result.limits.items() if bounds is not None)
-    title = f"Tuned weights under limits on {names} ({result.solver})"
-    console.print(tables.plain_table(title, HEADINGS, _table_rows(result.gaps)))
+    names = [name for name, bounds in result.limits.items() if bounds is not None]
+
+    def costs(gap: GapRow) -> list[str]:
+        limited = (gap.active_fraction, gap.acting_fraction)
+        errors = []
+        for name in ("rms_contour_error", "rms_tracking_error"):
+            for run in (gap.without, gap.within):
+                errors.append("-" if run is None else tables.digits(1e6 * getattr(run, name)))
+        return [*(tables.digits(100 * share) for share in limited), *errors]
+
+    def largest(gap: GapRow) -> list[str]:
+        pairs = (_most(gap, name, result.limits) for name in names)
+        return [f"{value:.4g} of {most:.4g}" for value, most in pairs]
+
+    title = f"Tuned weights under limits on {', '.join(names)} ({result.solver})"
+    console.print(tables.plain_table(title, HEADINGS, _by_contour(result.gaps, costs)))
     tables.say(
         console,
         "limit in plan: steps whose horizon touches a limit",
         "limit acts: steps whose own control is kept by one, of the control, its change,",
         "or the next speed or acceleration of the model",
     )
-    console.print(tables.plain_table(REACHED, *_reached_table(result)))
+    headings = [f"{name}\n{_unit(name, result.control_unit)}" for name in names]
+    rows = _by_contour(result.gaps, largest)
+    console.print(tables.plain_table(REACHED, [HEADINGS[0], *headings], rows))
     residuals = [gap.residual for gap in result.gaps if np.isfinite(gap.residual)]
     if residuals:
         tables.say(console, f"Largest scaled residual of a QP: {max(residuals):.1e}")
 
 
-def _table_rows(gaps: list[GapRow]) -> list[list[str]]:
+def _by_contour(gaps: Sequence[GapRow], cells: Callable[[GapRow], list[str]]) -> list[list[str]]:
     """The plants below the name of their contour."""
     rows = []
     for contour in dict.fromkeys(gap.contour for gap in gaps):
         rows.append([contour])
-        rows += [_cells(gap) for gap in gaps if gap.contour == contour]
+        rows += [[f"  {gap.plant}", *cells(gap)] for gap in gaps if gap.contour == contour]
     return rows
-
-
-def _cells(gap: GapRow) -> list[str]:
-    limited = [tables.digits(100 * share) for share in (gap.active_fraction, gap.acting_fraction)]
-    errors = []
-    for name in ("rms_contour_error", "rms_tracking_error"):
-        for metrics in (gap.without, gap.within):
-            errors.append("-" if metrics is None else tables.digits(1e6 * getattr(metrics, name)))
-    return [f"  {gap.plant}", *limited, *errors]
-
-
-def _reached_table(result: Verified) -> tuple[list[str], list[list[str]]]:
-    """Headings, and the largest value beside its limit, on the axis that uses most of it."""
-    names = [name for name, bounds in result.limits.items() if bounds is not None]
-    headings = [f"{name}\n{_unit(name, result.control_unit)}" for name in names]
-    rows = []
-    for contour in dict.fromkeys(gap.contour for gap in result.gaps):
-        rows.append([contour])
-        for gap in result.gaps:
-            if gap.contour == contour:
-                pairs = [_most(gap, name, result.limits) for name in names]
-                rows.append([f"  {gap.plant}", *(f"{v:.4g} of {most:.4g}" for v, most in pairs)])
-    return ["contour, plant", *headings], rows
 
 
 def _unit(name: str, control_unit: str) -> str:
@@ -383,36 +333,25 @@ def _next(
         limits: by name; None where there is none.
         flags: what of `tune` keeps a loop further away from each of them.
     """
-    away = _either(flags[name] for name in flags if limits.get(name) is not None)
+    beyond = [one.name for one in verdict.limits if not one.kept]
+    asked = beyond or [name for name in flags if limits.get(name) is not None]
+    away = " or ".join(dict.fromkeys(flags[name] for name in flags if name in asked))
     lost = [row for row in rows if row.failure]
     if lost:
         return [
             f"{len(lost)} of {len(rows)} runs stopped: a step had no answer within the limits.",
             f"Next: --fallback hold or soft goes on; or tune again with {away}.",
         ]
-    names = {one.name for one in verdict.limits if not one.kept}
-    if names:
-        return [f"Next: tune again with {_either(flags[name] for name in flags if name in names)}."]
+    if beyond:
+        return [f"Next: tune again with {away}."]
     if not any(row.active_fraction > 0 for row in rows):
         return [
             "No limit was ever active: the tuned controller itself keeps to all of them.",
             "Next: a tighter limit, such as --max-control or --max-increment, shows its cost.",
         ]
-    worst = max(rows, key=_added_error)
-    added = 1e6 * _added_error(worst)
+    worst = max(rows, key=lambda row: row.added_error)
     return [
-        f"The limits add at most {tables.digits(added)} um RMS of contour error: "
+        f"The limits add at most {tables.digits(1e6 * worst.added_error)} um RMS of contour error: "
         f"{worst.contour}, {worst.plant}.",
         f"Next: where that is too much, tune again with {away}.",
     ]
-
-
-def _either(flags: Iterable[str]) -> str:
-    return " or ".join(dict.fromkeys(flags))
-
-
-def _added_error(row: GapRow) -> float:
-    """RMS contour error under limits beyond that of the tuned controller [m]."""
-    if row.within is None:
-        return 0.0
-    return row.within.rms_contour_error - row.without.rms_contour_error
