@@ -15,7 +15,7 @@ from typing import Annotated, Any, Union
 
 import tyro
 
-from jcontour.app.flags import fitted_help, loops, machines, others, shared, tuning
+from jcontour.app.flags import loops, machines, others, rules, shared, tuning
 
 COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `command(flags)` runs it
     tuning.Tune: ("tune", "jcontour.app.commands.tuning.tune"),
@@ -207,7 +207,7 @@ def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
         return import_module("jcontour.app.commands.reproduce").chosen(arguments[1], arguments[2:])
     if arguments and arguments[0] in RENAMED:
         raise ValueError(f"{arguments[0]}: it is `jcontour {RENAMED[arguments[0]]}` now")
-    flags = fitted_help.read(_any_command(), arguments, "jcontour", _DESCRIPTION)
+    flags = rules.read(_any_command(), arguments, "jcontour", _DESCRIPTION)
     _, module = COMMANDS[type(flags)]
     if getattr(flags, "list_moves", False):
         module = LIST_MOVES
@@ -216,7 +216,9 @@ def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
 
 def _any_command() -> Any:
     choices = tuple(
-        Annotated[kind, tyro.conf.subcommand(name, prefix_name=False)]
+        Annotated[
+            kind, tyro.conf.subcommand(name, prefix_name=False, description=rules.described(kind))
+        ]
         for kind, (name, _) in COMMANDS.items()
     )
     return Union[choices]  # noqa: UP007  (made from a tuple)

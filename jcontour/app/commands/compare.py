@@ -137,7 +137,7 @@ def run(first: Path, second: Path) -> ComparedResult:
     margins = {}
     if isinstance(a, TunedResult) and isinstance(b, TunedResult):
         for name, margin in (
-            ("spectral_radius", "spectral_radius"),
+            ("largest_frozen_spectral_radius", "spectral_radius"),
             ("delay_samples", "delay_samples"),
             ("peak_sensitivity", "sensitivity"),
         ):

@@ -19,7 +19,7 @@ from typing import Any
 import tyro
 
 from jcontour.app.commands.checkout import in_checkout
-from jcontour.app.flags.fitted_help import read
+from jcontour.app.flags.rules import read
 
 NEEDED = {"SOURCE", "Settings", "run"}
 

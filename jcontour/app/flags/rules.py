@@ -16,7 +16,7 @@ sentence.
 import ast
 import inspect
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
 from itertools import pairwise
@@ -35,7 +35,7 @@ from tyro.constructors import (
 
 from jcontour.app.plain_numbers import number_in, whole_in
 
-RULES = ConstructorRegistry()
+HELP, ALL = {"-h", "--help"}, "--help-all"
 READERS: dict[type, Callable[[str], Any]] = {
     int: whole_in,
     float: number_in,
@@ -75,7 +75,49 @@ def flowing(text: str) -> str:
     return "".join(line + ("\n" if line.endswith(".") else " ") for line in lines).strip()
 
 
-@RULES.primitive_rule
+def read(kind: Any, arguments: Sequence[str], prog: str, description: str) -> Any:
+    """Flags from the command line; `--help-all` shows those too that few runs need.
+
+    Raises:
+        SystemExit: help was asked for, or a flag is wrong.
+    """
+    asked = ["--help" if word == ALL else word for word in arguments]
+    registry = rules(everything=ALL in arguments or not HELP & set(arguments))
+    return tyro.cli(kind, prog=prog, description=description, args=asked, registry=registry)
+
+
+def described(kind: type) -> str:
+    """What a command does, and that it has more flags where it has."""
+    more = f" {ALL} shows its other flags." if getattr(kind, "RARE", ()) else ""
+    return " ".join((kind.__doc__ or "").split()) + more
+
+
+def rules(everything: bool = True) -> ConstructorRegistry:
+    """Rules for tyro; without everything, the flags that a class calls `RARE` are left out."""
+    registry = ConstructorRegistry()
+    registry.primitive_rule(_one_value)
+
+    @registry.struct_rule
+    def flags(kind: StructTypeInfo) -> StructConstructorSpec | None:
+        """A dataclass of flags with its texts."""
+        if not is_dataclass(kind.type) or kind.type.__module__.startswith("tyro."):  # its own
+            return None
+        types: dict[str, Any] = get_type_hints(kind.type, include_extras=True)
+        texts, rare = texts_of(kind.type), getattr(kind.type, "RARE", ())
+        specs = []
+        for field in fields(kind.type):
+            default = _default(field, kind.default)
+            shown: Any = types[field.name]
+            if default is None or default is False or default in ((), "", Path()):
+                shown = Annotated[shown, NOTHING_SAID]
+            if field.name in rare and not everything:
+                shown = tyro.conf.Suppress[shown]
+            specs.append(StructFieldSpec(field.name, shown, default, texts.get(field.name)))
+        return StructConstructorSpec(kind.type, tuple(specs))
+
+    return registry
+
+
 def _one_value(kind: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
     """One number, text or path; where it need not be given, the word None as well."""
     named = next((known for known in READERS if kind.type in (known, known | None)), None)
@@ -91,23 +133,6 @@ def _one_value(kind: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
         is_instance=lambda value: isinstance(value, accepted) or (value is None and not needed),
         str_from_instance=lambda value: [str(value)],
     )
-
-
-@RULES.struct_rule
-def _flags(kind: StructTypeInfo) -> StructConstructorSpec | None:
-    """A dataclass of flags with its texts."""
-    if not is_dataclass(kind.type) or kind.type.__module__.startswith("tyro."):  # its own
-        return None
-    types: dict[str, Any] = get_type_hints(kind.type, include_extras=True)
-    texts = texts_of(kind.type)
-    found = []
-    for field in fields(kind.type):
-        default = _default(field, kind.default)
-        shown: Any = types[field.name]
-        if default is None or default is False or default in ((), "", Path()):
-            shown = Annotated[shown, NOTHING_SAID]
-        found.append(StructFieldSpec(field.name, shown, default, texts.get(field.name)))
-    return StructConstructorSpec(kind.type, tuple(found))
 
 
 def _default(field: Field, whole: Any) -> Any:

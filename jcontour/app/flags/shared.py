@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 from jcontour.app.plain_numbers import Samples
 
@@ -96,6 +96,14 @@ class Controlled(MachineFlags):
 @dataclass(frozen=True)
 class Limited(Controlled):
     """Limits on the controller that is found, for every contour and every plant of the family."""
+
+    RARE: ClassVar[tuple[str, ...]] = (  # flags that few runs need: help tells of them when asked
+        *("trust_code", "feed_law", "jerk", "drawing_unit", "join_um", "terminal", "rho"),
+        "model_delay",
+        *("min_delay_margin", "max_count_noise", "max_peak_tracking_error_um", "max_rms_control"),
+        *("max_peak_contour_error_um", "max_peak_control", "max_rms_increment"),
+        *("max_peak_increment", "seed", "devices", "hosts", "force", "encoder_um", "nominal_only"),
+    )
 
     max_sensitivity: float | None = 2.0  # 6 dB, the usual bound on the peak sensitivity
     """Limit on the peak sensitivity Ms of the loops along the path; None for no limit.

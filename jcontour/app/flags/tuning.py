@@ -17,6 +17,11 @@ class Tune(Aimed):
     The contours are your toolpaths, or the machine's built-in training set.
     """
 
+    RARE = (
+        *Aimed.RARE,
+        *("scatter", "starts", "every_start", "steps", "tolerance", "rollouts"),
+    )
+
     parts: Positional[tuple[str, ...]] = ()
     """Training set: toolpaths (.ngc G-code, .dxf and .svg drawings, .csv points in mm),
     or names from `jcontour list`. The machine's usual one when none is given."""

@@ -1,5 +1,6 @@
 """Texts of flags against the docstrings that they come from. Flags as they are read and shown."""
 
+import re
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated
@@ -7,8 +8,10 @@ from typing import Annotated
 import pytest
 import tyro
 
-from jcontour.app.cli import COMMANDS
-from jcontour.app.flags.rules import RULES, flowing, texts_of
+from jcontour.app.cli import COMMANDS, main
+from jcontour.app.flags.rules import flowing, rules, texts_of
+from jcontour.app.flags.rules import read as rules_read
+from jcontour.app.flags.tuning import Tune
 
 
 @dataclass
@@ -74,7 +77,7 @@ class Flags:
 
 
 def read(*words):
-    return tyro.cli(Flags, args=list(words), registry=RULES)
+    return tyro.cli(Flags, args=list(words), registry=rules())
 
 
 def helped(capsys):
@@ -115,3 +118,20 @@ def test_help_names_the_value_and_no_default_of_nothing(capsys):
     assert said.count("default:") == 3  # of words, of whole numbers, and of the inner flags
     assert "--quick, --no-quick Less of everything. --names" in said and "None" not in said
     assert "--depth INT How deep. (default: 3)" in said
+
+
+def test_help_of_tune_has_twenty_flags_and_all_of_them_when_asked(capsys):
+    shown = {}
+    for asked in ("--help", "--help-all"):
+        with pytest.raises(SystemExit) as ended:
+            main(["tune", asked])
+        text = capsys.readouterr().out
+        found = re.findall(r"(?m)^[^\w-]*--([a-z-]+)", text)
+        shown[asked] = {one.name for one in fields(Tune) if one.name.replace("_", "-") in found}
+        assert ended.value.code == 0
+    assert len(shown["--help"]) == 20 and "max_sensitivity" in shown["--help"]
+    assert shown["--help-all"] == {one.name for one in fields(Tune)} - {"parts"}
+
+
+def test_what_help_leaves_out_is_read():
+    assert rules_read(Tune, ["--steps", "3", "--devices", "2"], "jcontour tune", "").steps == 3
