@@ -63,13 +63,6 @@ def test_a_motion_is_its_feed_law_and_its_duration(changes, other):
     assert bool(found) is other
 
 
-def test_how_either_run_moves_is_told():
-    found = unlike_motions(
-        tuned(contour()), tuned(contour(duration=2.5, feed_law="trapezoidal, 360 mm/min"))
-    )
-    assert found == {"circle": ["constant 360 mm/min, 1 s", "trapezoidal, 360 mm/min, 2.5 s"]}
-
-
 def test_units_decide_on_controls_and_the_sample_on_their_changes():
     mine, unit, fast = tuned(), tuned(unit="A"), tuned(period=5e-4)
     metrics = ("rms_contour_error", "rms_control", "rms_increment")
@@ -183,17 +176,6 @@ def test_a_path_of_the_same_name_and_another_size_is_told(tmp_path):
     assert run(a, b).better == {"first": 0, "second": 0, "same": 0, "neither": 0}
 
 
-def test_values_are_printed_as_a_reader_writes_them(tmp_path):
-    a, b = stored(tmp_path / "a", 88394212234.72179, 1e-6), stored(tmp_path / "b", 2.0, 2e-6)
-    for folder, parts, feed in ((a, ["p/one.ngc"], None), (b, ["p/one.ngc", "two.svg"], 1500.0)):
-        settings = json.loads((folder / SETTINGS).read_text())
-        settings["flags"] |= {"parts": parts, "feed_mm_per_min": feed}
-        (folder / SETTINGS).write_text(json.dumps(settings))
-    told = [line.split() for line in said(run(a, b)).splitlines()]
-    assert ["parts", "p/one.ngc", "p/one.ngc", "two.svg"] in told
-    assert ["feed_mm_per_min", "-", "1500"] in told and ["alpha", "8.839e+10", "2"] in told
-
-
 def judged(found):
     """Metrics of which one side is called better, or the same."""
     return {row.metric for row in found.metrics if row.better}
@@ -264,13 +246,6 @@ def test_a_run_that_must_not_be_used_is_never_recommended_nor_called_better(tmp_
     assert found.better["first"] == 2 * len(COLUMNS) and "the first is better." in said(found)
 
 
-def test_no_name_is_cut_on_80_columns(tmp_path):
-    name = "a-bracket-with-a-very-long-name-of-its-own"
-    a = stored(tmp_path / "a", 1.0, 1e-6, contour=name)
-    text = said(run(a, stored(tmp_path / "b", 2.0, 2e-6, contour=name)), width=80)
-    assert "\u2026" not in text
-
-
 def test_a_run_that_diverged_is_never_better(tmp_path):
     found = run(stored(tmp_path / "a", 1.0, float("nan")), stored(tmp_path / "b", 1.0, 1.0))
     assert found.better == {"first": 0, "second": 2 * len(COLUMNS), "same": 0, "neither": 0}
@@ -293,14 +268,6 @@ def test_runs_of_different_machines_are_told(tmp_path):
     assert found.better == {"first": 0, "second": 0, "same": 0, "neither": 0}
     assert "is better." not in text and "each on its own machine" in text
     assert "plant: 1 against 2 um, of different machines." in text
-
-
-def test_rows_keep_their_names_where_the_units_differ(tmp_path):
-    """Without a unit of its own a control is in "control unit of MACHINE", a long name."""
-    a = stored(tmp_path / "a", 1.0, 1e-6, unit="control unit")
-    b = stored(tmp_path / "b", 2.0, 2e-6, unit="control unit", machine="mill")
-    text = said(run(a, b), width=80)
-    assert [line for line in text.splitlines() if line.split()[:2] == ["circle", "nominal"]]
 
 
 def test_runs_without_a_common_contour_are_told(tmp_path):
@@ -345,12 +312,6 @@ def test_cycle_times_of_simulated_runs_are_compared(tmp_path):
     assert "Cycle time of circle: 1.5 against 1.2 s: the second is quicker." in text
     assert "is better." not in text  # errors along another motion say nothing
     assert "quicker" not in said(run(a, a))
-
-
-def test_simulated_runs_of_different_machines_are_told(tmp_path):
-    a = simulated(tmp_path / "a", [1e-6] * 3)
-    text = said(run(a, simulated(tmp_path / "b", [2e-6] * 3, machine="mill")))
-    assert "different machines, lathe and mill" in text and "is better." not in text
 
 
 def test_a_run_of_another_form_says_why_it_does_not_open(tmp_path):

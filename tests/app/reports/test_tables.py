@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from jcontour.app.files.results.run_metrics import ContourRead
-from jcontour.app.reports.tables import broken, console_of, plain_table, read_line, say
+from jcontour.app.reports.tables import broken, read_line, say
 
 
 def test_what_rounding_leaves_of_zero_is_zero():
@@ -34,23 +34,6 @@ def test_cut_and_rapid_lengths_are_told_apart():
     assert told.startswith("cap: 3 moves, 238.7 mm cut, 6.3 mm rapid in 3.040 s, X 0")
 
 
-def test_a_table_without_names_of_columns_has_no_line_of_them(capsys):
-    console_of().print(plain_table("Title", ["", ""], [["one", "1"]]))
-    assert [line.split() for line in capsys.readouterr().out.splitlines()][:3] == [
-        ["Title"],
-        [],
-        ["one", "1"],
-    ]
-
-
-def test_brackets_in_a_table_stand_as_they_are(capsys):
-    table = plain_table("Preview [samples]", ["name", "in [um]"], [["part[a].ngc", "[/b]"]])
-    console_of().print(table)
-    printed = capsys.readouterr().out
-    for words in ("Preview [samples]", "in [um]", "part[a].ngc", "[/b]"):
-        assert words in printed
-
-
 def said(width, *lines, terminal=True):
     out = io.StringIO()
     say(Console(file=out, force_terminal=terminal, color_system=None, width=width), *lines)
@@ -66,11 +49,6 @@ def test_a_terminal_gets_lines_of_its_width_and_whole_words(width):
     assert max(len(line) for line in printed.splitlines()) <= width
     assert printed.split() == f"short {PROSE} two lines".split()
     assert said(width, PROSE, terminal=False) == f"{PROSE}\n"
-
-
-def test_a_word_wider_than_the_terminal_stays_whole():
-    folder = "runs/" + "long-name/" * 5
-    assert said(20, f"Run folder: {folder}") == f"Run folder:\n{folder}\n"
 
 
 @pytest.mark.parametrize("width", [30, 44, 60])

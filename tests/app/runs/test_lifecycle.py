@@ -1,7 +1,6 @@
 """First and last lines of every command."""
 
 import shlex
-from pathlib import Path
 
 import pytest
 
@@ -36,13 +35,6 @@ def test_every_command_keeps_its_flags_in_a_folder_of_its_own(kind, tmp_path):
     folder = created(kind(json=True, out=tmp_path / "run"), command)
     kept = stored_flags(folder, command, kind)
     assert not kept.json and kept.out is None
-
-
-def test_names_with_spaces_are_quoted(tmp_path):
-    part = tmp_path / "my part.csv"
-    part.write_text("0,0\n1,0\n")
-    folder = created(Tune(parts=(str(part),), out=tmp_path / "run"), "tune")
-    assert same_task(folder, "tune") == f" '{Path(part)}'"
 
 
 OWN = "mine.py:Proportional"

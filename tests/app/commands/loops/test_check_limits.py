@@ -10,7 +10,6 @@ from rich.console import Console
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.cli import main
 from jcontour.app.commands.loops.check_limits import (
-    AT_FEED,
     AWAY,
     GapRow,
     Verified,
@@ -73,27 +72,6 @@ def row(without, within, active=0.5, failure="", reached=None):
     return GapRow("circle", "nominal", active, 0.1, 1e-12, 0, None, failure, most, tuned, limited)
 
 
-def test_the_last_sentence_says_what_was_found():
-    drive, axes = {"control": [], "speed": None}, {"speed": [], "acceleration": []}
-    good = Verdict.of([])
-    kept = _next([row(1e-6, 1e-6, active=0.0)], good, drive, AWAY)
-    assert kept[0] == "No limit was ever active: the tuned controller itself keeps to all of them."
-    cost = _next([row(1e-6, 1.5e-6), row(1e-6, 4e-6)], good, drive, AWAY)
-    assert cost[1].endswith("tune again with --max-peak-control.")
-    assert cost[0].startswith("The limits add at most 3 um RMS of contour error: circle, nominal")
-    stopped = _next(
-        [row(1e-6, None, failure="step 3: infeasible"), row(1e-6, 1e-6)], good, axes, AWAY
-    )
-    assert "--max-peak" not in stopped[1] and "a lower --acceleration or a lower" in stopped[1]
-    assert stopped[0].startswith("1 of 2 runs stopped")
-
-
-def test_a_path_at_constant_feed_is_made_calmer_by_its_feed_alone():
-    limits = {"speed": [], "acceleration": []}
-    (_, line) = _next([row(1e-6, 4e-6)], Verdict.of([]), limits, AT_FEED)
-    assert "--acceleration" not in line and line.count("--feed-mm-per-min") == 1
-
-
 GOOD = Verdict.of([])
 ASKED = {"control": None, "acceleration": [[-4.0, -2.0], [4.0, 2.0]], "speed": [-1.0, 1.0]}
 
@@ -120,23 +98,3 @@ def printed(result):
     text = StringIO()
     show(result, Console(file=text, width=80))
     return text.getvalue()
-
-
-def test_the_verdict_of_tune_comes_first_and_no_name_is_cut_on_80_columns():
-    plant = "gains 1.1, 0.9, delay 1"
-    numbers = row(123.4e-6, 234.5e-6, reached={"control": [0.5]})
-    late = replace(numbers, plant=plant, fallbacks=2)
-    bounds = {"control": [[-1.0], [1.0]], "speed": None}
-    against, own = (
-        Verdict.of([], [reason("acceleration of X EXCEEDS")]),
-        verdict_on([late], bounds, "V"),
-    )
-    bad = Verified("runs/a", against, {}, "daqp", bounds, [late], "V", own)
-    text = printed(bad)
-    lines = text.splitlines()
-    assert lines[:2] == ["`tune` said of runs/a:", "DO NOT USE THESE VALUES"]
-    assert lines[2] == "  because: acceleration of X EXCEEDS"
-    assert any(f" {plant} " in line and "234.5" in line for line in lines)
-    assert own.warnings == [f"the fallback acts at 2 steps: circle, {plant}"]
-    assert max(map(len, lines)) <= 80
-    assert "THESE VALUES" not in printed(replace(bad, tuned_verdict=GOOD))

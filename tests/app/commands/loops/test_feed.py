@@ -11,7 +11,7 @@ from jcontour.app.commands.loops.feed import next_steps, recommended, show, verd
 from jcontour.app.files.results.loop_results import FeedPoint, FeedResult, SimulatedResult
 from jcontour.app.files.results.run_metrics import MachineSummary
 from jcontour.app.files.results.stored import read_result
-from jcontour.app.files.results.verdict import LimitCheck, Verdict, reason
+from jcontour.app.files.results.verdict import LimitCheck, Verdict
 from jcontour.app.jobs.job import at_constant_feed, from_file
 from jcontour.app.jobs.pace import Pace
 from jcontour.app.machines.linear import bridgeport_machine
@@ -69,14 +69,6 @@ def test_a_tolerance_that_the_corners_use_up_is_told_with_the_flag_that_helps():
     (line,) = next_steps(found)
     assert "--corner-tolerance-um 0.75" in line and "tune" not in line
     assert "corners" not in result(1.5e-6, 0.5e-6, tuned=False).verdict.lines[1]
-
-
-def test_a_tuned_loop_is_not_sent_back_to_tune():
-    for tolerance in (1.5e-6, 6e-6, None):
-        (line,) = next_steps(result(tolerance, 0.5e-6, tuned=True))
-        assert "jcontour tune" not in line
-        (line,) = next_steps(result(tolerance, 0.5e-6, tuned=False))
-        assert "jcontour tune" in line
 
 
 def test_without_a_tolerance_feed_has_to_come_off_the_cycle_time():
@@ -140,26 +132,6 @@ def slower(feed, planned=()):
 
 def stated(points):
     return replace(result_of(points, None, False), verdict=Verdict.of([]), recommended=None)
-
-
-def test_what_the_motion_itself_exceeds_is_told_once(capsys):
-    """With the feeds at which it does, in numbers of the quickest of them."""
-    points = [slower(25), slower(50, ["slow"]), slower(100, ["quick"])]
-    show(stated(points), tables.console_of())
-    said = capsys.readouterr().out
-    assert "WARNING: 50, 100 % (numbers of 100 %): quick" in said and "slow" not in said
-    show(stated(points[:2]), tables.console_of())
-    assert "WARNING: 50 %: slow" in capsys.readouterr().out
-    show(stated(points[:1]), tables.console_of())
-    assert "WARNING" not in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("planned", [["speed"], []])
-def test_slower_feeds_are_no_help_where_the_motion_itself_exceeds_a_limit(planned):
-    beyond = [replace(slower(feed, planned), limits=[BEYOND]) for feed in (50, 100)]
-    none = Verdict.of([], [reason("none will do")])
-    [line] = next_steps(replace(stated(beyond), recommended=None, verdict=none))
-    assert ("slower --overrides" in line) is not bool(planned)
 
 
 def test_a_feed_at_which_the_tool_rests_is_not_recommended(capsys):

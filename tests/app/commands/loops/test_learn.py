@@ -8,8 +8,8 @@ import pytest
 
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.cli import main
-from jcontour.app.commands.loops.learn import after, before, loading, run, verdict_on
-from jcontour.app.files.results.bound_results import LearnedMachine, LearnedResult, StoredLap
+from jcontour.app.commands.loops.learn import before, loading, run, verdict_on
+from jcontour.app.files.results.bound_results import LearnedResult, StoredLap
 from jcontour.app.files.results.stored import from_json, to_json
 from jcontour.app.files.results.verdict import LimitCheck
 from jcontour.app.flags.loops import Learn
@@ -102,27 +102,6 @@ def test_the_figure_has_a_curve_for_every_machine(result):
     (axes,) = learning(result).axes
     assert len(axes.lines) == len(result.machines) + 1
     np.testing.assert_array_equal(axes.lines[0].get_ydata(), result.machines[0].tool_um)
-
-
-def machine_of(tool, measured, **more):
-    control = [1.0] * len(tool)
-    return LearnedMachine(name="m", tool_um=tool, measured_um=measured, control=control, **more)
-
-
-@pytest.mark.parametrize(
-    ("one", "says"),
-    [
-        (machine_of([4.0, 1.0, 1.0], [4.0, 1.0, 1.0], pays_until=2), "after lap 2 it no longer"),
-        (machine_of([4.0, 2.0, 1.0], [4.0, 2.0, 1.0], pays_until=3), "in the last lap it still"),
-        (machine_of([4.0, 6.0], [4.0, 1.0], pays_until=1), "that of the tool is not measured"),
-        (machine_of([4.0, 6.0], [4.0, 6.0], pays_until=1), "learning does not pay: 4 um"),
-        (machine_of([4.0, 9.0], [4.0, 9.0], pays_until=1, diverged=2), "stopped at lap 2"),
-        (machine_of([None], [None], pays_until=None, diverged=1), "diverges, stopped at lap 1"),
-    ],
-)
-def test_words(result, one, says):
-    fields = to_json(result) | {"machines": [to_json(one)]}
-    assert says in after(from_json(fields, LearnedResult))[1]
 
 
 @pytest.mark.parametrize(

@@ -8,14 +8,12 @@ import pytest
 
 from jcontour.app.cli import main
 from jcontour.app.commands.loops import precompensate
-from jcontour.app.commands.loops.precompensate import ending, sentences, verdict_on
+from jcontour.app.commands.loops.precompensate import sentences, verdict_on
 from jcontour.app.files.results.loop_results import BentResult
-from jcontour.app.files.results.run_metrics import MachineSummary
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.files.results.verdict import LimitCheck, exceeded
 from jcontour.app.jobs.replays import Scenarios, replay
 from jcontour.app.runs.loops.bending import Bent
-from tests.app.small_runs import run_metrics
 from tuning.precompensation import Precompensated
 
 BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2, unit="m/s")
@@ -97,73 +95,6 @@ def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
     assert len(sentences(fair)) == 1 and verdict_on(fair).usable
     as_before = replace(result, after=result.before, largest=0.0)
     assert "nominal the same, worst of the family the same" in sentences(as_before)[0]
-
-
-def test_what_no_limit_of_the_machine_bounds_is_told():
-    bounded = by_hand(before=[9e-6], after=[1e-6])
-    assert len(sentences(bounded)) == 1
-    told = verdict_on(replace(bounded, unlimited=("speed", "acceleration"))).warnings[-1]
-    assert told.startswith("mill states no limit of speed or acceleration: ")
-
-
-def by_hand(before, after):
-    """A result whose plants have these RMS contour errors [m], the nominal one first."""
-
-    def runs(sizes):
-        return {
-            f"plant {k}": run_metrics(0.0, rms_contour_error=size) for k, size in enumerate(sizes)
-        }
-
-    return BentResult(
-        machine=MachineSummary("mill", "V", ("X", "Y"), ""),
-        controller="cascade",
-        contour="part",
-        error="contour",
-        samples=3,
-        roughness=0.01,
-        largest=0.0,
-        chord=None,
-        moves=0,
-        before=runs(before),
-        after=runs(after),
-        limits=[],
-    )
-
-
-def test_how_the_run_ends_is_told():
-    rests = replace(by_hand(before=[1e-6], after=[1e-6]), held=0.217)
-    (told,) = ending(rests)
-    assert told.startswith(
-        "The last point is held for 0.217 s, until every tool rests to within 0.1"
-    )
-    assert "after the end a tool still moves" in ending(replace(rests, rests=False))[0]
-    assert not ending(replace(rests, held=0.0))
-    (told,) = ending(replace(rests, held=None))
-    assert told.startswith("The run ends in motion")
-
-
-def test_next_to_nothing_has_sizes_and_no_ratio():
-    followed = by_hand(before=[np.float64(0.0), 4e-6], after=[np.float64(2e-9), 1e-6])
-    assert "nominal 0 -> 0.002 um, worst of the family 4 times smaller" in sentences(followed)[0]
-    mended = by_hand(before=[3e-6, 4e-6], after=[0.0, 5e-10])
-    words = "nominal 3 -> 0 um, worst of the family 4 -> 0.0005 um"
-    assert words in sentences(mended)[0] and verdict_on(mended).usable
-    still = by_hand(before=[0.0, 0.0], after=[0.0, 0.0])
-    assert "nominal 0 -> 0 um, worst of the family 0 -> 0 um" in sentences(still)[0]
-
-
-def test_a_largest_error_that_grows_is_told():
-    """The RMS becomes smaller, and a peak larger."""
-    result = by_hand(before=[3e-6, 4e-6], after=[1e-6, 2e-6])
-    grown = {
-        name: replace(run, peak_contour_error=size)
-        for (name, run), size in zip(result.after.items(), (9e-6, 21e-6), strict=True)
-    }
-    small = {name: replace(run, peak_contour_error=1e-5) for name, run in result.before.items()}
-    told = sentences(replace(result, before=small, after=grown))
-    assert told[1:] == ["The largest contour error grows on one plant: from 10 to 21 um (plant 1)."]
-    calm = {name: replace(run, peak_contour_error=9e-6) for name, run in grown.items()}
-    assert len(sentences(replace(result, before=small, after=calm))) == 1
 
 
 def unbent(loop, roughness, status):

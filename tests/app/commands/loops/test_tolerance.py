@@ -1,13 +1,11 @@
 """`tolerance` from the command line: kept within the bounds, refused in one line."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from jcontour.app.cli import main
-from jcontour.app.commands.loops.tolerance import findings, promise
 from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.bound_results import ToleranceResult
 from jcontour.app.files.results.stored import read_result
@@ -57,19 +55,6 @@ def test_an_acceleration_beyond_the_limit_is_warned_of_in_the_runs(kept):
         assert k < late
         assert float(whole) - float(hidden) == pytest.approx(sampled[k, axis], abs=0.01)
     assert "does not know those of acceleration" in result.verdict.reasons[-1]
-
-
-def test_words_say_what_is_promised_and_to_whom(kept):
-    result = read_result(kept, ToleranceResult)
-    promised = " ".join(promise(result))
-    assert "Proven for every force of up to 0.5" in promised
-    assert "no control above 300 control unit. " in promised
-    apart = " ".join(promise(replace(result, control_limit=(2.673, 1.67))))
-    assert "no control above 2.673 control unit on input 1, 1.67 control unit on input 2." in apart
-    assert "Kept in all 3 runs within the bounds" in findings(result)[0]
-    worse = replace(result, promised=result.runs[0].largest / 2)
-    assert not findings(worse)  # the verdict says so
-    assert not replace(result.runs[0], largest=np.nan).keeps(1.0)  # a run that diverged
 
 
 @pytest.mark.parametrize(

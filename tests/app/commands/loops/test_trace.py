@@ -134,17 +134,6 @@ def test_a_program_is_told_as_it_was_read_and_what_is_not_kept(tmp_path, capsys)
     assert f"{lost}; rapid moves are part of the path." in told
 
 
-def test_only_what_a_file_has_is_not_kept(tmp_path, capsys):
-    part, points = tmp_path / "part.ngc", tmp_path / "points.csv"
-    part.write_text("G21 S5 G1 X10 F100\n")
-    points.write_text("0,0\n10,0\n")
-    told = told_of(part, capsys)
-    assert "1 move, 10 mm, X 0 ... 10, Y 0 ... 0 mm; ignored: S" in told
-    assert "chooses its own speed: feeds of the file are not kept.\n" in told
-    told = told_of(points, capsys)
-    assert "Read points: 1 move, 10 mm" in told and "not kept" not in told
-
-
 LINE = polyline([[0.0, 0.0], [3e-3, 0.0]])  # [m]
 
 
@@ -230,40 +219,6 @@ def late_result(asked=TABLE, **fields):
     return Traversed(**given, **ran, asked=asked, **{"arrived": False, "time_s": None, **fields})
 
 
-def test_how_far_a_late_tool_came_is_told_and_no_error(capsys):
-    show(late_result(came_mm=1.25, end_mm=1.75), console_of())
-    told = capsys.readouterr().out
-    assert "Tool came         1.25 mm of 3 mm along the path; 1.75 mm from its end point" in told
-    assert "DID NOT ARRIVE" in told and "RMS" not in told
-
-
-def test_a_larger_limit_is_advised_where_the_controls_are_at_it():
-    apart = late_result(control_used=(0.006, 11.0), control_limit=(300.0, 12.0))
-    assert advice(apart) == "a larger --max-control allows it"
-
-
-@pytest.mark.parametrize(
-    ("asked", "says"),
-    [
-        (replace(TABLE, q_theta=0.0), "more --q-theta rewards progress, 0.3 say"),
-        # 15 / 10^2 is the usual weight at a limit of 10, and 28 steps of 1 ms are Lam's 28 ms
-        (
-            replace(FINE, r_control=(60.0, 60.0)),
-            "less --r-control, 0.15 say, lets the controls change faster, --horizon 28 sees more "
-            "of it: they used at most 0.02 of 10 V",
-        ),
-        (
-            replace(FINE, horizon=28),
-            "less --r-control, 0.015 say, lets the controls change faster: "
-            "they used at most 0.02 of 10 V",
-        ),
-    ],
-)
-def test_what_makes_a_slow_tool_faster_is_named_with_a_value(asked, says):
-    slow = late_result(asked, control_used=(0.02, 0.0), control_limit=(10.0, 10.0))
-    assert advice(slow) == says
-
-
 @pytest.mark.parametrize(
     ("asked", "says"),
     [
@@ -279,12 +234,6 @@ def test_what_makes_a_slow_tool_faster_is_named_with_a_value(asked, says):
 def test_a_tool_that_is_left_behind_is_never_advised_more_progress(asked, says, lost):
     full = {"control_used": (9.0,), "control_limit": (9.0,)}
     assert advice(late_result(asked, **lost, **full)) == says
-
-
-def test_a_tool_that_overran_the_end_is_advised_to_brake():
-    beside = late_result(rms_um=235.0, peak_um=890.0, control_used=(9.0,), control_limit=(9.0,))
-    assert "a longer --horizon brakes in time, 14 say" in advice(beside)
-    assert "less --q-theta is slower, 0.03 say" in advice(beside)
 
 
 def test_a_tool_that_is_not_where_its_controller_held_it_is_told(capsys):

@@ -1,7 +1,5 @@
 """`identify --excite` from the command line."""
 
-import json
-
 import numpy as np
 
 from jcontour.app.cli import main
@@ -13,14 +11,6 @@ def test_both_programs_are_written(tour):
     assert (folder / "excite.csv").read_text().startswith("time_s,x_mm,y_mm\n")
     assert rows.shape[1] == 3 and np.allclose(np.diff(rows[:, 0]), 0.002)
     assert (folder / "excite.ngc").read_text().strip().endswith("M2")
-
-
-def test_who_moves_whom_is_told_where_the_names_are_no_letters(tmp_path, capsys):
-    limits = tmp_path / "limits.json"
-    named = {"travel": 400, "speed": 250, "acceleration": 2000, "axes": ["table", "spindle"]}
-    limits.write_text(json.dumps(named))
-    assert main(["identify", "--excite", str(limits), "--out", str(tmp_path / "run")]) == 0
-    assert "X moves table, Y moves spindle" in " ".join(capsys.readouterr().out.split())
 
 
 def test_what_cannot_be_read_is_told(tmp_path, capsys):

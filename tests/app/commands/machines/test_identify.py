@@ -2,20 +2,15 @@
 
 import json
 
-import numpy as np
 import pytest
 
 from jcontour.app.cli import main
 from jcontour.app.commands.machines.identify import (
-    FoundParameter,
     IdentifyResult,
-    RecordedTest,
-    show,
 )
 from jcontour.app.files.axis_file import FlexibleAxisFile
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.files.schema import read
-from jcontour.app.reports.tables import console_of
 
 HEADER = "time,motor_position,current_q"
 
@@ -54,33 +49,6 @@ def test_the_demonstration(demo):
             rows[name]["truth"], rel=0.02
         )
     assert not rows["coulomb"]["separated"] and rows["coulomb"]["value"] is None
-
-
-def shown(capsys, **changed):
-    """Cells that are printed for a parameter that is found like this."""
-    values = {"separated": True, "value": 0.0, "interval": (-1.0, 1.0), "truth": None} | changed
-    parameter = FoundParameter("viscous", "N", **values)
-    test = RecordedTest("sweep", 10, 0.1, 1.0)
-    show(
-        IdentifyResult("a.csv", [test], [parameter], 0.1, {"force_N": 0.0}, [], None), console_of()
-    )
-    lines = capsys.readouterr().out.splitlines()
-    (line,) = [line for line in lines if line.split()[:1] == ["viscous"]]
-    return line.split()[2:]
-
-
-def test_a_parameter_that_is_not_determined_has_no_numbers(capsys):
-    unknown = (-np.inf, np.inf)
-    assert shown(capsys, value=3.0, interval=unknown, separated=False) == [
-        "not",
-        "separated",
-        "-",
-        "-",
-    ]
-    assert shown(capsys, value=3.0, interval=(np.nan, np.nan)) == ["3", "-", "-"]
-    assert shown(capsys, value=None, interval=None) == ["-", "-", "-"]
-    assert shown(capsys, value=0.0, interval=(0.0, 0.0)) == ["0", "0", "...", "0", "-"]
-    assert shown(capsys, value=0.0, truth=0.0) == ["0", "-1", "...", "1", "-", "0", "-"]
 
 
 def sliding_without_current():

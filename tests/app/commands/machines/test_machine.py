@@ -74,14 +74,6 @@ def test_faults_are_told_in_a_line_and_nothing_is_written(tmp_path, machine_file
     assert not path.exists() and not list(tmp_path.glob("*.png"))
 
 
-def test_limits_of_unlike_axes_are_told_for_each(tmp_path, capsys):
-    numbers = "--gain 1 --time-constant-ms 20 --max-control 300 12 --max-speed 200 150".split()
-    assert main(["machine", *numbers, "--out", str(tmp_path / "mill.json")]) == 0
-    assert "speed 200, 150 mm/s; control 300, 12 control unit\n" in capsys.readouterr().out
-    assert main(["machine", *numbers, "9", "--out", str(tmp_path / "other.json")]) == 2
-    assert "max-speed: needs one number or 2, received 3" in capsys.readouterr().err
-
-
 def test_a_file_with_warnings_is_not_called_sound(tmp_path, capsys):
     path = tmp_path / "mill.json"
     numbers = "--gain 1 --time-constant-ms 20 --max-control 250 --out".split()
@@ -95,11 +87,3 @@ def test_a_file_with_warnings_is_not_called_sound(tmp_path, capsys):
     told = capsys.readouterr().out
     assert "WARNING: a sample period of 2000 ms is unusual" in told
     assert "The file can be read, but look at the warnings." in told and "sound" not in told
-
-
-def test_the_limits_of_a_file_are_told(tmp_path, capsys):
-    numbers = "--gain 1 --time-constant-ms 20 --max-control 8 --control-unit A".split()
-    limits = "--max-speed 0.25 --max-acceleration 2.5 --length-unit m".split()
-    path = tmp_path / "mill.json"
-    assert main(["machine", *numbers, *limits, "--out", str(path)]) == 0
-    assert "speed 250 mm/s; acceleration 2.5 m/s^2; control 8 A\n" in capsys.readouterr().out

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from jcontour.app.cli import main
-from jcontour.app.commands.tuning.front import next_steps, show
+from jcontour.app.commands.tuning.front import next_steps
 from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.run_metrics import MachineSummary
 from jcontour.app.files.results.search_results import BudgetPoint, FrontResult
 from jcontour.app.files.results.stored import from_json, read_result, to_json
 from jcontour.app.reports.page.page_data import page_data
-from jcontour.app.reports.tables import console_of
 
 
 @pytest.fixture
@@ -95,21 +94,3 @@ def test_weights_stand_beside_the_metrics_in_json():
     assert list(written["points"][0])[:3] == ["budget", "alpha", "rms_contour_error"]
     known = replace(RESULT, points=POINTS[:2])  # JSON has no infinity
     assert from_json(to_json(known), FrontResult) == known
-
-
-def test_a_slack_budget_is_said(capsys):
-    show(RESULT, console_of())
-    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert [row for row in rows if row[:1] == ["0.2"]] == [
-        ["0.2", "3", "1.8", "0.15", "yes", "no"],
-        ["0.2", "3"],
-    ]
-    slack, following = next_steps(RESULT, " part.ngc")
-    assert slack.startswith("Slack: the best weights found need less than the budget 0.2.")
-    assert following.endswith("jcontour tune part.ngc --max-rms-increment 0.1")
-
-
-def test_a_weight_with_a_number_for_each_axis_is_shown_as_the_flag_takes_it(capsys):
-    points = [replace(POINTS[0], weights={"alpha": [2.0, 3.5]})]
-    show(replace(RESULT, points=points), console_of())
-    assert ["0.1", "2,3.5"] in [line.split() for line in capsys.readouterr().out.splitlines()]

@@ -2,13 +2,12 @@
 
 import json
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from jcontour.app.cli import main
-from jcontour.app.commands.tuning.rank import next_steps, show
+from jcontour.app.commands.tuning.rank import show
 from jcontour.app.files.results.run_metrics import MachineSummary
 from jcontour.app.files.results.search_results import Candidate, Ranked, RankedResult
 from jcontour.app.files.results.stored import read_result
@@ -100,11 +99,6 @@ def test_the_table_compares_with_the_best_and_names_failures(capsys):
     assert "Left out" not in printed
 
 
-def test_those_that_learn_are_told(capsys):
-    show(replace(RESULT, learning=["run-out"]), console_of())
-    assert "Left out: run-out. They learn" in capsys.readouterr().out
-
-
 def test_the_verdict_is_for_the_best_that_keeps_every_limit():
     line = "acceleration of X EXCEEDS its limit: 7 of 4 m/s^2"
     beyond = row("beyond", 1e-6, feasible=False, exceeded=[line])
@@ -117,19 +111,3 @@ def test_the_verdict_is_for_the_best_that_keeps_every_limit():
         f"beyond: {line}",
         "failed: a plant of the family diverges on cam",
     ]
-
-
-def test_what_to_do_next():
-    begins, _, unended, following = next_steps(RESULT, " part.ngc")
-    assert begins.startswith("Ms with *: of the loop that the controller begins with.")
-    assert "--evaluations" in unended
-    assert following.startswith("Next: jcontour tune part.ngc --controller good --preview 5 ")
-    own = replace(RESULT, rows=[row("mine.py:PD", 1e-6)])
-    assert (
-        next_steps(own, " part.ngc")[-1] == "Next: jcontour tune part.ngc --controller mine.py:PD"
-    )
-    nothing = replace(RESULT, rows=RESULT.rows[2:])
-    assert "no controller could be tried" in next_steps(nothing, "")[0]
-    beyond = replace(nothing, rows=[row("beyond", 1e-6, feasible=False)])
-    assert "no controller keeps every limit; allow more" in next_steps(beyond, "")[0]
-    assert next_steps(beyond, " part.ngc --nominal-only")[0].endswith("leave out --nominal-only.")

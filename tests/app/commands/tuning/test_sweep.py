@@ -1,13 +1,11 @@
 """`sweep`: a small one from the command line."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from jcontour.app.cli import main
-from jcontour.app.commands.tuning.sweep import LOOPS, margin_lines
 from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.search_results import SweepResult
 from jcontour.app.files.results.stored import read_result
@@ -81,20 +79,6 @@ def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept
     assert "Drawn: sweep.png" in printed
     assert "Next: tune from the best point with jcontour tune " in printed
     assert f"Run folder: {swept}" in printed
-
-
-@pytest.mark.parametrize(
-    ("learns", "count", "says"),
-    [
-        (True, 4, "learns while it runs"),
-        (False, LOOPS + 1, f"the {LOOPS} best"),
-        (False, LOOPS, ""),
-    ],
-)
-def test_designs_without_stored_margins_are_told(learns, count, says):
-    flags, design = SimpleNamespace(previews=(4,)), SimpleNamespace(learns=learns)
-    lines = margin_lines(SimpleNamespace(flags=flags, design=lambda preview: design, count=count))
-    assert len(lines) == bool(says) and all(says in line for line in lines)
 
 
 def test_a_limit_that_a_sweep_does_not_look_at_is_no_flag_of_it(capsys):

@@ -7,20 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.commands.tuning import tune
-from jcontour.app.commands.tuning.tune import held_out_words, next_steps
+from jcontour.app.commands.tuning.tune import next_steps
 from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.flags.tuning import Tune
-from jcontour.app.jobs.contours import BUILT_IN
-from jcontour.app.jobs.pace import Pace
 from jcontour.app.reports.tables import console_of
 from jcontour.app.runs.tuning.searching import NothingSound
 from tuning.effort import QUICK
 
-PACE = Pace(machine_named("bridgeport"), None, None)
 FILES = {
     "result.json", "settings.json", "history.json", "state.npz", "rollouts.nc", "gains.csv",
     "observer.json", "history.png", "trade_off.png", "contour-part.png", "errors-part.png",
@@ -77,14 +73,6 @@ def test_where_the_peak_is(tuned, result, part_file):
     assert on_line[line] < 2e-3  # [mm] that corners are blended within
 
 
-def test_what_was_read(result):
-    part = next(one for one in result.contours if one.name == "part")
-    assert part.read.pieces == 4 and part.read.ignored == ()
-    assert part.read.length == pytest.approx(1e-3 * (2 + np.pi + 2 + 2))
-    np.testing.assert_allclose(part.read.low, [0, 0], atol=2e-6)  # corners are blended within it
-    np.testing.assert_allclose(part.read.high, [3e-3, 2e-3], atol=2e-5)
-
-
 def test_the_history_holds_every_point(tuned, result):
     points = json.loads((tuned / "history.json").read_text())
     assert len(points) == result.evaluated_points
@@ -124,15 +112,3 @@ def test_a_search_without_a_result_says_whether_numbers_are_lost(lost, told, tmp
     run = SimpleNamespace(settings=QUICK, machine=SimpleNamespace(error="contour"), flags=Tune())
     with pytest.raises(RuntimeError, match=f"no result: {told}; the points tried are kept in"):
         tune._descended(run, tmp_path, console_of(quiet=True))
-
-
-@pytest.mark.parametrize(
-    ("flags", "resized"),
-    [(Tune(parts=("circle",)), True), (Tune(), False), (Tune(("circle",), contours="9"), False)],
-)
-def test_held_out_contours_that_are_sized_like_the_parts_are_told(flags, resized):
-    jobs = {seen: [BUILT_IN[name](PACE)] for seen, name in ((True, "circle"), (False, "square"))}
-    scenarios = SimpleNamespace(jobs_seen=jobs.__getitem__)
-    words = held_out_words(flags, scenarios)
-    assert words.startswith(f"square ({jobs[False][0].samples} samples)")
-    assert ("the size, place and feed of the parts" in words) is resized

@@ -14,7 +14,6 @@ from jcontour.app.reports.figures.axes import (
     draw_curve,
     legend_below,
     plain_ticks,
-    short,
 )
 
 
@@ -48,25 +47,12 @@ def test_numbers_of_a_logarithmic_axis_do_not_overlap(low, high):
     assert not any(one.overlaps(other) for one, other in pairwise(shown))
 
 
-def test_a_long_name_is_cut_in_the_middle():
-    assert short("bracket") == "bracket" and short("x" * 40) == "x" * 40
-    cut = short("beginning" + 60 * "-" + "end")
-    assert len(cut) == 40 and cut.startswith("beginning-") and cut.endswith("-end") and "..." in cut
-
-
 def drawn(x, y):
     axes = Figure().subplots()
     draw_curve(axes, x, y, "blue", 1.0, "mine")
     (line,) = axes.get_lines()
     bands = [one for one in axes.collections if isinstance(one, PolyCollection)]
     return line.get_xydata().T, [path.vertices for band in bands for path in band.get_paths()]
-
-
-def test_a_short_curve_is_a_line():
-    x = np.linspace(0.0, 1.0, MOST)
-    (_, y), band = drawn(x, np.sin(x))
-    np.testing.assert_array_equal(y, np.sin(x))
-    assert not band
 
 
 def test_the_band_holds_a_peak_of_one_sample():

@@ -7,7 +7,6 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from jcontour.app.reports.figures.axes import COLOURS, DESIRED
 from jcontour.app.reports.figures.contours import (
     MOST,
     TITLE,
@@ -75,18 +74,6 @@ def test_no_arrow_lies_across_a_rapid_move(runs, gap):
     for arrow in drawn_way(replace(runs, scored=scored)).texts:
         length = np.linalg.norm(np.array(arrow.xyann) - np.array(arrow.xy))
         assert 0.9 < length < 1.1
-
-
-def test_arrows_of_many_laps_are_short(runs):
-    """They are straight: half a lap long they would cross the part."""
-    angle = np.linspace(0.0, 200 * np.pi, 40_000)
-    place = 5e-3 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    laps = replace(runs, reference=place, scored=np.ones(len(place), bool))
-    arrows = drawn_way(laps).texts
-    assert len(arrows) == 3
-    for arrow in arrows:
-        length = np.linalg.norm(np.array(arrow.xyann) - np.array(arrow.xy))
-        assert 0.4 < length < 0.6  # [mm], of a contour of 10 mm
 
 
 @pytest.mark.parametrize(
@@ -279,44 +266,6 @@ def test_titles_above_a_tall_contour_stay_apart(runs):
     figure.draw_without_rendering()
     boxes = [panel.title.get_window_extent() for panel in figure.axes]
     assert not any(one.overlaps(other) for one, other in zip(boxes, boxes[1:], strict=False))
-
-
-@pytest.mark.parametrize("details", [1, 40])
-def test_axes_of_a_line_have_a_height_with_ticks_apart_and_equal_scales(details):
-    """To and fro along X, once or so often that it is coloured: Y is 0 everywhere."""
-    there = np.abs((np.linspace(0.0, details, 4000) % 2) - 1)
-    place = RADIUS * np.stack([there, np.zeros(4000)], axis=1)
-    error = np.tile([0.0, 1e-6], (4000, 1))
-    one = DrawnRun("mine", "nominal plant", place + error, np.zeros((4000, 2)), error)
-    time, every = 1e-3 * np.arange(4000), np.ones(4000, bool)
-    figure = contour_figure(ContourRuns("line", time, every, place, ("X", "Y"), "A", ((one,),) * 2))
-    figure.draw_without_rendering()
-    for axes in figure.axes:
-        box = axes.get_window_extent()
-        assert box.height > 0.9 * figure.dpi  # inches
-        ticks = [tick.get_window_extent() for tick in axes.get_yticklabels() if tick.get_text()]
-        ticks = [tick for tick in ticks if box.y0 <= (tick.y0 + tick.y1) / 2 <= box.y1]
-        assert len(ticks) > 1
-        assert not any(a.overlaps(b) for a, b in zip(ticks, ticks[1:], strict=False))
-    panel = figure.axes[0]
-    (left, right), (low, high) = panel.get_xlim(), panel.get_ylim()
-    box = panel.get_window_extent()
-    assert (high - low) / (right - left) == pytest.approx(box.height / box.width, rel=1e-3)
-
-
-def test_the_legend_names_every_curve_once(runs):
-    """The black dot is not a curve of the start weights."""
-    (legend,) = contour_figure(runs).legends
-    colours = {
-        text.get_text(): handle.get_color()
-        for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
-    }
-    assert colours == {
-        "contour": DESIRED,
-        "first point": "black",
-        "start": COLOURS["start"],
-        "tuned": COLOURS["tuned"],
-    }
 
 
 def test_a_contour_of_many_details_is_coloured(runs):

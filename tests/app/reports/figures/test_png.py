@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from jcontour.app.reports.figures.png import DOTS, drawn_beside, save_figure, save_figures
+from jcontour.app.reports.figures.png import DOTS, drawn_beside, save_figure
 
 
 def made(title="a curve"):
@@ -34,12 +34,6 @@ def test_a_figure_is_drawn_once(tmp_path, monkeypatch):
     monkeypatch.setattr(Figure, "draw", lambda self, *args: drawn.append(self) or draw(self, *args))
     save_figure(made(), tmp_path / "curve.png")
     assert len(drawn) == 1
-
-
-def test_files_have_the_names_of_the_figures(tmp_path):
-    paths = save_figures({"first": made, "second": made}, "data", tmp_path)
-    assert [path.name for path in paths] == ["first.png", "second.png"]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["first.png", "second.png"]
 
 
 def test_nothing_is_left_where_a_figure_cannot_be_drawn(tmp_path):

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -17,10 +16,8 @@ from jcontour.app.files.results.search_results import (
 )
 from jcontour.app.files.results.tuned_result import HistoryPoint
 from jcontour.app.files.results.verdict import Verdict
-from jcontour.app.flags.tuning import Tune
 from jcontour.app.reports.figures.searches import (
     DIVERGED,
-    MEASURES,
     Search,
     front,
     history_figure,
@@ -94,27 +91,6 @@ def test_the_tuned_point_is_on_the_front_of_what_the_search_makes_small():
     points = [point(1.0, 4e-6, 1.0), point(2.0, 3e-6, 2.0), point(4.0, 2e-6, 3.0)]
     front = lines_of(trade_off_figure(Search(points, RESULT)))["front of these"]
     np.testing.assert_allclose(front, [[1.0, 4.0], [2.0, 3.0], [3.0, 2.0]])
-
-
-@pytest.mark.parametrize("draw", [history_figure, trade_off_figure])
-@pytest.mark.parametrize(
-    ("objective", "says", "least"),
-    [
-        ("typical", "geometric mean over contours\nof the worst RMS contour error [um]", 2.0),
-        ("worst", "worst RMS contour error [um]", 2.0),
-        ("regret", "largest RMS contour error\nover the best of its contour", 2e-6),
-    ],
-)
-def test_figures_say_what_the_search_makes_small(draw, objective, says, least):
-    figure = draw(Search(POINTS, RESULT, objective))
-    assert figure.axes[0].get_ylabel() == says
-    shown = lines_of(figure)
-    line = shown["tuned"] if "tuned" in shown else shown["best feasible so far"]
-    assert np.nanmin(line[:, 1]) == pytest.approx(least)
-
-
-def test_every_objective_is_in_words():
-    assert set(get_args(get_type_hints(Tune)["objective"])) == set(MEASURES)
 
 
 def test_the_edge_holds_the_points_that_no_other_beats():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jcontour.app.reports.figures.sweeps import LEVELS, MANY, named, sweep_figure, worst_errors
+from jcontour.app.reports.figures.sweeps import MANY, sweep_figure, worst_errors
 
 DIMENSIONS = ("preview", "sample", "contour", "plant")
 
@@ -87,14 +87,6 @@ def test_the_star_is_at_the_best_and_what_is_beyond_a_limit_is_marked():
     assert figure.get_suptitle().endswith("grey dot: beyond a limit on its runs")
 
 
-def test_along_a_curve_too():
-    limited = swept([[1, 3, 4]], [[False, True, True]], [1], alpha=[3, 2, 1])
-    (axes,) = sweep_figure(limited, ["alpha"], "contour").axes
-    marks = {line.get_marker(): line.get_xydata() for line in axes.lines}
-    np.testing.assert_allclose(marks["*"], [[2, 3]])
-    np.testing.assert_allclose(marks["o"], [[3, 1]])
-
-
 def test_of_very_many_designs_the_best_of_each_cell_is_drawn():
     random = np.random.default_rng(0)
     count = 4 * MANY
@@ -111,19 +103,3 @@ def test_nothing_but_diverged_designs_can_be_drawn():
     nothing = swept([[np.nan] * 4], **GRID)
     axes = sweep_figure(nothing, ["alpha", "beta"], "contour").axes[0]
     assert axes.get_title() == "preview 10: 4 of 4 diverged"
-
-
-def test_long_labels_are_turned_and_the_colours_have_few_numbers():
-    long = {"gain": [9000, 11000, 12000, 13000, 15000], "beta": [0, 1, 2, 3, 4]}
-    figure = sweep_figure(swept([[95, 100, 110, 120, 130]], **long), ["gain", "beta"], "contour")
-    panel, bar = figure.axes
-    assert {label.get_rotation() for label in panel.get_xticklabels()} == {45.0}
-    assert {label.get_rotation() for label in panel.get_yticklabels()} == {0.0}
-    assert len(bar.yaxis.get_ticklocs()) == LEVELS and not len(bar.yaxis.get_ticklocs(minor=True))
-
-
-@pytest.mark.parametrize(("unit", "told"), [("", "alpha"), ("1", "alpha"), ("1/s", "alpha [1/s]")])
-def test_a_weight_without_a_unit_has_no_brackets(unit, told):
-    one = swept([[1, 2]], alpha=[1, 2])
-    one["alpha"].attrs["units"] = unit
-    assert named(one, "alpha") == told

@@ -18,7 +18,6 @@ from jcontour.app.runs.checks.recommendation import (
     lag_warnings,
     margin_warnings,
     may_drift,
-    search_warnings,
     verdict_on,
 )
 from jcontour.app.runs.tuning.family_loops import LeastKnown
@@ -28,8 +27,6 @@ from tests.app.small_runs import family_metrics, margins
 from tuning.objectives import COUNT_NOISE, AtMost
 from tuning.outcome import LoopPeaks, Outcome
 from tuning.tuner import Price
-
-FOUND = small_runs.tuned()
 
 
 def found(feasible=True, violation=-0.1, sensitivity=1.9):
@@ -291,12 +288,6 @@ def of_margins(*given, longest=100, dt=1e-3, asked=0):
     return [one.line for one in margin_warnings(*given, longest, dt, asked)]
 
 
-def test_a_search_that_has_not_ended_is_told():
-    assert [*search_warnings(FOUND)] == []
-    (found,) = search_warnings(FOUND._replace(stationary=False))
-    assert "--steps" in found.remedy and "--every-start" in found.remedy
-
-
 def test_a_mode_that_outlasts_the_runs_is_told():
     """0.99 is left of a mode after a sample: a third, 1 / e, after 99.5 samples."""
     assert of_margins(frozen_margins(radius=0.99), 0, longest=100) == []
@@ -338,15 +329,6 @@ def test_open_loops_are_counted_and_without_any_other_there_are_no_margins():
     assert line.startswith(
         "there are no margins: at every probed point of ring, eight a control is at its limit"
     )
-
-
-def test_what_the_search_missed_is_named():
-    missed = FOUND._replace(
-        stabilised=True, diverged_points=2, history=[None] * 9, diverged_starts=1
-    )
-    stabilised, points, starts = (one.line for one in search_warnings(missed))
-    assert stabilised.startswith("the start was unstable")
-    assert points.startswith("2 of 9 evaluated points") and starts.startswith("1 descents")
 
 
 def test_a_tool_left_behind_is_told():

@@ -108,19 +108,6 @@ def test_where_no_design_keeps_the_limits_it_is_said_and_how_near_they_come():
     assert next_steps(LIMITED, lost)[0].startswith("Next: every design diverges")
 
 
-def test_a_best_design_beyond_a_limit_of_its_loops_has_a_warning():
-    found = _best(looked=3, beyond={"peak_sensitivity": 41.2, "late_radius": 1.1})
-    result = SweepResult(points=3, diverged=0, within=3, best=[found])
-    (line,) = limit_lines(LIMITED, judged_as(0), result)
-    assert line.startswith("WARNING: preview 0: the best design breaks a limit: its Ms is 41.2, a ")
-    assert line.endswith("--min-delay-margin asks for, and 2 next best ones break a limit as well")
-    passed = SweepResult(points=3, diverged=0, within=3, best=[_best(looked=2)])
-    (line,) = limit_lines(LIMITED, judged_as(0), passed)
-    assert line.startswith("With preview 0, 1 design with less error")
-    kept = SweepResult(points=3, diverged=0, within=3, best=[_best()])
-    assert limit_lines(LIMITED, judged_as(0), kept) == []
-
-
 def test_a_best_point_on_the_edge_of_its_grid_is_told():
     grid = {"alpha": jnp.array([1.0, 2.0, 3.0]), "beta": jnp.array([4.0, 5.0, 4.0])}
     grid["rho"] = np.full(3, 7.0)  # one value has no edge
@@ -130,12 +117,3 @@ def test_a_best_point_on_the_edge_of_its_grid_is_told():
     assert edge_lines({"alpha": 2.0, "beta": 4.5, "rho": 7.0}, grid, worst) == []
     (line,) = edge_lines({"alpha": 1.0, "beta": 4.5, "rho": 7.0}, grid, np.array([5.0, 6.0, 9.0]))
     assert "alpha, 1, lies on the edge of the grid: try smaller ones" in line
-
-
-def test_an_edge_that_is_no_better_than_the_inside_is_not_told():
-    """Where an error hardly falls any more, a wider grid brings nothing."""
-    grid, best = {"alpha": jnp.array([1.0, 2.0, 3.0])}, {"alpha": 3.0}
-    assert edge_lines(best, grid, np.array([9.0, 5.04, 5.0])) == []
-    assert len(edge_lines(best, grid, np.array([9.0, 5.06, 5.0]))) == 1
-    grid["beta"] = jnp.array([1.0, 1.0, 2.0])  # of alpha inside, and at an end of beta
-    assert len(edge_lines(best | {"beta": 2.0}, grid, np.array([9.0, 5.04, 5.0]))) == 2

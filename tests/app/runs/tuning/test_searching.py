@@ -18,11 +18,11 @@ from jcontour.app.flags.tuning import Tune
 from jcontour.app.runs.tuning import searching
 from jcontour.app.runs.tuning.family_loops import WINDOWS
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
-from jcontour.app.runs.tuning.searching import ROUND, NothingSound, exchange_words, searched
+from jcontour.app.runs.tuning.searching import ROUND, NothingSound, searched
 from jcontour.simulation.metrics import Metrics
 from tests.tuning.bumped import HIGH, REFERENCE, problem_of
 from tuning.effort import THOROUGH
-from tuning.exchange import STABLE, Exchanged
+from tuning.exchange import STABLE
 from tuning.outcome import Outcome
 from tuning.parameters import Chart, Positive
 from tuning.point import evaluate_point
@@ -112,12 +112,6 @@ def test_a_loop_between_the_probes_ends_stable_and_points_of_all_rounds_count(fo
     assert found.descents == 2
     rejected = sum(row.diverged for state in rounds for row in state.history)
     assert found.tuned.diverged_points == rejected and not found.tuned.stabilised
-
-
-def test_an_exchange_is_told_in_a_line():
-    problem = problem_of(SAMPLES)
-    assert "is unstable: 1 more loop is looked" in exchange_words(Exchanged(problem, 1, True))
-    assert "limit on loops: 3 more loops are" in exchange_words(Exchanged(problem, 3, False))
 
 
 def test_nothing_sound_is_told(tmp_path):
