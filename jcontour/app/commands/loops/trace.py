@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import ArrayLike
@@ -26,7 +26,7 @@ from jcontour.app.jobs.job import Job, Pace, Task
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import path_figure, signals_figure
-from jcontour.app.reports.figures.png import save_figures
+from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.runs.checks.machine_limits import Signals as Seen
 from jcontour.app.runs.checks.machine_limits import limits_of_groups
 from jcontour.app.runs.contour_summary import read_of
@@ -35,9 +35,7 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.outlines import outline
 from jcontour.geometry.toolpaths import Toolpath
-from jcontour.host.held import Held
 from jcontour.host.loop import HostRun, Stopped, reported_loop
-from jcontour.motion.references import Reference
 from jcontour.mpc.contouring.mpcc import ARRIVAL
 from jcontour.simulation.traversal import END_MARGIN, Score, outrun, traversal_score
 
@@ -49,31 +47,30 @@ LEAST, MOST = 0.03, 5.0  # q_theta, the paper's range
 FULL = 0.9  # of its limit: a control that has come so far is short of it
 
 
-class Drawn(NamedTuple):
-    """Content of the figures: the result, its path, and the points of it nearest to the tool."""
-
-    result: Traversed
-    path_mm: np.ndarray
-    foot_mm: np.ndarray
-
-
 def command(flags: Trace) -> int:
     """The whole command; exit code."""
-    machine = machine_named(flags.plant)
-    job = job_of(flags)
+    machine, job = machine_named(flags.plant), job_of(flags)
     asked = traverser(machine, job.contour, flags)
     reference, controller = waiting_reference(asked), asked.controller
     controller.initial_memory(reference)  # raises what does not fit before anything is written
     folder = created(flags, "trace")
+    fallback, failure = None if flags.fallback == "stop" else flags.fallback, ""
     with tables.console_of(quiet=flags.json).status("solving a QP at every step"):
-        run, failure = _ran(asked, controller, reference, flags)
+        try:
+            run = reported_loop(asked.hosted.plant, controller, reference, fallback=fallback)
+        except Stopped as stopped:
+            run, failure = stopped.run, str(stopped)
     result = replace(_result(flags, asked, run, failure), **of_file(job, machine, flags.contour))
     verdict = verdict_on(result)
     result = replace(result, verdict=verdict)
     if result.signals is not None:
-        foot = np.asarray(asked.contour.position(1e-3 * result.signals.arc_mm))
-        figures = {"trace": _signals, "path": _path}
-        save_figures(figures, Drawn(result, 1e3 * outline(asked.contour), 1e3 * foot), folder)
+        title = f"{result.contour} on {result.plant}"
+        about = f"{title}: model predictive contouring control"
+        figure = signals_figure(result.signals, result.control_unit, about)
+        save_figure(figure, folder / "trace.png")
+        foot = 1e3 * np.asarray(asked.contour.position(1e-3 * result.signals.arc_mm))
+        path = path_figure(result.signals, 1e3 * outline(asked.contour), foot, title)
+        save_figure(path, folder / "path.png")
     write_result(folder, result)
     return finished(folder, result, flags, show, next_steps(result), verdict)
 
@@ -115,24 +112,22 @@ def not_kept(read: Toolpath, name: str) -> str:
     return f"The controller chooses its own speed: {told} of the file are not kept{path}."
 
 
-def _ran(
-    asked: Traverser, controller: Held, reference: Reference, flags: Trace
-) -> tuple[HostRun, str]:
-    fallback = None if flags.fallback == "stop" else flags.fallback
-    try:
-        return reported_loop(asked.hosted.plant, controller, reference, fallback=fallback), ""
-    except Stopped as stopped:
-        return stopped.run, str(stopped)
-
-
 def _result(flags: Trace, asked: Traverser, run: HostRun, failure: str) -> Traversed:
-    report, rollout = run.report, run.rollout
-    found = Traversed(
+    """Numbers of a run; errors and signals where there is a sample of it."""
+    report, rollout, mpcc = run.report, run.rollout, asked.mpcc
+    result = Traversed(
         plant=flags.plant,
         contour=flags.contour,
         control_unit=asked.machine.control_unit,
         length_mm=1e3 * float(asked.contour.length),
-        asked=_asked(asked),
+        asked=Asked(
+            q_theta=mpcc.weights.progress,
+            q_lag=mpcc.weights.lag,
+            r_control=tuple(np.diag(mpcc.weights.control_matrix(mpcc.model.inputs)).tolist()),
+            horizon=int(mpcc.blocks.sum()),
+            period_ms=1e3 * mpcc.model.dt,
+            max_speed_mm_s=1e3 * asked.speed_limit,
+        ),
         failure=failure,
         steps=len(report.residual),
         fallbacks=report.fallbacks,
@@ -141,41 +136,26 @@ def _result(flags: Trace, asked: Traverser, run: HostRun, failure: str) -> Trave
         arrived=False,
         time_s=None,
     )
-    if len(rollout.output) == 0:
-        return found
-    limit = control_limit(asked.machine, flags.max_control)
-    used = np.abs(rollout.control).max(axis=0)
-    limits = tuple(np.broadcast_to(limit, used.shape).tolist())
-    drives = replace(found, control_used=tuple(used.tolist()), control_limit=limits)
-    return _scored(drives, asked, run)
-
-
-def _asked(asked: Traverser) -> Asked:
-    weights, mpcc = asked.mpcc.weights, asked.mpcc
-    return Asked(
-        q_theta=weights.progress,
-        q_lag=weights.lag,
-        r_control=tuple(np.diag(weights.control_matrix(mpcc.model.inputs)).tolist()),
-        horizon=int(mpcc.blocks.sum()),
-        period_ms=1e3 * mpcc.model.dt,
-        max_speed_mm_s=1e3 * asked.speed_limit,
-    )
-
-
-def _scored(found: Traversed, asked: Traverser, run: HostRun) -> Traversed:
-    """The result with errors and signals."""
-    mpcc, memory, output = asked.mpcc, run.rollout.memory.inner, np.asarray(run.rollout.output)
+    output, control = np.asarray(rollout.output), np.asarray(rollout.control)
+    if len(output) == 0:
+        return result
+    used, memory = np.abs(control).max(axis=0), rollout.memory.inner
+    limit = np.broadcast_to(control_limit(asked.machine, flags.max_control), used.shape)
     score = traversal_score(asked.contour, output, asked.hosted.plant.dt)
-    signals = Signals(
-        arc_mm=1e3 * score.arc,
-        contour_error_um=1e6 * score.error,
-        speed_mm_s=1e3 * mpcc.speed(memory),
-        tool_mm=1e3 * output,
-        control=np.asarray(run.rollout.control),
+    return replace(
+        result,
+        control_used=tuple(used.tolist()),
+        control_limit=tuple(limit.tolist()),
+        signals=Signals(
+            arc_mm=1e3 * score.arc,
+            contour_error_um=1e6 * score.error,
+            speed_mm_s=1e3 * mpcc.speed(memory),
+            tool_mm=1e3 * output,
+            control=control,
+        ),
+        limits=limits_along(flags.contour, output, control, asked.machine),
+        **judged(score, output, asked.contour, mpcc.arc(memory), failure),
     )
-    way = judged(score, output, asked.contour, mpcc.arc(memory), found.failure)
-    limits = limits_along(found.contour, output, signals.control, asked.machine)
-    return replace(found, signals=signals, limits=limits, **way)
 
 
 def limits_along(
@@ -227,100 +207,48 @@ def judged(
     }
 
 
-def _signals(drawn: Drawn):
-    result = drawn.result
-    title = f"{result.contour} on {result.plant}: model predictive contouring control"
-    return signals_figure(result.signals, result.control_unit, title)
-
-
-def _path(drawn: Drawn):
-    result = drawn.result
-    title = f"{result.contour} on {result.plant}"
-    return path_figure(result.signals, drawn.path_mm, drawn.foot_mm, title)
-
-
 def show(result: Traversed, console: Console) -> None:
     """How long, how far off, and whether the limits or the solver had a say."""
+    length = f"{result.length_mm:.4g} mm"
+    lines = [f"{result.contour}: {length} on {result.plant}, {result.steps} samples"]
+    if result.read is not None:
+        name = Path(result.contour).stem
+        lines.append(f"Read {tables.read_line(name, result.read, result.axes)}")
+        lines += filter(None, [result.lost])
     time = "none: the tool DID NOT ARRIVE at the end of the path"
     if result.arrived:
         time = f"{tables.digits(result.time_s)} s, up to {1e3 * END_MARGIN:g} mm before the end"
-    lines = [
-        f"{result.contour}: {result.length_mm:.4g} mm on {result.plant}, {result.steps} samples",
-        *_told_of_file(result),
-        f"Traversal time    {time}",
-        *_told_of_end(result),
-    ]
-    limited = f"{100 * result.limited:.4g} % of the steps; fallback steps: {result.fallbacks}"
-    lines.append(f"Limits in plan    {limited}")
-    residual = f"{result.residual:.1e} of a QP (at most 1e-8 counts as solved)"
-    lines.append(f"Worst residual    {residual}")
-    tables.say(console, *lines)
+    lines.append(f"Traversal time    {time}")
+    if result.end_mm is not None:
+        errors = "none: it counts on the whole path"
+        if result.rms_um is not None:
+            errors = f"RMS {result.rms_um:.4g} um, peak {result.peak_um:.4g} um"
+        came = f"{_shown(result.came_mm)} mm of {length} along the path"
+        apart = f"{_shown(result.end_mm)} mm from its end point at the last sample"
+        lines += [f"Tool came         {came}; {apart}", f"Contour error     {errors}"]
+    tables.say(
+        console,
+        *lines,
+        f"Limits in plan    {100 * result.limited:.4g} % of the steps; "
+        f"fallback steps: {result.fallbacks}",
+        f"Worst residual    {result.residual:.1e} of a QP (at most 1e-8 counts as solved)",
+    )
 
 
 def verdict_on(result: Traversed) -> Verdict:
     """Verdict on a run: the tool arrives at the end, within every limit of the machine."""
+    length = f"{result.length_mm:.4g} mm"
     against = [reason(f"it stopped: {result.failure}")] if result.failure else []
-    against += map(reason, strayed(result))
+    if result.left_mm is not None:
+        off = f"{_shown(result.left_mm)} mm"
+        against.append(reason(f"the tool LEFT the path: it was {off} off one of {length}"))
+    elif result.outrun:
+        came = f"{_shown(result.progress_mm)} mm of {length}, the tool {_shown(result.came_mm)} mm"
+        outrun = f"the controller's progress LEFT THE TOOL BEHIND: it came to {came}"
+        against.append(reason(outrun))
     if not result.arrived and not against:
         against.append(reason("the tool did not arrive at the end of the path"))
     return Verdict.of(result.limits, against, passed=kept_words(result.limits))
-
-
-def strayed(result: Traversed) -> list[str]:
-    """A line where the tool is not where the controller held it to be."""
-    length = f"{result.length_mm:.4g} mm"
-    if result.left_mm is not None:
-        off = f"{_shown(result.left_mm)} mm"
-        return [f"the tool LEFT the path: it was {off} off one of {length}"]
-    if result.outrun:
-        came = f"{_shown(result.progress_mm)} mm of {length}, the tool {_shown(result.came_mm)} mm"
-        return [f"the controller's progress LEFT THE TOOL BEHIND: it came to {came}"]
-    return []
-
-
-def _told_of_end(result: Traversed) -> list[str]:
-    """How far the tool came, and how far off it was on the way and at the last sample."""
-    if result.end_mm is None:
-        return []
-    errors = "none: it counts on the whole path"
-    if result.rms_um is not None:
-        errors = f"RMS {result.rms_um:.4g} um, peak {result.peak_um:.4g} um"
-    came = f"{_shown(result.came_mm)} mm of {result.length_mm:.4g} mm along the path"
-    apart = f"{_shown(result.end_mm)} mm from its end point at the last sample"
-    return [
-        f"Tool came         {came}; {apart}",
-        f"Contour error     {errors}",
-    ]
-
-
-def _told_of_file(result: Traversed) -> list[str]:
-    """What was read, and what of it is not kept."""
-    if result.read is None:
-        return []
-    name = Path(result.contour).stem
-    return [
-        f"Read {tables.read_line(name, result.read, result.axes)}",
-        *filter(None, [result.lost]),
-    ]
-
-
-def next_steps(result: Traversed) -> list[str]:
-    """Figures in words, and the next step."""
-    told = []
-    if result.signals is not None:
-        told.append(
-            "path.png shows the tool around the path, its error magnified, and the speed there; "
-            "trace.png the signals along the path."
-        )
-    if result.failure:
-        return [*told, "Next: --fallback hold goes on where a step has no answer."]
-    if not result.arrived:
-        return [*told, f"Next: {advice(result)}."]
-    if exceeded(result.limits):
-        lower = f"--max-speed-mm-s, {tables.digits(0.5 * result.asked.max_speed_mm_s)} say"
-        known = "of the machine's limits the controller knows that of the control"
-        return [*told, f"Next: a lower {lower}, or less --q-theta asks less of it: {known}."]
-    return [*told, "Next: --q-theta trades time for accuracy: more is faster, less is closer."]
 
 
 def _shown(length_mm: float | None) -> str:
@@ -328,33 +256,50 @@ def _shown(length_mm: float | None) -> str:
     return f"{round(length_mm or 0.0, 6):.4g}"
 
 
+def next_steps(result: Traversed) -> list[str]:
+    """Figures in words, and the next step."""
+    if result.failure:
+        step = "--fallback hold goes on where a step has no answer."
+    elif not result.arrived:
+        step = f"{advice(result)}."
+    elif exceeded(result.limits):
+        lower = f"--max-speed-mm-s, {tables.digits(0.5 * result.asked.max_speed_mm_s)} say"
+        known = "of the machine's limits the controller knows that of the control"
+        step = f"a lower {lower}, or less --q-theta asks less of it: {known}."
+    else:
+        step = "--q-theta trades time for accuracy: more is faster, less is closer."
+    figures = (
+        "path.png shows the tool around the path, its error magnified, and the speed there; "
+        "trace.png the signals along the path."
+    )
+    return [*([] if result.signals is None else [figures]), f"Next: {step}"]
+
+
 def advice(result: Traversed) -> str:
-    """What may bring a tool to the end that did not arrive, in words."""
-    if result.outrun or result.left_mm is not None:
-        return _closer(result.asked)
+    """What may bring a tool to the end that did not arrive, in words.
+
+    A longer horizon looks as far ahead in time as the paper's, or twice as far as now.
+    """
+    asked = result.asked
+    less = f"less --q-theta, {tables.digits(0.1 * asked.q_theta)} say"
+    paper = int(np.ceil(AHEAD_MS / asked.period_ms - 1e-9))
+    steps = paper if asked.horizon < paper else 2 * asked.horizon
+    horizon = f"--horizon {min(LONGEST_HORIZON, steps)}"
+    near = asked.horizon * asked.period_ms < AHEAD_MS
+    if result.outrun or result.left_mm is not None:  # progress and tool have to stay together
+        ways = []
+        if asked.q_lag < Trace.q_lag:
+            ways.append(f"--q-lag {Trace.q_lag:g} ties progress to the tool")
+        if near:
+            ways.append(f"{horizon} looks {AHEAD_MS:g} ms ahead, as in the paper")
+        if not ways or asked.q_theta > MOST:
+            ways.append(f"{less}, rewards progress less than it costs")
+        return "; ".join(ways)
     if result.rms_um is not None:  # it was there, and does not stay
         return (
-            f"a longer --horizon brakes in time, {_farther(result.asked)} say, less --q-theta is "
-            f"slower, {_less(result.asked)} say; more --q-contour and --q-lag hold the tool closer"
+            f"{horizon} brakes in time, {less}, is slower; more --q-contour and --q-lag hold the "
+            "tool closer"
         )
-    return _faster(result)
-
-
-def _closer(asked: Asked) -> str:
-    """What keeps progress and tool together."""
-    ways = []
-    if asked.q_lag < Trace.q_lag:
-        ways.append(f"--q-lag {Trace.q_lag:g} ties progress to the tool")
-    if asked.horizon * asked.period_ms < AHEAD_MS:
-        ways.append(f"--horizon {_farther(asked)} looks {AHEAD_MS:g} ms ahead, as in the paper")
-    if not ways or asked.q_theta > MOST:
-        ways.append(f"less --q-theta, {_less(asked)} say, rewards progress less than it costs")
-    return "; ".join(ways)
-
-
-def _faster(result: Traversed) -> str:
-    """What makes a tool go on that was too slow."""
-    asked = result.asked
     if asked.q_theta < LEAST:
         return f"more --q-theta rewards progress, {Trace.q_theta:g} say"
     shares = np.divide(result.control_used, result.control_limit)
@@ -363,22 +308,9 @@ def _faster(result: Traversed) -> str:
         return "a larger --max-control allows it"
     used, limit = (tables.digits(of[most]) for of in (result.control_used, result.control_limit))
     weight, usual = asked.r_control[most], CHANGE / result.control_limit[most] ** 2
-    less = tables.digits(usual if weight > 1.01 * usual else 0.1 * weight)
-    sight = ""
-    if asked.horizon * asked.period_ms < AHEAD_MS:
-        sight = f", --horizon {_farther(asked)} sees more of it"
+    lower = tables.digits(usual if weight > 1.01 * usual else 0.1 * weight)
+    sight = f", {horizon} sees more of it" if near else ""
     return (
-        f"less --r-control, {less} say, lets the controls change faster{sight}: they used at most "
+        f"less --r-control, {lower} say, lets the controls change faster{sight}: they used at most "
         f"{used} of {limit} {result.control_unit}"
     )
-
-
-def _less(asked: Asked) -> str:
-    return tables.digits(0.1 * asked.q_theta)
-
-
-def _farther(asked: Asked) -> int:
-    """Steps of a longer horizon: as far ahead in time as the paper's, or twice as far as now."""
-    paper = int(np.ceil(AHEAD_MS / asked.period_ms - 1e-9))
-    steps = paper if asked.horizon < paper else 2 * asked.horizon
-    return min(LONGEST_HORIZON, steps)
