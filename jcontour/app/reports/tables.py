@@ -2,7 +2,8 @@
 
 import re
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TypeVar
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -122,6 +123,23 @@ def plain_table(
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
     return table
+
+
+Row = TypeVar("Row")
+
+
+def table_of(
+    title: str,
+    rows: Iterable[Row],
+    columns: Mapping[str, Callable[[Row], str | float | None]],
+    text_columns: int = 1,
+) -> Table:
+    """A table of things: under each heading what is told of one; numbers in four digits."""
+    cells = []
+    for row in rows:
+        told = [tell(row) for tell in columns.values()]
+        cells.append([one if isinstance(one, str) else digits(one) for one in told])
+    return plain_table(title, list(columns), cells, text_columns)
 
 
 def columns_of(error: str) -> list[str]:

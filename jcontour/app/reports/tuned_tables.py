@@ -11,7 +11,6 @@ from jcontour.app.files.results.tuned_result import (
     PathMargins,
     TunedContour,
     TunedResult,
-    rms_error,
 )
 from jcontour.app.reports.tables import digits, of_axes, peak_line, plain_table, position, say
 from tuning.objectives import COUNT_NOISE, LATE, RATIO
@@ -103,7 +102,7 @@ def _error_cells(contour: TunedContour, error: str) -> list[str]:
         start, tuned = (
             getattr(contour.metrics[name], plant) for name in (contour.compared, "tuned")
         )
-        before, after = rms_error(start, error), rms_error(tuned, error)
+        before, after = start.rms(error), tuned.rms(error)
         lost = start.diverged or tuned.diverged
         change = "" if lost else f"{100 * (after / before - 1):+.0f}"
         cells += [_number(1e6 * before, start.diverged), _number(1e6 * after, tuned.diverged)]
@@ -180,7 +179,7 @@ def sentence(result: TunedResult) -> str:
         for one in result.contours:
             start, tuned = (one.metrics[name].worst for name in (one.compared, "tuned"))
             if one.training is training and not (start.diverged or tuned.diverged):
-                ratio = rms_error(tuned, result.error) / rms_error(start, result.error)
+                ratio = tuned.rms(result.error) / start.rms(result.error)
                 logarithms.append(math.log(ratio))
         if logarithms:
             typical = math.exp(sum(logarithms) / len(logarithms))

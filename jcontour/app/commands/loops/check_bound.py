@@ -1,6 +1,6 @@
 """`jcontour check RUN --bound`: largest error that a stored loop can have, an attack near it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,22 +19,13 @@ from jcontour.app.reports.figures.axes import DESIRED, START, TUNED
 from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
-from jcontour.app.reports.tables import digits, of_axes, of_inputs, peak_line, plain_table, say
+from jcontour.app.reports.tables import digits, of_axes, of_inputs, peak_line, say, table_of
 from jcontour.app.runs.checks.certifying import CertifiedRun, certified_runs
 from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
 
 ATTACK = "attack.nc"
-HEADINGS = (
-    "contour",
-    "plant",
-    "largest error\nproven um",
-    "reached\nunder attack um",
-    "reached by force\nwith counts um",
-    "undisturbed\num",
-    "largest\ncontrols",
-)
 
 BOUNDS = (
     "--force and --encoder-um set these bounds. Not given, they are the control noise of the "
@@ -156,8 +147,16 @@ def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:
 def show_certified(result: CertifiedResult, console: Console) -> None:
     """The table, what it is proven for, and where the largest bound is."""
     title = f"Largest {result.error} error of {result.controller} on {result.machine.name}"
-    rows = [_cells(row) for row in result.rows]
-    console.print(plain_table(title, HEADINGS, rows, text_columns=2))
+    columns: dict[str, Callable[[CertifiedRow], str | float | None]] = {
+        "contour": lambda row: row.contour,
+        "plant": lambda row: row.plant,
+        "largest error\nproven um": lambda row: 1e6 * row.bound,
+        "reached\nunder attack um": lambda row: 1e6 * row.reached,
+        "reached by force\nwith counts um": lambda row: row.counted and 1e6 * row.counted,
+        "undisturbed\num": lambda row: 1e6 * row.nominal,
+        "largest\ncontrols": lambda row: ", ".join(map(digits, row.control)),
+    }
+    console.print(table_of(title, result.rows, columns, text_columns=2))
     say(console, *sentences(result))
 
 
@@ -195,9 +194,3 @@ def _plants(gain: float | None) -> str:
         f"for every constant gain from {low} to {high} on each axis and every whole sample of "
         "delay, started on the path. Not for gains that change, nor parts of a sample."
     )
-
-
-def _cells(row: CertifiedRow) -> list[str]:
-    sizes = [row.bound, row.reached, row.counted, row.nominal]
-    errors = [digits(None if size is None else 1e6 * size) for size in sizes]
-    return [row.contour, row.plant, *errors, ", ".join(map(digits, row.control))]

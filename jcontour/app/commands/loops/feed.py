@@ -1,6 +1,6 @@
 """`jcontour feed`: contour error against cycle time of one part, under one controller."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from rich.console import Console
@@ -26,15 +26,6 @@ from jcontour.controller import Controller
 
 PAYS = 0.5  # of a rise of the feed, that has to come off the cycle time
 SLOWEST, QUICKEST = 1.0, 1000.0  # per cent
-HEADINGS = (
-    "feed\n%",
-    "cycle\ntime s",
-    "peak um\nworst",
-    "RMS um\nworst",
-    "RMS um\nnominal",
-    "peak\ncontrol",
-    "",
-)
 
 
 def loop_at_feeds(flags: Feed) -> StoredLoop:
@@ -188,7 +179,7 @@ def _quickest_within(
 
 
 def _peak(point: FeedPoint, error: str) -> float:
-    return getattr(point.metrics.worst, f"peak_{error}_error")
+    return point.metrics.worst.peak(error)
 
 
 def command(flags: Feed) -> int:
@@ -234,8 +225,23 @@ def _check(flags: Feed) -> None:
 def show(result: FeedResult, console: Console) -> None:
     """The table, and what is wrong with a feed."""
     title = f"{result.contour} on {result.machine.name}, {result.controller}"
-    rows = [_cells(point, result) for point in result.points]
-    console.print(tables.plain_table(title, HEADINGS, rows, text_columns=0))
+
+    def state(point: FeedPoint) -> str:
+        if point.sound:
+            return "recommended" if point.override == result.recommended else ""
+        stays = "DOES NOT FOLLOW" if point.not_followed else "EXCEEDS"
+        return "DIVERGES" if point.diverged else stays
+
+    columns: dict[str, Callable[[FeedPoint], str | float]] = {
+        "feed\n%": lambda point: f"{point.override:g}",
+        "cycle\ntime s": lambda point: f"{point.cycle_time:.3f}",
+        "peak um\nworst": lambda point: 1e6 * point.metrics.worst.peak(result.error),
+        "RMS um\nworst": lambda point: 1e6 * point.metrics.worst.rms(result.error),
+        "RMS um\nnominal": lambda point: 1e6 * point.metrics.nominal.rms(result.error),
+        "peak\ncontrol": lambda point: point.metrics.worst.peak_control,
+        "": state,
+    }
+    console.print(tables.table_of(title, result.points, columns, text_columns=0))
     for point in result.points:
         for line in [*point.not_followed, *exceeded(point.limits)]:
             tables.say(console, f"{point.override:g} %: {line}")
@@ -252,22 +258,6 @@ def _plan_warnings(result: FeedResult) -> list[str]:
     feeds = ", ".join(f"{point.override:g}" for point in beyond)
     last = f" (numbers of {beyond[-1].override:g} %)" if len(beyond) > 1 else ""
     return [f"WARNING: {feeds} %{last}: {line}" for line in beyond[-1].planned]
-
-
-def _cells(point: FeedPoint, result: FeedResult) -> list[str]:
-    worst, nominal = point.metrics.worst, point.metrics.nominal
-    sizes = [
-        getattr(worst, f"peak_{result.error}_error"),
-        getattr(worst, f"rms_{result.error}_error"),
-        getattr(nominal, f"rms_{result.error}_error"),
-    ]
-    verdict = "recommended" if point.override == result.recommended else ""
-    if not point.sound:
-        stays = "DOES NOT FOLLOW" if point.not_followed else "EXCEEDS"
-        verdict = "DIVERGES" if point.diverged else stays
-    errors = [tables.digits(1e6 * size) for size in sizes]
-    time = f"{point.cycle_time:.3f}"
-    return [f"{point.override:g}", time, *errors, tables.digits(worst.peak_control), verdict]
 
 
 def next_steps(result: FeedResult) -> list[str]:

@@ -1,6 +1,6 @@
 """`jcontour precompensate`: a bent reference that any control can run, with its error."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,15 +34,6 @@ from jcontour.geometry.toolpaths import Toolpath
 SAME = 5e-3  # of an error: less of a change has no digit of its own
 BOUNDS = ("speed", "acceleration", "control")
 NOTHING = 1e-9  # [m] of an error: a ratio to less says nothing
-HEADINGS = (
-    "plant",
-    "RMS um\nbefore",
-    "RMS um\nafter",
-    "peak um\nbefore",
-    "peak um\nafter",
-    "peak control\nbefore",
-    "peak control\nafter",
-)
 
 
 def command(flags: Precompensate) -> int:
@@ -126,8 +117,17 @@ def show(result: BentResult, console: Console) -> None:
     """The table, and a sentence."""
     title = f"{result.contour} on {result.machine.name}, {result.controller}, "
     title += f"machine with {result.machine.nonsmooth_effects}"
-    rows = [_cells(name, result) for name in result.before]
-    console.print(tables.plain_table(title, HEADINGS, rows))
+    before, after, error = result.before, result.after, result.error
+    columns: dict[str, Callable[[str], str | float]] = {
+        "plant": lambda plant: plant,
+        "RMS um\nbefore": lambda plant: 1e6 * before[plant].rms(error),
+        "RMS um\nafter": lambda plant: 1e6 * after[plant].rms(error),
+        "peak um\nbefore": lambda plant: 1e6 * before[plant].peak(error),
+        "peak um\nafter": lambda plant: 1e6 * after[plant].peak(error),
+        "peak control\nbefore": lambda plant: before[plant].peak_control,
+        "peak control\nafter": lambda plant: after[plant].peak_control,
+    }
+    console.print(tables.table_of(title, before, columns))
     tables.say(console, *ending(result), *sentences(result))
     if result.weights:
         tables.say(console, f"Bent for {result.controller} with these gains, and for no others:")
@@ -207,12 +207,10 @@ def verdict_on(result: BentResult) -> Verdict:
 
 def _larger(result: BentResult) -> list[str]:
     """The plant whose largest error grows most, where one does."""
+    error = result.error
     peaks = {
-        name: (
-            float(getattr(result.before[name], f"peak_{result.error}_error")),
-            float(getattr(result.after[name], f"peak_{result.error}_error")),
-        )
-        for name in result.before
+        name: (run.peak(error), result.after[name].peak(error))
+        for name, run in result.before.items()
     }
     name, (before, after) = max(peaks.items(), key=lambda one: one[1][1] - one[1][0])
     if after <= before * (1 + SAME):
@@ -230,15 +228,6 @@ def _change(before: float, after: float) -> str:
     if before > after:
         return f"{before / after:.3g} times smaller"
     return f"{after / before:.3g} times LARGER"
-
-
-def _cells(name: str, result: BentResult) -> list[str]:
-    before, after = result.before[name], result.after[name]
-    cells = []
-    for kind in ("rms", "peak"):
-        for run in (before, after):
-            cells.append(tables.digits(1e6 * getattr(run, f"{kind}_{result.error}_error")))
-    return [name, *cells, tables.digits(before.peak_control), tables.digits(after.peak_control)]
 
 
 def _next(result: BentResult) -> list[str]:

@@ -1,6 +1,6 @@
 """`jcontour tolerance`: largest error that predictive control promises on a part, and its runs."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,7 +31,15 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
-from jcontour.app.reports.tables import digits, of_axes, of_inputs, plain_table, read_line, say
+from jcontour.app.reports.tables import (
+    digits,
+    of_axes,
+    of_inputs,
+    plain_table,
+    read_line,
+    say,
+    table_of,
+)
 from jcontour.app.runs.checks.machine_limits import Signals, limits_of_groups
 from jcontour.app.runs.contour_summary import machine_summary, read_of
 from jcontour.app.runs.forecast import outline
@@ -46,15 +54,6 @@ from jcontour.simulation.metrics import contour_error, tracking_error
 FORGOTTEN = 8  # times the length of the responses: an attack of the filter and them
 PNG = "tolerance.png"
 LONGEST = 100  # samples: beyond it a QP takes seconds
-HEADINGS = (
-    "plant",
-    "what acts",
-    "largest\nerror um",
-    "of the\ntolerance",
-    "largest\ncontrols",
-    "samples\nwithout answer",
-    "left the bounds\nat sample",
-)
 
 
 class Tried(NamedTuple):
@@ -301,8 +300,16 @@ def show_tolerance(result: ToleranceResult, console: Console) -> None:
     console.print(plain_table(title, ["share", "um"], shares))
     say(console, *promise(result), "")
     title = f"Runs, {result.samples} samples, {result.feed_law}"
-    rows = [_cells(run, result.promised) for run in result.runs]
-    console.print(plain_table(title, HEADINGS, rows, text_columns=2))
+    columns: dict[str, Callable[[KeptRun], str | float]] = {
+        "plant": lambda run: run.plant,
+        "what acts": lambda run: run.disturbance,
+        "largest\nerror um": lambda run: 1e6 * run.largest,
+        "of the\ntolerance": lambda run: f"{100 * run.largest / result.promised:.0f} %",
+        "largest\ncontrols": lambda run: ", ".join(map(digits, run.control)),
+        "samples\nwithout answer": lambda run: str(run.fallbacks),
+        "left the bounds\nat sample": lambda run: "" if run.left is None else str(run.left),
+    }
+    console.print(table_of(title, result.runs, columns, text_columns=2))
     say(console, *findings(result))
 
 
@@ -340,15 +347,3 @@ def findings(result: ToleranceResult) -> list[str]:
     elif others:
         told.append("The other plants kept it too, though nothing is promised for them.")
     return told
-
-
-def _cells(run: KeptRun, promised: float) -> list[str]:
-    return [
-        run.plant,
-        run.disturbance,
-        digits(1e6 * run.largest),
-        f"{100 * run.largest / promised:.0f} %",
-        ", ".join(map(digits, run.control)),
-        str(run.fallbacks),
-        "" if run.left is None else str(run.left),
-    ]

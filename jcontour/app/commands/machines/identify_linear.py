@@ -1,7 +1,7 @@
 """`jcontour identify log.csv --machine linear`: a machine file from a log of any program."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,17 +41,6 @@ GAIN_ASKED = 1000.0  # m/s or m per unit: more is a wrong unit
 TINY, FINE = 1e-3, 5e-9  # [m]: a whole record, and a count, that are questioned together
 DEMO_ROWS, DEMO_DT = 20_000, 1e-3
 DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time constant, delay
-HEADINGS = (
-    "axis",
-    "model",
-    "gain at rest",
-    "+- %",
-    "delay",
-    "explains %",
-    "left um",
-    "shown to Hz",
-    "family %",
-)
 
 
 def command(flags: Identify) -> int:
@@ -314,9 +303,28 @@ def show(result: LinearMachineResult, console: Console) -> None:
         f"Used: {result.samples} samples at {1 / result.dt:.5g} Hz, {seconds:.4g} s",
         *result.words,
     )
-    rows = [_cells(one) for one in result.axes]
     title = f"Identified machine; gains are per {result.control_unit}"
-    console.print(tables.plain_table(title, HEADINGS, rows, text_columns=2))
+
+    def spread(axis: LinearAxisResult) -> str:
+        low, high = axis.gain_interval
+        return f"{50 * (high - low) / abs(axis.gain) if axis.gain else float('nan'):.2g}"
+
+    def delay(axis: LinearAxisResult) -> str:
+        also = f" ({', '.join(map(str, axis.delays))}?)" if axis.delays else ""
+        return f"{axis.delay}{also}"
+
+    columns: dict[str, Callable[[LinearAxisResult], str | float]] = {
+        "axis": lambda axis: axis.name,
+        "model": words_of,
+        "gain at rest": lambda axis: f"{1e3 * axis.gain:.5g} mm{'/s' * bool(axis.integrators)}",
+        "+- %": spread,
+        "delay": delay,
+        "explains %": lambda axis: f"{100 * axis.explained:.3f}",
+        "left um": lambda axis: f"{1e6 * axis.innovation:.3g}",
+        "shown to Hz": lambda axis: axis.shown_to,
+        "family %": lambda axis: f"{100 * axis.uncertainty:.2g}",
+    }
+    console.print(tables.table_of(title, result.axes, columns, text_columns=2))
     speeds = ", ".join(f"{1e3 * value:.4g}" for value in result.limits["speed"])
     accelerations = ", ".join(f"{value:.3g}" for value in result.limits["acceleration"])
     commands = ", ".join(f"{value:.4g}" for value in result.limits["control"])
@@ -328,24 +336,6 @@ def show(result: LinearMachineResult, console: Console) -> None:
         f"{commands} {result.control_unit}. Change them to those of the machine.",
         *(f"NOTE: {note}" for note in result.notes),
     )
-
-
-def _cells(one: LinearAxisResult) -> list[str]:
-    low, high = one.gain_interval
-    spread = 50 * (high - low) / abs(one.gain) if one.gain else float("nan")
-    per = "mm/s" if one.integrators else "mm"
-    also = f" ({', '.join(map(str, one.delays))}?)" if one.delays else ""
-    return [
-        one.name,
-        words_of(one),
-        f"{1e3 * one.gain:.5g} {per}",
-        f"{spread:.2g}",
-        f"{one.delay}{also}",
-        f"{100 * one.explained:.3f}",
-        f"{1e6 * one.innovation:.3g}",
-        tables.digits(one.shown_to),
-        f"{100 * one.uncertainty:.2g}",
-    ]
 
 
 def words_of(one: LinearAxisResult) -> str:

@@ -1,7 +1,7 @@
 """`jcontour machine`: a machine file from what is known of the axes; checks and draws a file."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
 
@@ -31,7 +31,6 @@ from jcontour.app.reports.figures.png import save_figure
 EXAMPLE = Path(jcontour.app.machines.__file__).parent / "example.json"
 OF_NO_MACHINE = ("file", "example", "json")  # flags that do not describe a machine
 SOUND = "The file is sound."
-HEADINGS = ("axis", "settles to", "per unit", "rise ms", "delay", "most m/s^2", "resonance Hz")
 UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2", "nothing": ""}
 POINTS = 300
 SHOWN = 8.0  # rise times of the step response that are drawn
@@ -178,20 +177,17 @@ def show(found: MachineResult, console: Console) -> None:
     """What the machine is, axis by axis."""
     lines = [f"{heading:<11} {words}" for heading, words in found.description.items()]
     tables.say(console, *lines, f"{'Family':<11} {'; '.join(found.family)}", *found.words)
-    rows = [
-        [
-            one.name,
-            one.kind,
-            f"{tables.digits(1e3 * one.gain)} {UNITS[one.kind]}".strip(),
-            tables.digits(1e3 * one.rise),
-            str(one.delay),
-            tables.digits(one.acceleration),
-            tables.digits(one.resonance),
-        ]
-        for one in found.axes
-    ]
+    columns: dict[str, Callable[[AxisSummary], str | float]] = {
+        "axis": lambda axis: axis.name,
+        "settles to": lambda axis: axis.kind,
+        "per unit": lambda axis: f"{tables.digits(1e3 * axis.gain)} {UNITS[axis.kind]}".strip(),
+        "rise ms": lambda axis: 1e3 * axis.rise,
+        "delay": lambda axis: str(axis.delay),
+        "most m/s^2": lambda axis: axis.acceleration,
+        "resonance Hz": lambda axis: axis.resonance,
+    }
     title = f"One {found.control_unit} on each axis by itself"
-    console.print(tables.plain_table(title, HEADINGS, rows, text_columns=3))
+    console.print(tables.table_of(title, found.axes, columns, text_columns=3))
     tables.say(console, *(f"WARNING: {line}" for line in found.warnings))
 
 

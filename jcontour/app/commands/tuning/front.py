@@ -1,5 +1,6 @@
 """`jcontour front`: the least contour error for every budget of control increment, or of Ms."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from rich.console import Console
@@ -64,25 +65,20 @@ def show(result: FrontResult, console: Console) -> None:
     """Print the front, and the weights of its points."""
     plants = "nominal plant" if result.nominal_only else "family"
     title = f"Front against {NAMES[result.against]} (smooth machine, {plants})"
-    error = f"worst RMS {result.error} um"
-    columns = ["budget", error, "Ms", "RMS increment", "feasible", "used up"]
-    rows = [_row(point, result) for point in result.points]
-    console.print(tables.plain_table(title, columns, rows, text_columns=0))
-    rows = [_weights(point, result) for point in result.points]
-    columns = ["budget", *result.weights]
-    console.print(tables.plain_table("Weights", columns, rows, text_columns=0))
-
-
-def _row(point: BudgetPoint, result: FrontResult) -> list[str]:
-    numbers = point.budget, 1e6 * point.error(result.error), point.peak_sensitivity
-    used_up = "-" if not point.feasible else "no" if point.slack else "yes"
-    feasible = "yes" if point.feasible else "NO"
-    return [*map(tables.digits, [*numbers, point.rms_increment]), feasible, used_up]
-
-
-def _weights(point: BudgetPoint, result: FrontResult) -> list[str]:
-    weights = [point.weights.get(name) for name in result.weights]
-    return [tables.digits(point.budget), *map(tables.weight_digits, weights)]
+    used_up = {True: "no", False: "yes"}
+    columns: dict[str, Callable[[BudgetPoint], str | float]] = {
+        "budget": lambda point: point.budget,
+        f"worst RMS {result.error} um": lambda point: 1e6 * point.error(result.error),
+        "Ms": lambda point: point.peak_sensitivity,
+        "RMS increment": lambda point: point.rms_increment,
+        "feasible": lambda point: "yes" if point.feasible else "NO",
+        "used up": lambda point: used_up[point.slack] if point.feasible else "-",
+    }
+    console.print(tables.table_of(title, result.points, columns, text_columns=0))
+    columns = {"budget": columns["budget"]}
+    for name in result.weights:
+        columns[name] = lambda point, name=name: tables.weight_digits(point.weights.get(name))
+    console.print(tables.table_of("Weights", result.points, columns, text_columns=0))
 
 
 def next_steps(result: FrontResult, task: str) -> list[str]:

@@ -1,5 +1,7 @@
 """`jcontour rank`: every controller for a machine, tuned alike, ranked on held-out contours."""
 
+from collections.abc import Callable
+
 from rich.console import Console
 
 from jcontour.app.catalogue.own_classes import own_name
@@ -11,18 +13,6 @@ from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.figures.searches import ranking_figure
 from jcontour.app.runs.lifecycle import finished, opened, same_task
 from jcontour.app.runs.tuning.ranking import ranked, ranking_of
-
-COLUMNS = (
-    "controller",
-    "held out\num",
-    "over\nbest",
-    "training\num",
-    "Ms",
-    "evalua-\ntions",
-    "com-\nputing",
-    "search",
-)
-
 
 BEGINS = "*"  # marks the Ms of a controller that learns
 
@@ -44,8 +34,26 @@ def show(result: RankedResult, console: Console) -> None:
         f"Controllers of {result.machine.name}, worst RMS {result.error} error of the family, "
         "geometric mean over contours"
     )
-    rows = [_row(row, placed[0]) for row in placed]
-    console.print(tables.plain_table(title, COLUMNS, rows))
+
+    def over_best(value: float | None, best: float | None) -> str:
+        return "-" if value is None or not best else f"{value / best:.2f}"
+
+    def state(row: Ranked) -> str:
+        ended = "ended" if row.stationary else "not ended"
+        return ended if row.feasible else "BEYOND A LIMIT"
+
+    best = placed[0] if placed else None
+    columns: dict[str, Callable[[Ranked], str | float | None]] = {
+        "controller": lambda row: row.label,
+        "held out\num": lambda row: row.held_out and 1e6 * row.held_out,
+        "over\nbest": lambda row: over_best(row.held_out, best and best.held_out),
+        "training\num": lambda row: row.training and 1e6 * row.training,
+        "Ms": lambda row: tables.digits(row.peak_sensitivity) + (BEGINS if row.learns else ""),
+        "evalua-\ntions": lambda row: str(row.evaluations),
+        "com-\nputing": lambda row: over_best(row.seconds, best and best.seconds),
+        "search": state,
+    }
+    console.print(tables.table_of(title, placed, columns))
     failed = [f"{row.label}: no place, {row.failure}" for row in result.rows if row.failure]
     tables.say(console, *failed, *_left_out(result.learning))
 
@@ -57,33 +65,6 @@ def _left_out(names: list[str]) -> list[str]:
         f"Left out: {', '.join(names)}. They learn while they run, and no margin is known of what "
         f"they learn; --controllers {' '.join(names)} ranks them."
     ]
-
-
-def _row(row: Ranked, first: Ranked) -> list[str]:
-    return [
-        row.label,
-        _micrometres(row.held_out),
-        _ratio(row.held_out, first.held_out),
-        _micrometres(row.training),
-        tables.digits(row.peak_sensitivity) + (BEGINS if row.learns else ""),
-        str(row.evaluations),
-        _ratio(row.seconds, first.seconds),
-        _state(row),
-    ]
-
-
-def _state(row: Ranked) -> str:
-    if not row.feasible:
-        return "BEYOND A LIMIT"
-    return "ended" if row.stationary else "not ended"
-
-
-def _micrometres(error: float | None) -> str:
-    return tables.digits(None if error is None else 1e6 * error)
-
-
-def _ratio(value: float | None, of: float | None) -> str:
-    return "-" if value is None or not of else f"{value / of:.2f}"
 
 
 def next_steps(result: RankedResult, task: str) -> list[str]:

@@ -169,7 +169,7 @@ class BentResult:
     verdict: Verdict | None = None
 
     def _rms(self, runs: dict[str, RunMetrics]) -> list[float]:
-        return [float(getattr(run, f"rms_{self.error}_error")) for run in runs.values()]
+        return [run.rms(self.error) for run in runs.values()]
 
     @property
     def nominal(self) -> tuple[float, float]:

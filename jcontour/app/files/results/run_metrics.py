@@ -74,6 +74,14 @@ class RunMetrics:
         """One number of every metric: `pick` chooses it from an array of runs."""
         return cls(**{name: pick(np.asarray(getattr(metrics, name))) for name in METRICS})
 
+    def rms(self, error: str) -> float:
+        """RMS of the error that counts, "contour" or "tracking" [m]."""
+        return getattr(self, f"rms_{error}_error")
+
+    def peak(self, error: str) -> float:
+        """Largest of that error [m]."""
+        return getattr(self, f"peak_{error}_error")
+
 
 METRICS: dict[str, Metric] = {one.name: one.metadata[Metric] for one in fields(RunMetrics)}
 

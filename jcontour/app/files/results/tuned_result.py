@@ -9,7 +9,6 @@ from jcontour.app.files.results.run_metrics import (
     FamilyMetrics,
     MachineSummary,
     PeakPlace,
-    RunMetrics,
 )
 from jcontour.app.files.results.stored import Weight
 from jcontour.app.files.results.verdict import Verdict
@@ -276,8 +275,3 @@ class HistoryPoint:
             f"rms_{error}_error": self.rms_error,
             "rms_increment": self.rms_increment,
         }
-
-
-def rms_error(metrics: RunMetrics, error: str) -> float:
-    """RMS of the error that counts [m]."""
-    return getattr(metrics, f"rms_{error}_error")

@@ -12,7 +12,6 @@ from jcontour.app.files.results.tuned_result import (
     PathMargins,
     RobustTest,
     TunedContour,
-    rms_error,
 )
 from jcontour.app.files.results.verdict import LimitCheck, Message, Verdict, reason, warning
 from jcontour.app.flags.shared import Aimed
@@ -227,7 +226,7 @@ def _comparison(seen: Evidence) -> Iterator[Message]:
     worst = [(one.metrics[seen.compared].worst, one.metrics[TUNED].worst) for one in seen.contours]
     ratios, grown = {}, {}  # of the family's worst errors, where both loops follow
     for contour, pair in zip(seen.contours, worst, strict=True):
-        before, after = (rms_error(metrics, seen.error) for metrics in pair)
+        before, after = (metrics.rms(seen.error) for metrics in pair)
         if not any(metrics.diverged for metrics in pair):
             ratios[contour.name], grown[contour.name] = after / before, after - before
     counts = f"the rounding of the encoders, {1e6 * seen.finest:.2g} um"
