@@ -66,7 +66,7 @@ class ComparedResult:
         weights: None where a run has no such weight.
         verdicts: of the command on the weights.
         control_units: of the machines.
-        sample_periods: [s]; None of a run of an older version.
+        sample_periods: [s].
         unlike: names of contours that both runs have, in another size or place.
         motions: how either run moves along contours that are the same path, but not the same
             motion.
@@ -84,7 +84,7 @@ class ComparedResult:
     weights: dict[str, list[Weight]]
     verdicts: list[Verdict]
     control_units: list[str]
-    sample_periods: list[float | None]
+    sample_periods: list[float]
     unlike: list[str]
     motions: dict[str, list[str]]
     margins: dict[str, list[float | None]]
@@ -117,7 +117,7 @@ class ComparedResult:
         if same_period(*self.sample_periods):
             return [f"{unit} per sample" for unit in self.control_units]
         both = zip(self.control_units, self.sample_periods, strict=True)
-        return [f"{unit} per {digits(1e3 * (period or 0))} ms" for unit, period in both]
+        return [f"{unit} per {digits(1e3 * period)} ms" for unit, period in both]
 
 
 def run(first: Path, second: Path) -> ComparedResult:
@@ -210,7 +210,7 @@ def unlike_motions(first: Compared, second: Compared) -> dict[str, list[str]]:
 
     Feed law or duration differ, by more than some samples' time.
     """
-    slack = 2 * max(one.sample_period or 0.0 for one in (first, second))
+    slack = 2 * max(one.sample_period for one in (first, second))
     motions = {}
     for pair in _pairs(first, second):
         a, b = pair
@@ -247,9 +247,9 @@ def control_units(first: Compared, second: Compared) -> list[str]:
     return units
 
 
-def same_period(first: float | None, second: float | None) -> bool:
-    """Whether two sample periods [s] are equal; one that is not known is taken to be."""
-    return first is None or second is None or bool(np.isclose(first, second, rtol=1e-9, atol=0))
+def same_period(first: float, second: float) -> bool:
+    """Whether two sample periods [s] are equal."""
+    return bool(np.isclose(first, second, rtol=1e-9, atol=0))
 
 
 def _changed(both: Sequence[dict[str, Any]], without: Sequence[str] = ()) -> dict[str, list[Any]]:
@@ -305,7 +305,7 @@ def show(found: ComparedResult, console: Console) -> None:
     pairs: dict[str, Sequence[Any]] = {
         "machine": found.machines,
         "control unit": found.control_units,
-        "sample period ms": [None if one is None else 1e3 * one for one in found.sample_periods],
+        "sample period ms": [1e3 * one for one in found.sample_periods],
         **{f"motion of {', '.join(names)}": pair for pair, names in motions.items()},
         **found.settings,
         **found.versions,

@@ -92,8 +92,6 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
     columns = {name: arrays[f"history_{name}"] for name in Evaluated._fields if name != "outcome"}
     metrics = {name: arrays[f"metrics_{name}"] for name in Metrics.__dataclass_fields__}
     looked = "loops_spectral_radius" in arrays
-    if looked and "loops_doubt" not in arrays:  # of a version that doubted no response
-        arrays |= {"loops_doubt": np.zeros_like(arrays["loops_sensitivity"])}
     loops = [arrays[f"loops_{name}"] for name in LoopPeaks._fields] if looked else []
     limited = "use_speed" in arrays
     use = [arrays[f"use_{name}"] for name in LimitUse._fields] if limited else []

@@ -28,7 +28,7 @@ class SimulatedResult:
         peak: where the largest error is.
         motion: what is asked of the machine, where it is limited in jerk.
         verdict: every stated limit of the machine, and plants that diverge.
-        sample_period: of machine and controller [s]; None in folders of older versions.
+        sample_period: of machine and controller [s].
     """
 
     machine: MachineSummary
@@ -46,7 +46,7 @@ class SimulatedResult:
     peak: PeakPlace | None = None
     motion: MotionSummary | None = None
     verdict: Verdict
-    sample_period: float | None = None
+    sample_period: float
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,7 +49,7 @@ class PathMargins:
         contours_without_margins: paths on which every probed loop is open.
         lost_first: where the smallest gain margin is; None where no place stands out.
         sensitivity: peak Ms over the whole family, at plant input and output; None where a loop is
-            unstable, or in folders of older versions; so is the next.
+            unstable; so is the next.
         complementary: peak Mt likewise.
         doubt: part that what is not known of the response takes of all that the loops bear; None
             where the machine says nothing of it.
@@ -155,10 +155,10 @@ class TunedContour:
         samples: control steps of the motion, without those in which it settles.
         metrics: of the start weights and of the tuned ones; of a baseline where the start is not
             usable.
-        read: what the contour is; None in folders of older versions, as `peak`.
+        read: what the contour is.
         peak: where the tuned weights leave the largest error.
         shown: whether tables and figures show it; of many contours they show some.
-        feed_law: of the motion, in words; empty in folders of older versions.
+        feed_law: of the motion, in words.
     """
 
     name: str
@@ -195,9 +195,8 @@ class TunedResult:
         active: limits that stop further improvement, the dearest first.
         robust: random plants of the family; None where the family is a single plant.
         standstill: of the start weights and of the tuned ones; empty where nothing is counted.
-        certified: largest error under bounded disturbances; None for a machine that is not linear,
-            or in folders of older versions.
-        sample_period: of machine and controller [s]; None in folders of older versions.
+        certified: largest error under bounded disturbances; None for a machine that is not linear.
+        sample_period: of machine and controller [s].
         gap: what smoothing hides.
         confirmed: the same runs in another engine, where there is one.
         seconds: that the run took.
@@ -234,7 +233,7 @@ class TunedResult:
     confirmed: list[EngineRow]
     seconds: float
     certified: CertifiedBound | None = None
-    sample_period: float | None = None
+    sample_period: float
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,8 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
         if flags.objective == "regret":
             run = with_regret(run, folder, show_progress)
             search = replace(search, run=run)
-        if _optimum_needed(flags, folder):
+        searched = flags.against == "increment"  # budgets that are not given come from searches
+        if searched and flags.most is None:
             calm = _calm(search)
             if calm is not None:
                 problems, places = [search.within(calm)], [folder / CALM]
@@ -127,7 +128,7 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
             needed = _worst(
                 front_points(problems, run.start, state)[-1].outcome.metrics, "increment"
             )
-        if _least_needed(flags, folder):
+        if searched and flags.least is None:
             least, calmest = _calmest(search, state, folder / CALMEST, show_progress)
             state = replace(state, histories=[*state.histories, calmest])
             problems = [*problems, search.within(NO_BUDGET)]
@@ -184,18 +185,6 @@ def _load(places: Sequence[Path], before: Sequence[list[Evaluated]]) -> FrontSta
             return FrontState(histories, run)
         histories.append(run.history)
     return FrontState(histories)
-
-
-def _optimum_needed(flags: Front, folder: Path) -> bool:
-    """Whether the largest budget comes from a search without one; older runs have none."""
-    chosen_before = (folder / BUDGETS).exists() and not (folder / FREE).exists()
-    return flags.against == "increment" and flags.most is None and not chosen_before
-
-
-def _least_needed(flags: Front, folder: Path) -> bool:
-    """Whether the smallest budget comes from a search for it; older runs have none."""
-    chosen_before = (folder / BUDGETS).exists() and not (folder / CALMEST).exists()
-    return flags.against == "increment" and flags.least is None and not chosen_before
 
 
 def _calmest(

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.analysis.sensitivity import LoopPeaks, late_radius
+from jcontour.analysis.sensitivity import late_radius
 from jcontour.app.files.checkpoints import load_state, save_state
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.reports.progress import progress
@@ -157,17 +157,3 @@ def test_points_keep_their_certified_errors(tmp_path):
     np.testing.assert_array_equal(found.count_noise, outcome.count_noise)
     assert found.late is None
     assert found.loops is None
-
-
-def test_states_of_a_version_without_doubts_are_read(tmp_path):
-    """Its loops have no `loops_doubt`: no response was doubted, so nothing of it was used."""
-    ones = {name: np.ones((1, 2)) for name in Metrics.__dataclass_fields__}
-    ones["diverged"] = np.zeros((1, 2), bool)
-    peaks = LoopPeaks(*(np.full((1, 2), k + 1.0) for k in range(len(LoopPeaks._fields))))
-    row = Evaluated(0, np.zeros(2), 1e-6, -0.1, Outcome(Metrics(**ones), peaks), False)
-    path = save_state(tmp_path, TuneState(history=[row]))
-    with np.load(path) as file:
-        np.savez(path, **{name: file[name] for name in file.files if name != "loops_doubt"})
-    found = load_state(tmp_path).history[0].outcome.loops
-    assert not found.doubt.any()
-    np.testing.assert_array_equal(found._replace(doubt=peaks.doubt), peaks)
