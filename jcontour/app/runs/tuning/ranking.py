@@ -6,7 +6,7 @@ is tuned, so that an interrupted ranking goes on where it was.
 
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import product
 from pathlib import Path
@@ -32,7 +32,7 @@ from jcontour.app.files.results.verdict import Verdict, exceeded, reason, warnin
 from jcontour.app.flags.shared import Aimed
 from jcontour.app.flags.tuning import Rank, Tune
 from jcontour.app.jobs.job import Pace
-from jcontour.app.jobs.replays import Replay, replay
+from jcontour.app.jobs.replays import replay
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.runs.checks.machine_limits import machine_limits
@@ -43,7 +43,7 @@ from jcontour.app.runs.tuning.limits import loop_limits
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.app.runs.tuning.searching import with_regret
 from tuning.effort import QUICK
-from tuning.tuner import Tuned, TuneState, advance, result
+from tuning.tuner import Tuned, advance, result
 
 # as much as the evaluations allow: several descents, each to its end
 EFFORT = replace(QUICK, starts=3, scatter=8, steps=40, tolerance=1e-4, every_start=True)
@@ -112,22 +112,13 @@ def ranking_of(flags: Rank) -> Ranking:
     candidates, designs = _candidates(flags, machine)
     if not candidates:
         raise ValueError(f"controllers: none of the catalogue suits {machine.name}")
-    return _with_one(Ranking(flags, machine, tuple(candidates), designs))
-
-
-def _with_one(ranking: Ranking) -> Ranking:
-    """The ranking with the run of the first controller that can be tuned.
-
-    Raises:
-        ValueError: what the first one raises where none can be: parts, limits or names are wrong.
-    """
-    reasons = []
-    for candidate in ranking.candidates:
+    ranking, reasons = Ranking(flags, machine, tuple(candidates), designs), []
+    for candidate in candidates:  # the first run that can be made
         try:
             return replace(ranking, begun={candidate: ranking.run_of(candidate)})
         except ValueError as error:
             reasons.append(error)
-    raise reasons[0]
+    raise reasons[0]  # parts, limits or names are wrong
 
 
 def _candidates(flags: Rank, machine: Machine) -> tuple[list[Candidate], dict[Candidate, Design]]:
@@ -136,42 +127,37 @@ def _candidates(flags: Rank, machine: Machine) -> tuple[list[Candidate], dict[Ca
     suiting = [name for name in controllers_for(machine) if not learns(name)]
     for name in flags.controllers or suiting:
         asked = replace(flags, controller=name)
+        plain = Candidate(
+            controller=name,
+            preview=flags.preview,
+            terminal=flags.terminal,
+            model_delay=flags.model_delay,
+        )
         try:
             with warnings.catch_warnings():  # the flags are for those that read them
                 warnings.simplefilter("ignore", UnreadFlagWarning)
                 design = design_for(machine, asked)
         except ValueError:  # told as its row
-            found.append(_plain_candidate(asked, name))
+            found.append(plain)
             continue
         if design.fed == "state" and not flags.controllers:
             continue  # it sees more than the others
-        designs[_plain_candidate(asked, name)] = design
+        designs[plain] = design
+        has = design.settings()
+        # a controller whose name says its terminal keeps it
+        named = has.get("terminal", flags.terminal) == flags.terminal
+        previews = flags.previews if has.get("preview") == flags.preview else ()
+        terminals = flags.terminals if "terminal" in has and named else ()
+        delays = flags.model_delays if "model_delay" in has else ()
         found += [
-            Candidate(controller=name, preview=preview, terminal=terminal, model_delay=delay)
-            for preview, terminal, delay in product(*_choices(asked, design))
+            replace(plain, preview=preview, terminal=terminal, model_delay=delay)
+            for preview, terminal, delay in product(
+                previews or (flags.preview,),
+                terminals or (flags.terminal,),
+                delays or (flags.model_delay,),
+            )
         ]
     return found, designs
-
-
-def _plain_candidate(flags: Rank, name: str) -> Candidate:
-    return Candidate(
-        controller=name,
-        preview=flags.preview,
-        terminal=flags.terminal,
-        model_delay=flags.model_delay,
-    )
-
-
-def _choices(flags: Rank, design: Design) -> tuple[Sequence[int], Sequence[str], Sequence[Any]]:
-    """Previews, terminals and delays that are tried of a controller: those that change it."""
-    has = design.settings()
-    own = has.get("terminal", flags.terminal)
-    named = own == flags.terminal  # a controller whose name says its terminal keeps it
-    return (
-        (flags.previews if has.get("preview") == flags.preview else ()) or (flags.preview,),
-        (flags.terminals if "terminal" in has and named else ()) or (flags.terminal,),
-        (flags.model_delays if "model_delay" in has else ()) or (flags.model_delay,),
-    )
 
 
 def label_of(candidate: Candidate, flags: Rank) -> str:
@@ -234,45 +220,45 @@ def _row(ranking: Ranking, candidate: Candidate, place: Path, console: Console) 
         with progress_of(console, run.settings, run.machine.error) as show:
             if run.flags.objective == "regret":
                 run = with_regret(run, place, show)
-            tuned = _tuned(run, ranking.flags.evaluations, place, show)
+            state = load_state(place)
+            while not state.done and len(state.history) < ranking.flags.evaluations:
+                state = advance(run.problem, run.start, run.settings, state)
+                save_state(place, state)
+                show(state)
+        tuned = result(run.problem, run.start, state)  # raises where every point diverged
         return _tried(run, tuned, Ranked(candidate=candidate, label=label))
     except ValueError as error:
         return Ranked(candidate=candidate, label=label, failure=str(error))
-
-
-def _tuned(
-    run: TuningRun, evaluations: int, place: Path, show: Callable[[TuneState], None]
-) -> Tuned:
-    """The best within some evaluations.
-
-    Raises:
-        ValueError: every point diverged.
-    """
-    state = load_state(place)
-    while not state.done and len(state.history) < evaluations:
-        state = advance(run.problem, run.start, run.settings, state)
-        save_state(place, state)
-        show(state)
-    return result(run.problem, run.start, state)
 
 
 def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
     """The tuned controller on the machine with all effects."""
     controller = run.controller(tuned.weights)
     tried = replay(controller, run.scenarios)
-    fastest = min(_seconds(lambda: replay(controller, run.scenarios)) for _ in range(TIMED))
+    seconds = []
+    for _ in range(TIMED):
+        began = time.process_time()
+        replay(controller, run.scenarios)
+        seconds.append(time.process_time() - began)
     family = over_family(run, tuned.weights)
     loops = (tuned if family is None else family).outcome.loops
     peak = np.inf if loops is None else float(np.max(loops.sensitivity))
     limits = machine_limits(tried, run.scenarios, run.machine)
     sound = bool(tuned.feasible) and (family is None or family.feasible)
-    held_out, training = (_errors(run, tried, trained) for trained in (False, True))
+    worst = np.max(getattr(tried.metrics, f"rms_{run.machine.error}_error"), axis=1)
+    errors: dict[bool, dict[str, float]] = {True: {}, False: {}}
+    for job, seen, error in zip(run.scenarios.jobs, run.scenarios.training, worst, strict=True):
+        errors[bool(seen)][job.name] = float(error)
+    typical = {
+        seen: float(np.exp(np.mean(np.log(list(of.values()))))) if of else None
+        for seen, of in errors.items()
+    }
     found = replace(
         row,
-        held_out_errors=held_out,
-        training_errors=training,
-        held_out=_typical(held_out),
-        training=_typical(training),
+        held_out_errors=errors[False],
+        training_errors=errors[True],
+        held_out=typical[False],
+        training=typical[True],
         peak_sensitivity=peak if np.isfinite(peak) else None,
         learns=run.design.learns,
         feasible=sound and all(one.kept for one in limits),
@@ -280,7 +266,7 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
         stationary=bool(tuned.stationary),
         evaluations=len(tuned.history),
         weights=plain_weights(tuned.weights),
-        seconds=fastest,
+        seconds=min(seconds),
     )
     lost = np.asarray(tried.metrics.diverged)
     if not lost.any():
@@ -289,30 +275,7 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
     return replace(found, failure=f"a plant of the family diverges on {', '.join(names)}")
 
 
-def _seconds(work: Callable[[], Replay]) -> float:
-    began = time.process_time()
-    work()
-    return time.process_time() - began
-
-
-def _errors(run: TuningRun, tried: Replay, trained: bool) -> dict[str, float]:
-    """Worst error of the family on every contour that was trained on, or was not."""
-    worst = np.max(getattr(tried.metrics, f"rms_{run.machine.error}_error"), axis=1)
-    scenarios = run.scenarios
-    named = zip(scenarios.jobs, scenarios.training, worst, strict=True)
-    return {job.name: float(error) for job, seen, error in named if seen is trained}
-
-
-def _typical(errors: dict[str, float]) -> float | None:
-    """Geometric mean; None of no contour."""
-    values = np.array(list(errors.values()))
-    return float(np.exp(np.mean(np.log(values)))) if values.size else None
-
-
 def _place(row: Ranked) -> tuple[bool, bool, float]:
     """Sound rows first, then those beyond a limit, each by its held-out error."""
-    return row.failure is not None, not row.feasible, _known(row.held_out)
-
-
-def _known(value: float | None) -> float:
-    return np.inf if value is None else value
+    error = np.inf if row.held_out is None else row.held_out
+    return row.failure is not None, not row.feasible, error
