@@ -52,7 +52,12 @@ IN_TABLES = 200_000  # numbers of a plan that are compiled in: about 5 MB of tex
 def command(flags: Export) -> int:
     """The whole command: write, check, print, exit code."""
     found, folder = run(flags)
-    return finished(folder, found, flags, show_exported, _next(found))
+    then = "load controller.st, and hand it a line of plan.csv every sample."
+    if "controller.c" in found.files:
+        then = "compile controller.c and plan.c into the drive, and replay.c beside it once."
+    elif "controller.py" in found.files:
+        then = "python controller.py in the run folder replays the run."
+    return finished(folder, found, flags, show_exported, [f"Next: {then}"])
 
 
 def run(flags: Export) -> tuple[ExportedResult, Path]:
@@ -62,7 +67,11 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
         ValueError: bad input, or a controller without a linear form; nothing has been written then.
     """
     loop = stored_loop(flags.run)
-    job, rests = _until_rest(loop, _job(loop, flags.along))
+    named = {job.name: job for job in loop.jobs}
+    along = loop.jobs[0].name if flags.along is None else flags.along
+    if along not in named:
+        raise ValueError(f"along: the run has {', '.join(named)}; received {along!r}")
+    job, rests = _until_rest(loop, named[along])
     affine, y, u = _recorded(loop, job)
     largest = float(np.abs(u).max())
     apart = float(np.abs(affine.run(y)[1] - u).max())
@@ -73,15 +82,20 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
         )
     law, plan = affine.law, affine.plan_along(_planned(loop, job))
     tried = off_the_plan(law, plan, u)
-    rounded = rounding(affine, plan, tried, _precision(flags))
+    precision: Precision = "single" if flags.single else "double"
+    rounded, unit = rounding(affine, plan, tried, precision), loop.machine.control_unit
     margins, warnings = _margins(flags.run)
-    warnings += _lost(rounded, largest, loop.machine.control_unit)
+    if rounded > ROUNDED * largest:
+        warnings.append(
+            f"rounding changes the controls by up to {rounded:.2g} {unit}, "
+            f"{100 * rounded / largest:.2g} % of the largest: leave out --single"
+        )
     warnings += [] if law.exact else [LOOSE]
-    units = _units(loop, law.measured)
+    known = loop.machine.sensed if loop.fed == "outputs" else ()
+    units = Units(unit, known or ("SI",) * law.measured)  # a state is in SI, that is all we know
     start, end = _start(loop, law, plan, units), ENDS[rests]
     notes = [*_notes(flags, loop, job), start, end, *margins, *warnings]
-    in_tables = plan.numbers <= IN_TABLES
-    texts = _texts(flags, law, plan, notes, job.name, in_tables)
+    texts = _texts(flags, law, plan, notes, job.name, precision)
     texts["plan.csv"] = plan_file(law, plan, units), "the plan, a line for every sample"
     told = "the run with a wave on what it measures, and the controls in double"
     texts["replay.csv"] = replay_file(tried, affine.run(tried)[1], units), told
@@ -96,12 +110,12 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
         samples=plan.steps,
         states=law.states,
         gain_sets=max(1 if sets is None else len(sets) for sets in (plan.F, plan.D)),
-        in_tables=in_tables,
-        control_unit=loop.machine.control_unit,
+        in_tables=plan.numbers <= IN_TABLES,
+        control_unit=unit,
         difference=apart,
         rounding=rounded,
         largest_control=largest,
-        precision=_precision(flags),
+        precision=precision,
         files={name: words for name, (_, words) in texts.items()},
         compiled=compiled_checks(folder) if "controller.c" in texts else [],
         start=start,
@@ -110,16 +124,6 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
     )
     write_result(folder, result)
     return result, folder
-
-
-def _job(loop: StoredLoop, name: str | None) -> Task:
-    if name is None:
-        return loop.jobs[0]
-    for job in loop.jobs:
-        if job.name == name:
-            return job
-    known = ", ".join(job.name for job in loop.jobs)
-    raise ValueError(f"along: the run has {known}; received {name!r}")
 
 
 def _until_rest(loop: StoredLoop, job: Task) -> tuple[Task, bool | None]:
@@ -152,16 +156,6 @@ def _start(loop: StoredLoop, law: DriveLaw, plan: DrivePlan, units: Units) -> st
         return told
     size = f"{max(kicks):.3g} {loop.machine.control_unit}"
     return f"{told} From {1e3 * AWAY:g} mm beside it the control jumps by up to {size} at once."
-
-
-def _lost(rounded: float, largest: float, unit: str) -> list[str]:
-    """What rounding costs, where it is more than a thousandth of the largest control."""
-    if rounded <= ROUNDED * largest:
-        return []
-    return [
-        f"rounding changes the controls by up to {rounded:.2g} {unit}, "
-        f"{100 * rounded / largest:.2g} % of the largest: leave out --single"
-    ]
 
 
 def _recorded(loop: StoredLoop, job: Task) -> tuple[AffineLaw, np.ndarray, np.ndarray]:
@@ -200,22 +194,18 @@ def _planned(loop: StoredLoop, job: Task) -> Float[np.ndarray, "T q"]:
     return np.asarray(jax.vmap(measured)(position, increment))
 
 
-def _units(loop: StoredLoop, measured: int) -> Units:
-    """Units of the controls and of what is measured; of a state it is known that they are SI."""
-    known = loop.machine.sensed if loop.fed == "outputs" else ()
-    return Units(loop.machine.control_unit, known or ("SI",) * measured)
-
-
-def _precision(flags: Export) -> Precision:
-    return "single" if flags.single else "double"
-
-
 def _texts(
-    flags: Export, law: DriveLaw, plan: DrivePlan, notes: list[str], name: str, in_tables: bool
+    flags: Export,
+    law: DriveLaw,
+    plan: DrivePlan,
+    notes: list[str],
+    name: str,
+    precision: Precision,
 ) -> dict[str, tuple[str, str]]:
     """Text and meaning of every source file."""
-    precision, texts = _precision(flags), {}
+    texts = {}
     if flags.c or not (flags.st or flags.python):
+        in_tables = plan.numbers <= IN_TABLES
         tables = c_plan(plan, name, precision) if in_tables else c_plan_reader(plan)
         told = "the plan as tables" if in_tables else "reads plan.csv, for a computer with files"
         texts["controller.h"] = c_header(law, plan, notes, precision), "sizes, units, family"
@@ -255,16 +245,6 @@ def _margins(folder: Path) -> tuple[list[str], list[str]]:
     told = f"Margins: gain {gains}, delay {margins.delay_samples} samples{peak}."
     against = [] if tuned.verdict.usable else [f"the run ended with {tuned.verdict.heading}"]
     return [told], against
-
-
-def _next(found: ExportedResult) -> list[str]:
-    if "controller.c" in found.files:
-        return [
-            "Next: compile controller.c and plan.c into the drive, and replay.c beside it once."
-        ]
-    if "controller.py" in found.files:
-        return ["Next: python controller.py in the run folder replays the run."]
-    return ["Next: load controller.st, and hand it a line of plan.csv every sample."]
 
 
 def show_exported(found: ExportedResult, console: Console) -> None:
