@@ -1,7 +1,7 @@
 """`jcontour identify log.csv --machine linear`: a machine file from a log of any program."""
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -73,8 +73,10 @@ def command(flags: Identify) -> int:
     then = [
         f"Machine file: {path}",
         f"Next: jcontour machine {quoted}, then jcontour tune --plant {quoted}",
-        *_rubbed(result),
     ]
+    if any(one.friction is not None for one in result.axes):
+        acts = "The tables of tune have this friction in their runs; what it proves is for such a"
+        then.append(f"{acts} force")
     return finished(folder, result, flags, show, then)
 
 
@@ -91,15 +93,6 @@ def _fields(found: LinearMachineFound, name: str, control_unit: str) -> dict[str
 def _other(axis: str) -> str:
     """Name of the copy of a single axis."""
     return "X" if axis == "Y" else "Y"
-
-
-def _rubbed(result: LinearMachineResult) -> list[str]:
-    """Where dry friction acts: in the runs, and in what is proven."""
-    if all(one.friction is None for one in result.axes):
-        return []
-    return [
-        "The tables of tune have this friction in their runs; what it proves is for such a force"
-    ]
 
 
 def _check(flags: Identify) -> None:
@@ -196,11 +189,21 @@ def _result(
     encoders = f"Encoders: counts of {of_axes(counts(found), flags.axes)}"
     if noise := noises(found):
         encoders += f"; noise beside them of {of_axes(noise, flags.axes)} RMS"
-    words = [*log.words, encoders]
-    lengths = [*_questions(flags, axes, limits), *_coarse(found), *_tiny(flags, found)]
+    coarse = coarse_counts(found.record.axes, np.array([one.resolution for one in found.axes]))
+    named = "If so, name the columns as x_position_um, or give --length-unit um"
+    lengths = _questions(flags, axes, limits)
+    lengths += [f"{line} {named}" for line in coarse]
+    lengths += _tiny(flags, found)
+    copied = []
+    if len(flags.axes) == 1:
+        (axis,), other = flags.axes, _other(flags.axes[0])
+        copied.append(
+            f"a contour needs two axes, so the machine file has {axis} twice: its {other} is a "
+            f"copy that nobody measured. Record {other} too, or put its own numbers in"
+        )
     return LinearMachineResult(
         data=source,
-        words=words,
+        words=[*log.words, encoders],
         samples=len(log.command),
         dt=log.dt,
         control_unit=flags.control_unit,
@@ -211,23 +214,11 @@ def _result(
         notes=[
             *_period(log.dt),
             *([] if any(log.angles) else lengths),
-            *_copied(flags.axes),
+            *copied,
             *found.notes,
         ],
         model=MODEL,
     )
-
-
-def _copied(axes: Sequence[str]) -> list[str]:
-    """What stands in the machine file of one axis."""
-    if len(axes) > 1:
-        return []
-    (axis,) = axes
-    other = _other(axis)
-    return [
-        f"a contour needs two axes, so the machine file has {axis} twice: its {other} is a copy "
-        f"that nobody measured. Record {other} too, or put its own numbers in"
-    ]
 
 
 def _period(dt: float) -> list[str]:
@@ -253,13 +244,6 @@ def _questions(
                 "more than any drive has; is --length-unit right?"
             )
     return lines
-
-
-def _coarse(found: LinearMachineFound) -> list[str]:
-    """One line for each axis whose counts are as large as none: um taken for mm."""
-    lines = coarse_counts(found.record.axes, np.array([one.resolution for one in found.axes]))
-    then = "If so, name the columns as x_position_um, or give --length-unit um"
-    return [f"{line} {then}" for line in lines]
 
 
 def _tiny(flags: Identify, found: LinearMachineFound) -> list[str]:
