@@ -10,7 +10,7 @@ from jcontour.app.files.results.loop_results import FeedPoint, FeedResult
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import LimitCheck, Message, Verdict, exceeded
 from jcontour.app.flags.loops import Feed
-from jcontour.app.jobs.job import Job, Task
+from jcontour.app.jobs.job import Job
 from jcontour.app.jobs.replays import Scenarios, replay
 from jcontour.app.plain_numbers import WholePath
 from jcontour.app.reports import tables
@@ -22,7 +22,6 @@ from jcontour.app.runs.checks.run_checks import limits_exceeded_by_plan, motions
 from jcontour.app.runs.contour_summary import cycle_time, family_metrics, machine_summary
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import StoredLoop, loop_named
-from jcontour.controller import Controller
 
 PAYS = 0.5  # of a rise of the feed, that has to come off the cycle time
 SLOWEST, QUICKEST = 1.0, 1000.0  # per cent
@@ -57,9 +56,13 @@ def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
     longest = 0
     for override in sorted(set(flags.overrides)):
         pace = loop.pace._replace(override=override / 100)
-        planned = pace == loop.pace  # already, with the loop
-        job = loop.jobs[0] if planned else job_named(loop.parts[0], pace)
-        controller = _controller_along(loop, flags, job)
+        # with the pace of the loop it is planned already
+        job = loop.jobs[0] if pace == loop.pace else job_named(loop.parts[0], pace)
+        planned = job.planned if isinstance(job, Job) else None
+        controller = loop.controller
+        if isinstance(flags.preview, WholePath):
+            design = design_for(loop.machine, seeing_all(flags, job))
+            controller = design.build(design.start)
         scenarios = Scenarios.of(
             [job], [False], loop.machine, loop.fed, controller.preview, longest
         )
@@ -73,23 +76,10 @@ def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
             metrics=family_metrics(found, 0),
             diverged=[name for name, gone in zip(scenarios.plants, lost, strict=True) if gone],
             limits=machine_limits(found, scenarios, loop.machine),
-            deviation=_deviation(job),
+            deviation=0.0 if planned is None else planned.around.deviation,
             planned=limits_exceeded_by_plan(scenarios, loop.machine),
             not_followed=motions_not_followed(found, scenarios),
         )
-
-
-def _deviation(job: Task) -> float:
-    """Bound of the distance of a motion from its contour, in blended corners [m]."""
-    planned = job.planned if isinstance(job, Job) else None
-    return 0.0 if planned is None else planned.around.deviation
-
-
-def _controller_along(loop: StoredLoop, flags: Feed, job: Task) -> Controller:
-    if not isinstance(flags.preview, WholePath):
-        return loop.controller
-    design = design_for(loop.machine, seeing_all(flags, job))
-    return design.build(design.start)
 
 
 def recommended(
@@ -110,7 +100,7 @@ def recommended(
     best = sound[0]
     for point in sound[1:]:
         rise, gain = point.override / best.override, best.cycle_time / point.cycle_time
-        cost = _peak(point, error) / _peak(best, error) - 1
+        cost = point.metrics.worst.peak(error) / best.metrics.worst.peak(error) - 1
         if cost > 0 and np.log(gain) < PAYS * np.log(rise):
             words = f"{100 * (rise - 1):.0f} % more feed takes {100 * (1 - 1 / gain):.0f} % off"
             return best, f"beyond it {words} the cycle time, with {100 * cost:.0f} % more error"
@@ -119,7 +109,7 @@ def recommended(
         return best, "the quickest of these that the machine follows within its limits"
     if len(points) == 1:
         return best, "the only one of these; --tolerance-um says what the part allows"
-    if _peak(best, error) <= min(_peak(point, error) for point in sound):
+    if best.metrics.worst.peak(error) <= min(point.metrics.worst.peak(error) for point in sound):
         return best, "the quickest of these, and no slower one has less error"
     return None, (
         "each rise of the feed takes at least half as many per cent off the cycle time, or adds "
@@ -153,7 +143,7 @@ def verdict_on(
         limits.append(
             LimitCheck(
                 name=f"peak {error} error",
-                value=1e6 * _peak(best, error),
+                value=1e6 * best.metrics.worst.peak(error),
                 allowed=1e6 * tolerance,
                 unit="um",
                 member="family",
@@ -166,20 +156,16 @@ def _quickest_within(
     tolerance: float, sound: Sequence[FeedPoint], error: str
 ) -> tuple[FeedPoint | None, str]:
     """The quickest of the feeds within the tolerance [m], and why; None where none is."""
-    within = [point for point in sound if _peak(point, error) <= tolerance]
+    within = [point for point in sound if point.metrics.worst.peak(error) <= tolerance]
     if within:
         best = min(within, key=lambda point: point.cycle_time)
         return best, f"the quickest of these within {1e6 * tolerance:g} um on every plant"
-    least = min(_peak(point, error) for point in sound)
+    least = min(point.metrics.worst.peak(error) for point in sound)
     words = f"no feed keeps it: the least largest error is {1e6 * least:.4g} um"
     blended = min(point.deviation for point in sound)
     if tolerance <= blended:
         words += f", and the corners are blended within {1e6 * blended:.4g} um"
     return None, words
-
-
-def _peak(point: FeedPoint, error: str) -> float:
-    return point.metrics.worst.peak(error)
 
 
 def command(flags: Feed) -> int:
@@ -247,17 +233,11 @@ def show(result: FeedResult, console: Console) -> None:
             tables.say(console, f"{point.override:g} %: {line}")
         if point.diverged:
             tables.say(console, f"{point.override:g} %: DIVERGES on {', '.join(point.diverged)}")
-    tables.say(console, *_plan_warnings(result))
-
-
-def _plan_warnings(result: FeedResult) -> list[str]:
-    """What the motion itself exceeds, in numbers of the quickest feed at which it does."""
     beyond = [point for point in result.points if point.planned]
-    if not beyond:
-        return []
     feeds = ", ".join(f"{point.override:g}" for point in beyond)
     last = f" (numbers of {beyond[-1].override:g} %)" if len(beyond) > 1 else ""
-    return [f"WARNING: {feeds} %{last}: {line}" for line in beyond[-1].planned]
+    for line in beyond[-1].planned if beyond else ():  # numbers of the quickest one
+        tables.say(console, f"WARNING: {feeds} %{last}: {line}")
 
 
 def next_steps(result: FeedResult) -> list[str]:
