@@ -24,7 +24,6 @@ from jcontour.app.runs.forecast import outline
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.loops.learning import (
     Learner,
-    Prepared,
     prepared_law,
     setting,
     shifted,
@@ -71,6 +70,7 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
     verdict = verdict_on(machines, stored)
     if stored is not None and verdict.usable:
         save_samples(position, machine.model.dt, machine.axes, folder)
+    known = prepared.convergence
     found = LearnedResult(
         machine=machine_summary(machine),
         controller=design.name,
@@ -82,7 +82,10 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
         law=flags.law,
         numbers=prepared.numbers,
         laps=flags.laps,
-        **_known(prepared, machine.family_names, machine.model.dt),
+        ratio=known.estimate,
+        ratio_member=machine.family_names[known.member],
+        ratio_hz=known.frequency / (2 * np.pi * machine.model.dt),
+        proven=known.invariant,
         noise_um=1e6 * learner.noise(),
         machines=machines,
         verdict=verdict,
@@ -120,25 +123,19 @@ def _check(flags: Learn) -> None:
             raise ValueError(f"{name}: the law {flags.law} has none; leave it out")
 
 
-def _known(prepared: Prepared, names: list[str], dt: float) -> dict:
-    """What was known before the first lap."""
-    found = prepared.convergence
-    hertz = found.frequency / (2 * np.pi * dt)
-    return {
-        "ratio": found.estimate,
-        "ratio_member": names[found.member],
-        "ratio_hz": hertz,
-        "proven": found.invariant,
-    }
-
-
 def show_learned(result: LearnedResult, console: Console) -> None:
     """What was known before, the errors lap by lap, when it stops paying."""
     say(console, *before(result), "")
     console.print(_table(result, "at the tool", [one.tool_um for one in result.machines]))
-    if _differ(result):
+    linear = result.machines[0]  # encoder noise apart
+    laps = zip(linear.tool_um, linear.measured_um, strict=True)
+    if any(abs(tool - seen) > 1e-3 * max(tool, seen) for tool, seen in laps):
         console.print(_table(result, "as measured", [one.measured_um for one in result.machines]))
-    say(console, *after(result))
+    say(
+        console,
+        f"Encoder noise alone makes {digits(result.noise_um)} um, without learning.",
+        *(f"{one.name}: {_outcome(one)}" for one in result.machines),
+    )
 
 
 def before(result: LearnedResult) -> list[str]:
@@ -163,14 +160,6 @@ def before(result: LearnedResult) -> list[str]:
             f"{result.ratio:.3g}, not below one ({place})."
         )
     return [f"Law: {result.law}, {numbers}. {words}"]
-
-
-def after(result: LearnedResult) -> list[str]:
-    """Until when each machine gets better, and where it does not."""
-    lines = [f"Encoder noise alone makes {digits(result.noise_um)} um, without learning."]
-    for one in result.machines:
-        lines.append(f"{one.name}: {_outcome(one)}")
-    return lines
 
 
 def loading(result: LearnedResult, file: str) -> list[str]:
@@ -213,14 +202,6 @@ def _outcome(one: LearnedMachine) -> str:
         else (f"after lap {one.pays_until} it no longer pays")
     )
     return f"{digits(first)} to {digits(best)} um; {pays}"
-
-
-def _differ(result: LearnedResult) -> bool:
-    """Whether the tool has other errors than what is measured, encoder noise apart."""
-    one = result.machines[0]
-    return any(
-        abs(a - b) > 1e-3 * max(a, b) for a, b in zip(one.tool_um, one.measured_um, strict=True)
-    )
 
 
 def _table(result: LearnedResult, where: str, rows: Sequence[Sequence[float]]):

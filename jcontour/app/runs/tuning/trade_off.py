@@ -120,8 +120,10 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
             search = replace(search, run=run)
         searched = flags.against == "increment"  # budgets that are not given come from searches
         if searched and flags.most is None:
-            calm = _calm(search)
-            if calm is not None:
+            z = np.asarray(Chart(run.problem.space, run.start).coordinates())
+            first = evaluate_values(run.problem, run.start, z)
+            if not first.diverged:
+                calm = _worst(first.outcome.metrics, "increment")
                 problems, places = [search.within(calm)], [folder / CALM]
             problems, places = [*problems, search.within(NO_BUDGET)], [*places, folder / FREE]
             state = _searched(problems, places, run, show_progress)
@@ -203,7 +205,15 @@ def _calmest(
     run, problem, state = search.run, search.within(NO_BUDGET), load_state(place)
     known = sound([row for history in before.histories for row in history])
     if state.start < 0 and known:
-        state = replace(state, begin=min(known, key=_calmness).z)
+        # the least violation, and of the feasible ones the least increment
+        calmest = min(
+            known,
+            key=lambda row: (
+                max(row.violation, FEASIBLE),
+                _worst(row.outcome.metrics, "increment"),
+            ),
+        )
+        state = replace(state, begin=calmest.z)
     asked = replace(problem, objective=worst_increment)
     while not state.done:
         state = advance(asked, run.start, QUICK, state)
@@ -212,24 +222,11 @@ def _calmest(
         show_progress(state)
     kept = [row for row in sound(state.history) if row.violation <= FEASIBLE]
     least = min((_worst(row.outcome.metrics, "increment") for row in kept), default=None)
-    rows = [row._replace(objective=_objective(problem, row)) for row in state.history]
+    rows = []
+    for row in state.history:
+        objective = objective_value(np.asarray(problem.objective(row.outcome)))
+        rows.append(row._replace(objective=objective))
     return least, rows
-
-
-def _objective(problem: Problem, row: Evaluated) -> float:
-    return objective_value(np.asarray(problem.objective(row.outcome)))
-
-
-def _calmness(row: Evaluated) -> tuple[float, float]:
-    """Order of points: the least violation, and of the feasible ones the least increment."""
-    return max(row.violation, FEASIBLE), _worst(row.outcome.metrics, "increment")
-
-
-def _calm(search: Search) -> float | None:
-    """RMS increment of the first weights; None where they diverge."""
-    problem, start = search.run.problem, search.run.start
-    point = evaluate_values(problem, start, np.asarray(Chart(problem.space, start).coordinates()))
-    return None if point.diverged else _worst(point.outcome.metrics, "increment")
 
 
 def _budgets(
@@ -279,10 +276,15 @@ def _worst(metrics: Metrics, name: str) -> float:
 
 
 def _point(search: Search, budget: float, found: FrontPoint) -> BudgetPoint:
-    known = search.run.design.units()  # a number for each sample of the horizon has no unit
+    problem, known = search.run.problem, search.run.design.units()
     weights = plain_weights(found.weights).items()
+    loops = found.outcome.loops
+    if loops is None:
+        windows = probe_windows(problem.references, WINDOWS)
+        loops = probed_peaks(problem.plants, problem.build(found.weights), windows)
     point = BudgetPoint(
         budget=budget,
+        # a number for each sample of the horizon has no unit
         weights={name: w for name, w in weights if isinstance(w, float) or name in known},
         rms_contour_error=_worst(found.outcome.metrics, "contour_error"),
         rms_tracking_error=_worst(found.outcome.metrics, "tracking_error"),
@@ -290,16 +292,7 @@ def _point(search: Search, budget: float, found: FrontPoint) -> BudgetPoint:
         objective=found.objective,
         feasible=bool(found.feasible),
         slack=False,
-        peak_sensitivity=_peak_sensitivity(search.run.problem, found),
+        peak_sensitivity=float(np.max(loops.sensitivity)),
     )
     slack = point.feasible and point.spent(search.flags.against) < SLACK * budget
     return replace(point, slack=slack)
-
-
-def _peak_sensitivity(problem: Problem, found: FrontPoint) -> float:
-    """Largest Ms at the probes of the contours, over the plants that are tuned on."""
-    loops = found.outcome.loops
-    if loops is None:
-        windows = probe_windows(problem.references, WINDOWS)
-        loops = probed_peaks(problem.plants, problem.build(found.weights), windows)
-    return float(np.max(loops.sensitivity))
