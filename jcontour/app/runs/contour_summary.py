@@ -39,11 +39,6 @@ def family_metrics(replay: Replay, index: int) -> FamilyMetrics:
     )
 
 
-def contour_read(scenarios: Scenarios, index: int) -> ContourRead:
-    """Size of a contour and of the run along it."""
-    return read_of(scenarios.jobs[index], scenarios.references.dt)
-
-
 def read_of(job: Task, dt: float) -> ContourRead:
     """Size of a contour and of the run along it in samples of a period [s].
 

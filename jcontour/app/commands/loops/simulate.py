@@ -42,11 +42,11 @@ from jcontour.app.runs.checks.run_checks import (
     motions_not_followed,
 )
 from jcontour.app.runs.contour_summary import (
-    contour_read,
     contour_runs,
     machine_summary,
     motion_summary,
     peak_place,
+    read_of,
 )
 from jcontour.app.runs.forecast import check_memory, forecast
 from jcontour.app.runs.lifecycle import created, finished, tuning_words
@@ -126,7 +126,7 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
         samples=job.samples,
         **design.settings(),
         plants=dict(zip(scenarios.plants, metrics, strict=True)),
-        read=contour_read(scenarios, 0),
+        read=read_of(scenarios.jobs[0], scenarios.references.dt),
         peak=peak_place(scenarios, replayed, 0, machine.error),
         motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
         verdict=_verdict(scenarios, replayed, machine),

@@ -25,7 +25,7 @@ from jcontour.app.reports.rollouts import save_rollouts, save_sensitivity
 from jcontour.app.reports.tuned_tables import limit_words, show_tuned
 from jcontour.app.runs.checks.certifying import certified_bound
 from jcontour.app.runs.checks.recommendation import lost_at_start
-from jcontour.app.runs.contour_summary import contour_read, contour_runs
+from jcontour.app.runs.contour_summary import contour_runs, read_of
 from jcontour.app.runs.lifecycle import finished, opened, ranked_words
 from jcontour.app.runs.tuning.problem import PLENTY, TuningRun, tuning_run
 from jcontour.app.runs.tuning.results import (
@@ -168,7 +168,9 @@ def describe(run: TuningRun, console: Console) -> None:
     }
     lines = [f"{heading:<11} {words}" for heading, words in headings.items()]
     reads = [
-        tables.read_line(job.name, contour_read(scenarios, k), machine.axes)
+        tables.read_line(
+            job.name, read_of(scenarios.jobs[k], scenarios.references.dt), machine.axes
+        )
         for k, job in enumerate(scenarios.jobs)
     ]
     if len(reads) > SHOWN:

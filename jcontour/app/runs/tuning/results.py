@@ -43,10 +43,10 @@ from jcontour.app.runs.checks.stated_limits import (
 )
 from jcontour.app.runs.checks.trials import offset_lasts, path_margins, robust_test, standstill
 from jcontour.app.runs.contour_summary import (
-    contour_read,
     family_metrics,
     machine_summary,
     peak_place,
+    read_of,
 )
 from jcontour.app.runs.tuning.family_loops import (
     LeastKnown,
@@ -287,7 +287,7 @@ def _contour(
         training=bool(scenarios.training[index]),
         samples=job.samples,
         metrics={name: family_metrics(one, index) for name, one in replays.items()},
-        read=contour_read(scenarios, index),
+        read=read_of(scenarios.jobs[index], scenarios.references.dt),
         peak=peak_place(scenarios, replays["tuned"], index, run.machine.error),
         shown=shown,
         feed_law=job.feed_law,
