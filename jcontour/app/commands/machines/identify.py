@@ -5,7 +5,7 @@ rest. The file that it writes is read by the other commands.
 """
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -129,7 +129,11 @@ def command(flags: Identify) -> int:
     result = summary_of(flags, records, found)
     _store(flags, records, found, folder)
     write_result(folder, result)
-    return finished(folder, result, flags, show, _next_steps(result, folder))
+    then = ["No axis file: the model has an end effector, the data do not"]
+    if result.model is not None:
+        path = folder / result.model
+        then = [f"Axis file: {path}", f"Next: jcontour tune --plant {shlex.quote(str(path))}"]
+    return finished(folder, result, flags, show, then)
 
 
 def records_of(flags: Identify) -> list[Record]:
@@ -151,23 +155,20 @@ def records_of(flags: Identify) -> list[Record]:
 
 def summary_of(flags: Identify, records: Sequence[Record], found: IdentifiedAxis) -> IdentifyResult:
     """The result of a fit to these records."""
+    used = Instruments()
+    simulated = (
+        "simulated: the axis of Yuan, section 3.3, "
+        f"encoders of {1e6 * used.resolution:g} um with {1e6 * used.encoder_noise:g} um of noise, "
+        f"currents with {1e3 * used.current_noise:g} mA of noise, seed {flags.seed}"
+    )
     return IdentifyResult(
-        data=str(flags.data) if flags.data else _demo(flags.seed),
+        data=str(flags.data) if flags.data else simulated,
         tests=[RecordedTest(one.name, one.rows, one.dt, one.duration) for one in records],
         parameters=_parameters(found, simulated=flags.demo),
         fastest=found.forces.fastest,
         residuals=_residuals(found),
         notes=list(found.notes),
         model=None if found.parameters is None else AXIS,
-    )
-
-
-def _demo(seed: int) -> str:
-    used = Instruments()
-    return (
-        "simulated: the axis of Yuan, section 3.3, "
-        f"encoders of {1e6 * used.resolution:g} um with {1e6 * used.encoder_noise:g} um of noise, "
-        f"currents with {1e3 * used.current_noise:g} mA of noise, seed {seed}"
     )
 
 
@@ -265,54 +266,38 @@ def show(result: IdentifyResult, console: Console) -> None:
         tests.append(f"{one.name} {one.duration:.3g} s at {1 / one.dt:.5g} Hz")
     tables.say(console, f"Data: {result.data}", f"Tests: {', '.join(tests)}")
     simulated = any(row.truth is not None for row in result.parameters)
-    columns = ["parameter", "unit", "value", "95 % interval", "+- %"]
-    columns += ["truth", "off %"] if simulated else []
-    rows = [_cells(row, simulated) for row in result.parameters]
-    console.print(tables.plain_table("Identified axis", columns, rows, text_columns=2))
+
+    def interval(row: FoundParameter) -> str:
+        if row.interval is None or not np.isfinite(row.interval).all():
+            return UNKNOWN
+        return " ... ".join(map(_number, row.interval))
+
+    def spread(row: FoundParameter) -> str:  # unknown where the interval holds zero
+        if not row.separated or not row.value or row.interval is None:
+            return UNKNOWN
+        low, high = row.interval
+        known = np.isfinite(high - low) and not low <= 0 <= high
+        return f"{100 * (high - low) / 2 / abs(row.value):.2g}" if known else UNKNOWN
+
+    def error(row: FoundParameter) -> str:
+        if not row.separated or row.value is None or row.interval is None or not row.truth:
+            return UNKNOWN
+        return f"{100 * (row.value / row.truth - 1):+.2f}"
+
+    columns: dict[str, Callable[[FoundParameter], str]] = {
+        "parameter": lambda row: row.parameter,
+        "unit": lambda row: row.unit,
+        "value": lambda row: _number(row.value) if row.separated else "not separated",
+        "95 % interval": interval,
+        "+- %": spread,
+    }
+    if simulated:
+        columns |= {"truth": lambda row: _number(row.truth), "off %": error}
+    console.print(tables.table_of("Identified axis", result.parameters, columns, text_columns=2))
     left = [RESIDUALS[name].format(value) for name, value in result.residuals.items()]
     notes = [f"NOTE: {note}" for note in result.notes]
     tables.say(console, f"Left unexplained, RMS: {', '.join(left)}", *notes)
 
 
-def _cells(row: FoundParameter, simulated: bool) -> list[str]:
-    """One line of the table; a parameter that is not separated has an interval at most."""
-    value = _number(row.value) if row.separated else "not separated"
-    cells = [row.parameter, row.unit, value, _interval(row), _relative_width(row)]
-    return [*cells, _number(row.truth), _relative_error(row)] if simulated else cells
-
-
-def _interval(row: FoundParameter) -> str:
-    if row.interval is None or not np.isfinite(row.interval).all():
-        return UNKNOWN
-    low, high = row.interval
-    return f"{_number(low)} ... {_number(high)}"
-
-
-def _relative_width(row: FoundParameter) -> str:
-    """Half the interval over the value [%]; unknown where the interval holds zero."""
-    if not row.separated or not row.value or row.interval is None:
-        return UNKNOWN
-    low, high = row.interval
-    if low <= 0 <= high or not np.isfinite(high - low):
-        return UNKNOWN
-    return f"{100 * (high - low) / 2 / abs(row.value):.2g}"
-
-
-def _relative_error(row: FoundParameter) -> str:
-    """Error over the truth [%]."""
-    if not row.separated or row.value is None or row.interval is None or not row.truth:
-        return UNKNOWN
-    return f"{100 * (row.value / row.truth - 1):+.2f}"
-
-
 def _number(value: float | None) -> str:
     return UNKNOWN if value is None or not np.isfinite(value) else f"{value:.5g}"
-
-
-def _next_steps(result: IdentifyResult, folder: Path) -> list[str]:
-    if result.model is None:
-        return ["No axis file: the model has an end effector, the data do not"]
-    return [
-        f"Axis file: {folder / result.model}",
-        f"Next: jcontour tune --plant {shlex.quote(str(folder / result.model))}",
-    ]
