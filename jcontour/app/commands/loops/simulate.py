@@ -1,10 +1,9 @@
 """`jcontour simulate`: one controller on one contour, on every plant of the machine's family."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.console import Console
 from rich.status import Status
 from rich.table import Table
@@ -17,7 +16,7 @@ from jcontour.app.files.results.run_metrics import METRICS, MotionSummary, RunMe
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict, kept_words, reason, warning
 from jcontour.app.flags.loops import Simulate
-from jcontour.app.jobs.job import Job, Pace, Task
+from jcontour.app.jobs.job import Job, Pace
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
@@ -82,31 +81,23 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path, str]:
     status.update(f"running {job.samples:,} samples")
     scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
     with Beside(image.__module__) as process:
-        drawn = _drawn(process, _motion(job, machine))
+        drawn = {}
+        if isinstance(job, Job) and job.planned:
+            motion = motion_figure(job.planned, machine.axes, job.rapid)
+            drawn["motion"] = drawn_by(process, motion)
         replayed = replay(design.build(design.start), scenarios)
         status.update("writing and drawing")
         folder = created(flags, "simulate")
         found = simulated_result(design, scenarios, replayed)
         title = f"jcontour simulate: {found.controller} on {found.contour}"
         named = {found.controller: replayed}
-        drawn |= _drawn(process, figures_of(contour_runs(named, scenarios, 0, machine)))
+        for name, figure in figures_of(contour_runs(named, scenarios, 0, machine)).items():
+            drawn[name] = drawn_by(process, figure)
         line = save_rollouts(flags.rollouts, named, scenarios, machine, title, folder)
         for name, save in drawn.items():
             save(folder / f"{name}.png")
     write_result(folder, found)
     return found, folder, line
-
-
-def _motion(job: Task, machine: Machine) -> dict[str, Figure]:
-    """Figure of a motion that is planned."""
-    if not (isinstance(job, Job) and job.planned):
-        return {}
-    return {"motion": motion_figure(job.planned, machine.axes, job.rapid)}
-
-
-def _drawn(process: Beside, figures: dict[str, Figure]) -> dict[str, Callable[[Path], Path]]:
-    """What writes the figures, which the process draws meanwhile."""
-    return {name: drawn_by(process, figure) for name, figure in figures.items()}
 
 
 def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> SimulatedResult:
@@ -178,7 +169,11 @@ def show_simulated(result: SimulatedResult, console: Console) -> None:
         say(console, f"Read {read_line(result.contour, result.read, result.machine.axes)}")
     if result.motion is not None:
         console.print(motion_table(result.motion, result.machine.axes))
-    say(console, sentence(result))
+    if result.peak is not None:
+        line = peak_line(result.peak, result.error, result.machine.axes)
+        say(console, f"{line[0].upper()}{line[1:]}.")
+    else:
+        say(console, "")
 
 
 def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
@@ -218,11 +213,3 @@ def plant_table(result: SimulatedResult) -> Table:
     run = f"{result.controller} on {result.contour}, {result.samples} samples"
     title = f"{run}, {result.feed_law}, {result.machine.nonsmooth_effects}"
     return plain_table(title, ["plant", *headings], rows)
-
-
-def sentence(result: SimulatedResult) -> str:
-    """Where the largest error is."""
-    if result.peak is None:
-        return ""
-    line = peak_line(result.peak, result.error, result.machine.axes)
-    return f"{line[0].upper()}{line[1:]}."
