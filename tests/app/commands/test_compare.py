@@ -216,12 +216,6 @@ def test_along_another_motion_nothing_is_called_better(tmp_path):
     assert "No contour is the same path and motion in both" in text
 
 
-def test_equal_runs(tmp_path):
-    found = run(stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 1.0, 1e-6))
-    assert found.settings == {} and found.better["same"] == 2 * len(COLUMNS)
-    assert "worst contour and plant: 1 against 1 um: the same." in said(found)
-
-
 def test_a_run_that_must_not_be_used_is_never_recommended_nor_called_better(tmp_path):
     a = stored(tmp_path / "a", 1.0, 1e-6)
     write_result(
@@ -310,12 +304,3 @@ def test_cycle_times_of_simulated_runs_are_compared(tmp_path):
     assert "Cycle time of circle: 1.5 against 1.2 s: the second is quicker." in text
     assert "is better." not in text  # errors along another motion say nothing
     assert "quicker" not in said(run(a, a))
-
-
-def test_a_run_of_another_form_says_why_it_does_not_open(tmp_path):
-    a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 1.0, 1e-6)
-    result = json.loads((b / "result.json").read_text())
-    del result["margins"]
-    (b / "result.json").write_text(json.dumps(result))
-    with pytest.raises(RunError, match="not of this version's TunedResult .required field missing"):
-        run(a, b)

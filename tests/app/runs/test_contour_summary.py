@@ -84,16 +84,6 @@ def told(job: Job) -> str:
     return read_line(job.name, read_of(job, 5e-4), "XY")
 
 
-def test_two_laps_are_told_with_the_time_of_one():
-    """2 pi mm at 50 mm/s take 0.126 s."""
-    ring = at_constant_feed("ring", circle(1e-3), PACE)
-    assert told(ring).startswith("ring: 1 move, 6.2832 mm in 0.126 s, X")
-    assert told(ring).endswith(" mm; 2 laps, the second is scored")
-    assert cycle_time(ring, 5e-4) == pytest.approx(2e-3 * math.pi / 0.05)
-    found = read_of(ring, 5e-4)
-    assert found.duration == pytest.approx(4e-3 * math.pi / 0.05, abs=5e-4) and found.laps == 2
-
-
 def test_a_run_that_ends_early_tells_how_far_it_goes():
     """249 steps are 6.225 mm, the entry of 100 is 2.5 mm; 219 steps of the small one 5.475 mm."""
     eight = shortened(BUILT_IN["lemniscate"](PACE), 150)

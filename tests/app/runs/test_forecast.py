@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.jobs.memory import BEGUN
-from jcontour.app.runs.forecast import check_memory, forecast, outline
+from jcontour.app.runs.forecast import check_memory, forecast
 from tests.app import small_runs
 from tests.canonical import DT
 
@@ -27,10 +27,3 @@ def test_a_run_that_the_memory_does_not_hold_is_refused():
     check_memory(run("quick", 1000), 5)  # asks the computer
     with pytest.raises(ValueError, match="GB of memory"):
         check_memory(run("none", 0), 5, there=BEGUN - 1)
-
-
-def test_a_run_in_steps_is_outlined_before_it_begins():
-    line = outline(run("part", 41_001), DT, 5, "8 rounds of bending")
-    assert line == (
-        "part: 41 s of motion, 41,001 samples on 5 plants: 8 rounds of bending; Ctrl-C ends it."
-    )

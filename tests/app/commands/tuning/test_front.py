@@ -1,7 +1,6 @@
 """`front` on a small machine, from the command line."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,9 +8,8 @@ import pytest
 from jcontour.app.cli import main
 from jcontour.app.commands.tuning.front import next_steps
 from jcontour.app.files.netcdf import load_dataset
-from jcontour.app.files.results.run_metrics import MachineSummary
-from jcontour.app.files.results.search_results import BudgetPoint, FrontResult
-from jcontour.app.files.results.stored import from_json, read_result, to_json
+from jcontour.app.files.results.search_results import FrontResult
+from jcontour.app.files.results.stored import read_result
 from jcontour.app.reports.page.page_data import page_data
 
 
@@ -77,20 +75,3 @@ def test_a_finished_front_can_be_told_again(traced, capsys):
     assert main(["front", "--resume", str(traced), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told == {"run": str(traced), **before}
-
-
-POINTS = [
-    BudgetPoint(0.1, {"alpha": 2.0}, 5e-6, 9e-6, 0.1, 5e-6, True, False, 1.5),
-    BudgetPoint(0.2, {"alpha": 3.0}, 3e-6, 9e-6, 0.15, 3e-6, True, True, 1.8),
-    BudgetPoint(0.05, {"alpha": 1.0}, 8e-6, 9e-6, 0.06, 8e-6, False, False, np.inf),
-]
-RESULT = FrontResult(
-    MachineSummary("mill", "A", ("X", "Y"), "counts"), "contour", "contouring-lq", ["alpha"], POINTS
-)
-
-
-def test_weights_stand_beside_the_metrics_in_json():
-    written = to_json(RESULT)
-    assert list(written["points"][0])[:3] == ["budget", "alpha", "rms_contour_error"]
-    known = replace(RESULT, points=POINTS[:2])  # JSON has no infinity
-    assert from_json(to_json(known), FrontResult) == known

@@ -1,7 +1,5 @@
 """`sweep`: a small one from the command line."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -85,9 +83,3 @@ def test_a_limit_that_a_sweep_does_not_look_at_is_no_flag_of_it(capsys):
     with pytest.raises(SystemExit):
         main(["sweep", "circle", "--max-effort", "1.2"])
     assert "--max-effort" in capsys.readouterr().err
-
-
-def test_weights_stand_beside_the_errors_in_json(swept):
-    (best,) = json.loads((swept / "result.json").read_text())["best"]
-    names = ["preview", "alpha", "beta", "worst_um", "nominal_um", "sensitivity", "delay_samples"]
-    assert list(best)[:7] == names

@@ -220,23 +220,6 @@ def test_runs_of_one_plant_are_magnified_alike(runs):
     assert labels == ["contour", "first point"]  # no tool
 
 
-def test_an_error_as_large_as_the_contour_is_true_to_scale_and_no_title_says_magnified(runs):
-    assert contour_figure(runs).get_suptitle().endswith("contour and tool, contour error magnified")
-    large = tuple(tuple(_far_off(run, runs.reference) for run in row) for row in runs.rows)
-    figure = contour_figure(replace(runs, rows=large))
-    assert figure.get_suptitle().endswith(": contour and tool")
-    words = [panel.get_title().split("\n")[1] for panel in figure.axes]
-    assert words == [*3 * ["error true to scale"], "diverged"]
-    _, _, tool = figure.axes[0].get_lines()
-    drawn = np.linalg.norm(tool.get_xydata()[10:], axis=1)
-    np.testing.assert_allclose(drawn, 1e3 * 1.1 * RADIUS)
-
-
-def _far_off(run, reference):
-    """The same run a tenth of the radius outside."""
-    return replace(run, output=1.1 * reference, contour_error=0.1 * reference)
-
-
 @pytest.mark.parametrize(
     ("squeezed", "shape", "across"), [(1.0, 1.0, 2), (0.5, 0.5, 2), (0.2, 0.2, 1), (1e-3, 0.17, 1)]
 )
@@ -245,27 +228,6 @@ def test_a_flat_contour_has_flat_panels_above_each_other(runs, squeezed, shape, 
     width, height = contour_figure(replace(runs, reference=reference)).get_size_inches()
     panel = (height - TITLES) / (4 / across) - TITLE
     np.testing.assert_allclose(panel / (width / across), shape, rtol=0.02)
-
-
-def test_titles_above_a_tall_contour_stay_apart(runs):
-    thin = np.array([0.02, 1.0])
-    rows = tuple(
-        tuple(
-            replace(
-                run,
-                label="contouring-lq",
-                plant="largest RMS (gains 1.1, 0.9)",
-                output=run.output * thin,
-                contour_error=run.contour_error * thin,
-            )
-            for run in row[:1]
-        )
-        for row in runs.rows
-    )
-    figure = contour_figure(replace(runs, reference=runs.reference * thin, rows=rows))
-    figure.draw_without_rendering()
-    boxes = [panel.title.get_window_extent() for panel in figure.axes]
-    assert not any(one.overlaps(other) for one, other in zip(boxes, boxes[1:], strict=False))
 
 
 def test_a_contour_of_many_details_is_coloured(runs):

@@ -4,7 +4,6 @@ import shlex
 
 import jax.numpy as jnp
 import numpy as np
-import xarray as xr
 
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.cli import _chosen
@@ -12,7 +11,7 @@ from jcontour.app.files.results.search_results import BestDesign, SweepResult
 from jcontour.app.files.trusted_code import trust
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Sweep, Tune
-from jcontour.app.runs.spread.sweep_advice import edge_lines, limit_lines, next_steps, repeated
+from jcontour.app.runs.spread.sweep_advice import edge_lines, next_steps, repeated
 from jcontour.app.runs.spread.sweep_asked import Swept
 
 OWN = """
@@ -82,30 +81,6 @@ def test_the_best_point_is_run_again_with_what_did_not_vary(tmp_path):
 def _best(**other):
     given = {"preview": 0, "weights": {"gain": 1.0}, "worst_um": 1.0, "nominal_um": 1.0}
     return BestDesign(**{**given, "sensitivity": 1.4, "delay_samples": 3, **other})
-
-
-LIMITED = Swept(Sweep(max_peak_contour_error_um=1.0), machine_named("bridgeport"), [], {})
-
-
-def judged_as(best, peaks_um=(3.0, 2.0)):
-    """Peak errors of two designs with one preview."""
-    errors = 1e-6 * np.reshape(peaks_um, (1, 2, 1, 1))
-    names = ("preview", "sample", "contour", "plant")
-    metrics = ("rms_contour_error", "peak_contour_error", "diverged")
-    data = {name: (names, errors) for name in metrics} | {"diverged": (names, 0 * errors)}
-    return xr.Dataset(data | {"best": ("preview", [best])}, {"preview": [5]})
-
-
-def test_where_no_design_keeps_the_limits_it_is_said_and_how_near_they_come():
-    nothing = SweepResult(points=2, diverged=0, within=0, best=[])
-    (line,) = limit_lines(LIMITED, judged_as(-1), nothing)
-    assert line == (
-        "WARNING: preview 5: none of 2 designs keeps the limits; the least of each: "
-        "peak contour error 2 um (limit 1)"
-    )
-    assert next_steps(LIMITED, nothing)[0].startswith("Next: no design keeps the limits; allow")
-    lost = SweepResult(points=2, diverged=2, within=0, best=[])
-    assert next_steps(LIMITED, lost)[0].startswith("Next: every design diverges")
 
 
 def test_a_best_point_on_the_edge_of_its_grid_is_told():
