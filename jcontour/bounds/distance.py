@@ -160,8 +160,7 @@ def _largest_second_derivative(contour: Contour) -> np.ndarray:
     extent = np.asarray(contour.extent)[:, None]
     sizes = np.linalg.norm(np.asarray(contour.polynomial), axis=2)
     second = powers * (powers - 1) * sizes * extent ** np.maximum(powers - 2, 0)
-    waves = np.linalg.norm(np.asarray(contour.cosine), axis=1)
-    waves = waves + np.linalg.norm(np.asarray(contour.sine), axis=1)
+    waves = np.linalg.norm(np.stack([contour.cosine, contour.sine], axis=1), 2, axis=(1, 2))
     return second.sum(axis=1) + np.asarray(contour.rate) ** 2 * waves
 
 

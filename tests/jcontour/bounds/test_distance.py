@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.bounds.distance import circle_bound, distance_bounds, frames_along
+from jcontour.bounds.distance import _between, circle_bound, distance_bounds, frames_along
 from jcontour.geometry.contours import circle, polygon, polyline, spline
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.motion.references import along
@@ -46,6 +46,12 @@ def test_no_point_that_the_tool_may_reach_is_farther(name):
     assert np.all(largest <= bound * (1 + 1e-12))
     looser = np.sort(bound - largest)
     assert looser[: 3 * looser.size // 4].max() < 1e-7  # the others are at corners
+
+
+def test_the_middle_of_a_chord_is_a_sagitta_away_and_the_bound_hardly_more():
+    arcs, on_the_path = np.array([[0.0, 0.4]]), np.zeros((1, 2))
+    (found,) = _between(circle(1.0), arcs, on_the_path, np.full(1, 0.4))
+    assert 1 - np.cos(0.2) <= found <= 1.01 * (1 - np.cos(0.2))
 
 
 def test_beside_a_line_the_bound_is_the_sum():

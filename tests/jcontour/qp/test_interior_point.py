@@ -8,6 +8,7 @@ import pytest
 from jcontour.arrays import placed
 from jcontour.qp import interior_point
 from jcontour.qp.interior_point import SOLVED, solve
+from jcontour.qp.one_sided import Limits, Point
 from jcontour.qp.solvers import DAQP
 from jcontour.qp.staged import StagedQP
 
@@ -65,6 +66,15 @@ def test_answers_are_those_of_daqp(kind, request, one_of, condensed):
 def test_conditions_of_optimality_hold_in_numpy(limited, kkt):
     found = jax.device_get(many(limited))
     assert kkt(limited, controls_of(found, limited), found.multipliers).max() <= SOLVED
+
+
+def test_what_gives_way_is_paid_with_its_weight():
+    """W t / g, of the slacks that are made larger."""
+    s, l, t, g = np.random.default_rng(0).uniform(1e-6, 2e-6, (4, 3))  # noqa: E741
+    one = np.ones(3)
+    point, limits = Point(None, s, l, t, g), Limits(one, one > 0, one > 0, one, one)
+    weight, _, paid = interior_point._softened(point, limits)
+    np.testing.assert_allclose(paid, weight * t / g, rtol=1e-12)
 
 
 @pytest.mark.slow

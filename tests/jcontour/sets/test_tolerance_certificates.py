@@ -33,17 +33,17 @@ def test_the_printed_data_need_more_than_they_allow(thesis_numbers, size, speed)
     assert (found.bound > 4.5e-3) == ((size, speed) == (0.005, 0.1))
 
 
-@pytest.fixture(scope="module")
-def driven():
+@pytest.fixture(scope="module", params=[[5e-6], [3e-6, 2e-6]])
+def driven(request):
     """Speed in [-0.1, 0.1] m/s, of which w takes 5 mm/s; the reference wants 0.1 m/s."""
-    return DisturbedModel.of([[1.0]], [1e-3], [5e-6])
+    return DisturbedModel.of([[1.0]], [1e-3], [request.param])
 
 
 def bound(driven, w, steps=200, most=1.0):
     (position,) = driven.state_signals(["x"], [[1.0]], most)
     room = driven.state_signals(["room"], [[1.0]], [1.0])
     limited = [*room, *driven.control_signals(0.1)]
-    acting = np.full((steps, 1), w)
+    acting = np.full((steps, driven.disturbances), w)
     return least_tolerance_of_any(driven, position, limited, 1e-4 * np.arange(steps + 1), acting)
 
 
@@ -64,9 +64,9 @@ def test_nothing_within_the_limits_is_said(driven):
 def test_bad_input_is_named(driven):
     (x,) = driven.state_signals(["x"], [[1.0]], 1.0)
     control = driven.control_signals(0.1)
-    few = np.zeros((3, 1))
-    with pytest.raises(ValueError, match=r"disturbance: needs shape \(T, 1\)"):
-        least_tolerance_of_any(driven, x, control, np.zeros(4), np.zeros((3, 2)))
+    few = np.zeros((3, driven.disturbances))
+    with pytest.raises(ValueError, match=r"disturbance: needs shape \(T, [12]\)"):
+        least_tolerance_of_any(driven, x, control, np.zeros(4), np.zeros((3, 4)))
     with pytest.raises(ValueError, match="reference: needs one value more"):
         least_tolerance_of_any(driven, x, control, np.zeros(3), few)
     with pytest.raises(ValueError, match="entries of at most one"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.bounds.disturbed_loop import DisturbedLoop
-from jcontour.bounds.gains.gain_cells import GainCell, TooWide, cell_peaks
+from jcontour.bounds.gains.gain_cells import GainCell, TooWide, cell_peaks, remainder
 from jcontour.bounds.gains.gained_loops import gained
 from jcontour.bounds.peak_bounds import peak_bounds
 
@@ -68,6 +68,18 @@ def test_what_is_between_covers_the_second_difference_and_is_no_multiple_of_it()
     wide = peaks(loop, GainCell(np.array([1 - 2 * h, 1.0]), np.array([1 + 2 * h, 1.0])))[0]
     ratio = wide.between[5:] / found.between[5:]
     assert np.all((ratio > 3.9) & (ratio < 6.0))  # h^2, and a little more for the sums
+
+
+def test_what_is_left_between_the_corners_is_the_series_by_hand():
+    """A control answers a force by a in the next sample alone, of any size: a series of a h.
+
+    Its second derivative by the gain is 2 a^2 u / (1 - a h)^3 at most: h^2 / 2 of that.
+    """
+    T, a, h, one = 60, 0.5, 0.3, np.ones((60, 1, 1))
+    flat = np.ones((T, 1))
+    loop = DisturbedLoop(0 * one, one, one, a * one, np.zeros((T, 1, 0)), flat, flat)
+    found = remainder(loop, np.array([h]), np.asarray(loop.K), np.zeros(1))
+    assert found[-1] == pytest.approx([h**2 * a**2 / (1 - a * h) ** 3], rel=1e-3)
 
 
 def test_a_cell_whose_sums_do_not_close_is_told():

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from jcontour.bounds.gantry.gantry_bending import Bending
+from jcontour.bounds.gantry.intervals import Interval
+from jcontour.bounds.gantry.second_derivatives import Enclosure
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.parameters import thesis_gantry
 
@@ -56,6 +58,18 @@ def test_no_corner_of_a_tube_bends_more_and_some_come_near(gantry, bending):
 
 def test_the_bound_grows_with_the_square_of_the_tube(bending):
     np.testing.assert_allclose(bound(bending, 0.5), 0.25 * bound(bending, 1.0), rtol=0.02)
+
+
+def test_a_constant_bend_is_the_runge_kutta_step_of_its_equation(bending):
+    """From d' = J d + c, at h: h (1 + z/2 + z^2/6 + z^3/24) c, z = J h."""
+    h, c, J = bending.h, 3.0, 0.7 / bending.h
+    bend, slope = np.zeros((1, 9, 9)), np.zeros((1, 9))
+    bend[0, 6, 6], slope[0, 0] = 2 * c, J  # of the square of a current of one
+    one = Enclosure(Interval.of(np.zeros(1)), Interval.of(slope), Interval.of(bend))
+    still = one._replace(slope=Interval.of(0 * slope), bend=Interval.of(0 * bend))
+    left, _ = bending._substep(np.zeros((1, 6)), np.array([[1.0, 0.0, 0.0]]), [one] + [still] * 5)
+    wanted = h * c * (1 + 0.7 / 2 + 0.7**2 / 6 + 0.7**3 / 24)
+    np.testing.assert_allclose(left[0], [wanted, 0, 0, 0, 0, 0], rtol=1e-12)
 
 
 def test_the_tool_bends_no_more_than_its_bound(gantry, bending):

@@ -45,6 +45,25 @@ def test_cycles_are_those_of_the_reference(companions, key, smoothing):
     np.testing.assert_allclose(cycles, companions["repetitive_880"][key], rtol=1e-8)
 
 
+def test_taps_run_from_the_latest_error_to_the_earliest():
+    """Taps that are not symmetric, written out."""
+    period, lead, learning, smoothing = 9, 2, np.array([0.1, 0.2, 0.4]), [0.5, 0.3, 0.2]
+    law = RepetitiveFilter(period, learning, smoothing, lead)
+    error = np.random.default_rng(0).standard_normal(30)
+
+    def sample(memory, e):
+        correction = law.correction(memory)
+        return law.seen(memory, correction, e[None]), correction[0]
+
+    found = jax.jit(lambda e: jax.lax.scan(sample, law.start(1), e)[1])(error)
+    wanted = np.zeros(30)
+    for k in range(period + law.behind, 30):
+        for q, share in zip((-1, 0, 1), smoothing, strict=True):
+            j = k - period + q
+            wanted[k] += share * (wanted[j] + learning @ error[j + lead - 1 : j + lead + 2])
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14)
+
+
 def circles(steps, period):
     angle = 2 * np.pi * np.arange(steps + 1) / period
     position = 1e-2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -105,6 +105,16 @@ def test_undisturbed_it_drives_the_nominal_control(rest):
     np.testing.assert_allclose(controls, 0.0, atol=1e-9)
 
 
+def test_what_the_run_takes_of_a_limit_is_left_on_one_side_only(rest):
+    """A value of 0.3 of a limit moves both bounds of its rows down by as much."""
+    mpc, _ = made(limit=1.0)
+    kept = mpc.kept._replace(value=np.where([True, False], 0.3, 0.0) + 0 * mpc.kept.value)
+    mpc = BoundedAlong(mpc.state, mpc.control, mpc.response, kept, mpc.room)
+    plan = mpc.prepare(rest)
+    middle = (plan.low + plan.high)[:, : 2 * (LENGTH - 1)].reshape(STEPS, LENGTH - 1, 2)[:, 1:] / 2
+    np.testing.assert_allclose(middle, np.broadcast_to([-0.3, 0.0], middle.shape), atol=1e-12)
+
+
 def test_it_says_where_a_disturbance_leaves_no_answer(rest):
     mpc, _ = made()
     with pytest.raises(Unsolved):

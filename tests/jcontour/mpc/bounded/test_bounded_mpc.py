@@ -240,6 +240,8 @@ def test_needs_are_those_of_the_nominal_run(table, controller, circle):
         need = found[f"control {axis + 1}"]
         assert need.value == pytest.approx(largest[axis], rel=1e-2)
         assert need.peak == pytest.approx(controller.least.peaks[need.signal.name])
+        speed = np.abs(np.diff(np.asarray(undisturbed.output)[:, axis])).max() / table.dt
+        assert found[f"speed {axis + 1}"].value == pytest.approx(speed, rel=1e-3)
 
 
 def test_bad_input_is_named(table, least, limits, circle):

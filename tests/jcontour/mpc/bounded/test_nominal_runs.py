@@ -13,8 +13,8 @@ DT = 0.01
 
 @pytest.fixture(scope="module")
 def slide():
-    """1 kg with viscous friction of 3 N s/m."""
-    return LinearPlant([[1, DT], [0, 1 - 3 * DT]], [[0], [DT]], [[1, 0]], DT)
+    """1 kg with viscous friction of 3 N s/m; a force moves it within the sample too."""
+    return LinearPlant([[1, DT], [0, 1 - 3 * DT]], [[DT**2 / 2], [DT]], [[1, 0]], DT)
 
 
 def reference_of(samples, increment=0.0):
@@ -62,7 +62,7 @@ def test_a_ramp_needs_no_change_of_the_control(slide):
     inside = slice(0, 30)  # beyond, it prepares for the end of what it knows
     error = run.state[:-1, 0] - np.asarray(reference.position)[:, 0]
     assert np.abs(error[inside]).max() < 1e-9
-    assert run.control[:10, 0] == pytest.approx(np.full(10, 3 * 0.1), rel=1e-6)
+    assert run.control[:10, 0] == pytest.approx(np.full(10, 3 * 0.1 / (1 + 1.5 * DT)), rel=1e-6)
 
 
 def test_sizes_below_zero_are_refused(slide):

@@ -156,6 +156,22 @@ def test_a_fast_current_loop_is_nearly_ideal():
     np.testing.assert_allclose(found, wanted, rtol=0.01)
 
 
+def test_at_a_steady_speed_the_voltage_is_that_of_the_winding():
+    """u = R i + j (w L i + k_e v): what holds the current, d and q, at 0.4 m/s is known ahead."""
+    plant, speed, current = driven(parameters=frictionless()), 0.4, np.array([[0.3, 0.4]])
+    state = plant.initial_state(np.zeros(1), np.full(1, speed * DT))
+    state = state._replace(current=jnp.asarray(current), integral=jnp.asarray(R * current))
+    after = eqx.filter_jit(plant._period)(state, np.array([0.4]))
+    d, q = current[0]
+    w = np.pi * speed / TAU
+    proportional = plant.bandwidth * L * np.array([-d, 0.0])  # the command has no d
+    integral = R * current[0] + PERIOD * plant.bandwidth * R * np.array([-d, 0.0])
+    ahead = np.array([-w * L * q, w * L * d + K_E * speed])
+    np.testing.assert_allclose(
+        np.asarray(after.voltage)[0], ahead + proportional + integral, rtol=1e-12
+    )
+
+
 def test_voltage_limit_and_its_windup():
     plant = driven(voltage_limit=20.0)
     run = eqx.filter_jit(

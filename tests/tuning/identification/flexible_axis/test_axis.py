@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 
 from jcontour.plants.flexible_axis.axis import thesis_axis
-from tuning.identification.flexible_axis.axis import _left_out, _parameters, identify
+from tuning.identification.estimates import Estimate
+from tuning.identification.flexible_axis.axis import _left_out, _parameters, _together, identify
+from tuning.identification.flexible_axis.cogging import Harmonics, Spectrum
+from tuning.identification.flexible_axis.forces import ForceFit
 from tuning.identification.flexible_axis.records import Record
 
 TRUTH = {
@@ -78,6 +81,23 @@ def test_an_end_effector_lighter_than_nothing_still_makes_a_model(found):
     assert float((p.stiffness / p.tool_mass)[0]) == pytest.approx(
         found.estimate["stiffness_per_mass"]
     )
+
+
+def test_physical_parameters_are_those_of_the_balance():
+    """Friction f_0 + b v - q v^2 / (1 + w v^2) is that of Stribeck: 1 / (1 + (v / v_s)^2)."""
+    names = ("break_away", "viscous", "drop", "curvature", "total_mass")
+    stribeck, speed, coulomb = 22.04, 2.82, 36.36
+    values = np.array([coulomb + stribeck, 250.9, stribeck / speed**2, speed**-2, 40.0])
+    balance = Estimate(names, values, np.eye(5))
+    cogging = Harmonics(0.0875, 0)
+    forces = ForceFit(balance, [], [], Spectrum(np.zeros(1), np.zeros(1), 1.0), cogging)
+    scale = Estimate(("force_constant",), np.array([79.0]), np.ones((1, 1)))
+    found = _together(scale, None, forces)
+    assert found["stribeck"] == pytest.approx(stribeck)
+    assert found["stribeck_speed"] == pytest.approx(speed)
+    assert found["coulomb"] == pytest.approx(coulomb)
+    # a force scale that is one per cent off moves all forces and masses by as much
+    assert found.deviation("total_mass") == pytest.approx(np.hypot(1.0, 40.0 / 79.0))
 
 
 ROW = np.zeros(200)

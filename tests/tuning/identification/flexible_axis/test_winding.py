@@ -3,7 +3,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tuning.identification.flexible_axis.records import Record
-from tuning.identification.flexible_axis.winding import fit_winding
+from tuning.identification.flexible_axis.winding import _linear, fit_winding
 
 R, L, K_E, DT = 8.0, 6e-3, 30.0, 2e-4
 
@@ -49,6 +49,11 @@ def test_recovers_the_winding(clean):
         fit.estimate.names == ("resistance", "inductance", "back_emf")
         and max(abs(r).max() for r in fit.residuals) < 1e-3
     )
+
+
+def test_the_search_begins_near_the_winding(clean):
+    """From the voltage integrated over every row, the current straight between two."""
+    np.testing.assert_allclose(_linear([clean]), [R, L, K_E, 0.3], rtol=0.02)
 
 
 def test_noise_in_the_current_does_no_harm(clean):
