@@ -79,15 +79,18 @@ class Dense:
         D = np.kron(np.diff(padded, 2, axis=0), np.eye(2)) * inside
         self.price = (1e-3 * np.eye(2 * steps) + roughness * D.T @ D) / steps
 
+    def least(self):
+        """Correction of the least cost (T, 2)."""
+        quadratic = self.slope.T @ self.slope + self.price
+        return -np.linalg.solve(quadratic, self.slope.T @ self.error).reshape(-1, 2)
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize("roughness", [1e-2, 1e3])  # a smooth bend, and what limits may ask for
 def test_one_plant_gets_the_minimum_of_its_quadratic(table, controller, roughness):
     reference = arc(60)
     dense = Dense(table, reference, roughness=roughness)
-    wanted = -np.linalg.solve(
-        dense.slope.T @ dense.slope + dense.price, dense.slope.T @ dense.error
-    ).reshape(-1, 2)
+    wanted = dense.least()
     told = []
     plants = seen([table])
     prices = PRICES | {"roughness": roughness}
@@ -101,27 +104,14 @@ def test_one_plant_gets_the_minimum_of_its_quadratic(table, controller, roughnes
     assert after < (0.1 if roughness < 1 else 0.9) * found.before[0]
 
 
-def test_where_the_reference_rests_an_error_along_it_counts_in_full(table, controller):
-    """The last 25 samples hold the end; the tool comes late, and may not pass it."""
-    reference = arc(60, moving=35)
-    dense = Dense(table, reference)
-    wanted = -np.linalg.solve(
-        dense.slope.T @ dense.slope + dense.price, dense.slope.T @ dense.error
-    ).reshape(-1, 2)
-    found = precompensate(seen([table]), controller, reference, **PRICES, rounds=12)
-    np.testing.assert_allclose(found.correction, wanted, atol=1e-4 * np.abs(wanted).max())
-
-
-def test_where_it_is_held_the_reference_stays_and_the_rest_is_the_minimum(table, controller):
-    reference, held = arc(60), [20, 21, 22, 23, 40]
-    dense = Dense(table, reference, held)
-    wanted = -np.linalg.solve(
-        dense.slope.T @ dense.slope + dense.price, dense.slope.T @ dense.error
-    ).reshape(-1, 2)
-    stays = np.isin(np.arange(60), held)
+@pytest.mark.parametrize(("moving", "held"), [(35, ()), (1000, (20, 21, 22, 23, 40))])
+def test_where_it_rests_or_is_held_the_rest_is_the_minimum(table, controller, moving, held):
+    """An error along a reference that rests counts in full: the tool comes late, none may pass."""
+    reference, stays = arc(60, moving), np.isin(np.arange(60), held)
+    wanted = Dense(table, reference, held).least()
     plants = seen([table])
     found = precompensate(plants, controller, reference, **PRICES, rounds=12, held=stays)
-    assert np.all(found.correction[stays] == 0) and np.all(found.correction[[19, 24, 39, 41]] != 0)
+    assert np.array_equal(~found.correction.any(axis=1), stays | np.isin(np.arange(60), (0, 59)))
     np.testing.assert_allclose(found.correction, wanted, atol=1e-4 * np.abs(wanted).max())
 
 

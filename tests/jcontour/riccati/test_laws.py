@@ -145,8 +145,9 @@ def test_the_model_may_move_under_the_packed_sweep(problems):
     judged(problems, plan(receding_horizon_plan), plan(readable_plan), matrices)
 
 
-@pytest.mark.parametrize("ended", [True, False])
-@pytest.mark.parametrize(("steps", "preview", "length"), [(9, 6, 3), (3, 9, 4), (5, 9, 1)])
+@pytest.mark.parametrize(
+    ("steps", "preview", "length", "ended"), [(9, 6, 3, True), (3, 9, 4, False), (5, 9, 1, True)]
+)
 def test_windows_composed_from_spans_are_the_readable_ones(problems, steps, preview, length, ended):
     plant = problems.machine((2, 2), 2, 2)
     Q, y_d, _, R, end = problems.data(plant, steps, preview)

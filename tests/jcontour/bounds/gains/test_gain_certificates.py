@@ -1,7 +1,5 @@
 """Certificates for all gains of a box: members stay below, a corner comes close."""
 
-from types import SimpleNamespace
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,7 +7,7 @@ import pytest
 from jcontour.bounds.certificates import certificate
 from jcontour.bounds.disturbed_loop import Box, UnstableLoop
 from jcontour.bounds.gains import gain_certificates
-from jcontour.bounds.gains.gain_cells import GainCell
+from jcontour.bounds.gains.gain_cells import CellPeaks, GainCell
 from jcontour.bounds.gains.gain_certificates import ENOUGH, gain_certificate
 from jcontour.motion.references import along
 from jcontour.plants.wrappers.delays import Delayed
@@ -102,7 +100,7 @@ def test_a_bound_that_is_not_a_number_is_told(lap, monkeypatch):
 
     def peaks(loop, *_):
         tool = np.full((len(loop.C), 2), 1e-6 * next(cells))
-        return SimpleNamespace(tool=tool, between=tool, control=np.zeros(loop.control.shape))
+        return CellPeaks(tool[None], tool, np.zeros(loop.control.shape))
 
     monkeypatch.setattr(gain_certificates, "cell_peaks", peaks)
     with pytest.raises(ValueError, match=r"gains \[1.0, .* to .*: the bound .* is not a number"):
