@@ -80,7 +80,6 @@ def promise(controller, reference):
     return controller.promised(controller.certified(reference), reference.steps)
 
 
-@pytest.mark.slow
 def test_the_tolerance_is_kept_and_nearly_reached(table, controller, circle):
     found, error = run(table, controller, circle, bang_bang(circle))
     tolerance = promise(controller, circle)
@@ -104,7 +103,6 @@ def test_undisturbed_it_is_the_nominal_run(table, controller, circle):
     assert error.max() <= np.abs(frames.nominal[:, 1]).max() + frames.off.max()
 
 
-@pytest.mark.slow
 def test_gains_that_are_off_are_a_disturbance(table, controller, circle):
     """A gain 0.5 % low takes as much of the control: less than the load as long as |u| < 4."""
     weak = with_input_gains(table, [0.995, 0.995])
@@ -133,7 +131,6 @@ def test_ten_thousand_steps_under_attack_are_all_solved(table, least, limits, ci
     assert steps >= 10_000
 
 
-@pytest.mark.slow
 def test_control_and_speed_keep_their_limits_where_they_bind(table):
     """Limits with hardly more room than the nominal run and the disturbances need."""
     path = contours.circle(1e-3)
@@ -149,7 +146,6 @@ def test_control_and_speed_keep_their_limits_where_they_bind(table):
     assert error.max() <= promise(mpc, reference)
 
 
-@pytest.mark.slow
 def test_what_leaves_the_box_is_told_at_its_sample(table, controller, circle):
     """Five times the load from sample 100: the fallback gives up the tolerance, not the control."""
     w = bang_bang(circle)

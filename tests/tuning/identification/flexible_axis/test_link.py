@@ -1,8 +1,9 @@
+import jax
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tuning.identification.flexible_axis.link import fit_link
+from tuning.identification.flexible_axis.link import _residual, _signals, fit_link
 from tuning.identification.flexible_axis.records import Record
 
 DT = 1e-3
@@ -36,6 +37,14 @@ def swung(stiffness, damping, rows=1200, offset=2e-4, noise=0.0, seed=0):
         np.zeros(rows),
         tool + noise * random.normal(size=rows),
     )
+
+
+def test_the_motion_itself_leaves_next_to_nothing():
+    """To what a cubic spline loses of the motor's path."""
+    record = swung(7652.6, 5.526)
+    own = np.array([2e-4, 1e-3, -31e-3])  # offset, and how the end effector begins
+    left = jax.jit(_residual)(np.array([7652.6, 5.526]), own, *_signals(record))
+    assert np.abs(left).max() < 1e-8
 
 
 @pytest.mark.slow

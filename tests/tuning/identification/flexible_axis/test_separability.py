@@ -59,6 +59,14 @@ def test_without_a_break_away_force_the_least_speed_is_proposed(break_away):
     assert telling_speed(one, 0.4) == pytest.approx(0.6)
 
 
+def test_the_speed_proposed_grows_with_the_fourth_root_of_what_is_not_known():
+    """The deviation of the next term falls with the fourth power of the speed."""
+    names, values = ("break_away", "drop"), np.array([58.4, 2.77])
+    known, vague = (Estimate(names, values, np.diag([0.1, s**2])) for s in (0.05, 0.8))
+    assert telling_speed(known, 0.2) > 1.5 * 0.2
+    assert telling_speed(vague, 0.2) == pytest.approx(2 * telling_speed(known, 0.2))
+
+
 @pytest.mark.slow
 def test_the_sweep_asked_for_separates_them(found, records):
     """The note's speed and half of it are added to the sweep, on a travel that is long enough."""

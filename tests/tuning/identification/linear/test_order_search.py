@@ -105,7 +105,6 @@ def test_starts_of_pieces_leave_no_less_of_white_noise(poles):
     assert left_of(simulated(record, model, pieces.none)) == pytest.approx(1.0, abs=0.08)
 
 
-@pytest.mark.slow
 def test_noise_alone_has_no_model_of_order():
     """Pure noise as position: the smallest structure is taken, it predicts as well as any."""
     random = np.random.default_rng(3)

@@ -13,7 +13,7 @@ from tuning.identification.linear.output_error import (
     structure_of,
 )
 from tuning.identification.linear.recording import RecordedAxis, recorded
-from tuning.identification.linear.resonance import FREQUENCIES, with_resonance
+from tuning.identification.linear.resonance import DAMPINGS, FREQUENCIES, _pairs, with_resonance
 
 DT, HERTZ, DAMPING = 1e-3, 60.0, 0.1
 
@@ -26,6 +26,14 @@ def logged(axis, takes, gain, rows):
     resonant = continuous_axes.with_resonance(axis, 2 * np.pi * HERTZ, DAMPING)
     one = RecordedAxis(resonant, takes, 0.5e-6, 0.2e-6, 1e-3, (gain,))
     return AxisRecord(DT, *recorded(one, reference, DT, random))
+
+
+def test_the_grid_is_of_frequencies_and_dampings():
+    """Poles exp(-zeta w +- j w sqrt(1 - zeta^2))."""
+    logs = [np.log(np.roots(pair)[:1]) for pair in _pairs()]
+    found = np.array([[np.abs(one[0]), -one[0].real / np.abs(one[0])] for one in logs])
+    np.testing.assert_allclose(found[:, 0], np.repeat(FREQUENCIES, len(DAMPINGS)), rtol=1e-9)
+    np.testing.assert_allclose(found[:, 1], np.tile(DAMPINGS, len(FREQUENCIES)), rtol=1e-9)
 
 
 @pytest.mark.parametrize("takes", ["speed", "position"])
