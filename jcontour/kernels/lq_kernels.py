@@ -14,68 +14,36 @@ kappa dM/dkappa = M M - M,
 
 with e' = O x', the slope of the free error. f is at least `LEAST`, so that v = w / f.
 
-M does not fit into registers, nor do the addresses of its numbers. A compiler keeps both if it can,
-and spills them. So a run adds a zero from memory (`zero`) to the index of each reading.
+M does not fit into registers. A compiler keeps what it has read if it can, and spills it. So it is
+kept from moving readings across the parts of a step (`fence`).
 """
 
 # The language of a kernel is not quite Python: a number that changes is made by its type.
 # ruff: noqa: UP018
 # pyright: reportArgumentType=false, reportOperatorIssue=false, reportRedeclaration=false
+# pyright: reportIndexIssue=false, reportAssignmentType=false, reportGeneralTypeIssues=false
+# pyright: reportReturnType=false
 
 from functools import lru_cache
 from typing import NamedTuple
 
 import warp as wp
 
-ROWS = 5  # squares: contour, projected, tracking, control, increment
+from jcontour.kernels.parts import IN_SHARED, ROWS, at, contour_scores, fence, inverse_root
+
 LONGEST_WINDOW = 16  # samples: loops over more are not unrolled
+SPAN = 25  # samples of a run whose states are found again in reverse
 LANES = 32  # runs side by side in memory
 LEAST = 1e-20  # of f
 
 
 class Kernels(NamedTuple):
-    """Run, and run with slopes."""
+    """Run, run with slopes, run that keeps its states and controls, and slopes in reverse."""
 
     run: wp.Kernel
     slopes: wp.Kernel
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    double y = (double)rsqrtf((float)s);
-    y = y * (1.5 - 0.5 * s * y * y);
-    return y * (1.5 - 0.5 * s * y * y);
-#else
-    return 1.0 / sqrt(s);
-#endif
-""")
-def inverse_root(s: wp.float64) -> wp.float64:
-    """Inverse of a square root, without a branch on a GPU."""
-    ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return rsqrtf(s);
-#else
-    return 1.0f / sqrt(s);
-#endif
-""")
-def inverse_root(s: wp.float32) -> wp.float32:  # noqa: F811
-    """Inverse of a square root."""
-    ...
-
-
-@wp.func_native("return numbers.data[first + k];")
-def at(numbers: wp.array(dtype=wp.float64), first: wp.int64, k: int) -> wp.float64:
-    """A number, without a multiplication by a stride: `k` is a constant of the instruction."""
-    ...
-
-
-@wp.func_native("return numbers.data[first + k];")
-def at(numbers: wp.array(dtype=wp.float32), first: wp.int64, k: int) -> wp.float32:  # noqa: F811
-    """A number, without a multiplication by a stride: `k` is a constant of the instruction."""
-    ...
+    keeping_run: wp.Kernel
+    adjoint: wp.Kernel
 
 
 @lru_cache
@@ -94,7 +62,9 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
     Point, Window = (wp.types.vector(length=k, dtype=real) for k in (m, N))
     Triangle, States = (wp.types.vector(length=k, dtype=real) for k in (T, m * n))
     Sums, Slope = wp.types.vector(length=ROWS, dtype=real), wp.types.matrix((2, ROWS), real)
+    Slopes = wp.types.vector(length=2 + N, dtype=real)
     Row, Rows, Cube = (wp.array(dtype=real, ndim=k) for k in (1, 2, 3))
+    scores = contour_scores(m, real)
 
     @wp.func(inline=True)
     def tile(rows: int, tid: int) -> wp.int64:
@@ -110,23 +80,21 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         return w
 
     @wp.func(inline=True)
-    def free(observed: Row, scale: Rows, x: States, a: int, now: int, tid: int) -> Window:
+    def free(observed: Row, scale: Rows, x: States, a: int, tid: int) -> Window:
         """Free outputs of an axis over the window, scaled."""
         e = Window()
         for i in range(N):
             for q in range(n):
-                e[i] += at(observed, wp.int64(now), (a * N + i) * n + q) * x[a * n + q]
+                e[i] += at(observed, wp.int64(0), (a * N + i) * n + q) * x[a * n + q]
             if wp.static(profiled):
                 e[i] *= scale[i, tid]
         return e
 
     @wp.func(inline=True)
-    def desired(
-        y_d: Row, rest: Row, scale: Rows, stride: int, a: int, k: int, now: int, tid: int
-    ) -> Window:
+    def desired(y_d: Row, rest: Row, scale: Rows, stride: int, a: int, k: int, tid: int) -> Window:
         w = ahead_of(y_d, stride, a, k)
         for i in range(N):
-            w[i] += at(rest, wp.int64(now), a * N + i)
+            w[i] += at(rest, wp.int64(0), a * N + i)
             if wp.static(profiled):
                 w[i] *= scale[i, tid]
         return w
@@ -163,6 +131,34 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         return v
 
     @wp.func(inline=True)
+    def times(M: Row, first: wp.int64, a: int, e: Window) -> Window:
+        """Product f M e of an axis."""
+        s = Window()
+        for i in range(N):
+            for j in range(i):
+                entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * LANES)
+                s[i] += entry * e[j]
+                s[j] += entry * e[i]
+            s[i] += at(M, first, (a * T + i * (i + 1) // 2 + i) * LANES) * e[i]
+        return s
+
+    @wp.func(inline=True)
+    def both(M: Row, first: wp.int64, a: int, e: Window, d: Window):
+        """Products f M e and f M d of an axis, each number of M read once."""
+        s, t = Window(), Window()
+        for i in range(N):
+            for j in range(i):
+                entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * LANES)
+                s[i] += entry * e[j]
+                s[j] += entry * e[i]
+                t[i] += entry * d[j]
+                t[j] += entry * d[i]
+            entry = at(M, first, (a * T + i * (i + 1) // 2 + i) * LANES)
+            s[i] += entry * e[i]
+            t[i] += entry * d[i]
+        return s, t
+
+    @wp.func(inline=True)
     def paired(Mh: Row, first: wp.int64, a: int, e: Window) -> real:
         """Product (kappa M h)' e of an axis."""
         u = real(0.0)
@@ -171,21 +167,21 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         return u
 
     @wp.func(inline=True)
-    def moved(A: Row, B: Row, x: States, u: Point, now: int) -> States:
+    def moved(A: Row, B: Row, x: States, u: Point) -> States:
         new = States()
         for a in range(m):
             for i in range(n):
-                new[a * n + i] = at(B, wp.int64(now), a * n + i) * u[a]
+                new[a * n + i] = at(B, wp.int64(0), a * n + i) * u[a]
                 for q in range(n):
-                    new[a * n + i] += at(A, wp.int64(now), (a * n + i) * n + q) * x[a * n + q]
+                    new[a * n + i] += at(A, wp.int64(0), (a * n + i) * n + q) * x[a * n + q]
         return new
 
     @wp.func(inline=True)
-    def output(C: Row, x: States, now: int) -> Point:
+    def output(C: Row, x: States) -> Point:
         y = Point()
         for a in range(m):
             for q in range(n):
-                y[a] += at(C, wp.int64(now), a * n + q) * x[a * n + q]
+                y[a] += at(C, wp.int64(0), a * n + q) * x[a * n + q]
         return y
 
     @wp.func(inline=True)
@@ -211,144 +207,99 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         return x
 
     @wp.func(inline=True)
-    def of_piece(pieces: Rows, k: int, first: int) -> Point:
-        p = Point()
-        for a in range(m):
-            p[a] = pieces[k, first + a]
-        return p
-
-    @wp.func(inline=True)
-    def from_piece(pieces: Rows, k: int, p: Point, low: real, high: real) -> Point:
-        """Vector from the nearest point of an interval of a line or an arc."""
-        offset, slope = p - of_piece(pieces, k, 0), of_piece(pieces, k, m)
-        cosine, sine = of_piece(pieces, k, 2 * m), of_piece(pieces, k, 3 * m)
-        rate = pieces[k, 4 * m]
-        if rate > real(0.0):
-            s = wp.atan2(wp.dot(offset, sine), wp.dot(offset, cosine)) / rate
-            lap = real(2.0) * real(wp.PI) / rate
-            s += lap * wp.floor((real(0.5) * (low + high) - s) / lap + real(0.5))
-            s = wp.clamp(s, low, high)
-            return offset - slope * s - cosine * wp.cos(rate * s) - sine * wp.sin(rate * s)
-        return offset - slope * wp.clamp(wp.dot(offset, slope), low, high)
-
-    @wp.func
-    def from_contour(pieces: Rows, whole: Row, p: Point, e: Point, arc: real) -> Point:
-        """Vector from the nearest point around an arc length, as `metrics.contour_error` seeks."""
-        distance, length = wp.length(e), whole[0]
-        reach = real(0.0)  # a diverged sample is not worth a search
-        if distance <= whole[1]:
-            reach = real(wp.PI) * distance
-        begin, end = arc - reach, arc + reach
-        lap = real(0.0)  # arc length in front of the piece's lap
-        if whole[2] > real(0.0):
-            reach = wp.min(reach, real(0.5) * length)
-            begin, end = arc - reach, arc + reach
-            lap = length * wp.floor(begin / length)
-        else:
-            begin, end = wp.clamp(begin, real(0.0), length), wp.clamp(end, real(0.0), length)
-        count = int(whole[3])
-        k = int(0)
-        while k + 1 < count and pieces[k + 1, 4 * m + 1] + lap <= begin:
-            k += 1
-        start, extent = pieces[k, 4 * m + 1] + lap, pieces[k, 4 * m + 2]
-        low = begin - start
-        best = from_piece(pieces, k, p, low, wp.max(low, wp.min(end - start, extent)))
-        while pieces[k, 4 * m + 1] + pieces[k, 4 * m + 2] + lap < end:
-            k += 1
-            if k == count:
-                k = int(0)
-                lap += length
-            high = wp.min(end - lap - pieces[k, 4 * m + 1], pieces[k, 4 * m + 2])
-            other = from_piece(pieces, k, p, real(0.0), high)
-            if wp.length_sq(other) < wp.length_sq(best):
-                best = other
-        return best
-
-    @wp.kernel(enable_backward=False, module="unique")
-    def run(
-        f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
-        zero: wp.array(dtype=int), r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
-        scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
-        out: Rows,  # (2 ROWS + 1, runs): sums, peaks, whether it diverged
+    def system(
+        f: real, M: Row, first: wp.int64, Mh: Row, first_h: wp.int64, scale: Rows, observed: Row,
+        r: Row, y_d: Row, rest: Row, hold: Row, x: States, stride: int, k: int, tid: int,
     ):  # fmt: skip
-        own = wp.tid()
-        forgiven = f[0, own]
-        stride = scored.shape[0] + N
-        own_M, own_Mh = tile(m * T, own), tile(m * N, own)
-        x, last, before = begun(start), Point(), int(0)
-        sums, peaks, lost = Sums(), Sums(), real(0.0)
-        for k in range(scored.shape[0]):
-            now = zero[k]
-            at_M, at_Mh = own_M + wp.int64(now), own_Mh + wp.int64(now)
-            S, c, u = Triangle(), Window(), sample_of(hold)
-            for i in range(N):
-                S[i * (i + 1) // 2 + i] = real(1.0)
-            for a in range(m):
-                R = ahead_of(r, stride, a, k)
-                e = free(observed, scale, x, a, now, own) - desired(
-                    y_d, rest, scale, stride, a, k, now, own
-                )
-                s = Window()
-                for i in range(N):
-                    for j in range(i):
-                        entry = at(M, at_M, (a * T + i * (i + 1) // 2 + j) * LANES)
-                        s[i] += entry * e[j]
-                        s[j] += entry * e[i]
-                        S[i * (i + 1) // 2 + j] += R[i] * R[j] * entry
-                    entry = at(M, at_M, (a * T + i * (i + 1) // 2 + i) * LANES)
-                    s[i] += entry * e[i]
-                    S[i * (i + 1) // 2 + i] += R[i] * R[i] * (entry - forgiven)
-                for i in range(N):
-                    c[i] += R[i] * s[i]
-                u[a] -= paired(Mh, at_Mh, a, e)
-            w = solved(cholesky(S), c)
-            late = zero[k + 1]
-            for a in range(m):
-                lag = wp.cw_mul(ahead_of(r, stride, a, k + late), w)
-                u[a] += paired(Mh, own_Mh + wp.int64(late), a, lag)
-            y, tangent = output(C, x, now), sample(r, stride, k)
-            error = y - sample(y_d, stride, k)
-            if scored[k] != 0:
-                across = error - tangent * wp.dot(error, tangent)
-                offset = from_contour(pieces, whole, y, error, arc[k])
-                squares = Sums()
-                squares[0] = wp.length_sq(offset)
-                squares[1] = wp.length_sq(across)
-                squares[2] = wp.length_sq(error)
-                squares[3] = wp.length_sq(u)
-                if before != 0:
-                    squares[4] = wp.length_sq(u - last)
-                sums += squares
-                peaks = wp.max(peaks, squares)
-                if not (squares[2] <= whole[1] * whole[1]) or not wp.isfinite(squares[3]):
-                    lost = real(1.0)
-            last = u
-            before = int(scored[k])
-            x = moved(A, B, x, u, now)
-        for i in range(ROWS):
-            out[i, own] = sums[i]
-            out[ROWS + i, own] = peaks[i]
-        out[2 * ROWS, own] = lost
-
-    @wp.func(inline=True)
-    def factored(M: Row, first: wp.int64, r: Row, stride: int, k: int, forgiven: real) -> Triangle:
-        S = Triangle()
+        """S, its right-hand side c = sum_a r_a (f M_a e_a), and the control where w is zero."""
+        S, c, u = Triangle(), Window(), sample_of(hold)
         for i in range(N):
             S[i * (i + 1) // 2 + i] = real(1.0)
         for a in range(m):
+            fence()
             R = ahead_of(r, stride, a, k)
+            e = free(observed, scale, x, a, tid) - desired(y_d, rest, scale, stride, a, k, tid)
+            s = Window()
             for i in range(N):
                 for j in range(i):
                     entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * LANES)
+                    s[i] += entry * e[j]
+                    s[j] += entry * e[i]
                     S[i * (i + 1) // 2 + j] += R[i] * R[j] * entry
                 entry = at(M, first, (a * T + i * (i + 1) // 2 + i) * LANES)
-                S[i * (i + 1) // 2 + i] += R[i] * R[i] * (entry - forgiven)
-        return cholesky(S)
+                s[i] += entry * e[i]
+                S[i * (i + 1) // 2 + i] += R[i] * R[i] * (entry - f)
+            for i in range(N):
+                c[i] += R[i] * s[i]
+            u[a] -= paired(Mh, first_h, a, e)
+        return S, c, u
+
+    def running(keeps: bool) -> wp.Kernel:
+        @wp.kernel(**IN_SHARED)
+        def run(
+            f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
+            r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
+            scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
+            out: Rows,  # (3 ROWS + 1, runs): sums, peaks, whether it diverged, samples of the peaks
+            kept: Rows,  # (m steps + m n spans, runs): controls, and the states in front of spans
+        ):  # fmt: skip
+            own = wp.tid()
+            forgiven = f[0, own]
+            stride = scored.shape[0] + N
+            own_M, own_Mh = tile(m * T, own), tile(m * N, own)
+            x, last, before = begun(start), Point(), int(0)
+            sums, peaks, when, lost = Sums(), Sums(), Sums(), real(0.0)
+            for k in range(scored.shape[0]):
+                S, c, u = system(
+                    forgiven, M, own_M, Mh, own_Mh, scale, observed,
+                    r, y_d, rest, hold, x, stride, k, own,
+                )  # fmt: skip
+                fence()
+                w = solved(cholesky(S), c)
+                fence()
+                for a in range(m):
+                    lag = wp.cw_mul(ahead_of(r, stride, a, k), w)
+                    u[a] += paired(Mh, own_Mh, a, lag)
+                if wp.static(keeps):
+                    for a in range(m):
+                        kept[k * m + a, own] = u[a]
+                    if k % SPAN == 0:
+                        for i in range(m * n):
+                            kept[scored.shape[0] * m + k // SPAN * m * n + i, own] = x[i]
+                y, tangent = output(C, x), sample(r, stride, k)
+                error = y - sample(y_d, stride, k)
+                if scored[k] != 0:
+                    offset, across = scores(pieces, whole, y, error, tangent, arc[k])
+                    squares = Sums()
+                    squares[0] = wp.length_sq(offset)
+                    squares[1] = wp.length_sq(across)
+                    squares[2] = wp.length_sq(error)
+                    squares[3] = wp.length_sq(u)
+                    if before != 0:
+                        squares[4] = wp.length_sq(u - last)
+                    sums += squares
+                    if wp.static(keeps):
+                        for i in range(ROWS):
+                            if squares[i] > peaks[i]:
+                                when[i] = real(k)
+                    peaks = wp.max(peaks, squares)
+                    if not (squares[2] <= whole[1] * whole[1]) or not wp.isfinite(squares[3]):
+                        lost = real(1.0)
+                last = u
+                before = int(scored[k])
+                x = moved(A, B, x, u)
+            for i in range(ROWS):
+                out[i, own] = sums[i]
+                out[ROWS + i, own] = peaks[i]
+                out[2 * ROWS + 1 + i, own] = when[i]
+            out[2 * ROWS, own] = lost
+
+        return run
 
     @wp.kernel(enable_backward=False, module="unique")
     def slopes(
         f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
-        zero: wp.array(dtype=int), r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
+        r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
         scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
         out: Rows, slope: Cube,  # (2, 2 ROWS, runs): of half of the sums and peaks
     ):  # fmt: skip
@@ -356,77 +307,55 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         own = wp.tid()
         forgiven = f[0, own]
         stride = scored.shape[0] + N
-        own_M, own_Mh = tile(2 * m * T, own), tile(2 * m * N, own)
+        own_M, own_Mh = tile(m * T, own), tile(m * N, own)
         x, x1, x2, before = begun(start), States(), States(), int(0)
         last, last1, last2 = Point(), Point(), Point()
         sums, peaks, lost, sum_slopes, peak_slopes = Sums(), Sums(), real(0.0), Slope(), Slope()
         for k in range(scored.shape[0]):
-            now = zero[k]
-            at_M, at_Mh = own_M + wp.int64(now), own_Mh + wp.int64(now)
-            c, c1, c2 = Window(), Window(), Window()
-            u, u1, u2 = sample_of(hold), Point(), Point()
-            for a in range(m):
-                e = free(observed, scale, x, a, now, own) - desired(
-                    y_d, rest, scale, stride, a, k, now, own
-                )
-                e1 = free(observed, scale, x1, a, now, own)
-                e2 = free(observed, scale, x2, a, now, own)
-                u[a] -= paired(Mh, at_Mh, a, e)
-                u1[a] -= paired(Mh, at_Mh, a, e1) + paired(Mh, at_Mh, a + m, e)
-                u2[a] -= paired(Mh, at_Mh, a, e2)
-                s, s1, s2 = Window(), Window(), Window()
-                for i in range(N):
-                    for j in range(i):
-                        entry = at(M, at_M, (a * T + i * (i + 1) // 2 + j) * LANES)
-                        s[i] += entry * e[j]
-                        s[j] += entry * e[i]
-                        s1[i] += entry * e1[j]
-                        s1[j] += entry * e1[i]
-                        s2[i] += entry * e2[j]
-                        s2[j] += entry * e2[i]
-                    entry = at(M, at_M, (a * T + i * (i + 1) // 2 + i) * LANES)
-                    s[i] += entry * e[i]
-                    s1[i] += entry * e1[i]
-                    s2[i] += entry * e2[i]
-                R = ahead_of(r, stride, a, k)
-                for i in range(N):
-                    c[i] += R[i] * s[i]
-                    c1[i] += R[i] * s1[i]
-                    c2[i] += R[i] * s2[i]
-            late = zero[k + 1]
-            L = factored(M, own_M + wp.int64(late), r, stride, k + late, forgiven)
+            fence()
+            S, c, u = system(
+                forgiven, M, own_M, Mh, own_Mh, scale, observed,
+                r, y_d, rest, hold, x, stride, k, own,
+            )  # fmt: skip
+            fence()
+            L = cholesky(S)
+            fence()
             w = solved(L, c)
-            late = zero[k + 2]
-            at_M, at_Mh = own_M + wp.int64(late), own_Mh + wp.int64(late)
+            c1, c2, u1, u2 = Window(), w / forgiven, Point(), Point()
             for a in range(m):
-                lag = wp.cw_mul(ahead_of(r, stride, a, k + late), w)
+                R = ahead_of(r, stride, a, k)
+                lag = wp.cw_mul(R, w)
                 eta = (
-                    free(observed, scale, x, a, late, own)
-                    - desired(y_d, rest, scale, stride, a, k + late, late, own)
+                    free(observed, scale, x, a, own)
+                    - desired(y_d, rest, scale, stride, a, k, own)
                     - lag
                 )
-                u[a] += paired(Mh, at_Mh, a, lag)
-                u1[a] += paired(Mh, at_Mh, a + m, lag)
-                s = Window()
+                fence()
+                z = times(M, own_M, a, eta)
+                fence()
+                e1 = free(observed, scale, x1, a, own) + z / forgiven
+                e2 = free(observed, scale, x2, a, own)
+                u[a] += paired(Mh, own_Mh, a, lag)
+                u1[a] -= paired(Mh, own_Mh, a, e1)
+                u2[a] -= paired(Mh, own_Mh, a, e2)
+                fence()
+                s1, s2 = both(M, own_M, a, e1, e2)
                 for i in range(N):
-                    for j in range(i):
-                        entry = at(M, at_M, ((a + m) * T + i * (i + 1) // 2 + j) * LANES)
-                        s[i] += entry * eta[j]
-                        s[j] += entry * eta[i]
-                    s[i] += at(M, at_M, ((a + m) * T + i * (i + 1) // 2 + i) * LANES) * eta[i]
-                c1 += wp.cw_mul(ahead_of(r, stride, a, k + late), s)
-            w1, w2 = solved(L, c1), solved(L, w / forgiven + c2)
-            late = zero[k + 1]
+                    c1[i] += R[i] * (s1[i] - z[i])
+                    c2[i] += R[i] * s2[i]
+            fence()
+            w1, w2 = solved(L, c1), solved(L, c2)
+            fence()
             for a in range(m):
-                R = ahead_of(r, stride, a, k + late)
-                u1[a] += paired(Mh, own_Mh + wp.int64(late), a, wp.cw_mul(R, w1))
-                u2[a] += paired(Mh, own_Mh + wp.int64(late), a, wp.cw_mul(R, w2))
-            y, y1, y2 = output(C, x, now), output(C, x1, now), output(C, x2, now)
+                R = ahead_of(r, stride, a, k)
+                u1[a] += paired(Mh, own_Mh, a, wp.cw_mul(R, w1))
+                u2[a] += paired(Mh, own_Mh, a, wp.cw_mul(R, w2))
+            fence()
+            y, y1, y2 = output(C, x), output(C, x1), output(C, x2)
             tangent = sample(r, stride, k)
             error = y - sample(y_d, stride, k)
             if scored[k] != 0:
-                across = error - tangent * wp.dot(error, tangent)
-                offset = from_contour(pieces, whole, y, error, arc[k])
+                offset, across = scores(pieces, whole, y, error, tangent, arc[k])
                 squares, ds = Sums(), Slope()
                 squares[0] = wp.length_sq(offset)
                 squares[1] = wp.length_sq(across)
@@ -455,7 +384,8 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
                     lost = real(1.0)
             last, last1, last2 = u, u1, u2
             before = int(scored[k])
-            x, x1, x2 = moved(A, B, x, u, now), moved(A, B, x1, u1, now), moved(A, B, x2, u2, now)
+            fence()
+            x, x1, x2 = moved(A, B, x, u), moved(A, B, x1, u1), moved(A, B, x2, u2)
         for i in range(ROWS):
             out[i, own] = sums[i]
             out[ROWS + i, own] = peaks[i]
@@ -464,4 +394,104 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
                 slope[t, ROWS + i, own] = peak_slopes[t, i]
         out[2 * ROWS, own] = lost
 
-    return Kernels(run, slopes)
+    @wp.kernel(**IN_SHARED)
+    def adjoint(
+        f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
+        r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
+        scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
+        bars: Rows,  # (2 ROWS, runs): cotangents of half of the sums and peaks
+        found: Rows, kept: Rows,  # of `run`
+        slope: Rows,  # (2 + N, runs): with log kappa, f, and half of the logarithm of the profile
+        states: Rows,  # (m n SPAN, runs): of a span
+    ):  # fmt: skip
+        """Slopes of a run with everything that its gains are made from, in reverse."""
+        own = wp.tid()
+        forgiven = f[0, own]
+        stride = scored.shape[0] + N
+        own_M, own_Mh = tile(m * T, own), tile(m * N, own)
+        x_bar, pull, total = States(), Point(), Slopes()
+        for back in range(scored.shape[0]):
+            k = scored.shape[0] - 1 - back
+            place = k % SPAN
+            x, u, last = States(), Point(), Point()
+            if back == 0 or place == SPAN - 1:
+                for i in range(m * n):
+                    x[i] = kept[scored.shape[0] * m + k // SPAN * m * n + i, own]
+                for j in range(place + 1):
+                    for i in range(m * n):
+                        states[j * m * n + i, own] = x[i]
+                    for a in range(m):
+                        u[a] = kept[(k - place + j) * m + a, own]
+                    x = moved(A, B, x, u)
+            for i in range(m * n):
+                x[i] = states[place * m * n + i, own]
+            for a in range(m):
+                u[a] = kept[k * m + a, own]
+                if k > 0:
+                    last[a] = kept[k * m - m + a, own]
+            y_bar, u_bar = Point(), -pull
+            pull = Point()
+            if scored[k] != 0:
+                bar = Sums()
+                for i in range(ROWS):
+                    bar[i] = bars[i, own]
+                    if found[2 * ROWS + 1 + i, own] == real(k):
+                        bar[i] += bars[ROWS + i, own]
+                y, tangent = output(C, x), sample(r, stride, k)
+                error = y - sample(y_d, stride, k)
+                offset, across = scores(pieces, whole, y, error, tangent, arc[k])
+                y_bar = offset * bar[0] + across * bar[1] + error * bar[2]
+                if k > 0 and scored[wp.max(k - 1, 0)] != 0:
+                    pull = (u - last) * bar[4]
+                u_bar += u * bar[3] + pull
+            next_bar = States()
+            for a in range(m):
+                for q in range(n):
+                    u_bar[a] += at(B, wp.int64(0), a * n + q) * x_bar[a * n + q]
+                    next_bar[a * n + q] = at(C, wp.int64(0), a * n + q) * y_bar[a]
+                    for i in range(n):
+                        entry = at(A, wp.int64(0), (a * n + i) * n + q)
+                        next_bar[a * n + q] += entry * x_bar[a * n + i]
+            fence()
+            S, c, _ = system(
+                forgiven, M, own_M, Mh, own_Mh, scale, observed,
+                r, y_d, rest, hold, x, stride, k, own,
+            )  # fmt: skip
+            fence()
+            L = cholesky(S)
+            fence()
+            w, w_bar = solved(L, c), Window()
+            for a in range(m):
+                R = ahead_of(r, stride, a, k)
+                for i in range(N):
+                    w_bar[i] += R[i] * at(Mh, own_Mh, (a * N + i) * LANES) * u_bar[a]
+            fence()
+            p = solved(L, w_bar)
+            fence()
+            total[1] += wp.dot(p, w) / forgiven
+            for a in range(m):
+                R = ahead_of(r, stride, a, k)
+                lag, turned = wp.cw_mul(R, w), wp.cw_mul(R, p)
+                eta = (
+                    free(observed, scale, x, a, own)
+                    - desired(y_d, rest, scale, stride, a, k, own)
+                    - lag
+                )
+                fence()
+                fz, e_bar = both(M, own_M, a, eta, turned)
+                fence()
+                z = fz / forgiven
+                for i in range(N):
+                    e_bar[i] -= at(Mh, own_Mh, (a * N + i) * LANES) * u_bar[a]
+                    total[0] += e_bar[i] * z[i] - turned[i] * fz[i]
+                    if wp.static(profiled):
+                        total[2 + i] += e_bar[i] * (real(2.0) * z[i] + lag[i]) - turned[i] * fz[i]
+                        e_bar[i] *= scale[i, own]
+                    for s in range(n):
+                        entry = at(observed, wp.int64(0), (a * N + i) * n + s)
+                        next_bar[a * n + s] += entry * e_bar[i]
+            x_bar = next_bar
+        for i in range(2 + N):
+            slope[i, own] = total[i]
+
+    return Kernels(running(False), slopes, running(True), adjoint)

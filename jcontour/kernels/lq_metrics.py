@@ -1,7 +1,9 @@
 """Metrics of an LQ contouring run by the kernels of `lq_kernels`, as a function of JAX.
 
 It works under `jit`, `vmap` (any depth) and `shard_map`, and has first derivatives in both modes.
-Slopes with alpha, beta and rho come from the kernel; with anything else from the readable form.
+Slopes with the weights and the profile come from kernels; with anything else from the readable
+form. The kernel of `slopes` makes two in one run. With a profile there are more, and in float64 a
+GPU has no registers for two: there they are found in reverse.
 """
 
 from collections.abc import Callable
@@ -17,17 +19,20 @@ from jax.custom_batching import custom_vmap
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from jcontour.kernels.lq_kernels import LANES, LEAST, LONGEST_WINDOW, ROWS, kernels
+from jcontour.devices import on_gpu
+from jcontour.geometry.contours import Contour
+from jcontour.kernels.lq_kernels import LANES, LEAST, LONGEST_WINDOW, SPAN, kernels
+from jcontour.kernels.parts import BLOCK, ROWS
 from jcontour.linear.plant import LinearPlant, decoupled_axes, operating_point
 from jcontour.motion.references import Reference
 from jcontour.riccati.decoupled import ContouringProblem, axis_windows
+from jcontour.riccati.window_sweep import linear_map
 from jcontour.simulation.closed_loop import start_state
 from jcontour.simulation.metrics import Metrics, scored_samples
 from jcontour.tracing import is_concrete
 
 wp.config.quiet = True  # pyright: ignore[reportAttributeAccessIssue]
 REAL = {"float32": wp.float32, "float64": wp.float64}
-BLOCK = 64  # threads; a kernel is compiled anew for every other number
 MOST_STATES = 16  # of an axis: loops over more are not unrolled
 
 
@@ -61,43 +66,65 @@ def metrics(
         window: samples a..b-1 that are scored; all when not given.
         readable: the same metrics in plain JAX, for slopes with other numbers than the weights.
     """
-    weights = _weights_of(problem)
-    kept = eqx.tree_at(_weights_of, problem, (None, None, None))
+    weights = problem.alpha, problem.beta, problem.rho
+    stage = problem.stage
+    kept = eqx.tree_at(_weights_of, problem, (None,) * 4, is_leaf=_is_none)
     others, tree = jax.tree.flatten((kept, plant, reference))
 
-    def rebuilt(weights, others) -> tuple[ContouringProblem, LinearPlant, Reference]:
+    def rebuilt(weights, stage, others) -> tuple[ContouringProblem, LinearPlant, Reference]:
         problem, *rest = jax.tree.unflatten(tree, others)
-        return eqx.tree_at(_weights_of, problem, weights, is_leaf=_is_none), *rest
+        return eqx.tree_at(_weights_of, problem, (*weights, stage), is_leaf=_is_none), *rest
 
     @jax.custom_jvp
-    def of(weights, others) -> Metrics:
-        run = rebuilt(weights, others)
-        (out,) = _launched(*run, window, False)
-        return _finished(out, run[2], window)[0]
+    def of(weights, stage, others) -> Metrics:
+        run = rebuilt(weights, stage, others)
+        (out,) = _launched(*run, window, "run")
+        return finished(out, run[2], window)[0]
 
     @partial(of.defjvp, symbolic_zeros=True)
     def _(primals, tangents):
-        if not all(isinstance(leaf, SymbolicZero) for leaf in tangents[1]):
+        if not all(isinstance(leaf, SymbolicZero) for leaf in tangents[2]):
             dense = jax.tree.map(_dense, primals, tangents, is_leaf=_is_leaf)
             return jax.jvp(lambda *some: readable(*rebuilt(*some)), primals, dense)
         run = rebuilt(*primals)
-        out, slope = _launched(*run, window, True)
-        value, half = _finished(out, run[2], window)
-        alpha, beta, rho = primals[0]
-        d_alpha, d_beta, d_rho = map(_dense, primals[0], tangents[0])
-        q = alpha + beta
-        of_kappa = (d_alpha + d_beta) / q - d_rho / rho
-        of_share = (d_beta * alpha - d_alpha * beta) / q**2
-        change = (slope[0] * of_kappa + slope[1] * of_share) * half
+        N, moved = problem.preview, _moved(primals[0], map(_dense, primals[0], tangents[0]))
+        still = stage is None or isinstance(tangents[1], SymbolicZero)
+        if still and not (on_gpu() and plant.A.dtype == jnp.float64):
+            out, slope = _launched(*run, window, "slopes")
+            value, half = finished(out, run[2], window)
+            change = (slope[0] * moved[0] + slope[1] * moved[1]) * half
+        else:
+            out, states = _launched(*run, window, "keeping_run")
+            value, half = finished(out, run[2], window)
+            profile = jnp.zeros(N, moved.dtype) if still else 0.5 * tangents[1] / primals[1]
+            moved = jnp.concatenate([moved, profile])
+
+            def back(bar: Float[Array, " rows"]) -> Float[Array, " slopes"]:
+                return _launched(*run, window, "adjoint", (bar * half, out, states))[0]
+
+            def ahead(moved: Float[Array, " slopes"]) -> Float[Array, " rows"]:
+                return jax.lax.map(back, jnp.eye(2 * ROWS, dtype=out.dtype)) @ moved
+
+            change = linear_map(ahead, back, moved, half)
         numbers = [change[place] for row in range(ROWS) for place in (row, ROWS + row)]
         still = jnp.zeros_like(value.duration), np.zeros((), jax.dtypes.float0)
         return value, Metrics(*numbers, *still)
 
-    return of(weights, others)
+    return of(weights, stage, others)
 
 
 def _weights_of(problem: ContouringProblem) -> tuple:
-    return problem.alpha, problem.beta, problem.rho
+    return problem.alpha, problem.beta, problem.rho, problem.stage
+
+
+def _moved(weights, tangents) -> Float[Array, "2"]:
+    """Changes of log kappa and of f."""
+    alpha, beta, rho = weights
+    d_alpha, d_beta, d_rho = tangents
+    q = alpha + beta
+    return jnp.stack(
+        [(d_alpha + d_beta) / q - d_rho / rho, (d_beta * alpha - d_alpha * beta) / q**2]
+    )
 
 
 def _is_none(leaf: Any) -> bool:
@@ -117,7 +144,16 @@ def _dense(like, tangent):
     return np.zeros(jnp.shape(like), jax.dtypes.float0)
 
 
-def _finished(
+def contour_rows(contour: Contour, dtype) -> list[Array]:
+    """Pieces of a contour of lines and arcs, and its length, size, closedness, number of pieces."""
+    pieces = [contour.polynomial[:, 0], contour.polynomial[:, 1], contour.cosine, contour.sine]
+    pieces += [row[:, None] for row in (contour.rate, contour.start, contour.extent)]
+    whole = contour.length, contour.size, contour.closed, jnp.sum(contour.mask)
+    whole = jnp.stack([jnp.asarray(number, dtype) for number in whole])
+    return [jnp.concatenate(pieces, axis=1).astype(dtype), whole]
+
+
+def finished(
     out: Float[Array, " rows"], reference: Reference, window: tuple[int, int] | None
 ) -> tuple[Metrics, Float[Array, " rows"]]:
     """Metrics from sums and peaks of squares, and their slopes with half of these."""
@@ -125,17 +161,22 @@ def _finished(
     count = jnp.maximum(jnp.sum(mask), 1).astype(out.dtype)
     pairs = jnp.maximum(jnp.sum(mask[1:] & mask[:-1]), 1).astype(out.dtype)
     means = jnp.stack([count] * (ROWS - 1) + [pairs] + [jnp.ones_like(count)] * ROWS)
-    root = jnp.sqrt(out[:-1] / means)
+    root = jnp.sqrt(out[: 2 * ROWS] / means)
     half = jnp.where(root > 0, 1 / (means * jnp.where(root > 0, root, 1)), 0)
     numbers = [root[place] for row in range(ROWS) for place in (row, ROWS + row)]
     duration = jnp.sum(mask).astype(out.dtype) * reference.dt
-    return Metrics(*numbers, duration=duration, diverged=out[-1] != 0), half
+    return Metrics(*numbers, duration=duration, diverged=out[2 * ROWS] != 0), half
 
 
 def _launched(
-    problem: ContouringProblem, plant: LinearPlant, reference: Reference, window, with_slopes: bool
+    problem: ContouringProblem,
+    plant: LinearPlant,
+    reference: Reference,
+    window: tuple[int, int] | None,
+    kernel: str,
+    rows: tuple[Array, ...] = (),
 ) -> tuple[Array, ...]:
-    """Sums, peaks and divergence of one run, and slopes; a `vmap` of it is one launch."""
+    """What a kernel finds of one run, from rows of its own; a `vmap` of it is one launch."""
     N, dtype, double = problem.preview, plant.A.dtype, jnp.result_type(float)
     axes = decoupled_axes(plant.pattern)
     n, steps = max(len(axis.states) for axis in axes), reference.steps
@@ -159,22 +200,18 @@ def _launched(
     inputs = np.array([axis.inputs[0] for axis in axes])
     held = [one.O @ at.state[np.array(a.states)] for one, a in zip(windows, axes, strict=True)]
     rest = jnp.stack(held) - at.position[:, None]
-    contour = reference.contour
-    pieces = [contour.polynomial[:, 0], contour.polynomial[:, 1], contour.cosine, contour.sine]
-    pieces += [row[:, None] for row in (contour.rate, contour.start, contour.extent)]
-    whole = contour.length, contour.size, contour.closed, jnp.sum(contour.mask)
     shared = [
-        A.ravel(), B.ravel(), C.ravel(), ahead.ravel(), jnp.zeros(steps + 2, "int32"),
+        A.ravel(), B.ravel(), C.ravel(), ahead.ravel(),
         problem.tangent.T.ravel(), problem.y_d.T.ravel(), rest.ravel(),
         at.control[inputs], reference.arc[:steps],
         scored_samples(reference, window).astype("int32"),
         jnp.stack([padded(a, state) for a in range(len(axes))]),
-        jnp.concatenate(pieces, axis=1),
-        jnp.stack([jnp.asarray(number, dtype) for number in whole]),
+        *contour_rows(reference.contour, dtype),
     ]  # fmt: skip
     shared = [one if one.dtype == "int32" else one.astype(dtype) for one in shared]
-    call = _caller((len(axes), n, N), str(dtype), with_slopes, problem.stage is not None)
+    call = _caller((len(axes), n, N), str(dtype), kernel, problem.stage is not None)
     G = jnp.stack([one.G for one in windows]).astype(double)
+    own = own, *(one[..., None] for one in rows)
     return tuple(one[..., 0] for one in call(own, *_responses(G, problem.stage), *shared))
 
 
@@ -195,11 +232,8 @@ def _responses(G: Float[Array, "m N N"], stage) -> tuple[Array, ...]:
     return jnp.asarray(U), jnp.asarray(sigma**2), jnp.asarray(sigma * V[:, :, 0])
 
 
-def _designed(own: Float[Array, "rows runs"], responses, dtype, with_slopes: bool) -> list[Array]:
-    """Numbers that each run's kernel reads for itself: f, triangles of f M, kappa M h, profile.
-
-    With slopes M is followed by M M - M, and kappa M h by kappa M M h.
-    """
+def _designed(own: Float[Array, "rows runs"], responses, dtype) -> list[Array]:
+    """Numbers that each run's kernel reads for itself: f, triangles of f M, kappa M h, profile."""
     kappa, forgiven, *stage = own
     i, j = np.tril_indices(responses[0].shape[1])
     if stage:
@@ -208,19 +242,12 @@ def _designed(own: Float[Array, "rows runs"], responses, dtype, with_slopes: boo
         identity = jnp.eye(G.shape[-1])[None, None]
         whole = jnp.linalg.inv(identity + kappa[:, None, None, None] * G @ G.mT)
         column = kappa[:, None, None] * jnp.einsum("baij,baj->bai", whole, G[..., 0])
-        if with_slopes:
-            column = jnp.concatenate([column, jnp.einsum("baij,baj->bai", whole, column)], axis=1)
-            whole = jnp.concatenate([whole, whole @ whole - whole], axis=1)
         M, Mh = jnp.moveaxis(whole[:, :, i, j], 0, -1), jnp.moveaxis(column, 0, -1)
     else:
         U, square, h = responses
         scale = jnp.zeros((0, 0))
         values = 1 / (1 + kappa[None, None] * square[..., None])
         column = h[..., None] / (1 / kappa[None, None] + square[..., None])
-        if with_slopes:
-            U = jnp.concatenate([U, U])
-            column = jnp.concatenate([column, values * column])
-            values = jnp.concatenate([values, values * (values - 1)])
         M = jnp.einsum("apq,aqb->apb", U[:, i] * U[:, j], values)
         Mh = jnp.einsum("aiq,aqb->aib", U, column)
     rows = forgiven[None], _tiled(forgiven[None, None] * M), _tiled(Mh), scale
@@ -235,35 +262,65 @@ def _tiled(rows: Float[Array, "*rows runs"]) -> Float[Array, " numbers"]:
 
 
 @lru_cache
-def _caller(size: tuple[int, int, int], dtype: str, with_slopes: bool, profiled: bool):
-    """Function of a run's weights (rows, runs) and the shared arrays; see `kernels`."""
-    kernel = kernels(*size, REAL[dtype], profiled)[with_slopes]
-    launch = wp.jax_kernel(kernel, num_outputs=1 + with_slopes, block_dim=BLOCK)
-    parts = 1 if profiled else 3
+def _caller(size: tuple[int, int, int], dtype: str, kernel: str, profiled: bool):
+    """Function of a run's rows (rows, runs) and the shared arrays; see `kernels`."""
+    (m, n, N), parts = size, 1 if profiled else 3
+    chosen = getattr(kernels(*size, REAL[dtype], profiled), kernel)
+    launch = wp.jax_kernel(chosen, num_outputs=2, block_dim=BLOCK)
+
+    def shapes(runs: int, steps: int) -> dict[str, tuple[int, ...]]:
+        """Shapes of the kernel's outputs."""
+        kept = m * steps + m * n * -(-steps // SPAN)
+        return {
+            "run": {"out": (3 * ROWS + 1, runs), "kept": (1, 1)},
+            "keeping_run": {"out": (3 * ROWS + 1, runs), "kept": (kept, runs)},
+            "slopes": {"out": (2 * ROWS + 1, runs), "slope": (2, 2 * ROWS, runs)},
+            "adjoint": {"slope": (2 + N, runs), "states": (m * n * SPAN, runs)},
+        }[kernel]
+
+    def call(own, *shared):
+        weights, *more = own
+        runs, steps = weights.shape[1], len(shared[parts + 8])
+        rows = _designed(weights, shared[:parts], dtype)
+        placed = {"launch_dims": runs, "output_dims": shapes(runs, steps)}
+        found = tuple(launch(*rows, *shared[parts:], *more, **placed))
+        return found[:1] if kernel in ("run", "adjoint") else found
+
+    return over_runs(call)
+
+
+def over_runs(launch: Callable[..., tuple[Array, ...]]) -> Callable[..., tuple[Array, ...]]:
+    """Function of arrays with the runs behind, and of arrays that all runs share, under `vmap`.
+
+    A batch of runs is one launch. Where what they share differs, it is one after the other.
+    """
 
     @custom_vmap
     def call(own, *shared):
-        runs = own.shape[1]
-        shapes = {"out": (2 * ROWS + 1, runs)}
-        shapes |= {"slope": (2, 2 * ROWS, runs)} if with_slopes else {}
-        rows = _designed(own, shared[:parts], dtype, with_slopes)
-        return tuple(launch(*rows, *shared[parts:], launch_dims=runs, output_dims=shapes))
+        return launch(own, *shared)
 
     @call.def_vmap
-    def more(size, batched, *given):
-        every = (True,) * (1 + with_slopes)
-        if any(batched[1:]):  # other machines or references: one launch after the other
-            moving = [one for one, moves in zip(given, batched, strict=True) if moves]
+    def more(size, batched, own, *shared):
+        if any(batched[1:]):
+            given, tree = jax.tree.flatten((own, shared))
+            moves = jax.tree.leaves(batched)
 
             def one(moving):
                 rest = iter(moving)
-                return call(*(next(rest) if b else a for a, b in zip(given, batched, strict=True)))
+                member = [next(rest) if b else a for a, b in zip(given, moves, strict=True)]
+                own, shared = jax.tree.unflatten(tree, member)
+                return call(own, *shared)
 
-            return jax.lax.map(one, moving), every
-        own, *shared = given
-        rows, runs = own.shape[1:]
-        found = call(jnp.moveaxis(own, 0, 1).reshape(rows, size * runs), *shared)
+            found = jax.lax.map(one, [a for a, b in zip(given, moves, strict=True) if b])
+            return found, (True,) * len(found)
+
+        def side_by_side(rows, moves):
+            rows = rows if moves else jnp.broadcast_to(rows[None], (size, *rows.shape))
+            return jnp.moveaxis(rows, 0, -2).reshape(*rows.shape[1:-1], -1)
+
+        runs = own[0].shape[-1]
+        found = call(tuple(map(side_by_side, own, batched[0])), *shared)
         found = [one.reshape(*one.shape[:-1], size, runs) for one in found]
-        return tuple(jnp.moveaxis(one, -2, 0) for one in found), every
+        return tuple(jnp.moveaxis(one, -2, 0) for one in found), (True,) * len(found)
 
     return call

@@ -17,7 +17,7 @@ import numpy as np
 from jcontour import kernels
 from jcontour.controller import Controller, Plan
 from jcontour.geometry.contours import stack as stack_contours
-from jcontour.linear.plant import LinearPlant, operating_point
+from jcontour.linear.plant import AffinePlan, LinearPlant, operating_point
 from jcontour.motion.references import Reference, pad
 from jcontour.plant import Plant
 from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan
@@ -47,6 +47,13 @@ class DecoupledLaw(Protocol):
 
     def decoupled_problem(self, reference: Reference) -> ContouringProblem | None:
         """Problem of a run; None where it needs gains."""
+
+
+@runtime_checkable
+class AffineLaw(Protocol):
+    """A controller whose control is u = f - F x of its plan and nothing else."""
+
+    follows_its_plan: bool
 
 
 def one_by_one(function: Callable, members: Any) -> Any:
@@ -121,9 +128,10 @@ def evaluate(
         if score is score_signals and (run := _without_gains(plants, controller, reference)):
             return each(lambda plant: run(plant, window), plants)
         plan = controller.prepare(reference)
-        return each(
-            lambda plant: _followed(plant, controller, plan, reference, window, score), plants
-        )
+        follow = _followed
+        if score is score_signals and _suits_affine_run(plants, controller, plan, reference):
+            follow = _followed_by_kernel
+        return each(lambda plant: follow(plant, controller, plan, reference, window, score), plants)
 
     return batching(on_contour, references)
 
@@ -151,6 +159,34 @@ def _without_gains(plants: Plant, controller: Controller, reference: Reference) 
     return lambda plant, window: lq_metrics.metrics(
         problem, plant, reference, window, partial(readable, window=window)
     )
+
+
+def _suits_affine_run(plants: Plant, controller: Controller, plan: Plan, reference: Reference):
+    """Whether a kernel follows the plan."""
+    if not kernels.wanted() or type(plants) is not LinearPlant:
+        return False  # a wrapper may measure less than the state
+    if not (isinstance(controller, AffineLaw) and isinstance(plan, AffinePlan)):
+        return False
+    from jcontour.kernels import affine_runs  # loads Warp
+
+    return affine_runs.suits_run(plants, reference)
+
+
+def _followed_by_kernel(
+    plant: LinearPlant,
+    controller: Controller,
+    plan: AffinePlan,
+    reference: Reference,
+    window: tuple[int, int] | None,
+    score: Score,
+) -> Any:
+    """The same, by a kernel."""
+    from jcontour.kernels import affine_runs  # loads Warp
+
+    def readable(plan, plant, reference):
+        return _followed(plant, controller, plan, reference, window, score)
+
+    return affine_runs.metrics(plan, plant, reference, window, readable)
 
 
 def _followed(

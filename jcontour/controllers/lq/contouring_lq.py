@@ -8,6 +8,7 @@ from it is not.
 """
 
 import abc
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -15,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour import kernels
 from jcontour.arrays import floating
 from jcontour.controller import whole_preview
 from jcontour.controllers.lq.planned_feedback import ModelFeedback
@@ -174,6 +176,13 @@ class ContouringLQ(ModelFeedback):
             cost = self.terminal.cost(model, weights, Q, reference.position[:seen], ends)
             terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
         R = control_weight(model, weights)
+        if terminal is None and kernels.wanted():
+            from jcontour.kernels import affine_runs  # loads Warp
+
+            if affine_runs.suits_sweep(model, self.preview):
+                readable = partial(receding_horizon_plan, terminal=None)
+                y_d = reference.position[:seen]
+                return affine_runs.swept_plan(model, Q, y_d, stage, R, readable)
         return receding_horizon_plan(model, Q, reference.position[:seen], stage, R, terminal)
 
     def decoupled_problem(self, reference: Reference) -> ContouringProblem | None:

@@ -9,6 +9,7 @@ u_0 and x_0 are zero where a drive takes a speed or a force.
 
 import abc
 from dataclasses import replace
+from typing import ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -21,6 +22,8 @@ from jcontour.motion.references import Reference
 
 class PlannedFeedback(Controller):
     """Base of the LQ controllers: `prepare` makes F and f of every step, the rest is here."""
+
+    follows_its_plan: ClassVar[bool] = True  # a kernel may compute the run
 
     def initial_memory(self, reference: Reference) -> None:
         """None: the controller has no memory."""

@@ -2,6 +2,7 @@
 
 from functools import cache, partial
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -96,12 +97,25 @@ def test_slopes_are_those_of_plain_jax_in_both_modes_and_of_differences(monkeypa
         assert np.all(error <= 1e-5 * np.abs(ends[0]))
 
 
-def test_slopes_with_other_numbers_are_those_of_the_readable_form(monkeypatch, references):
-    def error(profile):
-        return jnp.sum(runs(references, None, WEIGHTS[0], profile)[0][..., 0])
-
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
+def test_slopes_with_a_profile_are_those_of_the_readable_form(monkeypatch, references, mode):
     profile = np.array([0.5, 1.0, 1.5, 2.0])
-    found, wanted = (by(monkeypatch, asked, jax.grad(error), profile) for asked in "10")
+
+    def numbers(logarithms):
+        scaled = jnp.concatenate([WEIGHTS[0], profile]) * jnp.exp(logarithms)
+        return runs(references, (5, 50), scaled[:3], scaled[3:])[0]
+
+    found, wanted = (by(monkeypatch, asked, mode(numbers), np.zeros(3 + N)) for asked in "10")
+    scale = np.max(np.abs(wanted), axis=-1, keepdims=True)
+    assert np.all(np.abs(found - wanted) <= 1e-8 * scale)
+
+
+def test_slopes_with_other_numbers_are_those_of_the_readable_form(monkeypatch, references):
+    def error(scale):
+        moved = eqx.tree_at(lambda one: one.position, references, references.position * scale)
+        return jnp.sum(runs(moved, None, WEIGHTS[0])[0][..., 0])
+
+    found, wanted = (by(monkeypatch, asked, jax.grad(error), np.array(1.0)) for asked in "10")
     np.testing.assert_allclose(found, wanted, rtol=1e-7)
 
 

@@ -1,0 +1,138 @@
+"""Plans of a receding horizon and metrics under an affine plan by the kernels of `affine_kernels`.
+
+Both are functions of JAX, as `lq_metrics` is; their derivatives are those of plain JAX.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import warp as wp
+from jaxtyping import Array, Float
+
+from jcontour.kernels.affine_kernels import affine_kernels
+from jcontour.kernels.lq_metrics import REAL, contour_rows, finished, over_runs
+from jcontour.kernels.parts import BLOCK, ROWS
+from jcontour.linear.plant import AffinePlan, LinearPlant
+from jcontour.motion.references import Reference
+from jcontour.simulation.closed_loop import start_state
+from jcontour.simulation.metrics import Metrics, scored_samples
+
+MOST_STATES = 8  # more do not fit into the registers of a thread
+MOST_INPUTS = 4
+LONGEST_SWEEP = 100  # samples: beyond, spans and blocks are faster
+
+
+def suits_sweep(model: LinearPlant, preview: int) -> bool:
+    """Whether the kernel of the gains takes a machine and a horizon."""
+    small = model.states <= MOST_STATES and model.inputs <= MOST_INPUTS
+    return small and preview <= LONGEST_SWEEP and str(model.A.dtype) in REAL
+
+
+def swept_plan(
+    model: LinearPlant,
+    Q: Float[Array, "S m m"],
+    y_d: Float[Array, "S m"],
+    stage: Float[Array | np.ndarray, " N_p"],
+    R: Float[Array, "p p"],
+    readable: Callable[..., AffinePlan],
+) -> AffinePlan:
+    """Plan of `riccati.receding_horizon_plan` with the output terminal.
+
+    Args:
+        model: A, B, C.
+        Q: output weight at every sample, S = T + N_p.
+        y_d: desired output at every sample [m].
+        stage: profile over the horizon.
+        R: control weight.
+        readable: the same plan of the same arguments in plain JAX, for derivatives.
+    """
+    dtype, (p, n) = model.A.dtype, (model.inputs, model.states)
+    steps = Q.shape[0] - stage.shape[0]
+
+    @jax.custom_jvp
+    def plan(*given) -> AffinePlan:
+        model, Q, y_d, stage, R = given
+        rows = (one.astype(dtype).ravel()[:, None] for one in (Q, jnp.asarray(stage), R))
+        shared = model.A.ravel(), model.B.ravel(), model.C.ravel(), y_d.ravel()
+        (K,) = _gains((n, p, model.axes), str(dtype), steps)(tuple(rows), *shared)
+        K = K.reshape(steps, p, n + 1)
+        return AffinePlan(K[..., :-1], K[..., -1])
+
+    @plan.defjvp
+    def _(primals, tangents):
+        return jax.jvp(readable, primals, tangents)
+
+    return plan(model, Q, y_d, stage, R)
+
+
+@lru_cache
+def _gains(size: tuple[int, int, int], dtype: str, steps: int):
+    n, p, _ = size
+    launch = wp.jax_kernel(affine_kernels(*size, REAL[dtype]).gains, block_dim=BLOCK)
+
+    def call(own, A, B, C, y_d):
+        runs = own[0].shape[1]
+        placed = {"launch_dims": (steps, runs), "output_dims": {"K": (steps * p * (n + 1), runs)}}
+        return tuple(launch(A, B, C, y_d, *own, **placed))
+
+    return over_runs(call)
+
+
+def suits_run(plant: LinearPlant, reference: Reference) -> bool:
+    """Whether the kernel of a run takes a machine and a contour: one of lines and arcs."""
+    small = plant.states <= 2 * MOST_STATES and plant.inputs <= MOST_INPUTS
+    return small and not reference.contour.newton_steps and str(plant.A.dtype) in REAL
+
+
+def metrics(
+    plan: AffinePlan,
+    plant: LinearPlant,
+    reference: Reference,
+    window: tuple[int, int] | None,
+    readable: Callable[[AffinePlan, LinearPlant, Reference], Metrics],
+) -> Metrics:
+    """Metrics of a run of `plant` under u = f - F x.
+
+    Args:
+        plan: gains of every step.
+        plant: the machine, whose state is measured.
+        reference: of the run.
+        window: samples a..b-1 that are scored; all when not given.
+        readable: the same metrics in plain JAX, for derivatives.
+    """
+    dtype = plant.A.dtype
+
+    @jax.custom_jvp
+    def of(plan: AffinePlan, plant: LinearPlant, reference: Reference) -> Metrics:
+        K = jnp.concatenate([plan.F, plan.f[..., None]], axis=-1).astype(dtype)
+        steps = reference.steps
+        rows = [plant.A, plant.B, plant.C, reference.tangent, reference.position]
+        rows = [one.astype(dtype).ravel() for one in (*rows, reference.arc[:steps])]
+        scored = scored_samples(reference, window).astype("int32")
+        shared = *rows, scored, start_state(plant, reference).astype(dtype)
+        shared = *shared, *contour_rows(reference.contour, dtype)
+        (out,) = _run((plant.states, plant.inputs, plant.axes), str(dtype))(
+            (K.ravel()[:, None],), *shared
+        )
+        return finished(out[:, 0], reference, window)[0]
+
+    @of.defjvp
+    def _(primals, tangents):
+        return jax.jvp(readable, primals, tangents)
+
+    return of(plan, plant, reference)
+
+
+@lru_cache
+def _run(size: tuple[int, int, int], dtype: str):
+    launch = wp.jax_kernel(affine_kernels(*size, REAL[dtype]).run, block_dim=BLOCK)
+
+    def call(own, *shared):
+        runs = own[0].shape[1]
+        placed = {"launch_dims": runs, "output_dims": {"out": (2 * ROWS + 1, runs)}}
+        return tuple(launch(*shared, *own, **placed))
+
+    return over_runs(call)
