@@ -91,9 +91,10 @@ def contour_scores(m: int, real) -> wp.Function:
         rate = pieces[k, 4 * m]
         if rate > real(0.0):
             along, across = wp.dot(offset, cosine), wp.dot(offset, sine)
-            s = wp.atan2(across, along) / rate
-            lap = real(2.0) * real(wp.PI) / rate
-            s += lap * wp.floor((real(0.5) * (low + high) - s) / lap + real(0.5))
+            radius = real(1.0) / rate
+            s = wp.atan2(across, along) * radius
+            turns = (real(0.5) * (low + high) - s) * (rate * real(0.5 / wp.PI))
+            s += real(wp.TAU) * radius * wp.floor(turns + real(0.5))
             square = along * along + across * across
             if s >= low and s <= high and square > real(0.0):  # no need of the angle
                 size = inverse_root(square)

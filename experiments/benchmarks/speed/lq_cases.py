@@ -112,12 +112,11 @@ def _axis(states: int, faster: float, dt: float) -> ContinuousAxis:
 
 
 def formulation(case: Case) -> str:
-    """Form that `evaluate` chooses here: a kernel, or XLA without or with a sweep."""
+    """Form that `evaluate` chooses here: the algebra of decoupled axes or the sweep, and where."""
     reference = member(case.references, 0)
     controller = ContouringLQ(case.plant, LQWeights(1.0, 1.0, 1.0), case.preview)
-    if controller.decoupled_problem(reference) is None:
-        return "sweep"
-    return "kernel" if kernels.wanted() else "algebra"
+    form = "sweep" if controller.decoupled_problem(reference) is None else "algebra"
+    return f"{form}, {'kernel' if kernels.wanted() else 'XLA'}"
 
 
 def cast(tree: Any, dtype: np.dtype) -> Any:
