@@ -5,14 +5,19 @@ of the window scaled by the root of the stage profile, a step solves
 
     S w = sum_a r_a (f M_a e_a),   S_ij = 1_ij (1 - f |r_i|^2) + sum_a r_ai (f M_aij) r_aj
     eta_a = e_a - r_a w,           u_a = -(kappa M_a h_a)' eta_a
-The cost is homogeneous in (alpha, beta, rho): the slopes with log kappa and with f say all. From
-kappa dM/dkappa = M M - M,
+The cost is homogeneous in (alpha, beta, rho): the slopes with log kappa and with f say all. With
+z_a = M_a eta_a, e' = O x' the slope of the free error, and kappa dM/dkappa = M M - M,
 
-    kappa d/dkappa: S w' = r'(f M e' + f (M M - M) eta),  u' = -(kappa M h)' (e' - r w')
-                                                               - (kappa M M h)' eta
-          d/df:     S w' = r' f M e' + v,                 u' = -(kappa M h)' (e' - r w')
+    kappa d/dkappa: S w' = sum_a r_a (f M (e' + z) - f z),  u' = -(kappa M h)' (e' + z - r w')
+          d/df:     S w' = sum_a r_a f M e' + v,            u' = -(kappa M h)' (e' - r w')
+f is at least `LEAST`, so that v = w / f.
 
-with e' = O x', the slope of the free error. f is at least `LEAST`, so that v = w / f.
+In reverse, from the cotangents u_bar of the controls, a step solves S p = sum_a r_a g_a u_bar_a,
+with g = kappa M h. The free error has the cotangent e_bar_a = f M_a r_a p - g_a u_bar_a. The slopes
+with log kappa, f, and half of the logarithm of entry j of the profile are
+
+    sum_a (e_bar_a' z_a - f p' r_a z_a),   p' w / f,
+    sum_a (e_bar_aj (2 z_aj + r_aj w_j) - f p_j r_aj z_aj)
 
 M does not fit into registers. A compiler keeps what it has read if it can, and spills it. So it is
 kept from moving readings across the parts of a step (`fence`).
@@ -51,12 +56,11 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
     """Kernels for m axes of at most n states and a window of N samples.
 
     Arrays of a run: f (1, runs), and in tiles of `LANES` runs (tiles, rows, LANES) the lower
-    triangles of f M (m T rows) and kappa M h (m N rows), for slopes both followed by their slopes
-    with log kappa; the roots of the profile (N, runs). What all runs share: A (m n n), B, C
-    (m n), O (m N n), zeros (steps + 2,), tangents and desired positions (m S), what the model's
-    response at rest is above its position (m N), the control there, arc lengths, what is scored
-    (steps,), the first state (m, n), the pieces of the contour, and its length, size, closedness
-    and number of pieces.
+    triangles of f M (m T rows) and kappa M h (m N rows); the roots of the profile (N, runs). What
+    all runs share: A (m n n), B, C (m n), O (m N n), tangents and desired positions (m S), what the
+    model's response at rest is above its position (m N), the control there, arc lengths, what is
+    scored (steps,), the first state (m, n), the pieces of the contour, and its length, size,
+    closedness and number of pieces.
     """
     T = N * (N + 1) // 2  # numbers of a symmetric matrix, its lower triangle row by row
     Point, Window = (wp.types.vector(length=k, dtype=real) for k in (m, N))
