@@ -57,7 +57,6 @@ PLANT_3_MS = PublishedModel("(6)", "0.0449", "0.5737", ("1", "0.1822"))
 LOOP_3_MS = PublishedModel("(7)", "3.673e-2", "0.5737", ("0.2196", "0.9259"))
 PLANT_17_MS = PublishedModel("(16)", "0.4335", "0.1171", ("1", "7.235e-5"))
 LOOP_17_MS = PublishedModel("(17)", "0.2995", "0.1171", ("0.0544", "0.6461"))
-FIRST_ORDER = ("0.3539", "0.6461")  # (19): b_0 and the pole
 PREFILTER = ("6.3060", "3.7692", "-11.3100", "2.2348")  # (8)
 WITHOUT_INTEGRATOR = 546.1  # [um]
 WITH_INTEGRATOR = 111.8  # [um], in the text; Table 2 has 66.5
