@@ -101,11 +101,13 @@ def _point_to_point(result: Result) -> Iterator[Claim]:
             f"lags by v / k_pp = {LAG_MM:.3g} mm, and the mean in print is below that",
             verdict(all(near), any(near)),
         )
+    change = four_khz.largest_mm / one_khz.largest_mm - 1
     yield Claim(
         "Fig. 4.5",
         "the cascade's largest error falls with a faster sample rate",
-        f"{one_khz.largest_mm:.4g} mm at 1 kHz, {four_khz.largest_mm:.4g} mm at 4 kHz",
-        Verdict.SAME_ORDERING if four_khz.largest_mm < one_khz.largest_mm else verdict(False),
+        f"{one_khz.largest_mm:.4g} mm at 1 kHz, {four_khz.largest_mm:.4g} mm at 4 kHz: "
+        f"{100 * change:+.1f} %, in print -17 %",
+        Verdict.SAME_ORDERING if change < -NEAR else verdict(False),
     )
     yield Claim(
         "Fig. 4.5",
