@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from jcontour.app.files.results.verdict import ROUNDING, LimitCheck
 from jcontour.app.jobs.job import Job
 from jcontour.app.jobs.replays import Replay, Scenarios, desired, measured_speeds, scored
-from jcontour.app.machines.machine import Machine
+from jcontour.app.machines.machine import Machine, MachineLimits
 from jcontour.linear.between_samples import alternating
 
 DRIVES = ("control of", "control increment of")
@@ -87,25 +87,36 @@ def beyond_limits_asked(
         at_rest: whether both begin and end at rest.
     """
     asked, usual = (largest_asked(rows, machine.model.dt, at_rest) for rows in (position, before))
-    checks = []
-    for k, limit, quantity, unit in (
-        (0, machine.limits.speed, "speed", "m/s"),
-        (1, machine.limits.acceleration, "acceleration", "m/s^2"),
-    ):
-        if limit is None:
-            continue
-        for axis, name in enumerate(machine.axes):
-            most = float(limit[axis])
-            if asked[k][axis] > max(most, ASKED * usual[k][axis]):
-                checks.append(
-                    LimitCheck(
-                        name=f"{quantity} of {name} that the reference asks for",
-                        value=float(asked[k][axis]),
-                        allowed=most,
-                        unit=unit,
-                    )
-                )
-    return checks
+    checks = limits_asked(*asked, machine.limits, machine.axes)
+    known = limits_asked(*usual, machine.limits, machine.axes)
+    return [
+        check
+        for check, was in zip(checks, known, strict=True)
+        if check.value > max(check.allowed, ASKED * was.value)
+    ]
+
+
+def limits_asked(
+    speed: Float[np.ndarray, " m"],
+    acceleration: Float[np.ndarray, " m"],
+    limits: MachineLimits,
+    axes: Sequence[str],
+) -> list[LimitCheck]:
+    """The stated limits beside the largest speed [m/s] and acceleration [m/s^2] of a reference."""
+    return [
+        LimitCheck(
+            name=f"{quantity} of {axis} that the reference asks for",
+            value=float(most[k]),
+            allowed=float(limit[k]),
+            unit=unit,
+        )
+        for quantity, most, limit, unit in (
+            ("speed", speed, limits.speed, "m/s"),
+            ("acceleration", acceleration, limits.acceleration, "m/s^2"),
+        )
+        if limit is not None
+        for k, axis in enumerate(axes)
+    ]
 
 
 def largest_asked(

@@ -12,10 +12,10 @@ from jaxtyping import Array, Float
 
 from jcontour.app.designs.design import Design
 from jcontour.app.files.results.bound_results import LearnedMachine, StoredLap
-from jcontour.app.files.results.verdict import LimitCheck
 from jcontour.app.flags.loops import Learn
 from jcontour.app.jobs.job import Task
 from jcontour.app.machines.machine import Machine, MachineLimits
+from jcontour.app.runs.checks.machine_limits import largest_asked, limits_asked
 from jcontour.controller import Controller
 from jcontour.controllers.learning.convergence import Convergence, answers, frequency_response
 from jcontour.controllers.learning.laps import (
@@ -332,12 +332,7 @@ def stored_lap(
     """
     if best.lap == 1:
         return None
-    speed = np.abs(np.diff(position, axis=0)).max(axis=0) / dt
-    acceleration = np.abs(np.diff(position, 2, axis=0)).max(axis=0) / dt**2
-    asked = (
-        ("speed", speed, limits.speed, "m/s"),
-        ("acceleration", acceleration, limits.acceleration, "m/s^2"),
-    )
+    speed, acceleration = largest_asked(position, dt, at_rest=False)
     shift = np.asarray(best.correction)
     return StoredLap(
         lap=best.lap,
@@ -346,15 +341,5 @@ def stored_lap(
         first_um=1e6 * float(np.linalg.norm(shift[0])),
         speed=float(speed.max()),
         acceleration=float(acceleration.max()),
-        limits=[
-            LimitCheck(
-                name=f"{name} of {axis} that the reference asks for",
-                value=float(most[k]),
-                allowed=float(limit[k]),
-                unit=unit,
-            )
-            for name, most, limit, unit in asked
-            if limit is not None
-            for k, axis in enumerate(axes)
-        ],
+        limits=limits_asked(speed, acceleration, limits, axes),
     )
