@@ -157,17 +157,17 @@ def _shown(names: list[str], error: str):
     """Printer of a result whose designs have these weights."""
 
     def show(result: SweepResult, console: Console) -> None:
-        rows = []
-        for row in result.best:
-            numbers = [*(row.weights[name] for name in names), row.worst_um, row.nominal_um]
-            peak = "unstable" if row.sensitivity is None else f"{row.sensitivity:.3g}"
-            words = [*(f"{number:.4g}" for number in numbers), peak, str(row.delay_samples)]
-            rows.append([str(row.preview), *words])
+        columns = {
+            "preview": lambda row: str(row.preview),
+            **{name: lambda row, name=name: row.weights[name] for name in names},
+            f"worst RMS\n{error} um": lambda row: row.worst_um,
+            "nominal\num": lambda row: row.nominal_um,
+            "Ms": lambda row: "unstable" if row.sensitivity is None else f"{row.sensitivity:.3g}",
+            "delay margin\nsamples": lambda row: str(row.delay_samples),
+        }
         title = "Best weights within the limits for every preview (worst over contours and plants)"
-        errors = [f"worst RMS\n{error} um", "nominal\num"]
-        columns = ["preview", *names, *errors, "Ms", "delay margin\nsamples"]
-        if rows:
-            console.print(tables.plain_table(title, columns, rows))
+        if result.best:
+            console.print(tables.table_of(title, result.best, columns))
         tables.say(
             console,
             f"{result.points} points, {result.diverged} diverged, {result.within} within the "

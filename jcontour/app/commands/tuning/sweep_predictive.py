@@ -288,15 +288,17 @@ def summary_of(asked: PredictiveSwept, dataset: xr.Dataset) -> PredictiveSweepRe
 
 
 def _show(result: PredictiveSweepResult, console: Console) -> None:
-    rows = []
-    for one in result.front[:SHOWN]:
-        numbers = (*one.weights.values(), one.time_s, one.rms_um, one.peak_um)
-        rows.append([str(one.horizon), f"{one.speed_mm_s:g}", *map(tables.digits, numbers)])
-    names = list(result.front[0].weights) if result.front else []
-    columns = ["horizon", "speed mm/s", *names, "time s", "RMS contour\nerror um", "peak\num"]
-    if rows:
+    if result.front:
+        columns = {
+            "horizon": lambda row: str(row.horizon),
+            "speed mm/s": lambda row: f"{row.speed_mm_s:g}",
+            **{name: lambda row, name=name: row.weights[name] for name in result.front[0].weights},
+            "time s": lambda row: row.time_s,
+            "RMS contour\nerror um": lambda row: row.rms_um,
+            "peak\num": lambda row: row.peak_um,
+        }
         title = "Less error than every quicker design (worst of the contours)"
-        console.print(tables.plain_table(title, columns, rows))
+        console.print(tables.table_of(title, result.front[:SHOWN], columns))
     if len(result.front) > SHOWN:
         tables.say(console, f"and {len(result.front) - SHOWN} slower ones: result.json")
     others = ", ".join(

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
+from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.results.search_results import BestDesign, SweepResult
 from jcontour.app.flags.shared import Controlled, Limited
 from jcontour.app.reports.figures.sweeps import worst_errors
@@ -61,18 +62,14 @@ def limit_lines(asked: Swept, dataset: xr.Dataset, result: SweepResult) -> list[
 def _none_within(asked: Swept, one: xr.Dataset) -> list[str]:
     """A line for a preview with which no design is within the limits, and what comes nearest."""
     lost = worst_errors(one, asked.machine.error)[1][0]
-    limits = named_limits(asked.flags)
     if lost.all():
         return []
     least = []
-    for metric, bound in limits.items():
-        factor = 1e6 if metric.endswith("_error") else 1.0
-        unit = "um" if metric.endswith("_error") else asked.machine.control_unit
-        value = factor * float(largest_of(one, metric)[0, ~lost].min())
-        least.append(
-            f"{metric.replace('_', ' ').replace('rms', 'RMS')} {value:.4g} {unit} "
-            f"(limit {factor * bound:.4g})"
-        )
+    for name, bound in named_limits(asked.flags).items():
+        metric = METRICS[name]
+        value = metric.factor * float(largest_of(one, name)[0, ~lost].min())
+        unit = metric.shown(asked.machine.control_unit)
+        least.append(f"{metric.words} {value:.4g} {unit} (limit {metric.factor * bound:.4g})")
     return [
         f"WARNING: preview {int(one.preview[0])}: none of {lost.size} designs keeps the limits; "
         f"the least of each: {', '.join(least)}"
