@@ -37,7 +37,6 @@ NEEDS = {name: design_class(name).needs.words for name in CONTROLLERS}
 LINEAR = "a machine given by A, B, C"
 LIMITED = f"{LINEAR} that states limits"
 AXES, AXIS = "two flexible axes or more, for a contour", "a flexible axis"
-ALONG_CONTOURS = {name for name, needs in NEEDS.items() if needs == AXES}
 SUITED = {  # machine -> the kinds that it is of
     "bridgeport": [LINEAR, LIMITED],
     "xy-table": [LINEAR, LIMITED],
@@ -118,16 +117,6 @@ def test_controllers_of_a_machine_file(machine_file):
     assert controllers_for(machine_named(str(machine_file))) == controllers_for(
         machine_named("bridgeport")
     )
-
-
-@pytest.mark.parametrize("controller", sorted(ALONG_CONTOURS))
-def test_a_contour_needs_two_axes(controller):
-    with pytest.raises(
-        ValueError,
-        match=f"{controller} needs two flexible axes or more, for a contour; "
-        "flexible-axis takes cascade",
-    ):
-        design_for(machine_named("flexible-axis"), Simulate(controller=controller))
 
 
 def test_a_machine_is_what_it_is_and_not_what_its_user_calls_it(tmp_path):

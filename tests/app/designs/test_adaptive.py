@@ -7,14 +7,12 @@ import pytest
 
 from jcontour.app.catalogue.choices import design_for
 from jcontour.app.flags.loops import Simulate
-from jcontour.app.machines.gantry import friction_gantry_machine, gantry_machine
+from jcontour.app.machines.gantry import gantry_machine
 from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.geometry.contours import circle, line
 from jcontour.motion.references import along, from_samples
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.simulation.closed_loop import simulate
-
-NAMES = ("repetitive", "run-out", "adaptive-zpetc")
 
 
 @pytest.fixture(scope="module")
@@ -97,15 +95,6 @@ def test_the_gain_of_every_motor_is_learned():
 
 
 @pytest.mark.slow
-def test_what_is_known_is_not_tuned(machine):
-    for name, fixed in zip(NAMES, ({"period"}, {"frequency"}, set()), strict=True):
-        found = design(machine, name)
-        found.check_start()
-        assert set(found.start) - set(found.free()) == fixed
-        assert set(found.units()) == set(found.start)
-
-
-@pytest.mark.slow
 def test_the_period_of_the_flags_counts(machine):
     found = design(machine, "repetitive", "period=0.05")
     assert found.start["period"] == 0.05
@@ -120,5 +109,3 @@ def test_bad_input(machine):
         design(machine, "repetitive", "period=0.0501234")
     with pytest.raises(ValueError, match="frequency: needs to be above zero and below pi"):
         design(machine, "run-out", "frequency=1e5")
-    with pytest.raises(ValueError, match="gantry-self-tuning needs a gantry without dry friction"):
-        design(friction_gantry_machine(), "gantry-self-tuning")

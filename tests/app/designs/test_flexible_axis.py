@@ -15,7 +15,6 @@ from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Pace
 from jcontour.app.jobs.motions import task_a
 from jcontour.app.machines.flexible_axis import biaxial_machine, thesis_machine
-from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.geometry.contours import line
 from jcontour.motion.point_to_point import thesis_task_a
@@ -62,15 +61,6 @@ def test_every_gain_has_the_slope_that_differences_say(machine, name):
 
 
 @pytest.mark.slow
-def test_gains_start_where_the_tuner_may_go_and_have_units(machine):
-    for name in ON_AXES:
-        design = design_for(machine, Simulate(controller=name))
-        design.check_start()
-        assert set(design.units()) == set(design.start) == set(design.free())
-        assert len(design.weight_lines(design.start)) == len(design.start)
-
-
-@pytest.mark.slow
 def test_the_velocity_loop_of_a_lighter_axis_is_as_fast(machine):
     pair = biaxial_machine()
     start = AxisCascade("", pair, Simulate()).start["velocity"]
@@ -107,13 +97,6 @@ def test_what_is_kept_of_a_design(machine, tmp_path):
     assert kept["dt"] == 1e-3 and kept["numbers"]["controller.gains.position"] == 40.0
     assert kept["numbers"]["observer.bandwidth"] == 700.0
     assert "position" in design.description()["Free"] and design.settings() == {"preview": 1}
-
-
-def test_other_machines_are_refused(machine):
-    with pytest.raises(ValueError, match="cascade-leso needs a flexible axis; bridgeport takes"):
-        design_for(bridgeport_machine(), Simulate(controller="cascade-leso"))
-    with pytest.raises(ValueError, match="flexible-axis takes cascade"):
-        design_for(machine, Simulate(controller="contouring-lq"))
 
 
 def test_a_motion_is_long_enough(machine):

@@ -12,7 +12,6 @@ from jcontour.app.designs.gantry import GANTRY
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Pace
 from jcontour.app.machines.gantry import CURRENT, friction_gantry_machine, gantry_machine
-from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples
 from jcontour.simulation.closed_loop import simulate
@@ -34,24 +33,6 @@ def test_a_machines_own_controller_goes_first(machine):
         == "gantry-scheduled-lq"
     )
     assert design_for(machine, Simulate()).name == "gantry-offset-free-lq"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.filterwarnings("ignore:.* does not read --preview")
-def test_gains_start_where_the_tuner_may_go_and_have_units(machine, name):
-    design = design_for(machine, Simulate(controller=name, preview=7))
-    design.check_start()
-    assert set(design.units()) == set(design.start) == set(design.free())
-    # an inverse looks as far as its model, 16 samples, and beyond: 7, or delay and ringing zero
-    previews = {
-        "gantry-cascade": 1,
-        "gantry-synchronised": 2,
-        "gantry-zpetc": 18,
-        "gantry-optimal-feedforward": 23,
-    }
-    assert design.preview == previews.get(name, 7) == design.build(design.start).preview
-    assert len(design.weight_lines(design.start)) == len(design.start)
 
 
 @pytest.mark.slow
@@ -151,17 +132,6 @@ def test_where_the_beam_hardly_twists_feedback_linearisation_changes_nothing(mac
     assert scheduled != cancelled and cancelled[0] == pytest.approx(scheduled[0], rel=0.01)
 
 
-def test_other_machines_are_refused(machine):
-    with pytest.raises(
-        ValueError, match="gantry-cascade needs a gantry; bridgeport takes contouring-lq"
-    ):
-        design_for(bridgeport_machine(), Simulate(controller="gantry-cascade"))
-    with pytest.raises(
-        ValueError, match="cascade-notch needs a flexible axis; gantry takes gantry-offset-free-lq"
-    ):
-        design_for(machine, Simulate(controller="cascade-notch"))
-
-
 @pytest.mark.slow
 def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_gantrys():
     rubbing = friction_gantry_machine()
@@ -177,16 +147,6 @@ def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_ga
     np.testing.assert_allclose(
         fed - unfed, signs[:, [0, 1, 1]] * [0.2, 0.3, 0.3], rtol=0, atol=1e-12
     )
-
-
-@pytest.mark.slow
-def test_a_machine_without_friction_is_told_so(machine):
-    with pytest.raises(
-        ValueError,
-        match="gantry-friction-cascade needs a gantry with dry friction; "
-        "gantry takes gantry-offset-free-lq",
-    ):
-        design_for(machine, Simulate(controller="gantry-friction-cascade"))
 
 
 @pytest.mark.slow

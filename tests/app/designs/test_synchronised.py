@@ -52,15 +52,6 @@ def test_a_gantry_has_its_y_drives_as_the_pair(axes, gantry):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["axes", "gantry"])
-def test_gains_start_where_the_tuner_may_go_and_have_units(name, request):
-    design = design_for(request.getfixturevalue(name), ASKED)
-    design.check_start()
-    assert set(design.units()) == set(design.start) == set(design.free())
-    assert len(design.weight_lines(design.start)) == len(design.start)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "contour"), [("axes", "ring"), ("gantry", "cushion-right")])
 def test_the_start_follows(name, contour, request):
     machine = request.getfixturevalue(name)
