@@ -17,6 +17,7 @@ from .parameters import Free as Free
 from .parameters import Interval as Interval
 from .parameters import Parameter as Parameter
 from .parameters import Positive as Positive
+from .parameters import Weight as Weight
 from .pareto import FrontPoint as FrontPoint
 from .pareto import trade_off_front as trade_off_front
 from .precompensation import precompensate as precompensate

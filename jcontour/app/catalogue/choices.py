@@ -17,7 +17,7 @@ from jcontour.app.catalogue.own_classes import (
     own_name,
 )
 from jcontour.app.designs.design import SETTINGS, Design, Needs, given
-from jcontour.app.designs.own import OwnDesign, designed
+from jcontour.app.designs.own import OwnDesign, own_design
 from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.job import Pace, Task, from_file
 from jcontour.app.machines.from_file import load_machine
@@ -96,7 +96,11 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     own = own_name(asked)
     if own is None:
         name = _listed_name(asked, machine)
-        design = designed(name, design_class(name), machine, flags)
+        described = design_class(name)
+        if issubclass(described, Design):
+            design = described(name, machine, flags)
+        else:
+            design = own_design(name, described, machine, flags)
     else:
         design = own_controller(own, machine, flags)
     unread = [flag for flag in set_of(flags) if flag not in design.reads]

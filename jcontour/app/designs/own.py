@@ -20,14 +20,12 @@ from jcontour.linear.plant import LinearPlant
 from tuning.parameters import Weight
 
 
-def designed(name: str, thing: Any, machine: Machine, flags: Controlled) -> Design:
-    """Design of a class for a machine, a `Design` or a `Controller`.
+def own_design(name: str, thing: Any, machine: Machine, flags: Controlled) -> Design:
+    """Design of a `Controller` class of the catalogue, described by its first line.
 
     Raises:
         ValueError: a flag or a weight is wrong.
     """
-    if inspect.isclass(thing) and issubclass(thing, Design):
-        return thing(name, machine, flags)
     controller = made(thing, machine.model, flags.preview)
     return OwnDesign(name, first_line(thing), controller, machine, flags)
 

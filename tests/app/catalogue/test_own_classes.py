@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jcontour.app.designs.flexible_axis import AxisCascade
 from jcontour.controller import Controller
-from tuning.parameters import Interval, Weight
+from tuning import Interval, Weight
 
 print("loaded")
 
