@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jcontour.analysis.uncertain_loops import BORNE
-from jcontour.app.files.results.run_metrics import RunMetrics
+from jcontour.app.files.results.run_metrics import METRICS, RunMetrics
 from jcontour.app.files.results.tuned_result import (
     ActiveLimit,
     PathMargins,
@@ -35,9 +35,8 @@ OF_AXES = (
 WORSE = 1.01  # ratio to the loop compared with: less is no change
 ASKED = {"increment": "change of its control"}  # limit that is called otherwise
 FLAGS = {  # limit on metrics: flag that allows more
-    metric: f"--{name.replace('_', '-')}" for name, (metric, _) in LIMITS.items()
+    metric: f"--{name.replace('_', '-')}" for name, metric in LIMITS.items()
 }
-FACTORS = dict(LIMITS.values())  # limit on metrics: from the unit of its flag to SI
 RESTLESS = 5.0  # times the change of the control from sample to sample at the start
 TRY_LESS = (  # a loop overshoots: the number that is enough is found by trying
     "try 10 % less feed or acceleration, --feed-mm-per-min or --acceleration, and again until "
@@ -300,7 +299,7 @@ def flag_allowing(limit: str, violation: float, flags: Aimed, limits: Mapping[st
     if limit == "rms_control" and flags.max_effort is not None:
         flag, bound = "--max-effort", flags.max_effort
     elif flag is not None:
-        bound /= FACTORS[limit]
+        bound *= METRICS[limit].factor
     elif limit == COUNT_NOISE:
         assert flags.max_count_noise is not None  # or there was no such limit
         flag, bound = "--max-count-noise", flags.max_count_noise

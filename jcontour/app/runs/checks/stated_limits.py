@@ -64,19 +64,20 @@ def family_limits(robust: RobustTest | None) -> list[LimitCheck]:
 def _metrics(run: TuningRun, replay: Replay) -> Iterator[LimitCheck]:
     """Limits on errors and controls along the training contours."""
     flags, unit = run.flags, run.machine.control_unit
-    stated = {metric: factor for flag, (metric, factor) in LIMITS.items() if getattr(flags, flag)}
-    if flags.max_effort is not None:
-        stated["rms_control"] = 1.0
+    stated = [metric for flag, metric in LIMITS.items() if getattr(flags, flag)]
+    if flags.max_effort is not None and "rms_control" not in stated:
+        stated.append("rms_control")
     training = np.flatnonzero(run.scenarios.training)
-    for metric, factor in stated.items():
-        values = np.asarray(getattr(replay.metrics, metric))[training]
+    for name in stated:
+        metric = METRICS[name]
+        values = np.asarray(getattr(replay.metrics, name))[training]
         values = np.where(np.isfinite(values), values, np.inf)
         contour, plant = np.unravel_index(np.argmax(values), values.shape)
         yield LimitCheck(
-            name=METRICS[metric].words,
-            value=float(values[contour, plant]) / factor,
-            allowed=run.limits[metric] / factor,
-            unit=METRICS[metric].shown(unit),
+            name=metric.words,
+            value=metric.factor * float(values[contour, plant]),
+            allowed=metric.factor * run.limits[name],
+            unit=metric.shown(unit),
             member=f"{run.scenarios.jobs[training[contour]].name}, {run.scenarios.plants[plant]}",
         )
 

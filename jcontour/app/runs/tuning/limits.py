@@ -29,10 +29,8 @@ def _limited(flag: str) -> str:
     return name if name in METRICS else f"rms_{name}"
 
 
-LIMITS = {  # flag -> metric, factor to SI
-    one.name: (_limited(one.name), 1 / METRICS[_limited(one.name)].factor)
-    for one in fields(Limited)
-    if _limited(one.name) in METRICS
+LIMITS = {  # flag -> metric, in the unit in which it is shown
+    one.name: _limited(one.name) for one in fields(Limited) if _limited(one.name) in METRICS
 }
 MOVING = 0.5  # of the error of a tool that stands still: most that one may lag
 AT_REST = 0.8  # of the noise of counts: held between two counts a tool had up to 1.22 times it
@@ -47,7 +45,7 @@ def named_limits(flags: Limited) -> dict[str, float]:
     """
     given = {name: getattr(flags, name) for name in LIMITS}
     return {
-        LIMITS[name][0]: _above_zero(name, value) * LIMITS[name][1]
+        LIMITS[name]: _above_zero(name, value) / METRICS[LIMITS[name]].factor
         for name, value in given.items()
         if value is not None
     }
