@@ -9,10 +9,11 @@ for all of them if the nominal one is, and
 by itself this is necessary too.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from jcontour.analysis.frequency_response import Responses, largest_singular
 from jcontour.analysis.frozen_loops import FrozenLoop, blocks
@@ -39,6 +40,43 @@ class Doubt(NamedTuple):
         """W on its diagonal."""
         wanted, known = np.log(frequency), np.log(self.frequency)
         return np.stack([np.interp(wanted, known, one) for one in self.relative.T], axis=-1)
+
+
+class Lines(NamedTuple):
+    """What was measured of the response behind one control, at some frequencies.
+
+    Attributes:
+        frequency: [rad per sample].
+        off: P_true / P - 1.
+        half_width: of its 95 % interval.
+    """
+
+    frequency: Float[np.ndarray, " F"]
+    off: Complex[np.ndarray, " F"]
+    half_width: Float[np.ndarray, " F"]
+
+
+def measured_sensitivity(responses: Responses, lines: Sequence[Lines]) -> float:
+    """Largest sensitivity of loops around the measured response, at its worst within 95 %.
+
+    With P (I + E) in place of P it is (I - T_u E)^-1 S_u; one axis is replaced at a time.
+
+    Args:
+        responses: of the loops.
+        lines: for every control; not all are empty.
+    """
+    largest = 0.0
+    for k, (frequency, off, half_width) in enumerate(lines):
+        T = responses.control_complementary(frequency)
+        eye = np.eye(T.shape[-1])
+        turned_by = off[:, None, None] * np.diag(eye[k])
+        S = np.linalg.solve(eye - T @ turned_by, eye + T)
+        left = np.abs(1 - T[..., k, k] * off)
+        sure = left - np.abs(T[..., k, k]) * half_width
+        with np.errstate(divide="ignore"):
+            worst = np.where(sure > 0, left / np.maximum(sure, 0.0), np.inf)
+        largest = max(largest, float(np.max(largest_singular(S) * worst, initial=0.0)))
+    return largest
 
 
 def doubt_measure(

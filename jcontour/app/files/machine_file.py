@@ -12,6 +12,7 @@ from jcontour.app.files.schema import (
     Matrix,
     Note,
     NotNegative,
+    Number,
     OneOrEach,
     Positive,
     Row,
@@ -22,6 +23,9 @@ from jcontour.app.files.schema import (
 )
 
 MOST_DELAY = 50  # samples
+
+
+Rows = Annotated[list[list[Number]], Field(title="lists, one per axis")]
 
 
 class LimitFields(Schema):
@@ -46,6 +50,22 @@ class ResponseFields(Schema):
     """abs(G_true / G - 1) at these frequencies, one row per axis"""
 
 
+class MeasuredFields(Schema):
+    """G_measured / G - 1, where a record shows the response by itself.
+
+    A tuned loop keeps the limit on its peak sensitivity on it as well.
+    """
+
+    hertz: Rows
+    """frequencies [Hz], one list per axis, as in the other fields"""
+    real: Rows
+    """real parts of G_measured / G - 1"""
+    imaginary: Rows
+    """imaginary parts"""
+    half_width: Rows
+    """of their 95 % intervals"""
+
+
 class UncertaintyFields(Schema):
     """What is not known about a machine."""
 
@@ -56,6 +76,8 @@ class UncertaintyFields(Schema):
     """most samples of delay that the model does not have"""
     response: ResponseFields | None = None
     """how far off the frequency response may be"""
+    measured: MeasuredFields | None = None
+    """the response that was measured, beside the model's"""
 
 
 class LinearMachineFile(Schema):
@@ -94,8 +116,8 @@ class LinearMachineFile(Schema):
     control_noise: Positive | None = None
     """[control unit] standard deviation that the Kalman filter assumes on each control; when not
     given, 5 % of the control limit, or 0.1: about what an input gain 10 % off does"""
-    friction: NotNegative | None = 0.0
-    """[control unit] that dry friction takes on every axis, null where it is not known; it is in
+    friction: OneOrEach[NotNegative] | None = 0.0
+    """[control unit] that dry friction takes, null where it is not known; it is in
     the runs, and what is proven takes it as a force"""
     note: Note | None = None
     """repeated by `simulate`, `tune` and `machine`"""

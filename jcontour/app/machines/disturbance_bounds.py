@@ -76,7 +76,7 @@ def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | N
             "promised: give --force, or record long moves and identify again",
             stacklevel=2,
         )
-    stated = max(machine.control_noise, machine.friction or 0.0)
+    stated = max(machine.control_noise, machine.largest_friction)
     return Bounds(stated if force is None else force, encoder)
 
 

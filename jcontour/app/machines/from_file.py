@@ -20,7 +20,12 @@ from jcontour.app.files.schema import axis_names, one_or_each, per_axis, read
 from jcontour.app.machines.flexible_axis import flexible_machine
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine, MachineLimits
-from jcontour.app.machines.uncertainty import IN_FILE, IN_PYTHON, stated_uncertainty
+from jcontour.app.machines.uncertainty import (
+    IN_FILE,
+    IN_PYTHON,
+    measured_lines,
+    stated_uncertainty,
+)
 from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION
@@ -138,7 +143,10 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         file.control_noise or assumed,
         encoder_noise=one_or_each("encoder_noise", file.encoder_noise, plant.axes) * metre,
         response_doubt=unsure.response,
-        friction=file.friction,
+        lines=measured_lines(file.uncertainty, model),
+        friction=None
+        if file.friction is None
+        else one_or_each("friction", file.friction, plant.axes),
         note=file.note or "",
         states_family=IN_FILE if file.uncertainty is None else "",
     )

@@ -15,6 +15,7 @@ from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.found import LinearAxis, LinearMachineFound
 
 ROUGH = 4  # windows over which the largest acceleration is taken
+MOST_LINES = 200  # of what was measured of an axis
 THINNED = 4  # frequencies of the intervals for one of the file, but around sharp modes
 UNKNOWN = 1e4  # |G_true / G - 1| that stands for more
 ALIKE = 1.01  # ratio of counts that a log does not tell apart
@@ -40,7 +41,12 @@ def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> d
         "C": np.asarray(plant.C).tolist(),
         "limits": largest(found),
         "known_delay": found.known_delay,
-        "uncertainty": {"gain": found.gain, "delay": found.late, "response": _doubt(found)},
+        "uncertainty": {
+            "gain": found.gain,
+            "delay": found.late,
+            "response": _doubt(found),
+            "measured": _measured(found),
+        },
         "encoder_resolution": counts(found),
         "encoder_noise": noises(found),
         "friction": _friction(found),
@@ -62,11 +68,12 @@ def _note(found: LinearMachineFound) -> dict[str, str]:
     return {"note": f"{moved}: the machine has it beside every error of a run here"}
 
 
-def _friction(found: LinearMachineFound) -> float | None:
-    """Command that dry friction takes; None where it could not be separated on some axis."""
+def _friction(found: LinearMachineFound) -> float | list[float] | None:
+    """Command that dry friction takes by axis; None where it could not be separated on some."""
     if any(one.hides_friction for one in found.axes):
         return None
-    return max(0.0 if one.friction is None else one.friction[0] for one in found.axes)
+    each = [0.0 if one.friction is None else one.friction[0] for one in found.axes]
+    return each if any(each) else 0.0
 
 
 def _doubt(found: LinearMachineFound) -> dict[str, list]:
@@ -92,6 +99,27 @@ def _doubt(found: LinearMachineFound) -> dict[str, list]:
         parts = np.split(np.minimum(width, UNKNOWN), np.searchsorted(frequency, edges))
         rows.append([float(f"{part.max():.3g}") for part in parts])
     return {"hertz": kept.tolist(), "relative": rows}
+
+
+def _measured(found: LinearMachineFound) -> dict[str, list]:
+    """What the record shows without the models, by field and axis."""
+    each = [_lines(one) for one in found.axes]
+    return {name: [one[name] for one in each] for name in each[0]}
+
+
+def _lines(axis: LinearAxis) -> dict[str, list[float]]:
+    """Of one axis, relative to its model, at `MOST_LINES` frequencies."""
+    lines = axis.lines
+    part = slice(None, None, -(-len(lines.frequency) // MOST_LINES) or 1)
+    G = axis.fit.model.response(2 * np.pi * lines.frequency)
+    off = lines.value / G - 1
+    columns = {
+        "hertz": lines.frequency,
+        "real": np.real(off),
+        "imaginary": np.imag(off),
+        "half_width": lines.half_width * np.abs(1 + off),
+    }
+    return {name: [float(f"{one:.4g}") for one in column[part]] for name, column in columns.items()}
 
 
 def _ringing(model: AxisModel) -> list[tuple[float, float]]:

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.analysis.uncertain_loops import Doubt, Lines
 from jcontour.app.machines.count_noise import FARTHEST, in_words, rounding_noise, sensor_noise
 from jcontour.app.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
 from jcontour.app.machines.uncertainty import Member, assumed, family_members, random_members
@@ -61,8 +61,9 @@ class LinearMachine(Machine):
             that is another than the model.
         contours: what the commands run on it.
         response_doubt: how far off the response may be beside gains and delays.
-        friction: control that dry friction takes: in the runs, not in linear loops; None where it
-            is not known, and nowhere.
+        lines: what was measured of the response behind each control.
+        friction: control that dry friction takes, of all axes or of each (m,): in the runs, not in
+            linear loops; None where it is not known, and nowhere.
         note: of its file, to be repeated where it is run; empty without one.
         states_family: how its file states the family; empty where it does.
     """
@@ -77,7 +78,8 @@ class LinearMachine(Machine):
     with_friction: Callable[[float | None], Hosted] | None = None
     contours: Usual = USUAL
     response_doubt: Doubt | None = None
-    friction: float | None = 0.0
+    lines: tuple[Lines, ...] = ()
+    friction: float | np.ndarray | None = 0.0
     note: str = ""
     states_family: str = ""
 
@@ -85,6 +87,11 @@ class LinearMachine(Machine):
     def doubt(self) -> Doubt | None:
         """What the machine file says of the response."""
         return self.response_doubt
+
+    @property
+    def measured(self) -> tuple[Lines, ...]:
+        """What its file says was measured."""
+        return self.lines
 
     @property
     def remarks(self) -> list[str]:
@@ -98,7 +105,7 @@ class LinearMachine(Machine):
     def nonsmooth_effects(self) -> str:
         """Encoder counts and noise, and friction, where there is some."""
         encoders = "quantised, noisy encoders" if self.noisy else "quantised encoders"
-        return f"{encoders} and dry friction" if self.friction else encoders
+        return f"{encoders} and dry friction" if self.largest_friction else encoders
 
     @property
     def resolution(self) -> float | np.ndarray:
@@ -111,6 +118,11 @@ class LinearMachine(Machine):
         if not self.noisy:
             return self.encoder_resolution
         return np.sqrt(self.encoder_resolution**2 + 12 * self.encoder_noise**2)
+
+    @property
+    def largest_friction(self) -> float:
+        """Of all axes; 0 where it is not known."""
+        return 0.0 if self.friction is None else float(np.max(self.friction))
 
     @property
     def noisy(self) -> bool:
@@ -255,12 +267,12 @@ class LinearMachine(Machine):
     @cached_property
     def _machine(self) -> Plant:
         """The model with friction, which the model's delay does not delay."""
-        if not self.friction:  # none, or not known
+        if self.friction is None or not self.largest_friction:
             return self.model
         A, B = np.asarray(self.model.A), np.asarray(self.model.B)
         # in a model with a delay, the control that acts is the last of those that wait
         entry = A[:, -self.model.inputs :] if self.known_delay else B
-        return with_dry_friction(self.model, entry, np.full(self.model.axes, self.friction))
+        return with_dry_friction(self.model, entry, np.broadcast_to(self.friction, self.model.axes))
 
     def hosted(self, period: float | None = None) -> Hosted:
         """The machine with friction, or the model itself."""
@@ -279,11 +291,12 @@ class LinearMachine(Machine):
             sensors += f", noise {in_words(self.encoder_noise)}"
         friction = "not known, neither in the runs nor in what is proven"
         if self.friction is not None:
-            friction = f"{self.friction:.3g} {self.control_unit}, in the runs and in what is proven"
+            each = " ".join(f"{one:.3g}" for one in np.atleast_1d(self.friction))
+            friction = f"{each} {self.control_unit}, in the runs and in what is proven"
         return {
             "Machine": f"{self.name}: {states}, axes {', '.join(self.axes)}, {time}",
             "Measured": sensors,
-            **({} if self.friction == 0 else {"Friction": friction}),
+            **({"Friction": friction} if self.friction is None or self.largest_friction else {}),
             **({"Note": self.note} if self.note else {}),
         }
 

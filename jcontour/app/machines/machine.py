@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.analysis.uncertain_loops import Doubt, Lines
 from jcontour.linear.between_samples import hidden_acceleration
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
@@ -148,6 +148,11 @@ class Machine(abc.ABC):
     def doubt(self) -> Doubt | None:
         """How far off the response may be, beside the family; None where nothing is said."""
         return None
+
+    @property
+    def measured(self) -> tuple[Lines, ...]:
+        """What was measured of the response behind each control; empty where nothing was."""
+        return ()
 
     @property
     def hidden_acceleration(self) -> np.ndarray:

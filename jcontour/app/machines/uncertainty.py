@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.analysis.uncertain_loops import Doubt, Lines
 from jcontour.app.files.checks import MachineError
 from jcontour.app.files.machine_file import ResponseFields, UncertaintyFields
 from jcontour.app.files.schema import read
@@ -126,6 +126,25 @@ def with_corners(
     corners = np.array(list(product(*zip(low, high, strict=True))))
     kept = len(drawn) - len(corners)
     return drawn if kept < 1 else np.concatenate([drawn[:kept], corners])
+
+
+def measured_lines(given: UncertaintyFields | None, plant: LinearPlant) -> tuple[Lines, ...]:
+    """What a file says was measured behind each control; empty where it says nothing."""
+    if given is None or given.measured is None:
+        return ()
+    one = given.measured
+    fields = (one.hertz, one.real, one.imaginary, one.half_width)
+    if any(len(field) != plant.axes for field in fields):
+        raise MachineError(f"uncertainty.measured: needs {plant.axes} lists in every field")
+    found = []
+    for axis in zip(*fields, strict=True):
+        if len({len(part) for part in axis}) > 1:
+            raise MachineError("uncertainty.measured: its lists need one number per frequency")
+        hertz, real, imaginary, half_width = (np.array(part) for part in axis)
+        if np.any(hertz <= 0) or np.any(hertz * plant.dt > 0.5) or np.any(half_width < 0):
+            raise MachineError("uncertainty.measured: needs frequencies up to half the sample rate")
+        found.append(Lines(2 * np.pi * plant.dt * hertz, real + 1j * imaginary, half_width))
+    return tuple(found)
 
 
 def _doubt(given: ResponseFields | None, plant: LinearPlant) -> Doubt | None:

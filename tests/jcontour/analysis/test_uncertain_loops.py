@@ -2,10 +2,10 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.analysis.frequency_response import Encoding
+from jcontour.analysis.frequency_response import Encoding, Responses
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
 from jcontour.analysis.peak_search import loop_measures
-from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.analysis.uncertain_loops import Doubt, Lines, measured_sensitivity
 
 NO_POSITIONS = Encoding(*(np.zeros(shape) for shape in ((0, 2), (2, 0), (2, 0))))
 
@@ -94,3 +94,18 @@ def test_slopes_are_those_of_differences():
     wanted = (ends[0] - ends[1]) / (2 * step)
     found = sum(float(np.sum(a[0, 3] * b)) for a, b in zip(slopes, change, strict=True))
     assert found == pytest.approx(wanted, rel=1e-4)
+
+
+def test_the_sensitivity_around_a_measured_gain_is_that_of_the_loop_with_it():
+    """x+ = x + (1 + d) u, u = -g x: |S| = |z - 1| / |z - 1 + g (1 + d)|; then d is worse still."""
+    gain, off, w = 0.8, 0.4, np.array([1.0, 3.0])
+    one = np.ones((1, 1))
+    law = LinearLaw(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), -gain * one)
+    encoding = Encoding(np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 0)))
+    responses = Responses.of(batch(FrozenLoop(LinearMachine(one, one, one), law)), encoding)
+    z = np.exp(1j * w)
+    wanted = np.abs((z - 1) / (z - 1 + gain * (1 + off))).max()
+    exact = Lines(w, np.full(2, off), np.zeros(2))
+    assert measured_sensitivity(responses, [exact]) == pytest.approx(wanted, rel=1e-9)
+    largest = np.abs((z - 1) / (z - 1 + gain * (1.1 + off))).max()
+    assert measured_sensitivity(responses, [exact._replace(half_width=np.full(2, 0.1))]) >= largest

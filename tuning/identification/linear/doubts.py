@@ -7,17 +7,26 @@ from tuning.identification.linear import evidence
 from tuning.identification.linear.found import LinearAxis
 from tuning.identification.linear.friction import FAIR
 from tuning.identification.linear.gain_uncertainty import LEAST_GAIN
+from tuning.identification.linear.simplest import Simple
 
 COLOURED = 0.1  # correlation of the errors that is said
 COUPLED = 0.01  # part of the errors' variance
 SATURATED = 1e-3  # part of the samples
 POOR = 0.9  # part of the variance explained on held-out data below which nothing is said
 STANDS = 0.1  # part of a record at rest beside which dry friction is thought of
+FOLLOWS = 0.999  # part of a position that a gain explains: the axis follows its command
 RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
 
 
 def unexplained(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"]) -> str:
     """Why a stable model does not explain an axis."""
+    alike = float(np.corrcoef(command, position)[0, 1] ** 2)
+    if alike > FOLLOWS:
+        return (
+            f"a gain alone explains {100 * alike:.5g} % of the position, and the rest is none of "
+            "the command's: the record is too slow or too coarse to show dynamics; record at the "
+            "drive's own rate, in encoder counts"
+        )
     pole = evidence.fastest_growth(command, position)
     if pole > RUNS_AWAY:
         return (
@@ -29,6 +38,14 @@ def unexplained(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " 
         "record a livelier program: jcontour identify --excite. Where dry friction takes much of "
         "the command, its long moves (G-code) tell more than its sines"
     )
+
+
+def beside(simple: Simple | None) -> str:
+    """What the simple models explain, where they too explain little."""
+    if simple is None or simple.explained <= 0:
+        return ""
+    kind = "a mass with friction" if len(simple.fit.drag) else "a gain with a delay"
+    return f". {kind} explains {100 * simple.explained:.3g} % of the speed there"
 
 
 def doubt(explained: float, dispersion: float, stands: float, friction: bool) -> str:
@@ -91,7 +108,7 @@ def notes(axis: LinearAxis) -> list[str]:
         value, deviation = axis.friction
         notes.append(
             f"{name}: dry friction takes {value:.4g} of the command (+- {2 * deviation:.2g}); the "
-            "model is what is left without it. The file states the largest of its axes"
+            "model is what is left without it"
         )
     if axis.dispersion > 1:
         notes.append(

@@ -41,6 +41,7 @@ class LinearAxis:
         fit: model on the whole record.
         estimate: of its coefficients.
         response: with intervals.
+        lines: what the record shows of the response without a model.
         choice: structures that were compared.
         rivals: by how much the logarithm of the likelihood is less with another delay.
         held_out: position that the model of the first part gives for the rest [m].
@@ -63,6 +64,7 @@ class LinearAxis:
     fit: AxisFit
     estimate: Estimate
     response: evidence.Response
+    lines: evidence.Response
     choice: Choice
     rivals: dict[int, float]
     held_out: Float[np.ndarray, " R"]

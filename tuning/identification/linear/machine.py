@@ -1,14 +1,14 @@
 """A machine of two or three axes from one record of all of them.
 
-Each axis by itself: structure by `order_search`, numbers and intervals on the whole record,
-friction where it is seen (`friction`). Then what the record cannot answer, in words, and the
-family: every gain within the largest of what the intervals say, what two halves of the record
-disagree by, and what drives repeat to; and one sample of delay more where the data do not tell the
-model from one that answers half a sample later. The intervals of the response hold the models of
-all delays that are not told apart, each fitted by itself; those of the richer models that the
-record makes likelier without showing them clearly; and those of a model that is late by a part of a
-sample, as no delay is known to be of whole ones. The gain does not, as it is one number for all
-frequencies; it is taken where these intervals are narrow.
+Each axis by itself: a simple model (`simplest`) and a structure by `order_search`, numbers and
+intervals on the whole record, friction where it is seen (`friction`). Then what the record cannot
+answer, in words, and the family: every gain within the largest of what the intervals say, what two
+halves of the record disagree by, and what drives repeat to; and one sample of delay more where the
+data do not tell the model from one that answers half a sample later. The intervals of the response
+hold the models of all delays that are not told apart, each fitted by itself; those of the richer
+models that the record makes likelier without showing them clearly; and those of a model that is
+late by a part of a sample, as no delay is known to be of whole ones. The gain does not, as it is
+one number for all frequencies; it is taken where these intervals are narrow.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -17,13 +17,23 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from tuning.identification.linear import evidence
-from tuning.identification.linear.doubts import doubt, notes, unexplained
+from tuning.identification.linear.doubts import POOR, beside, doubt, notes, unexplained
 from tuning.identification.linear.encoder_noise import encoder_noise
 from tuning.identification.linear.found import LinearAxis, LinearMachineFound, MachineRecord
-from tuning.identification.linear.friction import friction_of, with_or_without_friction
-from tuning.identification.linear.gain_uncertainty import gain_uncertainty
+from tuning.identification.linear.friction import (
+    FAIR,
+    SURE,
+    friction_of,
+    with_or_without_friction,
+)
+from tuning.identification.linear.gain_uncertainty import (
+    LEAST_GAIN,
+    UNKNOWN_GAIN,
+    gain_uncertainty,
+)
 from tuning.identification.linear.held_response import held_response, own_response
 from tuning.identification.linear.hidden_modes import lasting_hidden_mode
+from tuning.identification.linear.measured import holding_lines, measured, related
 from tuning.identification.linear.order_search import (
     Choice,
     Settled,
@@ -34,8 +44,11 @@ from tuning.identification.linear.order_search import (
 )
 from tuning.identification.linear.output_error import AxisFit, AxisRecord
 from tuning.identification.linear.rivals import lag, rivals_of
+from tuning.identification.linear.simplest import Simple, simplest
 
 FEWEST = 500  # samples
+HALF = 0.5  # of the speed explained: a simple model that shows that columns belong together
+LIKE = 3.0  # ratio of what a gain with a delay and an integrator leave that is one
 LEVEL = 1e-6  # of the F test for coupling
 LATE = 0.5  # samples: half of the one that the family has more
 
@@ -64,8 +77,81 @@ def identify_machine(record: MachineRecord, most_poles: int, most_delay: int) ->
 
 
 def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> LinearAxis:
-    name, command, position = record.axes[k], record.command[:, k], record.position[:, k]
-    resolution = evidence.resolution_of(position)
+    """The model of the search, or a simple one where that explains more and the search is poor."""
+    name, one = record.axes[k], AxisRecord(record.dt, record.command[:, k], record.position[:, k])
+    resolution = evidence.resolution_of(one.position)
+    simple = simplest(one, resolution, most_delay)
+    if (simple is None or simple.explained < HALF) and not related(one):
+        raise ValueError(f"{name}: {unexplained(one.command, one.position)}")
+    try:
+        axis = _searched(record, k, resolution, most_poles, most_delay)
+    except ValueError as error:
+        if simple is None or simple.explained < POOR:
+            raise ValueError(f"{name}: {error}{beside(simple)}") from None
+        return _simple(name, simple, resolution)
+    if simple is not None and _enough(simple, axis):
+        return _simple(name, simple, resolution)
+    return axis
+
+
+def _enough(simple: Simple, axis: LinearAxis) -> bool:
+    """Whether a simple model explains more than a poor one, or hardly less than an integrator.
+
+    A drive that follows its command has none; a program that repeats itself does not tell a lag of
+    a whole period from it.
+    """
+    left = 1 - simple.explained
+    if axis.fit.model.integrators and not simple.fit.model.integrators:
+        return left < LIKE * (1 - axis.explained)
+    return axis.explained < FAIR and left < 1 - axis.explained
+
+
+def _simple(name: str, found: Simple, resolution: float) -> LinearAxis:
+    """A simple model as an axis: its friction, and an interval of what the record moved."""
+    fit, estimate = found.fit, found.estimate
+    lines = measured(found.record, fit)
+    response = holding_lines(evidence.response_of(fit, estimate), lines, fit.model)
+    excited = evidence.excited_to(response, found.record.position, fit.residual)
+    response = evidence.as_excited(response, excited)
+    low, high = response.band
+    inner = (response.frequency >= low) & (response.frequency <= high)
+    width = float(response.half_width[inner].max(initial=LEAST_GAIN))
+    friction = None
+    if "friction" in estimate.names:
+        friction = (estimate["friction"], estimate.deviation("friction"))
+        friction = friction if friction[0] > SURE * friction[1] else None
+    return LinearAxis(
+        name=name,
+        fit=fit,
+        estimate=estimate,
+        response=response,
+        lines=lines,
+        choice=found.choice,
+        rivals={},
+        held_out=found.held_out,
+        explained=found.explained,
+        friction=friction,
+        offset=float(fit.drag[1]) if len(fit.drag) > 1 else 0.0,
+        saturated=evidence.saturated(found.record.command),
+        coupling={},
+        gain=min(width, UNKNOWN_GAIN),
+        gain_by="the widest interval of the response where it is known to 10 %",
+        dispersion=1.0,
+        late=1,
+        resolution=resolution,
+        encoder_noise=0.0,
+    )
+
+
+def _searched(
+    record: MachineRecord, k: int, resolution: float, most_poles: int, most_delay: int
+) -> LinearAxis:
+    """The model of the order search.
+
+    Raises:
+        ValueError: nothing that fits is of use.
+    """
+    command, position = record.command[:, k], record.position[:, k]
     try:
         used, choice = with_or_without_friction(
             AxisRecord(record.dt, command, position), resolution, most_poles, most_delay
@@ -73,17 +159,17 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         choice, found, cancelled = _settled(used, choice, most_delay)
         rivals = rivals_of(used, found, choice, most_delay)
     except (ValueError, np.linalg.LinAlgError) as error:
-        raise ValueError(f"{name}: {error}") from None
+        raise ValueError(str(error)) from None
     fit = found.fit
     estimate = evidence.estimate_of(fit)
     response = evidence.response_of(fit, estimate)
     output, explained = held_out(used, choice)
     if explained <= 0 or not np.isfinite(response.band[1]):
-        raise ValueError(f"{name}: {unexplained(command, position)}")
+        raise ValueError(unexplained(command, position))
     dispersion = evidence.dispersion(fit)
     stands = float(np.mean(evidence.speed_signs(position, resolution) == 0))
     if why := doubt(explained, dispersion, stands, friction_of(fit) is not None):
-        raise ValueError(f"{name}: {why}")
+        raise ValueError(why)
     rivals, equals = {d: one / dispersion for d, one in rivals.items()}, found.equals(dispersion)
     others = [one.fit for one in choice.richer]
     if (longer := with_part(used, fit)) is not None:
@@ -92,14 +178,17 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     response = held_response(own, equals, others)
     if dispersion > 1:
         response = evidence.doubted(response, position, fit.residual)
+    lines = measured(used, fit)
+    response = holding_lines(response, lines, fit.model)
     response = evidence.as_excited(response, evidence.excited_to(response, position, fit.residual))
     surest = response if dispersion > 1 else own
     gain, gain_by = gain_uncertainty(used, fit, surest, response.band)
     return LinearAxis(
-        name=name,
+        name=record.axes[k],
         fit=fit,
         estimate=estimate,
         response=response,
+        lines=lines,
         choice=choice,
         rivals=rivals,
         held_out=output,

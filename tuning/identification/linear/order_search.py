@@ -402,12 +402,17 @@ def held_out(record: AxisRecord, choice: Choice) -> tuple[Float[np.ndarray, " R"
     rest, fit = record.part(cut, len(record.position)), choice.best.fit
     output = simulated(rest, fit.model, drag=fit.drag).output
 
+    return output, part_explained(rest.position, output)
+
+
+def part_explained(position: Float[np.ndarray, " T"], output: Float[np.ndarray, " T"]) -> float:
+    """Part of the variance of the speed that a simulated position explains; 0 where none moves."""
+
     def speed(signal: np.ndarray) -> np.ndarray:
         return signal[WINDOW:] - signal[:-WINDOW]
 
-    missed, moved = speed(rest.position - output), speed(rest.position)
-    variance = float(np.var(moved))
-    return output, 1 - float(np.var(missed)) / variance if variance > 0 else 0.0
+    variance = float(np.var(speed(position)))
+    return 1 - float(np.var(speed(position - output))) / variance if variance > 0 else 0.0
 
 
 def _size(one: Candidate) -> int:

@@ -33,7 +33,7 @@ def no_answer(machine: LinearMachine, force: float, refused: ValueError) -> str:
 def _origin(machine: LinearMachine, force: float) -> str:
     """The force as a share of the limits, and who sets it."""
     share = force / float(np.min(np.asarray(machine.limits.control)))
-    usual = np.isclose(force, max(machine.control_noise, machine.friction or 0.0))
+    usual = np.isclose(force, max(machine.control_noise, machine.largest_friction))
     return (
         f"{100 * share:.3g} % of the smallest control limit{' by default' if usual else ''}; "
         "--force sets it"

@@ -53,6 +53,7 @@ class PathMargins:
         complementary: peak Mt likewise.
         doubt: part that what is not known of the response takes of all that the loops bear; None
             where the machine says nothing of it.
+        measured: peak Ms around the response that was measured; None where nothing was.
     """
 
     spectral_radius: float
@@ -67,6 +68,7 @@ class PathMargins:
     sensitivity: float | None = None
     complementary: float | None = None
     doubt: float | None = None
+    measured: float | None = None
 
     @property
     def stable(self) -> bool:

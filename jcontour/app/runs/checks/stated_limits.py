@@ -88,6 +88,11 @@ def _loops(run: TuningRun, margins: PathMargins) -> Iterator[LimitCheck]:
     if bound is not None:
         peak = np.inf if margins.sensitivity is None else margins.sensitivity
         yield LimitCheck(name="peak sensitivity Ms", value=peak, allowed=bound, member="family")
+        if margins.measured is not None:
+            on = "measured response"
+            yield LimitCheck(
+                name=f"Ms on the {on}", value=margins.measured, allowed=bound, member=on
+            )
     if run.machine.doubt is not None:
         used = np.inf if margins.doubt is None else margins.doubt
         yield LimitCheck(name="unknown response", value=used, allowed=BORNE, member="family")

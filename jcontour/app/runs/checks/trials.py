@@ -12,6 +12,7 @@ from jcontour.analysis.stability import DELAY_SEARCH, GAIN_SEARCH, Margins, marg
 from jcontour.app.files.results.tuned_result import LostFirst, PathMargins, RobustTest, Standstill
 from jcontour.app.jobs.replays import Scenarios, prepared_plans
 from jcontour.app.machines.machine import Fed, Machine
+from jcontour.app.runs.tuning.family_loops import measured_peak
 from jcontour.app.runs.tuning.problem import stated_axis_limits
 from jcontour.controller import Controller, Plan
 from jcontour.devices import on_cpu
@@ -123,6 +124,7 @@ def path_margins(
         probes_left_out=int(open_loops[~without].sum()),
         contours_without_margins=tuple(np.array(names)[without].tolist()),
         lost_first=lost_first(found, paths, names),
+        measured=measured_peak(controller, machine, scenarios, fed),
         **_largest(peaks, doubted=machine.doubt is not None),
     )
 

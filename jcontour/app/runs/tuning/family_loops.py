@@ -14,7 +14,7 @@ from jcontour.analysis.sensitivity import (
     host_peaks,
     sensitivity_curves,
 )
-from jcontour.analysis.uncertain_loops import GRID, Doubt
+from jcontour.analysis.uncertain_loops import GRID, Doubt, measured_sensitivity
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.reports.figures.searches import FamilyCurves
@@ -92,6 +92,21 @@ def least_known(
     place, axis = np.unravel_index(np.argmax(relative * largest), relative.shape)
     hertz = float(frequency[place]) / (2 * np.pi * machine.model.dt)
     return LeastKnown(hertz, float(relative[place, axis]), float(largest[place, axis]))
+
+
+def measured_peak(
+    controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
+) -> float | None:
+    """Peak sensitivity around what was measured of the machine; None where nothing was."""
+    if not any(one.frequency.size for one in machine.measured):
+        return None
+    _, windows = _probed(machine, scenarios, fed)
+    nominal = stack_plants([machine.nominal(fed)])
+    with on_cpu():
+        loops = jax.device_get(frozen_family(nominal, controller, windows))
+    return measured_sensitivity(
+        Responses.of(loops, encoding_of(nominal, windows)), machine.measured
+    )
 
 
 def _probed(machine: Machine, scenarios: Scenarios, fed: Fed) -> tuple[Plant, Reference]:

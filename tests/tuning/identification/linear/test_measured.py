@@ -1,0 +1,63 @@
+"""The response by spectra, against the true one of a simulated axis."""
+
+import numpy as np
+import pytest
+
+from tuning.identification.linear.axis_model import AxisModel
+from tuning.identification.linear.evidence import Response
+from tuning.identification.linear.measured import holding_lines, measured, related
+from tuning.identification.linear.output_error import AxisRecord, simulated
+
+DT, ROWS = 1e-3, 20_000
+TRUTH = AxisModel(np.array([-1.7, 0.9]), np.array([0.02, 0.01]), 0, 2, DT)
+
+
+@pytest.fixture(scope="module")
+def lines():
+    """Of an excited axis with a little noise, from its friction and half its delay."""
+    random = np.random.default_rng(2)
+    command, signs = random.standard_normal((2, ROWS))
+    record = AxisRecord(DT, command, np.zeros(ROWS), (np.sign(signs),))
+    late = np.concatenate([np.zeros(2), command[:-2]]) + 0.4 * np.sign(signs)
+    answer = np.convolve(late, impulse())[:ROWS] + 0.002 * random.standard_normal(ROWS)
+    record = AxisRecord(DT, command, answer, (np.sign(signs),))
+    return measured(record, simulated(record, TRUTH, drag=np.array([0.4])))
+
+
+def impulse():
+    """Of the axis without its delay."""
+    h = np.zeros(400)
+    for k in range(1, 400):
+        h[k] = 1.7 * h[k - 1] - 0.9 * h[k - 2] + (0.02 if k == 1 else 0.01 if k == 2 else 0.0)
+    return h
+
+
+def test_the_intervals_hold_the_true_response(lines):
+    truth = TRUTH.response(2 * np.pi * lines.frequency)
+    inside = np.abs(truth / lines.value - 1) < lines.half_width + 0.02  # a window blurs the mode
+    assert lines.frequency[-1] > 300 and inside.mean() > 0.9
+
+
+def test_nothing_is_kept_where_nothing_moves():
+    record = AxisRecord(DT, np.sin(np.arange(ROWS) * 0.05), np.zeros(ROWS))
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(ROWS)
+    record = AxisRecord(DT, record.command, record.command + noise)
+    found = measured(record, simulated(record, AxisModel(np.zeros(0), np.ones(1), 0, 0, DT)))
+    assert np.all(found.frequency < 15)  # the sine has 8 Hz
+
+
+def test_the_interval_holds_the_lines_from_which_a_model_surely_differs():
+    hertz = np.array([10.0, 20.0, 40.0])
+    model = AxisModel(np.zeros(0), np.ones(1), 0, 0, DT)
+    G = model.response(2 * np.pi * hertz)
+    lines = Response(hertz, G * np.array([1.01, 1.5, 1.0]), np.array([0.05, 0.1, 0.05]))
+    places = np.array([5.0, 18.0, 22.0, 39.0, 80.0])
+    own = Response(places, model.response(2 * np.pi * places), np.full(5, 0.02))
+    held = holding_lines(own, lines, model).half_width
+    assert held == pytest.approx([0.02, 0.5, 0.5, 0.02, 0.02])
+
+
+def test_columns_that_have_nothing_in_common():
+    one, other = np.random.default_rng(3).standard_normal((2, ROWS))
+    assert not related(AxisRecord(DT, one, np.cumsum(other)))
+    assert related(AxisRecord(DT, one, np.cumsum(one + 3 * other)))

@@ -1,0 +1,68 @@
+"""A mass with friction and a drive that follows, each from a record whose truth is known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from experiments.benchmarks.records.emps_record import emps_record
+from jcontour.plants import emps
+from tuning.identification.linear.evidence import resolution_of
+from tuning.identification.linear.output_error import AxisRecord
+from tuning.identification.linear.simplest import simplest
+
+RECORDS = Path(__file__).parents[5] / "shared" / "data" / "records"
+DT = emps.SAMPLE_PERIOD
+
+
+def moves(rows):
+    """Moves to and fro with smooth ends."""
+    time = DT * np.arange(rows)
+    knots = np.random.default_rng(0).uniform(0.0, 0.24, 2 + int(time[-1]))
+    part = np.minimum(time % 1.0 / 0.9, 1.0)
+    smooth = part**3 * (10 - 15 * part + 6 * part**2)
+    whole = time.astype(int)
+    return knots[whole] + (knots[whole + 1] - knots[whole]) * smooth
+
+
+def gain(found):
+    """Speed at rest per unit of command."""
+    model = found.fit.model
+    return model.numerator.sum() / (1 + model.denominator.sum()) / model.dt
+
+
+def test_the_mass_and_the_friction_of_a_simulated_drive():
+    voltage, position = emps_record(moves(14_000), 1)
+    found = simplest(AxisRecord(DT, voltage, position), emps.RESOLUTION, 3)
+    assert gain(found) == pytest.approx(emps.DRIVE_GAIN / emps.VISCOUS, rel=0.02)
+    pole = np.exp(-DT * emps.VISCOUS / emps.MASS)
+    assert found.fit.model.denominator[0] == pytest.approx(-pole, abs=1e-4)
+    assert found.estimate["friction"] == pytest.approx(emps.COULOMB / emps.DRIVE_GAIN, rel=0.01)
+    assert found.estimate["offset"] == pytest.approx(-emps.OFFSET / emps.DRIVE_GAIN, rel=0.02)
+    assert found.explained > 0.999 and found.fit.model.delay <= 1
+
+
+def test_a_drive_that_follows_late_by_parts_of_a_sample():
+    command = np.cumsum(np.random.default_rng(0).standard_normal(3000))
+    late = 2e-3 * (0.3 * np.roll(command, 3) + 0.7 * np.roll(command, 4))
+    late[:4] = 2e-3 * command[0]
+    found = simplest(AxisRecord(DT, command, late), 1e-6, 5)
+    assert found.fit.model.delay == 2 and not len(found.fit.drag)
+    assert found.fit.model.numerator == pytest.approx([6e-4, 1.4e-3], rel=1e-2)
+    assert found.explained > 0.9999
+
+
+@pytest.mark.skipif(not (RECORDS / "emps").exists(), reason="the public records are not here")
+@pytest.mark.parametrize("name", ["DATA_EMPS", "DATA_EMPS_PULSES"])
+def test_the_public_record_of_the_drive(name):
+    """Janot, Gautier & Brunot, 2019; what least squares of the whole estimation record give."""
+    data = loadmat(RECORDS / "emps" / f"{name}.mat")
+    record = AxisRecord(DT, data["vir"].ravel(), data["qm"].ravel())
+    found = simplest(record, resolution_of(record.position), 3)
+    assert found.explained > 0.995
+    low, high = found.estimate.interval("friction")
+    assert low < 0.596 < high
+    if name == "DATA_EMPS":
+        assert gain(found) == pytest.approx(0.1778, rel=0.03)
+        assert found.estimate["friction"] == pytest.approx(0.596, rel=0.03)

@@ -1,0 +1,88 @@
+"""The frequency response of an axis as its record shows it, without a model of its order.
+
+    G = S_yw / S_ww,      var G / |G|^2 = (1 - g^2) / (2 n g^2),      g^2 = |S_yw|^2 / (S_yy S_ww)
+
+(Bendat & Piersol, Random Data, 4th ed., section 9.1) of n segments, where w is the command behind
+its delay with what friction takes off it. Both signals are differenced, which changes no ratio and
+takes the drift of an integrator away. Under feedback, what is not the command's answer pulls G
+towards the inverse of the controller: only lines that stand far above it are kept.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.signal import coherence, csd, welch
+from scipy.stats import norm
+
+from tuning.identification.estimates import CONFIDENCE
+from tuning.identification.linear.axis_model import AxisModel
+from tuning.identification.linear.evidence import Response
+from tuning.identification.linear.output_error import AxisFit, AxisRecord, driven, structure_of
+
+SEGMENTS = 16  # at least
+LONGEST = 2.0  # [s] of a segment: lines of 0.5 Hz
+CLEAR = 0.3  # widest 95 % interval, relative, of a line that is kept
+CHANCE = 1e-3  # of two signals that have nothing in common
+TOGETHER = 5.0  # deviations of a mean over all lines
+SURE = 3.0  # standard deviations by which a model and a line differ
+
+
+def measured(record: AxisRecord, fit: AxisFit) -> Response:
+    """Lines at which the record shows the response by itself; none where it shows it nowhere.
+
+    Args:
+        record: of the axis, with its drags.
+        fit: model that says the delay and how much of each drag there is.
+    """
+    structure = replace(structure_of(fit.model), integrators=0)
+    force = driven(record.command, structure)
+    force = force + sum(f * one for f, one in zip(fit.drag, record.drags, strict=True))
+    rows = min(round(LONGEST / record.dt), len(force) // SEGMENTS)
+    count = len(force) // rows
+    w, y = np.diff(force), np.diff(record.position)
+    hertz, of_w = welch(w, 1 / record.dt, nperseg=rows)
+    _, of_y = welch(y, 1 / record.dt, nperseg=rows)
+    _, both = csd(w, y, 1 / record.dt, nperseg=rows)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value, part = both / of_w, np.abs(both) ** 2 / (of_w * of_y)
+        half = float(norm.ppf((1 + CONFIDENCE) / 2)) * np.sqrt((1 - part) / (2 * count * part))
+    late = np.exp(-2j * np.pi * hertz * record.dt * fit.model.delay)
+    kept = (half < CLEAR) & (hertz > 0)
+    return Response(hertz[kept], (value * late)[kept], np.maximum(half[kept], 0.0))
+
+
+def related(record: AxisRecord) -> bool:
+    """Whether command and position have more in common than chance gives, at one line or at all.
+
+    Of n segments of noise g^2 is larger than x by a chance of (1 - x)^(n - 1): minus its logarithm
+    has mean 1 and deviation 1, and neighbouring lines share half of it.
+    """
+    rows = len(record.position) // SEGMENTS
+    _, common = coherence(np.diff(record.command), np.diff(record.position), nperseg=rows)
+    unlikely = -(SEGMENTS - 1) * np.log(np.maximum(1 - np.nan_to_num(common), 1e-300))
+    count = len(unlikely)
+    everywhere = unlikely.mean() > 1 + TOGETHER * np.sqrt(2 / count)
+    return bool(unlikely.max() > np.log(count / CHANCE) or everywhere)
+
+
+def holding_lines(response: Response, lines: Response, model: AxisModel) -> Response:
+    """The response with an interval that holds each line from which the model surely differs.
+
+    By more than `SURE` deviations; from a line to the next.
+    """
+    if not lines.frequency.size:
+        return response
+    off = np.abs(lines.value / model.response(2 * np.pi * lines.frequency) - 1)
+    deviation = lines.half_width / float(norm.ppf((1 + CONFIDENCE) / 2))
+    sure = np.where(off > SURE * deviation, off, 0.0)
+    edges = np.concatenate([[0.0], lines.frequency[1:] + lines.frequency[:-1], [np.inf]]) / 2
+    places = np.searchsorted(edges, response.frequency, side="right") - 1
+    width = sure[np.minimum(places, len(sure) - 1)]
+    between = np.searchsorted(response.frequency, lines.frequency[sure > 0])
+    for place, wide in zip(between, sure[sure > 0], strict=True):  # lines between two frequencies
+        for k in {max(place - 1, 0), min(place, len(width) - 1)}:
+            width[k] = max(width[k], wide)
+    reached = response.frequency <= lines.frequency[-1]
+    return replace(
+        response, half_width=np.maximum(response.half_width, np.where(reached, width, 0.0))
+    )

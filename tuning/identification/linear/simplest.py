@@ -1,0 +1,284 @@
+"""The simplest models of an axis, for records that show no more.
+
+A drive that follows its command y = b_1 q^-(d+1) u + b_2 q^-(d+2) u + p, with gains of one sign: a
+gain and a delay. And a mass with friction that slides,
+
+    m dv/dt + c v + f sign(v) + o = u(t - d dt),
+
+found as robots are (IDIM-IV: Janot, Vandanjon & Gautier, IEEE Trans. Control Systems Technology 22,
+2014): least squares of the command over acceleration, speed, its sign and 1, each of them behind
+the same smooth kernel, then again with the motion of the simulated model as instruments, which no
+noise of the encoder reaches. Both are judged by the speed that they give from the command alone.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import nnls
+from scipy.signal import fftconvolve
+
+from tuning.identification.estimates import Estimate
+from tuning.identification.linear import evidence
+from tuning.identification.linear.axis_model import AxisModel
+from tuning.identification.linear.order_search import (
+    TRAINING,
+    Candidate,
+    Choice,
+    filter_of,
+    part_explained,
+)
+from tuning.identification.linear.output_error import (
+    AxisFit,
+    AxisRecord,
+    fitted,
+    predicted,
+    simulated,
+    structure_of,
+)
+
+KERNELS = (0.02, 0.04, 0.08, 0.16)  # [s] half width of the kernel
+FEWEST = 5  # samples of it
+ROUNDS = 8  # of instruments
+SETTLED = 1e-4  # relative change of the parameters
+BLOCKS = 20  # of the record, whose sums are taken for independent
+STILL = 0.1  # part of a kernel at rest: friction is then any force
+TELLS = 1.02  # ratio of what two delays leave that tells them apart
+INERT = 10.0  # time constant over the length of a record that shows no viscous friction
+
+
+@dataclass(frozen=True)
+class Simple:
+    """A simple model of an axis.
+
+    Attributes:
+        record: with the signs of friction, where the model has it.
+        fit: on the whole record.
+        estimate: of its coefficients, by blocks of the record.
+        choice: the model of the first part and what it leaves of the rest.
+        held_out: position from the command alone over the rest [m].
+        explained: part of the variance of the speed there.
+    """
+
+    record: AxisRecord
+    fit: AxisFit
+    estimate: Estimate
+    choice: Choice
+    held_out: Float[np.ndarray, " R"]
+    explained: float
+
+
+def simplest(record: AxisRecord, resolution: float, most_delay: int) -> Simple | None:
+    """The simple model that explains the most of what it was not fitted to; None without any.
+
+    Args:
+        record: of the axis, without drags.
+        resolution: of its encoder [m].
+        most_delay: largest delay [samples].
+    """
+    found = [_follows(record, most_delay), _slides(record, resolution, most_delay)]
+    return max(
+        (one for one in found if one is not None), key=lambda one: one.explained, default=None
+    )
+
+
+def _follows(record: AxisRecord, most_delay: int) -> Simple | None:
+    cut = int(TRAINING * len(record.position))
+    training, rest = record.part(0, cut), record.part(cut, len(record.position))
+    model = _gain_and_delay(training, most_delay)
+    if model is None:
+        return None
+    output = simulated(rest, model).output
+    explained = part_explained(rest.position, output)
+    first, whole = (_with_filter(one, model, None) for one in (training, record))
+    candidate = Candidate(first, predicted(rest, first, first.filter))
+    estimate = evidence.estimate_of(whole)
+    return Simple(record, whole, estimate, Choice(candidate, [candidate]), output, explained)
+
+
+def _gain_and_delay(record: AxisRecord, most_delay: int) -> AxisModel | None:
+    """Gains of one sign behind the delay that leaves the least of the position."""
+    u, y = record.command - record.command[0], record.position - record.position.mean()
+    sign = float(np.sign(u @ y)) or 1.0
+    found = []
+    for delay in range(most_delay + 1):
+        columns = np.stack([np.append(np.zeros(k), u[:-k]) for k in (delay + 1, delay + 2)], axis=1)
+        gains, left = nnls(sign * (columns - columns.mean(axis=0)), y)
+        found.append((left, delay, sign * gains))
+    _, delay, gains = min(found, key=lambda one: one[0])
+    return AxisModel(np.zeros(0), gains, 0, delay, record.dt) if gains.any() else None
+
+
+def _with_filter(
+    record: AxisRecord, model: AxisModel, drag: Float[np.ndarray, " s"] | None
+) -> AxisFit:
+    """A fixed model on a record, with the noise filter of what it leaves, and its slopes."""
+    filter_ = filter_of(record, simulated(record, model, drag=drag))
+    return fitted(record, structure_of(model), filter_, model, 0, drag)
+
+
+@dataclass(frozen=True)
+class _Sliding:
+    """Parameters m, c, f, o of a mass with friction, their covariance, and a delay [samples]."""
+
+    values: Float[np.ndarray, " 4"]
+    covariance: Float[np.ndarray, "4 4"]
+    delay: int
+
+    def model(self, dt: float, values: Float[np.ndarray, " 4"] | None = None) -> AxisModel:
+        """The axis without its friction, of a held command."""
+        mass, viscous = (self.values if values is None else values)[:2]
+        constant = mass / viscous
+        pole = np.exp(-dt / constant)
+        lag = constant * (1 - pole)
+        numerator = np.array([dt - lag, lag - pole * dt]) / viscous
+        return AxisModel(np.array([-pole]), numerator, 1, self.delay, dt)
+
+    def coefficients(self, dt: float, values: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 5"]:
+        """Values a_1, b_1, b_2, friction and offset of an `Estimate`."""
+        model = self.model(dt, values)
+        return np.concatenate([model.denominator, model.numerator, [values[2], -values[3]]])
+
+    def estimate(self, dt: float) -> Estimate:
+        """Coefficients of the model, with their covariance to first order."""
+        steps = 1e-4 * np.abs(self.values) + 1e-300
+        slopes = [
+            (self.coefficients(dt, self.values + step) - self.coefficients(dt, self.values - step))
+            / (2 * step.max())
+            for step in np.diag(steps)
+        ]
+        J = np.stack(slopes, axis=1)
+        names = ("a1", "b1", "b2", *evidence.DRAGS)
+        return Estimate(names, self.coefficients(dt, self.values), J @ self.covariance @ J.T)
+
+
+def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | None:
+    cut = int(TRAINING * len(record.position))
+    training, rest = record.part(0, cut), record.part(cut, len(record.position))
+    tried = list(_slidings(training, resolution, most_delay))
+    if not tried:
+        return None
+    half, best = max(tried, key=lambda one: _explained(training, one[1]))
+    whole = _sliding(record, evidence.speed_signs(record.position, resolution), half, most_delay)
+    if whole is None:
+        return None
+    output = _moved(rest, best)[0]
+    explained = part_explained(rest.position, output)
+    signs = evidence.speed_signs(record.position, resolution)
+    rubbed = replace(record, drags=(signs, np.ones(len(signs))))
+    fits = [
+        _with_filter(one, found.model(record.dt), np.array([found.values[2], -found.values[3]]))
+        for one, found in ((rubbed.part(0, cut), best), (rubbed, whole))
+    ]
+    beyond = predicted(rubbed.part(cut, len(signs)), fits[0], fits[0].filter)
+    candidate = Candidate(fits[0], beyond)
+    estimate = whole.estimate(record.dt)
+    return Simple(rubbed, fits[1], estimate, Choice(candidate, [candidate]), output, explained)
+
+
+def _slidings(
+    record: AxisRecord, resolution: float, most_delay: int
+) -> Iterator[tuple[int, _Sliding]]:
+    """What kernels of different widths [samples] show."""
+    signs = evidence.speed_signs(record.position, resolution)
+    halves = {max(round(width / record.dt), FEWEST) for width in KERNELS}
+    for half in sorted(halves):
+        if 4 * half < len(record.position):
+            found = _sliding(record, signs, half, most_delay)
+            if found is not None:
+                yield half, found
+
+
+def _sliding(
+    record: AxisRecord, signs: Float[np.ndarray, " T"], half: int, most_delay: int
+) -> _Sliding | None:
+    """Parameters behind one kernel; None where they are those of no machine."""
+    kernel = np.cos(np.pi / 2 * np.arange(-half, half + 1) / (half + 1)) ** 4
+    kernel /= kernel.sum()
+    rates = [kernel, np.gradient(kernel, record.dt)]
+    rates.append(np.gradient(rates[1], record.dt))
+
+    def regressors(position: np.ndarray, sign: np.ndarray) -> np.ndarray:
+        parts = (position, rates[2]), (position, rates[1]), (sign, kernel)
+        columns = [fftconvolve(signal, one, "valid") for signal, one in parts]
+        return np.stack([*columns, np.ones(len(columns[0]))], axis=1)
+
+    moves = fftconvolve((signs == 0).astype(float), kernel, "valid") < STILL
+    A = regressors(record.position, -signs)[moves]
+    if len(A) < BLOCKS * A.shape[1]:
+        return None
+    held = (record.command + np.append(record.command[:1], record.command[:-1])) / 2
+    found = []
+    for delay in range(most_delay + 1):  # the first of equals is taken
+        late = np.append(np.full(delay, held[0]), held)[: len(held)]
+        force = fftconvolve(late, kernel, "valid")[moves]
+        values, *_ = np.linalg.lstsq(A, force, rcond=None)
+        found.append((float(np.var(force - A @ values)), delay, force, values))
+    least = min(found, key=lambda one: one[0])[0]
+    delay, force, values = next(one[1:] for one in found if one[0] <= TELLS * least)
+    one = _Sliding(_possible(values, record), np.zeros((4, 4)), delay)
+    for _ in range(ROUNDS):
+        if not one.values[0] > 0:
+            return None
+        position, speed = _moved(record, one)
+        if not np.isfinite(position).all():
+            return None
+        Z = regressors(position, np.sign(speed))[moves]
+        try:
+            inverse = np.linalg.inv(Z.T @ A)
+        except np.linalg.LinAlgError:
+            return None
+        before, values = one.values, _possible(inverse @ Z.T @ force, record)
+        blocks = np.array_split(Z * (force - A @ values)[:, None], BLOCKS)
+        sums = np.stack([block.sum(axis=0) for block in blocks])
+        one = _Sliding(values, inverse @ (sums.T @ sums) @ inverse.T, delay)
+        if np.abs(values - before).max() < SETTLED * np.abs(values).max():
+            break
+    return one if one.values[0] > 0 else None
+
+
+def _possible(values: Float[np.ndarray, " 4"], record: AxisRecord) -> Float[np.ndarray, " 4"]:
+    """The parameters with friction that brakes, if hardly, and a mass that takes a sample at least.
+
+    A record of steady speeds shows no mass.
+    """
+    mass, viscous, friction, offset = values
+    viscous = max(viscous, abs(mass) / (INERT * record.dt * len(record.position)))
+    return np.array([max(mass, viscous * record.dt), viscous, max(friction, 0.0), offset])
+
+
+def _explained(record: AxisRecord, one: _Sliding) -> float:
+    return part_explained(record.position, _moved(record, one)[0])
+
+
+def _moved(
+    record: AxisRecord, one: _Sliding
+) -> tuple[Float[np.ndarray, " T"], Float[np.ndarray, " T"]]:
+    """Position [m] and speed [m/s] from the command alone, and the place where a record begins.
+
+    Between samples force and direction are held, the rest is exact; at rest the axis sticks until
+    the force is larger than its friction.
+    """
+    _, viscous, friction, offset = one.values.tolist()
+    pole = -one.model(record.dt).denominator.item()
+    lag = (1 - pole) * one.values[0] / viscous
+    late = np.append(np.full(one.delay, record.command[0]), record.command)
+    x = float(record.position[0])
+    ahead = min(evidence.WINDOW, len(record.position) - 1)
+    v = float(record.position[ahead] - x) / (ahead * record.dt)
+    places, speeds = [], []
+    for force in (late[: len(record.command)] - offset).tolist():
+        places.append(x)
+        speeds.append(v)
+        if v == 0.0 and abs(force) <= friction:
+            continue
+        way = np.sign(v) or np.sign(force)
+        steady = (force - friction * way) / viscous
+        after = steady + (v - steady) * pole
+        if way * after < 0:
+            v = 0.0
+            continue
+        x += (v - steady) * lag + steady * record.dt
+        v = after
+    return np.array(places), np.array(speeds)
