@@ -1,11 +1,13 @@
-"""The frequency response of an axis as its record shows it, without a model of its order.
+"""The frequency response of an axis as its record shows it, whatever the order of its model.
 
-    G = S_yw / S_ww,      var G / |G|^2 = (1 - g^2) / (2 n g^2),      g^2 = |S_yw|^2 / (S_yy S_ww)
+    G = G_m S_ym / S_mm,      var G / |G|^2 = (1 - g^2) / (2 n g^2),    g^2 = |S_ym|^2 / (S_yy S_mm)
 
-(Bendat & Piersol, Random Data, 4th ed., section 9.1) of n segments, where w is the command behind
-its delay with what friction takes off it. Both signals are differenced, which changes no ratio and
-takes the drift of an integrator away. Under feedback, what is not the command's answer pulls G
-towards the inverse of the controller: only lines that stand far above it are kept.
+(Bendat & Piersol, Random Data, 4th ed., section 9.1) of n segments, where m is what a model G_m
+answers to the command and to friction: beside it the true response is smooth, so that a window
+blurs it little. Both signals are differenced, which changes no ratio and takes the drift of an
+integrator away. Under feedback, what is not the command's answer pulls G towards the inverse of the
+controller, relative to G by |L| (1 - g^2) / g^2 with the loop gain L: an interval is wider by that
+with |L| = `FED_BACK`.
 """
 
 from dataclasses import replace
@@ -17,14 +19,16 @@ from scipy.stats import norm
 from tuning.identification.estimates import CONFIDENCE
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.evidence import Response
-from tuning.identification.linear.output_error import AxisFit, AxisRecord, driven, structure_of
+from tuning.identification.linear.output_error import AxisFit, AxisRecord, simulated
+from tuning.identification.linear.pieces import Pieces
 
 SEGMENTS = 16  # at least
 LONGEST = 2.0  # [s] of a segment: lines of 0.5 Hz
+FED_BACK = 2.0  # gain of the loop that recorded, where it matters: around its bandwidth
 CLEAR = 0.3  # widest 95 % interval, relative, of a line that is kept
 CHANCE = 1e-3  # of two signals that have nothing in common
 TOGETHER = 5.0  # deviations of a mean over all lines
-SURE = 3.0  # standard deviations by which a model and a line differ
+SURE = 1.5  # times its interval, by which a model and a line differ
 
 
 def measured(record: AxisRecord, fit: AxisFit) -> Response:
@@ -32,23 +36,23 @@ def measured(record: AxisRecord, fit: AxisFit) -> Response:
 
     Args:
         record: of the axis, with its drags.
-        fit: model that says the delay and how much of each drag there is.
+        fit: model G_m, and how much of each drag there is.
     """
-    structure = replace(structure_of(fit.model), integrators=0)
-    force = driven(record.command, structure)
-    force = force + sum(f * one for f, one in zip(fit.drag, record.drags, strict=True))
-    rows = min(round(LONGEST / record.dt), len(force) // SEGMENTS)
-    count = len(force) // rows
-    w, y = np.diff(force), np.diff(record.position)
-    hertz, of_w = welch(w, 1 / record.dt, nperseg=rows)
+    whole = replace(record, pieces=Pieces())
+    answer = simulated(whole, fit.model, drag=fit.drag).output
+    rows = min(round(LONGEST / record.dt), len(answer) // SEGMENTS)
+    count = len(answer) // rows
+    m, y = np.diff(answer), np.diff(record.position)
+    hertz, of_m = welch(m, 1 / record.dt, nperseg=rows)
     _, of_y = welch(y, 1 / record.dt, nperseg=rows)
-    _, both = csd(w, y, 1 / record.dt, nperseg=rows)
+    _, both = csd(m, y, 1 / record.dt, nperseg=rows)
     with np.errstate(divide="ignore", invalid="ignore"):
-        value, part = both / of_w, np.abs(both) ** 2 / (of_w * of_y)
-        half = float(norm.ppf((1 + CONFIDENCE) / 2)) * np.sqrt((1 - part) / (2 * count * part))
-    late = np.exp(-2j * np.pi * hertz * record.dt * fit.model.delay)
+        value, part = both / of_m, np.abs(both) ** 2 / (of_m * of_y)
+        left = np.maximum(1 - part, 0.0) / part
+        half = float(norm.ppf((1 + CONFIDENCE) / 2)) * np.sqrt(left / (2 * count)) + FED_BACK * left
     kept = (half < CLEAR) & (hertz > 0)
-    return Response(hertz[kept], (value * late)[kept], np.maximum(half[kept], 0.0))
+    G = fit.model.response(2 * np.pi * hertz[kept])
+    return Response(hertz[kept], value[kept] * G, half[kept])
 
 
 def related(record: AxisRecord) -> bool:
@@ -68,13 +72,12 @@ def related(record: AxisRecord) -> bool:
 def holding_lines(response: Response, lines: Response, model: AxisModel) -> Response:
     """The response with an interval that holds each line from which the model surely differs.
 
-    By more than `SURE` deviations; from a line to the next.
+    By more than `SURE` of its interval; from a line to the next.
     """
     if not lines.frequency.size:
         return response
     off = np.abs(lines.value / model.response(2 * np.pi * lines.frequency) - 1)
-    deviation = lines.half_width / float(norm.ppf((1 + CONFIDENCE) / 2))
-    sure = np.where(off > SURE * deviation, off, 0.0)
+    sure = np.where(off > SURE * lines.half_width, off, 0.0)
     edges = np.concatenate([[0.0], lines.frequency[1:] + lines.frequency[:-1], [np.inf]]) / 2
     places = np.searchsorted(edges, response.frequency, side="right") - 1
     width = sure[np.minimum(places, len(sure) - 1)]

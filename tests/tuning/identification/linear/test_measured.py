@@ -11,17 +11,19 @@ from tuning.identification.linear.output_error import AxisRecord, simulated
 DT, ROWS = 1e-3, 20_000
 TRUTH = AxisModel(np.array([-1.7, 0.9]), np.array([0.02, 0.01]), 0, 2, DT)
 
+WRONG = AxisModel(np.array([-1.6, 0.8]), np.array([0.03, 0.01]), 0, 2, DT)  # of another mode
+
 
 @pytest.fixture(scope="module")
 def lines():
-    """Of an excited axis with a little noise, from its friction and half its delay."""
+    """Of an excited axis with friction and a little noise, beside a model of another mode."""
     random = np.random.default_rng(2)
     command, signs = random.standard_normal((2, ROWS))
     record = AxisRecord(DT, command, np.zeros(ROWS), (np.sign(signs),))
     late = np.concatenate([np.zeros(2), command[:-2]]) + 0.4 * np.sign(signs)
     answer = np.convolve(late, impulse())[:ROWS] + 0.002 * random.standard_normal(ROWS)
     record = AxisRecord(DT, command, answer, (np.sign(signs),))
-    return measured(record, simulated(record, TRUTH, drag=np.array([0.4])))
+    return measured(record, simulated(record, WRONG, drag=np.array([0.4])))
 
 
 def impulse():
