@@ -33,7 +33,7 @@ from tuning.identification.linear.gain_uncertainty import (
 )
 from tuning.identification.linear.held_response import held_response, own_response
 from tuning.identification.linear.hidden_modes import lasting_hidden_mode
-from tuning.identification.linear.measured import holding_lines, measured, related
+from tuning.identification.linear.measured import measured, related, with_lines
 from tuning.identification.linear.order_search import (
     Choice,
     Settled,
@@ -110,9 +110,9 @@ def _simple(name: str, found: Simple, resolution: float) -> LinearAxis:
     """A simple model as an axis: its friction, and an interval of what the record moved."""
     fit, estimate = found.fit, found.estimate
     lines = measured(found.record, fit)
-    response = holding_lines(evidence.response_of(fit, estimate), lines, fit.model)
+    response = evidence.response_of(fit, estimate)
     excited = evidence.excited_to(response, found.record.position, fit.residual)
-    response = evidence.as_excited(response, excited)
+    response = with_lines(evidence.as_excited(response, excited), lines, fit.model)
     low, high = response.band
     inner = (response.frequency >= low) & (response.frequency <= high)
     width = float(response.half_width[inner].max(initial=LEAST_GAIN))
@@ -179,8 +179,8 @@ def _searched(
     if dispersion > 1:
         response = evidence.doubted(response, position, fit.residual)
     lines = measured(used, fit)
-    response = holding_lines(response, lines, fit.model)
     response = evidence.as_excited(response, evidence.excited_to(response, position, fit.residual))
+    response = with_lines(response, lines, fit.model)
     surest = response if dispersion > 1 else own
     gain, gain_by = gain_uncertainty(used, fit, surest, response.band)
     return LinearAxis(

@@ -69,23 +69,27 @@ def related(record: AxisRecord) -> bool:
     return bool(unlikely.max() > np.log(count / CHANCE) or everywhere)
 
 
-def holding_lines(response: Response, lines: Response, model: AxisModel) -> Response:
-    """The response with an interval that holds each line from which the model surely differs.
+def with_lines(response: Response, lines: Response, model: AxisModel) -> Response:
+    """The response with an interval that no line leaves, and no wider than lines close together.
 
-    By more than `SURE` of its interval; from a line to the next.
+    Where at least half of the lines around a frequency are there, they alone tell the response: the
+    interval is at most the largest of theirs about the model. It holds in any case each line from
+    which the model surely differs, by more than `SURE` times the interval of the line.
     """
-    if not lines.frequency.size:
+    if len(lines.frequency) < 2:
         return response
     off = np.abs(lines.value / model.response(2 * np.pi * lines.frequency) - 1)
-    sure = np.where(off > SURE * lines.half_width, off, 0.0)
-    edges = np.concatenate([[0.0], lines.frequency[1:] + lines.frequency[:-1], [np.inf]]) / 2
-    places = np.searchsorted(edges, response.frequency, side="right") - 1
-    width = sure[np.minimum(places, len(sure) - 1)]
-    between = np.searchsorted(response.frequency, lines.frequency[sure > 0])
-    for place, wide in zip(between, sure[sure > 0], strict=True):  # lines between two frequencies
-        for k in {max(place - 1, 0), min(place, len(width) - 1)}:
-            width[k] = max(width[k], wide)
-    reached = response.frequency <= lines.frequency[-1]
-    return replace(
-        response, half_width=np.maximum(response.half_width, np.where(reached, width, 0.0))
-    )
+    own, sure = off + lines.half_width, np.where(off > SURE * lines.half_width, off, 0.0)
+    spacing = float(np.diff(lines.frequency).min())
+    places, width = response.frequency, response.half_width.copy()
+    between = np.sqrt(places[1:] * places[:-1])
+    low = np.minimum(np.append(places[0], between), places - spacing)
+    high = np.maximum(np.append(between, places[-1]), places + spacing)
+    first = np.searchsorted(lines.frequency, low)
+    last = np.searchsorted(lines.frequency, high, side="right")
+    for k in np.flatnonzero(last > first):
+        around = slice(first[k], last[k])
+        if 2 * spacing * (last[k] - first[k]) >= high[k] - low[k]:
+            width[k] = min(width[k], own[around].max())
+        width[k] = max(width[k], sure[around].max())
+    return replace(response, half_width=width)

@@ -5,7 +5,7 @@ import pytest
 
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.evidence import Response
-from tuning.identification.linear.measured import holding_lines, measured, related
+from tuning.identification.linear.measured import measured, related, with_lines
 from tuning.identification.linear.output_error import AxisRecord, simulated
 
 DT, ROWS = 1e-3, 20_000
@@ -48,15 +48,15 @@ def test_nothing_is_kept_where_nothing_moves():
     assert np.all(found.frequency < 15)  # the sine has 8 Hz
 
 
-def test_the_interval_holds_the_lines_from_which_a_model_surely_differs():
-    hertz = np.array([10.0, 20.0, 40.0])
+def test_the_interval_holds_the_lines_and_is_no_wider_where_they_are_close():
+    hertz = np.array([10.0, 11.0, 12.0, 40.0])
     model = AxisModel(np.zeros(0), np.ones(1), 0, 0, DT)
     G = model.response(2 * np.pi * hertz)
-    lines = Response(hertz, G * np.array([1.01, 1.5, 1.0]), np.array([0.05, 0.1, 0.05]))
-    places = np.array([5.0, 18.0, 22.0, 39.0, 80.0])
-    own = Response(places, model.response(2 * np.pi * places), np.full(5, 0.02))
-    held = holding_lines(own, lines, model).half_width
-    assert held == pytest.approx([0.02, 0.5, 0.5, 0.02, 0.02])
+    lines = Response(hertz, G * np.array([1.01, 1.5, 1.0, 2.0]), np.array([0.05, 0.1, 0.05, 0.1]))
+    places = np.array([9.0, 10.5, 11.5, 38.0, 90.0])
+    own = Response(places, model.response(2 * np.pi * places), np.array([3.0, 3.0, 0.1, 0.1, 3.0]))
+    held = with_lines(own, lines, model).half_width
+    assert held == pytest.approx([0.06, 0.6, 0.5, 1.0, 3.0])
 
 
 def test_columns_that_have_nothing_in_common():
