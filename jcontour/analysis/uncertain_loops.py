@@ -21,6 +21,7 @@ from jcontour.analysis.loop_slopes import Ends, slope_of, turned
 from jcontour.analysis.spectral import times
 
 GRID = np.pi * np.geomspace(1e-3, 1.0, 160)  # [rad per sample] that is looked at in any case
+DEVIATIONS = 1.96  # in half an interval of 95 %
 BORNE = 0.5  # of W T_u: a factor of two stays on everything that is not known
 
 
@@ -57,7 +58,7 @@ class Lines(NamedTuple):
 
 
 def measured_sensitivity(responses: Responses, lines: Sequence[Lines]) -> float:
-    """Largest sensitivity of loops around the measured response, at its worst within 95 %.
+    """Largest sensitivity of loops around the measured response, at worst within a deviation of it.
 
     With P (I + E) in place of P it is (I - T_u E)^-1 S_u; one axis is replaced at a time.
 
@@ -72,7 +73,7 @@ def measured_sensitivity(responses: Responses, lines: Sequence[Lines]) -> float:
         turned_by = off[:, None, None] * np.diag(eye[k])
         S = np.linalg.solve(eye - T @ turned_by, eye + T)
         left = np.abs(1 - T[..., k, k] * off)
-        sure = left - np.abs(T[..., k, k]) * half_width
+        sure = left - np.abs(T[..., k, k]) * half_width / DEVIATIONS
         with np.errstate(divide="ignore"):
             worst = np.where(sure > 0, left / np.maximum(sure, 0.0), np.inf)
         largest = max(largest, float(np.max(largest_singular(S) * worst, initial=0.0)))
