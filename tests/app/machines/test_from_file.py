@@ -18,6 +18,22 @@ EXAMPLE = Path(jcontour.app.machines.__file__).parent / "example.json"
 FIELDS = json.loads(EXAMPLE.read_text())
 
 
+def measured(*hertz, **other):
+    """Lines of some axes at which the model is right."""
+    zeros = [[0.0] * len(one) for one in hertz]
+    names = ("real", "imaginary", "half_width")
+    return {"hertz": list(hertz)} | dict.fromkeys(names, zeros) | other
+
+
+def test_what_was_measured_is_behind_each_control():
+    lines = {**measured([5.0], [5.0, 50.0]), "real": [[0.1], [0.0, 0.2]]}
+    fields = {**FIELDS, "uncertainty": {"measured": lines}}
+    first, second = machine_from(json.dumps(fields).encode()).measured
+    assert first.off.tolist() == [0.1] and second.off.tolist() == [0.0, 0.2]
+    assert second.frequency == pytest.approx(2 * np.pi * FIELDS["dt"] * np.array([5.0, 50.0]))
+    assert machine_from(json.dumps(FIELDS).encode()).measured == ()
+
+
 def test_friction_of_null_is_not_known():
     unknown = machine_from(json.dumps({**FIELDS, "friction": None}).encode(), "unknown")
     assert isinstance(unknown, LinearMachine) and unknown.friction is None
@@ -97,6 +113,9 @@ def test_friction_is_told_and_nothing_is_told_without():
     )
     assert isinstance(rough, LinearMachine) and rough.friction == 0.25
     assert rough.description()["Friction"].startswith("0.25 ")
+    each = machine_from(json.dumps({**FIELDS, "friction": [0.5, 0.25]}).encode())
+    assert isinstance(each, LinearMachine) and each.largest_friction == 0.5
+    assert each.description()["Friction"].startswith("0.5 0.25 ")
     assert "Friction" not in plain.description()
 
 
@@ -194,6 +213,9 @@ def test_an_npz_that_says_a_thing_twice_is_refused(names):
             {"uncertainty": {"response": {"hertz": [1e9], "relative": [[0]] * 2}}},
             "response.hertz: needs rising frequencies above 0",
         ),
+        ({"uncertainty": {"measured": measured([3.0])}}, "measured: needs 2 lists"),
+        ({"uncertainty": {"measured": measured([3.0], [1e9])}}, "up to half the sample rate"),
+        ({"uncertainty": {"measured": measured([], [1.0], real=[[], []])}}, "one number per freq"),
         (
             {"uncertainty": {"response": {"hertz": [1, 3], "relative": [[0, 1]]}}},
             "response.relative: needs 2 rows of 2 numbers",
