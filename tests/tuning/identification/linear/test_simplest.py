@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from experiments.benchmarks.records.emps_record import emps_record
 from jcontour.plants import emps
+from tests.app.machines.test_emps_record import emps_record
 from tuning.identification.linear.evidence import resolution_of
 from tuning.identification.linear.output_error import AxisRecord
 from tuning.identification.linear.simplest import simplest
