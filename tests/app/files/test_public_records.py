@@ -45,7 +45,7 @@ pytestmark = pytest.mark.skipif(not RECORDS.exists(), reason="the public records
 def test_a_public_record(file, columns, unit, rows, dt):
     time, command, position = columns
     period = time if isinstance(time, float) else None
-    stamps = None if period else time
+    stamps = time if isinstance(time, str) else None
     log = read_log(
         RECORDS / file, ("X",), LogColumns(stamps, (command,), (position,), unit, period)
     )

@@ -32,9 +32,16 @@ def gain(found):
     return model.numerator.sum() / (1 + model.denominator.sum()) / model.dt
 
 
+def found_of(record, resolution, most_delay):
+    """The simple model of a record that has one."""
+    found = simplest(record, resolution, most_delay)
+    assert found is not None
+    return found
+
+
 def test_the_mass_and_the_friction_of_a_simulated_drive():
     voltage, position = emps_record(moves(14_000), 1)
-    found = simplest(AxisRecord(DT, voltage, position), emps.RESOLUTION, 3)
+    found = found_of(AxisRecord(DT, voltage, position), emps.RESOLUTION, 3)
     assert gain(found) == pytest.approx(emps.DRIVE_GAIN / emps.VISCOUS, rel=0.02)
     pole = np.exp(-DT * emps.VISCOUS / emps.MASS)
     assert found.fit.model.denominator[0] == pytest.approx(-pole, abs=1e-4)
@@ -47,7 +54,7 @@ def test_a_drive_that_follows_late_by_parts_of_a_sample():
     command = np.cumsum(np.random.default_rng(0).standard_normal(3000))
     late = 2e-3 * (0.3 * np.roll(command, 3) + 0.7 * np.roll(command, 4))
     late[:4] = 2e-3 * command[0]
-    found = simplest(AxisRecord(DT, command, late), 1e-6, 5)
+    found = found_of(AxisRecord(DT, command, late), 1e-6, 5)
     assert found.fit.model.delay == 2 and not len(found.fit.drag)
     assert found.fit.model.numerator == pytest.approx([6e-4, 1.4e-3], rel=1e-2)
     assert found.explained > 0.9999
@@ -59,7 +66,7 @@ def test_the_public_record_of_the_drive(name):
     """Janot, Gautier & Brunot, 2019; what least squares of the whole estimation record give."""
     data = loadmat(RECORDS / "emps" / f"{name}.mat")
     record = AxisRecord(DT, data["vir"].ravel(), data["qm"].ravel())
-    found = simplest(record, resolution_of(record.position), 3)
+    found = found_of(record, resolution_of(record.position), 3)
     assert found.explained > 0.995
     low, high = found.estimate.interval("friction")
     assert low < 0.596 < high
