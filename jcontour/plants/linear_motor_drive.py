@@ -7,7 +7,6 @@ Table 1 at lambda = -0.3075. It is not the authors' motor, of which they print o
 """
 
 import numpy as np
-from scipy.optimize import brentq
 
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transfer_functions import transfer_function
@@ -58,6 +57,7 @@ def bandwidth_of_zero(zero: float, drag: float = 0.0, dt: float = PERIOD) -> flo
     Raises:
         ValueError: no bandwidth does.
     """
+    from scipy.optimize import brentq  # loaded with the door of the plants otherwise
 
     def off(p: float) -> float:
         zeros = transfer_function(linear_motor_drive(p / dt, drag, dt)).zeros

@@ -26,13 +26,15 @@ def test_only_what_is_asked_for_is_loaded_and_numbers_are_float64(monkeypatch):
     printed_lines = printed(
         "import sys, jcontour",
         "print('jax' in sys.modules, 'contours' in dir(jcontour))",
-        "[getattr(jcontour, name) for name in jcontour.__all__]",
+        "jcontour.simulate, jcontour.evaluate, jcontour.score, jcontour.contours, jcontour.margins",
         f"print([name for name in {heavy + rooms} if name in sys.modules])",
-        "import jax, jcontour.plants, jcontour.controllers",
+        "from jcontour.controllers import ContouringLQ",
+        "print([name for name in sys.modules if name.startswith('jcontour.controllers.feedback')])",
+        "import jax, jcontour.plants",
         f"print([name for name in {heavy} if name in sys.modules])",
         "print(jax.numpy.zeros(1).dtype)",
     )
-    assert printed_lines.splitlines() == ["False True", "[]", "[]", "float64"]
+    assert printed_lines.splitlines() == ["False True", "[]", "[]", "[]", "float64"]
 
 
 @pytest.mark.parametrize(
