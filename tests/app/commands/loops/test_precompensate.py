@@ -14,7 +14,6 @@ from jcontour.app.files.results.stored import read_result
 from jcontour.app.files.results.verdict import LimitCheck, exceeded
 from jcontour.app.jobs.replays import Scenarios, replay
 from jcontour.app.runs.loops.bending import Bent
-from tuning.precompensation import Precompensated
 
 BEYOND = LimitCheck(name="speed of X", value=0.3, allowed=0.2, unit="m/s")
 
@@ -102,11 +101,10 @@ def unbent(loop, roughness, status):
     job, machine, controller = loop.jobs[0], loop.machine, loop.controller
     reference = job.reference(machine.model.dt, controller.preview)
     scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
-    runs, none = replay(controller, scenarios), np.zeros(1)
+    runs = replay(controller, scenarios)
     still = np.zeros((reference.steps, len(machine.axes)))
-    found = Precompensated(still, none, none, none)
     told = [], [], (0.0, 0.0)
-    return Bent(job, 0, True, reference, found, roughness, scenarios.plants, runs, runs, *told)
+    return Bent(job, 0, True, reference, still, roughness, scenarios.plants, runs, runs, *told)
 
 
 @pytest.mark.slow

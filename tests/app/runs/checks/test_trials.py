@@ -180,7 +180,9 @@ def test_a_path_that_is_run_at_the_limit_all_along_has_no_margins(two_axes):
     )  # type: ignore[arg-type]
     plant = Delayed(Saturated(two_axes, jnp.full(2, 1e-3)), jnp.asarray(0), 1, 2)
     machine, law = (
-        SimpleNamespace(nominal=lambda fed: plant, smooth_family=lambda fed: [plant], doubt=None),
+        SimpleNamespace(
+            nominal=lambda fed: plant, smooth_family=lambda fed: [plant], doubt=None, measured=()
+        ),
         ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3),
     )
     tried = law, machine, scenarios, "state"
