@@ -1,5 +1,8 @@
 """Version of the package that is installed."""
 
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 
-__version__ = version("jcontour")
+try:
+    __version__ = version("jcontour")
+except PackageNotFoundError:  # run from its folder without being installed
+    __version__ = "unknown"
