@@ -245,13 +245,13 @@ def _folder_first(folder: Path) -> Iterator[None]:
 
     Modules that this program has loaded under such a name, as `tuning`, are its own again behind.
     """
-    beside = {path.stem for path in folder.glob("*.py")}
-    beside |= {path.parent.name for path in folder.glob("*/__init__.py")}
-    loaded = {name: sys.modules.get(name) for name in beside}
+    beside = {path.stem: path for path in folder.glob("*.py")}
+    beside |= {path.parent.name: path for path in folder.glob("*/__init__.py")}
     ours = {
         name
-        for name, module in loaded.items()
-        if module is not None and not str(getattr(module, "__file__", "")).startswith(str(folder))
+        for name, path in beside.items()
+        if (loaded := getattr(sys.modules.get(name), "__file__", None))
+        and Path(loaded).resolve() != path  # an environment may lie in his folder too
     }
     hidden = {name: sys.modules.pop(name) for name in [*sys.modules] if name.split(".")[0] in ours}
     sys.path.insert(0, str(folder))

@@ -3,6 +3,7 @@
 import importlib
 import json
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -421,15 +422,21 @@ def test_the_controller_of_the_readme_runs_as_it_says(capsys, monkeypatch, tmp_p
     assert not any(metrics["diverged"] for metrics in found["plants"].values())
 
 
-def test_what_lies_beside_the_file_is_imported_first(tmp_path):
-    """His `tuning.py` and his helper; the program keeps its own package of that name."""
+def test_what_lies_beside_the_file_is_imported_first(tmp_path, monkeypatch):
+    """His `tuning.py` and his helper; the program keeps its own modules of these names.
+
+    The second is loaded from below his folder, as out of an environment that lies there.
+    """
+    (tmp_path / ".venv").mkdir()
+    (tmp_path / ".venv" / "his_helper.py").write_text("TWICE = 0.0\n")
+    monkeypatch.syspath_prepend(tmp_path / ".venv")
+    installed = importlib.import_module("his_helper")
     (tmp_path / "tuning.py").write_text("GAIN = 7.0\n")
     (tmp_path / "his_helper.py").write_text("import tuning\nTWICE = 2 * tuning.GAIN\n")
-    (tmp_path / "mine.py").write_text(
-        "from his_helper import TWICE\nimport tuning\nBOTH = tuning, TWICE\n"
-    )
     path = tmp_path / "mine.py"
+    path.write_text("from his_helper import TWICE\nimport tuning\nBOTH = tuning, TWICE\n")
     trust(path.read_bytes())
     own, twice = own_classes._found(own_classes.OwnName(path, "BOTH"))
     assert (own.GAIN, twice) == (7.0, 14.0)
     assert importlib.import_module("tuning").Problem.__name__ == "Problem"
+    assert sys.modules.pop("his_helper") is installed
