@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.motion.references import Reference
-from jcontour.tracing import is_concrete
 
 Memory = Any  # any pytree of arrays
 Plan = Any  # any pytree of arrays with a leading axis of T steps

@@ -191,6 +191,6 @@ def test_every_package_has_its_reference():
         for page in PAGES
         for module in re.findall(r"^::: ([\w.]+)$", text_of(page), re.MULTILINE)
     }
-    internal = {"jcontour.app", "jcontour.native", "jcontour.kernels"}  # no library of their own
+    internal = {"jcontour.app", "jcontour._native", "jcontour._kernels"}  # no library of their own
     folders = {f"jcontour.{path.parent.name}" for path in (ROOT / "jcontour").glob("*/__init__.py")}
     assert folders - internal <= named and {"tuning"} <= named

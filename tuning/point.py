@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour._devices import on_cpu, on_gpu
 from jcontour.bounds.disturbed_loop import DisturbedLoop
 from jcontour.bounds.worst_cases import PeakValues, WorstCase
-from jcontour.devices import on_cpu, on_gpu
 from tuning.loops import Looked
 from tuning.objectives import LEAST, logarithm
 from tuning.outcome import Outcome

@@ -28,9 +28,9 @@ import numpy as np
 from jax.scipy.sparse.linalg import cg
 from jaxtyping import Array, Bool, Float
 
+from jcontour._devices import on_cpu
 from jcontour.controller import Controller
 from jcontour.controllers.learning.laps import Learned
-from jcontour.devices import on_cpu
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import simulate

@@ -18,9 +18,9 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, Memory, Plan
 from jcontour.plant import Plant, State
-from jcontour.tracing import is_concrete
 
 
 class CutLoops(NamedTuple):

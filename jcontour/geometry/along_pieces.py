@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
+from jcontour._native import lanes
+from jcontour._native.lanes import WIDTH, drop_stale, fma, load, part, spread, store
 from jcontour.geometry.pieces import Piece
-from jcontour.native import lanes
-from jcontour.native.lanes import WIDTH, drop_stale, fma, load, part, spread, store
 
 drop_stale(Path(__file__).parent, Path(lanes.__file__))
 

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
+from jcontour._told_values import told
+from jcontour._tracing import is_concrete
 from jcontour.geometry.pieces import Piece
-from jcontour.told_values import told
-from jcontour.tracing import is_concrete
 
 
 class Contour(eqx.Module):

@@ -4,8 +4,8 @@ import re
 from os import PathLike
 from pathlib import Path
 
+from jcontour._regular_files import content_of
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
-from jcontour.regular_files import content_of
 
 # control characters that are no white space: tape marks, padding, the end of a DOS file (Ctrl-Z)
 MARKS = "".join(map(chr, (*range(9), *range(14, 32), 127)))

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
 

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controller import Controller
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference

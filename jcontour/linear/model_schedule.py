@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.linear.plant import LinearPlant
-from jcontour.tracing import is_concrete
 
 
 class ModelSchedule(eqx.Module):

@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.arrays import floating
+from jcontour._arrays import floating
+from jcontour._tracing import is_concrete
 from jcontour.linear.small_products import small_product
 from jcontour.plant import Plant
-from jcontour.tracing import is_concrete
 
 ROUNDED = 3e-5  # drift of a standstill, over its state; 1.2e-5 as McNab and Tsao print their table
 COUPLED = (

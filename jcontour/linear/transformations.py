@@ -7,9 +7,9 @@ import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.arrays import floating
+from jcontour._arrays import floating
+from jcontour._tracing import is_concrete
 from jcontour.linear.plant import LinearPlant, SteadyMotion
-from jcontour.tracing import is_concrete
 
 
 def zoh(A, B, dt: float | Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[Array, "n p"]]:

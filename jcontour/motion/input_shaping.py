@@ -30,8 +30,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.motion.references import TimeLaw
-from jcontour.tracing import is_concrete
 
 
 class Shaper(eqx.Module):

@@ -8,7 +8,7 @@ Between node i and the next one the square q of the speed is held by rows r:
 
 import numpy as np
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
 
 
 @compiled

@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
+from jcontour._told_values import shape, told
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import polyline
-from jcontour.told_values import shape, told
 
 __all__ = [
     "Reference",

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour.arrays import ranked
+from jcontour._arrays import ranked
+from jcontour._tracing import is_concrete
 from jcontour.plant import Plant
-from jcontour.tracing import is_concrete
 
 Axes = Float[Array, "*m"]
 PerAxis = Float[Array, "#m"]  # one value, or one for each axis

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import block_diag
 
+from jcontour._tracing import is_concrete
 from jcontour.linear.plant import LinearPlant, Pattern
-from jcontour.tracing import is_concrete
 
 
 def servo_axes(gain: Any, pole: Any, dt: float) -> LinearPlant:

@@ -21,9 +21,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.linear.plant import LinearPlant
 from jcontour.plants.servo_axes import servo_axes
-from jcontour.tracing import is_concrete
 
 ITERATIONS = 12  # of Newton's method; six reach rounding from the home pose
 ROUNDING = 1e-10  # [m] that a pose may miss the lengths by

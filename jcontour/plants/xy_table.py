@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import zoh
 from jcontour.plant import Plant

@@ -11,7 +11,7 @@ of a row under one multiplier.
 
 import numpy as np
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
 from jcontour.qp.problem import QP, Solution, Unsolved, check_shapes
 from jcontour.qp.solvers import Solver, best_checked
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
 
 RESIDUAL_LIMIT = 1e-8  # of every scaled residual of an answer that counts as solved
 # asymmetry of H, and negative curvature, relative to its largest entry: rounding of a product of

@@ -15,7 +15,7 @@ import proxsuite  # pyright: ignore[reportMissingImports]  # compiled, without s
 import qpsolvers
 from jaxtyping import Bool, Float
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
 from jcontour.qp.problem import QP, RESIDUAL_LIMIT, Solution, Unsolved, check_shapes, residuals
 
 REFINEMENTS = 3  # of the polished answer: each gains several digits, the third one none

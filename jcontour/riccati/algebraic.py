@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.linear.plant import spectral_radius
-from jcontour.tracing import is_concrete
 
 # 2^20 Riccati steps: converged to rounding for closed loops slower than any machine's
 DOUBLINGS = 20

@@ -19,7 +19,7 @@ the same at all steps of a run. Multiplied by r_a and summed it leaves one syste
 S is positive definite. It is the Woodbury identity for the rank-one part of Q (McNab & Tsao, eq. 8,
 with the output terminal), where their eqs. 12 and 13 take N stages of the size of the state. The
 law is linear in x: gains come from S with one right-hand side for each input. A kernel that follows
-a run (`jcontour.kernels`) solves for v instead.
+a run (`jcontour._kernels`) solves for v instead.
 
 Derivatives pass S by the implicit function theorem, dv = S^-1 (d(right) - dS v).
 """
@@ -32,7 +32,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.devices import on_gpu
+from jcontour._devices import on_gpu
 from jcontour.linear.plant import AffinePlan, LinearPlant, Pattern, decoupled_axes
 
 LONGEST_WINDOW = 40  # samples: beyond, a sweep over the horizon is as fast

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jcontour.devices import on_gpu
+from jcontour._devices import on_gpu
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.riccati.blockwise import remembering_sweep
 from jcontour.riccati.receding_horizon import MOST_STATES, CostToGo

@@ -28,8 +28,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.devices import on_gpu
-from jcontour.tracing import is_concrete
+from jcontour._devices import on_gpu
+from jcontour._tracing import is_concrete
 
 # [samples] below, the plain sweep is faster (on a CPU: N_p = 55 forward and 150 backward)
 SHORTEST_WINDOW = {"cpu": 80, "gpu": 150}

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour import kernels
+from jcontour import _kernels as kernels
 from jcontour.controller import Controller, Plan
 from jcontour.geometry.contours import stack as stack_contours
 from jcontour.linear.plant import AffinePlan, LinearPlant, operating_point
@@ -145,7 +145,7 @@ def _without_gains(plants: Plant, controller: Controller, reference: Reference) 
         problem = controller.decoupled_problem(reference)
     if problem is None:
         return None
-    from jcontour.kernels import lq_metrics  # loads Warp
+    from jcontour._kernels import lq_metrics  # loads Warp
 
     if not lq_metrics.suits(problem, plants, reference):
         return None
@@ -167,7 +167,7 @@ def _suits_affine_run(plants: Plant, controller: Controller, plan: Plan, referen
         return False  # a wrapper may measure less than the state
     if not (isinstance(controller, AffineLaw) and isinstance(plan, AffinePlan)):
         return False
-    from jcontour.kernels import affine_runs  # loads Warp
+    from jcontour._kernels import affine_runs  # loads Warp
 
     return affine_runs.suits_run(plants, reference)
 
@@ -181,7 +181,7 @@ def _followed_by_kernel(
     score: Score,
 ) -> Any:
     """The same, by a kernel."""
-    from jcontour.kernels import affine_runs  # loads Warp
+    from jcontour._kernels import affine_runs  # loads Warp
 
     def readable(plan, plant, reference):
         return _followed(plant, controller, plan, reference, window, score)

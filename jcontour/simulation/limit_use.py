@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jcontour.largest import largest
+from jcontour._largest import largest
 from jcontour.linear.between_samples import alternating
 from jcontour.motion.references import Reference
 

@@ -17,10 +17,10 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Shaped
 
-from jcontour.largest import largest
+from jcontour._largest import largest
+from jcontour._told_values import told
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout
-from jcontour.told_values import told
 
 # tracking errors: the nearest point lies within a chord of 2 |e|, on an arc of up to half a circle
 SEARCH_REACH = np.pi

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import floating, placed, ranked
+from jcontour._arrays import floating, placed, ranked
 
 
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, bool])

@@ -1,7 +1,7 @@
 import numba
 import pytest
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
 
 
 def doubled(x):

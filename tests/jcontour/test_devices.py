@@ -2,7 +2,7 @@
 
 import jax
 
-from jcontour import devices
+from jcontour import _devices as devices
 
 
 def test_the_device_is_that_of_jax():

@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
-from jcontour.largest import largest
+from jcontour._arrays import placed
+from jcontour._largest import largest
 
 VALUES = np.array([[1.0, 5.0, -2.0], [3.0, 2.0, -1.0], [3.0, 1.0, -4.0]])
 

@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from jcontour.regular_files import content_of
+from jcontour._regular_files import content_of
 
 
 def test_content_of_a_regular_file_and_of_a_link_to_one(tmp_path):

@@ -1,7 +1,7 @@
 import jax
 import numpy as np
 
-from jcontour.told_values import shape, told
+from jcontour._told_values import shape, told
 
 
 def test_values_are_told_with_their_unit():

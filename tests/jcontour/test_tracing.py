@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.tracing import is_concrete
+from jcontour._tracing import is_concrete
 
 
 def test_numbers_and_arrays_are_concrete():

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.bounds.worst_cases import PeakValues
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import (

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.lq.contouring_lq import LQWeights
 from tuning.parameters import Chart, Fixed, Free, Interval, LQSpace, Positive
 

@@ -33,11 +33,11 @@ from experiments.benchmarks.speed.lq_results import (
 from experiments.benchmarks.speed.lq_tables import figures, show
 from experiments.benchmarks.speed.plain_loops import compiled_loop, numpy_loop
 from experiments.benchmarks.speed.timings import seconds, timed
+from jcontour._devices import on_gpu
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports import tables
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
-from jcontour.devices import on_gpu
 from jcontour.simulation.devices import Spread, device_mesh
 from jcontour.simulation.evaluation import member, platform_batching
 

@@ -23,9 +23,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from jcontour._regular_files import content_of
 from jcontour.app.files import checks
 from jcontour.app.files.trusted_code import UntrustedCodeError, check_trusted, trust
-from jcontour.regular_files import content_of
 
 if TYPE_CHECKING:  # a question about a name imports none of these
     from jcontour.app.designs.design import Design

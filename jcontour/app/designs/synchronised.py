@@ -9,6 +9,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from jcontour._tracing import is_concrete
 from jcontour.app.designs.contouring_schemes import ContouringScheme
 from jcontour.app.designs.design import Design, Gains
 from jcontour.app.designs.gantry import GANTRY
@@ -24,7 +25,6 @@ from jcontour.controllers.synchronisation.limits import check_coupling, sampled_
 from jcontour.controllers.synchronisation.speed_axes import SpeedAxes, speed_axes
 from jcontour.controllers.wrappers.motor_kinematics import OfMotors
 from jcontour.sensors import motors
-from jcontour.tracing import is_concrete
 from tuning.parameters import Weight
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
+from jcontour._regular_files import content_of
 from jcontour.app.files.checks import line
 from jcontour.app.files.mat_file import NUMERIC, read_mat
-from jcontour.regular_files import content_of
 
 MOST_BYTES = 512 * 2**20
 HEAD_BYTES = 2**16  # in which the first numbers begin

@@ -23,9 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
+from jcontour._regular_files import content_of
 from jcontour.app.files.clock import even_period, likely_unit
 from jcontour.app.files.run_folder import write
-from jcontour.regular_files import content_of
 from tuning.identification.flexible_axis.records import Record
 
 SIGNALS = {

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from jcontour._regular_files import content_of
 from jcontour.app.files.checks import json_value
-from jcontour.regular_files import content_of
 
 SETTINGS, RESULT = "settings.json", "result.json"
 MOST_BYTES = 512 * 2**20  # of such a file

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 
 SAMPLES = 8192  # of a run that have noise of their own; the last one holds beyond
 FARTHEST = 3.0  # deviations that noise never exceeds, so that it has a bound

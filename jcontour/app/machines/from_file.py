@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import matrix_balance
 
+from jcontour._regular_files import content_of
 from jcontour.app.files import checks
 from jcontour.app.files.axis_file import KIND, FlexibleAxisFile
 from jcontour.app.files.checks import METRES, MachineError
@@ -29,7 +30,6 @@ from jcontour.app.machines.uncertainty import (
 from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION
-from jcontour.regular_files import content_of
 
 MOST_BYTES = 16 * 2**20  # of a file, unpacked
 MOST_STATES = 200

@@ -14,9 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float, Num
 
-from jcontour.arrays import ranked
+from jcontour._arrays import ranked
+from jcontour._tracing import is_concrete
 from jcontour.linear.plant import Axis, LinearPlant, decoupled_axes
-from jcontour.tracing import is_concrete
 
 
 def placed_gain(

@@ -20,10 +20,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, check_axes, checked_gain
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
-from jcontour.tracing import is_concrete
 
 
 class Estimate(NamedTuple):

@@ -17,11 +17,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import Controller
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare, lqr_gain
-from jcontour.tracing import is_concrete
 
 
 class SteadyTarget(eqx.Module):

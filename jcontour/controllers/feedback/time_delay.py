@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import (
     Controller,
     check_axes,
@@ -27,7 +28,6 @@ from jcontour.controller import (
 )
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
-from jcontour.tracing import is_concrete
 
 PerAxis = Float[Array, ""] | Float[Array, " m"]
 

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, check_axes, check_period, checked_period
 from jcontour.controllers.feedforward.normalised_least_squares import (
     Estimate,
@@ -22,7 +23,6 @@ from jcontour.controllers.feedforward.normalised_least_squares import (
 )
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
-from jcontour.tracing import is_concrete
 
 
 class AdaptiveMemory(NamedTuple):

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.tracing import is_concrete
+from jcontour._tracing import is_concrete
 
 
 class Estimate(NamedTuple):

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.motion.references import Reference
-from jcontour.tracing import is_concrete
 
 
 class PreviewFilter(eqx.Module):

@@ -24,6 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.controllers.feedforward.l1 import l1_optimum
 from jcontour.controllers.feedforward.model_following import ModelFollowing
 from jcontour.controllers.feedforward.model_matching import ModelMatching, Polynomial
@@ -37,7 +38,6 @@ from jcontour.linear.transfer_functions import (
     polynomial_from_zeros,
     sorted_zeros,
 )
-from jcontour.tracing import is_concrete
 
 RANK_TOLERANCE = 1e-9  # least singular value of the conditions that a set of taps may have
 CONDITIONED = 1e12  # greatest condition number of the square system: four digits are left

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 from numpy.polynomial import polynomial
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, check_axes, check_period, checked_period
 from jcontour.controllers.feedforward.preview_filter import PreviewFilter
 from jcontour.linear.transfer_functions import (
@@ -25,7 +26,6 @@ from jcontour.linear.transfer_functions import (
 )
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
-from jcontour.tracing import is_concrete
 
 RINGING = 0.3  # a zero at z = -0.57 is left in the paper: its inverse would ring
 

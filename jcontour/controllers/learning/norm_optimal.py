@@ -24,11 +24,11 @@ from jax.scipy.linalg import cho_solve
 from jax.scipy.sparse.linalg import cg
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import checked_gain
 from jcontour.controllers.learning.laps import LearningLaw, RunLap
 from jcontour.controllers.learning.p_type import smoothed
 from jcontour.motion.references import Reference
-from jcontour.tracing import is_concrete
 
 TOLERANCE = 1e-9  # of the conjugate gradients, relative
 ITERATIONS = 400  # at most; an effort of 0.01 needs some sixty

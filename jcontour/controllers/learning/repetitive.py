@@ -17,7 +17,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from jcontour.arrays import ranked
+from jcontour._arrays import ranked
 from jcontour.controller import Controller
 from jcontour.controllers.learning.error_driven import (
     ErrorDriven,

@@ -17,7 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from jcontour.arrays import ranked
+from jcontour._arrays import ranked
+from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, checked_gain
 from jcontour.controllers.learning.error_driven import (
     ErrorDriven,
@@ -25,7 +26,6 @@ from jcontour.controllers.learning.error_driven import (
     ErrorDrivenPlan,
 )
 from jcontour.sensors import Sensors
-from jcontour.tracing import is_concrete
 
 
 class Waves(NamedTuple):

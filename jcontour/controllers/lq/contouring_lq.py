@@ -16,8 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour import kernels
-from jcontour.arrays import floating
+from jcontour import _kernels as kernels
+from jcontour._arrays import floating
+from jcontour._tracing import is_concrete
 from jcontour.controller import whole_preview
 from jcontour.controllers.lq.planned_feedback import ModelFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
@@ -25,7 +26,6 @@ from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare
 from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan, suits_decoupled
 from jcontour.riccati.receding_horizon import CostToGo, output_cost, receding_horizon_plan
-from jcontour.tracing import is_concrete
 
 
 class LQWeights(eqx.Module):
@@ -177,7 +177,7 @@ class ContouringLQ(ModelFeedback):
             terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
         R = control_weight(model, weights)
         if terminal is None and kernels.wanted():
-            from jcontour.kernels import affine_runs  # loads Warp
+            from jcontour._kernels import affine_runs  # loads Warp
 
             if affine_runs.suits_sweep(model, self.preview):
                 readable = partial(receding_horizon_plan, terminal=None)

@@ -13,12 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import whole_preview
 from jcontour.controllers.lq.planned_feedback import ModelFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare, lqr_gain, small_inverse
-from jcontour.tracing import is_concrete
 
 
 class PreviewLQ(ModelFeedback):

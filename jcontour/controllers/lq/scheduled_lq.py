@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import check_preview, whole_preview
 from jcontour.controllers.lq.contouring_lq import (
     LQWeights,
@@ -26,7 +27,6 @@ from jcontour.linear.plant import AffinePlan, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare
 from jcontour.riccati.receding_horizon import CostToGo, scheduled_plan
-from jcontour.tracing import is_concrete
 
 
 class ScheduledLQ(PlannedFeedback):

@@ -18,10 +18,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, Wrapper, check_period
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
-from jcontour.tracing import is_concrete
 
 Axes = Float[Array, " m"]
 PerAxis = Float[Array, ""] | Float[Array, " m"]  # one number, or one for each axis

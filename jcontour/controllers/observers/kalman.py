@@ -19,12 +19,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, Wrapper, check_limit, check_period
 from jcontour.linear.plant import LinearPlant, check_stable
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare
 from jcontour.sensors import row
-from jcontour.tracing import is_concrete
 
 Deviation = ArrayLike | Sequence[float]  # one for all, or one for each channel
 

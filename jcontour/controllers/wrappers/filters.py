@@ -14,9 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, Wrapper
 from jcontour.motion.references import Reference
-from jcontour.tracing import is_concrete
 
 
 class Biquad(eqx.Module):

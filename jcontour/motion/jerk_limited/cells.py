@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jcontour._native.lanes import fma, load, part, spread
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
-from jcontour.native.lanes import fma, load, part, spread
 
 # numbers of a cell: the old motion's cubic, where the piece begins, the cell's own begin and length
 PLACE, ELAPSED, LENGTH, NUMBERS = 4, 5, 6, 7

@@ -10,14 +10,14 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
+from jcontour._native.lanes import WIDTH, fma, load, most, part, root, size_of, spread, store
 from jcontour.geometry.along_pieces import in_lanes, moved_axis, wave
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited.cells import LENGTH, NUMBERS, Cells, old_motion
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.warp import Ordinates
-from jcontour.native.lanes import WIDTH, fma, load, most, part, root, size_of, spread, store
 
 POINTS = 3  # of a cell: its beginning, its middle and its end
 SQUARE, SPEED, STILL = 1, 4, 7  # first rows: of u, of the speed, and of the axes

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import solve_banded
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
 
 # of a stretch: where a ramp ends, and the two halves of it
 RAMP = 0.5

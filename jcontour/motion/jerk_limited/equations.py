@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jcontour.native.lanes import WIDTH, fma, part, spread
+from jcontour._native.lanes import WIDTH, fma, part, spread
 
 ROUNDING = 1e-15  # of a diagonal element: a smaller pivot is lost
 # numbers of an unknown's equation, side by side: the pull g' / g of all rooms, the slope of T,

@@ -3,13 +3,13 @@
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
+from jcontour._native.lanes import WIDTH, fma, load, most, part, root, size_of, spread, store
 from jcontour.geometry.along_pieces import filling, in_lanes, moved_axis, wave
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited.cells import LENGTH, NUMBERS, Cells, old_motion
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
 from jcontour.motion.jerk_limited.limits import AxisLimits
-from jcontour.native.lanes import WIDTH, fma, load, most, part, root, size_of, spread, store
 
 STEPS = 12  # of a cell: the limits are checked at their ends
 MARGIN = 2e-4  # of every limit: what may pass between two of them

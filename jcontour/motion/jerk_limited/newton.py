@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
+from jcontour._native import lanes
+from jcontour._native.lanes import WIDTH, drop_stale, part
 from jcontour.geometry import along_pieces
 from jcontour.motion.jerk_limited.conditions import POINTS
 from jcontour.motion.jerk_limited.equations import PER_UNKNOWN, SLOPE, solve_equations
 from jcontour.motion.jerk_limited.rooms import PER_ROOM, Going, go, nearest_bounds, rooms_of
-from jcontour.native import lanes
-from jcontour.native.lanes import WIDTH, drop_stale, part
 
 _HERE = Path(__file__).parent
 drop_stale(_HERE, *_HERE.glob("*.py"), Path(along_pieces.__file__), Path(lanes.__file__))

@@ -16,9 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jcontour.motion.jerk_limited.conditions import POINTS, SPEED, SQUARE, STILL
-from jcontour.motion.jerk_limited.equations import Sums, added, crossed, scatter
-from jcontour.native.lanes import (
+from jcontour._native.lanes import (
     WIDTH,
     fma,
     load,
@@ -29,6 +27,8 @@ from jcontour.native.lanes import (
     store,
     where_less,
 )
+from jcontour.motion.jerk_limited.conditions import POINTS, SPEED, SQUARE, STILL
+from jcontour.motion.jerk_limited.equations import Sums, added, crossed, scatter
 
 PER_ROOM, DUAL = 2, 1  # entries of `point`: the inverse of a room, and its multiplier beside it
 

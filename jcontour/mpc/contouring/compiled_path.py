@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
 from jcontour.geometry.contour import Contour
 
 

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.velocity_form import velocity_form
 from jcontour.mpc.contouring.compiled_path import path_at

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
 from jcontour.linear.plant import LinearPlant
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.qp.problem import QP

@@ -15,11 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour.arrays import ranked
+from jcontour._arrays import ranked
+from jcontour._tracing import is_concrete
 from jcontour.plant import Plant
 from jcontour.plants.friction import Friction, caught
 from jcontour.plants.integrators import runge_kutta
-from jcontour.tracing import is_concrete
 
 # [s] of the reference numbers; shorter ones change the thesis's trajectories by less than 1e-11 m
 SUBSTEP = 5e-5

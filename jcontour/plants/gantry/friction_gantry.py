@@ -15,13 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jcontour._tracing import is_concrete
 from jcontour.plant import Plant
 from jcontour.plants.friction import Friction, caught
 from jcontour.plants.gantry.gantry import substeps_of
 from jcontour.plants.gantry.parameters import GantryParameters, Scalar, untwisted
 from jcontour.plants.gantry.sliders import SLIDERS, OfSliders, SliderEquation
 from jcontour.plants.integrators import runge_kutta
-from jcontour.tracing import is_concrete
 
 
 class SlidingMotion(NamedTuple):

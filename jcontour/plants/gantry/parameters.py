@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.tracing import is_concrete
+from jcontour._tracing import is_concrete
 
 Scalar = Float[Array, ""]
 Coordinates = Float[Array, "3"]

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jcontour._tracing import is_concrete
 from jcontour.plant import State
-from jcontour.tracing import is_concrete
 from jcontour.wrapper import Remembering
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.plant import State
-from jcontour.tracing import is_concrete
 from jcontour.wrapper import Remembering
 
 

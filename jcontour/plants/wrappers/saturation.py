@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour._tracing import is_concrete
 from jcontour.plant import State
-from jcontour.tracing import is_concrete
 from jcontour.wrapper import Wrapper
 
 

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import jcontour.app.machines
+from jcontour._arrays import placed
 from jcontour.app.files.axis_file import FlexibleAxisFile, save_axis
 from jcontour.app.files.checks import MachineError
 from jcontour.app.files.schema import read
 from jcontour.app.machines.flexible_axis import flexible_machine
-from jcontour.arrays import placed
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 
 EXAMPLE = Path(jcontour.app.machines.__file__).parent / "thesis-axis.json"

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour._arrays import placed
 from jcontour.analysis.stability import margins
 from jcontour.app.catalogue.choices import design_for, job_named
 from jcontour.app.catalogue.contours import CONTOURS
@@ -16,7 +17,6 @@ from jcontour.app.machines.gantry import (
     friction_gantry_machine,
     gantry_machine,
 )
-from jcontour.arrays import placed
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
 from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo

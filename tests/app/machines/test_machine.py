@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from jcontour._arrays import placed
 from jcontour.app.catalogue.machines import MACHINES
-from jcontour.arrays import placed
 from jcontour.sensors import row
 
 

@@ -39,7 +39,7 @@ from experiments.papers.yuan_contouring_bounded.figures import errors
 from experiments.papers.yuan_contouring_bounded.machine import POINTS, driven
 from experiments.papers.yuan_contouring_bounded.timed import Timed, TimedMemory, seconds
 from experiments.papers.yuan_gantry.runs import SAMPLE
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.host.controller import HostController, StepReport
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import tangent

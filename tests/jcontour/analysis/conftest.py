@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from jcontour._arrays import placed
 from jcontour.analysis.probes import probe_windows
-from jcontour.arrays import placed
 from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant, SteadyMotion

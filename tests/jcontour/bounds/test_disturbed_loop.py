@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.bounds.affine import NotAffine
 from jcontour.bounds.disturbed_loop import Box, UnstableLoop, check_planless, disturbed_loop
 from jcontour.controller import Controller

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
     LQWeights,

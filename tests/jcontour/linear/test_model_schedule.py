@@ -3,7 +3,7 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import LinearPlant
 

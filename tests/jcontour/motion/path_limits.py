@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.compiled import compiled
+from jcontour._compiled import compiled
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.cornering import Planned, cornered
 from jcontour.motion.jerk_limited.joints import unpadded

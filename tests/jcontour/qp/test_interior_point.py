@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.qp import interior_point
 from jcontour.qp.interior_point import SOLVED, solve
 from jcontour.qp.one_sided import Limits, Point

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from jcontour._devices import on_cpu
 from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from jcontour.app.designs.design import plain_weights
 from jcontour.app.files.bent_reference import SAMPLES, save_samples
@@ -29,7 +30,6 @@ from jcontour.app.runs.loops.learning import (
     shifted,
     stored_lap,
 )
-from jcontour.devices import on_cpu
 
 OF_OTHER_LAW = {"norm-optimal": ("gain", "lead"), "p-type": ("effort",)}
 SHOWN = (1, 2, 3, 4, 6, 8, 12, 20, 40, 80)  # laps that have a column

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
+from jcontour._regular_files import content_of
 from jcontour.app.files import run_folder
 from jcontour.app.files.checks import json_value
 from jcontour.app.flags.machines import Identify
 from jcontour.app.jobs.excitation import PART, Excited, gcode, letters, read_limits, sines
 from jcontour.app.reports import tables
-from jcontour.regular_files import content_of
 
 MOST_BYTES = 2**20  # of the limits
 CSV, GCODE = "excite.csv", "excite.ngc"

@@ -26,6 +26,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jcontour._devices import on_cpu
 from jcontour.analysis.frozen_loops import FrozenLoop
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks
@@ -34,7 +35,6 @@ from jcontour.app.designs.design import Gains
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Fed
 from jcontour.controller import Controller
-from jcontour.devices import on_cpu
 from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour._devices import on_cpu
 from jcontour.analysis.probes import probe_samples
 from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.analysis.stability import DELAY_SEARCH, GAIN_SEARCH, Margins, margins
@@ -15,7 +16,6 @@ from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.runs.tuning.family_loops import measured_peak
 from jcontour.app.runs.tuning.problem import stated_axis_limits
 from jcontour.controller import Controller, Plan
-from jcontour.devices import on_cpu
 from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from jcontour._devices import on_cpu
 from jcontour.analysis.frequency_response import Responses
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import (
@@ -19,7 +20,6 @@ from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.reports.figures.searches import FamilyCurves
 from jcontour.controller import Controller
-from jcontour.devices import on_cpu
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import stack_plants

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour.arrays import ranked
+from jcontour._arrays import ranked
+from jcontour._tracing import is_concrete
 from jcontour.plants.friction import Friction
-from jcontour.tracing import is_concrete
 
 Shaft = Float[Array, "1"]  # the bench has one, and `Friction` is an array over axes
 

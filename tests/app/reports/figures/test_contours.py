@@ -7,6 +7,7 @@ import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from jcontour._arrays import placed
 from jcontour.app.reports.figures.contours import (
     MOST,
     TITLE,
@@ -20,7 +21,6 @@ from jcontour.app.reports.figures.contours import (
     error_figure,
     magnification,
 )
-from jcontour.arrays import placed
 from jcontour.geometry.contours import circle
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import along

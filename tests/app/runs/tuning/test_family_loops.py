@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from jcontour._arrays import placed
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.runs.tuning.family_loops import (
@@ -13,7 +14,6 @@ from jcontour.app.runs.tuning.family_loops import (
     family_peaks,
     least_known,
 )
-from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant, SteadyMotion

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.contouring.command_shaping import CommandShaped
 from jcontour.controllers.contouring.cross_coupled import (
     ConstantCoupling,

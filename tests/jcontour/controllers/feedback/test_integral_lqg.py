@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from jcontour._arrays import placed
 from jcontour.analysis.stability import frozen_spectral_radii
-from jcontour.arrays import placed
 from jcontour.controllers.feedback.integral_lqg import (
     IntegralLQG,
     integral_lq_gains,

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.feedback.time_delay import Motion, Past, TimeDelayControl
 from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.learning.cartesian import CartesianControl, cartesian_cycles
 from jcontour.controllers.learning.laps import learn
 from jcontour.controllers.learning.p_type import PType

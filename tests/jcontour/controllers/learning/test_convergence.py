@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.signal import dfreqresp, dlti, lfilter
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.learning.convergence import (
     answers,
     convergence,

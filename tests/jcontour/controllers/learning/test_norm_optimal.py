@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.learning.laps import laps_of, learn
 from jcontour.controllers.learning.norm_optimal import NormOptimal, linearised, norm_optimal
 

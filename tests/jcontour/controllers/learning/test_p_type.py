@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import convolve1d
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.learning.laps import Lap, diverged_lap, learn
 from jcontour.controllers.learning.p_type import PType, smoothed, smoothing_of
 

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.lq.planned_feedback import ModelFeedback
 from jcontour.geometry.contours import circle
 from jcontour.linear.plant import AffinePlan, LinearPlant

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, RiccatiTerminal
 from jcontour.controllers.lq.preview_lq import PreviewLQ
 from jcontour.linear.plant import SteadyMotion

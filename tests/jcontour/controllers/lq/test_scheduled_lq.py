@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.lq.contouring_lq import LQWeights, balanced
 from jcontour.controllers.lq.scheduled_lq import ScheduledLQ
 from jcontour.geometry.contours import circle

@@ -2,7 +2,7 @@ import control
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.observers.disturbance_observer import DisturbanceObserver
 from jcontour.linear.plant import LinearPlant

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.observers.extended_state_observers import (
     NLESO,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.controller import Controller, Wrapper
 from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain, moving_target
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.geometry import contours
 from jcontour.host.loop import Stopped, reported_loop
 from jcontour.linear.plant import LinearPlant

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.geometry import contours
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.motion import references

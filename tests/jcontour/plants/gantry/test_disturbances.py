@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.plants.gantry.disturbances import disturbance_bounds, disturbances
 from jcontour.plants.gantry.gantry import EquationOfMotion
 from jcontour.plants.gantry.linear_models import X, Y, control_oriented

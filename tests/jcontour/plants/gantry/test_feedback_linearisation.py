@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.plants.gantry.feedback_linearisation import (
     EncoderLinearisation,
     coupling_currents,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry

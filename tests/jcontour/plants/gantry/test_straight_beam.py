@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.plants.gantry.gantry import EquationOfMotion
 from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.gantry.straight_beam import currents_along, straight_beam_currents

@@ -1,6 +1,6 @@
 import numpy as np
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders
 

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 from jcontour.plants.wrappers.delays import LateSensors
 from jcontour.plants.wrappers.disturbances import Disturbed

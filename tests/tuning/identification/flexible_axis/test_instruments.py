@@ -2,7 +2,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, thesis_motor
 from tuning.identification.flexible_axis.instruments import InstrumentedAxis

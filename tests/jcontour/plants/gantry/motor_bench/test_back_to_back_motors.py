@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.arrays import placed
+from jcontour._arrays import placed
 from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.motor_bench.back_to_back_motors import BackToBackMotors, servo_bench
 

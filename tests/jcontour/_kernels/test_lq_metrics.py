@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour import kernels
+from jcontour import _kernels as kernels
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, polyline
 from jcontour.linear.transformations import with_input_gains

@@ -12,9 +12,9 @@ import numpy as np
 import warp as wp
 from jaxtyping import Array, Float
 
-from jcontour.kernels.affine_kernels import affine_kernels
-from jcontour.kernels.lq_metrics import REAL, contour_rows, finished, over_runs
-from jcontour.kernels.parts import BLOCK, ROWS
+from jcontour._kernels.affine_kernels import affine_kernels
+from jcontour._kernels.lq_metrics import REAL, contour_rows, finished, over_runs
+from jcontour._kernels.parts import BLOCK, ROWS
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import start_state

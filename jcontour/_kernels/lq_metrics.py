@@ -19,17 +19,17 @@ from jax.custom_batching import custom_vmap
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from jcontour.devices import on_gpu
+from jcontour._devices import on_gpu
+from jcontour._kernels.lq_kernels import LANES, LEAST, LONGEST_WINDOW, SPAN, kernels
+from jcontour._kernels.parts import BLOCK, ROWS
+from jcontour._tracing import is_concrete
 from jcontour.geometry.contours import Contour
-from jcontour.kernels.lq_kernels import LANES, LEAST, LONGEST_WINDOW, SPAN, kernels
-from jcontour.kernels.parts import BLOCK, ROWS
 from jcontour.linear.plant import LinearPlant, decoupled_axes, operating_point
 from jcontour.motion.references import Reference
 from jcontour.riccati.decoupled import ContouringProblem, axis_windows
 from jcontour.riccati.window_sweep import linear_map
 from jcontour.simulation.closed_loop import start_state
 from jcontour.simulation.metrics import Metrics, scored_samples
-from jcontour.tracing import is_concrete
 
 wp.config.quiet = True  # pyright: ignore[reportAttributeAccessIssue]
 REAL = {"float32": wp.float32, "float64": wp.float64}

@@ -8,7 +8,7 @@ import numpy as np
 from jax import dtypes
 from jaxtyping import Array, Float, Shaped
 
-from jcontour.tracing import is_concrete
+from jcontour._tracing import is_concrete
 
 
 def placed(values: Shaped[np.ndarray, "..."]) -> Shaped[Array, "..."]:

@@ -7,7 +7,7 @@ is what the kernels are tested equal to.
 import os
 from importlib.util import find_spec
 
-from jcontour.devices import on_gpu, platform
+from jcontour._devices import on_gpu, platform
 
 ASKED = "JCONTOUR_FAST"  # environment variable: 1 for the kernels on a CPU, 0 for none on a GPU
 

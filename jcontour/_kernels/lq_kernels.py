@@ -34,7 +34,7 @@ from typing import NamedTuple
 
 import warp as wp
 
-from jcontour.kernels.parts import IN_SHARED, ROWS, at, contour_scores, fence, inverse_root
+from jcontour._kernels.parts import IN_SHARED, ROWS, at, contour_scores, fence, inverse_root
 
 LONGEST_WINDOW = 16  # samples: loops over more are not unrolled
 SPAN = 25  # samples of a run whose states are found again in reverse

@@ -163,7 +163,7 @@ def drop_stale(folder: Path, *sources: Path) -> None:
     Numba looks at a function's own file, not at the files of what is compiled into it. Where it
     keeps its code elsewhere (`NUMBA_CACHE_DIR`), that has to be deleted by hand.
     """
-    compiler = Path(__file__).parents[1] / "compiled.py"
+    compiler = Path(__file__).parents[1] / "_compiled.py"
     changed = max(source.stat().st_mtime for source in (compiler, *sources))
     for kept in (folder / "__pycache__").glob("*.nb[ic]"):
         with suppress(OSError):  # another process was quicker, or nothing may be deleted here

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import warp as wp
 
-from jcontour.kernels.parts import IN_SHARED, ROWS, at, contour_scores, fence, inverse_root
+from jcontour._kernels.parts import IN_SHARED, ROWS, at, contour_scores, fence, inverse_root
 
 
 class AffineKernels(NamedTuple):

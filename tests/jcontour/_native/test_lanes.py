@@ -6,7 +6,7 @@ import time
 import numba
 import numpy as np
 
-from jcontour.native.lanes import (
+from jcontour._native.lanes import (
     WIDTH,
     drop_stale,
     fma,
