@@ -115,7 +115,7 @@ class Machine:
         if length is not None:
             self.tracer.stop(f"G{length / 10:g}")
         if length == 431:
-            self.offsets.tool = replaced(ZERO, self._by_axis(found.values))
+            self.offsets.tool = replaced(self.offsets.tool, self._by_axis(found.values))
             for letter in AXES:
                 found.values.pop(letter, None)
         elif length is not None:
@@ -207,7 +207,9 @@ class Machine:
         home, given = self.homes[code], AXES.keys() & values.keys()
         if given:
             self._trace_line(self.offsets.on_machine(self._target(values)), rapid=True)
-            home = replaced(self.tracer.at, {AXES[letter]: home[AXES[letter]] for letter in given})
+            place = self.offsets.in_program(home)
+            by_axis = {AXES[letter]: place[AXES[letter]] for letter in given}
+            home = self.offsets.on_machine(replaced(self._here(), by_axis))
         self._trace_line(home, rapid=True)
 
     def _by_axis(self, values: dict[str, float]) -> dict[int, float]:
