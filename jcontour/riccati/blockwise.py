@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour.linear.plant import AffinePlan, LinearPlant, Pattern
+from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.riccati.packed_stage import (
     cost_entries,
     cost_in_front,
@@ -57,66 +57,9 @@ def blockwise_plan(
     """
     if model.states > MOST_STATES:
         return swept(preview, model, Q, y_d, R, terminal)
-    steps, matrices = Q.shape[0] - preview, (model.A, model.B, model.C)
-    data = _seen(steps, preview), preview, *matrices, Q, y_d, R, *terminal
-    F, f = block_sweep(model.pattern, *data)
-    return AffinePlan(_in_time(F, steps), _in_time(f, steps))
-
-
-def block_sweep(
-    pattern: Pattern, seen: Int[Array, "seen blocks"], preview: int, A, B, C, Q, y_d, R, H, g
-) -> tuple[Float[Array, "N_p blocks p n"], Float[Array, "N_p blocks p"]]:
-    """Gains F, f of the steps of every block.
-
-    Args:
-        pattern: non-zeros of the model.
-        seen: samples of every block, its steps first, then those ahead of its last step.
-        preview: steps N_p of a block.
-        A: (n, n).
-        B: (n, p).
-        C: (m, n).
-        Q: output weight at every sample (S, m, m).
-        y_d: desired output at every sample (S, m) [m].
-        R: control weight (p, p).
-        H: cost to go at the end of every block's horizon (blocks, n, n).
-        g: likewise (blocks, n).
-    """
-    cost = cost_entries(Q, y_d)[:, seen]
-    return _gains(pattern, _packed_sweep(pattern, preview, A, B, C, cost, R, H, g))
-
-
-def remembering_sweep(
-    pattern: Pattern, seen: Int[Array, "seen blocks"], preview: int, A, B, C, Q, y_d, R, H, g
-) -> tuple[
-    Float[Array, "N_p blocks p n"], Float[Array, "N_p blocks p"], Float[Array, "blocks n n"]
-]:
-    """Gains as those of `block_sweep`, and what each block's sweep remembers of (H, g).
-
-    That is the product of A - B F of the stages behind the block's steps, the last one on the left;
-    the order of the states is of no account. It has no derivative.
-    """
-    cost = cost_entries(Q, y_d)[:, seen]
-    F, f = _gains(pattern, _packed_sweep(pattern, cost.shape[1], A, B, C, cost, R, H, g))
-
-    def on(product, F):
-        return (A[None] - jnp.einsum("np,bpm->bnm", B, F)) @ product, None
-
-    start = jnp.broadcast_to(jnp.eye(len(A), dtype=F.dtype), H.shape)
-    behind = jax.lax.stop_gradient(F[preview:])
-    return F[:preview], f[:preview], jax.lax.scan(on, start, behind)[0]
-
-
-def _gains(pattern: Pattern, K):
-    K = jnp.moveaxis(K, -1, 1)
-    return K[..., np.argsort(packing(pattern).order)], -K[..., -1]
-
-
-def _packed_sweep(
-    pattern: Pattern, preview: int, A, B, C, cost: Float[Array, "q seen blocks"], R, H, g
-) -> Float[Array, "N_p p size blocks"]:
-    """Gains K = [F, -f] of the first samples; the states are in the order of `packing`."""
-    pack, maps = packing(pattern), stage_maps(pattern, A, B, C)
-    rows = jnp.moveaxis(cost, 1, 0)
+    steps, pack = Q.shape[0] - preview, packing(model.pattern)
+    maps = stage_maps(model.pattern, model.A, model.B, model.C)
+    rows = jnp.moveaxis(cost_entries(Q, y_d)[:, _seen(steps, preview)], 1, 0)
 
     def back(H, cost):
         found = packed_stage(pack, maps, R, H)
@@ -125,8 +68,13 @@ def _packed_sweep(
     def ahead(H, cost):
         return back(H, cost)[0], None
 
-    first, _ = jax.lax.scan(ahead, packed_cost(pack, H, g), rows[preview:], reverse=True)
-    return jax.lax.scan(back, first, rows[:preview], reverse=True)[1]
+    end = packed_cost(pack, *terminal)
+    first, _ = jax.lax.scan(ahead, end, rows[preview:], reverse=True)
+    # K = [F, -f] (N_p, p, n + 1, blocks), the states in the order of `packing`
+    _, K = jax.lax.scan(back, first, rows[:preview], reverse=True)
+    K = jnp.moveaxis(K, -1, 1)
+    F = K[..., np.argsort(pack.order)]
+    return AffinePlan(_in_time(F, steps), _in_time(-K[..., -1], steps))
 
 
 def swept(preview: int, model: LinearPlant, Q, y_d, R, terminal: CostToGo) -> AffinePlan:

@@ -3,8 +3,7 @@
 The cost is that of `contouring_lq`. The horizon of a step ends at least N_p and at most 2 N_p - 1
 samples ahead, see `riccati.blockwise`. Once the loop forgets within N_p samples, which is when
 the product of its transitions over them is below rounding, the gains are those of ContouringLQ with
-any longer preview. So a preview of 500 samples and more is first tried with 250 on a CPU, and kept
-only where the loop has forgotten, see `riccati.forgetting`.
+any longer preview.
 """
 
 import equinox as eqx
@@ -23,8 +22,6 @@ from jcontour.controllers.lq.planned_feedback import ModelFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.riccati.blockwise import block_ends, blockwise_plan
-from jcontour.riccati.forgetting import forgetful_plan, suits_forgetting
-from jcontour.riccati.receding_horizon import CostToGo
 
 
 class BlockwiseLQ(ModelFeedback):
@@ -73,13 +70,6 @@ class BlockwiseLQ(ModelFeedback):
         Q = contour_weight(weights.alpha, weights.beta, reference.tangent[:seen])
         y_d, R = reference.position[:seen], control_weight(model, weights)
 
-        def terminal_at(ends: slice) -> CostToGo:
-            return self.terminal.cost(model, weights, Q, y_d, ends)
-
-        def whole() -> AffinePlan:
-            terminal = terminal_at(block_ends(steps, self.preview))
-            return blockwise_plan(model, Q, y_d, R, terminal, self.preview)
-
-        if not suits_forgetting(self.preview, model):
-            return whole()
-        return forgetful_plan(model, Q, y_d, R, terminal_at, whole, steps)
+        ends = block_ends(steps, self.preview)
+        terminal = self.terminal.cost(model, weights, Q, y_d, ends)
+        return blockwise_plan(model, Q, y_d, R, terminal, self.preview)
