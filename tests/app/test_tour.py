@@ -24,6 +24,7 @@ from jcontour.app.files.results.stored import versioned
 from jcontour.app.files.results.tuned_result import TunedResult
 from tests.app.tour import LONG, STOPS, masked
 
+NO_SCREEN = ("list", "machine", "new-machine", "simulate-json", "excite")
 # results that follow from the input without a search: equal on every computer
 NUMBERS = (
     "simulate",
@@ -75,6 +76,14 @@ def test_a_command_prints_what_it_printed(tour, name, request):
     if request.config.getoption("keep_snapshots"):
         file.write_text(printed)
     assert printed == file.read_text()
+
+
+@pytest.mark.parametrize("name", stops([name for name in STOPS if name not in NO_SCREEN]))
+def test_a_command_ends_in_a_screen(tour, name):
+    """What stands behind the last blank line, with the tables or without them."""
+    screen = tour(name).out.rstrip("\n").rpartition("\n\n")[2].splitlines()
+    assert 2 <= len(screen) <= 15
+    assert max(map(len, screen)) <= 80
 
 
 def test_every_snapshot_is_of_a_command():

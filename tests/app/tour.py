@@ -52,6 +52,7 @@ STOPS: Mapping[str, str] = {  # name -> command; a name in braces is the run fol
     "identify": "identify --demo --encoder-um 0.5",
     "identify-linear": "identify --machine linear --demo --most-order 1 --most-delay 4",
 }
+BRIEF = ("list", "machine", "new-machine", "report", "check-bound-tuned")  # no tables, or not here
 NO_RUN = ("list", "machine", "new-machine", "compare", "report")  # they have a file, or print alone
 
 
@@ -105,6 +106,7 @@ class Tour:
         words = re.sub(r"{(.+?)}", r"\1", STOPS[name]).split()
         out, err = io.StringIO(), io.StringIO()
         where = [] if name in NO_RUN else ["--out", name]
+        where += [] if name in BRIEF else ["--details"]
         with chdir(self.folder), redirect_stdout(out), redirect_stderr(err):
             code = main([*words, *where])
         return Visit(code, out.getvalue(), err.getvalue(), self.folder / name)

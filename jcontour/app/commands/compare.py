@@ -26,6 +26,7 @@ from jcontour.app.files.results.stored import Weight, read_result
 from jcontour.app.files.results.tuned_result import TunedContour, TunedResult
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.reports import tables
+from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import columns_of, digits
 
 SAME = 1e-3  # relative: a smaller difference is called none
@@ -329,6 +330,16 @@ def show(found: ComparedResult, console: Console) -> None:
     title = f"{whose} of both, smaller is better{units}"
     console.print(tables.plain_table(title, headings, rows, 3))
     tables.say(console, *better_for(found), recommendation(found))
+
+
+def answer(found: ComparedResult) -> list[Entry]:
+    """Which of both may be loaded, what is better where, and what makes them hard to compare."""
+    return [
+        Entry("Runs", f"first {found.runs[0]}, second {found.runs[1]}"),
+        Entry("Load", recommendation(found)),
+        *(Entry("Compared", line) for line in better_for(found)),
+        *(Entry("Warning", line) for line in warnings(found)),
+    ]
 
 
 def _value(value: Any) -> str:

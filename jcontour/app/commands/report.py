@@ -7,6 +7,7 @@ from jcontour.app.files import run_folder
 from jcontour.app.files.results.stored import to_json
 from jcontour.app.flags.others import Report
 from jcontour.app.reports.page.html_page import FILE, write_page
+from jcontour.app.reports.screen import Entry, screen
 from jcontour.app.reports.tables import console_of, say
 
 SUFFIXES = (".html", ".htm")
@@ -29,16 +30,17 @@ def command(flags: Report) -> int:
         written = {} if page is None else {"page": str(page), "bytes": page.stat().st_size}
         print(run_folder.json_text(written | {"comparisons": [to_json(one) for one in results]}))
         return 0
-    console = console_of()
+    console, entries = console_of(), []
     for one in results:
-        compare.show(one, console)
+        if flags.details:
+            compare.show(one, console)
+        entries += compare.answer(one)
     if page is not None:
-        size = f"{1e-6 * page.stat().st_size:.2g} MB"
-        say(
-            console,
-            f"Page: {page}, {size}, of {_count(flags.runs)}.",
-            "Next: open it in a browser; it needs no network, and prints as it is seen.",
-        )
+        entries.append(Entry("Page", f"{page}, {1e-6 * page.stat().st_size:.2g} MB"))
+        entries.append(Entry("Next", "open it in a browser; it needs no network, and prints"))
+    elif not flags.details:
+        entries.append(Entry("Next", "--details prints every number of both"))
+    say(console, *([""] if flags.details else []), *screen(None, entries))
     return 0
 
 
@@ -59,7 +61,3 @@ def page_at(out: Path) -> Path:
     if out.exists() and not out.is_dir():
         raise run_folder.RunError(f"{out}: is a file; give a folder, or a name ending in .html")
     return out / FILE
-
-
-def _count(runs: tuple[Path, ...]) -> str:
-    return "one run" if len(runs) == 1 else f"{len(runs)} runs"

@@ -85,6 +85,7 @@ def _run(module: Any, name: str, flags: Any) -> int:
     from jcontour.app.files import run_folder
     from jcontour.app.files.results.stored import to_json, write_result
     from jcontour.app.reports.figures.png import save_figures
+    from jcontour.app.reports.screen import Entry
     from jcontour.app.reports.tables import say
     from jcontour.app.runs.lifecycle import finished
 
@@ -111,8 +112,9 @@ def _run(module: Any, name: str, flags: Any) -> int:
         say(console, module.SOURCE)
         tables.show(console, parts, claims)
 
-    last = [*verdicts.missed(claims), verdicts.tally(claims, flags.settings.quick)]
-    return finished(folder, stored, flags, show, last)
+    missed = [Entry("Missed", line) for line in verdicts.missed(claims)]
+    tally = Entry("Claims", verdicts.tally(claims, flags.settings.quick))
+    return finished(folder, stored, flags, show, [*missed, tally])
 
 
 def command(flags: Any) -> int:

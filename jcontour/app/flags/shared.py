@@ -21,6 +21,8 @@ class Common:
 
     json: bool = False  # a person reads it
     """Print the result as JSON on stdout, and nothing else there."""
+    details: bool = False  # fifteen lines are read
+    """Print every table before the screen that sums them up."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ class Tune(Aimed):
 
     RARE = (
         *Aimed.RARE,
-        *("scatter", "starts", "every_start", "steps", "tolerance", "rollouts"),
+        *("scatter", "starts", "every_start", "steps", "tolerance", "rollouts", "max_error_ratio"),
     )
 
     parts: Positional[tuple[str, ...]] = ()

@@ -26,30 +26,20 @@ PACE = 0.85  # part of a descent that is left after a step: nobody knows how man
 def progress_of(
     console: Console, settings: Effort, error: str
 ) -> Iterator[Callable[[TuneState], None]]:
-    """A bar to tell the state of a run to, step by step.
-
-    What stays of it in the end says how many points were tried, and no error: that of the result is
-    in the tables.
-    """
-    last = TuneState()
+    """A bar to tell the state of a run to, step by step; nothing stays of it."""
     with _bar(console, "{task.percentage:>3.0f} %") as bar:
         task = bar.add_task(COMPILING, total=1.0)
 
         def show(state: TuneState) -> None:
-            nonlocal last
-            last = state
             words = progress_words(state, settings, error)
             bar.update(task, completed=progress(state, settings), description=words)
 
-        try:
-            yield show
-        finally:
-            bar.update(task, description=_tried(last))
+        yield show
 
 
 @contextmanager
 def counted(console: Console, total: int, what: str = "runs") -> Iterator[Callable[[int], None]]:
-    """A bar to tell how many more of a number of runs are done; it says when the last one is."""
+    """A bar to tell how many more of a number of runs are done."""
     with _bar(console, "{task.completed:.0f} of {task.total:.0f}", TimeRemainingColumn()) as bar:
         task = bar.add_task(what, total=total)
         yield lambda more: bar.advance(task, more)
@@ -57,7 +47,7 @@ def counted(console: Console, total: int, what: str = "runs") -> Iterator[Callab
 
 def _bar(console: Console, words: str, *more: ProgressColumn) -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(words))
-    return Progress(*columns, TimeElapsedColumn(), *more, console=console)
+    return Progress(*columns, TimeElapsedColumn(), *more, console=console, transient=True)
 
 
 def progress(state: TuneState, settings: Effort) -> float:
@@ -76,12 +66,8 @@ def progress_words(state: TuneState, settings: Effort, error: str) -> str:
         return COMPILING
     random = state.history[-1].start < 0
     descent = f"descent {max(state.start, 0) + 1} of {settings.starts}"
-    return f"{'random points' if random else descent}: {_tried(state)}, {_best(state, error)}"
-
-
-def _tried(state: TuneState) -> str:
-    count = len(state.history)
-    return f"{count} point{'' if count == 1 else 's'} tried"
+    tried = f"{len(state.history)} point{'s' * (len(state.history) > 1)} tried"
+    return f"{'random points' if random else descent}: {tried}, {_best(state, error)}"
 
 
 def _best(state: TuneState, error: str) -> str:

@@ -33,10 +33,10 @@ def say(console: Console, *lines: str) -> None:
     console.print(*texts, sep="\n", markup=False, highlight=False, soft_wrap=True)
 
 
-def broken(line: str, width: int) -> str:
+def broken(line: str, width: int, indent: int | None = None) -> str:
     r"""A line broken between words; a command goes on behind a backslash, as a shell reads it.
 
-    A word that is wider stays whole.
+    A word that is wider stays whole. Further lines are indented like the first one, or as asked.
 
     >>> print(broken("Next: jcontour tune 'my part.ngc' --steps 30", 26))
     Next: jcontour tune \
@@ -51,7 +51,7 @@ def broken(line: str, width: int) -> str:
         width if begin is None else width - 2,
         break_long_words=False,
         break_on_hyphens=False,
-        subsequent_indent=" " * (len(line) - len(line.lstrip())),
+        subsequent_indent=" " * (len(line) - len(line.lstrip()) if indent is None else indent),
     )
     text = pieces[0]
     for piece in pieces[1:]:

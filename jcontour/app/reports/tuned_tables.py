@@ -8,10 +8,12 @@ from rich.table import Table
 
 from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.results.tuned_result import (
+    DriveLoop,
     PathMargins,
     TunedContour,
     TunedResult,
 )
+from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import digits, of_axes, peak_line, plain_table, position, say
 from tuning.objectives import COUNT_NOISE, LATE, RATIO
 
@@ -36,10 +38,85 @@ def show_tuned(result: TunedResult, console: Console) -> None:
         *(f"  {line}" for line in result.weight_lines),
         *margin_lines(result),
         *trial_lines(result),
-        "",
-        sentence(result),
-        *limit_lines(result),
+        *(f"What stops it: {line}." for line in limit_lines(result)),
     )
+
+
+def tuned_answer(result: TunedResult) -> list[Entry]:
+    """What changes, where the worst is, what it costs, the margins, the limit and the drive."""
+    if not result.contours:
+        return []
+    told = [change_words(result, True), change_words(result, False)]
+    entries = [Entry("Error", f"RMS, worst plant: {'; '.join(filter(None, told))}")]
+    peaks = [one for one in result.contours if one.peak is not None]
+    if peaks:
+        worst = max(peaks, key=lambda one: one.peak.error if one.peak else 0.0)
+        assert worst.peak is not None
+        entries.append(
+            Entry(
+                "Worst", f"{worst.name}: {peak_line(worst.peak, result.error, result.machine.axes)}"
+            )
+        )
+    return [
+        *entries,
+        Entry("Effort", _effort_words(result)),
+        Entry("Margin", _margin_words(result.margins, result.start_margins)),
+        Entry("Limit", "; ".join(limit_lines(result)[:1]) or "none is reached"),
+        *([] if result.drive is None else [Entry("Drive", drive_words(result.drive, result))]),
+    ]
+
+
+def change_words(result: TunedResult, training: bool) -> str:
+    """Worst RMS error of the family from start, or baseline, to tuned, of one set of contours."""
+    pairs = {}
+    for one in result.contours:
+        start, tuned = (one.metrics[name].worst for name in (one.compared, "tuned"))
+        if one.training is training and not (start.diverged or tuned.diverged):
+            pairs[one.name] = [1e6 * metrics.rms(result.error) for metrics in (start, tuned)]
+    if not pairs:
+        return ""
+    before, after = map(max, zip(*pairs.values(), strict=True))
+    ratios = [math.log(tuned / start) for start, tuned in pairs.values()]
+    change = f"{100 * (math.exp(sum(ratios) / len(ratios)) - 1):+.0f} %"
+    sizes = f"{digits(before)} -> {digits(after)} um"
+    if len(pairs) == 1:
+        return f"{next(iter(pairs))} {sizes} ({change})"
+    words = "training" if training else "held-out"
+    return f"{len(pairs)} {words} contours {sizes} ({change} in the mean)"
+
+
+def _effort_words(result: TunedResult) -> str:
+    """Controls from start, or baseline, to tuned, and the cycle time that stays."""
+    sizes = []
+    for name in ("rms_control", "rms_increment"):
+        pair = (
+            max(getattr(one.metrics[which(one)].worst, name) for one in result.contours)
+            for which in (lambda one: one.compared, lambda _: "tuned")
+        )
+        sizes.append(" -> ".join(map(digits, pair)))
+    unit = result.machine.control_unit
+    return f"RMS control {sizes[0]} {unit}, its change {sizes[1]} per sample"
+
+
+def _margin_words(tuned: PathMargins, start: PathMargins) -> str:
+    """Margins of the tuned loops, and the peak sensitivity of the start."""
+    if not tuned.stable:
+        return "none: a loop is open or unstable"
+    low, high = zip(*tuned.gain_range, strict=True)
+    before = "unstable" if start.sensitivity is None else digits(start.sensitivity)
+    return (
+        f"Ms {digits(tuned.sensitivity)} (start {before}), gain x {digits(max(low))} ... "
+        f"{digits(min(high))}, {_delay(tuned)}"
+    )
+
+
+def drive_words(drive: DriveLoop, result: TunedResult) -> str:
+    """Gains of the simple loop as a drive names them, and its error beside the tuned one's."""
+    if drive.controller == result.controller:
+        return ", ".join(drive.gains)
+    beyond = "" if drive.kept else ", beyond a limit"
+    error = f"{digits(1e6 * drive.error)} um{beyond}, tuned {digits(1e6 * drive.tuned_error)}"
+    return f"{drive.controller} has {error}: {', '.join(drive.gains)}"
 
 
 def error_table(result: TunedResult) -> Table:
@@ -171,39 +248,17 @@ def trial_lines(result: TunedResult) -> Iterator[str]:
         yield f"  {row.contour:<23} {errors}, tools at most {1e6 * row.apart:.2g} um apart"
 
 
-def sentence(result: TunedResult) -> str:
-    """Change of the worst error of the family, contours held out and trained on."""
-    parts = []
-    for training, words in ((False, "held-out"), (True, "training")):
-        logarithms = []
-        for one in result.contours:
-            start, tuned = (one.metrics[name].worst for name in (one.compared, "tuned"))
-            if one.training is training and not (start.diverged or tuned.diverged):
-                ratio = tuned.rms(result.error) / start.rms(result.error)
-                logarithms.append(math.log(ratio))
-        if logarithms:
-            typical = math.exp(sum(logarithms) / len(logarithms))
-            many = "contour" if len(logarithms) == 1 else "contours"
-            factor = f"{typical:.2f}" if typical >= 0.01 else f"{typical:.1g}"
-            parts.append(f"x {factor} on {len(logarithms)} {words} {many}")
-    what = f"Worst RMS {result.error} error of the family, geometric mean"
-    return f"{what}: {', '.join(parts)}." if parts else "No run of start or tuned weights is sound."
-
-
 def limit_lines(result: TunedResult) -> list[str]:
-    """What stops further improvement, and what one more step of it would buy."""
-    if not result.active:
-        return ["No limit stops it."] if result.verdict.usable else []
+    """Limits that stop further improvement, and what one more step of each would buy."""
     lines = []
     for one in result.active:
+        words = limit_words(one.name, one.bound)
         if one.name == LATE:  # samples are whole: a tenth of one means nothing
-            lines.append(f"What stops it: the {limit_words(one.name, one.bound)}.")
+            lines.append(words)
             continue
         gain = 100 * (1 - STEP**-one.price)
-        lines.append(
-            f"What stops it: the limit {limit_words(one.name, one.bound)}. "
-            f"{100 * (STEP - 1):.0f} % more of it would buy about {gain:.2g} % of error."
-        )
+        more = f"{100 * (STEP - 1):.0f} % more of it would buy about {gain:.2g} % of error"
+        lines.append(f"{words}; {more}")
     return lines
 
 
@@ -216,7 +271,7 @@ def limit_words(name: str, bound: float) -> str:
     if name == COUNT_NOISE:
         return f"rms control by encoder counts <= {bound:.6g}"
     if name.endswith("_use"):
-        return f"{name.removesuffix('_use')} within {100 * bound:.3g} % of the machine's"
+        return f"{name.removesuffix('_use')} <= {100 * bound:.3g} % of the machine's limit"
     limited = name.replace("_", " ")
     if name.endswith("_error"):
         return f"{limited} <= {1e6 * bound:.6g} um"

@@ -19,9 +19,11 @@ from jcontour.app.flags.shared import Controlled, MachineFlags, Spreading
 from jcontour.app.reports import tables
 from jcontour.app.reports.page.html_page import FILE, write_page
 from jcontour.app.reports.page.page_data import KINDS
+from jcontour.app.reports.screen import Entry, screen
 
 WHERE = (
     "json",
+    "details",
     "trust_code",
     "devices",
     "hosts",
@@ -62,7 +64,12 @@ def created(flags: Any, command: str) -> Path:
         RunError: the folder holds something already, or cannot be made.
     """
     folder = flags.out or run_folder.default_folder(command)
-    passing = {"json": False, "trust_code": False, "out": None}  # of this call; few take all
+    passing = {
+        "json": False,
+        "details": False,
+        "trust_code": False,
+        "out": None,
+    }  # of this call; few take all
     kept = replace(flags, **{name: off for name, off in passing.items() if hasattr(flags, name)})
     return run_folder.create(folder, command, kept, inputs(flags))
 
@@ -86,7 +93,7 @@ def task_words(
     words = [*parts]
     for one in fields(kind):
         value = flags.get(one.name, one.default)
-        if one.name == "json" or value == one.default or value == []:
+        if one.name in ("json", "details") or value == one.default or value == []:
             continue
         several = isinstance(value, (tuple, list))
         words += [f"--{one.name.replace('_', '-')}", *map(str, value if several else [value])]
@@ -203,33 +210,42 @@ def finished(
     result: Result,
     flags: Any,
     show: Callable[[Result, Console], None],
-    then: Sequence[str] = (),
+    answer: Sequence[Entry] = (),
     verdict: Verdict | None = None,
 ) -> int:
     """Print a result that is stored; the exit code of its verdict, 0 where there is none.
 
-    With `--json` one JSON object; else what `show` prints, the verdict, the figures in the folder,
-    the page of the run where its command has one, the lines `then` (what to do next) and the
-    folder.
+    With `--json` one JSON object; else a screen. With `--details` what `show` prints, the whole
+    verdict and the figures in the folder stand before it.
+
+    Args:
+        folder: of the run; its page is written where its command has one.
+        result: as it is stored.
+        flags: of the command.
+        show: prints the tables of the result.
+        answer: entries of the screen beside the verdict.
+        verdict: on the result.
     """
     page, code = _page(folder), 0 if verdict is None else verdict.exit_code
     if flags.json:
         print(run_folder.json_text({"run": str(folder), **versioned(result)}))
         return code
     console = tables.console_of()
-    show(result, console)
-    tables.say(console, *([] if verdict is None else ["", *verdict.lines, ""]))
-    drawn = sorted(path.name for path in folder.glob("*.png"))
-    lines = [f"Drawn: {', '.join(drawn)}"] if drawn else []
-    tables.say(console, *lines, *page, *then, f"Run folder: {folder}")
+    if flags.details:
+        show(result, console)
+        drawn = sorted(path.name for path in folder.glob("*.png"))
+        lines = [] if verdict is None else ["", *verdict.lines]
+        tables.say(console, *lines, *([f"Drawn: {', '.join(drawn)}"] if drawn else []), "")
+    place = Entry("Folder", f"{folder}{page}; --details prints every table")
+    tables.say(console, *screen(verdict, [*answer, place]))
     return code
 
 
-def _page(folder: Path) -> list[str]:
-    """Write the page of a run; a line that says so."""
+def _page(folder: Path) -> str:
+    """Write the page of a run; words that say so."""
     if run_folder.read_json(folder, run_folder.SETTINGS).get("command") not in KINDS:
-        return []
+        return ""
     try:
-        return [f"Page: {write_page([folder], folder / FILE)}"]
+        return f", page {write_page([folder], folder / FILE).name}"
     except run_folder.RunError as error:  # the run itself is good
-        return [f"Page: none ({error})"]
+        return f", no page ({error})"

@@ -1,12 +1,9 @@
 """The progress bar of a tuning run: what it says while it runs, and what stays of it."""
 
-import io
-
 import numpy as np
 import pytest
-from rich.console import Console
 
-from jcontour.app.reports.progress import progress_of, progress_words
+from jcontour.app.reports.progress import progress_words
 from tests.app import small_runs
 from tuning.effort import QUICK
 from tuning.history import Evaluated
@@ -32,10 +29,3 @@ def point(error, violation=-1.0, diverged=False, start=0):
 )
 def test_the_best_is_told_and_not_the_last(history, words):
     assert progress_words(TuneState(history=history), QUICK, "contour").startswith(words)
-
-
-def test_what_stays_says_no_error():
-    printed = io.StringIO()
-    with progress_of(Console(file=printed, width=120), QUICK, "contour") as show:
-        show(TuneState(history=[point(5e-6), point(7e-6)]))
-    assert "2 points tried" in printed.getvalue() and "um" not in printed.getvalue()

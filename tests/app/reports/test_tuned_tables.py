@@ -10,7 +10,7 @@ from jcontour.app.reports.tuned_tables import limit_words
     [
         ("rms_tracking_error", 1.25e-4, "rms tracking error <= 125 um"),
         ("peak_sensitivity", 2.0, "peak sensitivity <= 2"),
-        ("control_use", 0.97, "control within 97 % of the machine's"),
+        ("control_use", 0.97, "control <= 97 % of the machine's limit"),
     ],
 )
 def test_limits_are_told_in_the_units_of_the_tables(name, bound, words):

@@ -55,13 +55,13 @@ def parsed(line):
     ],
 )
 def test_a_simulation_goes_on_with_its_part_machine_and_controller(given):
-    [line] = next_steps(Simulate(**given))
+    [(_, line)] = next_steps(Simulate(**given))
     contour = given.pop("contour", None)
     assert parsed(line) == Tune(parts=() if contour is None else (contour,), **given)
 
 
 def test_all_samples_of_a_run_are_not_a_preview_for_tuning():
-    [line] = next_steps(Simulate(preview="path"))  # pyright: ignore[reportArgumentType]
+    [(_, line)] = next_steps(Simulate(preview="path"))  # pyright: ignore[reportArgumentType]
     assert parsed(line) == Tune()
 
 

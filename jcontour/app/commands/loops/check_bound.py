@@ -19,6 +19,7 @@ from jcontour.app.reports.figures.axes import DESIRED, START, TUNED
 from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
+from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import digits, of_axes, of_inputs, peak_line, say, table_of
 from jcontour.app.runs.checks.certifying import CertifiedRun, certified_runs
 from jcontour.app.runs.contour_summary import machine_summary
@@ -38,13 +39,19 @@ BOUNDS = (
 def command(flags: Check) -> int:
     """The whole command: prove, attack, print, exit code."""
     found, folder = run(flags)
-    then = [
-        f"The attack, the bound and both errors at every sample: {ATTACK}",
-        "Next: --force and --encoder-um say what acts on your machine; `jcontour tune` again with "
-        "other limits where the bound is too large; `jcontour tolerance` says what predictive "
-        "control can promise instead.",
+    worst = found.worst
+    shares = f"an attack reaches {100 * worst.reached / worst.bound:.0f} % of it"
+    answer = [
+        Entry("Bound", f"{digits(1e6 * worst.bound)} um, {worst.contour}, {worst.plant}; {shares}"),
+        Entry("Worst", peak_line(worst.place, found.error, found.machine.axes)),
+        Entry("Proven", _proven(found)),
+        Entry(
+            "Next",
+            "--force and --encoder-um say what acts on your machine; tune again with "
+            "other limits where the bound is too large",
+        ),
     ]
-    return finished(folder, found, flags, show_certified, then, found.verdict)
+    return finished(folder, found, flags, show_certified, answer, found.verdict)
 
 
 def run(flags: Check) -> tuple[CertifiedResult, Path]:
@@ -162,17 +169,24 @@ def show_certified(result: CertifiedResult, console: Console) -> None:
 
 def sentences(result: CertifiedResult) -> list[str]:
     """Assumptions, then the worst row in words."""
-    worst, unit = result.worst, result.machine.control_unit
+    worst = result.worst
     place = peak_line(worst.place, result.error, result.machine.axes)
     return [
-        f"Proven for every force of up to {digits(result.force)} {unit} on each control and every "
-        f"encoder error of up to {of_axes(result.encoder, result.machine.axes)}, at each sample,",
+        f"Proven {_proven(result)}, at each sample,",
         _plants(result.gain),
         BOUNDS,
         f"An attack reaches {digits(100 * worst.reached / worst.bound)} % of the largest bound; "
         f"{place}.",
         _controls(result),
+        f"The attack, the bound and both errors at every sample: {ATTACK}",
     ]
+
+
+def _proven(result: CertifiedResult) -> str:
+    """Disturbances that the proof is for."""
+    encoder = of_axes(result.encoder, result.machine.axes)
+    force = f"{digits(result.force)} {result.machine.control_unit}"
+    return f"for every force of up to {force} on each control and encoder error of up to {encoder}"
 
 
 def _controls(result: CertifiedResult) -> str:

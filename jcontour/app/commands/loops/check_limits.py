@@ -20,6 +20,7 @@ from jcontour.app.jobs.job import Job
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
 from jcontour.app.reports.progress import counted
+from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import stored_tuning
 from jcontour.mpc.tracking.limits import Limits
@@ -161,8 +162,8 @@ def command(flags: Check) -> int:
     )
     write_result(out, result)
     rests = any(isinstance(job, Job) and job.at_rest for job in scenarios.jobs)
-    then = _next(rows, result.verdict, bounds, AWAY if rests else AT_FEED)
-    return finished(out, result, flags, show, then, result.verdict)
+    answer = _answer(rows, result.verdict, bounds, AWAY if rests else AT_FEED)
+    return finished(out, result, flags, show, answer, result.verdict)
 
 
 def limits_of(flags: Check, machine: Machine) -> Limits:
@@ -319,13 +320,13 @@ def verdict_on(
     return Verdict.of(checks, messages, helps, "USE THESE VALUES UNDER THEIR LIMITS")
 
 
-def _next(
+def _answer(
     rows: list[GapRow],
     verdict: Verdict,
     limits: Mapping[str, list | None],
     flags: Mapping[str, str],
-) -> list[str]:
-    """Cost of the limits in a sentence, and the next step.
+) -> list[Entry]:
+    """Cost of the limits, the one that is used most, and the next step.
 
     Args:
         rows: of the table.
@@ -337,21 +338,22 @@ def _next(
     asked = beyond or [name for name in flags if limits.get(name) is not None]
     away = " or ".join(dict.fromkeys(flags[name] for name in flags if name in asked))
     lost = [row for row in rows if row.failure]
+    used = max(verdict.limits, key=lambda one: one.value / one.allowed, default=None)
+    most = [] if used is None else [Entry("Limit", f"most used: {used.name} {used.size}")]
     if lost:
-        return [
-            f"{len(lost)} of {len(rows)} runs stopped: a step had no answer within the limits.",
-            f"Next: --fallback hold or soft goes on; or tune again with {away}.",
-        ]
+        stopped = f"{len(lost)} of {len(rows)} runs: a step had no answer within the limits"
+        next_step = f"--fallback hold or soft goes on; or tune again with {away}"
+        return [Entry("Stopped", stopped), *most, Entry("Next", next_step)]
     if beyond:
-        return [f"Next: tune again with {away}."]
+        return [*most, Entry("Next", f"tune again with {away}")]
     if not any(row.active_fraction > 0 for row in rows):
-        return [
-            "No limit was ever active: the tuned controller itself keeps to all of them.",
-            "Next: a tighter limit, such as --max-control or --max-increment, shows its cost.",
-        ]
+        kept = "no limit was ever active: the tuned controller itself keeps to all of them"
+        tighter = "a tighter limit, such as --max-control or --max-increment, shows its cost"
+        return [Entry("Error", kept), *most, Entry("Next", tighter)]
     worst = max(rows, key=lambda row: row.added_error)
-    return [
-        f"The limits add at most {tables.digits(1e6 * worst.added_error)} um RMS of contour error: "
-        f"{worst.contour}, {worst.plant}.",
-        f"Next: where that is too much, tune again with {away}.",
-    ]
+    assert worst.within is not None
+    before, after = (1e6 * one.rms_contour_error for one in (worst.without, worst.within))
+    sizes = f"{tables.digits(before)} -> {tables.digits(after)} um"
+    cost = f"the limits add most on {worst.contour}, {worst.plant}: RMS contour {sizes}"
+    too_much = f"where that is too much, tune again with {away}"
+    return [Entry("Error", cost), *most, Entry("Next", too_much)]

@@ -17,6 +17,7 @@ from jcontour.app.flags.loops import Export
 from jcontour.app.jobs.job import Job, Task
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.reports import tables
+from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.checks.exported_code import compiled_checks, off_the_plan, rounding
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.settling import settling, with_held_end
@@ -57,7 +58,22 @@ def command(flags: Export) -> int:
         then = "compile controller.c and plan.c into the drive, and replay.c beside it once."
     elif "controller.py" in found.files:
         then = "python controller.py in the run folder replays the run."
-    return finished(folder, found, flags, show_exported, [f"Next: {then}"])
+    answer = [
+        Entry("Code", f"{found.controller} on {found.machine}, {found.contour}"),
+        Entry("Files", ", ".join(found.files)),
+        Entry("Checked", _checked(found)),
+        *(Entry("Load", line) for line in (found.start, found.end) if line),
+        *(Entry("Warning", line) for line in found.warnings),
+        Entry("Next", then),
+    ]
+    return finished(folder, found, flags, show_exported, answer)
+
+
+def _checked(found: ExportedResult) -> str:
+    """How far the code is off the controls of `simulate`, and what has compiled it."""
+    off = f"within {found.difference:.1e} {found.control_unit} of `simulate`"
+    compilers = ", ".join(one.compiler.split()[0] for one in found.compiled)
+    return f"{off}{'; compiled by ' if compilers else ''}{compilers}"
 
 
 def run(flags: Export) -> tuple[ExportedResult, Path]:

@@ -17,6 +17,7 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import feeds_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
+from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.checks.run_checks import limits_exceeded_by_plan, motions_not_followed
 from jcontour.app.runs.contour_summary import cycle_time, family_metrics, machine_summary
@@ -25,6 +26,7 @@ from jcontour.app.runs.stored_loops import StoredLoop, loop_named
 
 PAYS = 0.5  # of a rise of the feed, that has to come off the cycle time
 SLOWEST, QUICKEST = 1.0, 1000.0  # per cent
+MOST_SHOWN = 6  # feeds on the screen, the quickest ones
 
 
 def loop_at_feeds(flags: Feed) -> StoredLoop:
@@ -193,7 +195,8 @@ def command(flags: Feed) -> int:
     folder = created(flags, "feed")
     save_figure(feeds_figure(result), folder / "feed.png")
     write_result(folder, result)
-    return finished(folder, result, flags, show, next_steps(result), result.verdict)
+    answer = [*feed_entries(result), *next_steps(result)]
+    return finished(folder, result, flags, show, answer, result.verdict)
 
 
 def _check(flags: Feed) -> None:
@@ -240,14 +243,28 @@ def show(result: FeedResult, console: Console) -> None:
         tables.say(console, f"WARNING: {feeds} %{last}: {line}")
 
 
-def next_steps(result: FeedResult) -> list[str]:
+def feed_entries(result: FeedResult) -> list[Entry]:
+    """Every feed in a line: its cycle time and its largest error, and whether it is sound."""
+
+    def words(point: FeedPoint) -> str:
+        if not point.sound:
+            return "DIVERGES" if point.diverged else "a limit is exceeded, or not followed"
+        peak = 1e6 * point.metrics.worst.peak(result.error)
+        return f"peak {result.error} error {tables.digits(peak)} um on the worst plant"
+
+    return [
+        Entry(f"{point.override:g} %", f"{point.cycle_time:.3f} s, {words(point)}")
+        for point in result.points[-MOST_SHOWN:]
+    ]
+
+
+def next_steps(result: FeedResult) -> list[Entry]:
     """What to do after the table."""
     if result.recommended is None:
-        return [_next_try(result)]
-    tune = (
-        "" if result.tuned else " `jcontour tune` first where the controller is not tuned for it."
-    )
-    return [f"Next: set the feed override of the control, or the feeds of the program.{tune}"]
+        return [Entry("Next", _next_try(result))]
+    tune = "" if result.tuned else "; tune first where the controller is not tuned for it"
+    words = f"set the feed override of the control, or the feeds of the program{tune}"
+    return [Entry("Next", words)]
 
 
 def _next_try(result: FeedResult) -> str:
@@ -255,16 +272,16 @@ def _next_try(result: FeedResult) -> str:
     if result.tolerance is not None and result.corners_decide:
         closer = 1e6 * result.tolerance / 2
         return (
-            f"Next: --corner-tolerance-um {closer:.3g}, half of the tolerance, or less: at any "
+            f"--corner-tolerance-um {closer:.3g}, half of the tolerance, or less: at any "
             "feed the motion itself leaves the part. A run folder keeps its own; make another."
         )
     if result.undecided:
         return (
-            "Next: --tolerance-um; a part from rest to rest may also take quicker --overrides, up "
+            "--tolerance-um; a part from rest to rest may also take quicker --overrides, up "
             "to where the machine mostly accelerates."
         )
     if all(point.planned and not point.sound for point in result.points):
-        return "Next: a motion that keeps the limits of the machine, as the warning says."
+        return "a motion that keeps the limits of the machine, as the warning says."
     if result.tuned:
-        return "Next: slower --overrides; the loop is a tuned one already."
-    return "Next: slower --overrides, or `jcontour tune` for this part and machine first."
+        return "slower --overrides; the loop is a tuned one already."
+    return "slower --overrides, or `jcontour tune` for this part and machine first."

@@ -19,6 +19,7 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import learning
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
+from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import digits, plain_table, say
 from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.forecast import outline
@@ -39,7 +40,12 @@ SHOWN = (1, 2, 3, 4, 6, 8, 12, 20, 40, 80)  # laps that have a column
 def command(flags: Learn) -> int:
     """The whole command: learn, print, exit code."""
     found, folder = run(flags)
-    return finished(folder, found, flags, show_learned, loading(found, SAMPLES), found.verdict)
+    family = [one for one in found.machines[1:] if one.best_um is not None]
+    worst = sorted(family, key=lambda one: -(one.best_um or 0.0))[:1]
+    shown = [found.machines[0], *worst]
+    answer = [Entry("Laps", f"{one.name}: {_outcome(one)}") for one in shown]
+    answer += [Entry("Load", line) for line in loading(found, SAMPLES)]
+    return finished(folder, found, flags, show_learned, answer, found.verdict)
 
 
 def run(flags: Learn) -> tuple[LearnedResult, Path]:
@@ -166,16 +172,16 @@ def loading(result: LearnedResult, file: str) -> list[str]:
     """What a control loads, what for, and what was not looked at."""
     one = result.stored
     if one is None:
-        return ["Nothing to load: no lap of the linear model is better than the first"]
+        return ["nothing: no lap of the linear model is better than the first"]
     if not result.verdict.usable:
-        return [f"Not written: {file}, as lap {one.lap} of the linear model had it"]
+        return [f"nothing: {file} is not written, as lap {one.lap} of the linear model had it"]
     weights = ", ".join(f"{name} {_told(value)}" for name, value in result.weights.items())
     return [
-        f"Load: {file}: the reference at every sample as lap {one.lap} of the linear model had it "
+        f"{file}: the reference at every sample as lap {one.lap} of the linear model had it "
         f"({digits(one.error_um)} um), shifted by up to {digits(one.largest_um)} um; it begins "
         f"{digits(one.first_um)} um beside the part, a step for the tool that stands there, and "
         f"then asks an axis for up to {digits(one.speed)} m/s and {digits(one.acceleration)} m/s^2",
-        f"      It is for {result.controller} with {weights}, and for no other one; on the machine "
+        f"it is for {result.controller} with {weights}, and for no other one; on the machine "
         "go on from it lap by lap",
     ]
 

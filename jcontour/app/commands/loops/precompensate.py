@@ -24,6 +24,7 @@ from jcontour.app.jobs.sections import sections
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import bent_figure
 from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.loops.bending import Bent, bent, moves_along
@@ -59,8 +60,9 @@ def command(flags: Precompensate) -> int:
     about = title, machine.error, machine.axes, found.reference, found.correction
     save_figure(bent_figure(*about, *errors), folder / "bent.png")
     write_result(folder, result)
-    then = _next(result) if verdict.usable else []
-    return finished(folder, result, flags, show, then, verdict)
+    answer = [Entry("Error", words) for words in sentences(result)]
+    answer += [Entry("Load", line) for line in _loading(result)] if verdict.usable else []
+    return finished(folder, result, flags, show, answer, verdict)
 
 
 def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult:
@@ -230,13 +232,14 @@ def _change(before: float, after: float) -> str:
     return f"{after / before:.3g} times LARGER"
 
 
-def _next(result: BentResult) -> list[str]:
+def _loading(result: BentResult) -> list[str]:
+    """Files for the control, and what is to be known of each."""
     rest = f", with {tables.digits(result.held)} s of rest at its end" if result.held else ""
-    lines = [f"Load: {SAMPLES}: the reference at every sample{rest}, for a control that streams it"]
+    lines = [f"{SAMPLES}: the reference at every sample{rest}, for a control that streams it"]
     if result.chord is not None:
         away = tables.digits(1e6 * result.chord)
         lines.append(
-            f"      {PROGRAM}: {result.moves} straight moves within {away} um of it at the same "
+            f"{PROGRAM}: {result.moves} straight moves within {away} um of it at the same "
             f"time, at exactly their feeds, which change by up to {tables.digits(result.changing)} "
             "m/s^2; a control whose look-ahead slows them down does not run it as meant"
         )
@@ -245,13 +248,13 @@ def _next(result: BentResult) -> list[str]:
         places = "1 place" if result.halts == 1 else f"{result.halts} places"
         z = "Z moves, " if len(axes) == 2 else ""
         lines.append(
-            f"      {PROGRAM} moves {' and '.join(axes)} alone and stops (M0) at {places}: put the "
+            f"{PROGRAM} moves {' and '.join(axes)} alone and stops (M0) at {places}: put the "
             f"{z}spindle and laser words of your program there"
         )
     if result.ramps:
         moves = "1 move" if result.ramps == 1 else f"{result.ramps} moves"
         lines.append(
-            f"WARNING: Z moves along with X and Y in {moves} of your program; {PROGRAM} leaves Z "
+            f"Z moves along with X and Y in {moves} of your program; {PROGRAM} leaves Z "
             "alone there, and cuts as deep as the tool stands"
         )
     return lines

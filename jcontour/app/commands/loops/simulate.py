@@ -1,18 +1,15 @@
 """`jcontour simulate`: one controller on one contour, on every plant of the machine's family."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.status import Status
-from rich.table import Table
 
 from jcontour.app.beside import Beside
 from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from jcontour.app.designs.design import Design, plain_weights
 from jcontour.app.files.results.loop_results import SimulatedResult
-from jcontour.app.files.results.run_metrics import METRICS, MotionSummary, RunMetrics
+from jcontour.app.files.results.run_metrics import RunMetrics
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict, kept_words, reason, warning
 from jcontour.app.flags.loops import Simulate
@@ -24,15 +21,8 @@ from jcontour.app.reports.figures.contours import figures_of
 from jcontour.app.reports.figures.motion import motion_figure
 from jcontour.app.reports.figures.png import drawn_by, image
 from jcontour.app.reports.rollouts import save_rollouts
-from jcontour.app.reports.tables import (
-    columns_of,
-    digits,
-    metric_cells,
-    peak_line,
-    plain_table,
-    read_line,
-    say,
-)
+from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.simulated_tables import show_simulated, simulated_answer
 from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.checks.run_checks import (
     NAN,
@@ -50,20 +40,19 @@ from jcontour.app.runs.contour_summary import (
 from jcontour.app.runs.forecast import check_memory, forecast
 from jcontour.app.runs.lifecycle import created, finished, tuning_words
 
-TOLD = 0.01  # of the cycle time, that the planner may leave to gain without a word
-
 
 def command(flags: Simulate) -> int:
     """The whole command: simulate, print, exit code."""
     with tables.console_of(stderr=True, quiet=flags.json).status("planning the motion") as status:
-        found, folder, line = run(flags, status)
+        found, folder = run(flags, status)
     nominal = next(iter(found.plants.values()))
     then = next_steps(flags, nominal.diverged, any(NAN in one for one in found.verdict.warnings))
-    return finished(folder, found, flags, show_simulated, [line, *then], found.verdict)
+    answer = [*simulated_answer(found), *then]
+    return finished(folder, found, flags, show_simulated, answer, found.verdict)
 
 
-def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path, str]:
-    """Simulate and store; the result, the run folder, and what is said of the rollouts.
+def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
+    """Simulate and store; the result and the run folder.
 
     The status shows what is being done, and how long it will take.
 
@@ -93,11 +82,11 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path, str]:
         named = {found.controller: replayed}
         for name, figure in figures_of(contour_runs(named, scenarios, 0, machine)).items():
             drawn[name] = drawn_by(process, figure)
-        line = save_rollouts(flags.rollouts, named, scenarios, machine, title, folder)
+        save_rollouts(flags.rollouts, named, scenarios, machine, title, folder)
         for name, save in drawn.items():
             save(folder / f"{name}.png")
     write_result(folder, found)
-    return found, folder, line
+    return found, folder
 
 
 def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> SimulatedResult:
@@ -143,7 +132,7 @@ def _verdict(scenarios: Scenarios, replayed: Replay, machine: Machine) -> Verdic
     )
 
 
-def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> list[str]:
+def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> list[Entry]:
     """What to do after a simulation, or after one that is lost on the nominal plant.
 
     Args:
@@ -152,64 +141,13 @@ def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> 
         undefined: whether it meets NaN: no weights help then.
     """
     if lost and undefined:
-        return ["Next: mend what is NaN (not a number), see the warning; other weights do not help"]
+        words = "mend what is NaN (not a number), see the warning; other weights do not help"
+        return [Entry("Next", words)]
     if lost:
-        return [
-            "Next: other weights, or another controller, with which the nominal plant does not "
-            "diverge; tuning begins from there"
-        ]
+        words = (
+            "other weights, or another controller, with which the nominal plant does not diverge; "
+            "tuning begins from there"
+        )
+        return [Entry("Next", words)]
     part = [] if flags.contour is None else [flags.contour]
-    return [f"Next: jcontour tune{tuning_words(part, vars(flags))}"]
-
-
-def show_simulated(result: SimulatedResult, console: Console) -> None:
-    """The table, what was read, and one sentence."""
-    console.print(plant_table(result))
-    if result.read is not None:
-        say(console, f"Read {read_line(result.contour, result.read, result.machine.axes)}")
-    if result.motion is not None:
-        console.print(motion_table(result.motion, result.machine.axes))
-    if result.peak is not None:
-        line = peak_line(result.peak, result.error, result.machine.axes)
-        say(console, f"{line[0].upper()}{line[1:]}.")
-    else:
-        say(console, "")
-
-
-def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
-    """How long the motion takes, what limits it, and the peaks of every axis."""
-    shares = [
-        [
-            "time at rest" if name == "rest" else f"time under the limit of {name}",
-            f"{100 * share:.1f} %",
-        ]
-        for name, share in motion.shares.items()
-        if share or name != "rest"
-    ]
-    peaks = [
-        [f"peak jerk of {axis}", f"{digits(peak)} of {digits(limit)} m/s^3"]
-        for axis, peak, limit in zip(axes, motion.peak_jerk, motion.jerk_limit, strict=True)
-    ]
-    rows = [
-        ["cycle time", f"{motion.cycle_time:.3f} s"],
-        *([["of it at rest", f"{motion.dwell:.3f} s"]] if motion.dwell else []),
-        ["stops on the way", str(motion.stops)],
-        ["corners blended within", f"{1e6 * motion.deviation:.3g} um"],
-        *shares,
-        *peaks,
-    ]
-    left = motion.gap / motion.cycle_time
-    if left > TOLD:
-        rows.insert(1, ["NOT THE QUICKEST, by about", f"{100 * left:.1f} %"])
-    return plain_table("Motion that the machine is asked for (motion.png)", ["", ""], rows)
-
-
-def plant_table(result: SimulatedResult) -> Table:
-    """One row per plant of the family."""
-    headings = [METRICS[name].heading for name in columns_of(result.error)]
-    rows = [
-        [plant, *metric_cells(metrics, result.error)] for plant, metrics in result.plants.items()
-    ]
-    run = f"{result.controller} on {result.contour}, {result.samples} samples"
-    title = f"{run}, {result.feed_law}, {result.machine.nonsmooth_effects}"
-    return plain_table(title, ["plant", *headings], rows)
+    return [Entry("Next", f"jcontour tune{tuning_words(part, vars(flags))}")]

@@ -31,6 +31,7 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
+from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import (
     digits,
     of_axes,
@@ -165,7 +166,11 @@ def command(flags: Tolerance) -> int:
     figure = errors_figure(title, machine.error, found.reference, curves, result.promised)
     save_figure(figure, folder / PNG)
     write_result(folder, result)
-    return finished(folder, result, flags, show_tolerance, _next(result), result.verdict)
+    promised = f"{digits(1e6 * result.promised)} um {result.error} error, {promise(result)[0]}"
+    answer = [Entry("Promised", promised), *(Entry("Kept", line) for line in findings(result))]
+    return finished(
+        folder, result, flags, show_tolerance, [*answer, *_next(result)], result.verdict
+    )
 
 
 def _check(flags: Tolerance, machine: LinearMachine) -> None:
@@ -275,7 +280,7 @@ def _save(found: Keeper, tried: list[Tried], folder: Path) -> None:
     save_dataset(xr.Dataset(data, coordinates, title), folder / "runs.nc")
 
 
-def _next(result: ToleranceResult) -> list[str]:
+def _next(result: ToleranceResult) -> list[Entry]:
     """What makes it smaller."""
     shares = result.shares
     largest = max(shares, key=lambda name: shares[name])
@@ -286,7 +291,7 @@ def _next(result: ToleranceResult) -> list[str]:
         "error of the undisturbed run": "a lower --feed-mm-per-min or --acceleration",
         "bend of the path": "a lower --feed-mm-per-min, or a smaller --corner-tolerance-um",
     }
-    return [f"Next: the largest share is {largest}: {helps[largest]}."]
+    return [Entry("Next", f"the largest share is {largest}: {helps[largest]}")]
 
 
 def show_tolerance(result: ToleranceResult, console: Console) -> None:
@@ -320,7 +325,7 @@ def promise(result: ToleranceResult) -> list[str]:
     why = f"the limits of {limiting}" if limiting else "the machine alone, none of its limits"
     most = of_inputs(dict(enumerate(result.control_limit)), unit)
     return [
-        f"Proven for every force of up to {digits(result.force)} {unit} on each control and every "
+        f"proven for every force of up to {digits(result.force)} {unit} on each control and every "
         f"encoder error of up to {of_axes(result.encoder, result.machine.axes)}, at each sample,",
         f"on one plant, {result.plant}; no control above {most}. A disturbance is forgotten after "
         f"{result.length} samples. What decides: {why}.",

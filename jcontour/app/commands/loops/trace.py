@@ -27,6 +27,7 @@ from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import path_figure, signals_figure
 from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.checks.machine_limits import Signals as Seen
 from jcontour.app.runs.checks.machine_limits import limits_of_groups
 from jcontour.app.runs.contour_summary import read_of
@@ -72,7 +73,8 @@ def command(flags: Trace) -> int:
         path = path_figure(result.signals, 1e3 * outline(asked.contour), foot, title)
         save_figure(path, folder / "path.png")
     write_result(folder, result)
-    return finished(folder, result, flags, show, next_steps(result), verdict)
+    answer = [Entry("Run", line) for line in _lines(result)]
+    return finished(folder, result, flags, show, [*answer, *next_steps(result)], verdict)
 
 
 def job_of(flags: Trace) -> Task:
@@ -209,6 +211,10 @@ def judged(
 
 def show(result: Traversed, console: Console) -> None:
     """How long, how far off, and whether the limits or the solver had a say."""
+    tables.say(console, *_lines(result))
+
+
+def _lines(result: Traversed) -> list[str]:
     length = f"{result.length_mm:.4g} mm"
     lines = [f"{result.contour}: {length} on {result.plant}, {result.steps} samples"]
     if result.read is not None:
@@ -226,13 +232,12 @@ def show(result: Traversed, console: Console) -> None:
         came = f"{_shown(result.came_mm)} mm of {length} along the path"
         apart = f"{_shown(result.end_mm)} mm from its end point at the last sample"
         lines += [f"Tool came         {came}; {apart}", f"Contour error     {errors}"]
-    tables.say(
-        console,
+    return [
         *lines,
         f"Limits in plan    {100 * result.limited:.4g} % of the steps; "
         f"fallback steps: {result.fallbacks}",
         f"Worst residual    {result.residual:.1e} of a QP (at most 1e-8 counts as solved)",
-    )
+    ]
 
 
 def verdict_on(result: Traversed) -> Verdict:
@@ -256,8 +261,8 @@ def _shown(length_mm: float | None) -> str:
     return f"{round(length_mm or 0.0, 6):.4g}"
 
 
-def next_steps(result: Traversed) -> list[str]:
-    """Figures in words, and the next step."""
+def next_steps(result: Traversed) -> list[Entry]:
+    """The next step."""
     if result.failure:
         step = "--fallback hold goes on where a step has no answer."
     elif not result.arrived:
@@ -268,11 +273,7 @@ def next_steps(result: Traversed) -> list[str]:
         step = f"a lower {lower}, or less --q-theta asks less of it: {known}."
     else:
         step = "--q-theta trades time for accuracy: more is faster, less is closer."
-    figures = (
-        "path.png shows the tool around the path, its error magnified, and the speed there; "
-        "trace.png the signals along the path."
-    )
-    return [*([] if result.signals is None else [figures]), f"Next: {step}"]
+    return [Entry("Next", step)]
 
 
 def advice(result: Traversed) -> str:

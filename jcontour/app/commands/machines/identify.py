@@ -19,6 +19,7 @@ from jcontour.app.files.record_file import load_records, save_records
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.machines import Identify
 from jcontour.app.reports import tables
+from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import finished
 from jcontour.plants.flexible_axis.axis import AxisParameters, thesis_axis
 from jcontour.plants.flexible_axis.linear_motor import LinearMotor, thesis_motor
@@ -129,11 +130,22 @@ def command(flags: Identify) -> int:
     result = summary_of(flags, records, found)
     _store(flags, records, found, folder)
     write_result(folder, result)
-    then = ["No axis file: the model has an end effector, the data do not"]
-    if result.model is not None:
+    known = [one for one in result.parameters if one.separated and one.value is not None]
+    hidden = [one.parameter for one in result.parameters if not one.separated]
+    answer = [
+        Entry(
+            "Axis", ", ".join(f"{one.parameter} {_number(one.value)} {one.unit}" for one in known)
+        ),
+        Entry("Hidden", ", ".join(hidden) or "nothing"),
+        *(Entry("Note", note) for note in result.notes),
+    ]
+    if result.model is None:
+        answer.append(Entry("Load", "nothing: the model has an end effector, the data do not"))
+    else:
         path = folder / result.model
-        then = [f"Axis file: {path}", f"Next: jcontour tune --plant {shlex.quote(str(path))}"]
-    return finished(folder, result, flags, show, then)
+        answer.append(Entry("Load", str(path)))
+        answer.append(Entry("Next", f"jcontour tune --plant {shlex.quote(str(path))}"))
+    return finished(folder, result, flags, show, answer)
 
 
 def records_of(flags: Identify) -> list[Record]:

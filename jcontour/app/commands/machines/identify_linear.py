@@ -26,6 +26,7 @@ from jcontour.app.machines.machine_behaviour import (
     coarse_counts,
 )
 from jcontour.app.reports import tables
+from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import of_axes
 from jcontour.app.runs.lifecycle import finished
 from jcontour.export.code_text import heading
@@ -70,14 +71,27 @@ def command(flags: Identify) -> int:
     write_result(folder, result)
     path = folder / MODEL
     quoted = shlex.quote(str(path))
-    then = [
-        f"Machine file: {path}",
-        f"Next: jcontour machine {quoted}, then jcontour tune --plant {quoted}",
+    answer = [
+        *(Entry(one.name, axis_words(one, flags.control_unit)) for one in result.axes),
+        Entry("Limits", "the largest of the record stand in the file: put the machine's own there"),
+        *(Entry("Note", note) for note in result.notes),
     ]
     if any(one.friction is not None for one in result.axes):
-        acts = "The tables of tune have this friction in their runs; what it proves is for such a"
-        then.append(f"{acts} force")
-    return finished(folder, result, flags, show, then)
+        acts = "the tables of tune have this friction in their runs; what it proves is for such a"
+        answer.append(Entry("Friction", f"{acts} force"))
+    answer += [Entry("Load", str(path)), Entry("Next", f"jcontour machine {quoted}")]
+    return finished(folder, result, flags, show, answer)
+
+
+def axis_words(one: LinearAxisResult, control_unit: str) -> str:
+    """Model of an axis in a line, with what is known of its gain and up to which frequency."""
+    gain = f"{1e3 * one.gain:.5g} mm{'/s' * bool(one.integrators)} per {control_unit}"
+    low, high = one.gain_interval
+    known = f" +- {50 * (high - low) / abs(one.gain):.2g} %" if one.gain else ""
+    return (
+        f"{words_of(one)}; gain {gain}{known}, delay {one.delay} samples, known to "
+        f"{one.shown_to:.3g} Hz, explains {100 * one.explained:.2f} %"
+    )
 
 
 def _fields(found: LinearMachineFound, name: str, control_unit: str) -> dict[str, Any]:

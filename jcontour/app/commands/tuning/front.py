@@ -16,20 +16,23 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.figures.searches import front
 from jcontour.app.reports.rollouts import save_rollouts
+from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import finished, opened, tuning_words
 from jcontour.app.runs.tuning.trade_off import Search, search_of, traced
 
 NAMES = {"increment": "the control increment", "sensitivity": "the peak sensitivity Ms"}
+MOST_SHOWN = 6  # budgets on the screen
 TUNED_BY = {"increment": "--max-rms-increment", "sensitivity": "--max-sensitivity"}
 
 
 def command(flags: Front) -> int:
     """Trace, store and print a front; exit code."""
     with opened(flags, "front", search_of) as (folder, search):
-        result = traced(search, folder, tables.console_of(quiet=flags.json))
+        result = traced(search, folder, tables.console_of(stderr=True, quiet=flags.json))
         _store_runs(result, search, folder)
         _store(result, search.run.design.units(), folder)
-    return finished(folder, result, flags, show, next_steps(result, _task(folder)))
+    answer = [*front_entries(result), *next_steps(result, _task(folder))]
+    return finished(folder, result, flags, show, answer)
 
 
 def _task(folder: Path) -> str:
@@ -81,28 +84,33 @@ def show(result: FrontResult, console: Console) -> None:
     console.print(tables.table_of("Weights", result.points, columns, text_columns=0))
 
 
-def next_steps(result: FrontResult, task: str) -> list[str]:
-    """Lines that say which budgets are slack, and what to do next with the same task."""
-    lines = []
+def front_entries(result: FrontResult) -> list[Entry]:
+    """The error within every budget, as many as a screen takes."""
+    spent, entries = NAMES[result.against].removeprefix("the "), []
+    for point in result.points[:MOST_SHOWN]:
+        budget, error = tables.digits(point.budget), tables.digits(1e6 * point.error(result.error))
+        margin = tables.digits(point.peak_sensitivity) + ("" if point.feasible else ", NOT KEPT")
+        words = f"{spent} {budget}: RMS {result.error} error {error} um, Ms {margin}"
+        entries.append(Entry("Budget", words))
+    return entries
+
+
+def next_steps(result: FrontResult, task: str) -> list[Entry]:
+    """Which budgets are slack, and what to do next with the same task."""
+    entries = []
     if result.tracking_cap is not None:
-        lines.append(
-            f"The RMS tracking error is held below {1e6 * result.tracking_cap:.4g} um, "
-            "so that the tool does not lag too far: one that stands still has no contour error. "
-            "Another cap: --max-tracking-error-um."
+        words = (
+            f"the RMS tracking error is held below {1e6 * result.tracking_cap:.4g} um: a tool that "
+            "stands still has no contour error; --max-tracking-error-um is another"
         )
+        entries.append(Entry("Limit", words))
     if result.slack:
         slack = ", ".join(map(tables.digits, result.slack))
-        lines.append(
-            f"Slack: the best weights found need less than the budget {slack}. "
-            "Give smaller budgets with --least and --most."
-        )
+        words = f"the best weights need less than {slack}; smaller ones with --least and --most"
+        entries.append(Entry("Slack", words))
     tight = [point for point in result.points if point.feasible and not point.slack]
+    words = "no budget is met and used up; give larger or smaller ones"
     if tight:
         budget = tables.digits(tight[0].budget)
-        lines.append(
-            "Next: choose a budget and tune for it, as "
-            f"jcontour tune{task} {TUNED_BY[result.against]} {budget}"
-        )
-    else:
-        lines.append("Next: no budget is met and used up; give larger or smaller ones.")
-    return lines
+        words = f"jcontour tune{task} {TUNED_BY[result.against]} {budget}"
+    return [*entries, Entry("Next", words)]

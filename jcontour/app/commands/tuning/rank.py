@@ -11,6 +11,7 @@ from jcontour.app.flags.tuning import Rank
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.figures.searches import ranking_figure
+from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import finished, opened, same_task
 from jcontour.app.runs.tuning.ranking import ranked, ranking_of
 
@@ -20,11 +21,11 @@ BEGINS = "*"  # marks the Ms of a controller that learns
 def command(flags: Rank) -> int:
     """Tune, rank, store and print; exit code."""
     with opened(flags, "rank", ranking_of) as (folder, ranking):
-        result = ranked(ranking, folder, tables.console_of(quiet=flags.json))
+        result = ranked(ranking, folder, tables.console_of(stderr=True, quiet=flags.json))
         save_figure(ranking_figure(result), folder / "ranking.png")
         write_result(folder, result)
-    then = next_steps(result, same_task(folder, "rank"))
-    return finished(folder, result, flags, show, then, result.verdict)
+    answer = answer_of(result, same_task(folder, "rank"))
+    return finished(folder, result, flags, show, answer, result.verdict)
 
 
 def show(result: RankedResult, console: Console) -> None:
@@ -55,41 +56,54 @@ def show(result: RankedResult, console: Console) -> None:
     }
     console.print(tables.table_of(title, placed, columns))
     failed = [f"{row.label}: no place, {row.failure}" for row in result.rows if row.failure]
-    tables.say(console, *failed, *_left_out(result.learning))
-
-
-def _left_out(names: list[str]) -> list[str]:
-    if not names:
-        return []
-    return [
-        f"Left out: {', '.join(names)}. They learn while they run, and no margin is known of what "
-        f"they learn; --controllers {' '.join(names)} ranks them."
-    ]
-
-
-def next_steps(result: RankedResult, task: str) -> list[str]:
-    """What the words of the table mean, and what to do next with the same parts and machine."""
-    placed = [row for row in result.rows if row.failure is None and row.feasible]
-    if not placed and all(row.failure for row in result.rows):
-        return ["Next: no controller could be tried; the lines above say why."]
-    if not placed:
-        blind = "--nominal-only" in task.split()
-        other = "leave out --nominal-only" if blind else "allow more, as --max-sensitivity 3"
-        return [f"Next: no controller keeps every limit; {other}."]
-    lines = ["Computing: processor time of the same runs, over that of the first row."]
-    if any(row.learns for row in result.rows if row.failure is None):
-        lines.insert(
-            0,
+    tables.say(console, *failed)
+    if names := result.learning:
+        tables.say(
+            console,
+            f"Left out: {', '.join(names)}. They learn while they run, and no margin is known of "
+            f"what they learn; --controllers {' '.join(names)} ranks them.",
+        )
+    if any(row.learns for row in placed):
+        tables.say(
+            console,
             f"Ms with {BEGINS}: of the loop that the controller begins with. It learns while it "
             "runs, and no margin is known of what it learns.",
         )
+    tables.say(console, "Computing: processor time of the same runs, over that of the first row.")
+
+
+def answer_of(result: RankedResult, task: str) -> list[Entry]:
+    """The best controller, how far the others are, and the next step on the same parts."""
+    placed = [row for row in result.rows if row.failure is None and row.feasible]
+    if not placed and all(row.failure for row in result.rows):
+        return [Entry("Next", "another machine or part: no controller could be tried")]
+    if not placed:
+        blind = "--nominal-only" in task.split()
+        other = "leave out --nominal-only" if blind else "allow more, as --max-sensitivity 3"
+        return [Entry("Next", f"no controller keeps every limit; {other}")]
+    first = placed[0]
+    error = first.held_out if first.held_out is not None else first.training
+    unseen = "unseen" if first.held_out is not None else "training"
+    size = f"{tables.digits(error and 1e6 * error)} um RMS {result.error}, worst plant"
+    margin = f"Ms {tables.digits(first.peak_sensitivity)}"
+    entries = [Entry("Best", f"{first.label}: {size}, {unseen} contours; {margin}")]
+    others = [
+        f"{row.label} x {row.held_out / first.held_out:.2f}"
+        for row in placed[1:]
+        if row.held_out and first.held_out
+    ]
+    if others:
+        entries.append(Entry("Others", f"error over the best: {', '.join(others)}"))
+    if len(placed) < len(result.rows):
+        entries.append(Entry("No place", f"{len(result.rows) - len(placed)} controllers"))
     if any(not row.stationary for row in placed):
-        lines.append("A search that has not ended may find more with --evaluations.")
-    best = placed[0].candidate
+        entries.append(
+            Entry("Limit", "a search that has not ended may find more with --evaluations")
+        )
+    best = first.candidate
     words = f"--controller {best.controller}"
     if own_name(best.controller) is None:  # one of the user's has its own preview
         words += f" --preview {best.preview} --terminal {best.terminal}"
         if best.model_delay is not None:
             words += f" --model-delay {best.model_delay}"
-    lines.append(f"Next: jcontour tune{task} {words}")
-    return lines
+    return [*entries, Entry("Next", f"jcontour tune{task} {words}")]

@@ -16,6 +16,7 @@ from jcontour.app.flags.tuning import Sweep
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.png import save_figures
 from jcontour.app.reports.figures.sweeps import sweep_figure, worst_errors
+from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import finished, opened
 from jcontour.app.runs.spread.best_designs import (
     ALIKE,
@@ -38,6 +39,7 @@ from jcontour.app.runs.spread.sweep_asked import Swept, swept_of
 from jcontour.app.runs.spread.sweep_runs import DIMENSIONS, found_along
 from jcontour.app.runs.tuning.limits import named_limits
 
+MOST_SHOWN = 3  # findings and previews on the screen
 LOOPS = 100  # designs of a preview whose margins are stored: about ten seconds
 
 
@@ -53,11 +55,21 @@ def command(flags: Sweep) -> int:
         save_figures(figures, dataset, folder)
         result = summary_of(dataset, error, picks)
         write_result(folder, result)
-    lines = [*diverged_lines(dataset, names, error), *limit_lines(asked, dataset, result)]
-    lines += margin_lines(asked)
-    lines += [*edge_of(asked, result, dataset), *repeated(asked, result)]
-    then = [*lines, *next_steps(asked, result)]
-    return finished(folder, result, flags, _shown(names, error), then)
+    findings = [*diverged_lines(dataset, names, error), *limit_lines(asked, dataset, result)]
+    findings += [*margin_lines(asked), *edge_of(asked, result, dataset)]
+    answer = [
+        *(Entry("Best", line) for line in best_lines(result)),
+        Entry("Points", counted_words(result)),
+        *(Entry("Note", line) for line in findings[:MOST_SHOWN]),
+        *(Entry("Again", line) for line in repeated(asked, result)),
+        *(Entry("Next", line) for line in next_steps(asked, result)),
+    ]
+
+    def show(result: SweepResult, console: Console) -> None:
+        _table(result, names, error, console)
+        tables.say(console, *findings)
+
+    return finished(folder, result, flags, show, answer)
 
 
 def _controller(flags: Sweep) -> str | None:
@@ -153,26 +165,36 @@ def summary_of(dataset: xr.Dataset, error: str, best: list[BestDesign]) -> Sweep
     return SweepResult(diverged.size, int(diverged.sum()), within, best)
 
 
-def _shown(names: list[str], error: str):
-    """Printer of a result whose designs have these weights."""
+def _table(result: SweepResult, names: list[str], error: str, console: Console) -> None:
+    columns = {
+        "preview": lambda row: str(row.preview),
+        **{name: lambda row, name=name: row.weights[name] for name in names},
+        f"worst RMS\n{error} um": lambda row: row.worst_um,
+        "nominal\num": lambda row: row.nominal_um,
+        "Ms": lambda row: "unstable" if row.sensitivity is None else f"{row.sensitivity:.3g}",
+        "delay margin\nsamples": lambda row: str(row.delay_samples),
+    }
+    title = "Best weights within the limits for every preview (worst over contours and plants)"
+    if result.best:
+        console.print(tables.table_of(title, result.best, columns))
+    tables.say(console, counted_words(result))
 
-    def show(result: SweepResult, console: Console) -> None:
-        columns = {
-            "preview": lambda row: str(row.preview),
-            **{name: lambda row, name=name: row.weights[name] for name in names},
-            f"worst RMS\n{error} um": lambda row: row.worst_um,
-            "nominal\num": lambda row: row.nominal_um,
-            "Ms": lambda row: "unstable" if row.sensitivity is None else f"{row.sensitivity:.3g}",
-            "delay margin\nsamples": lambda row: str(row.delay_samples),
-        }
-        title = "Best weights within the limits for every preview (worst over contours and plants)"
-        if result.best:
-            console.print(tables.table_of(title, result.best, columns))
-        tables.say(
-            console,
-            f"{result.points} points, {result.diverged} diverged, {result.within} within the "
-            f"limits on their runs. Of errors within {100 * ALIKE:g} % those of the calmest "
-            "control are the best.",
-        )
 
-    return show
+def counted_words(result: SweepResult) -> str:
+    """How many designs diverge and keep the limits, and which are called the best."""
+    return (
+        f"{result.points} points, {result.diverged} diverged, {result.within} within the limits "
+        f"on their runs. Of errors within {100 * ALIKE:g} % those of the calmest control are the "
+        "best"
+    )
+
+
+def best_lines(result: SweepResult) -> list[str]:
+    """The best design of the previews with the least error, one line each."""
+    best = sorted(result.best, key=lambda row: (bool(row.beyond), row.worst_um))
+    return [
+        f"{row.worst_um:.4g} um RMS on the worst plant, Ms {tables.digits(row.sensitivity)}: "
+        f"preview {row.preview}, "
+        + ", ".join(f"{name} {value:.4g}" for name, value in row.weights.items())
+        for row in best[:MOST_SHOWN]
+    ]

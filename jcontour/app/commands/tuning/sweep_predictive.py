@@ -35,6 +35,7 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.figures.png import save_figures
 from jcontour.app.reports.figures.sweeps import front_figure, on_the_front, surface_figure
 from jcontour.app.reports.progress import counted
+from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import finished, opened
 from jcontour.app.runs.spread.cluster import Killed, answers, cluster_of
 from jcontour.app.runs.spread.predictive_runs import Ending, PredictiveRun, predictive_run
@@ -46,7 +47,18 @@ DIMENSIONS = ("contour", "speed", "horizon", "sample")
 SHOWN = 15  # designs of the front that are printed
 NAMED = 5  # designs without a result that are printed
 HEEDED = (  # flags of a sweep that predictive control has a use for
-    *("json", "plant", "controller", "parts", "vary", "previews", "speeds_mm_s", "samples", "seed"),
+    *(
+        "json",
+        "details",
+        "plant",
+        "controller",
+        "parts",
+        "vary",
+        "previews",
+        "speeds_mm_s",
+        "samples",
+        "seed",
+    ),
     *("drawing_unit", "join_um", "corner_tolerance_um", "workers", "scheduler", "listen"),
     *("out", "resume", "trust_code"),
 )
@@ -146,7 +158,14 @@ def command(flags: Sweep) -> int:
         save_figures(figures, dataset, folder)
         result = summary_of(asked, dataset)
         write_result(folder, result)
-    return finished(folder, result, flags, _show, _lost_lines(asked, dataset))
+    best = min(result.front, key=lambda one: one.rms_um, default=None)
+    answer = [Entry("Runs", counted_words(result))]
+    if best is not None:
+        weights = ", ".join(f"{name} {value:.4g}" for name, value in best.weights.items())
+        how = f"horizon {best.horizon}, {best.speed_mm_s:g} mm/s, {weights}"
+        answer.append(Entry("Closest", f"{best.rms_um:.4g} um RMS in {best.time_s:.4g} s: {how}"))
+    answer += [Entry("Lost", line) for line in _lost_lines(asked, dataset)]
+    return finished(folder, result, flags, _show, answer)
 
 
 def swept_of(flags: Sweep) -> PredictiveSwept:
@@ -301,10 +320,13 @@ def _show(result: PredictiveSweepResult, console: Console) -> None:
         console.print(tables.table_of(title, result.front[:SHOWN], columns))
     if len(result.front) > SHOWN:
         tables.say(console, f"and {len(result.front) - SHOWN} slower ones: result.json")
-    others = ", ".join(
-        f"{getattr(result, ending.value)} {ending.value}" for ending in list(Ending)[1:]
-    )
-    tables.say(console, f"{result.runs} runs: {result.arrived} arrived, {others}.")
+    tables.say(console, counted_words(result))
+
+
+def counted_words(result: PredictiveSweepResult) -> str:
+    """How many runs ended in which way."""
+    counts = ((getattr(result, ending.value), ending.value) for ending in Ending)
+    return f"{result.runs}: {', '.join(f'{count} {name}' for count, name in counts)}"
 
 
 def _lost_lines(asked: PredictiveSwept, dataset: xr.Dataset) -> list[str]:

@@ -22,7 +22,8 @@ from jcontour.app.reports.figures.png import drawn_beside, save_figures
 from jcontour.app.reports.figures.searches import FIGURES, Search, sensitivity_figure
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.reports.rollouts import save_rollouts, save_sensitivity
-from jcontour.app.reports.tuned_tables import limit_words, show_tuned
+from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.tuned_tables import limit_words, show_tuned, tuned_answer
 from jcontour.app.runs.checks.certifying import certified_bound
 from jcontour.app.runs.checks.recommendation import lost_at_start
 from jcontour.app.runs.contour_summary import contour_runs, read_of
@@ -57,13 +58,13 @@ FIRST = 3  # of many contours, that are named before the tuning
 
 def command(flags: Tune) -> int:
     """The whole command: tune, print, exit code."""
-    console = tables.console_of(quiet=flags.json)
     try:
-        found, folder = run(flags, console)
+        found, folder = run(flags, tables.console_of(quiet=flags.json or not flags.details))
     except RuntimeError as error:
         print(f"jcontour: {error}", file=sys.stderr)
         return 1
-    return finished(folder, found, flags, show_tuned, next_steps(found, folder), found.verdict)
+    answer = [*tuned_answer(found), *next_steps(found, folder)]
+    return finished(folder, found, flags, show_tuned, answer, found.verdict)
 
 
 def run(flags: Tune, console: Console) -> tuple[TunedResult, Path]:
@@ -96,7 +97,7 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
         checks = robust, in_engine, certified()
     if baseline is not None:
         trials["baseline"] = baseline
-    told = tuned_result(found, trials, *checks, time.perf_counter() - began)
+    told = tuned_result(found, trials, *checks, loops, time.perf_counter() - began)
     store_result(run, told, tuned, folder)
     return told
 
@@ -136,7 +137,8 @@ def _chosen(
 
 
 def _descended(run: TuningRun, folder: Path, console: Console) -> Searched:
-    with progress_of(console, run.settings, run.machine.error) as show:
+    bar = tables.console_of(stderr=True, quiet=run.flags.json)
+    with progress_of(bar, run.settings, run.machine.error) as show:
         if run.flags.objective == "regret":
             run = with_regret(run, folder, show)
         try:
@@ -244,16 +246,15 @@ def figures(run: TuningRun, trials: Mapping[str, Trial], folder: Path) -> dict[P
     return {folder / f"{name}.png": figure for name, figure in made.items()}
 
 
-def next_steps(found: TunedResult, folder: Path) -> list[str]:
-    """Next steps with a tuned run."""
+def next_steps(found: TunedResult, folder: Path) -> list[Entry]:
+    """What to load, and the next step with a tuned run; none where it is not to be used."""
     if not found.verdict.usable:
         return []
-    steps = [f"jcontour report {folder} OTHER    (which of two runs is better where)"]
-    if found.limitable:
-        steps.append(f"jcontour check {folder}    (the same weights under the machine's limits)")
+    entries = [Entry("Load", ", ".join(str(folder / name) for name in found.files))]
     if found.terminal is not None:
-        steps.append(f"jcontour check {folder} --bound    (the largest error it can have, proven)")
-    task = ranked_words(folder)
-    steps.append(f"jcontour rank{task}    (every controller that suits, as P-PI, tuned alike)")
-    load = [f"Load: {name}: {words}" for name, words in found.files.items()]
-    return [*load, f"Next: {steps[0]}", *(f"      {step}" for step in steps[1:])]
+        entries.append(Entry("Next", f"jcontour check {folder} --bound"))
+    elif found.limitable:
+        entries.append(Entry("Next", f"jcontour check {folder}"))
+    else:
+        entries.append(Entry("Next", f"jcontour rank{ranked_words(folder)}"))
+    return entries

@@ -138,6 +138,25 @@ class ActiveLimit:
     price: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class DriveLoop:
+    """The nearest simple loop, with gains that a drive has.
+
+    Attributes:
+        controller: its name.
+        gains: one line each, in the terms and units of drives.
+        error: objective of the search with these gains [m].
+        tuned_error: that of the tuned controller [m].
+        kept: whether it is within every limit of the search.
+    """
+
+    controller: str
+    gains: list[str]
+    error: float
+    tuned_error: float
+    kept: bool
+
+
 @dataclass(frozen=True)
 class EngineRow:
     """Nominal run in an independent engine: both RMS errors and the distance of both tools [m]."""
@@ -202,6 +221,7 @@ class TunedResult:
         gap: what smoothing hides.
         confirmed: the same runs in another engine, where there is one.
         seconds: that the run took.
+        drive: the nearest simple loop; None where none was tried.
     """
 
     machine: MachineSummary
@@ -236,6 +256,7 @@ class TunedResult:
     seconds: float
     certified: CertifiedBound | None = None
     sample_period: float
+    drive: DriveLoop | None = None
 
 
 @dataclass(frozen=True)

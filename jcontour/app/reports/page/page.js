@@ -3,6 +3,7 @@
 
 const RUNS = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
+const AXES = ["#0072b2", "#d55e00", "#009e73"]; // of controls, by axis
 const START = { start: COLOURS[0], tuned: COLOURS[1] };
 const state = { run: 0, contour: 0, plant: 0, along: "time", factor: 1, zoom: 1, cursor: 0,
   shown: new Set(), point: 0 };
@@ -89,8 +90,10 @@ function overTime(id, values) {
   views[id] = plot;
   if (!plot) return;
   for (const one of lines) {
-    one.parts.forEach((part, k) => {
-      line(plot, x, part, one.colour, one.thick ? 1.3 : 0.8, one.thick ? 1 : 0.45, k ? [5, 3] : []);
+    one.parts.forEach((part, k) => { // of several inputs each has its colour, and start is dashed
+      const several = one.parts.length > 1, dashed = several && run().designs[one.design] === "start";
+      const shade = several ? AXES[k % AXES.length] : one.colour;
+      line(plot, x, part, shade, one.thick ? 1.3 : 0.8, one.thick ? 1 : 0.45, dashed ? [5, 3] : []);
     });
   }
   line(plot, [x[state.cursor], x[state.cursor]], [plot.y0, plot.y1], ink("--soft"), 1);
@@ -117,7 +120,7 @@ function drawPart() {
     });
     return { ...one, where: flat ? [read.time, where[1]] : where };
   });
-  let xs = range([wanted[0]]), ys = range([wanted[1]]);
+  let [xs, ys] = wanted.map((part, k) => range([part, ...tools.map((one) => one.where[k])]));
   if (state.zoom > 1) { // about the cursor
     const about = wanted.map((part) => part[state.cursor]);
     [xs, ys] = [xs, ys].map(([low, high], k) =>
@@ -169,6 +172,7 @@ function drawFront() {
   views.front = plot && { ...plot, xs: x, ys: y };
   if (!plot) return;
   found.points.forEach((one, k) => dot(plot, x[k], y[k], one.feasible ? COLOURS[1] : "#999", 3.5, !one.feasible));
+  found.points.forEach((one, k) => { if (one.recommended) mark(plot, x[k], y[k], "recommended"); });
   dot(plot, x[state.point], y[state.point], COLOURS[0], 8, true);
   plot.end();
 }
@@ -228,9 +232,15 @@ function tellMetrics() {
 
 function tellAxes() {
   const over = state.along === "time" ? "over time [s]" : "over path [mm]", names = run().axes;
-  const dashed = run().inputs > 1 ? ", the first solid" : "";
+  const several = run().inputs > 1 && run().inputs === names.length;
   $("error-title").textContent = `Error [um] ${over}`;
-  $("control-title").textContent = `Control [${run().control_unit}] ${over}${dashed}`;
+  $("control-title").textContent = `Control [${run().control_unit}] ${over}`;
+  if (several) names.forEach((name, k) => {
+    const word = document.createElement("span");
+    word.textContent = ` ${name}`;
+    word.style.color = AXES[k % AXES.length];
+    $("control-title").append(word);
+  });
   $("feed-title").textContent = `Feed [mm/min] ${over}`;
   $("part-title").textContent = names.length === 1 ? `${names[0]} [mm] over time [s]` : `Part: ${names[1]} over ${names[0]} [mm]; dashed where the tool should be`;
 }
@@ -244,6 +254,12 @@ function tellRun() {
     $("verdict").className = one.verdict.usable ? "" : "against";
     $("verdict").textContent = one.verdict.lines.join("\n");
   }
+  fill($("answer"), one.answer);
+  $("alternatives-section").hidden = !one.alternatives.length;
+  const effort = `change of the control ${one.control_unit} per sample`;
+  fill($("alternatives"), [["", "worst RMS error um", "Ms", effort, "cycle time s", ""],
+    ...one.alternatives.map((row) => [row.name, row.error, row.margin ?? NaN, row.effort ?? NaN, row.time ?? NaN,
+      row.recommended ? "recommended: the least error within every limit" : ""])], true);
   $("lines").textContent = one.lines.join("\n");
   $("lines-section").hidden = !one.lines.length;
   fill($("settings"), [...Object.entries(one.settings), ...Object.entries(one.versions)]);

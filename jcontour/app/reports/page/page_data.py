@@ -17,13 +17,22 @@ from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.results.search_results import FrontResult
 from jcontour.app.files.results.stored import read_result, to_json
 from jcontour.app.files.results.tuned_result import TunedResult
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.flags.tuning import Front, Tune
 from jcontour.app.reports.rollouts import ROLLOUTS, SENSITIVITY
-from jcontour.app.reports.tuned_tables import margin_rows
+from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.simulated_tables import simulated_answer
+from jcontour.app.reports.tuned_tables import margin_rows, tuned_answer
 
 KINDS: dict[str, type[TunedResult | SimulatedResult | FrontResult]] = {
     "tune": TunedResult,
     "simulate": SimulatedResult,
     "front": FrontResult,
+}
+FLAGS: dict[str, type[Tune | Simulate | Front]] = {
+    "tune": Tune,
+    "simulate": Simulate,
+    "front": Front,
 }
 BYTES = 3e6  # of the signals of a run on its page
 MOST_CONTOURS = 12
@@ -87,7 +96,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
             "name": folder.name,
             "command": command,
             "repeat": shlex.join(settings["command_line"]),
-            "settings": {name: _word(value) for name, value in settings["flags"].items()},
+            "settings": _changed(FLAGS[command], settings["flags"]),
             "versions": settings["versions"],
             "machine": result.machine.name,
             "control_unit": unit,
@@ -99,6 +108,8 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
             "controller": result.controller,
             "error": result.error,
             "verdict": verdict and {"usable": verdict.usable, "lines": verdict.lines},
+            "answer": _answer(result),
+            "alternatives": [] if tuned is None else _alternatives(tuned),
             "lines": [] if tuned is None else _lines(tuned),
             "sensitivity": _sensitivity(folder),
             "limit": None if tuned is None else tuned.limits.get("peak_sensitivity"),
@@ -111,8 +122,46 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
         ) from None
 
 
-def _word(value: Any) -> str:
-    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
+def _changed(kind: type[Any], flags: dict[str, Any]) -> dict[str, str]:
+    """Flags that differ from their defaults, as words."""
+    usual = run_folder.plain(kind())
+    changed = {name: value for name, value in flags.items() if value != usual.get(name)}
+    words = {True: "yes", False: "no"}
+    return {
+        name: " ".join(map(str, value)) if isinstance(value, list) else words.get(value, str(value))
+        for name, value in changed.items()
+    }
+
+
+def _answer(result: TunedResult | SimulatedResult | FrontResult) -> list[Entry]:
+    """Entries of the screen of the command."""
+    if isinstance(result, TunedResult):
+        return tuned_answer(result)
+    return simulated_answer(result) if isinstance(result, SimulatedResult) else []
+
+
+def _alternatives(result: TunedResult) -> list[dict[str, Any]]:
+    """Start, tuned and nearest simple loop side by side; the recommended one is marked."""
+    times = [one.read.duration for one in result.contours if one.read and one.read.duration]
+    cycle, rows = max(times, default=None), []
+    for name in ("start", "baseline", "tuned"):
+        runs = [one.metrics[name].worst for one in result.contours if name in one.metrics]
+        if not runs or any(one.diverged for one in runs):
+            continue
+        margins = {"start": result.start_margins, "tuned": result.margins}.get(name)
+        rows.append(
+            {
+                "name": name,
+                "error": 1e6 * max(one.rms(result.error) for one in runs),
+                "margin": None if margins is None else margins.sensitivity,
+                "effort": max(one.rms_increment for one in runs),
+                "time": cycle,
+                "recommended": name == "tuned" and result.verdict.usable,
+            }
+        )
+    if (drive := result.drive) is not None and drive.controller != result.controller:
+        rows.append({"name": drive.controller, "error": 1e6 * drive.error, "time": cycle})
+    return rows
 
 
 def _lines(result: TunedResult) -> list[str]:
@@ -147,6 +196,7 @@ def _points(folder: Path, result: TunedResult | SimulatedResult | FrontResult) -
     else:
         return None
     kept = [row for row in rows if row.get(error) is not None and row.get(spent) is not None]
+    chosen = result.weights if isinstance(result, TunedResult) and result.verdict.usable else None
     unit = result.machine.control_unit
     return {
         "x": f"RMS increment [{unit} per sample]" if against == "increment" else "Ms",
@@ -155,6 +205,7 @@ def _points(folder: Path, result: TunedResult | SimulatedResult | FrontResult) -
                 "x": row[spent],
                 "y": 1e6 * row[error],
                 "feasible": bool(row.get("feasible", (row.get("violation") or 0) <= 1e-6)),
+                "recommended": chosen is not None and all(row.get(n) == chosen[n] for n in names),
                 "design": f"{row['budget']:.4g}" if "budget" in row else None,
                 "weights": {name: row.get(name) for name in names if row.get(name) is not None},
             }

@@ -121,6 +121,16 @@ function line(plot, xs, ys, colour, width = 1.3, alpha = 1, dash = []) {
   pen.globalAlpha = 1;
 }
 
+// A point with its name beside it, within the frame.
+function mark(plot, x, y, words) {
+  const { pen, px, py, wide } = plot, left = px(x) > MARGIN.left + wide / 2;
+  dot(plot, x, y, ink("--ink"), 6);
+  pen.fillStyle = ink("--ink");
+  pen.textAlign = left ? "right" : "left";
+  pen.textBaseline = "bottom";
+  pen.fillText(words, px(x) + (left ? -9 : 9), py(y) - 4);
+}
+
 function dot(plot, x, y, colour, size = 4, hollow = false) {
   if (!Number.isFinite(x) || !Number.isFinite(y)) return;
   const { pen, px, py } = plot;

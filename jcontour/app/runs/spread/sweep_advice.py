@@ -50,7 +50,7 @@ def limit_lines(asked: Swept, dataset: xr.Dataset, result: SweepResult) -> list[
         if row.beyond:
             what = ", ".join(BEYOND[name].format(value) for name, value in row.beyond.items())
             also = f", and {better} next best ones break a limit as well" if better else ""
-            lines.append(f"WARNING: {where}: the best design breaks a limit: {what}{also}")
+            lines.append(f"{where}: the best design breaks a limit: {what}{also}")
         elif better:
             lines.append(
                 f"With {where}, {better} design{'s' if better > 1 else ''} with less error or a "
@@ -71,7 +71,7 @@ def _none_within(asked: Swept, one: xr.Dataset) -> list[str]:
         unit = metric.shown(asked.machine.control_unit)
         least.append(f"{metric.words} {value:.4g} {unit} (limit {metric.factor * bound:.4g})")
     return [
-        f"WARNING: preview {int(one.preview[0])}: none of {lost.size} designs keeps the limits; "
+        f"preview {int(one.preview[0])}: none of {lost.size} designs keeps the limits; "
         f"the least of each: {', '.join(least)}"
     ]
 
@@ -84,14 +84,14 @@ def _leading(best: Sequence[BestDesign]) -> BestDesign:
 def next_steps(asked: Swept, result: SweepResult) -> list[str]:
     """What to run next: the tuner from the best design, or other weights."""
     if not result.best and result.diverged < result.points:
-        return ["Next: no design keeps the limits; allow more, or sweep other weights with --vary."]
+        return ["no design keeps the limits; allow more, or sweep other weights with --vary."]
     if not result.best:
-        return ["Next: every design diverges; sweep smaller weights with --vary."]
+        return ["every design diverges; sweep smaller weights with --vary."]
     best = _leading(result.best)
     given = dict(words.split("=", 1) for words in asked.flags.weights)
     weights = given | {name: f"{value:.6g}" for name, value in best.weights.items()}
     words = task_words(asked.flags.parts, _flags_with(asked, best, weights), Limited)
-    return [f"Next: tune from the best point with jcontour tune{words}"]
+    return [f"jcontour tune{words}"]
 
 
 def repeated(asked: Swept, result: SweepResult) -> list[str]:
@@ -108,7 +108,7 @@ def repeated(asked: Swept, result: SweepResult) -> list[str]:
     flags |= {} if late is None else {"model_delay": late}
     first = (asked.flags.parts or asked.machine.usual.swept)[:1]
     words = task_words(first, flags, Controlled)
-    return [f"Again: jcontour simulate{words}    (the same runs, {first[0]})"]
+    return [f"jcontour simulate{words}"]
 
 
 def _flags_with(asked: Swept, best: BestDesign, weights: Mapping[str, str]) -> dict[str, Any]:

@@ -56,7 +56,12 @@ from jcontour.app.runs.tuning.family_loops import (
 )
 from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.app.runs.tuning.searching import Searched
-from jcontour.app.runs.tuning.simple_loops import SimpleLoop, best_simple, simple_loops
+from jcontour.app.runs.tuning.simple_loops import (
+    SimpleLoop,
+    best_simple,
+    drive_loop,
+    simple_loops,
+)
 from jcontour.controller import Controller
 from jcontour.simulation.evaluation import member, stack_plants
 from tuning.objectives import LEAST
@@ -152,6 +157,7 @@ def tuned_result(
     robust: RobustTest | None,
     confirmed: list[EngineRow],
     certified: CertifiedBound | None,
+    loops: Sequence[SimpleLoop],
     seconds: float,
 ) -> TunedResult:
     """The whole result; `trials` are those of the start, a baseline and the tuned weights."""
@@ -222,6 +228,7 @@ def tuned_result(
         seconds=seconds,
         certified=certified,
         sample_period=float(run.machine.model.dt),
+        drive=drive_loop(searched, loops),
     )
 
 

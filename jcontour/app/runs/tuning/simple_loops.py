@@ -15,7 +15,8 @@ import numpy as np
 
 from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, names_controller
 from jcontour.app.designs.design import Design
-from jcontour.app.designs.simple_loops import NOTCHED, simple_names
+from jcontour.app.designs.simple_loops import NOTCHED, TERMS, drive_gains, simple_names
+from jcontour.app.files.results.tuned_result import DriveLoop
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.runs.tuning.limits import lag_limit, named_limits
@@ -167,6 +168,25 @@ def _recommended(simple: Searched, found: Searched) -> bool:
 def _error(found: Searched) -> float:
     """Objective of what was found."""
     return objective_value(np.asarray(found.run.problem.objective(found.tuned.outcome)))
+
+
+def drive_loop(found: Searched, loops: Sequence[SimpleLoop]) -> DriveLoop | None:
+    """The controller itself where a drive has it, else the best of the simple loops."""
+    design, best = found.run.design, best_simple(loops)
+    if set(design.start) <= set(TERMS):
+        weights, error, kept = found.tuned.weights, _error(found), bool(found.tuned.feasible)
+    elif best is not None:
+        design, error, kept = best.run.design, best.error, best.kept
+        weights = design.start
+    else:
+        return None
+    return DriveLoop(
+        controller=design.name,
+        gains=drive_gains(weights, found.run.machine.control_unit),
+        error=error,
+        tuned_error=_error(found),
+        kept=kept,
+    )
 
 
 def simple_words(loops: Sequence[SimpleLoop]) -> str:

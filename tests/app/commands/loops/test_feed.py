@@ -66,7 +66,7 @@ def result_of(points, tolerance, tuned):
 def test_a_tolerance_that_the_corners_use_up_is_told_with_the_flag_that_helps():
     found = result(1.5e-6, 1.98e-6, tuned=False)
     assert "the corners are blended within 1.98 um" in found.verdict.reasons[0]
-    (line,) = next_steps(found)
+    [(_, line)] = next_steps(found)
     assert "--corner-tolerance-um 0.75" in line and "tune" not in line
     assert "corners" not in result(1.5e-6, 0.5e-6, tuned=False).verdict.lines[1]
 
@@ -84,7 +84,7 @@ def test_where_every_rise_takes_time_off_only_a_tolerance_names_a_feed():
     for points in (constant, POINTS[:2]):
         none, reason = recommended(points, "contour", None)
         assert none is None and reason.endswith("the largest error that the part allows")
-        (line,) = next_steps(result_of(points, None, tuned=False))
+        [(_, line)] = next_steps(result_of(points, None, tuned=False))
         assert "--tolerance-um" in line
     assert recommended(constant, "contour", 11e-6)[0] is constant[2]
 

@@ -37,13 +37,13 @@ def test_the_result_and_its_signals_agree(run):
 
 def test_what_comes_next_has_the_part_the_machine_and_the_pace():
     flags = Simulate(contour="my part.ngc", plant="mill.json", feed_law="trapezoidal", json=True)
-    [line] = next_steps(flags)
-    assert line == "Next: jcontour tune 'my part.ngc' --plant mill.json --feed-law trapezoidal"
-    assert next_steps(Simulate(contour="circle")) == ["Next: jcontour tune circle"]
-    assert next_steps(Simulate()) == ["Next: jcontour tune"]
-    [line] = next_steps(Simulate(), lost=True)
+    [(_, line)] = next_steps(flags)
+    assert line == "jcontour tune 'my part.ngc' --plant mill.json --feed-law trapezoidal"
+    assert next_steps(Simulate(contour="circle")) == [("Next", "jcontour tune circle")]
+    assert next_steps(Simulate()) == [("Next", "jcontour tune")]
+    [(_, line)] = next_steps(Simulate(), lost=True)
     assert "jcontour tune" not in line and "nominal plant does not diverge" in line
-    assert next_steps(Simulate(), lost=False, undefined=True) == ["Next: jcontour tune"]
+    assert next_steps(Simulate(), lost=False, undefined=True) == [("Next", "jcontour tune")]
 
 
 @pytest.mark.parametrize("preview", [5, WholePath()])

@@ -253,4 +253,4 @@ def test_a_tool_that_arrives_within_its_limits_ends_with_code_0_and_any_other_wi
     assert verdict_on(replace(arrived, arrived=False)).exit_code == 3
     found = replace(arrived, limits=[replace(speed, value=0.25)])
     assert verdict_on(found).exit_code == 3
-    assert "a lower --max-speed-mm-s, 125 say" in next_steps(found)[-1]
+    assert "a lower --max-speed-mm-s, 125 say" in next_steps(found)[-1].text

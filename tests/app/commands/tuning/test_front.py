@@ -66,7 +66,7 @@ def test_default_budgets_bite(traced):
         assert point.rms_tracking_error <= result.tracking_cap * (1 + 1e-6)
     assert tight.rms_contour_error > 1.05 * loose.rms_contour_error
     assert result.slack == [point.budget for point in result.points if point.slack]
-    assert next_steps(result, "")[0].startswith("The RMS tracking error is held below ")
+    assert next_steps(result, "")[0].text.startswith("the RMS tracking error is held below ")
 
 
 @pytest.mark.slow

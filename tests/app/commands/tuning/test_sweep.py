@@ -70,13 +70,12 @@ def test_margins_of_every_design_are_stored(swept, dataset):
 
 
 def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept, capsys):
-    assert main(["sweep", "--resume", str(swept)]) == 0
+    assert main(["sweep", "--resume", str(swept), "--details"]) == 0
     printed = capsys.readouterr().out
     assert "4 points, 2 diverged, 2 within the limits" in printed
     assert "Diverged: preview 4, alpha 2e+06, beta 0.5\n" in printed
     assert "Drawn: sweep.png" in printed
-    assert "Next: tune from the best point with jcontour tune " in printed
-    assert f"Run folder: {swept}" in printed
+    assert "Next     jcontour tune " in printed and str(swept) in printed
 
 
 def test_a_limit_that_a_sweep_does_not_look_at_is_no_flag_of_it(capsys):

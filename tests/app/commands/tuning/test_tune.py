@@ -91,9 +91,9 @@ def test_files_that_a_drive_loads_are_there_and_named(tuned, result):
     assert set(result.files) == {"gains*.csv", "observer.json"}
     for pattern in result.files:
         assert list(tuned.glob(pattern)), pattern
-    lines = next_steps(replace(result, verdict=Verdict.of([])), tuned)
-    assert [line.split(": ")[1] for line in lines[:2]] == list(result.files)
-    assert any("jcontour rank" in line for line in lines)
+    load, then = next_steps(replace(result, verdict=Verdict.of([])), tuned)
+    assert load == ("Load", ", ".join(str(tuned / name) for name in result.files))
+    assert then == ("Next", f"jcontour check {tuned} --bound")
     assert next_steps(replace(result, verdict=Verdict.of([], [reason("late")])), tuned) == []
 
 

@@ -1,0 +1,36 @@
+"""The screen that a command ends in: what is left out where there is too much."""
+
+import re
+
+import pytest
+
+from jcontour.app.files.results.verdict import Verdict, reason, warning
+from jcontour.app.reports.screen import LINES, WIDTH, Entry, screen
+
+ENTRIES = [Entry("Error", "4 um"), Entry("Note", "a doubt"), Entry("Folder", "runs/tune")]
+
+
+@pytest.mark.parametrize("count", [1, 5, 40])
+def test_findings_that_do_not_fit_are_counted(count):
+    against = [reason(f"{k} {'is too long a sentence ' * (k % 5)}") for k in range(count)]
+    lines = screen(Verdict.of([], [*against, warning("look")]), ENTRIES)
+    assert len(lines) <= LINES and max(map(len, lines)) <= WIDTH
+    assert lines[0] == "DO NOT USE THESE VALUES" and lines[-1] == "Folder   runs/tune"
+    shown = sum(line.startswith(("Because", "Warning", "Note")) for line in lines)
+    left = re.search(r"(\d+) more finding", "\n".join(lines))
+    assert shown + int(left[1] if left else 0) == count + 2
+
+
+def test_the_remedy_of_the_gravest_reason_is_the_next_step():
+    verdict = Verdict.of([], [reason("late"), reason("loud", "less gain"), reason("off", "none")])
+    lines = screen(verdict, ENTRIES)
+    assert lines[-2] == "Next     less gain" and "Because  loud" in lines
+    lines = screen(verdict, [Entry("Next", "jcontour list"), *ENTRIES])
+    assert "Next     jcontour list" in lines and "Next     less gain" not in lines
+
+
+def test_a_command_is_never_cut():
+    words = " ".join(f"--weights gain_{k}=1.234" for k in range(20))
+    lines = screen(None, [Entry("Next", f"jcontour tune {words}")])
+    assert all(line.endswith(" \\") for line in lines[:-1])
+    assert " ".join(" ".join(lines).replace("\\", "").split()) == f"Next jcontour tune {words}"
