@@ -13,7 +13,7 @@ from jcontour.app.commands.loops.check_limits import (
     AWAY,
     GapRow,
     Verified,
-    _next,
+    _answer,
     limits_of,
     show,
     verdict_on,
@@ -84,7 +84,7 @@ def test_a_limit_that_a_machine_exceeds_is_told_loudly():
     assert verdict.reasons[0] == "acceleration EXCEEDS its limit: 5 of 2 m/s^2 (circle, late)"
     text = printed(Verified("runs/a", GOOD, {}, "daqp", ASKED, [kept, over], "V", verdict))
     assert "4.001 of 4" in text and "0.5 of 1" in text
-    (line,) = _next([kept, over], verdict, ASKED, AWAY)
+    *_, (_, line) = _answer([kept, over], verdict, ASKED, AWAY)
     assert "--acceleration" in line
     within = verdict_on([kept], ASKED, "V")
     assert within.exit_code == 0 and within.reasons == []

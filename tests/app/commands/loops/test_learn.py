@@ -92,10 +92,10 @@ def test_what_asks_for_too_much_or_helps_nothing_is_not_loaded(result):
     assert verdict.exit_code == 3 and verdict.reasons[0].startswith("acceleration of X EXCEEDS")
     refused = replace(result, stored=stored, verdict=verdict)
     (line,) = loading(refused, "reference.csv")
-    assert line.startswith("Not written: reference.csv")
+    assert line.startswith("nothing: reference.csv is not written")
     fields.pop("stored", None)
     (line,) = loading(from_json(fields, LearnedResult), "reference.csv")
-    assert line.startswith("Nothing to load")
+    assert line.startswith("nothing: no lap")
 
 
 def test_the_figure_has_a_curve_for_every_machine(result):

@@ -65,11 +65,12 @@ def sliding_without_current():
 def test_a_break_away_force_of_zero_is_an_answer(tmp_path, capsys):
     data, folder = tmp_path / "free.csv", tmp_path / "run"
     data.write_text(sliding_without_current())
-    assert main(["identify", str(data), "--force-constant", "80", "--out", str(folder)]) == 0
+    flags = ["--force-constant", "80", "--out", str(folder), "--details"]
+    assert main(["identify", str(data), *flags]) == 0
     printed = capsys.readouterr().out
     assert "a sweep to 0.45 m/s or more would separate them" in printed
     assert "Drawn: model.png, residuals.png" in printed
-    assert "No axis file: the model has an end effector, the data do not" in printed
+    assert "Load     nothing: the model has an end effector" in printed
     rows = {row.parameter: row for row in read_result(folder, IdentifyResult).parameters}
     assert rows["break_away"].value == 0 and not rows["coulomb"].separated
 

@@ -9,8 +9,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.results.tuned_result import DriveLoop, TunedContour
+from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.files.run_folder import RunError
-from jcontour.app.reports.page.page_data import kept_samples, packed, page_data
+from jcontour.app.flags.tuning import Tune
+from jcontour.app.reports.page.page_data import (
+    _alternatives,
+    _changed,
+    kept_samples,
+    packed,
+    page_data,
+)
+from tests.app import small_runs
 
 
 @given(st.integers(0, 1000), st.integers(1, 4), st.integers(10, 5000))
@@ -76,9 +86,26 @@ def test_points_are_those_of_the_history(data):
         "x": 0.2,
         "y": 5.0,
         "feasible": True,
+        "recommended": False,  # the verdict is against the run
         "design": None,
         "weights": {"alpha": 2.0},
     }
+
+
+def test_settings_are_those_that_differ_from_their_defaults():
+    flags = {"plant": "mill", "steps": 15, "parts": ["a.ngc", "b.ngc"], "nominal_only": True}
+    found = _changed(Tune, flags)
+    assert found == {"plant": "mill", "parts": "a.ngc b.ngc", "nominal_only": "yes"}
+
+
+def test_alternatives_stand_side_by_side_and_one_is_recommended():
+    metrics = {"start": small_runs.family_metrics(4e-6), "tuned": small_runs.family_metrics(1e-6)}
+    one = TunedContour(name="part", training=True, samples=9, metrics=metrics)
+    drive = DriveLoop(controller="p", gains=[], error=3e-6, tuned_error=1e-6, kept=True)
+    given = {"contours": [one], "drive": drive, "margins": small_runs.margins(sensitivity=1.6)}
+    start, tuned, simple = _alternatives(small_runs.tuned_result(**given, verdict=Verdict.of([])))
+    assert [row["error"] for row in (start, tuned, simple)] == pytest.approx([4.0, 1.0, 3.0])
+    assert (start["recommended"], tuned["recommended"], tuned["margin"]) == (False, True, 1.6)
 
 
 def test_a_run_without_signals_has_a_page(run_folder, tmp_path):
