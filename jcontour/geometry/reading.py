@@ -5,6 +5,7 @@ from pathlib import Path
 
 from jcontour.geometry.drawings.drawing import GAP
 from jcontour.geometry.drawings.reading import SUFFIXES, read_drawing
+from jcontour.geometry.gcode.tool_table import Tool
 from jcontour.geometry.toolpath_rules import ToolpathError
 from jcontour.geometry.toolpaths import Axes, Toolpath, read_csv, read_gcode
 
@@ -15,6 +16,7 @@ def read(
     axes: Axes = "XY",
     unit: float | None = None,
     gap: float = GAP,
+    tools: dict[int, Tool] | None = None,
 ) -> Toolpath:
     """Toolpath of a file: .csv points, a .dxf or .svg drawing, or else G-code.
 
@@ -24,6 +26,7 @@ def read(
         axes: of a program, "XYZ", or "XY" for its projection.
         unit: of a drawing [m], whatever the file says; None for the file's own.
         gap: ends of a drawing within it are joined [m].
+        tools: of a tool table, by number, for cutter compensation in a program.
 
     Raises:
         ToolpathError: as `read_csv`, `read_drawing` and `read_gcode`; points or a drawing without a
@@ -31,7 +34,7 @@ def read(
     """
     suffix = Path(path).suffix.lower()
     if suffix != ".csv" and suffix not in SUFFIXES:
-        return read_gcode(path, axes, feed)
+        return read_gcode(path, axes, feed, tools)
     if feed is None:
         raise ToolpathError(f"{suffix[1:]} files say no feed: give `feed` [m/s]")
     return read_csv(path, feed) if suffix == ".csv" else read_drawing(path, feed, unit, gap)

@@ -22,18 +22,20 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
     values     numbers, #1, #<name>, [expressions], functions
     flow       O-words: sub, call, return, if, while, do, repeat, break, continue; M98 M99;
                subprograms in files NAME.ngc beside the program
-    told       in `ignored`, as they move nothing here: G40, G43, G64 (P is kept), G96, G97,
+    tools      G41 G42 with a tool table, G41.1 G42.1 with a diameter D, in the XY plane; G40; G43
+               with a tool table
+    told       in `ignored`, as they move nothing here: G64 (P is kept), G96, G97,
                G4 without a time, M codes that neither stop nor lead elsewhere, and D, E, H, S, T;
-               tools have no length; lines for grbl itself, as $H and ?
+               G43 without a tool table; lines for grbl itself, as $H and ?
     ends       M2, M30, M99 in the program itself, the second %
     layout     (comments (also nested)), ; comments, N line numbers; case and white space mean
                nothing; a line that begins with / is skipped, as with the block-delete switch on;
                (ABORT, ...) is an error
 
-Anything else is an error with its line number: cutter compensation (G41, G42), probing, threads,
-splines, a feed per turn (G95), axes other than X, Y and Z. Programs of 3D printers are not read.
-The machine starts at X0 Y0 Z0 in mm, absolute, XY plane, G98 (LinuxCNC: G99), without a feed; a
-first move that no motion code leads is a rapid one.
+Anything else is an error with its line number: probing, threads, splines, a feed per turn (G95),
+axes other than X, Y and Z. Programs of 3D printers are not read. The machine starts at X0 Y0 Z0 in
+mm, absolute, XY plane, G98 (LinuxCNC: G99), without a feed; a first move that no motion code leads
+is a rapid one.
 """
 
 from os import PathLike
@@ -59,6 +61,7 @@ from jcontour.geometry.gcode.program_notes import (
     told_stops,
 )
 from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
+from jcontour.geometry.gcode.tool_table import Tool
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import FASTEST, SHORTEST, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
@@ -112,17 +115,26 @@ class Toolpath(NamedTuple):
     tolerance: float | None = None
 
 
-def read_gcode(path: str | PathLike[str], axes: Axes = "XY", feed: float | None = None) -> Toolpath:
+def read_gcode(
+    path: str | PathLike[str],
+    axes: Axes = "XY",
+    feed: float | None = None,
+    tools: dict[int, Tool] | None = None,
+) -> Toolpath:
     """Toolpath of a G-code file; see `parse_gcode`.
 
     Raises:
         ToolpathError: what `parse_gcode` says, or the file is missing or too long.
     """
-    return parse_gcode(read_program(path), axes, feed, files_beside(Path(path)))
+    return parse_gcode(read_program(path), axes, feed, files_beside(Path(path)), tools)
 
 
 def parse_gcode(
-    text: str, axes: Axes = "XY", feed: float | None = None, files: ProgramFiles = no_files
+    text: str,
+    axes: Axes = "XY",
+    feed: float | None = None,
+    files: ProgramFiles = no_files,
+    tools: dict[int, Tool] | None = None,
 ) -> Toolpath:
     """Toolpath of a G-code program; the module's docstring says what it may contain.
 
@@ -150,6 +162,7 @@ def parse_gcode(
             become lines to and fro; a helix in another plane is an error.
         feed: speed along the contour [m/s] instead of every programmed feed.
         files: lines of the files that subprograms are in, by name.
+        tools: of a tool table, by number, for G41, G42 and G43; None without one.
 
     Raises:
         ToolpathError: "line 12: ..." for whatever cannot be read or traced; no cutting move; a feed
@@ -161,7 +174,7 @@ def parse_gcode(
         raise ToolpathError(
             f"feed: needs to be above 0 and at most {FASTEST:g} m/s, received {feed}"
         )
-    interpreter = interpreted(lines_of(text), len(axes), feed, files)
+    interpreter = interpreted(lines_of(text), len(axes), feed, files, tools=tools)
     moves = interpreter.moves
     cutting = [i for i, move in enumerate(moves) if not move.rapid]
     if not cutting:

@@ -69,7 +69,7 @@ class Canon:
     def tool_offset(self, x, y, z, *others):
         self.tool = x, y, z
 
-    def set_plane(self, plane):
+    def set_plane(self, plane: int):
         self.plane = {1: 170, 2: 190, 3: 180}.get(plane, plane)
 
     def dwell(self, seconds):

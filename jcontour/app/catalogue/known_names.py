@@ -103,7 +103,7 @@ def check_flags(flags: Any) -> None:
         check_contour(name)
         _check_file(name, CONTOURS)
         if name not in CONTOURS:
-            _check_lines(Path(name), any_feed=getattr(flags, "feed_mm_per_min", None) is not None)
+            _check_lines(Path(name), flags)
 
 
 def _check_numbers(flags: Any) -> None:
@@ -147,8 +147,8 @@ def _check_file(name: str, known: dict[str, Any], where_missing: str = "") -> No
         check_own(own)
 
 
-def _check_lines(path: Path, any_feed: bool) -> None:
-    """Carry out the first lines of a toolpath file on three axes, with a feed in force or none.
+def _check_lines(path: Path, flags: Any) -> None:
+    """Carry out the first lines of a toolpath file on three axes, with the feed and tools of flags.
 
     It refuses nothing that is right later. The whole file is checked when it is read.
 
@@ -159,16 +159,19 @@ def _check_lines(path: Path, any_feed: bool) -> None:
         return
     from jcontour.geometry.csv_points import csv_points
     from jcontour.geometry.gcode.programs import files_beside, interpreted
+    from jcontour.geometry.gcode.tool_table import read_tool_table
     from jcontour.geometry.toolpath_rules import ToolpathError
     from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
 
-    feed = 1.0 if any_feed else None
+    feed = None if getattr(flags, "feed_mm_per_min", None) is None else 1.0
+    table = getattr(flags, "tool_table", None)
+    tools = None if table is None else read_tool_table(table)
     try:
         if path.suffix.lower() == ".csv":
             csv_points(lines_of(read_text(path))[:FIRST_LINES])
         else:
             lines = lines_of(read_program(path))
-            interpreted(lines, 3, feed, files_beside(path), most_lines=FIRST_LINES)
+            interpreted(lines, 3, feed, files_beside(path), FIRST_LINES, tools)
     except ToolpathError as error:
         text = str(error)
         raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None

@@ -61,6 +61,8 @@ class MachineFlags(RunsCode):
     pt: 1/72 inch, as Illustrator has it."""
     join_um: float = 10.0  # programs that draw snap to less
     """Distance [um] within which ends of a drawing's lines and curves are joined."""
+    tool_table: str | None = None
+    """Tool table of LinuxCNC [mm], for programs with cutter compensation (G41, G42) or G43."""
     corner_tolerance_um: float = 2.0  # takes 2 % longer than 5, and leaves the error to the loop
     """Distance [um] from the part within which curves run through short moves and corners are
     blended, as far as the feed needs it; 0 stops in them. For --feed-law jerk."""
@@ -100,7 +102,16 @@ class Limited(Controlled):
     """Limits on the controller that is found, for every contour and every plant of the family."""
 
     RARE: ClassVar[tuple[str, ...]] = (  # flags that few runs need: help tells of them when asked
-        *("trust_code", "feed_law", "jerk", "drawing_unit", "join_um", "terminal", "rho"),
+        *(
+            "trust_code",
+            "feed_law",
+            "jerk",
+            "drawing_unit",
+            "join_um",
+            "tool_table",
+            "terminal",
+            "rho",
+        ),
         "model_delay",
         *("min_delay_margin", "max_count_noise", "max_peak_tracking_error_um", "max_rms_control"),
         *("max_peak_contour_error_um", "max_peak_control", "max_rms_increment"),

@@ -326,7 +326,7 @@ def _read(path: Path, pace: Pace) -> Job:
 def _toolpath(path: Path, pace: Pace) -> Toolpath:
     axes = "XY" if pace.machine.model.axes == 2 else "XYZ"
     feed = pace.feed_or_default if path.suffix.lower() in (".csv", *DRAWINGS) else pace.feed
-    return read(path, feed, axes, pace.drawing_unit, pace.join)
+    return read(path, feed, axes, pace.drawing_unit, pace.join, pace.tools)
 
 
 def _unused_unit(path: Path, pace: Pace) -> Iterator[str]:

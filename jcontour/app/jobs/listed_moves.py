@@ -61,7 +61,8 @@ def listed_moves(path: Path, pace: Pace) -> Iterator[str]:
 
 def _programmed(path: Path, pace: Pace) -> Iterator[str]:
     axes = min(pace.machine.model.axes, 3)
-    machine = interpreted(lines_of(read_program(path)), axes, pace.feed, files_beside(path))
+    lines = lines_of(read_program(path))
+    machine = interpreted(lines, axes, pace.feed, files_beside(path), tools=pace.tools)
     if not machine.moves:
         raise ToolpathError(f"the program has no moves along {' or '.join(AXES[:axes])}")
     stops = machine.tracer.stops

@@ -7,6 +7,7 @@ import numpy as np
 from jcontour.app.flags.shared import FeedLaw, MachineFlags
 from jcontour.app.machines.machine import Machine
 from jcontour.geometry.drawings.drawing import GAP
+from jcontour.geometry.gcode.tool_table import Tool, read_tool_table
 from jcontour.geometry.toolpath_rules import INCH, MM
 
 FEED = 3000.0  # [mm/min] where nothing is programmed
@@ -37,6 +38,7 @@ class Pace(NamedTuple):
         corner_tolerance: of the jerk-limited law, from the path [m]; 0 stops in corners.
         drawing_unit: of a drawing [m]; None where its file has to say.
         join: ends of a drawing's lines within it are joined [m].
+        tools: of the tool table, by number; None without one.
         override: share of every feed that is run, programmed or not; rapid moves stay.
     """
 
@@ -48,6 +50,7 @@ class Pace(NamedTuple):
     corner_tolerance: float = 2e-6
     drawing_unit: float | None = None
     join: float = GAP
+    tools: dict[int, Tool] | None = None
     override: float = 1.0
 
     @property
@@ -112,6 +115,7 @@ class Pace(NamedTuple):
             corner_tolerance=1e-6 * flags.corner_tolerance_um,
             drawing_unit=None if flags.drawing_unit is None else DRAWING_UNITS[flags.drawing_unit],
             join=1e-6 * flags.join_um,
+            tools=None if flags.tool_table is None else read_tool_table(flags.tool_table),
         )
         if flags.jerk is not None and flags.jerk > pace.largest_jerk:
             raise ValueError(

@@ -31,6 +31,7 @@ WHERE = (
     "scheduler",
     "listen",
 )  # flags a run may go on with
+FILES = "plant", "controller", "contour", "tool_table"  # flags that may name a file
 F = TypeVar("F", bound=Spreading)
 Kept = TypeVar("Kept")
 Asked = TypeVar("Asked")
@@ -129,8 +130,8 @@ def words_of(words: Sequence[str]) -> str:
 
 
 def inputs(flags: Any) -> list[Path]:
-    """Files that the flags name as machine, controller, contour or parts."""
-    names = [getattr(flags, name, None) for name in ("plant", "controller", "contour")]
+    """Files that the flags name as machine, controller, contour, parts or tool table."""
+    names = [getattr(flags, name, None) for name in FILES]
     names += getattr(flags, "parts", ())
     paths = [_file_of(name) for name in names if name]
     return list(dict.fromkeys(path for path in paths if path.suffix))
@@ -198,7 +199,7 @@ def _with_copies(stored: dict[str, Any], folder: Path) -> dict[str, Any]:
             return copies.get(name, name)
         return f"{copies.get(str(own.path), own.path)}:{own.name}"
 
-    named = [name for name in ("plant", "controller", "contour") if known.get(name)]
+    named = [name for name in FILES if known.get(name)]
     known |= {name: copied(known[name]) for name in named}
     if "parts" in known:
         known["parts"] = tuple(copied(name) for name in known["parts"])

@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 from jcontour.geometry.gcode import cycles
 from jcontour.geometry.gcode import words as codes
 from jcontour.geometry.gcode.arc_words import MOST_TURNS, arcs_of
+from jcontour.geometry.gcode.compensation import Compensation
 from jcontour.geometry.gcode.expressions import whole
 from jcontour.geometry.gcode.modes import PLANES, Modes, feed_per_minute, inverse_time_feed, target
 from jcontour.geometry.gcode.move import ZERO, Move, Point, check_near
 from jcontour.geometry.gcode.offsets import SYSTEMS, Offsets, replaced
+from jcontour.geometry.gcode.tool_table import Tool, tool_numbered
 from jcontour.geometry.gcode.tracer import Tracer
 from jcontour.geometry.gcode.words import LineWords, sorted_words
 from jcontour.geometry.toolpath_rules import SHORTEST, ToolpathError
@@ -30,10 +32,12 @@ class Machine:
     Attributes:
         tracer: where the machine is, and the moves it has made.
         first_feed: in force at the beginning [m/s]; None where the program has to give one.
+        tools: of the tool table, by number; None without one.
     """
 
     tracer: Tracer
     first_feed: float | None
+    tools: dict[int, Tool] | None = None
     modes: Modes = field(default_factory=Modes)
     offsets: Offsets = field(default_factory=Offsets)
     motion: int | None = None  # code in force, in tenths
@@ -48,6 +52,12 @@ class Machine:
     tolerance: float | None = None  # the smallest P of G64, from the path [m]
     sticky: dict[str, float] = field(default_factory=dict)  # Z, R, Q [m] and P [s] of a cycle
     level_before_cycles: float | None = None
+    compensation: Compensation | None = None
+
+    @property
+    def at(self) -> Point:
+        """Programmed place on the machine [m], from which the tool is off under compensation."""
+        return self.tracer.at if self.compensation is None else self.compensation.at
 
     @property
     def moves(self) -> list[Move]:
@@ -66,6 +76,7 @@ class Machine:
         found = sorted_words(words, self.motion)
         values = found.values
         if found.codes or found.m_codes or found.without_motion:
+            self._check_compensated(found)
             self._switch(found)
         if not codes.STOPPING.isdisjoint(found.m_codes):
             self._stop(found.m_codes, codes.STOPPING)
@@ -73,7 +84,7 @@ class Machine:
             self.modes.feed = feed_per_minute(values["F"], self.modes.unit, self.first_feed)
         elif "F" in values and not values["F"] > 0:
             raise ToolpathError(f"G93 needs F above 0, received F{values['F']:g}")
-        self.ignored |= values.keys() & TOLD
+        self.ignored |= values.keys() & TOLD - self._meant(found)
         if not codes.FLOW.isdisjoint(found.m_codes):
             return found
         once = found.codes.get("once")
@@ -89,6 +100,12 @@ class Machine:
         if not codes.END.isdisjoint(found.m_codes):
             self.ended = True
         return found
+
+    def _meant(self, found: LineWords) -> set[str]:
+        """Letters that have a meaning beside these codes: D of compensation, H of a tool table."""
+        compensates = found.codes.get("compensation", 400) != 400
+        lengthens = self.tools is not None and found.codes.get("tool length") == 430
+        return {letter for letter, has in (("D", compensates), ("H", lengthens)) if has}
 
     def _stop(self, m_codes: list[int], stopping: frozenset[int]) -> None:
         """Come to rest once for all M codes of a line that ask for it."""
@@ -114,7 +131,10 @@ class Machine:
         length = switched.get("tool length")
         if length is not None:
             self.tracer.stop(f"G{length / 10:g}")
-        if length == 431:
+        number = int(found.values.get("H", self.tool))
+        if length == 430 and self.tools is not None and number:
+            self.offsets.tool = tool_numbered(self.tools, number).offset
+        elif length == 431:
             self.offsets.tool = replaced(self.offsets.tool, self._by_axis(found.values))
             for letter in AXES:
                 found.values.pop(letter, None)
@@ -127,12 +147,56 @@ class Machine:
             if code not in codes.CYCLES:
                 self.level_before_cycles = None
                 self.sticky = {}
+        if "compensation" in switched:
+            self._compensate(switched["compensation"], found.values)
+
+    def _compensate(self, code: int, values: dict[str, float]) -> None:
+        """G40 to G42.1."""
+        if code == 400:
+            if self.compensation is None:
+                self.ignored.add("G40")
+            else:
+                self.compensation.leaving = True
+            return
+        name = f"G{code / 10:g}"
+        if self.modes.plane != 170:
+            raise ToolpathError(f"{name} needs the XY plane (G17)")
+        if code % 10:
+            diameter = values.get("D", 0.0) * self.modes.unit
+            if not diameter:
+                raise ToolpathError(f"{name} needs the tool's diameter, D, which is not 0")
+        else:
+            number = whole(values.get("D", self.tool), f"D of {name}")
+            diameter = tool_numbered(self.tools, number).diameter
+            if not diameter:
+                raise ToolpathError(f"{name}: tool {number} has no diameter in the tool table")
+        offset = (0.5j if code < 420 else -0.5j) * diameter
+        self.compensation = Compensation(self.tracer, offset, self.at, self.tracer.line, code)
+
+    def _check_compensated(self, found: LineWords) -> None:
+        """Refuse codes that cutter compensation does not go on with, as LinuxCNC does."""
+        compensation = self.compensation
+        if compensation is None or compensation.leaving:
+            return
+        code = found.codes
+        changed = [
+            code[group]
+            for group in ("compensation", "plane", "once", "system", "tool length", "feed")
+            if group in code and code[group] not in (40, 400, 940, self.modes.plane)
+        ]
+        changed += [code["motion"]] if code.get("motion") in codes.CYCLES else []
+        words = [f"G{one / 10:g}" for one in changed] + ["M6"] * (6 in found.m_codes)
+        if words:
+            raise ToolpathError(
+                f"{words[0]} under the cutter compensation of line {compensation.line}: "
+                "G40 ends it before"
+            )
 
     def _tell_codes(self, found: LineWords) -> None:
         self.ignored |= {f"G{code / 10:g}" for code in found.without_motion}
         self.ignored |= {f"M{code}" for code in found.m_codes if code not in codes.FLOW | codes.END}
         blends = found.codes.get("path") == 640
-        if found.codes.get("tool length") == 430:
+        if found.codes.get("tool length") == 430 and self.tools is None:
             self.ignored.add("G43")
         kept = blends and found.values.get("P", 0.0) > 0  # see `_keep_tolerance`
         if blends and not kept:
@@ -163,11 +227,11 @@ class Machine:
             case 280 | 300:
                 self._go_home(code, values)
             case 281 | 301:
-                self.homes[code - 1] = self.tracer.at
+                self.homes[code - 1] = self.at
             case 520:
                 self.offsets.shift_by(self._by_axis(values))
             case 920:
-                self.offsets.shift_to(self._by_axis(values), self.tracer.at)
+                self.offsets.shift_to(self._by_axis(values), self.at)
             case 923:
                 self.offsets.shift_again()
             case _:
@@ -197,7 +261,7 @@ class Machine:
             self.tracer.stop("G10")
         lengths = self._by_axis(values)
         if kind == 20:
-            self.offsets.set_here(system, lengths, self.tracer.at)
+            self.offsets.set_here(system, lengths, self.at)
             return
         angle = math.radians(values["R"]) if "R" in values else None
         self.offsets.set_origin(system, lengths, angle)
@@ -225,7 +289,7 @@ class Machine:
         if on_machine:
             if motion not in (0, 10):
                 raise ToolpathError("G53 needs G0 or G1")
-            end = replaced(self.tracer.at, self._by_axis(values))
+            end = replaced(self.at, self._by_axis(values))
             self._trace_line(end, motion == 0, values)
         elif motion in codes.CYCLES:
             self._drill(values)
@@ -249,7 +313,7 @@ class Machine:
 
     def _here(self) -> Point:
         """Coordinates in the program of where the machine is."""
-        return self.tracer.at if self.offsets.none else self.offsets.in_program(self.tracer.at)
+        return self.at if self.offsets.none else self.offsets.in_program(self.at)
 
     def _on_machine(self, point: Point) -> Point:
         return point if self.offsets.none else self.offsets.on_machine(point)
@@ -277,9 +341,10 @@ class Machine:
             middle = self._on_machine(_in_space(plane, centre, level))
             level += slope * abs(angle)
             end_point = self._on_machine(_in_space(plane, end, level))
-            shadow = normal < 2 and self.tracer.axes == 2
-            add = self.tracer.add_shadow if shadow else self.tracer.add
-            add(end_point, middle, angle, feed, plane)
+            if normal < 2 and self.tracer.axes == 2:
+                self.tracer.add_shadow(end_point, middle, angle, feed, plane)
+            else:
+                self._trace(end_point, middle, angle, feed)
         self._joint()
 
     def _drill(self, values: dict[str, float]) -> None:
@@ -346,9 +411,18 @@ class Machine:
         return inverse_time_feed(values["F"], length)
 
     def _trace_line(self, end: Point, rapid: bool, values: dict[str, float] | None = None) -> None:
-        feed = math.nan if rapid else self._feed(math.dist(self.tracer.at, end), values or {})
-        self.tracer.add_line(end, feed, self.modes.plane)
+        feed = math.nan if rapid else self._feed(math.dist(self.at, end), values or {})
+        self._trace(end, end, 0.0, feed)
         self._joint()
+
+    def _trace(self, end: Point, centre: Point, angle: float, feed: float) -> None:
+        """Add a programmed move, or that of the tool beside it."""
+        if self.compensation is None:
+            self.tracer.add(end, centre, angle, feed, self.modes.plane)
+            return
+        self.compensation.add(end, centre, angle, feed)
+        if self.compensation.leaving:
+            self.compensation = None
 
     def _joint(self) -> None:
         """Stop at the end of a move where the mode in force asks for it."""

@@ -36,12 +36,12 @@ def machine_values(machine: Machine, key: int | str, call_level: int) -> float |
 def _numbered(machine: Machine, key: int) -> float | None:
     unit, offsets = machine.modes.unit, machine.offsets
     at_axis = {
-        5021: (machine.tracer.at, unit),
+        5021: (machine.at, unit),
         5081: (offsets.tool, unit),
         5161: (machine.homes[280], MM),
         5181: (machine.homes[300], MM),
         5211: (offsets.kept_shift, MM),
-        5420: (machine.offsets.in_program(machine.tracer.at), unit),
+        5420: (machine.offsets.in_program(machine.at), unit),
     }
     for first, (point, length) in at_axis.items():
         if first <= key < first + AXES:
@@ -63,15 +63,15 @@ def _numbered(machine: Machine, key: int) -> float | None:
 
 def _named(machine: Machine, key: str, call_level: int) -> float | None:
     modes, unit = machine.modes, machine.modes.unit
-    here = machine.offsets.in_program(machine.tracer.at)
+    here = machine.offsets.in_program(machine.at)
     system = machine.offsets.system
     values = {
         "_x": here[0] / unit,
         "_y": here[1] / unit,
         "_z": here[2] / unit,
-        "_abs_x": machine.tracer.at[0] / unit,
-        "_abs_y": machine.tracer.at[1] / unit,
-        "_abs_z": machine.tracer.at[2] / unit,
+        "_abs_x": machine.at[0] / unit,
+        "_abs_y": machine.at[1] / unit,
+        "_abs_z": machine.at[2] / unit,
         "_feed": (modes.feed or 0.0) * 60.0 / unit,
         "_metric": float(unit == MM),
         "_imperial": float(unit == INCH),
@@ -83,7 +83,7 @@ def _named(machine: Machine, key: str, call_level: int) -> float | None:
         "_units_per_rev": 0.0,
         "_plane": float(modes.plane),
         "_motion_mode": 800.0 if machine.motion is None else float(machine.motion),
-        "_ccomp": 400.0,
+        "_ccomp": 400.0 if machine.compensation is None else float(machine.compensation.code),
         "_coord_system": 530.0 + 10 * system if system <= 6 else 584.0 + system,
         "_retract_r_plane": float(modes.to_r_plane),
         "_retract_old_z": float(not modes.to_r_plane),

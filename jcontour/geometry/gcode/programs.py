@@ -14,6 +14,7 @@ from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.gcode.machine_values import machine_values
 from jcontour.geometry.gcode.modes import Modes
 from jcontour.geometry.gcode.parameters import Locals, Parameters
+from jcontour.geometry.gcode.tool_table import Tool
 from jcontour.geometry.gcode.tracer import Tracer
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 from jcontour.geometry.toolpath_text import lines_of, read_program
@@ -341,6 +342,7 @@ def interpreted(
     feed: float | None,
     files: ProgramFiles = no_files,
     most_lines: int | None = None,
+    tools: dict[int, Tool] | None = None,
 ) -> Machine:
     """Machine that has carried out the lines of a program, up to its end (M2, M30, %).
 
@@ -354,11 +356,12 @@ def interpreted(
         feed: in force at the beginning [m/s]; None where the program has to give one.
         files: lines of the files that subprograms are in.
         most_lines: so many are carried out at most; None for all.
+        tools: of a tool table, by number; None without one.
 
     Raises:
         ToolpathError: "line 12: ..." for whatever cannot be read or traced.
     """
-    machine = Machine(Tracer(axes), first_feed=feed)
+    machine = Machine(Tracer(axes), feed, tools)
     parameters = Parameters()
     program = Program(machine, files, parameters, [Frame(Source(lines))])
     parameters.said_by_machine = lambda key: machine_values(machine, key, len(program.frames) - 1)

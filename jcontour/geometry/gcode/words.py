@@ -19,6 +19,7 @@ GROUPS = {
     "centres": frozenset({901, 911}),
     "feed": frozenset({930, 940}),
     "path": frozenset({610, 611, 640}),
+    "compensation": frozenset({400, 410, 411, 420, 421}),
     "tool length": frozenset({430, 431, 490}),
     "return": frozenset({980, 990}),
     "system": frozenset({540, 550, 560, 570, 580, 590, 591, 592, 593}),
@@ -29,10 +30,10 @@ GROUP_OF = {code: group for group, codes in GROUPS.items() for code in codes}
 TAKING_AXES = frozenset({100, 280, 300, 520, 920})
 # of it, too; they shift the program's origin, for which LinuxCNC waits for the motion
 SHIFTING = frozenset({520, 920, 921, 922, 923})
-# nothing of what they ask for moves this machine: cutter compensation off, spindle speed modes,
+# nothing of what they ask for moves this machine: spindle speed modes,
 # radii of lathes, and cancelling what could not be switched on (scaling, mirrors, rotation, polar
 # coordinates, plane tilt); how controls look ahead and smooth (Fanuc's G8, Haas' G103 and G187)
-IGNORED = frozenset({80, 131, 150, 400, 401, 500, 501, 690, 960, 970, 1030, 1870})
+IGNORED = frozenset({80, 131, 150, 401, 500, 501, 690, 960, 970, 1030, 1870})
 LOOK_AHEAD = frozenset({5.0, 5.1})  # of Fanuc, as G5 P10000 and G5.1 Q1
 REFUSED = {
     50: "a spline",
@@ -48,10 +49,6 @@ REFUSED = {
     383: "probing",
     384: "probing",
     385: "probing",
-    410: "cutter compensation: let the program follow the tool's centre",
-    411: "cutter compensation: let the program follow the tool's centre",
-    420: "cutter compensation: let the program follow the tool's centre",
-    421: "cutter compensation: let the program follow the tool's centre",
     510: "scaling",
     680: "a rotated program; G10 L2 R rotates a work system",
     760: "a lathe's thread",

@@ -265,7 +265,7 @@ def test_many_moves(any_type):
         ("G1 X" + "9" * 400 + " F100", r"line 1: the number in 'Xinf' is too large"),
         ("G1 X200000 F100", r"line 1: a coordinate is farther than 100 m"),
         ("G91 F100\n" + "G1 X60000\n" * 2, r"line 3: a coordinate is farther than 100 m"),
-        ("\n\nG41 D1", r"line 3: 'G41' is not supported \(cutter compensation"),
+        ("\n\nG41 D1", r"line 3: cutter compensation needs the tool's diameter: --tool-table"),
         ("G12.5", r"line 1: 'G12.5' is not supported"),
         ("G1.23", r"line 1: ten times a G code needs to be whole"),
         ("M98 P3", r"line 1: there is no subprogram o3"),

@@ -140,9 +140,9 @@ def test_files_beside_the_program(tmp_path):
     own = ["o1 sub", "G1 X#1 F60", "o<side> call [9]", "o1 endsub", "o1 call [5]", "G1 X6"]
     machine = interpreted(own, 3, None, library)
     assert [move.line for move in machine.moves] == [2, 3, 6]
-    (tmp_path / "wrong.ngc").write_text("o<wrong> sub\n\nG41\no<wrong> endsub\n")
+    (tmp_path / "wrong.ngc").write_text("o<wrong> sub\n\nG51\no<wrong> endsub\n")
     for call, message in (
-        ("o<wrong> call", r"wrong\.ngc line 3: 'G41' is not supported"),
+        ("o<wrong> call", r"wrong\.ngc line 3: 'G51' is not supported"),
         ("o<../side> call", r"line 1: there is no subprogram"),
         ("o<empty> call", r"line 1: empty\.ngc: there is no subprogram o<empty> in it"),
         ("o<none> call", r"line 1: there is no subprogram o<none>"),
