@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._devices import on_cpu, on_gpu
+from jcontour._devices import on_cpu
 from jcontour.bounds.disturbed_loop import DisturbedLoop
 from jcontour.bounds.worst_cases import PeakValues, WorstCase
 from tuning.loops import Looked
@@ -173,15 +173,13 @@ def _attacked(
     def attacked(weights: Weights) -> PeakValues:
         return family.attacked(problem.build(weights), problem.references, worst)
 
-    return _with_slopes(attacked, Chart(problem.space, start), z, jax.jacfwd)[1]
+    return _with_slopes(attacked, Chart(problem.space, start), z)[1]
 
 
 @eqx.filter_jit
 def _runs(problem: Problem, start: Weights, z: Float[Array, " d"]) -> tuple[Any, Any]:
     """Metrics and use of the limits, and their slopes."""
-    # a CPU has few weights and many numbers; the kernels of a GPU have a reverse mode only
-    jacobian = jax.jacrev if on_gpu() else jax.jacfwd
-    return _with_slopes(problem.runs, Chart(problem.space, start), z, jacobian)
+    return _with_slopes(problem.runs, Chart(problem.space, start), z)
 
 
 @eqx.filter_jit
@@ -193,17 +191,20 @@ def _loops(problem: Problem, start: Weights, z: Float[Array, " d"]) -> tuple[Any
     def matrices(weights: Weights) -> Any:
         return loops.matrices(problem.plants, problem.build(weights))
 
-    return _with_slopes(matrices, Chart(problem.space, start), z, jax.jacfwd)
+    return _with_slopes(matrices, Chart(problem.space, start), z)
 
 
-def _with_slopes(function, chart: Chart, z: Float[Array, " d"], jacobian) -> tuple[Any, Any]:
-    """Arrays of a function of the weights, and derivatives in z of those that are floats."""
+def _with_slopes(function, chart: Chart, z: Float[Array, " d"]) -> tuple[Any, Any]:
+    """Arrays of a function of the weights, and derivatives in z of those that are floats.
+
+    In forward mode: there are few weights, and many numbers of many runs.
+    """
 
     def moving(z):
         found = function(chart.weights(z))
         return eqx.filter(found, eqx.is_inexact_array), found
 
-    slopes, found = jacobian(moving, has_aux=True)(z)
+    slopes, found = jax.jacfwd(moving, has_aux=True)(z)
     return found, slopes
 
 

@@ -119,6 +119,7 @@ def _answered(arguments: list[str]) -> int:
     try:
         flags, run = _chosen(arguments)
         _check_precision()
+        _choose_platform(flags)
         import_module("jcontour.app.catalogue.known_names").check_flags(flags)
         import_module("jcontour.app.catalogue.own_classes").trust_named(flags)
         _check_runs(flags)
@@ -166,6 +167,15 @@ def _check_precision() -> None:
             f"JAX_ENABLE_X64={asked}: single precision gives other cycle times and errors; leave "
             "it out: the commands compute in double precision"
         )
+
+
+def _choose_platform(flags: Any) -> None:
+    """Leave a GPU to `--devices` of more than one and to `bench`, unless JAX_PLATFORMS says more.
+
+    A few hundred runs take a CPU less time than compiling their programs for a GPU.
+    """
+    if getattr(flags, "devices", "1") == "1" and not isinstance(flags, others.Bench):
+        os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
 
 def _missing_platform() -> str | None:

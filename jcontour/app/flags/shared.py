@@ -160,7 +160,7 @@ class Spreading(Storage):
 
     devices: str = "1"  # so that a run ends in the same digits on every computer
     """Devices of every host that contours are spread over: `all`, or a number.
-    Devices are GPUs, or else cores of the CPU."""
+    Devices are GPUs, or else cores of the CPU; one alone is the CPU, which compiles sooner."""
     hosts: bool = False  # most runs need one computer
     """Join several hosts: start the same command on each.
     JAX_COORDINATOR_ADDRESS, JAX_NUM_PROCESSES and JAX_PROCESS_ID, or a cluster's own variables,
