@@ -1,5 +1,6 @@
 """Shared by all tests: strict settings, two devices on a CPU, machines that many tests drive."""
 
+import atexit
 import gc
 import hashlib
 import json
@@ -25,6 +26,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax._src.interpreters import mlir
 
 from jcontour.controller import Controller
 from jcontour.geometry.contours import circle
@@ -52,6 +54,8 @@ IGNORED_WARNINGS = (
 # compiled in one piece, not side by side.
 QUICKLY_COMPILED = "JAX_DISABLE_MOST_OPTIMIZATIONS"
 IN_ONE_PIECE = "--xla_cpu_parallel_codegen_split_count=1"
+# places in the source that a compiled program remembers
+REMEMBERED_PLACES = "JAX_TRACEBACK_IN_LOCATIONS_LIMIT"
 QUICKLY_COMPILED_LOOPS = "1"  # Numba's level; 0 does not compile all of them
 MOST_MAPS = 2500  # some thousand programs; they take about 1 GB
 
@@ -71,6 +75,9 @@ def pytest_configure(config):
     # commands that the tests stop with Ctrl-C heed it, though the tests run in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)
     _keep_compiled_programs(config)
+    os.environ[REMEMBERED_PLACES] = "0"
+    jax.config.update(REMEMBERED_PLACES.lower(), 0)
+    _share_contexts()
     jax.config.update("jax_num_cpu_devices", 2)
     # neither types nor ranks are promoted without a word: all works for whom says so
     jax.config.update("jax_numpy_dtype_promotion", "strict")
@@ -102,14 +109,16 @@ def pytest_collection_modifyitems(items):
 
 def pytest_collection_finish(session):
     """What the tests are made of stays: the collector need not look through it again and again."""
-    gc.collect()
     gc.freeze()
 
 
 def pytest_sessionfinish(session):
-    """What was set aside is collected at the end: else a solver's binding complains of leaks."""
-    gc.unfreeze()
-    gc.collect()
+    """What the tests leave is set aside too: pytest collects five times before it ends.
+
+    Python itself collects it at the very end: else a solver's binding complains of leaks.
+    """
+    gc.freeze()
+    atexit.register(gc.unfreeze)
 
 
 def _keep_compiled_programs(config):
@@ -126,6 +135,16 @@ def _keep_compiled_programs(config):
     jax.config.update("jax_compilation_cache_dir", folder)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def _share_contexts():
+    """Write all programs in one context of MLIR: to make one takes as long as to write a small one.
+
+    A program that is written while another one is has a context of its own.
+    """
+    make = mlir.make_ir_context
+    shared = make()
+    mlir.make_ir_context = lambda: shared if mlir.ir.Context.current is None else make()
 
 
 def _compile_loops_quickly(config):
