@@ -6,11 +6,13 @@ Tests of words, tables, figures and files read what it left. They do not run com
 import io
 import json
 import re
+import sys
 from collections.abc import Mapping
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
+from unittest.mock import patch
 
 from jcontour.app.cli import main
 from jcontour.app.files.results.stored import read_result
@@ -26,7 +28,6 @@ STOPS: Mapping[str, str] = {  # name -> command; a name in braces is the run fol
     "new-machine": "machine --gain 1 --time-constant-ms 20 15 --delay-ms 1.5 --max-control 250 "
     "--name mill --out mill.json",
     "simulate": f"simulate part.ngc {MACHINE} --preview 4",
-    "simulate-json": f"simulate part.ngc {MACHINE} --preview 4 --json",
     "tune": f"tune part.ngc {MACHINE} --alpha 1e3 --beta 1e4 --preview 4 --scatter 0 --starts 1 "
     "--steps 8",
     "compare": "report {tune} {tune} --no-page",
@@ -53,6 +54,7 @@ STOPS: Mapping[str, str] = {  # name -> command; a name in braces is the run fol
     "identify-linear": "identify --machine linear --demo --most-order 1 --most-delay 4",
 }
 BRIEF = ("list", "machine", "new-machine", "report", "check-bound-tuned")  # no tables, or not here
+WITH_PROCESSES = ("simulate",)  # the others do in this process what runs beside: nothing is loaded
 NO_RUN = ("list", "machine", "new-machine", "compare", "report")  # they have a file, or print alone
 
 
@@ -107,7 +109,13 @@ class Tour:
         out, err = io.StringIO(), io.StringIO()
         where = [] if name in NO_RUN else ["--out", name]
         where += [] if name in BRIEF else ["--details"]
-        with chdir(self.folder), redirect_stdout(out), redirect_stderr(err):
+        python = sys.executable if name in WITH_PROCESSES else "false"
+        with (
+            chdir(self.folder),
+            redirect_stdout(out),
+            redirect_stderr(err),
+            patch.object(sys, "executable", python),
+        ):
             code = main([*words, *where])
         return Visit(code, out.getvalue(), err.getvalue(), self.folder / name)
 
