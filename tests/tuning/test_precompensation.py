@@ -85,25 +85,6 @@ class Dense:
         return -np.linalg.solve(quadratic, self.slope.T @ self.error).reshape(-1, 2)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("roughness", [1e-2, 1e3])  # a smooth bend, and what limits may ask for
-def test_one_plant_gets_the_minimum_of_its_quadratic(table, controller, roughness):
-    reference = arc(60)
-    dense = Dense(table, reference, roughness=roughness)
-    wanted = dense.least()
-    told = []
-    plants = seen([table])
-    prices = PRICES | {"roughness": roughness}
-    found = precompensate(plants, controller, reference, **prices, rounds=12, tell=told.append)
-    assert told == list(range(1, 13))
-    assert np.all(wanted[[0, -1]] == 0) and np.all(found.correction[[0, -1]] == 0)
-    np.testing.assert_allclose(found.correction, wanted, atol=1e-4 * np.abs(wanted).max())
-    after = np.linalg.norm(dense.error + dense.slope @ wanted.ravel())
-    assert found.before == pytest.approx([np.linalg.norm(dense.error)], rel=1e-9)
-    assert found.after == pytest.approx([after], rel=1e-4)
-    assert after < (0.1 if roughness < 1 else 0.9) * found.before[0]
-
-
 @pytest.mark.parametrize(("moving", "held"), [(35, ()), (1000, (20, 21, 22, 23, 40))])
 def test_where_it_rests_or_is_held_the_rest_is_the_minimum(table, controller, moving, held):
     """An error along a reference that rests counts in full: the tool comes late, none may pass."""

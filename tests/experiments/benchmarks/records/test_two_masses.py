@@ -10,7 +10,7 @@ from tests.experiments.benchmarks.records.two_masses import TwoMasses
 from tuning.identification.linear.found import MachineRecord
 from tuning.identification.linear.machine import identify_machine
 
-DT, ROWS = 1e-3, 16_000
+DT, ROWS = 1e-3, 6_000
 MACHINE = TwoMasses(60.0, 30.0, 55.0, 0.02, 8e-6, (40.0, 20.0), 150.0, 35.0, 1.4e-3)
 
 

@@ -108,7 +108,7 @@ def test_starts_of_pieces_leave_no_less_of_white_noise(poles):
 def test_noise_alone_has_no_model_of_order():
     """Pure noise as position: the smallest structure is taken, it predicts as well as any."""
     random = np.random.default_rng(3)
-    record = AxisRecord(DT, random.standard_normal(3000), random.standard_normal(3000))
+    record = AxisRecord(DT, random.standard_normal(1500), random.standard_normal(1500))
     best = chosen(record, (0, 1), 3, 2).best
     assert best.structure.poles + best.structure.zeros <= 2
 
