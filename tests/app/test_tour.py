@@ -24,7 +24,7 @@ from jcontour.app.files.results.stored import versioned
 from jcontour.app.files.results.tuned_result import TunedResult
 from tests.app.tour import LONG, STOPS, masked
 
-NO_SCREEN = ("list", "machine", "new-machine", "simulate-json", "excite")
+NO_SCREEN = ("list", "machine", "new-machine", "excite")
 # results that follow from the input without a search: equal on every computer
 NUMBERS = (
     "simulate",

@@ -9,13 +9,7 @@ from jcontour.app.catalogue.machines import MACHINES
 from jcontour.app.designs.feedforward import axes_of
 from jcontour.app.designs.lq.first_loop import sensitivity_peaks, straight_windows
 from jcontour.app.flags.loops import Simulate
-from jcontour.geometry.contours import circle
-from jcontour.motion.references import along
-from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import stack_plants
-from jcontour.simulation.metrics import score
-
-NAMES = ("cascade", "cascade-feedforward", "zpetc", "optimal-feedforward")
 
 
 @pytest.fixture(scope="module", params=["bridgeport", "xy-table"])
@@ -27,16 +21,6 @@ def design(machine, name, **flags):
     return design_for(machine, Simulate(controller=name, **flags))
 
 
-def error(machine, name):
-    found = design(machine, name)
-    controller = found.build(found.start)
-    path = circle(10e-3)
-    arc = 0.05 * machine.model.dt * np.arange(800)
-    reference = along(path, arc, machine.model.dt, controller.preview, at_rest=False)
-    run = simulate(machine.nominal(), controller, reference)
-    return float(score(run, reference, window=(400, 800)).rms_tracking_error)
-
-
 @pytest.mark.slow
 def test_the_first_cascade_keeps_the_margin(machine):
     found = design(machine, "cascade")
@@ -44,14 +28,6 @@ def test_the_first_cascade_keeps_the_margin(machine):
     gains = {name: jnp.asarray(value)[None] for name, value in found.start.items()}
     peaks = sensitivity_peaks(found.build, gains, family, straight_windows(machine, 1))
     assert 1.2 < float(np.max(peaks)) <= 2.0
-
-
-@pytest.mark.slow
-def test_feedforward_lowers_the_error_of_the_nominal_machine():
-    """Each step by the order that it should: lag, inertia and friction, then the inverse."""
-    table = MACHINES["xy-table"]()
-    plain, fed, zero_phase, optimal = (error(table, name) for name in NAMES)
-    assert fed < plain / 10 and zero_phase < fed / 5 and optimal < fed / 5
 
 
 @pytest.mark.slow

@@ -3,13 +3,11 @@
 import json
 from dataclasses import replace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import design_for
-from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
 from jcontour.app.designs.flexible_axis import AxisCascade, AxisLQ
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Pace
@@ -17,47 +15,14 @@ from jcontour.app.jobs.motions import task_a
 from jcontour.app.machines.flexible_axis import biaxial_machine, thesis_machine
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.geometry.contours import line
-from jcontour.motion.point_to_point import thesis_task_a
-from jcontour.motion.references import along, from_samples
+from jcontour.motion.references import from_samples
 from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.simulation.closed_loop import simulate
-
-ON_AXES = [name for name in CONTROLLERS if design_class(name).needs == AxisCascade.needs]
 
 
 @pytest.fixture(scope="module")
 def machine():
     return thesis_machine()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=[pytest.mark.slow] * (n != "cascade-feedforward")) for n in ON_AXES],
-)
-def test_every_gain_has_the_slope_that_differences_say(machine, name):
-    """Derivative by each gain alone, in the coordinates of the tuner.
-
-    The run is the thesis's acceleration on the smooth twin.
-    """
-    design, plant = design_for(machine, Simulate(controller=name)), machine.smooth_family()[0]
-    whole = thesis_task_a(preview=design.preview)
-    arc = np.asarray(whole.arc)[100:400]
-    reference = along(
-        whole.contour, arc[: arc.size - design.preview], whole.dt, design.preview, at_rest=False
-    )
-
-    @jax.jit
-    def error(change):
-        weights = {key: value * jnp.exp(change[key]) for key, value in design.start.items()}
-        run = simulate(plant, design.build(weights), reference)
-        return 1e3 * jnp.sqrt(jnp.mean((run.output - reference.position[: reference.steps]) ** 2))
-
-    none = {key: jnp.zeros(()) for key in design.start}
-    slopes = jax.jit(jax.grad(error))(none)
-    for key in design.start:
-        ahead, behind = (float(error({**none, key: jnp.asarray(s * 1e-4)})) for s in (1, -1))
-        assert float(slopes[key]) == pytest.approx((ahead - behind) / 2e-4, rel=1e-5, abs=1e-7), key
 
 
 @pytest.mark.slow

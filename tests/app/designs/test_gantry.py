@@ -1,7 +1,5 @@
 """Controllers of the gantry by name: what they build, how they follow, what is refused."""
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,9 +9,7 @@ from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
 from jcontour.app.designs.gantry import GANTRY
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Pace
-from jcontour.app.machines.gantry import CURRENT, friction_gantry_machine, gantry_machine
-from jcontour.geometry.contours import line
-from jcontour.motion.references import from_samples
+from jcontour.app.machines.gantry import friction_gantry_machine, gantry_machine
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import score
 
@@ -77,62 +73,6 @@ def test_starts_follow_on_every_plant_of_the_true_family(machine, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
-def test_every_gain_has_the_slope_that_differences_say(machine, name):
-    design, plant = design_for(machine, Simulate(controller=name)), machine.smooth_family()[1]
-    reference = job_named("cushion-right", Pace(machine, None, None)).reference(
-        machine.model.dt, design.preview
-    )
-
-    @jax.jit
-    def error(change):
-        weights = {key: value * jnp.exp(change[key]) for key, value in design.start.items()}
-        return (
-            1e4
-            * score(simulate(plant, design.build(weights), reference), reference).rms_contour_error
-        )
-
-    none = {key: jnp.zeros(()) for key in design.start}
-    slopes = jax.jit(jax.grad(error))(none)
-    for key in design.start:
-        # five points; a step that changes the error by a thousandth, or it drowns in the rounding
-        # of the positions
-        step = jnp.minimum(1e-3 / jnp.abs(slopes[key]), 5e-3)
-        near, far = (
-            float(error({**none, key: s})) - float(error({**none, key: -s}))
-            for s in (step, 2 * step)
-        )
-        difference = (8 * near - far) / (12 * float(step))
-        assert float(slopes[key]) == pytest.approx(difference, rel=1e-5, abs=1e-8), key
-
-
-@pytest.mark.slow
-def test_where_the_beam_hardly_twists_feedback_linearisation_changes_nothing(machine):
-    """Nearly half of the eight; on the nominal plant, and on the one that is late it holds too."""
-    job, plants = (
-        job_named("eight-right", Pace(machine, None, None)),
-        dict(zip(machine.family_names, machine.true_family(), strict=True)),
-    )
-    piece = job._replace(arc=job.arc[:400], scored=np.arange(400) >= 100)  # without the entry
-
-    def contour_errors(name):
-        design = design_for(machine, Simulate(controller=name))
-        reference, controller = (
-            piece.reference(machine.model.dt, design.preview),
-            design.build(design.start),
-        )
-        found = [
-            score(simulate(plants[each], controller, reference), reference)
-            for each in ("nominal", "1 sample late")
-        ]
-        assert not any(metrics.diverged for metrics in found)
-        return [float(metrics.rms_contour_error) for metrics in found]
-
-    scheduled, cancelled = contour_errors("scheduled-lq"), contour_errors("feedback-linearised-lq")
-    assert scheduled != cancelled and cancelled[0] == pytest.approx(scheduled[0], rel=0.01)
-
-
-@pytest.mark.slow
 def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_gantrys():
     rubbing = friction_gantry_machine()
     design = design_for(rubbing, Simulate(controller="cascade"))
@@ -147,23 +87,3 @@ def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_ga
     np.testing.assert_allclose(
         fed - unfed, signs[:, [0, 1, 1]] * [0.2, 0.3, 0.3], rtol=0, atol=1e-12
     )
-
-
-@pytest.mark.slow
-def test_saturated_currents_do_not_wind_the_cascade_up(machine):
-    """Let go 50 mm off, the loops ask for far more current than there is.
-
-    The cascade comes to rest. Blind to the limits it does not.
-    """
-    reach, steps = 50e-3, 700
-    design = design_for(machine, Simulate(controller="cascade"))
-    known = design.build(design.start)
-    blind = eqx.tree_at(lambda c: c.controller.limit, known, jnp.full(3, np.inf))
-    ahead, contour = np.tile([1.0, 0.0], (steps, 1)), line([0.0, 0.0], [0.1, 0.0])
-    here = from_samples(np.zeros((steps, 2)), ahead, machine.model.dt, 1, contour, in_motion=False)
-    plant = machine.true_family()[0]
-    start = plant.initial_state(jnp.array([-reach, -reach]), jnp.zeros(2))
-    stops, swings = (simulate(plant, controller, here, start) for controller in (known, blind))
-    assert np.abs(stops.control).max() == CURRENT and np.abs(swings.control).max() > 20 * CURRENT
-    assert np.abs(stops.output[-100:]).max() < 5e-6 and np.abs(swings.output[-100:]).max() > 10e-3
-    assert np.max(stops.output) < 8e-3

@@ -1,17 +1,13 @@
 """Synchronised axes by name: their models, their pairs, how they follow, what is warned of."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.app.catalogue.choices import design_for, job_named
+from jcontour.app.catalogue.choices import design_for
 from jcontour.app.designs.synchronised import DRIVES, axes_of, drives_of
 from jcontour.app.flags.loops import Simulate
-from jcontour.app.jobs.job import Pace
 from jcontour.app.machines.flexible_axis import biaxial_machine
 from jcontour.app.machines.gantry import gantry_machine
-from jcontour.simulation.closed_loop import simulate
-from jcontour.simulation.metrics import score
 
 ASKED = Simulate(controller="synchronised")
 
@@ -49,36 +45,6 @@ def test_a_gantry_has_its_y_drives_as_the_pair(axes, gantry):
     two = design_for(axes, ASKED)
     assert two.name == "synchronised" and two.build(two.start).pair == (0, 1)
     assert two.preview == design.preview == 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "contour"), [("axes", "ring"), ("gantry", "cushion-right")])
-def test_the_start_follows(name, contour, request):
-    machine = request.getfixturevalue(name)
-    design = design_for(machine, ASKED)
-    job = job_named(contour, Pace(machine, None, None))
-    reference = job.reference(machine.model.dt, design.preview)
-    run = simulate(machine.true_family()[0], design.build(design.start), reference)
-    metrics = score(run, reference)
-    assert not metrics.diverged and metrics.rms_contour_error < 3e-4
-
-
-@pytest.mark.slow
-def test_coupling_keeps_the_drives_together(gantry):
-    """A load on one of the drives: coupled, they part less."""
-    from jcontour.plants.wrappers.disturbances import Disturbed
-
-    design = design_for(gantry, ASKED)
-    reference = job_named("ring-left", Pace(gantry, None, None)).reference(gantry.model.dt, 2)
-    force = jnp.array([[0.0, 0.0, 5.0]])
-    plant = Disturbed(gantry.nominal(), force=force)
-
-    def apart(coupling):
-        run = simulate(plant, design.build({**design.start, "coupling": coupling}), reference)
-        difference = run.measurement[:400, 1] - run.measurement[:400, 2]
-        return float(jnp.abs(difference).max())
-
-    assert apart(1.0) < 0.8 * apart(0.0)
 
 
 @pytest.mark.slow

@@ -32,9 +32,3 @@ def slide():
     """A mass of 1 kg on a spring of 9 N/m, sampled every 0.1 s by forward Euler, under 0.2 N."""
     dt = 0.1
     return DisturbedModel.of([[1, dt], [-9 * dt, 1]], [0, dt], [0, 0.2 * dt])
-
-
-@pytest.fixture(scope="session")
-def gantry_numbers():
-    """Exact models of the gantry's beam at its centre, at 2 ms."""
-    return json.loads((DATA.parent / "gantry" / "linear.json").read_text())["linear"]["0.0"]

@@ -1,11 +1,8 @@
 """`front` on a small machine, from the command line."""
 
-import json
-
 import numpy as np
 import pytest
 
-from jcontour.app.cli import main
 from jcontour.app.commands.tuning.front import next_steps
 from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.search_results import FrontResult
@@ -67,11 +64,3 @@ def test_default_budgets_bite(traced):
     assert tight.rms_contour_error > 1.05 * loose.rms_contour_error
     assert result.slack == [point.budget for point in result.points if point.slack]
     assert next_steps(result, "")[0].text.startswith("the RMS tracking error is held below ")
-
-
-@pytest.mark.slow
-def test_a_finished_front_can_be_told_again(traced, capsys):
-    before = json.loads((traced / "result.json").read_text())
-    assert main(["front", "--resume", str(traced), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told == {"run": str(traced), **before}

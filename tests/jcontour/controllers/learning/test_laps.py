@@ -1,12 +1,11 @@
 """Laps of a closed loop: the shifted reference, noise by the lap, and gradients through laps."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jcontour._arrays import placed
-from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.feedback.cascade import Cascade
 from jcontour.controllers.learning.laps import (
     Learned,
     diverged_lap,
@@ -14,7 +13,6 @@ from jcontour.controllers.learning.laps import (
     learn,
     paying_laps,
 )
-from jcontour.controllers.learning.norm_optimal import norm_optimal
 from jcontour.controllers.learning.p_type import PType
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.sensors import Sensors
@@ -64,33 +62,6 @@ def test_laps_by_hand(small_loop, positions):
         np.testing.assert_allclose(found.correction[lap], correction, rtol=0, atol=1e-15)
         correction = law.update(correction, error)
     np.testing.assert_allclose(last, correction, rtol=0, atol=1e-15)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["p-type", "norm-optimal"])
-def test_gradients_through_five_laps(small_loop, positions, kind):
-    """Of the gains of the law and of the cascade under it, against central differences."""
-    plant, _, reference = small_loop(steps=70)
-
-    @jax.jit
-    def scored(numbers):
-        gains = CascadeGains(numbers[0], numbers[1], numbers[2])
-        run = laps_of(lambda lap: plant, Cascade(gains, STATE, DT), reference, positions)
-        if kind == "p-type":
-            law = PType(numbers[3], lead=4, smoothing=3)
-        else:
-            prices = {"contouring": numbers[3], "effort": numbers[4], "size": numbers[5]}
-            law = norm_optimal(run, reference, **prices)
-        laps, last = learn(run, law, 5, jnp.zeros((70, 2)))
-        return 1e6 * jnp.mean(laps.error[-1] ** 2) + 1e4 * jnp.mean(last**2)
-
-    start = jnp.array([8.0, 0.6, 0.1, 0.5, 0.2, 0.01])
-    count = 4 if kind == "p-type" else 6
-    slopes = jax.grad(scored)(start)
-    for k in range(count):
-        h = 1e-4 * float(start[k])
-        ahead, behind = (float(scored(start.at[k].add(side))) for side in (h, -h))
-        assert float(slopes[k]) == pytest.approx((ahead - behind) / (2 * h), rel=1e-5), k
 
 
 def test_no_laps_are_refused(small_loop, positions):

@@ -302,18 +302,3 @@ def test_the_thesis_axis_is_promised_1_403_mm_and_reaches_most_of_it(thesis):
     assert 0.9 * tolerance < np.abs(states[:, 2]).max() <= tolerance
     assert np.abs(states[:, [1, 3]]).max() <= 0.15 and np.abs(controls).max() <= 8.6838
     assert memory.left == -1
-
-
-@pytest.mark.slow
-def test_ten_thousand_disturbed_samples_have_an_answer(thesis):
-    """Number 8: bang-bang, telegraph, and slow square waves; any QP without an answer raises."""
-    generator = np.random.default_rng(1)
-    fast = np.sign(generator.normal(size=(3000, 2)))
-    telegraph = np.cumprod(np.where(generator.random((3000, 2)) < 0.03, -1.0, 1.0), axis=0)
-    waves = np.sign(np.sin(np.arange(4000) / np.array([[40.0], [23.0]]))).T
-    tolerance, states, controls, memory = thesis_run(
-        thesis, np.concatenate([fast, telegraph, waves]), 60
-    )
-    assert np.abs(states[:, 2]).max() <= tolerance
-    assert np.abs(states[:, [1, 3]]).max() <= 0.15 and np.abs(controls).max() <= 8.6838
-    assert memory.left == -1 and memory.sample == 10000

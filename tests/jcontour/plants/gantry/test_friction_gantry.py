@@ -4,15 +4,13 @@ Against closed forms and the work that is done; `test_friction_gantry_by_events`
 """
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import simpson
 
 from jcontour._arrays import placed
 from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
-from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry
+from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.parameters import thesis_gantry
 
 DT, SUBSTEPS, STEPS = 1e-3, 20, 100  # the same in most tests: compiled once
@@ -71,47 +69,6 @@ def test_where_the_others_hold_a_slider_is_a_mass_on_a_guide_way(run, at_rest):
             and np.all(states.mode[stopped:] == 0)
             and len(np.unique(found[stopped:], axis=0)) == 1
         )
-
-
-@pytest.mark.slow
-def test_energy_changes_by_the_work_of_the_motors_and_all_friction(
-    odd_gantry, rubbing, swinging, run, at_rest
-):
-    """Between changes of mode to 1e-9 of the work done.
-
-    Over all of them to the first order of the instants.
-    """
-    fine, count = 1e-5, 100
-    plant, motion = (
-        StickSlipGantry(odd_gantry, rubbing, fine, substeps=1),
-        EquationOfMotion.of(odd_gantry),
-    )
-    currents = np.repeat(swinging(80, seed=1, size=0.6), count, axis=0)
-    start = at_rest(plant)
-    found, states = run(plant, start, currents)
-    x = np.concatenate([plant.measure(start)[None], found])
-    z = np.concatenate([start.sliders[None], states.sliders])
-    mode, speed = np.asarray(states.mode), z[:, 3:]
-    energy = np.asarray(jax.jit(jax.vmap(lambda x: motion.energy(x[:3], x[3:])))(jnp.asarray(x)))
-    work = np.diff(z[:, :3], axis=0) * currents * [35.0, 80.0, 80.0]
-    assert (mode == 0).any(axis=0).all() and set(np.unique(mode)) == {-1, 0, 1}
-    dry, drag = np.asarray(rubbing.coulomb), np.asarray(rubbing.viscous) + [90.0, 310.0, 310.0]
-    lorentz = dry + np.asarray(rubbing.stribeck) / (
-        1 + (speed / np.asarray(rubbing.stribeck_speed)) ** 2
-    )
-    lost = (np.abs(speed) * lorentz + drag * speed**2).sum(axis=1)
-    windows = [slice(k, k + count + 1) for k in range(0, len(currents), count)]
-    steady = [np.all(mode[w.start : w.stop - 1] == mode[w.start]) for w in windows]
-    balance = np.array(
-        [
-            np.diff(energy[w]).sum() - work[w.start : w.stop - 1].sum() + simpson(lost[w], dx=fine)
-            for w in windows
-        ]
-    )
-    total = np.abs(work).sum()
-    assert 10 < sum(steady) < len(windows)
-    assert np.abs(balance[steady]).max() < 1e-9 * total
-    assert abs(balance.sum()) < 1e-5 * total and simpson(lost, dx=fine) > 0.1 * total
 
 
 @pytest.mark.parametrize("kind", [SmoothFrictionGantry, StickSlipGantry])
