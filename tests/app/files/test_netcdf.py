@@ -6,6 +6,7 @@ import pytest
 from jcontour.app.files.netcdf import save_gains
 from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.metrics import Metrics
 from tests import canonical
 
@@ -31,7 +32,7 @@ def test_the_list_holds_every_metric_that_is_computed():
 
 def test_gains_are_those_of_the_plan(tmp_path):
     law = ContouringLQ(canonical.plant(2), LQWeights(3.0, 5.0, 1e-6), canonical.PREVIEW)
-    plan = law.prepare(canonical.reference(canonical.square()))
+    plan = prepared(law, canonical.reference(canonical.square()))
     steps = canonical.STEPS - 3
     path = save_gains(plan, steps, canonical.DT, "N/kg", tmp_path / "gains.csv")
     names = path.read_text().split("\n")[0].split(",")

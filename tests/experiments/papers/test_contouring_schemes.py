@@ -41,13 +41,14 @@ BAD = dict(zip(NAMES, (90.0, 30.0, 33.0, 40.0, 15.0, 25.0, 50.0), strict=True))
 
 def made_up(errors, tracking=None, loops=tuple(LOOPS)):
     """A result with these contour errors [um] on every contour and machine."""
-    tracking = tracking or dict.fromkeys(errors, 100.0)
+    tracking, trained = tracking or dict.fromkeys(errors, 100.0), training()
+    contours = (*trained, *held_out())
     rows = tuple(
         Row(
             scheme=scheme,
             loops=one,
             contour=contour,
-            training=contour in training(),
+            training=contour in trained,
             plant=plant,
             contour_um=error,
             peak_um=2 * error,
@@ -59,7 +60,7 @@ def made_up(errors, tracking=None, loops=tuple(LOOPS)):
             time_s=2.0,
         )
         for scheme, error in errors.items()
-        for contour in (*training(), *held_out())
+        for contour in contours
         for plant in MODEL_ERRORS
         for one in loops
     )

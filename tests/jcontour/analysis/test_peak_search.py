@@ -36,7 +36,7 @@ def test_peaks_are_those_of_python_control(
     axes, given_law, control_peaks, linear_machine, straight_window
 ):
     random, windows = np.random.default_rng(axes), straight_window(axes)
-    for _ in range(5):
+    for _ in range(3):
         matrices, law = random_loop(random, axes)
         family = stack_plants([Encoders(linear_machine(*matrices))])
         found = jax.device_get(loop_peaks(family, given_law(*law), windows))
@@ -165,7 +165,7 @@ def searched_peaks(closed, entry, leave):
 def test_peaks_of_lightly_damped_late_loops_are_found_to_a_thousandth(seed):
     random = np.random.default_rng(seed)
     nothing = Encoding(np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 0)))
-    for _ in range(25):
+    for _ in range(12):
         loop, *whole = lightly_damped_loop(random)
         found, _ = loop_measures(jax.tree.map(lambda matrix: matrix[None], loop), nothing)
         np.testing.assert_allclose(found[0, :2], list(searched_peaks(*whole)), rtol=1e-3)

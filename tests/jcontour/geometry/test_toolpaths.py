@@ -160,7 +160,7 @@ def assert_sound(traced, program: str, axes) -> None:
         interpreted(lines_of(program), axes=3, feed=None)
 
 
-@settings(anything, max_examples=100)
+@settings(anything, max_examples=40)
 @given(st.text(), st.sampled_from(["XY", "XYZ"]))
 @example("G1X1F1\x0bX2\u2028", "XY")
 def test_any_text(traced, text, axes):
@@ -168,7 +168,7 @@ def test_any_text(traced, text, axes):
     assert_sound(traced, HEAD + "G1 X1\n" + text, axes)
 
 
-@settings(anything, max_examples=100)
+@settings(anything, max_examples=50)
 @given(st.binary(max_size=200))
 def test_any_bytes(tmp_path_factory, content):
     path = tmp_path_factory.getbasetemp() / "any.ngc"

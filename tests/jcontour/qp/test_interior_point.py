@@ -118,15 +118,6 @@ def test_vmap_is_a_loop(giving, one_of):
         assert alone.iterations == together.iterations[k]
 
 
-@pytest.mark.slow
-def test_where_it_begins_changes_the_last_digits_only(limited):
-    guess = np.random.default_rng(4).standard_normal((16, 6, 2))
-    found = jax.jit(jax.vmap(solve))(limited, guess)
-    np.testing.assert_allclose(
-        found.trajectory.stages, many(limited).trajectory.stages, rtol=0, atol=1e-7
-    )
-
-
 @jax.jit
 def spoiled(qp):
     """Problems without an answer, each in a way of its own, and one that has one."""
@@ -243,16 +234,6 @@ def test_equal_limits_fix_a_control(boxed, one_of, condensed):
     np.testing.assert_allclose(
         controls_of(found, qp).ravel(), DAQP().solve(dense).z, rtol=0, atol=2e-6
     )
-
-
-@pytest.mark.slow
-def test_more_iterations_than_needed_spoil_nothing(limited, monkeypatch):
-    """Once no limit's product is aimed at less, rounding cannot grow with W."""
-    for name in ("CLOSE", "CLOSEST"):
-        monkeypatch.setattr(interior_point, name, 0.0)
-    found = jax.jit(jax.vmap(lambda qp: solve(qp)))(limited)
-    assert np.count_nonzero(found.iterations == interior_point.MOST) > 8
-    assert float(found.residual.max()) < 1e-8
 
 
 @pytest.mark.parametrize(

@@ -146,7 +146,7 @@ def test_the_model_may_move_under_the_packed_sweep(problems):
 
 
 @pytest.mark.parametrize(
-    ("steps", "preview", "length", "ended"), [(9, 6, 3, True), (3, 9, 4, False), (5, 9, 1, True)]
+    ("steps", "preview", "length", "ended"), [(6, 4, 2, True), (2, 5, 2, False), (3, 5, 1, True)]
 )
 def test_windows_composed_from_spans_are_the_readable_ones(problems, steps, preview, length, ended):
     plant = problems.machine((2, 2), 2, 2)

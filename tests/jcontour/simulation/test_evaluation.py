@@ -74,7 +74,7 @@ def test_flexible_axes_run_side_by_side_and_linear_plants_as_the_platform_likes(
 
 def test_metrics_are_those_of_single_runs(evaluated, controller, plants, references):
     family = jax.device_get(evaluated["one_by_one"])
-    for i, reference in enumerate(references):
+    for i, reference in enumerate(references[:2]):
         for j in (0, 2):
             wanted = score(simulate(plants[j], controller, reference), reference, WINDOW)
             found = jax.tree.map(lambda leaf, i=i, j=j: leaf[i, j], family)

@@ -39,10 +39,10 @@ def test_waits_are_marked_where_the_tool_rests_and_stops_where_it_stops():
 
 @cache
 def cuts_with_a_rapid_move(cut=0.02, fast=0.2):
-    """Figure of 60 mm of a zigzag, 60 mm straight, and a zigzag again."""
-    steps = np.arange(1, 301)
+    """Figure of 20 mm of a zigzag, 60 mm straight, and a zigzag again."""
+    steps = np.arange(1, 101)
     there = np.stack([200e-6 * steps, 100e-6 * (steps % 2)], axis=1)
-    corners = np.concatenate([[[0.0, 0.0]], there, there + [0.12, 0.0]])
+    corners = np.concatenate([[[0.0, 0.0]], there, there + [0.08, 0.0]])
     rapid = np.arange(len(corners) - 1) == steps.size
     feed = np.where(rapid, fast, cut)
     rest = np.where(rapid | np.append(rapid[1:], False), 0.0, np.nan)

@@ -1,5 +1,4 @@
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
@@ -15,7 +14,7 @@ from jcontour.controllers.lq.contouring_lq import (
 )
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.motion.references import from_samples
-from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.closed_loop import prepared, simulate
 
 T = 7
 
@@ -110,24 +109,6 @@ def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_pla
         )
 
 
-@pytest.mark.slow
-def test_stage_profile_gradient_is_that_of_differences(two_axes):
-    reference = reference_of(0, 2, 4)
-
-    @jax.jit
-    @jax.value_and_grad
-    def size(stage):
-        weights = LQWeights(3.0, 5.0, 0.1, stage)
-        plan = ContouringLQ(two_axes, weights, 4, RiccatiTerminal()).prepare(reference)
-        return jnp.sum(plan.F**2) + jnp.sum(plan.f**2)
-
-    stage, h = jnp.array([0.5, 2.0, 1.0, 3.0]), 1e-5
-    _, slopes = size(stage)
-    for slope, e in zip(slopes, jnp.eye(4), strict=True):
-        ahead, behind = size(stage + h * e)[0], size(stage - h * e)[0]
-        assert float(slope) == pytest.approx(float(ahead - behind) / (2 * h), rel=1e-6)
-
-
 def test_contour_weight_forgives_what_is_along():
     tangent = np.array([[0.6, 0.8], [1.0, 0.0]])
     Q = np.asarray(jax.jit(contour_weight)(2.0, 5.0, tangent))
@@ -180,5 +161,5 @@ def test_a_subclass_may_have_a_law_of_its_own(two_axes):
     given, reference = (two_axes, LQWeights(3.0, 5.0, 2e-9), 3), reference_of(5, 2, 3)
     assert ContouringLQ(*given).decoupled_problem(reference) is not None
     assert Halved(*given).decoupled_problem(reference) is None  # no kernel stands for its run
-    plans = [law(*given).prepare(reference) for law in (ContouringLQ, Halved)]
+    plans = ContouringLQ(*given).prepare(reference), prepared(Halved(*given), reference)
     np.testing.assert_allclose(plans[0].F, plans[1].F, rtol=1e-7)

@@ -25,7 +25,7 @@ def apart(curve, found):
             for i in range(pieces.extent.size)
         ]
     )
-    t = np.linspace(0, 1, 20001)
+    t = np.linspace(0, 1, 8001)
     true = np.array([curve.at(u) for u in t])
     distances = np.abs((points @ [1, 1j])[:, None] - true)
     # the nearest of the samples is as far along as half a step, not across

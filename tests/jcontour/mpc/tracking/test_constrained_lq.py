@@ -69,7 +69,7 @@ def same(found, wanted, tolerance=1e-6):
         np.testing.assert_allclose(value, expected, rtol=0, atol=tolerance * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_loops_under_limits_are_those_of_the_host(seed, two_axes):
     """Random weights, limits, profiles and terminals, three contours, with and without a load."""
     random = np.random.default_rng(seed)

@@ -22,10 +22,10 @@ def test_model_is_the_derivative_of_the_equation_of_motion_in_the_motors_coordin
             [state[3:], jnp.stack(motion.acceleration(state[:3], state[3:], control))]
         )
 
-    T = np.asarray(jax.jacfwd(MotorEncoders(odd_gantry))(rest))
-    A, B = (np.asarray(jax.jacfwd(rates, argument)(rest, still)) for argument in (0, 1))
+    T = np.asarray(jax.jit(jax.jacfwd(MotorEncoders(odd_gantry)))(rest))
+    A, B = map(np.asarray, jax.jit(jax.jacfwd(rates, (0, 1)))(rest, still))
     discrete = expm(DT * np.block([[A, B], [np.zeros((3, 9))]]))
-    C = np.pad(np.asarray(jax.jacfwd(odd_gantry.tool)(rest[:3])), ((0, 0), (0, 3)))
+    C = np.pad(np.asarray(jax.jit(jax.jacfwd(odd_gantry.tool))(rest[:3])), ((0, 0), (0, 3)))
     model = motor_model(odd_gantry, HEAD, DT)
     np.testing.assert_allclose(
         model.A, T @ discrete[:6, :6] @ np.linalg.inv(T), rtol=1e-9, atol=1e-11

@@ -28,44 +28,37 @@ def rubbed(axes: int = 1):
     return with_dry_friction(plant, np.asarray(plant.B), np.full(axes, FORCE))
 
 
+@jax.jit
+def pushed(plant, speed, push):
+    """State and place after a second under one push, begun at a speed."""
+    state = plant.initial_state(jnp.zeros(1), jnp.full(1, speed * DT))
+    state = jax.lax.fori_loop(0, 1000, lambda _, one: plant.step(one, jnp.full(1, push)), state)
+    return state, plant.output(state)[0]
+
+
 def test_it_comes_to_rest_after_the_way_of_a_constant_deceleration():
-    plant, speed = rubbed(), 0.05
-    state = plant.initial_state(jnp.zeros(1), jnp.array([speed * DT]))
-    for _ in range(500):
-        state = plant.step(state, jnp.zeros(1))
-    way = speed**2 / (2 * GAIN * FORCE)
-    assert float(plant.output(state)[0]) == pytest.approx(way, rel=0.03)
+    state, place = pushed(rubbed(), speed := 0.05, 0.0)
+    assert float(place) == pytest.approx(speed**2 / (2 * GAIN * FORCE), rel=0.03)
     assert abs(float(state[1])) < 1e-6
 
 
 @pytest.mark.parametrize("push", [-0.9, 0.5])
 def test_less_than_the_friction_hardly_moves_it(push):
-    plant = rubbed()
-    state = plant.initial_state(jnp.zeros(1), jnp.zeros(1))
-    for _ in range(1000):
-        state = plant.step(state, jnp.array([push * FORCE]))
+    state, _ = pushed(rubbed(), 0.0, push * FORCE)
     creeping = max(SLOWEST, 4 * FORCE * GAIN * DT) * np.arctanh(abs(push))
     assert abs(float(state[1])) == pytest.approx(creeping, rel=1e-3)
 
 
 def test_more_than_the_friction_accelerates_it_by_the_rest():
-    plant = rubbed()
-    state = plant.initial_state(jnp.zeros(1), jnp.zeros(1))
-    for _ in range(1000):
-        state = plant.step(state, jnp.array([1.5 * FORCE]))
+    state, _ = pushed(rubbed(), 0.0, 1.5 * FORCE)
     assert float(state[1]) == pytest.approx(GAIN * 0.5 * FORCE, rel=0.05)
 
 
 def test_a_delay_of_the_control_does_not_delay_it():
     late = with_input_delay(slides(), 2)
     entry = np.asarray(late.A)[:, -1:]
-    plants = [rubbed(), with_dry_friction(late, entry, np.array([FORCE]))]
-    ways = []
-    for plant in plants:
-        state = plant.initial_state(jnp.zeros(1), jnp.array([5e-5]))
-        for _ in range(50):
-            state = plant.step(state, jnp.zeros(1))
-        ways.append(float(plant.output(state)[0]))
+    delayed = with_dry_friction(late, entry, np.array([FORCE]))
+    ways = [float(pushed(plant, 0.05, 0.0)[1]) for plant in (rubbed(), delayed)]
     assert ways[0] == pytest.approx(ways[1], rel=1e-12)
 
 
@@ -135,8 +128,8 @@ def test_a_run_has_a_slope_by_its_friction():
         run = simulate(Encoders(rough), Feedback(), reference)
         return jnp.sqrt(jnp.mean((run.output - reference.position[: reference.steps]) ** 2))
 
-    slope = float(jax.grad(error)(1.0))
-    ahead, behind = float(error(1.001)), float(error(0.999))
+    both = jax.jit(jax.vmap(jax.value_and_grad(error)))(np.array([1.0, 1.001, 0.999]))
+    (_, ahead, behind), (slope, *_) = np.asarray(both)
     assert slope == pytest.approx((ahead - behind) / 2e-3, rel=1e-2)
 
 
