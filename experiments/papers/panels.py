@@ -57,7 +57,7 @@ def drawn(
         title: of the figure.
         columns: panels in a row.
         legend: names in a row of the legend.
-        shared: `sharex` or `sharey`, as `Figure.subplots` has them.
+        shared: `sharex` or `sharey`, as `Figure.subplots` has them; such axes have one label.
     """
     figure = Figure(figsize=size, layout="constrained")
     rows = -(-len(panels) // columns)
@@ -70,6 +70,8 @@ def drawn(
                 axes.plot(curve.x, curve.y, label=curve.label, **curve.style)
         grid(axes, panel.title, panel.x, panel.y)
         axes.set(**panel.axes)
+        if shared:
+            axes.label_outer()
     for axes in places[len(panels) :]:
         axes.remove()
     if title:

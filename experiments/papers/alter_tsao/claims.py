@@ -1,14 +1,25 @@
-"""Statements of Alter & Tsao, what we find, the verdicts, and the tables."""
+"""Statements of Alter & Tsao with our findings and verdicts, tables and figures."""
 
 from collections.abc import Iterator
 from functools import partial
 from itertools import pairwise
 
-from experiments.papers.alter_tsao.experiment import Result
-from experiments.papers.alter_tsao.published import BANDWIDTHS_HZ, TABLE_3, UNVERIFIABLE
-from experiments.papers.alter_tsao.runs import NEAR, Line
+import numpy as np
+from matplotlib.figure import Figure
+
+from experiments.papers.alter_tsao.experiment import (
+    BANDWIDTHS_HZ,
+    LINE_31,
+    LINE_32,
+    NEAR,
+    UNVERIFIABLE,
+    Line,
+    Result,
+)
+from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.tables import Column, Table
 from experiments.papers.verdicts import Claim, Verdict, rounds_to, verdict
+from jcontour.plants.linear_motor_drive import PERIOD
 
 SAME = 1e-9  # relative
 APART = 1e-11  # [m] between the loop and the filter
@@ -159,7 +170,7 @@ def _table_3(result: Result) -> Iterator[Claim]:
     lines = [result.table_1[15], result.table_1[25]]
     same = [
         rounds_to(one.max_error, row.printed_max) and rounds_to(one.rms_error, row.printed_rms)
-        for one, row in zip(lines, TABLE_3[1:], strict=True)
+        for one, row in zip(lines, (LINE_31, LINE_32), strict=True)
     ]
     words = "; ".join(
         f"line {one.line}: {one.max_error:.3g}, {one.rms_error:.3g} m" for one in lines
@@ -267,3 +278,22 @@ def _short(line: Line, name: str) -> str:
 
 def _mark(line: Line, name: str) -> str:
     return MARKS.get(getattr(line, name), "x")
+
+
+def figure_2(result: Result) -> Figure:
+    """Trajectory of one period."""
+    trajectory = Curve(PERIOD * np.arange(result.trajectory.size), 1e3 * result.trajectory)
+    panel = Panel("Fig. 2: trajectory", "time [s]", "position [mm]", [trajectory])
+    return drawn([panel], (6.4, 3.2))
+
+
+def figures_3_and_4(result: Result) -> Figure:
+    """Errors of (0, 9, 0), simulated; the paper's figures were measured."""
+    panels = []
+    for name, error in result.errors.items():
+        curve = Curve(PERIOD * np.arange(error.size), 1e6 * error)
+        panels.append(Panel(name, "time [s]", "error [um]", [curve]))
+    return drawn(panels, (6.4, 2.4 * len(panels)), sharex=True)
+
+
+FIGURES = {"figure-2": figure_2, "figures-3-4": figures_3_and_4}

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from experiments.papers.yuan_contouring_bounded.machine import DISTURBANCE
 from experiments.papers.yuan_contouring_bounded.tubes import SPARE, Part, Tube
-from experiments.papers.yuan_gantry.runs import RADIUS
+from experiments.papers.yuan_gantry.experiment import RADIUS
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
 from jcontour.mpc.bounded.bounded_along import BoundedAlong, KeptRows

@@ -22,7 +22,7 @@ from experiments.papers.yuan_contouring_bounded.controllers import (
 from experiments.papers.yuan_contouring_bounded.machine import MOVING, POINTS, driven
 from experiments.papers.yuan_contouring_bounded.timed import Timed, seconds
 from experiments.papers.yuan_contouring_bounded.tubes import Design, Tube, tube_of
-from experiments.papers.yuan_gantry.runs import RADIUS, SAMPLE
+from experiments.papers.yuan_gantry.experiment import RADIUS, SAMPLE
 from jcontour.app.machines.gantry import guide_ways
 from jcontour.host.loop import HostRun, reported_loop
 from jcontour.motion.references import Reference

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from experiments.papers.yuan_gantry.runs import SAMPLE, reference_path
+from experiments.papers.yuan_gantry.experiment import SAMPLE, reference_path
 from jcontour.bounds.gantry.gantry_bending import Bending
 from jcontour.motion.references import Reference
 from jcontour.mpc.bounded.machine_runs import MachineRun, machine_run

@@ -7,18 +7,377 @@ follows from it. A plain follower drives the path; the thesis's set-based contro
 `yuan_contouring_bounded`.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
 
 from experiments.benchmarks.speed.gantry_engines import engine_differences
-from experiments.papers.yuan_gantry.emulation import Emulated, emulated
-from experiments.papers.yuan_gantry.runs import (
-    Identified,
-    PathRun,
-    Response,
-    along_the_path,
-    identified,
-    responses,
+from jcontour.controller import Controller
+from jcontour.controllers.wrappers.compensated import Compensated
+from jcontour.geometry.contours import chain, circle, line
+from jcontour.motion.point_to_point import PointToPoint
+from jcontour.motion.references import Reference, in_time
+from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.linear_models import drive_response
+from jcontour.plants.gantry.motor_bench.back_to_back_motors import BackToBackMotors, servo_bench
+from jcontour.plants.gantry.motor_bench.delayed_head import delayed_head_model, twist_damping
+from jcontour.plants.gantry.motor_bench.hardware_in_loop import HardwareInLoop
+from jcontour.plants.gantry.parameters import GantryParameters, Scalar, thesis_gantry
+from jcontour.simulation.closed_loop import Rollout, simulate
+from jcontour.simulation.metrics import contour_error, score, tracking_error
+from tuning.identification.estimates import Estimate
+from tuning.identification.gantry.gantry import NAMES, Sheet, antiresonance, identify_gantry
+from tuning.identification.gantry.gantry_commissioning import HEADS as CHIRP_HEADS
+from tuning.identification.gantry.gantry_commissioning import commissioned
+
+HEADS = (0.0, -0.66, 0.66)  # [m]; the thesis's two, and the other side of the beam
+FREQUENCIES = np.geomspace(1.0, 200.0, 2001)  # [Hz]
+SAMPLE = 2e-3  # [s] section 5.5, as the three below
+RADIUS = 0.08  # [m]
+FEED = 0.1  # [m/s]
+ACCELERATION = 1.0  # [m/s^2]
+UNITS = ("kg", "kg m^2", "kg", "kg m", "N s/m", "N s/m", "N m/rad")  # of what is identified
+FREQUENCY = 30.0  # [rad/s] w of the follower: ours
+DAMPING = 0.8  # z of the follower: ours
+
+
+@dataclass(frozen=True)
+class Response:
+    """Fig. 5.6: frequency response from the current i_1 to the speed of its drive."""
+
+    head_m: float  # position of the head on the beam
+    coupling: bool  # whether the terms with M_e x_h are kept; (5.12) as printed has none
+    antiresonance_hz: float  # of the zeros
+    resonance_hz: float  # of the poles
+    frequency_hz: Float[np.ndarray, " F"]
+    gain_db: Float[np.ndarray, " F"]  # relative to 1 m/s per ampere
+    phase_deg: Float[np.ndarray, " F"]  # without jumps
+
+
+@dataclass(frozen=True)
+class PathRun:
+    """The gantry along Fig. 5.11; axes (time, component), SI units."""
+
+    time_s: Float[np.ndarray, " T"]
+    twist_rad: Float[np.ndarray, " T"]
+    tool_m: Float[np.ndarray, "T 2"]
+    wanted_m: Float[np.ndarray, "T 2"]
+    contour_error_m: Float[np.ndarray, " T"]
+    control_a: Float[np.ndarray, "T 3"]
+    peak_twist_rad: float
+    peak_contour_error_m: float
+    rms_contour_error_m: float
+    diverged: bool
+
+
+@dataclass(frozen=True)
+class Identified:
+    """Section 5.2.2: a quantity of the machine, and what the identification finds."""
+
+    name: str
+    true: float
+    found: float
+    interval: Sequence[float]  # 95 %: from, to
+
+
+class Follower(Controller):
+    """A plain controller of both axes, with the same current in the two drives.
+
+        f = M (w^2 (r - q) + 2 z w (v_r - q') + a_r) + b v_r,   M = M_e for x_h, M_t for y_N
+
+    It has no constraints, no horizon and no model of the twist.
+    """
+
+    parameters: GantryParameters
+    preview: int = eqx.field(static=True, default=1)
+
+    def prepare(self, reference: Reference) -> tuple[Float[Array, "T 2"], ...]:
+        """Desired position [m], speed [m/s] and acceleration [m/s^2] of head and beam."""
+        wanted = reference.position.at[:, 1].add(self.parameters.tool_offset)
+        speed = jnp.diff(wanted, axis=0)[: reference.steps] / reference.dt
+        acceleration = jnp.diff(speed, axis=0, prepend=jnp.zeros((1, 2))) / reference.dt
+        return wanted[: reference.steps], speed, acceleration
+
+    def initial_memory(self, reference: Reference) -> None:
+        """No memory: the controller is static."""
+        return None
+
+    def step(
+        self, memory: None, plan, measurement: Float[Array, "6"]
+    ) -> tuple[None, Float[Array, "3"]]:
+        """Currents of the head and the two drives [A]."""
+        p, (position, speed, acceleration) = self.parameters, plan
+        pull = (
+            FREQUENCY**2 * (position - measurement[:2])
+            + 2 * DAMPING * FREQUENCY * (speed - measurement[3:5])
+            + acceleration
+        )
+        along = p.head_mass * pull[0] + p.head_viscous * speed[0]
+        across = p.total_mass * pull[1] + 2 * p.drive_viscous * speed[1]
+        drive = across / (2 * p.drive_constant)
+        return None, jnp.stack([along / p.head_constant, drive, drive])
+
+
+def responses() -> tuple[Response, ...]:
+    """Fig. 5.6: from the current i_1 to the speed y_1', as printed and with the coupling kept."""
+    cases = [(head, coupling) for head in HEADS for coupling in (False, True)]
+    # in the middle of the beam there is no coupling
+    return tuple(_response(head, kept) for head, kept in cases if head != 0 or not kept)
+
+
+def _response(head: float, coupling: bool) -> Response:
+    p = thesis_gantry()
+    numerator, denominator = drive_response(p, head, p.head_mass * head if coupling else 0.0)
+    s = 2j * np.pi * FREQUENCIES
+    response = np.polyval(np.asarray(numerator), s) / np.polyval(np.asarray(denominator), s)
+    return Response(
+        head_m=head,
+        coupling=coupling,
+        antiresonance_hz=_ringing(numerator),
+        resonance_hz=_ringing(denominator),
+        frequency_hz=FREQUENCIES,
+        gain_db=20 * np.log10(np.abs(response)),
+        phase_deg=np.rad2deg(np.unwrap(np.angle(response))),
+    )
+
+
+def _ringing(polynomial: Float[Array, " d"]) -> float:
+    """Frequency of the pair of complex roots [Hz]."""
+    roots = np.roots(np.asarray(polynomial))
+    return float(np.abs(roots[np.abs(roots.imag) > 0][0]) / (2 * np.pi))
+
+
+def reference_path(preview: int = 1, dwell: float = 0.0) -> Reference:
+    """Fig. 5.11: line, full circle, line, with a trapezoid of speed over the whole.
+
+    Args:
+        preview: samples of future to append.
+        dwell: rest before and after [s].
+    """
+    start, corner, end = [RADIUS, -RADIUS], [RADIUS, 0.0], [RADIUS, RADIUS]
+    contour = chain([line(start, corner), circle(RADIUS), line(corner, end)])
+    law = PointToPoint(float(contour.length), FEED, ACCELERATION)
+    duration = SAMPLE * np.ceil((law.duration + 2 * dwell) / SAMPLE)
+    return in_time(contour, law, duration, SAMPLE, preview, dwell)
+
+
+def along_the_path() -> PathRun:
+    """Run along Fig. 5.11: twist, tool and errors."""
+    p, reference = thesis_gantry(), reference_path()
+    rollout = simulate(Gantry(p, SAMPLE), Follower(p), reference)
+    metrics, error = score(rollout, reference), np.asarray(contour_error(rollout.output, reference))
+    twist = np.asarray(rollout.state[:, 2])
+    return PathRun(
+        time_s=SAMPLE * np.arange(reference.steps),
+        twist_rad=twist,
+        tool_m=np.asarray(rollout.output),
+        wanted_m=np.asarray(reference.position[: reference.steps]),
+        contour_error_m=np.linalg.norm(error, axis=-1),
+        control_a=np.asarray(rollout.control),
+        peak_twist_rad=float(np.max(np.abs(twist))),
+        peak_contour_error_m=float(metrics.peak_contour_error),
+        rms_contour_error_m=float(metrics.rms_contour_error),
+        diverged=bool(metrics.diverged),
+    )
+
+
+def identified() -> tuple[Identified, ...]:
+    """Section 5.2.2 on simulated records of our machine: found beside true."""
+    p, sheet = thesis_gantry(), Sheet.of(thesis_gantry())
+    estimate = identify_gantry(commissioned(p, seed=0), sheet)
+
+    def row(name: str, true: float, found: Estimate, key: str) -> Identified:
+        return Identified(name, true, found[key], found.interval(key))
+
+    rows = [
+        row(f"{name.replace('_', ' ')}, {unit}", float(value), estimate, name)
+        for name, unit, value in zip(NAMES, UNITS, _true_values(p), strict=True)
+    ]
+    for head in CHIRP_HEADS:
+        found = antiresonance(estimate, sheet, head, coupled=False)
+        name = f"anti-resonance by (5.12), head at {head:g} m, Hz"
+        rows.append(row(name, _printed_antiresonance(p, head), found, "antiresonance"))
+    return tuple(rows)
+
+
+def _true_values(p: GantryParameters) -> tuple[Scalar, ...]:
+    """Values of `NAMES`."""
+    imbalance = (p.drive_mass_1 - p.drive_mass_2) * p.half_span
+    return (
+        p.total_mass,
+        p.inertia(0.0),
+        p.head_mass,
+        imbalance,
+        p.drive_viscous,
+        p.head_viscous,
+        p.joint_stiffness,
+    )
+
+
+def _printed_antiresonance(p: GantryParameters, head: float) -> float:
+    """Frequency by (5.12) [Hz]."""
+    inertia = p.inertia(head) + p.half_span**2 * p.total_mass
+    return float(np.sqrt(2 * p.joint_stiffness / inertia) / (2 * np.pi))
+
+
+# [N m s/rad] that the drives add to the twist: six times their friction, 3 % of the critical
+DAMPED = 2000.0
+
+
+@dataclass(frozen=True)
+class EmulatedRun:
+    """Section 5.6.4: errors along X and Y and from the contour, for one kind of head."""
+
+    name: str  # "gantry", or the condition of the bench that stands for its head
+    peak_x_error_m: float
+    peak_y_error_m: float
+    peak_contour_error_m: float
+    rms_contour_error_m: float
+    peak_twist_rad: float
+    twist_rad: Float[np.ndarray, " T"]
+    diverged: bool
+    contour_error_m: Float[np.ndarray, " T"]
+    distance_m: float  # largest, of the tool from that of the gantry
+    twist_damping: float | None = None  # of a bench, without a controller [N m s/rad]
+    peak_load_a: float | None = None  # current of the load motor
+    peak_remainder_m_per_s: float | None = None  # F_Nx of (5.50), of a bench one sample late
+
+
+@dataclass(frozen=True)
+class Emulated:
+    """Section 5.6: the gantry, and benches in its head's place; damping in N m s/rad."""
+
+    time_s: Float[np.ndarray, " T"]
+    added_damping: float  # of the twist, by the drives
+    viscous_damping: float  # of the twist, by friction: 2 b_y L^2
+    rows: tuple[EmulatedRun, ...]
+
+    def row(self, name: str) -> EmulatedRun:
+        """Run with this kind of head."""
+        return next(row for row in self.rows if row.name == name)
+
+
+class TwistDamping(eqx.Module):
+    """Damping of the twist by the two drives: k_y L (i_2 - i_1) = -c theta'."""
+
+    parameters: GantryParameters
+    damping: Scalar  # c [N m s/rad]
+
+    def __call__(self, state: Float[Array, "6"], control: Float[Array, "3"]) -> Float[Array, "3"]:
+        """Currents to add [A]."""
+        lever = 2 * self.parameters.drive_constant * self.parameters.half_span
+        apart = -self.damping * state[5] / lever
+        return jnp.stack([jnp.zeros_like(apart), -apart, apart])
+
+
+class Case(NamedTuple):
+    """The bench in one condition."""
+
+    name: str
+    delay: int  # [samples] of its currents
+    dry: bool  # friction on its shaft
+    damped: bool  # the twist, by the drives
+
+
+CASES = (
+    Case("at once, no dry friction", 0, False, True),
+    Case("at once, no dry friction, undamped", 0, False, False),
+    Case("at once, dry friction", 0, True, True),
+    Case("late, no dry friction", 1, False, True),
+    Case("late, dry friction", 1, True, True),
+    Case("late, dry friction, undamped", 1, True, False),
 )
+
+
+def emulated() -> Emulated:
+    """The gantry, and the bench in every condition, along the path."""
+    p, reference = thesis_gantry(), reference_path()
+    gantry = Gantry(p, SAMPLE)
+    true = simulate(gantry, _controller(p, True), reference)
+    rows = [_row("gantry", true, true.state, reference, distance=0.0)]
+    rows += [_emulated(case, gantry, reference, true.output) for case in CASES]
+    return Emulated(
+        time_s=SAMPLE * np.arange(reference.steps),
+        added_damping=DAMPED,
+        viscous_damping=float(2 * p.drive_viscous * p.half_span**2),
+        rows=tuple(rows),
+    )
+
+
+def _emulated(
+    case: Case, gantry: Gantry, reference: Reference, wanted: Float[Array, "T 2"]
+) -> EmulatedRun:
+    """One condition; `wanted` is the tool of the gantry itself."""
+    bench = servo_bench() if case.dry else _without_dry_friction(servo_bench())
+    plant = HardwareInLoop(gantry, bench, case.delay)
+    run = simulate(plant, _controller(gantry.parameters, case.damped), reference)
+    row = _row(case.name, run, run.measurement, reference, _peak(run.output - wanted))
+    return replace(
+        row,
+        twist_damping=float(twist_damping(plant)),
+        peak_load_a=_peak(_load(plant, run)),
+        # (5.50) is about a bench that is one sample late
+        peak_remainder_m_per_s=_peak(_remainder(plant, run)) if plant.delay == 1 else None,
+    )
+
+
+def _controller(p: GantryParameters, damped: bool) -> Controller:
+    if not damped:
+        return Follower(p)
+    return Compensated(Follower(p), TwistDamping(p, jnp.asarray(DAMPED)))
+
+
+def _without_dry_friction(bench: BackToBackMotors) -> BackToBackMotors:
+    return eqx.tree_at(
+        lambda b: (b.friction.coulomb, b.friction.stribeck), bench, replace_fn=jnp.zeros_like
+    )
+
+
+def _row(
+    name: str, run: Rollout, state: Float[Array, "T 6"], reference: Reference, distance: float
+) -> EmulatedRun:
+    """Errors as section 5.6.4 has them: of the tool along X and Y, and from the contour."""
+    metrics = score(run, reference)
+    tracking = np.abs(np.asarray(tracking_error(run.output, reference)))
+    contour = np.asarray(contour_error(run.output, reference))
+    return EmulatedRun(
+        name=name,
+        peak_x_error_m=float(tracking[:, 0].max()),
+        peak_y_error_m=float(tracking[:, 1].max()),
+        peak_contour_error_m=float(metrics.peak_contour_error),
+        rms_contour_error_m=float(metrics.rms_contour_error),
+        peak_twist_rad=_peak(state[:, 2:3]),
+        twist_rad=np.asarray(state[:, 2]),
+        diverged=bool(metrics.diverged),
+        contour_error_m=np.linalg.norm(contour, axis=-1),
+        distance_m=distance,
+    )
+
+
+@eqx.filter_jit
+def _load(plant: HardwareInLoop, run: Rollout) -> Float[Array, "T 1"]:
+    return jax.vmap(plant.load_current)(run.measurement, run.control)
+
+
+@eqx.filter_jit
+def _remainder(plant: HardwareInLoop, run: Rollout) -> Float[Array, "before_last 1"]:
+    model = delayed_head_model(plant.gantry.parameters, plant.bench, plant.dt)
+    state = jnp.column_stack(
+        [run.measurement[:, 0], run.measurement[:, 3], run.state.sent[:, 0, 0]]
+    )
+    return (state[1:] - jax.vmap(model.step)(state, run.control[:, :1])[:-1])[:, 1:2]
+
+
+def _peak(vectors: Float[Array, "T k"]) -> float:
+    """Largest length of the rows."""
+    return float(np.linalg.norm(np.asarray(vectors), axis=-1).max())
+
 
 SOURCE = (
     "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "

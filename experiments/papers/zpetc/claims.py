@@ -1,15 +1,17 @@
-"""Statements of Smith & Lee, what we find, the verdicts, and the tables."""
+"""Statements of Smith & Lee with our findings and verdicts, tables and figures."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.tables import Column, Table
 from experiments.papers.verdicts import Claim, Verdict, rounds_to, verdict
-from experiments.papers.zpetc.experiment import Result
-from experiments.papers.zpetc.runs import (
+from experiments.papers.zpetc.experiment import (
     BEST_TIME,
     CORRECTED_POLE,
+    FAST,
     FRICTIONS,
     GAIN,
     POLE,
@@ -20,7 +22,9 @@ from experiments.papers.zpetc.runs import (
     AdaptiveRun,
     IntegralRun,
     Model,
+    Result,
 )
+from jcontour.plants.three_link import PATH_DURATION
 
 KEPT = 0.5  # share of the trace that counts as kept
 ROUNDING = 1e-9  # [rad], of a phase
@@ -37,9 +41,7 @@ def claims(result: Result) -> Iterator[Claim]:
 
 def agrees(model: Model) -> bool:
     """Whether gain, zero and poles round to the print."""
-    pairs = [(model.gain, model.printed_gain), (model.zero, model.printed_zero)]
-    pairs += list(zip(model.poles, model.printed_poles, strict=True))
-    return all(rounds_to(value, printed) for value, printed in pairs)
+    return all(map(rounds_to, model.ours, model.printed))
 
 
 def _models(result: Result) -> Iterator[Claim]:
@@ -56,11 +58,15 @@ def _models(result: Result) -> Iterator[Claim]:
     )
     for pole in (POLE, CORRECTED_POLE):
         rows = [row for row in result.models if row.pole_rad_s == pole and row.item != "(7)"]
-        good = [row.item for row in rows if agrees(row)]
+        good = [row for row in rows if agrees(row)]
         yield Claim(
             "(6), (16), (17)",
             f"models of a servo with the pole {pole:g} rad/s",
-            _digits(rows),
+            "; ".join(
+                f"{row.item} {', '.join(f'{x:.5g}' for x in row.ours)}"
+                + ("" if row in good else " (not as printed)")
+                for row in rows
+            ),
             verdict(len(good) == len(rows), len(good) > len(rows) / 2),
         )
     fitted = [row for row in result.models if row.item == "(7)" and agrees(row)]
@@ -73,14 +79,6 @@ def _models(result: Result) -> Iterator[Claim]:
         else "no loop agrees",
         verdict(False, bool(fitted)),
     )
-
-
-def _digits(rows: Sequence[Model]) -> str:
-    found = []
-    for row in rows:
-        numbers = ", ".join(f"{x:.5g}" for x in (row.gain, row.zero, *row.poles))
-        found.append(f"{row.item} {numbers}" + ("" if agrees(row) else " (not as printed)"))
-    return "; ".join(found)
 
 
 def _equations(result: Result) -> Iterator[Claim]:
@@ -122,7 +120,7 @@ def _integrator(result: Result) -> Iterator[Claim]:
         "an integrator lowers the error that a model error makes",
         "; ".join(
             f"{truth}: {runs[truth][0].mean_um:.3g} -> {best[truth].mean_um:.3g} um, "
-            f"{_time(best[truth])}"
+            f"T_i = {best[truth].integral_time:g} s"
             for truth in missed
         ),
         verdict(all(lower), any(lower)),
@@ -196,10 +194,6 @@ def _best(rows: Sequence[IntegralRun]) -> IntegralRun:
     return min(rows, key=lambda row: row.mean_um)
 
 
-def _time(row: IntegralRun) -> str:
-    return "no integrator" if row.integral_time is None else f"T_i = {row.integral_time:g} s"
-
-
 def _adaptation(result: Result) -> Iterator[Claim]:
     printed = [row for row in result.adaptive if row.rule == "printed"]
     ours = [row for row in result.adaptive if row.rule == "ours"]
@@ -219,8 +213,10 @@ def _adaptation(result: Result) -> Iterator[Claim]:
 
 
 def _convergence(result: Result, ours: Sequence[AdaptiveRun]) -> Claim:
-    fixed = [row for row in result.adaptive if row.rule == "none"]
-    better = [row.second_half_um < _without(fixed, row).second_half_um for row in ours]
+    fixed = {
+        (row.truth, row.theta): row.second_half_um for row in result.adaptive if row.rule == "none"
+    }
+    better = [row.second_half_um < fixed[row.truth, row.theta] for row in ours]
     apart = [float(np.max(np.abs(np.subtract(row.final_theta, row.fitted_theta)))) for row in ours]
     words = []
     for trace in dict.fromkeys(row.trace for row in ours):
@@ -253,10 +249,6 @@ def _overall(result: Result, ours: Sequence[AdaptiveRun]) -> Claim:
     )
 
 
-def _without(fixed: Sequence[AdaptiveRun], row: AdaptiveRun) -> AdaptiveRun:
-    return next(one for one in fixed if (one.truth, one.theta) == (row.truth, row.theta))
-
-
 def tables(result: Result) -> Iterator[Table]:
     """Models, the sweep of the integral time, and adaptive runs."""
     yield Table(
@@ -265,12 +257,12 @@ def tables(result: Result) -> Iterator[Table]:
         {
             "model": "item",
             "servo pole\nrad/s": "pole_rad_s:.6g",
-            "gain": "gain:.5g",
-            "gain\nprint": "printed_gain",
-            "zero": "zero:.5g",
-            "zero\nprint": "printed_zero",
-            "poles": lambda one: ", ".join(f"{pole:.5g}" for pole in one.poles),
-            "poles\nprint": lambda one: ", ".join(one.printed_poles),
+            "gain": lambda one: f"{one.ours[0]:.5g}",
+            "gain\nprint": lambda one: one.printed[0],
+            "zero": lambda one: f"{one.ours[1]:.5g}",
+            "zero\nprint": lambda one: one.printed[1],
+            "poles": lambda one: ", ".join(f"{pole:.5g}" for pole in one.ours[2:]),
+            "poles\nprint": lambda one: ", ".join(one.printed[2:]),
             "": lambda one: "=" if agrees(one) else "x",
         },
     )
@@ -310,3 +302,39 @@ def _sweep(title: str, rows: Sequence[IntegralRun]) -> Table:
         columns[truth] = lambda time, truth=truth: f"{means[truth, time]:.1f}"
     times = list(dict.fromkeys(row.integral_time for row in rows))
     return Table(f"Mean error in um over the integral time in s: {title}", times, columns)
+
+
+def figure_7(result: Result) -> Figure:
+    """Legs of the manipulator along the path."""
+    time = FAST * np.arange(len(result.path_mm))
+    curves = [Curve(time, leg, f"link {k}") for k, leg in enumerate(result.path_mm.T)]
+    title = "Fig. 7: desired length from the start, on a path of ours"
+    return drawn([Panel(title, "time [s]", "[mm]", curves)], (6.4, 3.6))
+
+
+def errors(result: Result) -> Figure:
+    """Errors over time, Figs 8 and 9 and the adaptive run."""
+    panels = []
+    for name, error in result.errors_um.items():
+        curve = Curve(np.linspace(0, PATH_DURATION, error.size), error, None, {"linewidth": 0.8})
+        panels.append(Panel(name, "time [s]", "error [um]", [curve]))
+    return drawn(panels, (6.4, 1.9 * len(panels)), sharex=True)
+
+
+def integral_time(result: Result) -> Figure:
+    """Mean error over the integral time, as modelled and as built."""
+    rubbed = [row for row in result.limited if row.friction == FRICTIONS[-1]]
+    titles = ("the linear servo", f"current limited, friction {FRICTIONS[-1]:g} A")
+    panels, log = [], {"xscale": "log", "yscale": "log"}
+    for title, runs in zip(titles, (result.integral, rubbed), strict=True):
+        curves = []
+        for truth in dict.fromkeys(row.truth for row in runs):
+            rows = [row for row in runs if row.truth == truth and row.integral_time]
+            times = [row.integral_time for row in rows]
+            curves.append(Curve(times, [row.mean_um for row in rows], truth, {"marker": "o"}))
+        panels.append(Panel(title, "integral time [s]", "mean error [um]", curves, log))
+    title = "Zero phase tracking with an integrator"
+    return drawn(panels, (9.0, 4.0), title, columns=2, legend=4)
+
+
+FIGURES = {"figure-7": figure_7, "errors": errors, "integral-time": integral_time}

@@ -5,17 +5,86 @@ the printed digits. Our runs take a path, a geometry and model errors that are c
 limit of the current is kept where Table 2 is judged, friction is assumed there.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
+from numpy.polynomial import polynomial
+from scipy.signal import lfilter
 
-from experiments.papers.zpetc import runs
+from jcontour.controller import Controller
+from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
+from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
+from jcontour.controllers.feedforward.preview_filter import PreviewFilter
+from jcontour.controllers.feedforward.zpetc import (
+    ZeroPhaseTracking,
+    gain_error,
+    zero_phase_filter,
+)
+from jcontour.linear.transfer_functions import (
+    TransferFunction,
+    from_polynomials,
+    transfer_function,
+)
+from jcontour.motion.references import Reference, from_samples
+from jcontour.plant import Plant
+from jcontour.plants.servo_axes import servo_axes
+from jcontour.plants.three_link import (
+    LVDT_QUANTUM,
+    PATH_DURATION,
+    SERVO_GAIN,
+    SERVO_POLE,
+    ThreeLink,
+    manipulator_path,
+)
+from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.sensors import Sensors
+from jcontour.simulation.closed_loop import Rollout, simulate
 
 SOURCE = (
     "A. Smith, K.-M. Lee: An Experimental Investigation of Two Digital Tracking Controllers: "
     "Adaptive and Non-Adaptive. ASME Winter Annual Meeting (1990)"
 )
+POLE = 567.0  # of (1), in print [rad/s]
+CORRECTED_POLE = 567.5  # gives the printed digits (errata)
+FITTED_GAIN, FITTED_POLE = 817.41795, 567.503628  # give all digits of (8)
+FAST, SLOW = 3e-3, 16.8e-3  # sample periods [s]
+PRINTED = {  # gain, zero and poles of (6), (7), (16) and (17)
+    "(6)": ("0.0449", "0.5737", "1", "0.1822"),
+    "(7)": ("3.673e-2", "0.5737", "0.2196", "0.9259"),
+    "(16)": ("0.4335", "0.1171", "1", "7.235e-5"),
+    "(17)": ("0.2995", "0.1171", "0.0544", "0.6461"),
+}
+PREFILTER = ("6.3060", "3.7692", "-11.3100", "2.2348")  # (8)
+WITHOUT_INTEGRATOR = 546.1  # [um]
+WITH_INTEGRATOR = 111.8  # [um], in the text; Table 2 has 66.5
+BEST_TIME = 0.05  # [s], section 5.1: with the least mean error of Table 2
+TABLE_2 = (  # mean errors [um], measured, of a good and a poor model; the times T_i are lost
+    (99.3, 74.7),
+    (67.1, 42.9),
+    (66.5, 41.9),
+    (71.1, 44.2),
+    (81.0, 57.9),
+)
+AMPLIFIER = {"Table 1": 38.0, "text": 750.0}  # [A/V]
+GAIN = "16359"  # of (1)
+PRINTED_POSITION_POLE = 26.0  # [rad/s] at which the paper places the slower pole
+INTEGRAL_TIMES = (None, 0.002, 0.003, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # [s]
+QUICK_TIMES = (None, 0.002, 0.01, 0.05, 0.2)
+STARTS = ((-0.6461, 0.3539), (-0.8, 0.2))  # the good model (19), and a poor one
+TRACES = (2.0, 200.0)
+ADAPTATION_OFF = 1e9  # [m] of dead zone
+FRICTIONS = (0.0, 3.0, 6.0)  # [A], assumed: with the most, 0.05 s is the best time, as in print
+FLOOR = 1e-3  # [m]: the paper's normalisation is in mm
+FIRST, LATER, CHANGE = 30.0, 7.5, 0.5  # [A], [A], [s] after the start of the motion
+PER_AMPERE = 0.17011 * 0.7958e-3 / 2.4434e-4  # [m/s^2 per A], Table 1
+SUBSTEP = 1e-4  # [s]
 
 
 @dataclass(frozen=True)
@@ -27,51 +96,421 @@ class Settings:
 
 
 @dataclass(frozen=True)
+class Model:
+    """Gain, zero (-z of 1 + z / z) and poles of a discrete model: in print, and of a servo."""
+
+    item: str
+    printed: tuple[str, ...]
+    pole_rad_s: float  # of the servo
+    ours: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class IntegralRun:
+    """Zero phase tracking of one leg with an integrator, counts of 43 um."""
+
+    truth: str
+    integral_time: float | None  # [s]; None without
+    mean_um: float
+    peak_um: float
+    friction: float | None = None  # [A] beside the limit of the current; None without both
+
+
+@dataclass(frozen=True)
+class AdaptiveRun:
+    """Adaptive zero phase tracking of one leg, counts of 43 um."""
+
+    truth: str
+    theta: tuple[float, float]  # first a_1 and b_0
+    trace: float
+    rule: str  # of the forgetting factor: ours, as printed, or none
+    mean_um: float
+    peak_um: float
+    second_half_um: float
+    final_theta: tuple[float, float]
+    fitted_theta: tuple[float, float]  # of the servo's loop, by least squares along the path
+    final_trace: float
+
+
+@dataclass(frozen=True)
+class GainError:
+    """Gain and phase that zero phase tracking leaves, over frequency."""
+
+    hertz: Float[np.ndarray, " f"]
+    error: Float[np.ndarray, " f"]
+    phase: Float[np.ndarray, " f"]  # of y / y_d [rad]
+
+
+@dataclass(frozen=True)
+class Units:
+    """Gain and pole of (1) from Table 1, with one of the two amplifier gains."""
+
+    source: str
+    amperes_per_volt: float
+    gain_inch: float  # inch / (s^2 V)
+    pole: float  # [rad/s]
+
+
+@dataclass(frozen=True)
 class Result:
     """Models, filters and equations, and runs of one leg."""
 
-    models: tuple[runs.Model, ...]
+    models: tuple[Model, ...]
     prefilters: dict[str, tuple[float, ...]]  # coefficients of (8) by what they are made from
     slow_pole: float  # of the printed loop [rad/s]
     corrected_5: float  # difference between (5), corrected, and a simulation at 3 Hz
     printed_5: float  # the same as printed
-    units: tuple[runs.Units, ...]
-    gain_error: runs.GainError
+    units: tuple[Units, ...]
+    gain_error: GainError
     path_mm: Float[np.ndarray, "T legs"]  # lengths of the legs from the start, every 3 ms
     errors_um: dict[str, Float[np.ndarray, " T"]]  # of drawn runs
-    integral: tuple[runs.IntegralRun, ...]
-    limited: tuple[runs.IntegralRun, ...]  # the same with the current's limit, and some frictions
-    adaptive: tuple[runs.AdaptiveRun, ...]
+    integral: tuple[IntegralRun, ...]
+    limited: tuple[IntegralRun, ...]  # the same with the current's limit, and some frictions
+    adaptive: tuple[AdaptiveRun, ...]
+
+
+class Truth(NamedTuple):
+    """A servo that the controller's model may miss."""
+
+    name: str
+    gain: float  # times SERVO_GAIN
+    pole: float
+
+    def axis(self, dt: float) -> Plant:
+        """One leg."""
+        return servo_axes([self.gain * SERVO_GAIN], self.pole, dt)
+
+    def model(self, dt: float) -> TransferFunction:
+        """The same from control to length [m]."""
+        return servo(dt, self.gain * SERVO_GAIN, self.pole)
+
+
+TRUTHS = (
+    Truth("exact", 1.0, SERVO_POLE),
+    Truth("gain x1.1", 1.1, SERVO_POLE),
+    Truth("gain x1.5", 1.5, SERVO_POLE),
+    Truth("gain x0.7, pole 500", 0.7, 500.0),
+)
 
 
 def run(settings: Settings) -> Result:
     """Simulate everything."""
-    times = (None, 0.002, 0.01, runs.BEST_TIME, 0.2) if settings.quick else runs.INTEGRAL_TIMES
-    poor, best = runs.TRUTHS[2], runs.BEST_TIME
-    adaptive = runs.adaptive(runs.STARTS[0], runs.TRACES[0])
-    corrected, printed = runs.equation_5()
+    times = QUICK_TIMES if settings.quick else INTEGRAL_TIMES
+    poor = TRUTHS[2]
+    drawn = {
+        "Fig. 8: no integrator, gain x1.5": (tracking(None), FAST),
+        f"Fig. 9: T_i = {BEST_TIME:g} s, gain x1.5": (tracking(BEST_TIME), FAST),
+        "adaptive, gain x1.5": (adaptive(STARTS[0], TRACES[0]), SLOW),
+    }
+    corrected, printed = equation_5()
     return Result(
-        models=runs.models(),
+        models=models(),
         prefilters={
-            f"servo pole {runs.FITTED_POLE:.2f}": runs.prefilter_of(runs.fitted_loop()),
-            "from (7) as printed": runs.prefilter_of(runs.printed_loop()),
+            f"servo pole {FITTED_POLE:.2f}": prefilter_of(fitted_loop()),
+            "from (7) as printed": prefilter_of(printed_loop()),
         },
-        slow_pole=float(-np.log(float(runs.LOOP_3_MS.printed_poles[1])) / runs.FAST),
+        slow_pole=float(-np.log(float(PRINTED["(7)"][3])) / FAST),
         corrected_5=corrected,
         printed_5=printed,
-        units=runs.units(),
-        gain_error=runs.gain_left(),
-        path_mm=1e3 * runs.legs(runs.FAST),
+        units=units(),
+        gain_error=gain_left(),
+        path_mm=1e3 * legs(FAST),
         errors_um={
-            "Fig. 8: no integrator, gain x1.5": runs.errors(runs.tracking(None), poor, runs.FAST),
-            f"Fig. 9: T_i = {best:g} s, gain x1.5": runs.errors(
-                runs.tracking(best), poor, runs.FAST
-            ),
-            "adaptive, gain x1.5": runs.errors(adaptive, poor, runs.SLOW),
+            name: errors(controller, poor.axis(dt))[0] for name, (controller, dt) in drawn.items()
         },
-        integral=runs.integral_runs(times=times),
-        limited=tuple(
-            row for one in runs.FRICTIONS for row in runs.integral_runs(times=times, friction=one)
-        ),
-        adaptive=runs.adaptive_runs(),
+        integral=integral_runs(times=times),
+        limited=tuple(row for one in FRICTIONS for row in integral_runs(times=times, friction=one)),
+        adaptive=adaptive_runs(),
     )
+
+
+def servo(dt: float, gain: float = SERVO_GAIN, pole: float = SERVO_POLE) -> TransferFunction:
+    """One leg from control to length [m]."""
+    return transfer_function(servo_axes([gain], pole, dt))
+
+
+def closed(plant: TransferFunction, gain: float) -> TransferFunction:
+    """Position loop u = gain (r - y), from r to y."""
+    top = gain * plant.numerator
+    return from_polynomials(top, polynomial.polyadd(plant.denominator, top), plant.dt)
+
+
+def placing_gain(plant: TransferFunction, pole: float = PRINTED_POSITION_POLE) -> float:
+    """Gain that puts a pole of the loop at exp(-pole T)."""
+    at = np.array(np.exp(pole * plant.dt))  # in lambda
+    ratio = polynomial.polyval(at, plant.denominator) / polynomial.polyval(at, plant.numerator)
+    return float(-ratio)
+
+
+def models() -> tuple[Model, ...]:
+    """(6), (7), (16), (17) with the pole in print and with the corrected one; the fitted loop."""
+    rows = []
+    for pole in (POLE, SERVO_POLE):
+        for dt, open_, loop in ((FAST, "(6)", "(7)"), (SLOW, "(16)", "(17)")):
+            plant = servo(dt, pole=pole)
+            rows += [(open_, pole, plant), (loop, pole, closed(plant, placing_gain(plant)))]
+    found = []
+    for item, pole, function in (*rows, ("(7)", FITTED_POLE, fitted_loop())):
+        integrating = PRINTED[item][2] == "1"  # a plant: its gain is per mm, its pole at 1 is first
+        poles = sorted((float(np.real(p)) for p in function.poles_z), key=abs, reverse=integrating)
+        gain = function.gain * (1e3 if integrating else 1.0)
+        zero = -float(np.real(function.zeros_z[0]))
+        found.append(Model(item, PRINTED[item], pole, (gain, zero, *poles)))
+    return tuple(found)
+
+
+def prefilter_of(loop: TransferFunction) -> tuple[float, ...]:
+    """Coefficients of y_d(k+2), y_d(k+1), y_d(k), y_d(k-1)."""
+    ahead = zero_phase_filter(loop)
+    return tuple((np.asarray(ahead.numerator) / np.asarray(ahead.denominator)[0]).tolist())
+
+
+def printed_loop() -> TransferFunction:
+    """(7) as printed."""
+    gain, zero, first, second = map(float, PRINTED["(7)"])
+    below = np.convolve([1.0, -first], [1.0, -second])
+    return from_polynomials(gain * np.array([0.0, 1.0, zero]), below, FAST)
+
+
+def fitted_loop() -> TransferFunction:
+    """The loop whose prefilter has all digits of (8)."""
+    return closed(servo(FAST, pole=FITTED_POLE), FITTED_GAIN)
+
+
+def equation_5(hertz: float = 3.0, integral: float = 0.06) -> tuple[float, float]:
+    """(5) against the loop of a plant with 1.1 times the gain: corrected, and as printed.
+
+    Differences at one frequency, over the size of the loop's answer.
+    """
+    x = np.exp(-2j * np.pi * hertz * FAST)
+    model = closed(servo(FAST), FITTED_GAIN)
+    truth = closed(servo(FAST, 1.1 * SERVO_GAIN), FITTED_GAIN)
+    ahead = zero_phase_filter(model)
+    fed = polynomial.polyval(x, np.asarray(ahead.numerator)) / polynomial.polyval(
+        x, np.asarray(ahead.denominator)
+    )
+    fed, sums = fed / x**ahead.preview, integral / (1 - x)
+    wanted = truth.response(x) * (fed + sums) / (1 + truth.response(x) * sums)
+    apart = []
+    zero = 1 - truth.zeros_z[0] * x
+    below = polynomial.polyval(x, truth.denominator) * (1 - x)
+    for cancelled in (truth.gain, zero):
+        # (5) holds for the plant's own B^a B^u; printed is B^u B^u
+        added = x * integral * zero * cancelled
+        through = fed * x * truth.gain * zero * (1 - x)
+        found = (through + added) / (below + added)
+        apart.append(float(abs(found - wanted) / abs(wanted)))
+    return apart[0], apart[1]
+
+
+def units() -> tuple[Units, ...]:
+    """Gain and pole of (1) from Table 1: inches and 750 A/V give the printed number."""
+    torque, lead, inertia = 0.17011, 0.7958, 2.4434e-4  # N m/A, mm/rad, kg m^2
+    velocity, feedback, viscous = 0.01752, 0.0780, 1.03e-6  # V s/mm, -, N m s/rad
+    found = []
+    for source, amplifier in AMPLIFIER.items():
+        gain = amplifier * torque * lead / inertia  # mm / (s^2 V)
+        pole = gain * velocity * feedback + viscous / inertia
+        found.append(Units(source, amplifier, gain / 25.4, pole))
+    return tuple(found)
+
+
+def gain_left() -> GainError:
+    """Gain error and phase of the corrected model's loop behind its filter, up to Nyquist."""
+    hertz = np.geomspace(0.1, 0.999 / (2 * FAST), 200)
+    loop = closed(servo(FAST), FITTED_GAIN)
+    phase = tracking_phase(loop, zero_phase_filter(loop), hertz)
+    return GainError(hertz, gain_error(loop, 2 * np.pi * hertz), phase)
+
+
+def tracking_phase(
+    loop: TransferFunction, ahead: PreviewFilter, hertz: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, " f"]:
+    """Phase of G F, from the reference to the position, with the filter as it is built [rad]."""
+    x = np.exp(-2j * np.pi * hertz * loop.dt)
+    top, below = (
+        polynomial.polyval(x, np.asarray(one)) for one in (ahead.numerator, ahead.denominator)
+    )
+    return np.angle(loop.response(x) * top / below / x**ahead.preview)
+
+
+def legs(dt: float) -> Float[np.ndarray, "T 3"]:
+    """Lengths of the legs along the path, from those at the start [m]."""
+    times = dt * np.arange(round(PATH_DURATION / dt) + 1)
+    lengths = np.asarray(ThreeLink().legs(manipulator_path(times)))
+    return lengths - lengths[0]
+
+
+def reference(dt: float, preview: int) -> Reference:
+    """The first leg, from rest to rest."""
+    samples = legs(dt)[:, :1]
+    padded = np.concatenate([samples, np.repeat(samples[-1:], preview, axis=0)])
+    return from_samples(padded, np.ones_like(padded), dt, preview, in_motion=False)
+
+
+def errors(controller: Controller, leg: Plant) -> tuple[Float[np.ndarray, " T"], Rollout]:
+    """Errors of a leg along the path [um], and the run."""
+    wanted = reference(leg.dt, controller.preview)
+    run = simulate(Quantised(Encoders(leg), LVDT_QUANTUM), controller, wanted)
+    output = np.asarray(run.output)[:, 0]
+    return 1e6 * (np.asarray(wanted.position)[: output.size, 0] - output), run
+
+
+def tracking(integral_time: float | None) -> ZeroPhaseTracking:
+    """The paper's controller on the corrected model."""
+    ahead = zero_phase_filter(closed(servo(FAST), FITTED_GAIN))
+    time = np.inf if integral_time is None else integral_time
+    return ZeroPhaseTracking(ahead, FITTED_GAIN, Sensors([0]), FAST, time)
+
+
+def integral_runs(
+    truths: Iterable[Truth] = TRUTHS,
+    times: Iterable[float | None] = INTEGRAL_TIMES,
+    friction: float | None = None,
+) -> tuple[IntegralRun, ...]:
+    """Mean and largest error over the integral time; with a friction [A] as the leg is built."""
+    found = []
+    for truth, time in product(truths, times):
+        leg = truth.axis(FAST)
+        if friction is not None:
+            leg = LimitedServo(truth.gain * SERVO_GAIN, truth.pole, friction, FAST)
+        size = np.abs(errors(tracking(time), leg)[0])
+        row = IntegralRun(truth.name, time, float(size.mean()), float(size.max()), friction)
+        found.append(row)
+    return tuple(found)
+
+
+class ServoState(NamedTuple):
+    """Length [m], its speed [m/s], and the time since the start [s]."""
+
+    position: Float[Array, "1"]
+    speed: Float[Array, "1"]
+    time: Float[Array, ""]
+
+
+class LimitedServo(Plant):
+    """A velocity servo k / (s (s + p)) with a limited motor current and friction of the ballscrew.
+
+        v' = clip(k u - p v, -h i(t), h i(t)) - f sign(v),   y' = v
+    The limit i(t) is printed in section 2; its time counts from the start of the motion. The factor
+    h follows from Table 1 (torque constant, lead, inertia). Friction is not printed: f is assumed.
+    Without both it is that of `servo_axes` to a trapezoid of the speed over a substep.
+
+    Args:
+        gain: k [m/s^2 per unit of control].
+        pole: p [rad/s], by feedback of the speed to the amplifier.
+        friction: of the motor at any speed [A].
+        dt: sample period [s].
+    """
+
+    gain: Float[Array, ""]
+    pole: Float[Array, ""]
+    friction: Float[Array, ""]
+    dt: float = eqx.field(static=True)
+
+    def __init__(self, gain: float, pole: float, friction: float, dt: float):
+        self.gain, self.pole = jnp.asarray(gain), jnp.asarray(pole)
+        self.friction, self.dt = jnp.asarray(friction), dt
+
+    def initial_state(self, position: Float[Array, "1"], increment: Float[Array, "1"]):
+        """State at the start of the motion."""
+        return ServoState(position, increment / self.dt, jnp.zeros(()))
+
+    def step(self, state: ServoState, control: Float[Array, "1"]) -> ServoState:
+        """Exact where nothing is limited and nothing rubs; but a trapezoid of the speed."""
+        count = round(self.dt / SUBSTEP)
+        h = self.dt / count
+        left = jnp.exp(-self.pole * h)
+
+        def substep(_, state: ServoState) -> ServoState:
+            y, v, t = state
+            most = PER_AMPERE * jnp.where(t < CHANGE, FIRST, LATER) * h
+            asked = (1 - left) * (self.gain * control / self.pole - v)
+            free = v + jnp.clip(asked, -most, most)
+            after = jnp.sign(free) * jnp.maximum(
+                jnp.abs(free) - PER_AMPERE * self.friction * h, 0.0
+            )
+            return ServoState(y + h * (v + after) / 2, after, t + h)
+
+        return jax.lax.fori_loop(0, count, substep, state)
+
+    def output(self, state: ServoState) -> Float[Array, "1"]:
+        """Length of the leg [m]."""
+        return state.position
+
+
+def adaptive(theta: tuple[float, float], trace: float, dead_zone: float = 0.0):
+    """The paper's adaptive controller."""
+    estimator = NormalisedLeastSquares(trace, FLOOR, dead_zone)
+    gain = placing_gain(servo(SLOW))
+    return AdaptiveZeroPhaseTracking(gain, theta, estimator, Sensors([0]), SLOW)
+
+
+def adaptive_runs(truths: Iterable[Truth] = TRUTHS[:3]) -> tuple[AdaptiveRun, ...]:
+    """Runs without adaptation, with our forgetting factor, and with the printed one."""
+    rules = ("none", TRACES[0]), *(("ours", trace) for trace in TRACES), ("printed", TRACES[1])
+    found = []
+    for truth, theta, (rule, trace) in product(truths, STARTS, rules):
+        if rule == "printed":
+            error, final, F = as_printed(truth, theta, trace)
+        else:
+            dead_zone = ADAPTATION_OFF if rule == "none" else 0.0
+            error, run = errors(adaptive(theta, trace, dead_zone), truth.axis(SLOW))
+            estimate = run.final_memory.estimate
+            final, F = np.asarray(estimate.theta)[0], estimate.gain[0]
+        size = np.abs(error)
+        row = AdaptiveRun(
+            truth=truth.name,
+            theta=theta,
+            trace=trace,
+            rule=rule,
+            mean_um=float(size.mean()),
+            peak_um=float(size.max()),
+            second_half_um=float(size[size.size // 2 :].mean()),
+            final_theta=(float(final[0]), float(final[1])),
+            fitted_theta=one_pole_fit(truth),
+            final_trace=float(np.trace(F)),
+        )
+        found.append(row)
+    return tuple(found)
+
+
+def one_pole_fit(truth: Truth) -> tuple[float, float]:
+    """a_1 and b_0 that fit a servo's position loop along the path, by least squares."""
+    loop = closed(truth.model(SLOW), placing_gain(servo(SLOW)))
+    wanted = 1e3 * legs(SLOW)[:, 0]
+    output = np.asarray(lfilter(loop.numerator, loop.denominator, wanted))
+    phi = np.stack([-output[:-1], wanted[:-1]], axis=1)
+    a, b = np.linalg.lstsq(phi, output[1:])[0]
+    return float(a), float(b)
+
+
+def as_printed(truth: Truth, start: tuple[float, float], trace: float):
+    """The same controller with the forgetting factor of (15), sample by sample in mm.
+
+    Errors [um], and the last parameters and F.
+    """
+    gain = placing_gain(servo(SLOW)) * 1e-3  # control per mm
+    plant = truth.model(SLOW)
+    _, b0, b1 = 1e3 * plant.numerator
+    _, a1, a2 = plant.denominator
+    wanted = 1e3 * np.asarray(reference(SLOW, 1).position)[:, 0]
+    quantum = 1e3 * LVDT_QUANTUM
+    theta, F = np.array(start), trace / 2 * np.eye(2)
+    y, u, phi = np.zeros(2), np.zeros(2), np.zeros(2)  # of the last two samples
+    output = []
+    for k in range(wanted.size - 1):
+        now = -a1 * y[0] - a2 * y[1] + b0 * u[0] + b1 * u[1]
+        seen = quantum * np.round(now / quantum)
+        n = max(float(np.linalg.norm(phi)), 1.0)
+        x = phi / n
+        g = F @ x
+        D = 1 + x @ g
+        theta = theta + g * (seen / n - theta @ x) / D
+        F = (F - np.outer(g, g) / D) / (1 - (g @ g) / D / trace)
+        filtered = (wanted[k + 1] + theta[0] * wanted[k]) / theta[1]
+        control = gain * (filtered - seen)
+        y, u = np.array([now, y[0]]), np.array([control, u[0]])
+        phi = np.array([-seen, filtered])
+        output.append(now)
+    return 1e3 * (wanted[: len(output)] - np.array(output)), theta, F

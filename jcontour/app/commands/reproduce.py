@@ -1,11 +1,11 @@
 """`jcontour reproduce NAME`: the experiment of a paper, its figures, tables and verdicts.
 
-A paper is a folder `experiments/papers/NAME` with three modules:
+A paper is a folder `experiments/papers/NAME` with two modules:
 
     experiment: SOURCE, Settings (a dataclass: its fields are the flags, `quick` among them),
         run(settings) -> result, a frozen dataclass
-    claims: claims(result) -> statements with their verdicts,   tables(result) -> tables and lines
-    figures: FIGURES, name of a file -> function that draws it from the result
+    claims: claims(result) -> statements with their verdicts, tables(result) -> tables and lines,
+        FIGURES, name of a file -> function that draws it from the result
 """
 
 import ast
@@ -93,12 +93,10 @@ def _run(module: Any, name: str, flags: Any) -> int:
     folder = run_folder.create(place, f"reproduce {name}", flags, [])
     tables = in_checkout("reproduce", "experiments.papers.tables")
     verdicts = in_checkout("reproduce", "experiments.papers.verdicts")
-    said, figures = (
-        import_module(f"{module.__package__}.{part}") for part in ("claims", "figures")
-    )
+    said = import_module(f"{module.__package__}.claims")
     result = module.run(flags.settings)
     claims, parts = tuple(said.claims(result)), tuple(said.tables(result))
-    save_figures(figures.FIGURES, result, folder)
+    save_figures(said.FIGURES, result, folder)
     stored = {
         "source": module.SOURCE,
         "settings": asdict(flags.settings),

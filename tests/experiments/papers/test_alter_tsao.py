@@ -9,14 +9,18 @@ import numpy as np
 import pytest
 
 from experiments.papers.alter_tsao.claims import claims, tables
-from experiments.papers.alter_tsao.experiment import Settings, run
-from experiments.papers.alter_tsao.loops import feedbacks, loop_runs, perturbed_costs
-from experiments.papers.alter_tsao.published import TABLE_1, TABLE_2
-from experiments.papers.alter_tsao.runs import (
+from experiments.papers.alter_tsao.experiment import (
+    TABLE_1,
+    TABLE_2,
+    Settings,
     costs,
+    feedbacks,
     line,
     line_30,
+    loop_runs,
+    perturbed_costs,
     rms,
+    run,
     trajectory,
     zero_interval,
     zpetc_apart,

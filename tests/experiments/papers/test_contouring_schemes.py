@@ -6,10 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.papers.contouring_schemes.claims import claims, tables
-from experiments.papers.contouring_schemes.experiment import Result, Settings, TunedScheme
-from experiments.papers.contouring_schemes.figures import errors, tuning
-from experiments.papers.contouring_schemes.runs import (
+from experiments.papers.contouring_schemes.claims import claims, errors, tables, tuning
+from experiments.papers.contouring_schemes.experiment import (
     ARRIVED,
     CASCADE,
     CONSTANT,
@@ -22,7 +20,10 @@ from experiments.papers.contouring_schemes.runs import (
     TASK_FRAME,
     TUNED_ON,
     VARIABLE,
+    Result,
     Row,
+    Settings,
+    TunedScheme,
     arrival,
     held_out,
     run_along,

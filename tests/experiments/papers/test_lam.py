@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.papers.lam.claims import claims
+from experiments.papers.lam.claims import along_the_path, claims, contour, trade_off
 from experiments.papers.lam.experiment import (
     CONTROLLERS,
     Point,
@@ -18,7 +18,6 @@ from experiments.papers.lam.experiment import (
     tracked,
 )
 from experiments.papers.lam.experiment import MPCC_4MS as MPCC
-from experiments.papers.lam.figures import along_the_path, contour, trade_off
 from experiments.papers.verdicts import Verdict
 from jcontour.geometry.periodic_splines import polar_lobes
 

@@ -12,7 +12,7 @@ import pytest
 
 from experiments.papers.mcnab_tsao import experiment
 from experiments.papers.mcnab_tsao.claims import claims, table_1
-from experiments.papers.mcnab_tsao.runs import (
+from experiments.papers.mcnab_tsao.experiment import (
     RHO,
     AnyHorizonLQ,
     Case,

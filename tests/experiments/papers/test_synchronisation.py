@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.papers.synchronisation.claims import claims
+from experiments.papers.synchronisation.claims import FIGURES, claims
 from experiments.papers.synchronisation.experiment import (
     BETAS,
     CONTINUOUS,
@@ -20,7 +20,6 @@ from experiments.papers.synchronisation.experiment import (
     run,
     turns,
 )
-from experiments.papers.synchronisation.figures import FIGURES
 from experiments.papers.verdicts import Verdict
 
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from experiments.papers.verdicts import Verdict
-from experiments.papers.yuan_bounded.claims import claims
+from experiments.papers.yuan_bounded.claims import claims, errors
 from experiments.papers.yuan_bounded.experiment import (
     PREVIEWED,
     UNKNOWN,
     CertificateRow,
     LeastRow,
     LoopRow,
+    PointToPointRun,
     Result,
     Settings,
     axis,
@@ -22,10 +23,9 @@ from experiments.papers.yuan_bounded.experiment import (
     disturbed,
     least_row,
     limits,
+    motion,
     run,
 )
-from experiments.papers.yuan_bounded.figures import errors
-from experiments.papers.yuan_bounded.point_to_point import PointToPointRun, motion
 
 DATA = Path(__file__).parents[2] / "data" / "guarantees"
 ORDER = Verdict.SAME_ORDERING

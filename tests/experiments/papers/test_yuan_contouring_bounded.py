@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from experiments.papers.verdicts import Verdict
-from experiments.papers.yuan_contouring_bounded.claims import claims
+from experiments.papers.yuan_contouring_bounded.claims import claims, errors
 from experiments.papers.yuan_contouring_bounded.controllers import controller, random_forces
 from experiments.papers.yuan_contouring_bounded.experiment import (
     ATTACKED,
@@ -35,10 +35,9 @@ from experiments.papers.yuan_contouring_bounded.experiment import (
     run,
     tube,
 )
-from experiments.papers.yuan_contouring_bounded.figures import errors
 from experiments.papers.yuan_contouring_bounded.machine import POINTS, driven
 from experiments.papers.yuan_contouring_bounded.timed import Timed, TimedMemory, seconds
-from experiments.papers.yuan_gantry.runs import SAMPLE
+from experiments.papers.yuan_gantry.experiment import SAMPLE
 from jcontour._arrays import placed
 from jcontour.host.controller import HostController, StepReport
 from jcontour.plants.gantry.gantry import Gantry

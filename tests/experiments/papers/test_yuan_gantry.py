@@ -8,15 +8,17 @@ import pytest
 from matplotlib.colors import to_hex
 
 from experiments.papers.verdicts import Verdict
-from experiments.papers.yuan_gantry.claims import PRINTED_HZ, claims
-from experiments.papers.yuan_gantry.emulation import CASES, DAMPED, TwistDamping, emulated
-from experiments.papers.yuan_gantry.experiment import Result
-from experiments.papers.yuan_gantry.figures import bench, bode, path
-from experiments.papers.yuan_gantry.runs import (
+from experiments.papers.yuan_gantry.claims import PRINTED_HZ, bench, bode, claims, path
+from experiments.papers.yuan_gantry.experiment import (
+    CASES,
+    DAMPED,
     FREQUENCY,
     SAMPLE,
     Follower,
+    Result,
+    TwistDamping,
     along_the_path,
+    emulated,
     reference_path,
     responses,
 )

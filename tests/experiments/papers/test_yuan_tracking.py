@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from experiments.papers.verdicts import Verdict
-from experiments.papers.yuan_tracking.claims import COLUMNS, OURS, PUBLISHED, TARGETS, claims
+from experiments.papers.yuan_tracking.claims import (
+    COLUMNS,
+    FIGURES,
+    OURS,
+    PUBLISHED,
+    TARGETS,
+    claims,
+    ranking,
+    twin,
+)
 from experiments.papers.yuan_tracking.experiment import (
     TASKS,
     FamilyRow,
@@ -23,7 +32,6 @@ from experiments.papers.yuan_tracking.experiment import (
     metrics,
     run,
 )
-from experiments.papers.yuan_tracking.figures import FIGURES, ranking, twin
 
 DATA = Path(__file__).parents[2] / "data" / "single_axis"
 LESO = json.loads((DATA / "metrics_only.json").read_text())
