@@ -1,4 +1,4 @@
-"""Statements of Yuan's section 2.3 about contouring schemes, the verdicts, and the tables."""
+"""Statements of Yuan's section 2.3 about contouring schemes: verdicts, tables and figures."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -6,8 +6,19 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.papers.contouring_schemes import runs
-from experiments.papers.contouring_schemes.experiment import Result
+from experiments.papers.contouring_schemes.experiment import (
+    CASCADE,
+    CONSTANT,
+    CURRENT,
+    FEEDBACK,
+    INCREMENT,
+    PRECOMPENSATION,
+    SHAPING,
+    TASK_FRAME,
+    TUNED_ON,
+    VARIABLE,
+    Result,
+)
 from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.tables import Column, Table
 from experiments.papers.verdicts import Claim, Verdict, undecided, verdict
@@ -40,9 +51,9 @@ def _decided(result: Result) -> Iterator[Claim]:
     The loops have feedback alone, as in the papers of the survey.
     """
     names = result.schemes
-    on_nominal = partial(result.mean, loops=runs.FEEDBACK, plant="nominal")
+    on_nominal = partial(result.mean, loops=FEEDBACK, plant="nominal")
     errors = {name: on_nominal(name, training=False) for name in names}  # [um]
-    plain, constant, variable = errors[runs.CASCADE], errors[runs.CONSTANT], errors[runs.VARIABLE]
+    plain, constant, variable = errors[CASCADE], errors[CONSTANT], errors[VARIABLE]
     words = (
         f"held-out curves: constant {constant / plain:.2f} x, "
         f"variable {variable / plain:.2f} x the cascade's error"
@@ -62,12 +73,12 @@ def _decided(result: Result) -> Iterator[Claim]:
     yield Claim(
         "2.3.2",
         "tangential-contouring control is limited where the axes differ",
-        f"{errors[runs.TASK_FRAME] / plain:.2f} x the cascade's error "
+        f"{errors[TASK_FRAME] / plain:.2f} x the cascade's error "
         "on a machine of two different axes",
-        verdict(errors[runs.TASK_FRAME] * ALIKE > plain),
+        verdict(errors[TASK_FRAME] * ALIKE > plain),
     )
     lines, circle = (
-        on_nominal(runs.PRECOMPENSATION, contour=name) / on_nominal(runs.VARIABLE, contour=name)
+        on_nominal(PRECOMPENSATION, contour=name) / on_nominal(VARIABLE, contour=name)
         for name in ("rhombus", "circle")
     )
     comparable = 1 / ALIKE < lines < ALIKE
@@ -78,7 +89,7 @@ def _decided(result: Result) -> Iterator[Claim]:
         f"{circle:.2f} on the circle",
         verdict(comparable and circle < 1, circle < min(1, lines)),
     )
-    shaped, ccpm = errors[runs.SHAPING], errors[runs.PRECOMPENSATION]
+    shaped, ccpm = errors[SHAPING], errors[PRECOMPENSATION]
     yield Claim(
         "2.3.3",
         "command shaping, beside the numerical control, does as well as CCPM",
@@ -112,13 +123,13 @@ def tables(result: Result) -> Iterator[Table | str]:
     count, limits = result.evaluations, result.limits
     seen = dict.fromkeys(row.contour for row in result.rows if row.training)
     yield (
-        f"Tuned on the smooth twin ({', '.join(runs.TUNED_ON)}) along {', '.join(seen)}: "
+        f"Tuned on the smooth twin ({', '.join(TUNED_ON)}) along {', '.join(seen)}: "
         "the mean RMS contour error of the end effector.\n"
         f"{count} evaluations for the cascade, then {count} from it and {count} from the thesis's "
         "gains for every scheme.\n"
         "Gains: any above zero, k_ff up to 1.5. "
         f"Limits: RMS current {limits['rms_control']:.4g} A, RMS increment\n"
-        f"{limits['rms_increment']:.4g} A ({runs.CURRENT:g} x and {runs.INCREMENT:g} x "
+        f"{limits['rms_increment']:.4g} A ({CURRENT:g} x and {INCREMENT:g} x "
         "what the thesis's gains with feedforward need).\n"
     )
     for loops in result.different("loops"):
@@ -155,11 +166,11 @@ def _outcome(result: Result) -> Iterator[str]:
         best = order[0]
         worst, worst_plain = (
             max(mean(name, plant=plant, training=False) for plant in result.different("plant"))
-            for name in (best, runs.CASCADE)
+            for name in (best, CASCADE)
         )
         motors = mean(best, plant="nominal", column="motor_um", training=False)
         yield (
-            f"  {best}: {held[best] / held[runs.CASCADE]:.2f} x the error of the plain cascade "
+            f"  {best}: {held[best] / held[CASCADE]:.2f} x the error of the plain cascade "
             f"tuned as much; on the worst machine {worst:.1f} against {worst_plain:.1f} um; "
             f"{motors:.1f} um at its motors, where it is measured"
         )

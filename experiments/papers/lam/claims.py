@@ -1,4 +1,4 @@
-"""Statements of Lam, Manzie & Good about the X-Y table, their verdicts, and Fig. 13 in numbers."""
+"""Statements of Lam, Manzie & Good about the X-Y table: verdicts, Fig. 13 in numbers, figures."""
 
 from collections.abc import Iterator
 from itertools import product

@@ -1,4 +1,4 @@
-"""Statements of McNab & Tsao, what the simulation says, and the tables."""
+"""Statements of McNab & Tsao: findings, verdicts, tables and figures."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Statements of Tomizuka, Hu, Chiu & Kamano, our findings, the verdicts, and the tables."""
+"""Statements of Tomizuka, Hu, Chiu & Kamano: findings, verdicts, tables and figures."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial

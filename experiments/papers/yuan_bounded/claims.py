@@ -1,4 +1,4 @@
-"""Statements of Yuan's chapter 4, our findings, the verdicts, and the tables."""
+"""Statements of Yuan's chapter 4: findings, verdicts, tables and figures."""
 
 from collections.abc import Iterator
 

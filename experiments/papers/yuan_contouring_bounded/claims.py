@@ -1,4 +1,4 @@
-"""Statements of Yuan's sections 5.3 to 5.5, our findings, the verdicts, and the tables."""
+"""Statements of Yuan's sections 5.3 to 5.5: findings, verdicts, tables and figures."""
 
 from collections.abc import Iterator
 from typing import NamedTuple

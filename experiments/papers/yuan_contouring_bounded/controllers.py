@@ -8,6 +8,7 @@ of the reference point. On lines and arcs of radius R the contour error is below
 No polygon, and no set that waits for its turn, is needed.
 """
 
+from time import thread_time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,10 +47,14 @@ class Parted(HostController):
     Args:
         parts: states and inputs of each, of the machine's six states and three motors.
         controllers: of the parts.
+
+    Attributes:
+        seconds: processor time of every step that had an answer [s].
     """
 
     def __init__(self, parts: tuple[Part, ...], controllers: tuple[BoundedAlong, ...]):
         self.parts, self.controllers = parts, controllers
+        self.seconds: list[float] = []
         self.preview = max(one.preview for one in controllers)
 
     def prepare(self, reference: Reference) -> Any:
@@ -66,6 +71,7 @@ class Parted(HostController):
         Raises:
             Unsolved: a QP has no answer.
         """
+        began = thread_time()
         control, memories, reports = np.zeros(3), [], []
         each = zip(self.parts, self.controllers, memory, plan, strict=True)
         for part, one, inner, row in each:
@@ -74,15 +80,9 @@ class Parted(HostController):
             control[list(part.inputs)] = found
             memories.append(following)
             reports.append(report)
-        return tuple(memories), control, _joined(reports)
-
-
-def _joined(reports: list[StepReport]) -> StepReport:
-    return StepReport(
-        sum(one.active for one in reports),
-        max(one.residual for one in reports),
-        sum(one.iterations for one in reports),
-    )
+        active, residual, iterations, *_ = zip(*reports, strict=True)
+        self.seconds.append(thread_time() - began)
+        return tuple(memories), control, StepReport(sum(active), max(residual), sum(iterations))
 
 
 def controller(tube: Tube) -> tuple[Parted, Promise]:

@@ -7,25 +7,21 @@ every limit is tightened by what disturbances can do, over all switches of the m
 
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from experiments.papers.yuan_contouring_bounded.controllers import (
-    Promise,
     attack,
     controller,
     random_forces,
 )
 from experiments.papers.yuan_contouring_bounded.machine import MOVING, POINTS, driven
-from experiments.papers.yuan_contouring_bounded.timed import Timed, seconds
 from experiments.papers.yuan_contouring_bounded.tubes import Design, Tube, tube_of
 from experiments.papers.yuan_gantry.experiment import RADIUS, SAMPLE
 from jcontour.app.machines.gantry import guide_ways
-from jcontour.host.loop import HostRun, reported_loop
-from jcontour.motion.references import Reference
+from jcontour.host.loop import reported_loop
 from jcontour.plant import Plant
 from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo
 from jcontour.plants.gantry.friction_gantry import StickSlipGantry
@@ -190,8 +186,40 @@ def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> Lo
         force = attack(found, whole, reference.steps)
     plant = _plant(design, machine, force)
     reported_loop(plant, whole, reference.first(1))  # no time of a step is that of the first use
-    run = reported_loop(plant, Timed(whole), reference, fallback="hold")
-    return _row(_Seen(found, reference, machine, acting, force), promise, run)
+    whole.seconds.clear()
+    run = reported_loop(plant, whole, reference, fallback="hold")
+    rollout, axes, times = run.rollout, promise.axes, whole.seconds
+    contour = np.linalg.norm(np.asarray(contour_error(rollout.output, reference)), axis=1)
+    tracked = np.abs(np.asarray(tracking_error(rollout.output, reference))).max(axis=0)
+    motors, remainder = _in_boxes(found, rollout.measurement, rollout.control, force)
+    # of the remainder per what 1 A does to the same state: speeds alone, positions follow them
+    by_motors = np.abs(found.machine.run.B[:, 3:]).max(axis=(0, 2))
+    return LoopRow(
+        name=design.name,
+        models=design.models,
+        machine=machine,
+        acting=acting,
+        states=MOVING + 3 * design.late,
+        length=design.length,
+        promised_um=1e6 * promise.contour,
+        reached_um=1e6 * float(contour.max()),
+        promised_axes_um=None if axes is None else (1e6 * axes[0], 1e6 * axes[1]),
+        reached_axes_um=(1e6 * float(tracked[0]), 1e6 * float(tracked[1])),
+        promised_twist_urad=1e6 * promise.twist,
+        reached_twist_urad=1e6 * float(np.abs(np.asarray(rollout.measurement)[:, 2]).max()),
+        remainder_a=float((found.remainder[3:MOVING] / by_motors).max()),
+        closed=found.closed,
+        motor_share=motors,
+        remainder_share=remainder,
+        current_a=float(np.abs(np.asarray(rollout.control)).max()),
+        active=run.report.active_fraction,
+        unsolved=run.report.fallbacks,
+        median_ms=1e3 * float(np.median(times)),
+        slowest_ms=1e3 * max(times),
+        samples=reference.steps,
+        diverged=bool(score(rollout, reference).diverged),
+        contour_error_um=1e6 * contour,
+    )
 
 
 def _plant(design: Design, machine: str, force: np.ndarray | None) -> Plant:
@@ -203,57 +231,6 @@ def _plant(design: Design, machine: str, force: np.ndarray | None) -> Plant:
     if force is not None:
         plant = Disturbed(plant, force=jnp.asarray(force))
     return Delayed(plant, jnp.asarray(design.late), design.late, 3) if design.late else plant
-
-
-class _Seen(NamedTuple):
-    """A run's circumstances."""
-
-    tube: Tube
-    reference: Reference
-    machine: str
-    acting: str
-    force: np.ndarray | None
-
-
-def _row(seen: _Seen, promise: Promise, run: HostRun) -> LoopRow:
-    rollout, design, reference = run.rollout, seen.tube.design, seen.reference
-    contour = np.linalg.norm(np.asarray(contour_error(rollout.output, reference)), axis=1)
-    tracked = np.abs(np.asarray(tracking_error(rollout.output, reference))).max(axis=0)
-    motors, remainder = _in_boxes(seen.tube, rollout.measurement, rollout.control, seen.force)
-    axes, times = promise.axes, seconds(rollout)
-    return LoopRow(
-        name=design.name,
-        models=design.models,
-        machine=seen.machine,
-        acting=seen.acting,
-        states=MOVING + 3 * design.late,
-        length=design.length,
-        promised_um=1e6 * promise.contour,
-        reached_um=1e6 * float(contour.max()),
-        promised_axes_um=None if axes is None else (1e6 * axes[0], 1e6 * axes[1]),
-        reached_axes_um=(1e6 * float(tracked[0]), 1e6 * float(tracked[1])),
-        promised_twist_urad=1e6 * promise.twist,
-        reached_twist_urad=1e6 * float(np.abs(np.asarray(rollout.measurement)[:, 2]).max()),
-        remainder_a=_as_current(seen.tube),
-        closed=seen.tube.closed,
-        motor_share=motors,
-        remainder_share=remainder,
-        current_a=float(np.abs(np.asarray(rollout.control)).max()),
-        active=run.report.active_fraction,
-        unsolved=run.report.fallbacks,
-        median_ms=1e3 * float(np.median(times)),
-        slowest_ms=1e3 * float(times.max()),
-        samples=reference.steps,
-        diverged=bool(score(rollout, reference).diverged),
-        contour_error_um=1e6 * contour,
-    )
-
-
-def _as_current(found: Tube) -> float:
-    """The remainder in units of what 1 A does to the same state, where that is most."""
-    run = found.machine.run
-    by_motors = np.abs(run.B[:, 3:]).max(axis=(0, 2))  # speeds alone: positions follow them
-    return float((found.remainder[3:MOVING] / by_motors).max())
 
 
 def _in_boxes(found: Tube, states, controls, force: np.ndarray | None) -> tuple[float, float]:

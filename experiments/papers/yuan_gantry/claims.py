@@ -1,4 +1,4 @@
-"""Statements of Yuan's chapter 5 on the gantry, what our model says, verdicts, and tables."""
+"""Statements of Yuan's chapter 5 on the gantry: findings, verdicts, tables and figures."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.tables import Table
 from experiments.papers.verdicts import Claim, Verdict, verdict
-from experiments.papers.yuan_gantry.experiment import Emulated, EmulatedRun, Result
+from experiments.papers.yuan_gantry.experiment import Emulated, HeadRun, Result, reference_path
 from jcontour.app.reports.tables import digits
 
 PRINTED_HZ = {0.0: 47.0, -0.66: 45.0}  # section 5.2.2
@@ -166,7 +166,7 @@ def tables(result: Result) -> Iterator[Table]:
     )
 
 
-def _number(row: EmulatedRun, factor: float, name: str) -> str:
+def _number(row: HeadRun, factor: float, name: str) -> str:
     value = getattr(row, name)
     return "-" if row.diverged or value is None else digits(factor * value)
 
@@ -178,7 +178,6 @@ STYLES = {  # (head [m], coupling kept) -> colour, line
     (0.66, True): ("tab:green", "--"),
 }
 SHOWN_HZ = (10.0, 120.0)
-TICKS_HZ = (10, 20, 30, 40, 50, 60, 80, 100)
 HEADS = {  # kind of head -> its line; wide lines show beneath narrow ones that cover them
     "gantry": {"color": "black", "linewidth": 3.0, "alpha": 0.35},
     "at once, no dry friction": {"color": "tab:blue"},
@@ -212,35 +211,25 @@ def bode(result: Result) -> Figure:
         legend=2,
         sharex=True,
     )
-    upper, lower = figure.axes
     for head, frequency in PRINTED_HZ.items():
-        upper.axvline(frequency, color=STYLES[head, False][0], linewidth=0.6, alpha=0.6)
-    lower.set_xticks(TICKS_HZ, [str(tick) for tick in TICKS_HZ])
-    lower.minorticks_off()
+        figure.axes[0].axvline(frequency, color=STYLES[head, False][0], linewidth=0.6, alpha=0.6)
     return figure
 
 
 def path(result: Result) -> Figure:
     """Fig. 5.11, and along it the twist (Fig. 5.13) and the contour error."""
-    found = result.path
-    figure = Figure(figsize=(10.0, 5.0), layout="constrained")
-    panels = figure.subplot_mosaic([["plan", "twist"], ["plan", "error"]], width_ratios=(1, 1.4))
-    plan, twist, error = (panels[name] for name in ("plan", "twist", "error"))
-    plan.plot(*(1e3 * found.wanted_m).T, color="0.5", linewidth=2.5, label="path")
-    plan.plot(*(1e3 * found.tool_m).T, color="tab:blue", linewidth=0.9, label="tool")
-    plan.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
-    plan.set(title="Fig. 5.11: line, circle, line")
-    plan.legend(frameon=False, loc="center")
-    twist.plot(found.time_s, 1e6 * found.twist_rad, color="tab:blue", linewidth=0.9)
-    twist.sharex(error)
-    peak, allowed = 1e6 * found.peak_twist_rad, 1e6 * LARGEST_TWIST
-    twist.set(ylabel="twist of the beam [urad]", title=f"peak {peak:.3g}, allowed {allowed:g} urad")
-    error.plot(found.time_s, 1e6 * found.contour_error_m, color="tab:red", linewidth=0.9)
-    error.set(xlabel="time [s]", ylabel="contour error [um]")
-    for axes in (twist, error):
-        axes.grid(color="0.9")
-        axes.margins(x=0.01)
-    return figure
+    run, time = result.path, result.emulated.time_s
+    thin, wide = {"linewidth": 0.9}, {"color": "0.5", "linewidth": 2.5}
+    wanted = 1e3 * np.asarray(reference_path().position)
+    plan = [Curve(*wanted.T, "path", wide), Curve(*(1e3 * run.tool_m).T, "tool", thin)]
+    twist = f"peak {1e6 * run.peak_twist_rad:.3g}, allowed {1e6 * LARGEST_TWIST:g} urad"
+    error = [Curve(time, 1e6 * run.contour_error_m, None, thin)]
+    panels = [
+        Panel("Fig. 5.11: line, circle, line", "x [mm]", "y [mm]", plan, {"aspect": "equal"}),
+        Panel(twist, "time [s]", "twist [urad]", [Curve(time, 1e6 * run.twist_rad, None, thin)]),
+        Panel("follower", "time [s]", "contour error [um]", error),
+    ]
+    return drawn(panels, (12.0, 4.2), columns=3)
 
 
 def bench(result: Result) -> Figure:

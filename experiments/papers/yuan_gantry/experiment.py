@@ -25,26 +25,36 @@ from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import Reference, in_time
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import drive_response
-from jcontour.plants.gantry.motor_bench.back_to_back_motors import BackToBackMotors, servo_bench
+from jcontour.plants.gantry.motor_bench.back_to_back_motors import servo_bench
 from jcontour.plants.gantry.motor_bench.delayed_head import delayed_head_model, twist_damping
 from jcontour.plants.gantry.motor_bench.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import GantryParameters, Scalar, thesis_gantry
 from jcontour.simulation.closed_loop import Rollout, simulate
 from jcontour.simulation.metrics import contour_error, score, tracking_error
-from tuning.identification.estimates import Estimate
 from tuning.identification.gantry.gantry import NAMES, Sheet, antiresonance, identify_gantry
 from tuning.identification.gantry.gantry_commissioning import HEADS as CHIRP_HEADS
 from tuning.identification.gantry.gantry_commissioning import commissioned
 
+SOURCE = (
+    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
+    "Doctoral thesis, The University of Melbourne (2020), ch. 5"
+)
 HEADS = (0.0, -0.66, 0.66)  # [m]; the thesis's two, and the other side of the beam
 FREQUENCIES = np.geomspace(1.0, 200.0, 2001)  # [Hz]
 SAMPLE = 2e-3  # [s] section 5.5, as the three below
 RADIUS = 0.08  # [m]
 FEED = 0.1  # [m/s]
 ACCELERATION = 1.0  # [m/s^2]
-UNITS = ("kg", "kg m^2", "kg", "kg m", "N s/m", "N s/m", "N m/rad")  # of what is identified
 FREQUENCY = 30.0  # [rad/s] w of the follower: ours
 DAMPING = 0.8  # z of the follower: ours
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Flags of `jcontour reproduce yuan-gantry`."""
+
+    quick: bool = False
+    """The same: the whole takes seconds."""
 
 
 @dataclass(frozen=True)
@@ -61,22 +71,6 @@ class Response:
 
 
 @dataclass(frozen=True)
-class PathRun:
-    """The gantry along Fig. 5.11; axes (time, component), SI units."""
-
-    time_s: Float[np.ndarray, " T"]
-    twist_rad: Float[np.ndarray, " T"]
-    tool_m: Float[np.ndarray, "T 2"]
-    wanted_m: Float[np.ndarray, "T 2"]
-    contour_error_m: Float[np.ndarray, " T"]
-    control_a: Float[np.ndarray, "T 3"]
-    peak_twist_rad: float
-    peak_contour_error_m: float
-    rms_contour_error_m: float
-    diverged: bool
-
-
-@dataclass(frozen=True)
 class Identified:
     """Section 5.2.2: a quantity of the machine, and what the identification finds."""
 
@@ -84,6 +78,60 @@ class Identified:
     true: float
     found: float
     interval: Sequence[float]  # 95 %: from, to
+
+
+@dataclass(frozen=True)
+class HeadRun:
+    """Section 5.6.4: errors along X and Y and from the contour, for one kind of head."""
+
+    name: str  # "gantry", or the condition of the bench that stands for its head
+    peak_x_error_m: float
+    peak_y_error_m: float
+    peak_contour_error_m: float
+    peak_twist_rad: float
+    twist_rad: Float[np.ndarray, " T"]
+    tool_m: Float[np.ndarray, "T 2"]
+    diverged: bool
+    contour_error_m: Float[np.ndarray, " T"]
+    distance_m: float  # largest, of the tool from that of the gantry
+    twist_damping: float | None = None  # of a bench, without a controller [N m s/rad]
+    peak_load_a: float | None = None  # current of the load motor
+    peak_remainder_m_per_s: float | None = None  # F_Nx of (5.50), of a bench one sample late
+
+
+@dataclass(frozen=True)
+class Emulated:
+    """Section 5.6: the gantry, and benches in its head's place; damping in N m s/rad."""
+
+    time_s: Float[np.ndarray, " T"]
+    added_damping: float  # of the twist, by the drives
+    viscous_damping: float  # of the twist, by friction: 2 b_y L^2
+    rows: tuple[HeadRun, ...]
+
+    def row(self, name: str) -> HeadRun:
+        """Run with this kind of head."""
+        return next(row for row in self.rows if row.name == name)
+
+
+@dataclass(frozen=True)
+class Result:
+    """Resonances, the path, the emulated head, the identified machine, and three engines."""
+
+    responses: tuple[Response, ...]
+    path: HeadRun
+    emulated: Emulated
+    identified: tuple[Identified, ...]
+    engines: dict[str, float]  # largest difference to our model in a step, relative
+
+    def response(self, head: float, coupling: bool) -> Response:
+        """Response for a position of the head [m]."""
+        wanted = (head, coupling)
+        return next(row for row in self.responses if (row.head_m, row.coupling) == wanted)
+
+
+def run(settings: Settings) -> Result:
+    """Compute everything."""
+    return Result(responses(), along_the_path(), emulated(), identified(), engine_differences())
 
 
 class Follower(Controller):
@@ -167,100 +215,43 @@ def reference_path(preview: int = 1, dwell: float = 0.0) -> Reference:
     return in_time(contour, law, duration, SAMPLE, preview, dwell)
 
 
-def along_the_path() -> PathRun:
-    """Run along Fig. 5.11: twist, tool and errors."""
+def along_the_path() -> HeadRun:
+    """Run along Fig. 5.11 by the follower alone: twist, tool and errors."""
     p, reference = thesis_gantry(), reference_path()
-    rollout = simulate(Gantry(p, SAMPLE), Follower(p), reference)
-    metrics, error = score(rollout, reference), np.asarray(contour_error(rollout.output, reference))
-    twist = np.asarray(rollout.state[:, 2])
-    return PathRun(
-        time_s=SAMPLE * np.arange(reference.steps),
-        twist_rad=twist,
-        tool_m=np.asarray(rollout.output),
-        wanted_m=np.asarray(reference.position[: reference.steps]),
-        contour_error_m=np.linalg.norm(error, axis=-1),
-        control_a=np.asarray(rollout.control),
-        peak_twist_rad=float(np.max(np.abs(twist))),
-        peak_contour_error_m=float(metrics.peak_contour_error),
-        rms_contour_error_m=float(metrics.rms_contour_error),
-        diverged=bool(metrics.diverged),
-    )
+    run = simulate(Gantry(p, SAMPLE), Follower(p), reference)
+    return _row("gantry, drives alike", run, run.state, reference, distance=0.0)
 
 
 def identified() -> tuple[Identified, ...]:
-    """Section 5.2.2 on simulated records of our machine: found beside true."""
+    """Section 5.2.2 on simulated records of our machine: identified beside true."""
     p, sheet = thesis_gantry(), Sheet.of(thesis_gantry())
     estimate = identify_gantry(commissioned(p, seed=0), sheet)
-
-    def row(name: str, true: float, found: Estimate, key: str) -> Identified:
-        return Identified(name, true, found[key], found.interval(key))
-
+    true = {
+        "total mass, kg": p.total_mass,
+        "inertia, kg m^2": p.inertia(0.0),
+        "head mass, kg": p.head_mass,
+        "imbalance, kg m": (p.drive_mass_1 - p.drive_mass_2) * p.half_span,
+        "drive viscous, N s/m": p.drive_viscous,
+        "head viscous, N s/m": p.head_viscous,
+        "joint stiffness, N m/rad": p.joint_stiffness,
+    }
     rows = [
-        row(f"{name.replace('_', ' ')}, {unit}", float(value), estimate, name)
-        for name, unit, value in zip(NAMES, UNITS, _true_values(p), strict=True)
+        Identified(words, float(value), estimate[name], estimate.interval(name))
+        for name, (words, value) in zip(NAMES, true.items(), strict=True)
     ]
     for head in CHIRP_HEADS:
+        inertia = p.inertia(head) + p.half_span**2 * p.total_mass
+        by_5_12 = float(np.sqrt(2 * p.joint_stiffness / inertia) / (2 * np.pi))  # [Hz]
         found = antiresonance(estimate, sheet, head, coupled=False)
         name = f"anti-resonance by (5.12), head at {head:g} m, Hz"
-        rows.append(row(name, _printed_antiresonance(p, head), found, "antiresonance"))
+        rows.append(
+            Identified(name, by_5_12, found["antiresonance"], found.interval("antiresonance"))
+        )
     return tuple(rows)
-
-
-def _true_values(p: GantryParameters) -> tuple[Scalar, ...]:
-    """Values of `NAMES`."""
-    imbalance = (p.drive_mass_1 - p.drive_mass_2) * p.half_span
-    return (
-        p.total_mass,
-        p.inertia(0.0),
-        p.head_mass,
-        imbalance,
-        p.drive_viscous,
-        p.head_viscous,
-        p.joint_stiffness,
-    )
-
-
-def _printed_antiresonance(p: GantryParameters, head: float) -> float:
-    """Frequency by (5.12) [Hz]."""
-    inertia = p.inertia(head) + p.half_span**2 * p.total_mass
-    return float(np.sqrt(2 * p.joint_stiffness / inertia) / (2 * np.pi))
 
 
 # [N m s/rad] that the drives add to the twist: six times their friction, 3 % of the critical
 DAMPED = 2000.0
-
-
-@dataclass(frozen=True)
-class EmulatedRun:
-    """Section 5.6.4: errors along X and Y and from the contour, for one kind of head."""
-
-    name: str  # "gantry", or the condition of the bench that stands for its head
-    peak_x_error_m: float
-    peak_y_error_m: float
-    peak_contour_error_m: float
-    rms_contour_error_m: float
-    peak_twist_rad: float
-    twist_rad: Float[np.ndarray, " T"]
-    diverged: bool
-    contour_error_m: Float[np.ndarray, " T"]
-    distance_m: float  # largest, of the tool from that of the gantry
-    twist_damping: float | None = None  # of a bench, without a controller [N m s/rad]
-    peak_load_a: float | None = None  # current of the load motor
-    peak_remainder_m_per_s: float | None = None  # F_Nx of (5.50), of a bench one sample late
-
-
-@dataclass(frozen=True)
-class Emulated:
-    """Section 5.6: the gantry, and benches in its head's place; damping in N m s/rad."""
-
-    time_s: Float[np.ndarray, " T"]
-    added_damping: float  # of the twist, by the drives
-    viscous_damping: float  # of the twist, by friction: 2 b_y L^2
-    rows: tuple[EmulatedRun, ...]
-
-    def row(self, name: str) -> EmulatedRun:
-        """Run with this kind of head."""
-        return next(row for row in self.rows if row.name == name)
 
 
 class TwistDamping(eqx.Module):
@@ -312,9 +303,13 @@ def emulated() -> Emulated:
 
 def _emulated(
     case: Case, gantry: Gantry, reference: Reference, wanted: Float[Array, "T 2"]
-) -> EmulatedRun:
+) -> HeadRun:
     """One condition; `wanted` is the tool of the gantry itself."""
-    bench = servo_bench() if case.dry else _without_dry_friction(servo_bench())
+    bench = servo_bench()
+    if not case.dry:
+        bench = eqx.tree_at(
+            lambda b: (b.friction.coulomb, b.friction.stribeck), bench, replace_fn=jnp.zeros_like
+        )
     plant = HardwareInLoop(gantry, bench, case.delay)
     run = simulate(plant, _controller(gantry.parameters, case.damped), reference)
     row = _row(case.name, run, run.measurement, reference, _peak(run.output - wanted))
@@ -333,27 +328,21 @@ def _controller(p: GantryParameters, damped: bool) -> Controller:
     return Compensated(Follower(p), TwistDamping(p, jnp.asarray(DAMPED)))
 
 
-def _without_dry_friction(bench: BackToBackMotors) -> BackToBackMotors:
-    return eqx.tree_at(
-        lambda b: (b.friction.coulomb, b.friction.stribeck), bench, replace_fn=jnp.zeros_like
-    )
-
-
 def _row(
     name: str, run: Rollout, state: Float[Array, "T 6"], reference: Reference, distance: float
-) -> EmulatedRun:
+) -> HeadRun:
     """Errors as section 5.6.4 has them: of the tool along X and Y, and from the contour."""
     metrics = score(run, reference)
     tracking = np.abs(np.asarray(tracking_error(run.output, reference)))
     contour = np.asarray(contour_error(run.output, reference))
-    return EmulatedRun(
+    return HeadRun(
         name=name,
         peak_x_error_m=float(tracking[:, 0].max()),
         peak_y_error_m=float(tracking[:, 1].max()),
         peak_contour_error_m=float(metrics.peak_contour_error),
-        rms_contour_error_m=float(metrics.rms_contour_error),
         peak_twist_rad=_peak(state[:, 2:3]),
         twist_rad=np.asarray(state[:, 2]),
+        tool_m=np.asarray(run.output),
         diverged=bool(metrics.diverged),
         contour_error_m=np.linalg.norm(contour, axis=-1),
         distance_m=distance,
@@ -377,38 +366,3 @@ def _remainder(plant: HardwareInLoop, run: Rollout) -> Float[Array, "before_last
 def _peak(vectors: Float[Array, "T k"]) -> float:
     """Largest length of the rows."""
     return float(np.linalg.norm(np.asarray(vectors), axis=-1).max())
-
-
-SOURCE = (
-    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
-    "Doctoral thesis, The University of Melbourne (2020), ch. 5"
-)
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce yuan-gantry`."""
-
-    quick: bool = False
-    """The same: the whole takes seconds."""
-
-
-@dataclass(frozen=True)
-class Result:
-    """Resonances, the path, the emulated head, the identified machine, and three engines."""
-
-    responses: tuple[Response, ...]
-    path: PathRun
-    emulated: Emulated
-    identified: tuple[Identified, ...]
-    engines: dict[str, float]  # largest difference to our model in a step, relative
-
-    def response(self, head: float, coupling: bool) -> Response:
-        """Response for a position of the head [m]."""
-        wanted = (head, coupling)
-        return next(row for row in self.responses if (row.head_m, row.coupling) == wanted)
-
-
-def run(settings: Settings) -> Result:
-    """Compute everything."""
-    return Result(responses(), along_the_path(), emulated(), identified(), engine_differences())

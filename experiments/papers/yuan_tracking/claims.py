@@ -1,4 +1,4 @@
-"""Statements of Yuan's section 3.4.3 on tracking, targets of the tuner, verdicts, and tables."""
+"""Statements of Yuan's section 3.4.3 on tracking, and targets of the tuner: verdicts, tables."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields

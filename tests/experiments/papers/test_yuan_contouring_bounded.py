@@ -1,8 +1,6 @@
 """Yuan's contouring controllers: verdicts on made-up results, tubes and runs on the gantry."""
 
-import gc
 from dataclasses import replace
-from time import thread_time
 
 import jax
 import jax.numpy as jnp
@@ -36,16 +34,11 @@ from experiments.papers.yuan_contouring_bounded.experiment import (
     tube,
 )
 from experiments.papers.yuan_contouring_bounded.machine import POINTS, driven
-from experiments.papers.yuan_contouring_bounded.timed import Timed, TimedMemory, seconds
 from experiments.papers.yuan_gantry.experiment import SAMPLE
-from jcontour._arrays import placed
-from jcontour.host.controller import HostController, StepReport
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import tangent
 from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.simulation.closed_loop import Rollout
 
-SPENT = 2e-3  # [s] processor time of a step of `Counting`, at least
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 
@@ -80,26 +73,6 @@ def row(name: str, models: str, promised: float, **others) -> LoopRow:
             **others,
         }
     )
-
-
-class Counting(HostController):
-    """Twice the measurement, slowly; it counts its steps."""
-
-    preview, steps, collecting = 0, 0, True
-
-    def prepare(self, reference):
-        return None
-
-    def initial_memory(self, reference):
-        return 0
-
-    def step(self, memory, plan, measurement):
-        self.steps += 1
-        self.collecting = gc.isenabled()
-        began = thread_time()
-        while thread_time() - began < SPENT:
-            pass
-        return memory + 1, 2.0 * measurement, StepReport()
 
 
 def made_up() -> Result:
@@ -244,28 +217,6 @@ def test_the_runs_stay_inside_and_the_attack_reaches_nine_tenths():
 def test_friction_is_inside_its_box():
     found = loop_row(RUBBED, GUIDES, FRICTION, 700)
     assert found.kept and found.motor_share <= 1 and found.remainder_share <= 1
-
-
-def timed_run(seconds, last):
-    nothing = placed(np.zeros((seconds.size, 1)))
-    return Rollout(None, nothing, None, nothing, TimedMemory(None, seconds), None, last)
-
-
-def test_a_timed_controller_solves_every_step_once():
-    inner = Counting()
-    timed, plan = Timed(inner), np.zeros(3)
-    memory = timed.initial_memory(None)
-    before = memory
-    memory, control, _ = timed.step(memory, plan, np.ones(1))
-    held = timed.held(memory, np.ones(1), control)
-    assert (inner.steps, memory.inner, control) == (1, 1, 2.0) and memory.seconds >= SPENT
-    assert not inner.collecting and gc.isenabled()  # a collection may take longer than a step
-    assert held.inner == 1 and np.isnan(held.seconds)
-    rows = [before.seconds, memory.seconds, held.seconds]
-    run = timed_run(np.array(rows), memory)
-    assert seconds(run).tolist() == [memory.seconds] * 2  # not the held one
-    with pytest.raises(ValueError, match="no step of the run was solved"):
-        seconds(timed_run(np.full(1, np.nan), held))
 
 
 @pytest.mark.slow
