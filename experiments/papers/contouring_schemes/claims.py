@@ -22,7 +22,6 @@ from experiments.papers.contouring_schemes.experiment import (
 from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.tables import Column, Table
 from experiments.papers.verdicts import Claim, Verdict, undecided, verdict
-from jcontour.app.reports.figures.axes import legend_below
 from jcontour.app.reports.tables import digits
 
 # ratio of errors up to which two schemes count as alike: what another machine or contour may turn
@@ -186,33 +185,6 @@ def _outcome(result: Result) -> Iterator[str]:
             yield f"WARNING: no gains within the limits were found for {name}"
 
 
-BARS = 0.8  # of the distance between two schemes
-
-
-def errors(result: Result) -> Figure:
-    """RMS contour error on held-out contours.
-
-    A group for each scheme, in it a bar for each machine.
-    """
-    schemes, plants = result.schemes, result.different("plant")
-    kinds, width = result.different("loops"), BARS / len(plants)
-    figure = Figure(figsize=(6.0 * len(kinds), 4.8), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(kinds), sharey=True))
-    for axes, loops in zip(panels, kinds, strict=True):
-        for k, plant in enumerate(plants):
-            heights = [result.mean(scheme, loops, plant, training=False) for scheme in schemes]
-            place = np.arange(len(schemes)) + (k - (len(plants) - 1) / 2) * width
-            axes.bar(place, heights, width, label=plant)
-        axes.set_xticks(np.arange(len(schemes)), schemes, rotation=25, ha="right")
-        axes.set(title=loops)
-        axes.grid(color="0.9", axis="y")
-        axes.set_axisbelow(True)
-    legend_below(figure, panels[0], columns=2 * len(panels))
-    panels[0].set(ylabel="RMS contour error [um]")
-    figure.suptitle("Held-out contours, machine with stick and slip")
-    return figure
-
-
 def tuning(result: Result) -> Figure:
     """Best feasible objective over the evaluations.
 
@@ -220,7 +192,7 @@ def tuning(result: Result) -> Figure:
     """
     panels: dict[str, Panel] = {}
     for row in result.tuning:
-        y, log = "" if panels else "mean RMS contour error [um]", {"yscale": "log"}
+        y, log = "mean RMS contour error [um]", {"yscale": "log"}
         panel = panels.setdefault(row.loops, Panel(row.loops, "evaluations", y, [], log))
         count = np.arange(1, len(row.best_um) + 1)
         panel.curves.append(Curve(count, row.best_um, row.scheme, {"linewidth": 1.0}))
@@ -229,4 +201,4 @@ def tuning(result: Result) -> Figure:
     return drawn([*panels.values()], size, title, columns=kinds, legend=2 * kinds, sharey=True)
 
 
-FIGURES = {"held-out-errors": errors, "tuning": tuning}
+FIGURES = {"tuning": tuning}

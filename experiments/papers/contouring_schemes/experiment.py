@@ -8,7 +8,7 @@ with feedback alone, as in the papers of the survey, and with what the motion ne
 tables are of the machine with stick and slip. Its end effectors are not measured.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -31,7 +31,7 @@ from jcontour.geometry.contours import circle, ellipse, lemniscate, polygon, spl
 from jcontour.motion.feed_laws import trapezoidal
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
-from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, SmoothFlexibleAxis
+from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.closed_loop import follow
 from jcontour.simulation.evaluation import one_by_one, stack_plants, stack_references
@@ -188,34 +188,26 @@ class Scheme:
 
 def schemes() -> dict[str, Scheme]:
     """All schemes of the survey, the plain cascade first."""
-    machine = biaxial_machine()
-    designs = {
-        name: design_for(machine, Simulate(controller=known)) for name, known in CATALOGUE.items()
-    }
-    return {name: Scheme(design, _own_gains(design)) for name, design in designs.items()}
+    machine, found = biaxial_machine(), {}
+    for name, known in CATALOGUE.items():
+        design = design_for(machine, Simulate(controller=known))
+        own = [gain for gain in design.start if gain not in CascadeGains.__dataclass_fields__]
+        found[name] = Scheme(design, tuple(own))
+    return found
 
 
-def _own_gains(design: Design) -> tuple[str, ...]:
-    """Names of the gains that are not the cascade's."""
-    return tuple(name for name in design.start if name not in CascadeGains.__dataclass_fields__)
+def family(names: Sequence[str], smooth: bool) -> Plant:
+    """Machines with stick and slip, or their smooth twins, to tune on.
 
-
-def smooth_family(names: Sequence[str]) -> Plant:
-    """Smooth twins, to tune on."""
-    return _family(names, lambda p: SmoothFlexibleAxis(p, SAMPLE, substeps=SUBSTEPS))
-
-
-def true_family(names: Sequence[str]) -> Plant:
-    """Machines with stick and slip."""
-    return _family(names, lambda p: FlexibleAxis(p, SAMPLE))
-
-
-def _family(names: Sequence[str], axes: Callable[[AxisParameters], Plant]) -> Plant:
-    """Members of the family without encoders: the schemes are fed exact positions and speeds."""
+    They have no encoders: the schemes are fed exact positions and speeds.
+    """
     nominal, plants = biaxial_machine().parameters, []
     for name in names:
         member = MODEL_ERRORS[name]
-        plant = axes(scaled(nominal, member.stiffness, member.mass))
+        axes = scaled(nominal, member.stiffness, member.mass)
+        plant = FlexibleAxis(axes, SAMPLE)
+        if smooth:
+            plant = SmoothFlexibleAxis(axes, SAMPLE, substeps=SUBSTEPS)
         plants.append(Delayed(plant, jnp.asarray(member.late), LATE, nominal.axes))
     return stack_plants(plants)
 
@@ -229,7 +221,7 @@ class Setup:
     """
 
     def __init__(self, plants: Sequence[str], budget: int):
-        self.plants, self.budget = smooth_family(plants), budget
+        self.plants, self.budget = family(plants, smooth=True), budget
         self.references = references(training())
         cascade = schemes()[CASCADE]
         with_feedforward = cascade.build(cascade.around(LOOPS[FEEDFORWARD].start))
@@ -299,7 +291,7 @@ def arrival(output: Float[Array, "T m"], reference: Reference) -> Float[Array, "
 def rows(name: str, loops: str, controller: Controller, plants: Sequence[str]) -> list[Row]:
     """The controller on these true machines along every contour."""
     seen, new = training(), held_out()
-    scores = scored(true_family(plants), controller, references({**seen, **new}))
+    scores = scored(family(plants, smooth=False), controller, references({**seen, **new}))
     tool = scores.tool
     return [
         Row(
@@ -419,44 +411,37 @@ def run(settings: Settings) -> Result:
 def compared(
     setup: Setup, loops: str, plants: Sequence[str]
 ) -> tuple[list[TunedScheme], list[Row]]:
-    """Tuning of every scheme around these loops, and its numbers on the true machines."""
+    """Tuning of every scheme around these loops, and its numbers on the true machines.
+
+    A scheme is tuned from the tuned cascade and from the thesis's gains.
+    """
     known, start = schemes(), LOOPS[loops].start
     cascade = known[CASCADE]
     first = setup.tuned(cascade, LOOPS[loops], [cascade.around(start)])
 
-    def found(item: tuple[str, Scheme]) -> tuple[TunedScheme, list[Row]]:
-        return scheme_tuned(setup, loops, *item, first, plants)
+    def one(item: tuple[str, Scheme]) -> tuple[TunedScheme, list[Row]]:
+        name, scheme = item
+        starts = [scheme.around(first.weights.cascade), scheme.around(start, STRONG)]
+        tuned = setup.tuned(scheme, LOOPS[loops], starts)
+        weights = (vars(tuned.weights.cascade), tuned.weights.scheme)
+        gains, own = jax.tree.map(lambda leaf: np.asarray(leaf).tolist(), weights)
+        values = [  # [um]
+            1e6 * row.objective if row.violation <= 0 and not row.diverged else np.inf
+            for row in (*first.history, *tuned.history)
+        ]
+        described = TunedScheme(
+            scheme=name,
+            loops=loops,
+            cascade=gains,
+            gains=list(own),
+            feasible=tuned.feasible,
+            diverged_points=tuned.diverged_points,
+            smooth_um=1e6 * float(np.mean(tuned.outcome.metrics.rms_contour_error)),
+            best_um=np.minimum.accumulate(values).tolist(),
+        )
+        return described, rows(name, loops, scheme.build(tuned.weights), plants)
 
     with ThreadPoolExecutor(2) as pool:  # one compiles while the other descends
-        parts = list(pool.map(found, known.items()))
+        parts = list(pool.map(one, known.items()))
     untuned = rows("start", loops, cascade.build(cascade.around(start)), plants)
     return [tuning for tuning, _ in parts], untuned + [row for _, made in parts for row in made]
-
-
-def scheme_tuned(
-    setup: Setup, loops: str, name: str, scheme: Scheme, first: Tuned, plants: Sequence[str]
-) -> tuple[TunedScheme, list[Row]]:
-    """Tuning of one scheme, from the tuned cascade and from the thesis's gains, and its rows."""
-    near = scheme.around(first.weights.cascade)
-    far = scheme.around(LOOPS[loops].start, STRONG)
-    tuned = setup.tuned(scheme, LOOPS[loops], [near, far])
-    numbers = rows(name, loops, scheme.build(tuned.weights), plants)
-    weights = (vars(tuned.weights.cascade), tuned.weights.scheme)
-    cascade, gains = jax.tree.map(lambda leaf: np.asarray(leaf).tolist(), weights)
-    values = [_feasible_um(row) for row in (*first.history, *tuned.history)]
-    described = TunedScheme(
-        scheme=name,
-        loops=loops,
-        cascade=cascade,
-        gains=list(gains),
-        feasible=tuned.feasible,
-        diverged_points=tuned.diverged_points,
-        smooth_um=1e6 * float(np.mean(tuned.outcome.metrics.rms_contour_error)),
-        best_um=np.minimum.accumulate(values).tolist(),
-    )
-    return described, numbers
-
-
-def _feasible_um(row: Evaluated) -> float:
-    """Objective [um]; infinite where the point exceeds a limit or diverges."""
-    return 1e6 * row.objective if row.violation <= 0 and not row.diverged else np.inf

@@ -13,7 +13,6 @@ from experiments.papers.lam.experiment import (
     MPTC_4MS,
     PI_1MS,
     PI_4MS,
-    Point,
     Result,
     Trace,
 )
@@ -145,10 +144,6 @@ def _over_mpcc(result: Result, other: str, chosen) -> tuple[list[float], str]:
     return ratios, f"error of {other} over MPCC's: {', '.join(words)}"
 
 
-def _time(point: Point) -> str:
-    return f"{point.time_s:.4g}" if point.finished else "did not arrive"
-
-
 def tables(result: Result) -> Iterator[Table]:
     """Fig. 13 in numbers."""
     yield Table(
@@ -158,7 +153,7 @@ def tables(result: Result) -> Iterator[Table]:
             "controller": "controller",
             "plant": "plant",
             "setting": "setting",
-            "time s": _time,
+            "time s": lambda row: f"{row.time_s:.4g}" if row.finished else "did not arrive",
             "RMS contour\nerror %": "rms_percent:.4g",
             "RMS\num": "rms_um:.4g",
             "peak\num": "peak_um:.4g",
@@ -199,8 +194,8 @@ def along_the_path(result: Result) -> Figure:
         for label, values in signals.items():
             one = Curve(trace.theta_mm, values, f"q_theta = {trace.q_theta:g}", style)
             curves.setdefault(label, []).append(one)
-    panels = [Panel("", "", label, both, {"xmargin": 0.01}) for label, both in curves.items()]
-    panels[-1].axes["xlabel"] = "path parameter theta [mm]"
+    x, margin = "path parameter theta [mm]", {"xmargin": 0.01}
+    panels = [Panel("", x, label, both, margin) for label, both in curves.items()]
     title = "Figs 9, 10, 11: MPCC on the friction plant"
     return drawn(panels, (8.0, 9.0), title, legend=2, sharex=True)
 
@@ -213,8 +208,7 @@ def trade_off(result: Result) -> Figure:
         for controller, colour in COLOURS.items():
             style = {"color": colour, "marker": "o", "markersize": 4, "linewidth": 1.0}
             curves.append(Curve(*curve(result, controller, plant), controller, style))
-        y = "" if panels else "RMS contour error [% of the largest radius]"
-        log = {"yscale": "log"}
+        y, log = "RMS contour error [% of the largest radius]", {"yscale": "log"}
         panels.append(Panel(f"{plant} plant", "traversal time [s]", y, curves, log))
     count, title = len(panels), "Fig. 13: accuracy against traversal time"
     size = (max(5.5, 4.2 * count), 4.6)

@@ -1,12 +1,11 @@
 """Statements of McNab & Tsao: findings, verdicts, tables and figures."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from experiments.papers.mcnab_tsao.experiment import (
     ALPHAS,
@@ -24,7 +23,6 @@ from experiments.papers.mcnab_tsao.experiment import (
 from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.tables import Table
 from experiments.papers.verdicts import Claim, Verdict
-from jcontour.app.reports.figures.axes import legend_below
 
 STEADY = 0.25  # relative spread that still counts as constant in Figs 9 and 10
 KNEE = 9  # [samples] the preview after which the paper sees no gain (its section 4)
@@ -386,7 +384,8 @@ ERRORS = {"te_um": "tracking", "ce_um": "contour"}  # rows of a figure
 SHADES = ("#c6dbef", "#9ecae1", "#6baed6", "#3182bd", "#08519c")  # beta, light to dark
 POINT_COLOURS = ("tab:red", "tab:orange", "tab:olive", "tab:green", "tab:blue")
 REACH = 60.0  # [um] of Fig. 2: five samples, the points of one sample stay apart
-BAR = 0.16  # of the distance between groups
+CROSS = {"marker": "X", "markersize": 10, "linestyle": ""}
+LOG = {"xscale": "log", "yscale": "log"}
 MEASURED = {
     ("output", "te_um"): "Fig. 3",
     ("output", "ce_um"): "Fig. 5",
@@ -419,58 +418,40 @@ def points_along_the_circle(result: Result) -> Figure:
     return drawn([Panel(title, "x [um]", "y [um]", curves, axes)], (6.5, 6.0), legend=4)
 
 
-def bars_over_the_weights(result: Result) -> Figure:
-    """Figs 4 and 6, and the same with H_s: nominal machine.
-
-    A group for each alpha, in it a bar for each beta.
-    """
-    figure = Figure(figsize=(11.0, 7.5), layout="constrained")
-    grid = figure.subplots(2, 2, sharex=True, sharey="row")
-    groups = np.arange(len(ALPHAS))
-    for row, error in enumerate(ERRORS):
-        for column, terminal in enumerate(NAMES):
-            axes, heights = grid[row, column], result.over_weights(terminal, error)
-            for k, beta in enumerate(BETAS):
-                place = groups + (k - (len(BETAS) - 1) / 2) * BAR
-                style = {"color": SHADES[k], "label": f"beta {beta:g}"}
-                axes.bar(place, heights[:, k], BAR - 0.01, **style)
-            number = SIMULATED.get((terminal, error), "")
-            axes.set_title(f"{number}RMS {ERRORS[error]} error, {NAMES[terminal]}")
-            axes.set_xticks(groups, [f"{alpha:g}" for alpha in ALPHAS])
-            axes.set_yscale("log")
-            axes.grid(axis="y", color="0.92")
-            axes.set_axisbelow(True)
-    _label(grid)
-    legend_below(figure, grid[0, 0], columns=6)
-    return figure
+def errors_over_the_weights(result: Result) -> Figure:
+    """Figs 4 and 6, and the same with H_s: nominal machine."""
+    panels = []
+    for error, terminal in product(ERRORS, NAMES):
+        values = result.over_weights(terminal, error)
+        curves = [
+            Curve(ALPHAS, values[:, k], f"beta {beta:g}", {"color": SHADES[k], "marker": "o"})
+            for k, beta in enumerate(BETAS)
+        ]
+        number = SIMULATED.get((terminal, error), "")
+        title = f"{number}RMS {ERRORS[error]} error, {NAMES[terminal]}"
+        panels.append(Panel(title, "alpha", "[um]", curves, LOG))
+    return drawn(panels, (11.0, 7.5), columns=2, legend=5, sharex=True, sharey="row")
 
 
 def errors_on_the_family(result: Result) -> Figure:
-    """Figs 3, 5, 7 and 8: errors over alpha on every machine.
+    """Figs 3, 5, 7 and 8: errors over alpha on every machine; crosses where a loop is unstable.
 
     The nominal machine only improves with alpha; a delayed one improves, then loses stability.
     """
-    figure = Figure(figsize=(11.0, 7.5), layout="constrained")
-    grid = figure.subplots(2, 2, sharex=True, sharey="row")
-    alphas = (*ALPHAS, TOO_HIGH_ALPHA)
-    for column, terminal in enumerate(NAMES):
+    panels, alphas = [], np.array([*ALPHAS, TOO_HIGH_ALPHA])
+    for error, terminal in product(ERRORS, NAMES):
         runs = [result.on_family(terminal, alpha, 0.0) for alpha in alphas]
-        for row, error in enumerate(ERRORS):
-            axes = grid[row, column]
-            for i, member in enumerate(result.family):
-                on_member = [machines[i] for machines in runs]
-                _with_unstable(axes, alphas, on_member, error, f"C{i}", _machine_name(member))
-            number = MEASURED[terminal, error]
-            axes.set(xscale="log", yscale="log")
-            axes.set_title(f"{number}: RMS {ERRORS[error]} error, {NAMES[terminal]}, beta 0")
-            axes.set_xticks(alphas, [f"{alpha:g}" for alpha in alphas], minor=False)
-            axes.minorticks_off()
-            axes.grid(color="0.92")
-    _label(grid)
-    unstable = Line2D([], [], color="0.3", marker="X", markersize=10, linestyle="none")
-    unstable.set_label("loop unstable (arrow: beyond the scale)")
-    legend_below(figure, grid[0, 0], columns=6, more=[unstable])
-    return figure
+        curves = []
+        for i, member in enumerate(result.family):
+            values = np.array([getattr(machines[i], error) for machines in runs])
+            lost = np.array([not machines[i].stable for machines in runs])
+            curves += [
+                Curve(alphas, values, _machine_name(member), {"color": f"C{i}", "marker": "."}),
+                Curve(alphas[lost], values[lost], None, {"color": f"C{i}", **CROSS}),
+            ]
+        title = f"{MEASURED[terminal, error]}: RMS {ERRORS[error]} error, {NAMES[terminal]}, beta 0"
+        panels.append(Panel(title, "alpha", "[um]", curves, LOG))
+    return drawn(panels, (11.0, 7.5), columns=2, legend=5, sharex=True, sharey="row")
 
 
 def errors_over_the_preview(result: Result) -> Figure:
@@ -508,42 +489,9 @@ def radii_over_the_horizon(result: Result) -> Figure:
         limit = {"color": "0.2", "linestyle": "--", "linewidth": 1.0}
         curves.append(Curve(None, 1.0, "limit of stability", limit))
         title = f"{name}, {len(result.sets)} weight sets"
-        axes = {"xscale": "log", "yscale": "log"}
-        panels.append(Panel(title, "horizon N_p", "largest spectral radius", curves, axes))
+        panels.append(Panel(title, "horizon N_p", "largest spectral radius", curves, LOG))
     title = "Theorem 1: largest spectral radius over all directions"
     return drawn(panels, (11.0, 4.8), title, columns=2, legend=4, sharey=True)
-
-
-def _label(grid: np.ndarray) -> None:
-    """Labels at the left and below."""
-    for axes in grid[:, 0]:
-        axes.set_ylabel("[um]")
-    for axes in grid[-1]:
-        axes.set_xlabel("alpha")
-
-
-def _with_unstable(
-    axes: Axes,
-    alphas: Sequence[float],
-    runs: Sequence[MachineRun],
-    error: str,
-    colour: str,
-    label: str,
-) -> None:
-    """A line through the stable points; crosses where the loop is unstable.
-
-    A cross is at the top edge where the run diverged.
-    """
-    values = np.array([getattr(run, error) for run in runs])
-    stable = np.array([run.stable for run in runs])
-    axes.plot(alphas, values, ":", color=colour, linewidth=1.0)
-    axes.plot(alphas, np.where(stable, values, np.nan), ".-", color=colour, label=label)
-    for alpha, value in zip(np.array(alphas)[~stable], values[~stable], strict=True):
-        style = {"color": colour, "markersize": 10}
-        if np.isfinite(value):
-            axes.plot(alpha, value, "X", **style)
-        else:
-            axes.plot(alpha, 0.97, "^", transform=axes.get_xaxis_transform(), **style)
 
 
 def _machine_name(machine: Member) -> str:
@@ -557,7 +505,7 @@ def _machine_name(machine: Member) -> str:
 FIGURES = {
     "figure-2": points_along_the_circle,
     "figures-3-and-5": errors_on_the_family,
-    "figures-4-and-6": bars_over_the_weights,
+    "figures-4-and-6": errors_over_the_weights,
     "figures-9-and-10": errors_over_the_preview,
     "theorem-1": radii_over_the_horizon,
 }

@@ -6,7 +6,6 @@ statements on beta hold: at least 10 at 2 ms, around 3 and less than 4 at 10 ms.
 a weaker feedback and unequal axes change.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -23,14 +22,13 @@ from jcontour.controllers.synchronisation.continuous import (
     continuous_response,
 )
 from jcontour.controllers.synchronisation.limits import (
-    SampledLoop,
     continuous_bound,
     exact_bound,
     positive_real_bound,
     sampled_loop,
 )
 from jcontour.controllers.synchronisation.speed_axes import SpeedAxes, speed_axes
-from jcontour.motion.references import Reference, from_samples
+from jcontour.motion.references import from_samples
 from jcontour.plants.servo_axes import servo_axes
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.sensors import Sensors
@@ -153,23 +151,42 @@ def run(settings: Settings) -> Result:
 
 def stepped(name: str, period_ms: float, beta: float, samples: int) -> Row:
     """Response of a plant from the step of load on; a continuous one at so many samples."""
-    plant = PLANTS[name]
+    plant, dt = PLANTS[name], MILLISECOND * period_ms
     if period_ms == CONTINUOUS:
-        times, errors = _continuous(plant, beta, samples)
+        times = np.linspace(STEP, END, samples)
+        gains = ContinuousGains(np.array(plant.proportional), plant.adaptation, beta, BIAS)
+        motion = Motion(
+            lambda t: SPEED, lambda t: 0.0, lambda t: np.array([0.0, LOAD * (t >= STEP)]), (STEP,)
+        )
+        errors = continuous_response(plant.axes, gains, motion, times).error
     else:
-        times, errors = _sampled(plant, MILLISECOND * period_ms, beta)
+        first, steps = round(STEP / dt), round(END / dt) + 1
+        force = np.zeros((steps, 2))
+        force[first:, 1] = LOAD
+        machine = servo_axes(plant.axes.gain, plant.axes.pole, dt)
+        loaded = Disturbed(machine, force=jnp.asarray(force))
+        path = SPEED * dt * np.arange(steps + 2)  # both axes at the steady speed
+        along = np.full((len(path), 2), np.sqrt(0.5))
+        steady = from_samples(np.stack([path, path], axis=1), along, dt, preview=2)
+        # the estimates start where they fit the axes
+        gains = SynchronisedGains(plant.proportional, plant.adaptation * dt, beta, bias=BIAS)
+        law = AdaptiveSynchronisation(gains, STATE, dt, plant.axes.feedforward(dt))
+        speeds = np.asarray(simulate(loaded, law, steady).measurement)[:, [1, 3]]
+        times, errors = dt * np.arange(first, steps), (SPEED - speeds)[first:]
     e1, e2 = errors.T
     apart = e1 - e2
     peaks = np.max(np.abs([e1, e2, apart]), axis=1)
     lost = bool(not np.all(np.isfinite(peaks)) or np.max(np.abs(errors - SPEED)) > LOST)
+    numbers = *peaks, np.trapezoid(np.abs(apart), times)
+    peak_e1, peak_e2, peak_sync, iae_sync = (np.inf if lost else float(x) for x in numbers)
     return Row(
         plant=name,
         period_ms=period_ms,
         beta=beta,
-        peak_sync=np.inf if lost else float(peaks[2]),
-        iae_sync=np.inf if lost else float(np.trapezoid(np.abs(apart), times)),
-        peak_e1=np.inf if lost else float(peaks[0]),
-        peak_e2=np.inf if lost else float(peaks[1]),
+        peak_sync=peak_sync,
+        iae_sync=iae_sync,
+        peak_e1=peak_e1,
+        peak_e2=peak_e2,
         turns=0 if lost else turns(apart),
         diverged=lost,
         time_s=times,
@@ -178,55 +195,16 @@ def stepped(name: str, period_ms: float, beta: float, samples: int) -> Row:
     )
 
 
-def _continuous(plant: Plant, beta: float, samples: int):
-    """Instants from the step of load on, and the errors there."""
-    times = np.linspace(STEP, END, samples)
-    gains = ContinuousGains(np.array(plant.proportional), plant.adaptation, beta, BIAS)
-    motion = Motion(_constant(SPEED), _constant(0.0), _load, (STEP,))
-    return times, continuous_response(plant.axes, gains, motion, times).error
-
-
-def _sampled(plant: Plant, dt: float, beta: float):
-    """The same by the sampled law, every sample."""
-    first, steps = round(STEP / dt), round(END / dt) + 1
-    force = np.zeros((steps, 2))
-    force[first:, 1] = LOAD
-    machine = servo_axes(plant.axes.gain, plant.axes.pole, dt)
-    loaded = Disturbed(machine, force=jnp.asarray(force))
-    rollout = simulate(loaded, law(plant, dt, beta), steady(steps, dt))
-    errors = SPEED - np.asarray(rollout.measurement)[:, [1, 3]]
-    return dt * np.arange(first, steps), errors[first:]
-
-
-def law(plant: Plant, dt: float, beta: float) -> AdaptiveSynchronisation:
-    """The sampled law; its estimates start where they fit the axes."""
-    gains = SynchronisedGains(plant.proportional, plant.adaptation * dt, beta, bias=BIAS)
-    return AdaptiveSynchronisation(gains, STATE, dt, plant.axes.feedforward(dt))
-
-
-def steady(steps: int, dt: float) -> Reference:
-    """Both axes at the steady speed."""
-    path = SPEED * dt * np.arange(steps + 2)
-    along = np.full((len(path), 2), np.sqrt(0.5))
-    return from_samples(np.stack([path, path], axis=1), along, dt, preview=2)
-
-
 def turns(signal: Float[np.ndarray, " T"]) -> int:
     """How often a signal changes its sign; values below a thousandth of the peak do not count."""
     seen = signal[np.abs(signal) > NOTICED * np.max(np.abs(signal), initial=0.0)]
     return int(np.sum(seen[1:] * seen[:-1] < 0))
 
 
-def loop_of(plant: Plant, period_ms: float) -> SampledLoop:
-    """Sampled loop of the plant, for its bounds."""
-    dt = MILLISECOND * period_ms
-    return sampled_loop(plant.axes, plant.proportional, plant.adaptation * dt, SPEED, dt, BIAS)
-
-
 def bounds(name: str, period_ms: float) -> Bounds:
     """All bounds of a plant at a sample period."""
-    plant = PLANTS[name]
-    loop = loop_of(plant, period_ms)
+    plant, dt = PLANTS[name], MILLISECOND * period_ms
+    loop = sampled_loop(plant.axes, plant.proportional, plant.adaptation * dt, SPEED, dt, BIAS)
     largest = continuous_bound(plant.axes, plant.proportional)
     return Bounds(
         plant=name,
@@ -236,11 +214,3 @@ def bounds(name: str, period_ms: float) -> Bounds:
         proven=positive_real_bound(loop),
         exact=exact_bound(loop),
     )
-
-
-def _load(t: float) -> Float[np.ndarray, "2"]:
-    return np.array([0.0, LOAD * (t >= STEP)])
-
-
-def _constant(value: float) -> Callable[[float], float]:
-    return lambda t: value

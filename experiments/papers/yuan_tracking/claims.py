@@ -19,7 +19,6 @@ from experiments.papers.yuan_tracking.experiment import (
     RankingRow,
     Result,
 )
-from jcontour.app.reports.figures.axes import legend_below
 
 PI, FILTERED, LESO = "Cascaded PI", "Cascaded PI with filter", "Cascaded PI with LESO"
 OURS = {  # row of the thesis's tables -> ours; how its observer is sampled the thesis does not say
@@ -216,7 +215,7 @@ class Line(NamedTuple):
 
     case: str
     columns: Columns
-    time_us: float
+    time_us: float | None  # of computing, in print
     verdict: str
 
 
@@ -230,7 +229,7 @@ def tables(result: Result) -> Iterator[Table]:
                 lines.append(Line(row.name, row.columns, time, Verdict.EXPERIMENTAL))
                 for name in OURS[row.name]:
                     ours = result.row(name)
-                    lines.append(Line(f"ours: {name}", ours.on(task), ours.time_us, ""))
+                    lines.append(Line(f"ours: {name}", ours.on(task), None, ""))
         yield Table(
             f"Table {number}, task {task}: the test bench, and below each row our simulation "
             "of its model [mm, A, us per sample]",
@@ -242,16 +241,14 @@ def tables(result: Result) -> Iterator[Table]:
                 "verdict": "verdict",
             },
         )
-    pace = result.row("cascade").time_us
     columns: dict[str, Column] = {"controller": "controller", "gains": "gains"}
     for task in TASKS:
         for heading, name in RANKED.items():
             columns[f"{task}\n{heading}"] = f"{task}.{name}:.3f"
     yield Table(
-        "Ranking: mean errors of motor and tool, largest deformation (mm), mean current (A); "
-        f"time per sample against the cascade's ({pace:.2g} us on this computer)",
+        "Ranking: mean errors of motor and tool, largest deformation (mm), mean current (A)",
         sorted(result.ranking, key=lambda row: row.error),
-        {**columns, "time": lambda row: f"{row.time_us / pace:.1f}"},
+        columns,
         words=2,
     )
     yield Table(
@@ -274,7 +271,6 @@ STYLES = {
     "cascade-leso-exact": {"color": "tab:green", "linewidth": 0.9},
 }
 SIDES = {"motor": "(a) motor", "tool": "(b) end effector"}
-TASK_COLOURS = {"A": "tab:blue", "B": "tab:orange"}
 
 
 def over_time(result: Result, task: str, number: str, error: bool) -> Figure:
@@ -297,38 +293,9 @@ def over_time(result: Result, task: str, number: str, error: bool) -> Figure:
     return drawn(panels, (8.0, 6.0), title, legend=4, sharex=True)
 
 
-def ranking(result: Result) -> Figure:
-    """Mean error of the end effector of every controller, as it starts and tuned."""
-    rows = sorted(result.ranking, key=lambda row: row.error, reverse=True)
-    figure = Figure(figsize=(8.0, 0.3 * len(rows) + 1.8), layout="constrained")
-    axes, place = figure.subplots(), np.arange(len(rows))
-    for shift, (task, colour) in zip((0.2, -0.2), TASK_COLOURS.items(), strict=True):
-        lengths = [row.on(task).ee_mean for row in rows]
-        axes.barh(place + shift, lengths, 0.38, color=colour, label=f"task {task}")
-    axes.set_yticks(place, [f"{row.controller}, {row.gains}" for row in rows])
-    axes.set(xscale="log", xlabel="mean end-effector error [mm]", title="Ranking on the true axis")
-    axes.grid(axis="x", color="0.9", which="both")
-    axes.set_axisbelow(True)
-    legend_below(figure, axes, columns=2)
-    return figure
-
-
-def twin(result: Result) -> Figure:
-    """Gap of the smooth twin over its sharpness."""
-    sharpness, curves = [row.sharpness for row in result.gap], []
-    for task, colour in TASK_COLOURS.items():
-        gap = [100 * getattr(row, task) for row in result.gap]
-        curves.append(Curve(sharpness, gap, f"task {task}", {"marker": "o", "color": colour}))
-    title, y = "Smooth twin against stick and slip", "gap in RMS end-effector error [%]"
-    log = {"xscale": "log", "yscale": "log"}
-    return drawn([Panel(title, "sharpness [s/m]", y, curves, log)], (6.0, 4.0))
-
-
 FIGURES = {
     "figure-3-8": partial(over_time, task="A", number="3.8", error=False),
     "figure-3-9": partial(over_time, task="A", number="3.9", error=True),
     "figure-3-10": partial(over_time, task="B", number="3.10", error=False),
     "figure-3-11": partial(over_time, task="B", number="3.11", error=True),
-    "ranking": ranking,
-    "smooth-twin": twin,
 }

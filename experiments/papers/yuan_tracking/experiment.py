@@ -4,16 +4,13 @@ Every controller of flexible axes is tuned and ranked as well. The thesis's tabl
 its test bench: our simulation of its model stands beside them and is not fitted to them.
 """
 
-import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -44,7 +41,6 @@ JOBS = {"A": "task-a", "B": "task-b"}  # in the catalogue
 BASELINE = "cascade"  # the thesis's P-PI with its gains
 # [s/m]; the default, 1e3, turns the friction within 1 mm/s
 SHARPNESSES = (100.0, 200.0, 500.0, 1e3, 2e3, 5e3, 1e4)
-TIMINGS = 20  # the shortest of them counts, because other work only adds
 TASKS = tuple(JOBS)  # point to point, to and fro along a cosine
 KEPT_PERIOD = 5e-3  # [s] between the samples of a signal: a fourteenth of the link's period
 DRAWN = (BASELINE, "cascade-notch", "cascade-leso-exact")  # Figs 3.8 to 3.11
@@ -101,7 +97,6 @@ class RankingRow:
     A: TaskMetrics
     B: TaskMetrics
     family: tuple[FamilyRow, ...]  # of tuned controllers, and of the one they are compared with
-    time_us: float  # of computing per sample
 
     def on(self, task: str) -> TaskMetrics:
         """Metrics of one task."""
@@ -186,20 +181,6 @@ class Setup:
             found[task] = Signals(*(np.asarray(row)[k, : job.samples, 0] for row in rows))
         return found
 
-    def time_per_sample(self, controller: Controller) -> float:
-        """Computing time of the controller alone [s].
-
-        It is fed what it would measure on an axis that follows task A exactly.
-        """
-        reference = self.jobs[0].reference(self.machine.model.dt, controller.preview)
-        position = reference.position[: reference.steps]
-        speed = np.gradient(np.asarray(position), reference.dt, axis=0)
-        rows = (controller.prepare(reference), (position, jnp.asarray(speed)))
-        memory = controller.initial_memory(reference)
-        _alone(controller, memory, rows).block_until_ready()  # compiled
-        times = [_timed(lambda: _alone(controller, memory, rows)) for _ in range(TIMINGS)]
-        return min(times) / reference.steps
-
 
 def run(settings: Settings) -> Result:
     """Simulate everything.
@@ -217,63 +198,41 @@ def run(settings: Settings) -> Result:
             )
     to_tune = () if settings.quick else settings.tuned or tuple(known)
 
-    def tracked(name: str) -> list[_Tracked]:
-        return _tracked(setup, name, name in to_tune, bool(to_tune) and name == BASELINE)
+    def tracked(name: str) -> tuple[list[RankingRow], dict[str, Signals]]:
+        """Rows of the first gains and of tuned ones, and the signals of the first gains."""
+        design, rows, first = setup.design(name), [], {}
+        gains = {"start": design.start}
+        if name in to_tune:
+            gains["tuned"] = tuned_weights(name)
+        for which, weights in gains.items():
+            controller = design.build(weights)
+            compared = name in to_tune or (bool(to_tune) and name == BASELINE)
+            signals = setup.signals(controller)
+            first = first or signals
+            row = RankingRow(
+                controller=name,
+                gains=which,
+                weights={key: np.asarray(value).tolist() for key, value in weights.items()},
+                A=metrics(signals["A"]),
+                B=metrics(signals["B"]),
+                family=on_the_family(setup, controller) if compared else (),
+            )
+            rows.append(row)
+        return rows, first
 
     # compiling takes longer than simulating, and lets other threads go on
     with ThreadPoolExecutor(2) as pool:
-        found = list(pool.map(tracked, known))
+        found = dict(zip(known, pool.map(tracked, known), strict=True))
     every = round(KEPT_PERIOD / setup.machine.model.dt)
     signals = {
-        name: {task: _thinned(one, every) for task, one in runs[0].signals.items()}
-        for name, runs in zip(known, found, strict=True)
-        if name in DRAWN
+        name: {
+            task: Signals(*(values[::every] for values in vars(one).values()))
+            for task, one in found[name][1].items()
+        }
+        for name in DRAWN
     }
-    ranking = tuple(_row(setup, one) for runs in found for one in runs)
+    ranking = tuple(row for rows, _ in found.values() for row in rows)
     return Result(ranking, signals, gap_curve(setup))
-
-
-class _Tracked(NamedTuple):
-    """A controller with its first or its tuned gains, and its signals by task."""
-
-    name: str
-    gains: str
-    weights: dict[str, Any]
-    controller: Controller
-    signals: dict[str, Signals]
-    family: tuple[FamilyRow, ...]
-
-
-def _tracked(setup: Setup, name: str, tune: bool, compared: bool) -> list[_Tracked]:
-    """The controller with its first gains, and with tuned ones where it is tuned."""
-    design = setup.design(name)
-    gains = {"start": design.start}
-    if tune:
-        gains["tuned"] = tuned_weights(name)
-    found = []
-    for which, weights in gains.items():
-        controller = design.build(weights)
-        family = on_the_family(setup, controller) if tune or compared else ()
-        signals = setup.signals(controller)
-        found.append(_Tracked(name, which, weights, controller, signals, family))
-    return found
-
-
-def _row(setup: Setup, one: _Tracked) -> RankingRow:
-    """Row of the ranking; the controller is timed alone, when all others have ended."""
-    return RankingRow(
-        controller=one.name,
-        gains=one.gains,
-        weights={key: np.asarray(value).tolist() for key, value in one.weights.items()},
-        A=metrics(one.signals["A"]),
-        B=metrics(one.signals["B"]),
-        family=one.family,
-        time_us=1e6 * setup.time_per_sample(one.controller),
-    )
-
-
-def _thinned(signals: Signals, every: int) -> Signals:
-    return Signals(*(getattr(signals, field.name)[::every] for field in fields(Signals)))
 
 
 def metrics(signals: Signals) -> TaskMetrics:
@@ -358,15 +317,3 @@ def _rms(by_task: dict[str, Signals]) -> dict[str, float]:
 @eqx.filter_jit
 def _both(plant: Plant, controller: Controller, references: Reference) -> Rollout:
     return jax.vmap(lambda reference: simulate(plant, controller, reference))(references)
-
-
-@eqx.filter_jit
-def _alone(controller: Controller, memory: Any, rows: tuple[Any, Any]) -> jax.Array:
-    """Controls for given plans and measurements."""
-    return jax.lax.scan(lambda memory, row: controller.step(memory, *row), memory, rows)[1]
-
-
-def _timed(work: Callable[[], jax.Array]) -> float:
-    began = time.perf_counter()
-    work().block_until_ready()
-    return time.perf_counter() - began
