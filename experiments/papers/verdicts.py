@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from experiments.tables import Table
+
 
 class Verdict(StrEnum):
     """How a published result fares in simulation."""
@@ -54,6 +56,12 @@ def rounds_to(value: float, printed: str) -> bool:
     decimals = len(mantissa.partition(".")[2])
     scaled = value / 10.0 ** int(exponent if mark else 0)
     return abs(scaled - float(mantissa)) <= 0.5 * 10.0**-decimals * (1 + 1e-12)
+
+
+def statements(claims: Sequence[Claim]) -> Table:
+    """The table of the statements."""
+    columns = {"where": "item", "the paper": "claim", "the simulation": "finding"}
+    return Table("Statements", claims, {**columns, "verdict": "verdict"}, words=4)
 
 
 def undecided(claims: Sequence[Claim]) -> tuple[Claim, ...]:

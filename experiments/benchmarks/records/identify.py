@@ -1,13 +1,13 @@
 """`jcontour bench identify`: what `identify --machine linear` finds of axes that it cannot see."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
+from statistics import fmean, median
 
 import numpy as np
 from jaxtyping import Complex, Float
-from rich.console import Console
 
 from experiments.benchmarks.kept_rows import kept
 from experiments.benchmarks.records.hidden_machines import (
@@ -19,8 +19,8 @@ from experiments.benchmarks.records.hidden_machines import (
     late_by_a_part,
     true_model,
 )
+from experiments.tables import Column, Table
 from jcontour.app.flags.others import Bench
-from jcontour.app.reports import tables
 from jcontour.linear.continuous_axes import sampled_axis
 from tuning.identification.linear import evidence
 from tuning.identification.linear.found import LinearAxis, MachineRecord
@@ -118,47 +118,36 @@ def _identified(program: str, machine: int) -> list[HiddenResult]:
     ]
 
 
-def show(console: Console, result: IdentifyBench) -> None:
+def tables(result: IdentifyBench) -> Iterator[Table | str]:
     """One line for every program and kind of drive."""
-    cells = []
+    groups: dict[tuple[str, str], list[HiddenResult]] = {}
     for program, parted, resonant in product(PROGRAMS, (False, True), (False, True)):
-        some = [
-            one
-            for one in result.axes
-            if one.program == program
-            and (one.delay % 1 > 0) == parted
-            and (one.states > 2) == resonant
-        ]
-        if some:
-            kind = "with resonance" if resonant else "without"
-            cells.append(_row(program, kind + (", parted delay" if parted else ""), some))
-    columns = ["program", "axes", "number", "delay\nexact", "or\ntold", "worst\nerror %"]
-    columns += ["median\nerror %", "95 % region\nholds %", "intervals\nhold %"]
-    columns += ["held out,\nworst ratio"]
-    console.print(tables.plain_table("Hidden axes", columns, cells, text_columns=2))
+        name = "with resonance" if resonant else "without"
+        key = program, name + (", parted delay" if parted else "")
+        for one in result.axes:
+            if (one.program, one.delay % 1 > 0, one.states > 2) == (program, parted, resonant):
+                groups.setdefault(key, []).append(one)
+    columns: dict[str, Column] = {
+        "program": lambda key: key[0],
+        "axes": lambda key: key[1],
+        "number": lambda key: str(len(groups[key])),
+        "delay\nexact": lambda key: str(sum(one.exact for one in groups[key])),
+        "or\ntold": lambda key: str(sum(one.exact or one.told for one in groups[key])),
+        "worst\nerror %": lambda key: f"{100 * max(one.error for one in groups[key]):.2g}",
+        "median\nerror %": lambda key: f"{100 * median(one.error for one in groups[key]):.2g}",
+        "95 % region\nholds %": lambda key: f"{100 * fmean(x.inside for x in groups[key]):.3g}",
+        "intervals\nhold %": lambda key: f"{100 * fmean(x.holds for x in groups[key]):.3g}",
+        "held out,\nworst ratio": lambda key: f"{max(one.held_out for one in groups[key]):.4g}",
+    }
+    yield Table("Hidden axes", list(groups), columns, words=2)
     seconds = [one.seconds for one in result.axes]
-    tables.say(
-        console,
+    yield (
         "error and region: of the frequency response up to the bandwidth of the closed loop; "
-        "intervals: as stated, up to 0.3 of the sampling rate",
-        "parted delay: not of whole samples; exact are then its whole samples",
-        f"{np.median(seconds):.3g} s for {result.length:g} s of 1 kHz data of two axes, "
-        f"longest {max(seconds):.3g} s",
+        "intervals: as stated, up to 0.3 of the sampling rate\n"
+        "parted delay: not of whole samples; exact are then its whole samples\n"
+        f"{median(seconds):.3g} s for {result.length:g} s of 1 kHz data of two axes, "
+        f"longest {max(seconds):.3g} s"
     )
-
-
-def _row(program: str, kind: str, some: list[HiddenResult]) -> list[str]:
-    exact = sum(one.exact for one in some)
-    told = sum(one.exact or one.told for one in some)
-    errors = [100 * one.error for one in some]
-    return [
-        *(program, kind, str(len(some)), str(exact), str(told)),
-        f"{max(errors):.2g}",
-        f"{np.median(errors):.2g}",
-        f"{100 * np.mean([one.inside for one in some]):.3g}",
-        f"{100 * np.mean([one.holds for one in some]):.3g}",
-        f"{max(one.held_out for one in some):.4g}",
-    ]
 
 
 def _line(one: HiddenResult) -> str:

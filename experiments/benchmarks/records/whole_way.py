@@ -9,7 +9,7 @@ what is lost is lost by identifying.
 
 import json
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,6 @@ from typing import Any
 import jax
 import numpy as np
 from jaxtyping import Float
-from rich.console import Console
 from scipy.linalg import block_diag
 
 from experiments.benchmarks.kept_rows import kept
@@ -30,12 +29,13 @@ from experiments.benchmarks.records.hidden_machines import (
     true_model,
 )
 from experiments.benchmarks.records.identify import MOST_DELAY, MOST_POLES
+from experiments.tables import Column, Table
 from jcontour.app.files.checks import MachineError
 from jcontour.app.flags.others import Bench
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.machines.from_file import machine_from
 from jcontour.app.machines.identified import largest, machine_fields
-from jcontour.app.reports import tables
+from jcontour.app.reports.tables import console_of
 from jcontour.app.runs.tuning.problem import tuning_run
 from jcontour.app.runs.tuning.searching import NothingSound, searched
 from jcontour.simulation.closed_loop import simulate
@@ -131,33 +131,33 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> WholeWayBench:
     return WholeWayBench(kept(flags.keep, Way, seeds, run))
 
 
-def show(console: Console, result: WholeWayBench) -> None:
+def tables(result: WholeWayBench) -> Iterator[Table | str]:
     """One line for every machine."""
-    rows = [
-        [
-            str(way.seed),
-            way.takes,
-            way.record,
-            way.delays,
-            *(f"{1e6 * mean:.3g}" for mean in (way.identified, way.true)),
-            *(f"{one:.3f}" for one in (way.ratio, way.worst, way.counted, way.family)),
-            "yes" if way.sound else "no",
-        ]
-        for way in result.machines
-    ]
-    columns = ["no", "takes", "record", "delays", "identified\num", "true\num", "ratio"]
-    columns += ["worst\ncontour", "from a\ncount on", "family", "limits\nkept"]
-    console.print(tables.plain_table("From the log to the contour", columns, rows, text_columns=3))
-    for name in ("ratio", "counted", "family"):
+    columns: dict[str, Column] = {
+        "no": "seed",
+        "takes": "takes",
+        "record": "record",
+        "delays": "delays",
+        "identified\num": lambda way: f"{1e6 * way.identified:.3g}",
+        "true\num": lambda way: f"{1e6 * way.true:.3g}",
+        "ratio": "ratio:.3f",
+        "worst\ncontour": "worst:.3f",
+        "from a\ncount on": "counted:.3f",
+        "family": "family:.3f",
+        "limits\nkept": lambda way: "yes" if way.sound else "no",
+    }
+    yield Table("From the log to the contour", result.machines, columns, words=3)
+    for name, words in WORDS.items():
         ratios = np.array([getattr(way, name) for way in result.machines])
         known = ratios[~np.isnan(ratios)]
         if known.size:
-            line = f"{WORDS[name]}: median {np.median(known):.3f}, largest {np.max(known):.3f}"
-            tables.say(console, line)
+            yield f"{words}: median {np.median(known):.3f}, largest {np.max(known):.3f}"
     missing = sum(bool(np.isnan(way.ratio)) for way in result.machines)
     if missing:
-        tables.say(console, f"no ratio: {missing} of {len(result.machines)} machines")
-    tables.say(console, *(f"machine {way.seed}: {way.lost}" for way in result.machines if way.lost))
+        yield f"no ratio: {missing} of {len(result.machines)} machines"
+    for way in result.machines:
+        if way.lost:
+            yield f"machine {way.seed}: {way.lost}"
 
 
 def _line(way: Way) -> str:
@@ -255,7 +255,7 @@ def _tuned_on(fields: dict[str, Any], truth: dict[str, Any], evaluations: int) -
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "machine.json"
         path.write_text(json.dumps(fields))
-        quiet = tables.console_of(quiet=True)
+        quiet = console_of(quiet=True)
         try:
             run = tuning_run(Tune(plant=str(path)))
             run = replace(run, settings=replace(run.settings, evaluations=evaluations))

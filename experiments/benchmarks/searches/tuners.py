@@ -5,7 +5,7 @@ many evaluations a search needs to come within 2 % of the best value that anythi
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from itertools import groupby, product
@@ -14,7 +14,6 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from rich.console import Console
 
 from experiments.benchmarks.kept_rows import kept
 from experiments.benchmarks.searches.search_methods import METHODS, PACKAGES, Spent
@@ -25,9 +24,10 @@ from experiments.benchmarks.searches.tuner_problems import (
     problem_of,
 )
 from experiments.benchmarks.searches.tuners_figure import Curve, tuners_figure
+from experiments.tables import Column, Table
 from jcontour.app.flags.others import Bench
-from jcontour.app.reports import tables
 from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.tables import digits
 from tuning.effort import THOROUGH, Effort
 from tuning.history import FEASIBLE, Evaluated
 from tuning.parameters import Chart, Weights
@@ -45,23 +45,22 @@ REPEATED = 5  # evaluations that are timed
 EVALUATIONS = evaluate_values, evaluate_point
 COUNTS = np.unique(np.geomspace(1, 10_000, 200).astype(int))  # evaluations at which curves are kept
 
-Search = tuple[list[float], list[float], list[float]]  # values, evaluations, seconds so far
+Search = tuple[list[float], list[float]]  # values, and evaluations so far
 
 
 @dataclass(frozen=True)
 class Trace:
     """Every better feasible value that one search found, in the order of its evaluations.
 
-    >>> one = Trace("p", "grid", 0, [3.0, 9.0], [5.0, 2.0], [0.1, 0.2])
+    >>> one = Trace("p", "grid", 0, [3.0, 9.0], [5.0, 2.0])
     >>> one.at(np.array([1, 3, 8, 9, 99])).tolist()
     [inf, 5.0, 5.0, 2.0, 2.0]
     >>> one.until(2.5), one.until(1.0)
-    ((9.0, 0.2), (inf, inf))
+    (9.0, inf)
 
     Attributes:
         spent: evaluations until then.
         best: the value.
-        seconds: of processor time until then.
     """
 
     problem: str
@@ -69,7 +68,6 @@ class Trace:
     seed: int
     spent: list[float]
     best: list[float]
-    seconds: list[float]
 
     @property
     def least(self) -> float:
@@ -80,12 +78,10 @@ class Trace:
         """Best value within so many evaluations; infinite before the first."""
         return np.append(np.inf, self.best)[np.searchsorted(self.spent, counts, side="right")]
 
-    def until(self, value: float) -> tuple[float, float]:
-        """Evaluations and seconds to come to a value; infinite where it does not."""
-        for spent, best, seconds in zip(self.spent, self.best, self.seconds, strict=True):
-            if best <= value:
-                return spent, seconds
-        return np.inf, np.inf
+    def until(self, value: float) -> float:
+        """Evaluations to come to a value; infinite where it does not."""
+        pairs = zip(self.spent, self.best, strict=True)
+        return next((spent for spent, best in pairs if best <= value), np.inf)
 
 
 @dataclass(frozen=True)
@@ -96,7 +92,6 @@ class TunerRow:
         weights: number of them.
         reached: seeds that came within 2 % of the best value known.
         evaluations: to come there, quartiles and median; None where that many seeds did not.
-        seconds: of processor time until there, median.
         best: best value known [um, or a ratio].
     """
 
@@ -106,7 +101,6 @@ class TunerRow:
     seeds: int
     reached: int
     evaluations: tuple[float | None, float | None, float | None]
-    seconds: float | None
     best: float
 
 
@@ -214,31 +208,27 @@ def _searched(one: Prepared, method: str, seed: int, budget: int) -> Search:
     measure = measure_of(one.problem, one.start)
     box = np.stack([one.first - REACH, one.first + REACH])
     values: list[float] = []
-    seconds: list[float] = []
-    clock = time.process_time()
 
     def counted(z: np.ndarray) -> float:
         if len(values) >= budget:
             raise Spent
         tried = measure(np.asarray(z, float))
         values.append(tried.objective)
-        seconds.append(time.process_time() - clock)
         return tried.merit
 
     try:
         METHODS[method](counted, begin, box, seed)
     except Spent:
         pass
-    return values, np.arange(1.0, len(values) + 1).tolist(), seconds
+    return values, np.arange(1.0, len(values) + 1).tolist()
 
 
 def _ours(problem: Problem, start, begin, seed: int, budget: int) -> Search:
     weights = Chart(problem.space, start).weights(jnp.asarray(begin))
     effort = replace(THOROUGH, seed=seed, tolerance=1e-4)
-    state, clock = TuneState(), time.process_time()
+    state = TuneState()
     values: list[float] = []
     spent: list[float] = []
-    seconds: list[float] = []
     while not state.done and (not spent or spent[-1] < budget):
         looks = looks_at(problem)
         state = advance(problem, weights, effort, state)
@@ -247,27 +237,17 @@ def _ours(problem: Problem, start, begin, seed: int, budget: int) -> Search:
         before = (spent[-1] if spent else 0.0) + WITH_SLOPES * alone
         values += [_value(row) for row in rows]
         spent += (before + np.cumsum([_cost_of(row, effort) for row in rows])).tolist()
-        seconds += [time.process_time() - clock] * len(rows)
     within = sum(one <= budget for one in spent)
-    return values[:within], spent[:within], seconds[:within]
+    return values[:within], spent[:within]
 
 
 def _better(
-    name: str,
-    method: str,
-    seed: int,
-    values: Sequence[float],
-    spent: Sequence[float],
-    seconds: Sequence[float],
+    name: str, method: str, seed: int, values: Sequence[float], spent: Sequence[float]
 ) -> Trace:
     """Trace of a search; infinite values are beyond a limit."""
     best = np.minimum.accumulate(np.append(np.inf, values))
-    better = best[1:] < best[:-1]
-    rows = (
-        [one for one, is_better in zip(row, better, strict=True) if is_better]
-        for row in (spent, values, seconds)
-    )
-    return Trace(name, method, seed, *rows)
+    better = np.flatnonzero(best[1:] < best[:-1]).tolist()
+    return Trace(name, method, seed, [spent[k] for k in better], [values[k] for k in better])
 
 
 def _cost_of(row: Evaluated, effort: Effort) -> int:
@@ -288,69 +268,46 @@ def _summed_up(
     rows, curves = [], {}
     for method in dict.fromkeys(trace.method for trace in traces):
         several = [trace for trace in traces if trace.method == method]
-        rows.append(_row(weights, method, several, best))
+        until = np.full(len(several), np.inf)  # where no search has come within the limits
         if np.isfinite(best):
+            until = np.array([trace.until(CLOSE * best) for trace in several])
             relative = np.stack([trace.at(counts) for trace in several]) / best
             curves[method] = Curve(counts, *_quartiles(relative))
+        low, middle, high = (
+            float(count) if np.isfinite(count) else None for count in _quartiles(until)
+        )
+        reached = int(np.isfinite(until).sum())
+        numbers = len(several), reached, (low, middle, high), best
+        rows.append(TunerRow(several[0].problem, weights, method, *numbers))
     return rows, curves
-
-
-def _row(weights: int, method: str, several: list[Trace], best: float) -> TunerRow:
-    until = np.array([trace.until(CLOSE * best) for trace in several])
-    if not np.isfinite(best):  # no search has come within the limits
-        until = np.full_like(until, np.inf)
-    evaluations, seconds = (_quartiles(column) for column in until.T)
-    low, middle, high = map(_known, evaluations)
-    return TunerRow(
-        problem=several[0].problem,
-        weights=weights,
-        method=method,
-        seeds=len(several),
-        reached=int(np.isfinite(until[:, 0]).sum()),
-        evaluations=(low, middle, high),
-        seconds=_known(seconds[1]),
-        best=best,
-    )
 
 
 def _quartiles(values: np.ndarray) -> np.ndarray:
     return np.quantile(values, [0.25, 0.5, 0.75], axis=0, method="inverted_cdf")
 
 
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def show(console: Console, result: TunersBench) -> None:
-    """Print a table for every problem, and what an evaluation costs."""
-    tables.say(
-        console,
+def tables(result: TunersBench) -> Iterator[Table | str]:
+    """A table for every problem, and what an evaluation costs."""
+    yield (
         f"Evaluations to come within 2 % of the best value known, at most {result.budget}; "
-        f"one with slopes counts {WITH_SLOPES}",
-        "",
+        f"one with slopes counts {WITH_SLOPES}\n"
     )
-    columns = [
-        "search",
-        "starts that\narrive",
-        "evaluations\nmedian",
-        "quartiles",
-        "seconds of processor\nmedian",
-    ]
+    columns: dict[str, Column] = {
+        "search": "method",
+        "starts that\narrive": lambda row: f"{row.reached} of {row.seeds}",
+        "evaluations\nmedian": lambda row: digits(row.evaluations[1]),
+        "quartiles": lambda row: f"{digits(row.evaluations[0])} to {digits(row.evaluations[2])}",
+    }
     for (problem, weights), rows in groupby(result.rows, lambda row: (row.problem, row.weights)):
-        cells = [_cells(row) for row in rows]
-        title = f"{problem} ({weights} weights)"
-        console.print(tables.plain_table(title, columns, cells))
-    columns = ["problem", "value [ms]", "with slopes [ms]", "compiling [s]", "with slopes [s]"]
-    rows = []
-    for one in result.costs:
-        each = [tables.digits(1e3 * seconds) for seconds in one.evaluating]
-        once = [tables.digits(seconds) for seconds in one.compiling]
-        rows.append([one.problem, *each, *once])
-    title = "Processor time of one evaluation; compiling is not in the seconds above"
-    console.print(tables.plain_table(title, columns, rows, text_columns=1))
-
-
-def _cells(row: TunerRow) -> list[str]:
-    low, middle, high = (tables.digits(value) for value in row.evaluations)
-    arrived = f"{row.reached} of {row.seeds}"
-    return [row.method, arrived, middle, f"{low} to {high}", tables.digits(row.seconds)]
+        yield Table(f"{problem} ({weights} weights)", list(rows), columns)
+    yield Table(
+        "Processor time of one evaluation",
+        result.costs,
+        {
+            "problem": "problem",
+            "value [ms]": lambda one: digits(1e3 * one.evaluating[0]),
+            "with slopes [ms]": lambda one: digits(1e3 * one.evaluating[1]),
+            "compiling [s]": lambda one: digits(one.compiling[0]),
+            "with slopes [s]": lambda one: digits(one.compiling[1]),
+        },
+    )

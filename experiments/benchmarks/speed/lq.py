@@ -6,7 +6,8 @@ is that of the RMS errors with respect to alpha, beta and rho, or to these and a
 horizon.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import jax
 import numpy as np
@@ -23,25 +24,16 @@ from experiments.benchmarks.speed.lq_cases import (
     paper_case,
     sized_case,
 )
-from experiments.benchmarks.speed.lq_results import (
-    DeviceRate,
-    LQBench,
-    PreviewTime,
-    RunRates,
-    SizeRate,
-)
-from experiments.benchmarks.speed.lq_tables import figures, show
 from experiments.benchmarks.speed.plain_loops import compiled_loop, numpy_loop
 from experiments.benchmarks.speed.timings import seconds, timed
+from experiments.tables import Column, Table
 from jcontour._devices import on_gpu
 from jcontour.app.flags.others import Bench
-from jcontour.app.reports import tables
+from jcontour.app.reports.tables import digits
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.simulation.devices import Spread, device_mesh
 from jcontour.simulation.evaluation import member, platform_batching
-
-__all__ = ["measured", "rates", "show"]  # a part of `bench`
 
 Tell = Callable[[str], None]  # receives a line after every measurement
 
@@ -50,13 +42,115 @@ BLOCKS = (200, 1000)  # previews of horizons that move on by blocks
 COMPARED = 16  # runs whose gains are compared with those of a CPU
 
 
+@dataclass(frozen=True)
+class RunRates:
+    """Speed and cost of a batch of runs on the paper's machine.
+
+    Attributes:
+        type: of all numbers.
+        batch: runs at once.
+        forward: runs per second.
+        gradient: runs per second with the gradient of three weights.
+        gradient_ratio: time with gradient over time without.
+        profile_ratio: likewise, with the gradient of the profile too.
+        times_numpy: runs per second over those of the NumPy loop.
+        compiling: [s].
+        compiling_gradient: [s].
+        memory: [bytes].
+        memory_gradient: [bytes].
+        by: formulation that is chosen, kernels or XLA.
+    """
+
+    type: str
+    batch: int
+    forward: float
+    gradient: float
+    gradient_ratio: float
+    profile_ratio: float
+    times_numpy: float
+    compiling: float
+    compiling_gradient: float
+    memory: int
+    memory_gradient: int
+    by: str
+
+
+@dataclass(frozen=True)
+class SizeRate:
+    """Runs per second, forward, on a machine of another size.
+
+    Attributes:
+        states: of the axes.
+        inputs: controls.
+        batch: runs at once.
+        by: formulation that is chosen.
+        forward: runs per second.
+        compiling: [s].
+        apart: largest difference of the gains from those of a CPU, over the largest gain.
+    """
+
+    states: str
+    inputs: int
+    batch: int
+    by: str
+    forward: float
+    compiling: float
+    apart: float
+
+
+@dataclass(frozen=True)
+class PreviewTime:
+    """Time of a batch with one preview, forward, and its ratio to the shortest preview.
+
+    Attributes:
+        preview: samples.
+        horizon: how it moves on, by samples or by blocks.
+        steps: of a run.
+        batch: runs at once.
+        milliseconds: of the batch.
+        times_shortest: over the first preview's.
+    """
+
+    preview: int
+    horizon: str
+    steps: int
+    batch: int
+    milliseconds: float
+    times_shortest: float
+
+
+@dataclass(frozen=True)
+class DeviceRate:
+    """Runs per second, forward, on several devices, and its ratio to one device."""
+
+    devices: int
+    batch: int
+    forward: float
+    times_one: float
+
+
+@dataclass(frozen=True)
+class LQBench:
+    """All measurements.
+
+    Attributes:
+        loops: runs per second of the plain loops.
+    """
+
+    loops: dict[str, float]
+    runs: list[RunRates]
+    sizes: list[SizeRate]
+    previews: list[PreviewTime]
+    devices: list[DeviceRate]
+
+
 def measured(flags: Bench, tell: Tell) -> LQBench:
     """Measure everything; `tell` receives a line after each part."""
     batches = flags.batch or ((1024, 65536) if on_gpu() else (1, 256))
     loops = {}
     for name, loop in (("NumPy loop", numpy_loop), ("compiled loop", compiled_loop)):
         loops[name] = 1 / looped(loop, STEPS)
-        tell(f"{name}: {tables.digits(loops[name])} runs per second")
+        tell(f"{name}: {digits(loops[name])} runs per second")
     runs = []
     for dtype in (DOUBLE, SINGLE):
         for batch in batches:
@@ -94,8 +188,77 @@ def rates(result: LQBench) -> dict[str, float]:
     return found
 
 
+def tables(result: LQBench) -> Iterator[Table | str]:
+    """Rates and costs, and the loops that they are compared with."""
+    kind: dict[str, Column] = {"type": "type", "by": "by", "batch": "batch:,"}
+    yield Table(
+        f"Runs of {STEPS} steps, preview {PREVIEW}, X-Y table of 8 states, all metrics",
+        result.runs,
+        {
+            **kind,
+            "runs/s": "forward:,.5g",
+            "with\ngradient": "gradient:,.5g",
+            "gradient /\nforward": "gradient_ratio:.4g",
+            "with\nprofile": "profile_ratio:.4g",
+            "times\nNumPy": "times_numpy:.4g",
+        },
+        words=2,
+    )
+    yield Table(
+        "What they take",
+        result.runs,
+        {
+            **kind,
+            "compile\ns": "compiling:.4g",
+            "with\ngradient": "compiling_gradient:.4g",
+            "memory\nMB": lambda row: f"{1e-6 * row.memory:,.4g}",
+            "and with\ngradient": lambda row: f"{1e-6 * row.memory_gradient:,.4g}",
+        },
+        words=2,
+    )
+    yield Table(
+        "Other sizes, float64, machines of flexible axes on a straight line",
+        result.sizes,
+        {
+            "states of axes": "states",
+            "by": "by",
+            "inputs": "inputs",
+            "batch": "batch:,",
+            "runs/s": "forward:,.5g",
+            "compile\ns": "compiling:.4g",
+            "gains\napart": "apart:.4g",
+        },
+        words=2,
+    )
+    yield Table(
+        "Long previews, float64, uniform profile",
+        result.previews,
+        {
+            "horizon moves on": "horizon",
+            "preview": "preview",
+            "steps": "steps:,",
+            "batch": "batch:,",
+            "ms": "milliseconds:.4g",
+            "times\nshortest": "times_shortest:.4g",
+        },
+    )
+    yield Table(
+        "Devices, float64, the same batch on each",
+        result.devices,
+        {
+            "devices": "devices",
+            "batch": "batch:,",
+            "runs/s": "forward:,.5g",
+            "times\none": "times_one:.4g",
+        },
+        words=0,
+    )
+    for name, rate in result.loops.items():
+        yield f"{name:<14} {digits(rate)} runs/s, float64, tracking and projected error only"
+
+
 def _told(what: str, rate: float) -> str:
-    return f"{what}: {figures(rate)} runs per second"
+    return f"{what}: {rate:,.5g} runs per second"
 
 
 def rates_of(case: Case, batch: int, numpy_rate: float) -> RunRates:
@@ -173,7 +336,7 @@ def previews(tell: Tell) -> list[PreviewTime]:
         spent = 1e3 * timed(run, case.weights(batch)).running
         first = found[0].milliseconds if found else spent
         found.append(PreviewTime(preview, horizon, steps, batch, spent, spent / first))
-        tell(f"preview {preview}, {horizon}: {tables.digits(spent)} ms")
+        tell(f"preview {preview}, {horizon}: {digits(spent)} ms")
     return found
 
 

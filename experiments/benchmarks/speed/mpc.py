@@ -1,17 +1,16 @@
 """`jcontour bench mpc`: time of one step of a constrained controller, by part and by solver."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 from experiments.benchmarks.speed.timings import seconds
+from experiments.tables import Table
 from jcontour.app.flags.others import Bench
-from jcontour.app.reports import tables
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.host.loop import reported_loop
 from jcontour.motion.references import along
@@ -58,23 +57,18 @@ class MPCBench:
     steps: list[StepTime]
 
 
-def show(console: Console, result: MPCBench) -> None:
-    """One table."""
-    columns = [
-        "controller",
-        "solver",
-        "build us",
-        "solve and\ncheck us",
-        "whole step\nmedian us",
-        "99 %\nus",
-        "times NumPy's\nlinear solve",
-    ]
-    lines = []
-    for row in result.steps:
-        numbers = row.build, row.solve, row.step, row.step_99, row.ratio
-        lines.append([row.controller, row.solver, *(tables.digits(number) for number in numbers)])
-    title = "One step of MPCC on the X-Y table, process time"
-    console.print(tables.plain_table(title, columns, lines, text_columns=2))
+def tables(result: MPCBench) -> Iterator[Table]:
+    """Times of a step and of its parts."""
+    columns = {
+        "controller": "controller",
+        "solver": "solver",
+        "build us": "build:.4g",
+        "solve and\ncheck us": "solve:.4g",
+        "whole step\nmedian us": "step:.4g",
+        "99 %\nus": "step_99:.4g",
+        "times NumPy's\nlinear solve": "ratio:.4g",
+    }
+    yield Table("One step of MPCC on the X-Y table, process time", result.steps, columns, words=2)
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> MPCBench:

@@ -5,18 +5,17 @@ tight that half of them are at a limit. Beside it the solvers of the host, one p
 other, which have no derivative.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rich.console import Console
 
 from experiments.benchmarks.speed.timings import seconds, timed
+from experiments.tables import Table
 from jcontour.app.flags.others import Bench
-from jcontour.app.reports import tables
 from jcontour.qp.interior_point import solve
 from jcontour.qp.problem import QP
 from jcontour.qp.solvers import DAQP, ProxQP, Solver
@@ -65,21 +64,22 @@ class QPBench:
     active: float
 
 
-def show(console: Console, result: QPBench) -> None:
-    """One table."""
-    columns = ["solver", "problems", "solve ms", "with\nslopes ms", "us per\nproblem"]
-    columns += ["worst\nresidual", "not\nsolved"]
-    lines = []
-    for row in result.times:
-        slopes = "none" if row.with_slopes is None else tables.digits(row.with_slopes)
-        each = tables.digits(1e3 * row.solving / row.batch)
-        times = [tables.digits(row.solving), slopes, each]
-        lines.append([row.solver, str(row.batch), *times, f"{row.residual:.0e}", str(row.unsolved)])
+def tables(result: QPBench) -> Iterator[Table]:
+    """Times of the batches."""
+    columns = {
+        "solver": "solver",
+        "problems": "batch",
+        "solve ms": "solving:.4g",
+        "with\nslopes ms": "with_slopes:.4g",
+        "us per\nproblem": lambda row: f"{1e3 * row.solving / row.batch:.4g}",
+        "worst\nresidual": "residual:.0e",
+        "not\nsolved": "unsolved",
+    }
     title = (
         f"{STAGES} stages, {STATES} states, {CONTROLS} controls, "
         f"{100 * result.active:.0f} % of them at a limit"
     )
-    console.print(tables.plain_table(title, columns, lines, text_columns=1))
+    yield Table(title, result.times, columns)
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> QPBench:

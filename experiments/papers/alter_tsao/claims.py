@@ -17,8 +17,8 @@ from experiments.papers.alter_tsao.experiment import (
     Result,
 )
 from experiments.papers.panels import Curve, Panel, drawn
-from experiments.papers.tables import Column, Table
 from experiments.papers.verdicts import Claim, Verdict, rounds_to, verdict
+from experiments.tables import Column, Table
 from jcontour.plants.linear_motor_drive import PERIOD
 
 SAME = 1e-9  # relative

@@ -20,8 +20,8 @@ from experiments.papers.contouring_schemes.experiment import (
     Result,
 )
 from experiments.papers.panels import Curve, Panel, drawn
-from experiments.papers.tables import Column, Table
 from experiments.papers.verdicts import Claim, Verdict, undecided, verdict
+from experiments.tables import Column, Table
 from jcontour.app.reports.tables import digits
 
 # ratio of errors up to which two schemes count as alike: what another machine or contour may turn

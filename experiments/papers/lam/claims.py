@@ -17,8 +17,8 @@ from experiments.papers.lam.experiment import (
     Trace,
 )
 from experiments.papers.panels import Curve, Panel, drawn
-from experiments.papers.tables import Table
 from experiments.papers.verdicts import Claim, verdict
+from experiments.tables import Table
 
 SIMILAR = 1.25  # ratio of errors up to which two controllers perform similarly
 MUCH_BETTER = 2.0  # ratio of errors from which one is much better

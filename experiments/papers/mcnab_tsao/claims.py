@@ -21,8 +21,8 @@ from experiments.papers.mcnab_tsao.experiment import (
     Result,
 )
 from experiments.papers.panels import Curve, Panel, drawn
-from experiments.papers.tables import Table
 from experiments.papers.verdicts import Claim, Verdict
+from experiments.tables import Table
 
 STEADY = 0.25  # relative spread that still counts as constant in Figs 9 and 10
 KNEE = 9  # [samples] the preview after which the paper sees no gain (its section 4)

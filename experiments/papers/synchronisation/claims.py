@@ -18,8 +18,8 @@ from experiments.papers.synchronisation.experiment import (
     Result,
     Row,
 )
-from experiments.papers.tables import Column, Table
 from experiments.papers.verdicts import Claim, Verdict, verdict
+from experiments.tables import Column, Table
 from jcontour.app.reports.figures.axes import CYCLE
 from jcontour.app.reports.tables import digits
 

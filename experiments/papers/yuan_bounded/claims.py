@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.papers.panels import Curve, Panel, drawn
-from experiments.papers.tables import Table
 from experiments.papers.verdicts import Claim, Verdict, verdict
 from experiments.papers.yuan_bounded.experiment import (
     CASCADE,
@@ -18,6 +17,7 @@ from experiments.papers.yuan_bounded.experiment import (
     UNKNOWN,
     Result,
 )
+from experiments.tables import Table
 from jcontour.app.reports.figures.axes import CYCLE, OTHER
 
 WANTED = 4.5  # [mm], the tolerance of the printed data

@@ -7,7 +7,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.papers.panels import Curve, Panel, drawn
-from experiments.papers.tables import Table
 from experiments.papers.verdicts import Claim, Verdict, verdict
 from experiments.papers.yuan_contouring_bounded.experiment import (
     CEBC1,
@@ -20,6 +19,7 @@ from experiments.papers.yuan_contouring_bounded.experiment import (
     Result,
 )
 from experiments.papers.yuan_gantry.experiment import SAMPLE
+from experiments.tables import Table
 from jcontour.app.reports.figures.axes import CYCLE, OTHER
 from jcontour.app.reports.tables import digits
 

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.papers.panels import Curve, Panel, drawn
-from experiments.papers.tables import Table
 from experiments.papers.verdicts import Claim, Verdict, verdict
 from experiments.papers.yuan_gantry.experiment import Emulated, HeadRun, Result, reference_path
+from experiments.tables import Table
 from jcontour.app.reports.tables import digits
 
 PRINTED_HZ = {0.0: 47.0, -0.66: 45.0}  # section 5.2.2

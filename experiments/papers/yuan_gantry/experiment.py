@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.benchmarks.speed.gantry_engines import engine_differences
+from experiments.benchmarks.speed.gantry import engine_differences
 from jcontour.controller import Controller
 from jcontour.controllers.wrappers.compensated import Compensated
 from jcontour.geometry.contours import chain, circle, line

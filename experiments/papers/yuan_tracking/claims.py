@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.papers.panels import Curve, Panel, drawn
-from experiments.papers.tables import Column, Table
 from experiments.papers.verdicts import Claim, Verdict, verdict
 from experiments.papers.yuan_tracking.experiment import (
     BASELINE,
@@ -19,6 +18,7 @@ from experiments.papers.yuan_tracking.experiment import (
     RankingRow,
     Result,
 )
+from experiments.tables import Column, Table
 
 PI, FILTERED, LESO = "Cascaded PI", "Cascaded PI with filter", "Cascaded PI with LESO"
 OURS = {  # row of the thesis's tables -> ours; how its observer is sampled the thesis does not say

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.papers.panels import Curve, Panel, drawn
-from experiments.papers.tables import Column, Table
 from experiments.papers.verdicts import Claim, Verdict, rounds_to, verdict
 from experiments.papers.zpetc.experiment import (
     BEST_TIME,
@@ -24,6 +23,7 @@ from experiments.papers.zpetc.experiment import (
     Model,
     Result,
 )
+from experiments.tables import Column, Table
 from jcontour.plants.three_link import PATH_DURATION
 
 KEPT = 0.5  # share of the trace that counts as kept

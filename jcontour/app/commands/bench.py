@@ -48,8 +48,8 @@ class Hardware:
 def command(flags: Bench) -> int:
     """Measure and print one part.
 
-    A part is a module with `measured(flags, tell)` and `show(console, result)`. `tell` receives a
-    line after every measurement; the lines appear on stderr as they come.
+    A part is a module with `measured(flags, tell)` and `tables(result)`. `tell` receives a line
+    after every measurement; the lines appear on stderr as they come.
 
     Raises:
         ValueError: not in a checkout, a batch or a number is below one, or a seed below zero.
@@ -77,7 +77,7 @@ def command(flags: Bench) -> int:
     changes = stored_results.changes(flags.what, named, rates)
     if changes is not None:
         console.print(changes)
-    part.show(console, result)
+    in_checkout("bench", "experiments.tables").show(console, part.tables(result))
     rows = [f"{name:<10} {value}" for name, value in vars(machine).items()]
     tables.say(console, *rows, f"All numbers for a program: jcontour bench {flags.what} --json")
     return 0

@@ -91,7 +91,7 @@ def _run(module: Any, name: str, flags: Any) -> int:
 
     place = flags.out or run_folder.default_folder(name)
     folder = run_folder.create(place, f"reproduce {name}", flags, [])
-    tables = in_checkout("reproduce", "experiments.papers.tables")
+    tables = in_checkout("reproduce", "experiments.tables")
     verdicts = in_checkout("reproduce", "experiments.papers.verdicts")
     said = import_module(f"{module.__package__}.claims")
     result = module.run(flags.settings)
@@ -108,7 +108,7 @@ def _run(module: Any, name: str, flags: Any) -> int:
 
     def show(stored: Any, console: Any) -> None:
         say(console, module.SOURCE)
-        tables.show(console, parts, claims)
+        tables.show(console, (*parts, verdicts.statements(claims)))
 
     missed = [Entry("Missed", line) for line in verdicts.missed(claims)]
     tally = Entry("Claims", verdicts.tally(claims, flags.settings.quick))

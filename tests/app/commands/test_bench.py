@@ -26,8 +26,8 @@ class CountingPart:
         tell("counted the batches")
         return Counted(list(flags.batch))
 
-    def show(self, console, result):
-        console.print(f"{len(result.batches)} batches")
+    def tables(self, result):
+        yield f"{len(result.batches)} batches"
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def test_a_seed_below_zero_is_refused_at_once(counting, capsys):
 @pytest.mark.parametrize("part", get_args(get_type_hints(Bench)["what"]))
 def test_every_part_is_found(part):
     module = import_module(bench.place_of(part))
-    assert callable(module.measured) and callable(module.show)
+    assert callable(module.measured) and callable(module.tables)
 
 
 def test_progress_is_told_on_stderr_and_numbers_on_stdout(counting, capsys):

@@ -25,8 +25,8 @@ from experiments.papers.alter_tsao.experiment import (
     zero_interval,
     zpetc_apart,
 )
-from experiments.papers.tables import stored
 from experiments.papers.verdicts import Verdict, rounds_to
+from experiments.tables import stored
 from jcontour.plants.linear_motor_drive import linear_motor_drive
 
 DATA = Path(__file__).parents[2] / "data" / "feedforward" / "alter_tsao.json"

@@ -30,8 +30,8 @@ from experiments.papers.contouring_schemes.experiment import (
     schemes,
     training,
 )
-from experiments.papers.tables import Table, stored
 from experiments.papers.verdicts import Verdict
+from experiments.tables import Table, stored
 from jcontour.app.machines.flexible_axis import SAMPLE
 
 YES, NO = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED

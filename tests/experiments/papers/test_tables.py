@@ -8,8 +8,8 @@ import pytest
 from rich.console import Console
 
 from experiments.papers.panels import Curve, Panel, drawn
-from experiments.papers.tables import Table, show, stored
-from experiments.papers.verdicts import Claim, Verdict
+from experiments.papers.verdicts import Claim, Verdict, statements
+from experiments.tables import Table, show, stored
 
 
 class Row(NamedTuple):
@@ -47,7 +47,7 @@ def test_an_attribute_that_no_row_has_is_an_error():
 def test_every_part_is_printed_and_then_the_statements():
     console = Console(width=100, record=True, file=StringIO())
     claims = [Claim("Fig. 1", "it falls", "it rises", Verdict.NOT_REPRODUCED)]
-    show(console, ["our axes", TABLE, Table("empty", (), {"none": "name"})], claims)
+    show(console, ["our axes", TABLE, Table("empty", (), {"none": "name"}), statements(claims)])
     text = console.export_text()
     places = [text.index(word) for word in ("our axes", "Gains", "Statements", "it rises")]
     assert places == sorted(places)

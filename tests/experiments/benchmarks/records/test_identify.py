@@ -15,8 +15,9 @@ from experiments.benchmarks.records.identify import (
     IdentifyBench,
     bandwidth,
     response,
-    show,
+    tables,
 )
+from experiments.tables import show
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports.tables import console_of
 from jcontour.linear.continuous_axes import force_axis, position_axis, speed_axis, with_resonance
@@ -71,7 +72,7 @@ def test_axes_that_are_kept_are_not_identified_again(monkeypatch, tmp_path):
 
 def test_what_is_printed(capsys):
     rows = [ROW, replace(ROW, seed=2, delay=2.7, seconds=3.0)]
-    show(console_of(), IdentifyBench(rows, 60.0))
+    show(console_of(), tables(IdentifyBench(rows, 60.0)))
     printed = capsys.readouterr().out
     assert "1.02" in printed and "2 s for 60 s" in printed
     whole, parted = (line.split() for line in printed.splitlines() if "contour " in line)

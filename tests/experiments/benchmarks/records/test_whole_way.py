@@ -10,9 +10,10 @@ from experiments.benchmarks.records.identify import response
 from experiments.benchmarks.records.whole_way import (
     OnTheMachine,
     measured,
-    show,
+    tables,
     true_fields,
 )
+from experiments.tables import show
 from jcontour.app.flags.others import Bench
 from jcontour.app.machines.from_file import machine_from
 from jcontour.app.reports.tables import console_of
@@ -71,7 +72,7 @@ def test_ratios_of_the_mean_the_worst_contour_and_the_family(designs, capsys):
     (way,) = result.machines
     assert (way.ratio, way.worst, way.family) == pytest.approx((1.5, 3.0, 1.6))
     assert not way.sound and way.lost == ""
-    show(console_of(), result)
+    show(console_of(), tables(result))
     printed = capsys.readouterr().out
     assert all(text in printed for text in ("1.500", "3.000", "1.600"))
 
@@ -116,7 +117,7 @@ def test_a_search_without_a_result_is_counted(identified, known, ratio, worst, d
     reasons = {"identified": identified.lost, "true": known.lost}
     said = "; ".join(f"{model} model: {why}" for model, why in reasons.items() if why)
     assert way.lost == said and said in told[0]
-    show(console_of(), result)
+    show(console_of(), tables(result))
     printed = capsys.readouterr().out
     assert (f"machine 7: {said}" in " ".join(printed.split())) is bool(said)
     assert f"{ratio:.3f}" in printed

@@ -3,7 +3,6 @@
 import pytest
 
 from experiments.benchmarks.speed.gantry import measured
-from experiments.benchmarks.speed.gantry_engines import engine_rates
 from jcontour.app.flags.others import Bench
 
 
@@ -14,4 +13,4 @@ def test_several_batches_are_refused():
 
 def test_a_batch_of_one_is_refused():
     with pytest.raises(ValueError, match="batch: needs at least two machines at once, received 1"):
-        engine_rates(0.1, 1)
+        measured(Bench(what="gantry", batch=(1,)), print)

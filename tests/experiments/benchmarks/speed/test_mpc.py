@@ -8,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from experiments.benchmarks.speed import mpc
+from experiments.tables import show
 from jcontour.qp.solvers import DAQP
 
 ROW = mpc.StepTime("N = 7", "daqp", 12.0, 34.0, 56.0, 78.0, 9.0)
@@ -15,7 +16,7 @@ ROW = mpc.StepTime("N = 7", "daqp", 12.0, 34.0, 56.0, 78.0, 9.0)
 
 def test_a_row_says_who_was_timed_and_its_numbers():
     page = io.StringIO()
-    mpc.show(Console(file=page, width=120), mpc.MPCBench([ROW]))
+    show(Console(file=page, width=120), mpc.tables(mpc.MPCBench([ROW])))
     row = next(line for line in page.getvalue().splitlines() if "N = 7" in line)
     words = [word for word in row.split() if word.isascii()]
     assert words[3:] == ["daqp", "12", "34", "56", "78", "9"]
