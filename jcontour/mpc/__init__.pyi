@@ -1,7 +1,3 @@
-from .bounded.axis_tolerances import AxisTolerance as AxisTolerance
-from .bounded.axis_tolerances import DriveLimits as DriveLimits
-from .bounded.axis_tolerances import Motion as Motion
-from .bounded.axis_tolerances import axis_tolerance as axis_tolerance
 from .bounded.bounded_along import BoundedAlong as BoundedAlong
 from .bounded.bounded_mpc import BoundedLimits as BoundedLimits
 from .bounded.bounded_mpc import BoundedMPC as BoundedMPC

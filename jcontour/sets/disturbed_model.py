@@ -95,14 +95,6 @@ class DisturbedModel(NamedTuple):
         columns = more[:, None] if more.ndim == 1 else more
         return DisturbedModel.of(self.A, self.B, np.concatenate([self.E, columns], axis=1))
 
-    def with_last_control(self) -> "DisturbedModel":
-        """The model whose state also holds u(k-1), after x: increments are signals of it."""
-        n, p, q = self.states, self.inputs, self.disturbances
-        A = np.zeros((n + p, n + p))
-        A[:n, :n] = self.A
-        B = np.concatenate([self.B, np.eye(p)])
-        return DisturbedModel(A, B, np.concatenate([self.E, np.zeros((p, q))]))
-
     def state_signals(
         self, names: Sequence[str], rows: Numbers, limits: Numbers = np.inf
     ) -> tuple[Signal, ...]:
@@ -121,14 +113,6 @@ class DisturbedModel(NamedTuple):
         names = [name] if p == 1 else [f"{name} {i + 1}" for i in range(p)]
         still = np.zeros(self.states)
         return tuple(map(Signal, names, [still] * p, np.eye(p), bounds.tolist()))
-
-    def increment_signals(self, limits: Numbers = np.inf) -> tuple[Signal, ...]:
-        """u(k) - u(k-1) of a model made by `with_last_control`."""
-        p = self.inputs
-        bounds = np.broadcast_to(np.asarray(limits, float), (p,))
-        names = ["increment"] if p == 1 else [f"increment {i + 1}" for i in range(p)]
-        rows = np.concatenate([np.zeros((p, self.states - p)), -np.eye(p)], axis=1)
-        return tuple(map(Signal, names, rows, np.eye(p), bounds.tolist()))
 
 
 def _checked(A: np.ndarray, B: np.ndarray, E: np.ndarray) -> tuple[np.ndarray, ...]:

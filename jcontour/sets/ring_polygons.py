@@ -61,29 +61,3 @@ def ring_polygons(radius: float, tolerance: float) -> RingPolygons:
         outer += 1
     side = float((radius + tolerance) * np.cos(np.pi / outer))
     return RingPolygons(inner, outer, float(vertex), side)
-
-
-def room_across(radius: float, tolerance: float, along: float) -> float:
-    """Room across a path of this radius.
-
-        a = sqrt((R + eps)^2 - b^2) - R
-    The rectangle |nu| <= a, |tau| <= b lies in the ring of half-width eps,
-    in the frame of the reference point, nu along the normal, tau = `along` at most along the
-    tangent. An infinite radius is a straight line: a = eps.
-
-    Raises:
-        ValueError: no room is left, or a length is not above zero.
-    """
-    if not (radius > 0 and tolerance > 0 and along >= 0):
-        lengths = f"{radius} m, {tolerance} m and {along} m"
-        raise ValueError(f"radius, tolerance, along: need to be above zero, received {lengths}")
-    if np.isinf(radius):
-        return tolerance
-    outside = (radius + tolerance) ** 2 - along**2
-    room = np.sqrt(max(outside, 0.0)) - radius
-    if room <= 0:
-        raise ValueError(
-            f"along: {along:.3g} m along a path of radius {radius:.3g} m leaves no room across it "
-            f"in a tolerance of {tolerance:.3g} m"
-        )
-    return float(min(room, tolerance))

@@ -14,16 +14,6 @@ def test_load_of_a_plant_acts_where_its_control_does():
     assert (model.states, model.inputs, model.disturbances) == (8, 2, 2)
 
 
-def test_the_last_control_is_part_of_the_state(slide):
-    wide = slide.with_last_control()
-    x, u, before = np.array([0.3, -0.2]), np.array([1.7]), np.array([0.4])
-    after = wide.A @ [*x, *before] + wide.B @ u
-    np.testing.assert_allclose(after, [*(slide.A @ x + slide.B @ u), *u])
-    (signal,) = wide.increment_signals(2.0)
-    assert signal.state @ [*x, *before] + signal.control @ u == pytest.approx(1.3)
-    assert signal.limit == 2.0 and signal.name == "increment"
-
-
 def test_disturbances_are_put_side_by_side(slide):
     wide = slide.with_disturbance([0.5, 0.7])
     np.testing.assert_array_equal(wide.E[:, 1], [0.5, 0.7])

@@ -85,17 +85,6 @@ def test_no_other_policy_is_better_and_longer_ones_are_not_worse(slide):
     assert compared > 20
 
 
-def test_increments_are_limited_too(slide):
-    wide = slide.with_last_control()
-    small = wide.state_signals(["x"], [1, 0, 0])
-    free = least_peak(wide, small, wide.increment_signals(np.inf), 12)
-    held = least_peak(wide, small, wide.increment_signals(0.3), 12)
-    changes = np.diff(held.response.control[:, 0, 0], prepend=0.0)  # X_N = 0 ends with u = 0
-    assert np.abs(changes).sum() == pytest.approx(held.peaks["increment"], rel=1e-9)
-    assert held.peaks["increment"] <= 0.3 * (1 + 1e-9) < free.peaks["increment"]
-    assert held.tolerance > free.tolerance and held.limiting == ("increment",)
-
-
 def test_offset_free_responses_forget_a_constant_load(slide):
     small = slide.state_signals(["x"], [1, 0])
     plain = least_peak(slide, small, [], 10)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jcontour.sets.ring_polygons import ring_polygons, room_across
+from jcontour.sets.ring_polygons import ring_polygons
 
 DATA = Path(__file__).parents[2] / "data" / "guarantees"
 CASES = json.loads((DATA / "polygons.json").read_text())
@@ -26,21 +26,6 @@ def test_the_circle_of_the_thesis_is_outside_a_polygon_of_ten_sides():
     assert found.side >= 80e-3
 
 
-def test_the_room_across_lies_in_the_ring():
-    radius, tolerance, along = 20e-3, 1e-3, 4e-3
-    across = room_across(radius, tolerance, along)
-    corners = np.array([[radius + a, b] for a in (-across, across) for b in (-along, 0, along)])
-    distances = np.linalg.norm(corners, axis=1)
-    assert distances.max() == pytest.approx(radius + tolerance)
-    assert distances.min() >= radius - tolerance
-    assert room_across(np.inf, tolerance, along) == tolerance
-    assert room_across(radius, tolerance, 0.0) == pytest.approx(tolerance)
-
-
 def test_bad_input_is_named():
     with pytest.raises(ValueError, match="tolerance: needs to be between zero and the radius"):
         ring_polygons(1.0, 1.0)
-    with pytest.raises(ValueError, match="along: 0.01 m along a path of radius 0.02 m leaves no"):
-        room_across(20e-3, 1e-3, 10e-3)
-    with pytest.raises(ValueError, match="need to be above zero"):
-        room_across(20e-3, 0.0, 1e-3)
