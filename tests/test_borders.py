@@ -74,6 +74,7 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("examples",),
         ("papers",),
         ("benchmarks",),
+        ("site", "tables"),
     ),
     "jcontour.app": (
         ("cli",),

@@ -40,10 +40,10 @@ def lines():
 @pytest.mark.parametrize(
     "row",
     [
-        "float64 kernels 256 21,500 7000 3 4 90",
+        "float64 kernels 256 21,500 7,000 3 4 90",
         "float64 kernels 256 1.5 2.5 3 6",  # memory in MB
         "2 + 2 XLA 2 16 640 0.25 1e-12",
-        "by blocks 25 5000 1 17 1.25",
+        "by blocks 25 5,000 1 17 1.25",
         "2 512 43,000 2",
         "NumPy loop 12 runs/s, float64, tracking and projected error only",
     ],

@@ -1,0 +1,45 @@
+"""Tables of the site from stored results."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from experiments import site
+
+PAGES = sorted((Path(site.__file__).parent / "docs").rglob("*.md"))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_table_that_a_page_asks_for_is_stored(page):
+    text = page.read_text()
+    made = site.on_page_markdown(text)
+    assert not site.PLACE.search(made)
+    for lines in (made.splitlines(), text.splitlines()):
+        rows = [line.count("|") for line in lines if line.startswith("|")]
+        assert all(rows)
+    assert made.count("\n") > text.count("\n") or made == text
+
+
+def test_a_table_is_that_of_the_run():
+    run = json.loads(site.stored("synchronisation").read_text())
+    made = site.on_page_markdown("before\n<!-- statements of synchronisation -->\nafter")
+    rows = [line.strip("| ").split(" | ") for line in made.splitlines()[3:-1]]
+    assert [row[-1] for row in rows] == [claim["verdict"] for claim in run["claims"]]
+    made = site.on_page_markdown("<!-- table 2 of synchronisation -->")
+    assert run["tables"][1]["title"] in made and made.count("\n") == 3 + len(
+        run["tables"][1]["cells"]
+    )
+
+
+def test_only_whole_runs_are_stored(tmp_path):
+    (tmp_path / "result.json").write_text(json.dumps({"settings": {"quick": True}}))
+    (tmp_path / "settings.json").write_text(json.dumps({"command": "reproduce zpetc"}))
+    with pytest.raises(ValueError, match="the pages need a whole run"):
+        site.store(tmp_path)
+
+
+@pytest.mark.parametrize("place", ["statements of nobody", "rates of nothing"])
+def test_what_is_not_stored_is_an_error(place):
+    with pytest.raises((FileNotFoundError, KeyError)):
+        site.on_page_markdown(f"<!-- {place} -->")
