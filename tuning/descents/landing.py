@@ -2,13 +2,13 @@
 
 A descent follows curved limits from outside: it may end a hair beyond them, at a point that nothing
 but this hair makes worthless. The nearest point is looked for at which every limit holds with some
-room r,
+margin r,
 
     least |d|  subject to  c + C d <= -r,  low <= d <= high
 
 with the lines of all points that were tried on the way: a limit that is the largest of many numbers
-has more than one slope there. While its answer lies outside the room is doubled. A last point, on
-the way back, gives up the room that was not needed.
+has more than one slope there. While its answer lies outside the margin is doubled. A last point, on
+the way back, gives up the margin that was not needed.
 
 Source: the restoration step of J. Nocedal & S. Wright, Numerical Optimization (2006), ch. 18.
 Host side.
@@ -22,8 +22,8 @@ from tuning.descents.descent import FIRST_MOVE, MET, Descent, Evaluate, promises
 from tuning.descents.quadratic_step import Model, least_excess_step
 
 TRIES = 4  # evaluations: two do for a smooth limit
-ROOM = 0.5  # over the excess, at first
-KEPT = 0.1  # part of the room that the way back leaves
+MARGIN = 0.5  # over the excess, at first
+KEPT = 0.1  # part of the margin that the way back leaves
 
 
 def outside(descent: Descent) -> bool:
@@ -48,10 +48,10 @@ def landed(
         tries: evaluations at most.
     """
     known = [(descent.z, descent.model)]
-    room = ROOM
+    margin = MARGIN
     for left in range(tries - 1, -1, -1):
         z, here = min(known, key=lambda one: one[1].excess)
-        step = _nearest(known, z, room * here.excess, box)
+        step = _nearest(known, z, margin * here.excess, box)
         model = None if step is None else evaluate(z + step)
         if step is None or model is None:
             break
@@ -59,16 +59,16 @@ def landed(
             inside = _way_back(descent, (z + step, model), evaluate, tolerance if left else np.inf)
             return _ended(descent, *inside, box, tolerance)
         known.append((z + step, model))
-        room *= 2
+        margin *= 2
     return descent._replace(done=True, landed=True)
 
 
-def _nearest(known, z, room: float, box) -> np.ndarray | None:
-    """The shortest step to where every line of the limits holds with some room; None for none."""
+def _nearest(known, z, margin: float, box) -> np.ndarray | None:
+    """The shortest step to where every line of the limits holds with some margin; None for none."""
     here = known[0][1]
     lines = [model.limits + model.limit_slopes @ (z - there) for there, model in known]
     model = here._replace(
-        limits=np.concatenate(lines) + room,
+        limits=np.concatenate(lines) + margin,
         limit_slopes=np.concatenate([model.limit_slopes for _, model in known]),
     )
     low = np.maximum(box[0] - z, -FIRST_MOVE)
@@ -77,11 +77,11 @@ def _nearest(known, z, room: float, box) -> np.ndarray | None:
         step = least_excess_step(model, low, high)
     except Unsolved:
         return None
-    return step if model.moved(step).excess < room else None
+    return step if model.moved(step).excess < margin else None
 
 
 def _way_back(descent: Descent, inside: tuple, evaluate: Evaluate, tolerance: float) -> tuple:
-    """The point inside, or one between it and the end of the descent that gives up its room."""
+    """The point inside, or one between it and the end of the descent that gives up its margin."""
     z, model = inside
     spare = -float(np.max(model.limits))
     if model.objective - descent.model.objective <= tolerance or spare <= 0:

@@ -131,14 +131,14 @@ def _priced(model: Model, curvature, low, high, penalty: float) -> Step:
     tops = np.repeat(np.eye(g), v, axis=0)
     errors = [model.error_slopes.reshape(g * v, n), -tops, np.zeros((g * v, 1))]
     limits = [model.limit_slopes, np.zeros((c, g)), np.full((c, 1), -scale)]
-    room = np.repeat(np.max(model.errors, axis=1), v) - model.errors.ravel()
+    slack = np.repeat(np.max(model.errors, axis=1), v) - model.errors.ravel()
     H = SOFT * np.eye(n + g + 1)
     H[:n, :n] = curvature
     answer = _solved(
         H,
         np.concatenate([np.zeros(n), np.full(g, 1 / g), [penalty * scale]]),
         np.concatenate([np.hstack(errors), np.hstack(limits) / size[:, None]]),
-        np.concatenate([room, -model.limits / size]),
+        np.concatenate([slack, -model.limits / size]),
         np.concatenate([low, np.full(g, -FAR), [0.0]]),
         np.concatenate([high, np.full(g, FAR), [(1 + 2 * model.excess) / scale]]),
     )

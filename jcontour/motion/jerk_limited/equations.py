@@ -7,7 +7,7 @@ import numpy as np
 from jcontour._native.lanes import WIDTH, fma, part, spread
 
 ROUNDING = 1e-15  # of a diagonal element: a smaller pivot is lost
-# numbers of an unknown's equation, side by side: the pull g' / g of all rooms, the slope of T,
+# numbers of an unknown's equation, side by side: the pull g' / g of all slacks, the slope of T,
 # and the diagonals: the main one, the first above it, the second
 PER_UNKNOWN, SLOPE, MAIN, NEAR, FAR = 5, 1, 2, 3, 4
 

@@ -20,7 +20,7 @@ from jcontour._native.lanes import WIDTH, drop_stale, part
 from jcontour.geometry import along_pieces
 from jcontour.motion.jerk_limited.conditions import POINTS
 from jcontour.motion.jerk_limited.equations import PER_UNKNOWN, SLOPE, solve_equations
-from jcontour.motion.jerk_limited.rooms import PER_ROOM, Going, go, nearest_bounds, rooms_of
+from jcontour.motion.jerk_limited.slacks import PER_SLACK, Going, go, nearest_bounds, slacks_of
 
 _HERE = Path(__file__).parent
 drop_stale(_HERE, *_HERE.glob("*.py"), Path(along_pieces.__file__), Path(lanes.__file__))
@@ -54,8 +54,8 @@ def solve(
     Raises:
         ValueError: the unknowns break a condition.
     """
-    rooms = rooms_of.py_func(axes)
-    point = np.ones(len(blocks) * (POINTS + PER_ROOM * rooms) * WIDTH)
+    slacks = slacks_of.py_func(axes)
+    point = np.ones(len(blocks) * (POINTS + PER_SLACK * slacks) * WIDTH)
     equations, scratch = np.empty(PER_UNKNOWN * c.size), np.empty(12 * WIDTH)
     step, ahead = np.zeros(c.size), np.empty(c.size)
     gap = _solved(
@@ -86,7 +86,7 @@ def _ahead(c, far, step, equations, ahead):
 
 @compiled
 def _solved(cells, axes, c, steps, near, busy, point, equations, step, ahead, scratch):
-    count = c.size * rooms_of(axes)
+    count = c.size * slacks_of(axes)
     inside, _, duration = go(
         cells, axes, point, c, step, Going(0.0, 0.0, 0.0, 1.0), equations, scratch
     )

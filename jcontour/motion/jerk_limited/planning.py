@@ -27,7 +27,7 @@ from jcontour.motion.jerk_limited.shares import shares
 from jcontour.motion.jerk_limited.straight import straight_motions
 from jcontour.motion.jerk_limited.warp import Warp, ordinates
 
-ROOM = 0.02  # of every limit that is left at the start of a pass
+MARGIN = 0.02  # of every limit that is left at the start of a pass
 ROUGH, NEAR = 1e-3, 1e-4  # of the duration, what a pass leaves to gain: the first, the last
 TIGHTENINGS = 1  # of cells that exceed a limit between their points, in the last pass
 TIGHTER = 1.5  # power of the excess
@@ -153,8 +153,8 @@ def _quickest(
 
 
 def _fitted(parts: Conditions, stretch, shape) -> Float[np.ndarray, " n"]:
-    """Unknowns of a shape, stretch by stretch as fast as leaves room in every condition."""
-    return (1 - ROOM) * fullest(parts, shape)[stretch] * shape
+    """Unknowns of a shape, stretch by stretch as fast as leaves a margin in every condition."""
+    return (1 - MARGIN) * fullest(parts, shape)[stretch] * shape
 
 
 def _again(

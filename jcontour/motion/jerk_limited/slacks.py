@@ -1,4 +1,4 @@
-"""Rooms g of a warp's conditions and their multipliers z, compiled: one step of both, cell by cell.
+"""Slacks g of a warp's conditions and their multipliers z, compiled: a step of both, cell by cell.
 
 The conditions of a cell are 1 + 3 + 12 m for m axes: the middle ordinate, the speed at three
 points, and there the two sides of the acceleration and of the jerk of every axis, side by side.
@@ -30,7 +30,7 @@ from jcontour._native.lanes import (
 from jcontour.motion.jerk_limited.conditions import POINTS, SPEED, SQUARE, STILL
 from jcontour.motion.jerk_limited.equations import Sums, added, crossed, scatter
 
-PER_ROOM, DUAL = 2, 1  # entries of `point`: the inverse of a room, and its multiplier beside it
+PER_SLACK, DUAL = 2, 1  # entries of `point`: the inverse of a slack, and its multiplier beside it
 
 
 class Going(NamedTuple):
@@ -43,7 +43,7 @@ class Going(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """Of eight cells: 1 where every room is above zero, sum of g z [s], duration [s]."""
+    """Of eight cells: 1 where every slack is above zero, sum of g z [s], duration [s]."""
 
     within: np.ndarray
     gap: np.ndarray
@@ -51,17 +51,17 @@ class Tally(NamedTuple):
 
 
 @part
-def rooms_of(axes):
-    """Rooms of a cell."""
+def slacks_of(axes):
+    """Slacks of a cell."""
     return 1 + POINTS + 4 * POINTS * axes
 
 
 @part
 def _starts(axes, block):
-    """Where a block begins in `cells` and in `point`, and where its rooms of the axes do."""
+    """Where a block begins in `cells` and in `point`, and where its slacks of the axes do."""
     rows = STILL + 2 * POINTS * axes
-    at = block * (POINTS + PER_ROOM * rooms_of(axes))
-    return block * (3 * rows + POINTS + 1), at, at + POINTS + PER_ROOM * (1 + POINTS)
+    at = block * (POINTS + PER_SLACK * slacks_of(axes))
+    return block * (3 * rows + POINTS + 1), at, at + POINTS + PER_SLACK * (1 + POINTS)
 
 
 @part
@@ -93,37 +93,37 @@ def _first(cell, n):
 
 
 @part
-def _inverses(point, mu, room, changed, near, dual):
-    """Inverses of how much of a step room and multiplier can take, the larger of all so far."""
-    over, z = load(point, room), load(point, room + DUAL)
+def _inverses(point, mu, slack, changed, near, dual):
+    """Inverses of how much of a step slack and multiplier can take, the larger of all so far."""
+    over, z = load(point, slack), load(point, slack + DUAL)
     ahead = (mu - z * changed) * over
     return most(near, spread(0.0) - changed * over), most(dual, spread(1.0) - ahead / z)
 
 
 @part
 def nearest_bounds(cells, axes, point, mu, step, scratch):
-    """Inverses of how much of the step meets a zero of a room, and of a multiplier."""
+    """Inverses of how much of the step meets a zero of a slack, and of a multiplier."""
     zero, mu = spread(0.0), spread(mu)
     near, dual = zero, zero
     for block in range((step.size + WIDTH - 1) // WIDTH):
         window = _window(block, step, scratch)
         row, at, side = _starts(axes, block)
-        room = at + POINTS
-        near, dual = _inverses(point, mu, room, _times(_three(cells, row), window), near, dual)
+        slack = at + POINTS
+        near, dual = _inverses(point, mu, slack, _times(_three(cells, row), window), near, dual)
         for p in range(POINTS):
-            room += PER_ROOM
+            slack += PER_SLACK
             changed = zero - _times(_three(cells, row + 3 * (SPEED + p)), window)
-            near, dual = _inverses(point, mu, room, changed, near, dual)
+            near, dual = _inverses(point, mu, slack, changed, near, dual)
             falling = _falling(point, at + p, _three(cells, row + 3 * (SQUARE + p)), window)
             for r in range(p * axes, (p + 1) * axes):
                 pushed = _times(_three(cells, row + 3 * (STILL + r)), window)
                 jerked = _times(_three(cells, row + 3 * (STILL + POINTS * axes + r)), window)
                 near, dual = _inverses(point, mu, side, zero - pushed, near, dual)
-                near, dual = _inverses(point, mu, side + PER_ROOM, pushed, near, dual)
-                side += 2 * PER_ROOM
+                near, dual = _inverses(point, mu, side + PER_SLACK, pushed, near, dual)
+                side += 2 * PER_SLACK
                 near, dual = _inverses(point, mu, side, falling - jerked, near, dual)
-                near, dual = _inverses(point, mu, side + PER_ROOM, falling + jerked, near, dual)
-                side += 2 * PER_ROOM
+                near, dual = _inverses(point, mu, side + PER_SLACK, falling + jerked, near, dual)
+                side += 2 * PER_SLACK
     return _largest(near, scratch), _largest(dual, scratch)
 
 
@@ -135,26 +135,26 @@ def _falling(point, at, row, step):
 
 
 @part
-def _gone(point, going, room, changed, value, tally):
-    """Move a multiplier to a new value of its room: weight z / g in the equations, pull 1 / g."""
-    over, z = load(point, room), load(point, room + DUAL)
+def _gone(point, going, slack, changed, value, tally):
+    """Move a multiplier to a new value of its slack: weight z / g in the equations, pull 1 / g."""
+    over, z = load(point, slack), load(point, slack + DUAL)
     z = fma(going.far, (going.mu - z * changed) * over - z, going.keep * z)
     over = spread(1.0) / value
     z = fma(going.anew, over, z)
-    store(point, room, over)
-    store(point, room + DUAL, z)
+    store(point, slack, over)
+    store(point, slack + DUAL, z)
     zero = spread(0.0)
     within = where_less(zero, value, tally.within, zero)
     return z * over, over, Tally(within, fma(z, value, tally.gap), tally.duration)
 
 
 @part
-def _both(point, going, room, bound, falling, here, step, row, sums, tally):
+def _both(point, going, slack, bound, falling, here, step, row, sums, tally):
     """Both sides of a limit: sums with them, their weights, and how both pull together."""
     value, changed = _times(row, here), _times(row, step)
-    held, over, tally = _gone(point, going, room, falling - changed, bound - value, tally)
-    room += PER_ROOM
-    below, over_below, tally = _gone(point, going, room, falling + changed, bound + value, tally)
+    held, over, tally = _gone(point, going, slack, falling - changed, bound - value, tally)
+    slack += PER_SLACK
+    below, over_below, tally = _gone(point, going, slack, falling + changed, bound + value, tally)
     sums = added(sums, held + below, over_below - over, row[0], row[1], row[2])
     return sums, held, below, over + over_below, tally
 
@@ -163,7 +163,7 @@ def _both(point, going, room, bound, falling, here, step, row, sums, tally):
 def _at_point(cells, axes, block, p, point, going, here, step, sums, tally):
     """Sums with the acceleration and the jerk at a point, where the bound of the jerk falls by f.
 
-    The rooms of the jerk are f - j and f + j: what both have of f is added once for all axes.
+    The slacks of the jerk are f - j and f + j: what both have of f is added once for all axes.
     """
     zero, one = spread(0.0), spread(1.0)
     row, at, side = _starts(axes, block)
@@ -175,16 +175,16 @@ def _at_point(cells, axes, block, p, point, going, here, step, sums, tally):
     over_cube = bound / u
     falls = spread(-0.5) * over_cube
     both, pulled, qx, qy, qz = zero, zero, zero, zero, zero
-    side += 4 * PER_ROOM * p * axes
+    side += 4 * PER_SLACK * p * axes
     for r in range(p * axes, (p + 1) * axes):
         pushed = _three(cells, row + 3 * (STILL + r))
         sums, _, _, _, tally = _both(point, going, side, one, zero, here, step, pushed, sums, tally)
-        side += 2 * PER_ROOM
+        side += 2 * PER_SLACK
         jerked = _three(cells, row + 3 * (STILL + POINTS * axes + r))
         sums, held, below, drawn, tally = _both(
             point, going, side, bound, falling, here, step, jerked, sums, tally
         )
-        side += 2 * PER_ROOM
+        side += 2 * PER_SLACK
         both, pulled = both + held + below, pulled + drawn
         apart = (below - held) * falls
         qx, qy, qz = fma(apart, jerked[0], qx), fma(apart, jerked[1], qy), fma(apart, jerked[2], qz)
@@ -206,16 +206,16 @@ def _cell(cells, axes, block, point, going, here, step, scratch):
     sums = Sums(zero, zero, zero, zero, zero, zero, zero, zero, zero)
     slope_x, slope_y, slope_z = zero, zero, zero
     row, at, _ = _starts(axes, block)
-    room = at + POINTS
+    slack = at + POINTS
     x, y, z = _three(cells, row)
     value, changed = _times((x, y, z), here), _times((x, y, z), step)
-    held, over, tally = _gone(point, going, room, changed, value, tally)
+    held, over, tally = _gone(point, going, slack, changed, value, tally)
     sums = added(sums, held, over, x, y, z)
     for p in range(POINTS):
-        room += PER_ROOM
+        slack += PER_SLACK
         x, y, z = _three(cells, row + 3 * (SPEED + p))
         value, changed = one - _times((x, y, z), here), zero - _times((x, y, z), step)
-        held, over, tally = _gone(point, going, room, changed, value, tally)
+        held, over, tally = _gone(point, going, slack, changed, value, tally)
         sums = added(sums, held, zero - over, x, y, z)
         sums, x, y, z, tally = _at_point(
             cells, axes, block, p, point, going, here, step, sums, tally
