@@ -31,6 +31,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     loops.Trace: ("trace", "jcontour.app.commands.loops.trace"),
     loops.Learn: ("learn", "jcontour.app.commands.loops.learn"),
     machines.Identify: ("identify", "jcontour.app.commands.machines.identify"),
+    machines.Audit: ("audit", "jcontour.app.commands.machines.audit"),
     machines.Machine: ("machine", "jcontour.app.commands.machines.machine"),
     others.Bench: ("bench", "jcontour.app.commands.bench"),
     others.Report: ("report", "jcontour.app.commands.report"),

@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 
 from jcontour.app.files import run_folder
-from jcontour.app.files.results.loop_results import SimulatedResult
+from jcontour.app.files.results.loop_results import AuditedResult, SimulatedResult
 from jcontour.app.files.results.run_metrics import (
     CONTROL,
     INCREMENT,
@@ -34,7 +34,7 @@ UNNAMED = "control unit"  # of a machine that does not say its unit
 UNCOMPARED = ("json", "out", "resume", "rollouts")
 NEITHER = "neither"  # is better: the smaller number is of a run with the verdict DO NOT USE
 SIDES = ("first", "second", "same", NEITHER)
-KINDS = {"tune": TunedResult, "simulate": SimulatedResult}
+KINDS = {"tune": TunedResult, "simulate": SimulatedResult, "audit": AuditedResult}
 Compared = TunedResult | SimulatedResult
 
 
@@ -129,10 +129,10 @@ def run(first: Path, second: Path) -> ComparedResult:
             both differ, or a run is of an older version.
     """
     folders = (first, second)
-    named = run_folder.read_json(first, run_folder.SETTINGS).get("command")
-    command = "simulate" if named == "simulate" else "tune"
-    settings = [run_folder.opened(folder, command) for folder in folders]
-    a, b = (read_result(folder, KINDS[command]) for folder in folders)
+    named = [str(run_folder.read_json(one, run_folder.SETTINGS).get("command")) for one in folders]
+    commands = named if {*named} <= {"simulate", "audit"} else ["tune", "tune"]
+    settings = [run_folder.opened(*pair) for pair in zip(folders, commands, strict=True)]
+    a, b = (read_result(folder, KINDS[one]) for folder, one in zip(folders, commands, strict=True))
     unlike, motions = unlike_paths(a, b), unlike_motions(a, b)
     rows = _rows(a, b, [*unlike, *motions])
     margins = {}
@@ -148,7 +148,7 @@ def run(first: Path, second: Path) -> ComparedResult:
         times[one.name] = [None if c.read is None else c.read.duration for c in (one, other)]
     names = list(dict.fromkeys((*a.weights, *b.weights)))
     return ComparedResult(
-        command=command,
+        command=commands[0],
         runs=[str(folder) for folder in folders],
         machines=[a.machine.name, b.machine.name],
         settings=_changed([one["flags"] for one in settings], without=UNCOMPARED),

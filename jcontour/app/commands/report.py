@@ -11,7 +11,7 @@ from jcontour.app.reports.screen import Entry, screen
 from jcontour.app.reports.tables import console_of, say
 
 SUFFIXES = (".html", ".htm")
-COMPARED = ("tune", "simulate")  # commands whose runs are compared
+COMPARED = ({"tune"}, {"simulate", "audit"})  # commands whose runs are compared
 
 
 def command(flags: Report) -> int:
@@ -23,7 +23,7 @@ def command(flags: Report) -> int:
     """
     compared = flags.runs[1:] if _comparable(flags.runs) else ()
     if not flags.page and not compared:
-        raise ValueError("report: --no-page needs two runs of tune, or two of simulate")
+        raise ValueError("report: --no-page needs two runs of tune, or two of simulate or audit")
     results = [compare.run(flags.runs[0], other) for other in compared]
     page = write_page(flags.runs, page_at(flags.out or flags.runs[0])) if flags.page else None
     if flags.json:
@@ -45,9 +45,9 @@ def command(flags: Report) -> int:
 
 
 def _comparable(runs: tuple[Path, ...]) -> bool:
-    """Whether all runs are of one command whose runs are compared."""
+    """Whether all runs are of commands whose runs are compared."""
     commands = {run_folder.read_json(one, run_folder.SETTINGS).get("command") for one in runs}
-    return len(commands) == 1 and commands <= set(COMPARED)
+    return any(commands <= alike for alike in COMPARED)
 
 
 def page_at(out: Path) -> Path:

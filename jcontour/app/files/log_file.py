@@ -21,9 +21,11 @@ LENGTHS = METRES | RADIANS
 RATES = tuple(f"{unit}{per}" for unit in LENGTHS for per in ("/s", "_per_s"))
 COMMAND_UNITS = (*LENGTHS, *RATES, "v", "mv", "a", "ma", "n", "nm", "rpm", "%", "percent", "counts")
 COMMAND_WORDS = ("command", "control", "u", "cmd", "torque", "velocity_command", "speed_command")
+ASKED_WORDS = ("command", "cmd", "reference", "ref", "target", "setpoint", "demand", "desired")
 POSITION_WORDS = ("position", "pos", "y", "q", "actual", "measured")
 ANGLE = "1 rad stands where tables have 1 m, as at a radius of 1 m"
 LISTED = 40  # columns that a refusal names
+HAL = {"command": "cmd", "position": "fb"}  # pins of LinuxCNC's joints
 TIME_WORDS = ("time", "t", "timestamp")
 
 
@@ -36,6 +38,7 @@ class LogColumns:
         command, position: names by axis; found by themselves when empty.
         length_unit: of the positions, where their names do not say.
         period: [s]; a column of time is then not read.
+        asked: whether the commands are positions too: they become [m] alike.
     """
 
     time: str | None = None
@@ -43,6 +46,7 @@ class LogColumns:
     position: tuple[str, ...] = ()
     length_unit: str = "mm"
     period: float | None = None
+    asked: bool = False
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class Log:
 
     Attributes:
         dt: sample period [s].
-        command: (T, axes) [command unit].
+        command: (T, axes) [command unit]; [m] where they are positions.
         position: (T, axes) [m].
         words: what was done to the file's numbers, one line each.
         angles: which axes turn: their positions are in rad.
@@ -75,7 +79,8 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
             number is not finite; one line in the user's words.
     """
     table = read_table(path)
-    commands = _named(path, table, columns.command, axes, COMMAND_WORDS, "command", COMMAND_UNITS)
+    called, in_units = (ASKED_WORDS, LENGTHS) if columns.asked else (COMMAND_WORDS, COMMAND_UNITS)
+    commands = _named(path, table, columns.command, axes, called, "command", in_units)
     positions = _named(path, table, columns.position, axes, POSITION_WORDS, "position", LENGTHS)
     units = [_unit(one, LENGTHS) or columns.length_unit for one in positions]
     signals = np.stack([_column(path, table, one) for one in [*commands, *positions]], axis=1)
@@ -100,6 +105,8 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
     if stamps is not None:
         signals = resampled(stamps[keep], dt, signals)
     command, position = np.split(signals, 2, axis=1)
+    if columns.asked:
+        command = command * [LENGTHS[_unit(u, LENGTHS) or columns.length_unit] for u in commands]
     angles = tuple(unit in RADIANS for unit in units)
     return Log(dt, command, position * [LENGTHS[one] for one in units], tuple(words), angles)
 
@@ -157,6 +164,7 @@ def _named(
     for axis in axes:
         name = axis.lower()
         wanted = [f"{name}_{word}" for word in words] + [f"{word}_{name}" for word in words]
+        wanted.append(f"joint.{len(found)}.motor-pos-{HAL[what]}")
         column = _first(table, wanted, tuple(units))
         if column is None:
             raise ValueError(

@@ -15,15 +15,48 @@ Takes = Literal["speed", "position", "force"]
 
 
 @dataclass(frozen=True)
-class Identify(Common):
+class Logged(Common):
+    """Columns of a log."""
+
+    data: Positional[Path | None] = None
+    """Log (CSV, netCDF, MAT) with a command and a position for each axis."""
+    axes: tuple[str, ...] = ("X", "Y")
+    """Names of one to three axes; their columns are x_command, x_position, ..."""
+    time_column: str | None = None
+    """Name of the column of time; time_ms and t_us say their unit.
+    Without one, it is seconds where they are possible, else what suits a drive, and is printed."""
+    command_columns: tuple[str, ...] = ()
+    """Names of the commands, one per axis."""
+    position_columns: tuple[str, ...] = ()
+    """Names of the measured positions, one per axis."""
+    length_unit: PositionUnit = "mm"
+    """Unit of the positions, where their columns do not say (x_position_um)."""
+    period_ms: float | None = None
+    """Sample period [ms]; a column of time is then not used."""
+    out: Path | None = None
+    """Run folder; runs/<command>-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Audit(Logged):
+    """Tell the contour error of a log, where it is largest, and why.
+
+    Every cause has its share in um, and what to change on the control.
+    """
+
+    part: str | None = None
+    """Part that was run, a toolpath or a name; errors are then those from the part.
+    When not given, from the path of the commands."""
+
+
+@dataclass(frozen=True)
+class Identify(Logged):
     """Fit a machine to recorded data.
 
     Every number comes with its 95 % interval, and with a note where the data cannot tell it.
+    --machine linear takes any log; the flexible axis the record of its commissioning.
     """
 
-    data: Positional[Path | None] = None
-    """Recorded data. linear: any log of two or three axes (CSV, netCDF, MAT), with a command and a
-    position for each. flexible-axis: its commissioning, jcontour/app/files/record_file.py."""
     machine: Kind = "flexible-axis"
     """linear: a transfer function per axis from a log of any program, in open or closed loop.
     flexible-axis: masses, spring, friction and cogging of the axis of Yuan's thesis."""
@@ -32,19 +65,6 @@ class Identify(Common):
     The file is kept in the run folder."""
     seed: int = 0  # any number: the same one repeats the data
     """Seed of the noise of --demo."""
-    axes: tuple[str, ...] = ("X", "Y")
-    """linear: names of one to three axes; their columns are x_command, x_position, ..."""
-    time_column: str | None = None
-    """linear: name of the column of time; time_ms and t_us say their unit.
-    Without one, it is seconds where they are possible, else what suits a drive, and is printed."""
-    command_columns: tuple[str, ...] = ()
-    """linear: names of the commands, one per axis: what the new controller will give the drive."""
-    position_columns: tuple[str, ...] = ()
-    """linear: names of the measured positions, one per axis."""
-    length_unit: PositionUnit = "mm"
-    """linear: unit of the positions, where their columns do not say (x_position_um)."""
-    period_ms: float | None = None
-    """linear: sample period [ms]; a column of time is then not used."""
     control_unit: str = "control unit"
     """linear: unit of the commands, for tables and figures."""
     most_order: int = 3  # a time constant and a resonance
@@ -61,8 +81,6 @@ class Identify(Common):
     force otherwise."""
     encoder_um: float = 1.0  # usual for a linear encoder on a direct drive
     """flexible-axis: resolution of the motor's encoder [um], for the axis file."""
-    out: Path | None = None
-    """Run folder; runs/identify-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)

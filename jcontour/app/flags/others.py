@@ -13,12 +13,12 @@ from jcontour.app.flags.shared import Common
 class Report(Common):
     """Write one page of stored runs for a browser, and compare runs of one command.
 
-    The page has everything inside and loads nothing. Of several runs of `tune`, or of `simulate`,
-    each is compared with the first: what changed, and which is better where.
+    The page has everything inside and loads nothing. Of several runs of `tune`, or of `simulate`
+    and `audit`, each is compared with the first: what changed, and which is better where.
     """
 
     runs: Positional[tuple[Path, ...]] = ()
-    """Run folders of `jcontour tune`, `simulate` or `front`."""
+    """Run folders of `jcontour tune`, `simulate`, `audit` or `front`."""
     page: bool = True
     """The page; --no-page leaves the comparison alone."""
     out: Path | None = None

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from jcontour.app.files.netcdf import save_dataset
-from jcontour.app.files.results.run_metrics import METRICS
+from jcontour.app.files.results.run_metrics import METRICS, MachineSummary
 from jcontour.app.files.run_folder import versions
 from jcontour.app.flags.shared import Rollouts
 from jcontour.app.jobs.replays import Replay, Scenarios, desired, scored
@@ -31,7 +31,7 @@ def save_rollouts(
     keep: Rollouts,
     replays: Mapping[str, Replay],
     scenarios: Scenarios,
-    machine: Machine,
+    machine: Machine | MachineSummary,
     title: str,
     folder: Path,
 ) -> str:
@@ -68,7 +68,7 @@ def samples_kept(keep: Rollouts, size: int) -> int | None:
 def rollouts(
     replays: Mapping[str, Replay],
     scenarios: Scenarios,
-    machine: Machine,
+    machine: Machine | MachineSummary,
     attributes: dict[str, str],
     every: int = 1,
 ) -> xr.Dataset:

@@ -18,7 +18,7 @@ def test_faults_are_told_in_a_line(tmp_path, capsys):
     (tmp_path / "settings.json").write_text('{"command": "check", "flags": {}}')
     assert main(["report", str(tmp_path)]) == 2
     told = capsys.readouterr().err
-    assert told.count("\n") == 1 and "pages are made of tune, simulate, front" in told
+    assert told.count("\n") == 1 and "pages are made of tune, simulate, audit, front" in told
     assert not list(tmp_path.glob("*.html"))
 
 

@@ -14,7 +14,7 @@ from jcontour.app.files.checks import MachineError
 from jcontour.app.files.log_file import Log, LogColumns, read_log
 from jcontour.app.files.results.machine_results import LinearAxisResult, LinearMachineResult
 from jcontour.app.files.results.stored import write_result
-from jcontour.app.flags.machines import Identify
+from jcontour.app.flags.machines import Identify, Logged
 from jcontour.app.machines.from_file import machine_from
 from jcontour.app.machines.identified import axis_result, counts, largest, machine_fields, noises
 from jcontour.app.machines.machine_behaviour import (
@@ -160,14 +160,21 @@ def _log(flags: Identify) -> tuple[Log, str]:
     """The record, and where it comes from."""
     if flags.data is None:
         return _simulated(flags.seed)
+    return log_of(flags), str(flags.data)
+
+
+def log_of(flags: Logged, asked: bool = False) -> Log:
+    """The log that the flags name; `asked` where its commands are positions."""
+    assert flags.data is not None
     columns = LogColumns(
         flags.time_column,
         flags.command_columns,
         flags.position_columns,
         flags.length_unit,
         None if flags.period_ms is None else 1e-3 * flags.period_ms,
+        asked,
     )
-    return read_log(flags.data, flags.axes, columns), str(flags.data)
+    return read_log(flags.data, flags.axes, columns)
 
 
 def _simulated(seed: int) -> tuple[Log, str]:

@@ -50,6 +50,42 @@ class SimulatedResult:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CauseShare:
+    """Share of one cause in a measured error.
+
+    Attributes:
+        kind: of `tuning.identification.error_causes.Kind`.
+        axis: name; empty where it is all of them.
+        rms: in the RMS error [m].
+        peak: in the largest [m].
+        text: the cause with its numbers.
+        remedy: what to change on the control; empty where nothing is known.
+    """
+
+    kind: str
+    axis: str
+    rms: float
+    peak: float
+    text: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AuditedResult(SimulatedResult):
+    """A measured run, with the causes of its error.
+
+    Attributes:
+        words: where the signals were in the log, and what was done to them.
+        lags: of the axes behind their commands [s].
+        causes: the largest share first, the unexplained part last; together they are the error.
+    """
+
+    words: list[str]
+    lags: list[float]
+    causes: list[CauseShare]
+
+
+@dataclass(frozen=True, kw_only=True)
 class FeedPoint:
     """One feed.
 

@@ -12,13 +12,15 @@ from jaxtyping import Float, Int
 
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import load_dataset
-from jcontour.app.files.results.loop_results import SimulatedResult
+from jcontour.app.files.results.loop_results import AuditedResult, SimulatedResult
 from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.results.search_results import FrontResult
 from jcontour.app.files.results.stored import read_result, to_json
 from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.flags.loops import Simulate
+from jcontour.app.flags.machines import Audit
 from jcontour.app.flags.tuning import Front, Tune
+from jcontour.app.reports.causes import audit_answer
 from jcontour.app.reports.rollouts import ROLLOUTS, SENSITIVITY
 from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.simulated_tables import simulated_answer
@@ -27,11 +29,13 @@ from jcontour.app.reports.tuned_tables import margin_rows, tuned_answer
 KINDS: dict[str, type[TunedResult | SimulatedResult | FrontResult]] = {
     "tune": TunedResult,
     "simulate": SimulatedResult,
+    "audit": AuditedResult,
     "front": FrontResult,
 }
-FLAGS: dict[str, type[Tune | Simulate | Front]] = {
+FLAGS: dict[str, type[Tune | Simulate | Audit | Front]] = {
     "tune": Tune,
     "simulate": Simulate,
+    "audit": Audit,
     "front": Front,
 }
 BYTES = 3e6  # of the signals of a run on its page
@@ -78,7 +82,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
         room: bytes that its signals may take.
 
     Raises:
-        RunError: not the folder of a finished run of `tune`, `simulate` or `front`, or one of
+        RunError: not the folder of a finished run of one of `KINDS`, or one of
             another version.
     """
     settings = run_folder.read_json(folder, run_folder.SETTINGS)
@@ -137,6 +141,8 @@ def _answer(result: TunedResult | SimulatedResult | FrontResult) -> list[Entry]:
     """Entries of the screen of the command."""
     if isinstance(result, TunedResult):
         return tuned_answer(result)
+    if isinstance(result, AuditedResult):
+        return audit_answer(result)
     return simulated_answer(result) if isinstance(result, SimulatedResult) else []
 
 

@@ -1,0 +1,171 @@
+"""A run that was measured: the path of its part, commands and tool along it."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from jcontour.app.catalogue.choices import job_named, machine_named
+from jcontour.app.catalogue.contours import CONTOURS
+from jcontour.app.files.log_file import Log
+from jcontour.app.jobs.job import Job, Pace, Program
+from jcontour.app.reports.tables import position
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.contours import polyline
+from jcontour.geometry.outlines import outline
+from jcontour.geometry.reading import read
+from jcontour.motion.references import Reference, from_samples
+from jcontour.simulation.metrics import contour_error
+
+MEASURED = "measured"
+FARTHEST = 0.02  # of the part's size: commands farther from it are on their way to it
+MOSTLY = 0.8  # of the commands between the first on the part and the last
+CHUNK = 1000  # samples, whose nearest points are sought at once
+ROUNDS = 4  # for the zero of the part
+SHIFTED = 1e-3  # of the part's size: the log has another zero
+MOST = 400_000  # samples
+FED = 1.0  # [m/s] of points and drawings; no error depends on it
+
+
+class MeasuredRun(NamedTuple):
+    """A record along a path.
+
+    Attributes:
+        job: the path, and which samples count.
+        reference: the commands as a reference along it.
+        command: (T, m) [m].
+        tool: (T, m) [m].
+        words: what was done to the record.
+    """
+
+    job: Job
+    reference: Reference
+    command: np.ndarray
+    tool: np.ndarray
+    words: list[str]
+
+    def error(self, tool: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Contour errors of tool points (T, m) [m], and unit tangents where they are nearest.
+
+        On one axis the error is that of following, and the tangent means nothing.
+        """
+        if tool.shape[1] == 1:
+            return tool - self.command, np.ones_like(tool)
+        error = np.asarray(contour_error(tool, self.reference))
+        reach = 1e-6 + 2 * np.linalg.norm(tool - error - self.command, axis=1)
+        contour = self.reference.contour
+        arc = contour.nearest(tool - error, self.reference.arc, reach)
+        return error, np.asarray(contour.tangent(arc))
+
+
+def measured_run(log: Log, name: str, part: str | None, axes: tuple[str, ...]) -> MeasuredRun:
+    """The run of a log, along its part or along its commands.
+
+    Args:
+        log: with commands in [m].
+        name: of the log.
+        part: name or file of the part; None for the path of the commands.
+        axes: names.
+
+    Raises:
+        ValueError: nothing moves, the log is too long, or the commands are not along the part.
+    """
+    if len(log.command) > MOST:
+        raise ValueError(f"{name}: has {len(log.command)} samples, more than {MOST}: take a part")
+    moves = np.append(np.linalg.norm(np.diff(log.command, axis=0), axis=1) > 0, False)
+    if moves.sum() < 3:
+        raise ValueError(f"{name}: the commands do not move; are they the right columns?")
+    if part is None:
+        first = np.append(True, moves[:-1])
+        path, rapid, program = polyline(log.command[first]), np.zeros(first.sum() - 1, bool), None
+        command, tool, words = log.command, log.position, list[str]()
+        steps = np.linalg.norm(np.diff(command, axis=0), axis=1)
+        arc = np.concatenate([[0.0], np.cumsum(steps)])
+    else:
+        name, path, rapid, program = _part(part, len(axes))
+        offset = _offset(path, log.command)
+        keep = _along(part, path, log.command - offset)
+        command, tool, moves = (one[keep] for one in (log.command, log.position, moves))
+        command, tool = command - offset, tool - offset
+        moved = f"the part is at {position(axes, offset.tolist())} of the log"
+        words = [moved] if offset.any() else []
+        along = from_samples(command, _tangents(command), log.dt, 0, path, tolerance=np.inf)
+        arc = np.asarray(along.arc)
+    pieces = np.searchsorted(np.asarray(path.start), arc, side="right") - 1
+    scored = ~rapid[np.clip(pieces, 0, len(rapid) - 1)]
+    moving = np.flatnonzero(moves)
+    scored[: moving[0]] = scored[moving[-1] + 2 :] = False
+    reach = np.abs(tool - command).max() if path.axes > 1 and not path.closed else 0.0
+    if moving[0] == 0:  # a record that begins or ends in motion has no path around its ends
+        scored &= arc > arc[0] + reach
+    if moving[-1] >= len(command) - 2:
+        scored &= arc < arc[-1] - reach
+    samples = jax.device_put((command, _tangents(command), arc, scored, 0 * command[0]))
+    reference = Reference(*samples, path, log.dt, len(command))
+    job = Job(name, path, arc, scored, True, MEASURED, program)
+    return MeasuredRun(job, reference, command, tool, words)
+
+
+def _part(name: str, axes: int) -> tuple[str, Contour, np.ndarray, Program | None]:
+    """Name, path, rapid moves and program of a part."""
+    if name in CONTOURS:
+        job = job_named(name, Pace(machine_named("bridgeport"), None, None))
+        assert isinstance(job, Job)
+        return job.name, job.contour, job.rapid, job.program
+    found = read(name, FED, "XY" if axes == 2 else "XYZ")
+    program = Program(found.line, found.ignored, found.doubts, found.stops, found.rapid)
+    return Path(name).stem, found.contour, found.rapid, program
+
+
+def _offset(path: Contour, command: np.ndarray) -> np.ndarray:
+    """Zero of the part in the log [m], by the boxes around both; none where it is the log's."""
+    box = outline(path)
+    low, high = box.min(axis=0), box.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    below, above = command.min(axis=0) - low, command.max(axis=0) - high
+    alike = np.abs(above - below).max() < FARTHEST * size
+    offset = (below + above) / 2
+    if not alike or np.abs(offset).max() <= SHIFTED * size:
+        return np.zeros(len(low))
+    for _ in range(ROUNDS):  # blended corners are not on the part: the nearer half counts
+        nearest = _nearest(path, command - offset)
+        apart = command - offset - np.asarray(path.position(nearest))
+        tangent = np.asarray(path.tangent(nearest))
+        near = np.linalg.norm(apart, axis=1)
+        near = near <= np.median(near)
+        across = np.eye(len(low)) - tangent[near, :, None] * tangent[near, None, :]
+        offset = offset + np.linalg.lstsq(across.sum(axis=0), apart[near].sum(axis=0))[0]
+    return offset
+
+
+def _nearest(path: Contour, places: np.ndarray) -> np.ndarray:
+    parts = np.array_split(places, -(-len(places) // CHUNK))
+    return np.concatenate([np.asarray(path.nearest_anywhere(part)) for part in parts])
+
+
+def _along(name: str, path: Contour, command: np.ndarray) -> slice:
+    """Samples from the first on the part to the last.
+
+    Raises:
+        ValueError: most of the commands between them are elsewhere.
+    """
+    nearest = np.asarray(path.position(_nearest(path, command)))
+    distance = np.linalg.norm(command - nearest, axis=1)
+    near = np.flatnonzero(distance <= FARTHEST * float(path.size))
+    if near.size < 3 or near.size < MOSTLY * (near[-1] - near[0] + 1):
+        raise ValueError(
+            f"{name}: the commands are up to {1e3 * distance.max():.4g} mm from this part, "
+            f"{1e3 * distance.min():.4g} mm at least; is it the part of the log, in the same unit, "
+            "with its zero where the log has it?"
+        )
+    return slice(int(near[0]), int(near[-1]) + 1)
+
+
+def _tangents(command: np.ndarray) -> np.ndarray:
+    """Unit vectors along the motion, kept while it rests."""
+    steps = np.gradient(command, axis=0)
+    sizes = np.linalg.norm(steps, axis=1)
+    moving = np.flatnonzero(sizes > 0)
+    last = np.maximum(np.searchsorted(moving, np.arange(len(command)), side="right") - 1, 0)
+    return (steps / np.maximum(sizes, 1e-300)[:, None])[moving[last]]

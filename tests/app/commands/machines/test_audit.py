@@ -1,0 +1,61 @@
+"""`audit` from the command line, on a log made of a simulated run."""
+
+import json
+
+import numpy as np
+import pytest
+
+from jcontour.app.cli import main
+from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.results.loop_results import AuditedResult, SimulatedResult
+from jcontour.app.files.results.stored import read_result
+from jcontour.app.reports.rollouts import ROLLOUTS
+
+MOVED = 0.05  # [m] of the part in the log
+
+
+@pytest.fixture
+def audited(tour, tmp_path):
+    """Log of the nominal plant of a run of `simulate`, and the folder of its audit."""
+    run = tour("simulate").folder
+    data = load_dataset(run / ROLLOUTS).isel(design=0, contour=0, plant=0)
+    rows = np.column_stack([data.time, data.reference + MOVED, data.output + MOVED])
+    names = ["time_s", *(f"{a}_{what}_m" for what in ("command", "position") for a in "xy")]
+    log = tmp_path / "log.csv"
+    np.savetxt(log, rows, "%.12g", ",", header=",".join(names), comments="")
+    return run, log, tmp_path / "out"
+
+
+def test_a_measured_run_has_the_error_of_the_simulated_one(audited, capsys):
+    run, log, out = audited
+    assert main(["audit", str(log), "--part", "part.ngc", "--out", str(out)]) == 0
+    screen = capsys.readouterr().out
+    assert len(screen.splitlines()) <= 15 and "Change: " in screen
+    simulated, measured = read_result(run, SimulatedResult), read_result(out, AuditedResult)
+    assert any(f"X {1e3 * MOVED:g}" in line for line in measured.words)
+    (found,), wanted = measured.plants.values(), next(iter(simulated.plants.values()))
+    assert found.peak_contour_error == pytest.approx(wanted.peak_contour_error, rel=1e-3)
+    squares = [one.rms_contour_error**2 * one.duration for one in (found, wanted)]  # it settles
+    assert squares[0] == pytest.approx(squares[1], rel=0.05)
+    assert measured.contour == simulated.contour
+    total = sum(one.rms for one in measured.causes)
+    assert total == pytest.approx(found.rms_contour_error, rel=1e-6)
+    assert {path.suffix for path in out.iterdir()} >= {".png", ".html", ".nc"}
+    assert main(["report", str(out), str(run), "--json"]) == 0
+    (compared,) = json.loads(capsys.readouterr().out)["comparisons"]
+    rows = [row for row in compared["metrics"] if row["metric"] == "peak_contour_error"]
+    assert rows[0]["plant"] == "nominal"
+    assert rows[0]["first"] == pytest.approx(rows[0]["second"], rel=1e-3)
+
+
+def test_what_is_no_run_of_the_part_is_refused_in_a_line(audited, tmp_path, capsys):
+    _, log, out = audited
+    assert main(["audit", str(log), "--part", "lobes", "--out", str(out)]) == 2
+    assert "mm from this part" in capsys.readouterr().err
+    still = tmp_path / "still.csv"
+    still.write_text("time,x_command,y_command,x_position,y_position\n" + "0,1,1,1,1\n" * 9)
+    assert main(["audit", str(still), "--out", str(out)]) == 2
+    assert "time has to grow" in capsys.readouterr().err
+    assert main(["audit", str(still), "--period-ms", "1", "--out", str(out)]) == 2
+    assert "the commands do not move" in capsys.readouterr().err
+    assert not out.exists()
