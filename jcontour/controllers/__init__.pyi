@@ -112,6 +112,7 @@ from .synchronisation.adaptive import (
 from .synchronisation.adaptive import (
     SynchronisedGains as SynchronisedGains,
 )
+from .wrappers.backlash_compensation import BacklashCompensation as BacklashCompensation
 from .wrappers.compensated import Compensated as Compensated
 from .wrappers.filters import (
     Biquad as Biquad,

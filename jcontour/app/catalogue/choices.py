@@ -6,6 +6,9 @@ from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
+import jax.numpy as jnp
+import numpy as np
+
 from jcontour.app.catalogue.contours import CONTOURS
 from jcontour.app.catalogue.controllers import ALIASES, CONSTRAINED, CONTROLLERS, design_class
 from jcontour.app.catalogue.known_names import check_contour, check_plant
@@ -21,8 +24,10 @@ from jcontour.app.designs.own import OwnDesign, own_design
 from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.job import Pace, Task, from_file
 from jcontour.app.machines.from_file import load_machine
+from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import WholePath
+from jcontour.controllers.wrappers.backlash_compensation import BacklashCompensation
 
 Flags = TypeVar("Flags", bound=Controlled)
 
@@ -107,8 +112,22 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     if unread:
         words = ", ".join(f"--{flag.replace('_', '-')}" for flag in unread)
         warnings.warn(f"{design.name} does not read {words}", UnreadFlagWarning, stacklevel=2)
+    if flags.backlash:
+        design = _compensated(design, machine)
     design.build(design.start)
     return design
+
+
+def _compensated(design: Design, machine: Machine) -> Design:
+    """The design with motors that lead by half the backlash.
+
+    Raises:
+        ValueError: the machine states none.
+    """
+    if not (isinstance(machine, LinearMachine) and np.any(machine.backlash)):
+        raise ValueError(f"backlash: {machine.name} states none; a machine file may")
+    build, gaps = design.build, jnp.asarray(machine.gaps)
+    return design.replaced(build=lambda weights: BacklashCompensation(build(weights), gaps))
 
 
 def set_of(flags: Controlled) -> list[str]:

@@ -30,7 +30,7 @@ UNKNOWN = "unknown"
 ROOMS = {  # of `experiments/benchmarks`: the parts in each
     "speed": ("mpc", "qp", "lq", "gantry"),
     "searches": ("tuners",),
-    "records": ("identify", "whole_way"),
+    "records": ("identify", "whole_way", "public"),
 }
 
 

@@ -130,7 +130,8 @@ def run(first: Path, second: Path) -> ComparedResult:
     """
     folders = (first, second)
     named = [str(run_folder.read_json(one, run_folder.SETTINGS).get("command")) for one in folders]
-    commands = named if {*named} <= {"simulate", "audit"} else ["tune", "tune"]
+    alike = ("simulate", "audit") if named[0] in ("simulate", "audit") else ("tune",)
+    commands = [one if one in alike else alike[0] for one in named]
     settings = [run_folder.opened(*pair) for pair in zip(folders, commands, strict=True)]
     a, b = (read_result(folder, KINDS[one]) for folder, one in zip(folders, commands, strict=True))
     unlike, motions = unlike_paths(a, b), unlike_motions(a, b)

@@ -119,5 +119,8 @@ class LinearMachineFile(Schema):
     friction: OneOrEach[NotNegative] | None = 0.0
     """[control unit] that dry friction takes, null where it is not known; it is in
     the runs, and what is proven takes it as a force"""
+    backlash: OneOrEach[NotNegative] = 0.0
+    """[length] gap between the motor, where the encoders are, and the tool; it is in the runs, and
+    --backlash compensates it"""
     note: Note | None = None
     """repeated by `simulate`, `tune` and `machine`"""

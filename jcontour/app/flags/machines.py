@@ -71,6 +71,11 @@ class Identify(Logged):
     """linear: highest order of an axis beside its integrator, 1 to 8."""
     most_delay: int = 10  # samples; a fieldbus with three to spare
     """linear: longest delay that is looked for [samples], at most 40."""
+    response: Path | None = None
+    """Instead: tune a PI control with filters on a measured frequency response (CSV with
+    frequency_hz, real and imaginary or db and degrees, coherence; XML of a SINUMERIK)."""
+    crossover_hz: float | None = None
+    """response: crossover of the loop [Hz]; the highest with Ms of at most 1.5 when not given."""
     excite: Path | None = None
     """Instead: write programs (G-code, CSV) whose record shows what a tuner needs, within the
     limits of this JSON file: axes, travel, speed, acceleration, length_unit, dt."""

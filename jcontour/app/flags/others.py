@@ -58,6 +58,7 @@ class Bench(Common):
             "tuners",
             "identify",
             "whole_way",
+            "public",
         ]
     ] = "mpc"  # it has to fit a sample period
     """Timed part of the library.
@@ -67,7 +68,8 @@ class Bench(Common):
     gantry: the gantry in every engine.
     tuners: the tuner against searches without slopes, hours; `uv run --group bench`.
     identify: random axes, recorded and identified again, minutes each.
-    whole_way: from the log of a hidden machine to the contour error there, minutes each."""
+    whole_way: from the log of a hidden machine to the contour error there, minutes each.
+    public: predictions for public records of real machines, and the page about them."""
     batch: tuple[int, ...] = ()
     """LQ: runs at once, what suits the device when not given.
     Gantry: machines at once, 1000 when not given.
@@ -85,5 +87,7 @@ class Bench(Common):
     """File that keeps what is done; with it, a second run goes on.
     Tuners: every start; identify, whole_way: every machine.
     LQ, QP: results that later ones are compared with."""
+    records: Path | None = None
+    """Public: folder with the records, a folder each."""
     figure: Path | None = None
     """Tuners: PNG file for the best value so far against evaluations."""

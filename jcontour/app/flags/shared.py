@@ -78,6 +78,8 @@ class Controlled(MachineFlags):
     weights: tuple[str, ...] = ()
     """First weights by name, each as NAME=VALUE, instead of the controller's own.
     NAME=VALUE,VALUE,... where a weight has a number for each axis."""
+    backlash: bool = False  # most machines state none
+    """Compensate the backlash of the machine file: the motors lead by half of it."""
     preview: Samples = 10  # the paper's usual horizon
     """Horizon of an LQ controller [samples]; not tuned here, see `jcontour sweep`.
     path: all samples of the run, with `simulate`, `feed`, `precompensate` and `learn`."""
@@ -113,6 +115,7 @@ class Limited(Controlled):
             "rho",
         ),
         "model_delay",
+        "backlash",
         *("min_delay_margin", "max_count_noise", "max_peak_tracking_error_um", "max_rms_control"),
         *("max_peak_contour_error_um", "max_peak_control", "max_rms_increment"),
         *("max_peak_increment", "seed", "devices", "hosts", "force", "encoder_um", "nominal_only"),

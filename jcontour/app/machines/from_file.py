@@ -147,6 +147,7 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         friction=None
         if file.friction is None
         else one_or_each("friction", file.friction, plant.axes),
+        backlash=one_or_each("backlash", file.backlash, plant.axes) * metre,
         note=file.note or "",
         states_family=IN_FILE if file.uncertainty is None else "",
     )

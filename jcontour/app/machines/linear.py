@@ -21,6 +21,7 @@ from jcontour.app.machines.uncertainty import Member, assumed, family_members, r
 from jcontour.linear.between_samples import hidden_acceleration
 from jcontour.plant import Plant
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
+from jcontour.plants.wrappers.backlash import Backlash
 from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.dry_friction import with_dry_friction
@@ -64,6 +65,8 @@ class LinearMachine(Machine):
         lines: what was measured of the response behind each control.
         friction: control that dry friction takes, of all axes or of each (m,): in the runs, not in
             linear loops; None where it is not known, and nowhere.
+        backlash: gap between the motor, which is measured, and the tool [m], of all axes or of each
+            (m,): in the runs, not in linear loops.
         note: of its file, to be repeated where it is run; empty without one.
         states_family: how its file states the family; empty where it does.
     """
@@ -80,6 +83,7 @@ class LinearMachine(Machine):
     response_doubt: Doubt | None = None
     lines: tuple[Lines, ...] = ()
     friction: float | np.ndarray | None = 0.0
+    backlash: float | np.ndarray = 0.0
     note: str = ""
     states_family: str = ""
 
@@ -103,9 +107,10 @@ class LinearMachine(Machine):
 
     @property
     def nonsmooth_effects(self) -> str:
-        """Encoder counts and noise, and friction, where there is some."""
+        """Encoder counts and noise, friction and backlash, where there are some."""
         encoders = "quantised, noisy encoders" if self.noisy else "quantised encoders"
-        return f"{encoders} and dry friction" if self.largest_friction else encoders
+        loose = " and backlash" if np.any(self.backlash) else ""
+        return encoders + (" and dry friction" if self.largest_friction else "") + loose
 
     @property
     def resolution(self) -> float | np.ndarray:
@@ -178,7 +183,7 @@ class LinearMachine(Machine):
     @property
     def frictionless(self) -> "LinearMachine":
         """The same without dry friction: its loops are linear."""
-        return replace(self, friction=0.0)
+        return replace(self, friction=0.0, backlash=0.0)
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members behind encoders with noise in place of counts, or their state measured.
@@ -211,6 +216,8 @@ class LinearMachine(Machine):
         """Gaussian noise within three deviations, alike on all plants. Counts are no noise."""
         if not self.noisy or fed == "state":
             return plant
+        if isinstance(plant, Backlash):
+            return replace(plant, plant=self.with_noise(plant.plant, key, steps, fed))
         deviation = jnp.broadcast_to(jnp.asarray(self.encoder_noise), (1, self.model.axes))
         drawn = jax.random.normal(key, (steps, self.model.axes))
         noise = deviation * jnp.clip(drawn, -FARTHEST, FARTHEST)
@@ -256,13 +263,21 @@ class LinearMachine(Machine):
         return Gained(plant, jnp.asarray(gains))
 
     def counted(self, plant: Plant, fed: Fed = "outputs") -> Plant:
-        """A plant behind the encoders, with their noise and whole counts, or its state measured."""
-        if fed == "state":
-            return plant
-        read = Encoders(plant)
-        if self.noisy:
-            read = Disturbed(read, noise=sensor_noise(self.model.axes, self.encoder_noise))
-        return Quantised(read, resolution=self.encoder_resolution)
+        """A plant behind the encoders, with noise and whole counts, or its state measured.
+
+        Its tool is behind the backlash.
+        """
+        if fed != "state":
+            plant = Encoders(plant)
+            if self.noisy:
+                plant = Disturbed(plant, noise=sensor_noise(self.model.axes, self.encoder_noise))
+            plant = Quantised(plant, resolution=self.encoder_resolution)
+        return Backlash(plant, self.gaps) if np.any(self.backlash) else plant
+
+    @property
+    def gaps(self) -> np.ndarray:
+        """Backlash of every axis [m]."""
+        return np.broadcast_to(np.asarray(self.backlash, float), self.model.axes)
 
     @cached_property
     def _machine(self) -> Plant:
@@ -297,6 +312,7 @@ class LinearMachine(Machine):
             "Machine": f"{self.name}: {states}, axes {', '.join(self.axes)}, {time}",
             "Measured": sensors,
             **({"Friction": friction} if self.friction is None or self.largest_friction else {}),
+            **({"Backlash": in_words(self.gaps)} if np.any(self.backlash) else {}),
             **({"Note": self.note} if self.note else {}),
         }
 

@@ -25,6 +25,9 @@ CHUNK = 1000  # samples, whose nearest points are sought at once
 ROUNDS = 4  # for the zero of the part
 SHIFTED = 1e-3  # of the part's size: the log has another zero
 MOST = 400_000  # samples
+STILL = 1e-6  # [m] of travel
+FOLLOWS = 0.5  # correlation of a position with its command, at least
+UNLIKE = 2.0  # ratio of the two that is one of units
 FED = 1.0  # [m/s] of points and drawings; no error depends on it
 
 
@@ -76,6 +79,7 @@ def measured_run(log: Log, name: str, part: str | None, axes: tuple[str, ...]) -
     moves = np.append(np.linalg.norm(np.diff(log.command, axis=0), axis=1) > 0, False)
     if moves.sum() < 3:
         raise ValueError(f"{name}: the commands do not move; are they the right columns?")
+    _check_columns(name, log, axes)
     if part is None:
         first = np.append(True, moves[:-1])
         path, rapid, program = polyline(log.command[first]), np.zeros(first.sum() - 1, bool), None
@@ -105,6 +109,40 @@ def measured_run(log: Log, name: str, part: str | None, axes: tuple[str, ...]) -
     reference = Reference(*samples, path, log.dt, len(command))
     job = Job(name, path, arc, scored, True, MEASURED, program)
     return MeasuredRun(job, reference, command, tool, words)
+
+
+def _check_columns(name: str, log: Log, axes: tuple[str, ...]) -> None:
+    """Refuse positions that are not those of their commands.
+
+    Raises:
+        ValueError: a position stands still, belongs to another command or to none, or has another
+            unit.
+    """
+    asked, seen = (one - one.mean(axis=0) for one in (log.command, log.position))
+    size = np.linalg.norm(asked, axis=0), np.linalg.norm(seen, axis=0)
+    moving = np.ptp(log.command, axis=0) > STILL
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alike = np.nan_to_num(asked.T @ seen / np.outer(*size))
+    for k in np.flatnonzero(moving):
+        if not size[1][k]:
+            raise ValueError(f"{name}: the position of {axes[k]} stands still, its command moves")
+        best = int(np.argmax(alike[k]))
+        if alike[k, best] > FOLLOWS and alike[k, k] < FOLLOWS:
+            raise ValueError(
+                f"{name}: the command of {axes[k]} is followed by the position of {axes[best]}: "
+                "change their columns"
+            )
+        if alike[k, k] < FOLLOWS:
+            raise ValueError(
+                f"{name}: the position of {axes[k]} does not follow its command (correlation "
+                f"{alike[k, k]:.2g}): are both columns positions of this axis?"
+            )
+        ratio = float(size[1][k] / size[0][k])
+        if not 1 / UNLIKE < ratio < UNLIKE:
+            raise ValueError(
+                f"{name}: the position of {axes[k]} goes {ratio:.3g} times as far as its command: "
+                "are they in the same unit? x_command_mm and x_position_um say theirs"
+            )
 
 
 def _part(name: str, axes: int) -> tuple[str, Contour, np.ndarray, Program | None]:

@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import cast
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
 
@@ -39,7 +40,7 @@ def command(flags: Audit) -> int:
     error, _ = run.error(run.tool)
     metrics = jax.tree.map(
         lambda one: np.asarray(one)[None, None],
-        score_signals(run.tool, run.command, run.reference),
+        score_signals(jnp.asarray(run.tool), jnp.asarray(run.command), run.reference),
     )
     replayed = Replay(metrics, *(one[None, None] for one in (run.tool, run.command, error)))
     each = [[resolution_of(one) for one in signal.T] for signal in (run.tool, run.command)]

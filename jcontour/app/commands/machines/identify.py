@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from jcontour.app.commands.machines import excite, identify_linear
+from jcontour.app.commands.machines import excite, identify_linear, identify_response
 from jcontour.app.files import run_folder
 from jcontour.app.files.axis_file import ElectricalFields, FlexibleAxisFile, save_axis
 from jcontour.app.files.record_file import load_records, save_records
@@ -117,6 +117,8 @@ def command(flags: Identify) -> int:
     """Fit, store and print; exit code."""
     if flags.excite is not None:
         return excite.command(flags)
+    if flags.response is not None:
+        return identify_response.command(flags)
     if flags.machine == "linear":
         return identify_linear.command(flags)
     records = records_of(flags)

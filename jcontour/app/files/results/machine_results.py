@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from tuning.response_loop import ResponseLoop
+
 
 @dataclass(frozen=True)
 class LinearAxisResult:
@@ -84,6 +86,34 @@ class LinearMachineResult:
     delay: int
     notes: list[str]
     model: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResponseResult:
+    """A control for a measured response.
+
+    Attributes:
+        data: file.
+        lines: that the loop is judged by, of those `measured`.
+        lowest, highest: frequency of these lines [Hz].
+        loop: the control.
+        crossover: last one [Hz].
+        phase_margin: there [degrees].
+        sensitivity: Ms on the lines, at the frequency `sensitive_at` [Hz].
+        deviated: Ms with one deviation of every line against the loop.
+    """
+
+    data: str
+    lines: int
+    measured: int
+    lowest: float
+    highest: float
+    loop: ResponseLoop
+    crossover: float
+    phase_margin: float
+    sensitivity: float
+    sensitive_at: float
+    deviated: float
 
 
 @dataclass(frozen=True, kw_only=True)

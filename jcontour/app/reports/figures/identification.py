@@ -1,17 +1,27 @@
 """Figures to trust an identified machine by: residuals, predictions, responses."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from jcontour.app.reports.figures.axes import DESIRED, START, TUNED, grid, plain_ticks
+from jcontour.app.files.response_file import MeasuredResponse
+from jcontour.app.reports.figures.axes import (
+    CYCLE,
+    DESIRED,
+    START,
+    TUNED,
+    grid,
+    legend_below,
+    plain_ticks,
+)
 from tuning.identification.flexible_axis.axis import IdentifiedAxis
 from tuning.identification.linear import evidence
 from tuning.identification.linear.found import LinearMachineFound
 from tuning.identification.linear.order_search import TRAINING
+from tuning.response_loop import ResponseLoop, sensitivity
 
 POINT = {"marker": ".", "linestyle": "none", "markersize": 2.0, "alpha": 0.5}
 HARMONICS_SHOWN = 10
@@ -209,3 +219,24 @@ def figures(control_unit: str) -> dict[str, Callable[[LinearMachineFound], Figur
         "bode": lambda found: bode(found, control_unit),
         "residuals": whiteness,
     }
+
+
+def response_figure(lines: MeasuredResponse, loops: Mapping[str, ResponseLoop]) -> Figure:
+    """The measured response, the loops with their controls, and their sensitivity."""
+    figure = Figure(figsize=(9.0, 8.5), layout="constrained")
+    size, phase, sensitive = figure.subplots(3, 1, sharex=True)
+    for axes, values in ((size, np.abs), (phase, lambda one: np.degrees(np.unwrap(np.angle(one))))):
+        axes.plot(lines.frequency, values(lines.value), color=DESIRED, label="measured response")
+    for (name, loop), colour in zip(loops.items(), CYCLE, strict=False):
+        L = loop.response(lines.frequency) * lines.value
+        S = sensitivity(L)
+        size.plot(lines.frequency, np.abs(L), color=colour, label=f"loop: {name}")
+        phase.plot(lines.frequency, np.degrees(np.unwrap(np.angle(L))), color=colour)
+        sensitive.plot(lines.frequency, S, color=colour, label=f"{name}: Ms {S.max():.3g}")
+    size.set(xscale="log", yscale="log")
+    grid(size, "measured response and loop", "", "size")
+    grid(phase, "", "", "phase [degrees]")
+    grid(sensitive, "sensitivity on the lines", "frequency [Hz]", "|S|")
+    sensitive.legend(frameon=False)
+    legend_below(figure, size)
+    return figure

@@ -59,3 +59,29 @@ def test_what_is_no_run_of_the_part_is_refused_in_a_line(audited, tmp_path, caps
     assert main(["audit", str(still), "--period-ms", "1", "--out", str(out)]) == 2
     assert "the commands do not move" in capsys.readouterr().err
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ("t,x,y,x,0*y", "the position of Y stands still"),
+        ("t,x,y,y,x", "the command of X is followed by the position of Y"),
+        ("t,x,y,x,t**2", "the position of Y does not follow its command"),
+        ("t,x,y,1000*x,y", "the position of X goes 1e+03 times as far"),
+        ("t,x,y,x,np.where(t > 2, np.nan, y)", "y_position holds no number in row 202"),
+        ("np.where(t > 2, t + 5, t)*0 + 1,x,y,x,y", "time has to grow"),
+        ("np.round(t),x,y,x,y", "time has to grow"),
+        ("t,x[:2],y[:2],x[:2],y[:2]", "at least three samples"),
+    ],
+)
+def test_bad_columns_are_told_in_one_line(tmp_path, capsys, columns, said):
+    t = 0.01 * np.arange(400)
+    names = {"np": np, "t": t, "x": np.sin(t), "y": np.cos(2 * t)}
+    signals = eval(f"[{columns}]", names)
+    rows = np.column_stack([one[: min(map(len, signals))] for one in signals])
+    log = tmp_path / "log.csv"
+    heads = "time_s,x_command,y_command,x_position,y_position"
+    np.savetxt(log, rows, "%.9g", ",", header=heads, comments="")
+    assert main(["audit", str(log), "--out", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and said in told

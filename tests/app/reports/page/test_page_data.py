@@ -121,7 +121,7 @@ def test_other_folders_are_told_in_a_line(run_folder, tmp_path):
     with pytest.raises(RunError, match="is not a run folder"):
         page_data(tmp_path)
     (tmp_path / "settings.json").write_text('{"command": "check"}')
-    with pytest.raises(RunError, match="'check'; pages are made of tune, simulate, front"):
+    with pytest.raises(RunError, match="'check'; pages are made of tune, simulate, audit, front"):
         page_data(tmp_path)
     settings = json.loads((run_folder / "settings.json").read_text())
     (tmp_path / "settings.json").write_text(json.dumps(settings))

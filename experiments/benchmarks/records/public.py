@@ -1,0 +1,318 @@
+"""`jcontour bench public --records FOLDER`: predictions for public records of real machines.
+
+Every record that lies in the folder is read, identified and predicted; the others keep what is
+stored. The results are stored beside this file, and the page of the docs is made of them.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from rich.console import Console
+
+from jcontour.app.files.log_file import LogColumns, read_log
+from jcontour.app.files.log_table import read_table
+from jcontour.app.files.response_file import read_response
+from jcontour.app.files.results.machine_results import LinearAxisResult
+from jcontour.app.flags.others import Bench
+from jcontour.app.machines.identified import axis_result
+from jcontour.app.reports import tables
+from jcontour.plants import emps
+from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.machine import identify_machine
+from tuning.response_loop import ResponseLoop, crossover, sensitivity, tuned
+
+STORED = Path(__file__).with_name("public.json")
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "predicted-and-measured.md"
+TITLE = """# Evidence: predicted and measured
+
+Public records of real machines. `jcontour bench public --records FOLDER` writes this page again.
+*Held-out* is the last 30 % of a record, simulated from the command alone.
+
+"""
+MOST_POLES, MOST_DELAY = 3, 10
+FOLDERS = {
+    "emps": "EMPS, ball-screw axis (Janot, Gautier, Brunot 2019)",
+    "sinumerik_ast": "Spindle axis with a SINUMERIK (eliasrhoden/Sinumerik-Ctrl)",
+    "motor_bench": "Two-inertia motor bench (FdiTools, University of Tokyo)",
+    "kuka": "KUKA KR300 R2500 (Weigand)",
+    "lorenz_servo": "Small AC servo (TeacherRock/Lorenz_Friction)",
+    "ruler_robot": "DC motor with a flexible ruler (ryanGT/systemid)",
+    "camber": "Linear actuators (nicolazande/camber-control)",
+    "umich_cnc": "CNC mill (University of Michigan)",
+}
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One number of a record.
+
+    Attributes:
+        folder: of the record.
+        quantity: what is compared, with its unit.
+        wanted: measured, or by an independent calculation.
+        found: predicted or identified here.
+        holds: whether it is as good as was asked for.
+    """
+
+    folder: str
+    quantity: str
+    wanted: str
+    found: str
+    holds: bool
+
+
+@dataclass(frozen=True)
+class PublicBench:
+    """All predictions, those of records that are not here as they were stored."""
+
+    rows: list[Prediction]
+
+
+def measured(flags: Bench, tell: Callable[[str], None]) -> PublicBench:
+    """Predict the records in the folder, store the results and write the page.
+
+    Raises:
+        ValueError: no folder is given, or it holds none of the records.
+    """
+    if flags.records is None:
+        raise ValueError("bench public: needs --records, the folder of the public records")
+    rows = stored()
+    here = [name for name in FOLDERS if (flags.records / name).exists()]
+    if not here:
+        raise ValueError(f"{flags.records}: holds none of {', '.join(FOLDERS)}")
+    for name in here:
+        new = list(PREDICTED[name](flags.records / name))
+        for row in new:
+            tell(f"{name}: {row.quantity}: {row.found} ({row.wanted})")
+        rows = [row for row in rows if row.folder != name] + new
+    rows.sort(key=lambda row: list(FOLDERS).index(row.folder))
+    STORED.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n")
+    PAGE.write_text(page(rows))
+    return PublicBench(rows)
+
+
+def stored() -> list[Prediction]:
+    """Results as they were stored last."""
+    return [Prediction(**row) for row in json.loads(STORED.read_text())] if STORED.exists() else []
+
+
+def page(rows: Sequence[Prediction]) -> str:
+    """The page of the docs."""
+    lines = ["| record | quantity | measured | predicted | holds |", "|---|---|---|---|---|"]
+    for row in rows:
+        cells = (row.quantity, row.wanted, row.found, "yes" if row.holds else "**no**")
+        lines.append(f"| {' | '.join((FOLDERS[row.folder], *cells))} |")
+    return TITLE + "\n".join(lines) + "\n"
+
+
+def show(console: Console, result: PublicBench) -> None:
+    """The table of the page."""
+    cells = [
+        [row.folder, row.quantity, row.wanted, row.found, "yes" if row.holds else "NO"]
+        for row in result.rows
+    ]
+    columns = ["record", "quantity", "measured", "predicted", "holds"]
+    console.print(tables.plain_table("Public records", columns, cells, text_columns=5))
+    held = sum(row.holds for row in result.rows)
+    tables.say(console, f"{held} of {len(result.rows)} hold. Page: {PAGE.name}")
+
+
+def axis_of(path: Path, columns: LogColumns) -> LinearAxisResult:
+    """The axis that is identified from a log.
+
+    Raises:
+        ValueError: the record shows none.
+    """
+    log = read_log(path, ("X",), columns)
+    record = MachineRecord(log.dt, ("X",), log.command, log.position)
+    return axis_result(identify_machine(record, MOST_POLES, MOST_DELAY).axes[0])
+
+
+def explained(folder: str, what: str, path: Path, columns: LogColumns, least: float) -> Prediction:
+    """How much of the held-out speed is explained, at least `least`."""
+    try:
+        one = axis_of(path, columns)
+    except ValueError as error:
+        return Prediction(
+            folder, f"held-out speed, {what}", f"{100 * least:g} %", str(error), False
+        )
+    part = f"{100 * one.explained:.2f} %"
+    asked = f"at least {100 * least:g} %"
+    return Prediction(folder, f"held-out speed, {what}", asked, part, one.explained >= least)
+
+
+def emps_error(
+    axis: LinearAxisResult, asked: Float[np.ndarray, " T"], pulses: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, " T"]:
+    """Following error of an axis with friction under the documented cascade [m].
+
+    u = K_v (K_p (q_r - q) - q') + pulses, with the speed by differences of counted positions.
+    Between samples voltage and direction are held, the rest is exact; at rest the axis sticks.
+    """
+    assert axis.friction is not None
+    dt, constant = emps.SAMPLE_PERIOD, axis.time_constants[0]
+    pole = np.exp(-dt / constant)
+    lag = constant * (1 - pole)
+    place, speed, counted = float(asked[0]), 0.0, float(asked[0])
+    error = np.empty(len(asked))
+    for k, wanted in enumerate(asked.tolist()):
+        before, counted = counted, emps.RESOLUTION * round(place / emps.RESOLUTION)
+        error[k] = wanted - counted
+        measured_speed = (counted - before) / dt
+        u = emps.SPEED_GAIN * (emps.POSITION_GAIN * error[k] - measured_speed) + pulses[k]
+        force = np.clip(u, -emps.LARGEST_VOLTAGE, emps.LARGEST_VOLTAGE) + axis.offset
+        if speed == 0.0 and abs(force) <= axis.friction:
+            continue
+        way = np.sign(speed) or np.sign(force)
+        steady = axis.gain * (force - axis.friction * way)
+        after = steady + (speed - steady) * pole
+        if way * after < 0:
+            speed = 0.0
+            continue
+        place += (speed - steady) * lag + steady * dt
+        speed = after
+    return error
+
+
+def _emps(folder: Path) -> Iterator[Prediction]:
+    name, columns = folder.name, LogColumns("t", ("vir",), ("qm",), "m")
+    for file, gain, friction, baseline in (
+        ("DATA_EMPS.mat", 177.8, 0.596, 2.25),
+        ("DATA_EMPS_PULSES.mat", 177.8, 0.596, 3.16),
+    ):
+        kind = "pulses" if "PULSES" in file else "estimation"
+        one = axis_of(folder / file, columns)
+        low, high = (1e3 * value for value in one.gain_interval)
+        yield Prediction(
+            name,
+            f"gain, {kind} [mm/s/V]",
+            f"{gain:g}",
+            f"{1e3 * one.gain:.1f} ({low:.1f} to {high:.1f})",
+            abs(1e3 * one.gain / gain - 1) < 0.03 and low <= gain <= high,
+        )
+        found = one.friction or 0.0
+        yield Prediction(
+            name,
+            f"dry friction, {kind} [V]",
+            f"{friction:g}",
+            f"{found:.3f}",
+            abs(found / friction - 1) < 0.03,
+        )
+        part = f"{100 * one.explained:.2f} %"
+        yield Prediction(
+            name, f"held-out speed, {kind}", "at least 99.5 %", part, one.explained >= 0.995
+        )
+        if kind == "estimation":
+            axis = one
+        table = read_table(folder / file)
+        pulses = table.get("pulses_n", np.zeros(len(table["qg"])))
+        error = emps_error(axis, table["qg"], pulses)
+        seen = table["qg"] - table["qm"]
+        off = 1e6 * float(np.sqrt(np.mean((error - seen) ** 2)))
+        size = 1e6 * float(np.sqrt(np.mean(seen**2)))
+        yield Prediction(
+            name,
+            f"following error in closed loop, {kind}, axis of the estimation record [um RMS]",
+            f"{size:.1f}; published parameters are {baseline:g} off",
+            f"{off:.2f} off",
+            off <= 3.2,
+        )
+
+
+def _sinumerik(folder: Path) -> Iterator[Prediction]:
+    lines = read_response(folder / "AST_AX7.xml")
+    theirs = json.loads((folder / "tuned_by_siemens.json").read_text())
+    speed, (low, notch) = theirs["speed_controller"], theirs["current_setpoint_filters"]
+    siemens = ResponseLoop(
+        speed["Kp_Nms_per_rad"], speed["Tn_s"], low["f_hz"], notch["fn"], notch["dn"], notch["dd"]
+    )
+    seen, calm = lines.frequency >= 3, lines.coherence >= 0.8
+    at = crossover(lines.frequency[seen], (siemens.response(lines.frequency) * lines.value)[seen])
+    ours = tuned(lines.frequency[calm], lines.value[calm], lines.deviation[calm], at)
+    for late in (0.0, theirs["controller_delay_s"]):
+        delay = np.exp(-2j * np.pi * lines.frequency * late)
+        worst = [
+            float(sensitivity((one.response(lines.frequency) * lines.value * delay)[seen]).max())
+            for one in (siemens, ours)
+        ]
+        beside = f", {1e3 * late:g} ms later" if late else ""
+        yield Prediction(
+            folder.name,
+            f"Ms of PI with filters on the lines from 3 Hz, crossover {at:.3g} Hz{beside}",
+            f"Siemens {worst[0]:.3f}",
+            f"{worst[1]:.3f}",
+            worst[1] <= worst[0],
+        )
+    yield Prediction(
+        folder.name,
+        "integral gain K_p / T_n of the two [Nm/rad]",
+        f"Siemens {siemens.gain / siemens.reset_time:.0f}",
+        f"{ours.gain / ours.reset_time:.0f}",
+        ours.gain / ours.reset_time >= siemens.gain / siemens.reset_time,
+    )
+
+
+def _motor_bench(folder: Path) -> Iterator[Prediction]:
+    columns = LogColumns("time", ("iq_refx",), ("theta_mx",), "rad")
+    one = axis_of(folder / "MultisineTypeA.mat", columns)
+    hertz = one.resonances[0][0] if one.resonances else float("nan")
+    yield Prediction(
+        folder.name, "resonance [Hz]", "76", f"{hertz:.1f}", bool(abs(hertz / 76 - 1) < 0.03)
+    )
+    wanted = f"{250:g} excited"
+    yield Prediction(
+        folder.name, "response shown to [Hz]", wanted, f"{one.shown_to:.0f}", one.shown_to <= 250
+    )
+
+
+def _kuka(folder: Path) -> Iterator[Prediction]:
+    for joint in (1, 2, 3):
+        columns = LogColumns(
+            "rec.time_cont", (f"ref_pos_deg_{joint}",), (f"act_pos_se_deg_{joint}",)
+        )
+        yield explained(folder.name, f"joint {joint}", folder / "rec_A.mat", columns, 0.995)
+
+
+def _servo(folder: Path) -> Iterator[Prediction]:
+    for file in ("data_5.txt", "Lorenz_Fc_1.txt"):
+        columns = LogColumns(None, ("5",), ("1",), "rad", 1e-3)
+        yield explained(folder.name, file, folder / file, columns, 0.95)
+
+
+def _ruler(folder: Path) -> Iterator[Prediction]:
+    for file in ("swept1-0-10hz.txt", "step1.txt"):
+        columns = LogColumns(None, ("v",), (r"$\theta$",), "deg", 2e-3)
+        yield explained(folder.name, file, folder / file, columns, 0.95)
+
+
+def _camber(folder: Path) -> Iterator[Prediction]:
+    for path in sorted(folder.glob("*.txt")):
+        columns = LogColumns("1", ("3",), ("4",))
+        yield explained(folder.name, path.stem, path, columns, 0.95)
+
+
+def _umich(folder: Path) -> Iterator[Prediction]:
+    columns = LogColumns(None, ("X1_CommandPosition",), ("X1_ActualPosition",), "mm", 0.1)
+    try:
+        axis_of(folder / "experiment_11.csv", columns)
+        said = "a model"
+    except ValueError as error:
+        said = str(error)
+    slow = "too slow or too coarse" in said
+    yield Prediction(folder.name, "X", "too slow and coarse to show dynamics", said, slow)
+
+
+PREDICTED: dict[str, Callable[[Path], Iterator[Prediction]]] = {
+    "emps": _emps,
+    "sinumerik_ast": _sinumerik,
+    "motor_bench": _motor_bench,
+    "kuka": _kuka,
+    "lorenz_servo": _servo,
+    "ruler_robot": _ruler,
+    "camber": _camber,
+    "umich_cnc": _umich,
+}

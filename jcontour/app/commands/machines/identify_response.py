@@ -1,0 +1,94 @@
+"""`jcontour identify --response FILE`: a PI control with filters for a measured response."""
+
+import numpy as np
+from rich.console import Console
+
+from jcontour.app.files import run_folder
+from jcontour.app.files.response_file import MeasuredResponse, read_response
+from jcontour.app.files.results.machine_results import ResponseResult
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.flags.machines import Identify
+from jcontour.app.reports import tables
+from jcontour.app.reports.figures.identification import response_figure
+from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.runs.lifecycle import finished
+from tuning.response_loop import ResponseLoop, crossover, quickest, sensitivity, tuned
+
+MOST = 1.5  # Ms of a loop inside others
+CALM = 0.8  # coherence of a line that the loop is judged by
+LEAST = 20  # such lines
+
+
+def command(flags: Identify) -> int:
+    """Read, tune, store and print; exit code."""
+    assert flags.response is not None
+    measured = read_response(flags.response)
+    lines = calm(measured)
+    if len(lines.frequency) < LEAST:
+        raise ValueError(
+            f"{flags.response}: {len(lines.frequency)} of {len(measured.frequency)} lines have a "
+            f"coherence of {CALM:g}: excite more, or average over more periods"
+        )
+    given = lines.frequency, lines.value, lines.deviation
+    if flags.crossover_hz is None:
+        loop = quickest(*given, MOST)
+    else:
+        loop = tuned(*given, flags.crossover_hz)
+    result = result_of(str(flags.response), lines, loop, len(measured.frequency))
+    folder = run_folder.create(
+        flags.out or run_folder.default_folder("identify"), "identify", flags, [flags.response]
+    )
+    save_figure(response_figure(lines, {"PI with filters": loop}), folder / "response.png")
+    write_result(folder, result)
+    return finished(folder, result, flags, show)
+
+
+def calm(measured: MeasuredResponse) -> MeasuredResponse:
+    """The lines of a coherence that a loop can be judged by."""
+    kept = measured.coherence >= CALM
+    return MeasuredResponse(*(one[kept] for one in vars(measured).values()))
+
+
+def result_of(
+    data: str, lines: MeasuredResponse, loop: ResponseLoop, measured: int
+) -> ResponseResult:
+    """Parameters and margins of a control on these lines."""
+    L = loop.response(lines.frequency) * lines.value
+    at = crossover(lines.frequency, L)
+    S = sensitivity(L)
+    phase = np.interp(at, lines.frequency, np.unwrap(np.angle(-L)))
+    return ResponseResult(
+        data=data,
+        lines=len(lines.frequency),
+        measured=measured,
+        lowest=float(lines.frequency[0]),
+        highest=float(lines.frequency[-1]),
+        loop=loop,
+        crossover=at,
+        phase_margin=float(np.degrees((phase + np.pi) % (2 * np.pi) - np.pi)),
+        sensitivity=float(S.max()),
+        sensitive_at=float(lines.frequency[np.argmax(S)]),
+        deviated=float(sensitivity(L, lines.deviation).max()),
+    )
+
+
+def show(result: ResponseResult, console: Console) -> None:
+    """Print the parameters of the drive and the margins."""
+    loop = result.loop
+    rows = [
+        ["gain K_p", f"{loop.gain:.5g}", "input per output"],
+        ["reset time T_n", f"{1e3 * loop.reset_time:.4g}", "ms"],
+        ["low-pass PT2, damping 0.7071", f"{loop.lowpass:.5g}", "Hz"],
+        ["notch", f"{loop.notch:.5g}", "Hz"],
+        ["its damping, numerator / denominator", f"{loop.depth:.3g} / {loop.width:.3g}", ""],
+        ["crossover", f"{result.crossover:.4g}", "Hz"],
+        ["phase margin", f"{result.phase_margin:.3g}", "degrees"],
+        ["Ms on the lines", f"{result.sensitivity:.4g}", f"at {result.sensitive_at:.4g} Hz"],
+        ["Ms within one deviation of them", f"{result.deviated:.4g}", ""],
+    ]
+    span = f"{result.lowest:.4g} to {result.highest:.4g} Hz"
+    tables.say(
+        console,
+        f"Data: {result.data}, {result.lines} of {result.measured} lines, {span}",
+    )
+    console.print(tables.plain_table("PI control on the measured response", ["", "", ""], rows))

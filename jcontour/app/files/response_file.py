@@ -1,0 +1,138 @@
+"""Measured frequency responses: tables of columns, and the XML of a SINUMERIK's servo tuning.
+
+Columns are frequency [Hz], then real and imaginary parts, or size [dB] and phase [deg], and the
+coherence where there is one. In the XML, numbers of eight bytes stand in base 85, big-endian, with
+a point for four bytes of zeros.
+"""
+
+import re
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from jcontour._regular_files import content_of
+from jcontour.app.files.log_table import MOST_BYTES, Table, finite, read_table
+
+DIGITS = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ!#$`()*+-/:;=?@[]^_{|}~"
+ARRAY = re.compile(r'<raw name="m_pNumberArray"><!\[CDATA\[(.*?)\]\]>', re.DOTALL)
+WORDS = {
+    "frequency": ("frequency", "freq", "hz", "f"),
+    "real": ("real", "re"),
+    "imaginary": ("imaginary", "imag", "im"),
+    "decibels": ("db", "decibel"),
+    "degrees": ("degrees", "degree", "deg", "phase"),
+    "coherence": ("coherence", "coh"),
+}
+FEWEST = 10  # lines
+
+
+@dataclass(frozen=True)
+class MeasuredResponse:
+    """Lines of a frequency response.
+
+    Attributes:
+        frequency: [Hz], ascending.
+        value: output per input.
+        coherence: 1 where none is given.
+    """
+
+    frequency: Float[np.ndarray, " F"]
+    value: Complex[np.ndarray, " F"]
+    coherence: Float[np.ndarray, " F"]
+
+    @property
+    def deviation(self) -> Float[np.ndarray, " F"]:
+        """Deviation of every line over its size, at least: sqrt((1 - g^2) / (2 g^2)).
+
+        Of one average, by the coherence g^2; Bendat & Piersol, Random Data, 4th ed., section 9.1.
+        """
+        square = np.clip(self.coherence, 1e-6, 1.0)
+        return np.sqrt((1 - square) / (2 * square))
+
+
+def read_response(path: Path) -> MeasuredResponse:
+    """A measured response.
+
+    Raises:
+        ValueError: the file cannot be read, has no phase, too few lines, or a number that is none.
+    """
+    if path.suffix.lower() == ".xml":
+        columns = _tuned(path)
+    else:
+        columns = _columns(path, read_table(path))
+    for name, values in columns.items():
+        finite(path, name, values)
+    order = np.argsort(columns["frequency"], kind="stable")
+    order = order[columns["frequency"][order] > 0]
+    if len(order) < FEWEST or (np.diff(columns["frequency"][order]) <= 0).any():
+        raise ValueError(
+            f"{path}: needs {FEWEST} lines of different frequencies above zero at least"
+        )
+    if "real" in columns:
+        value = columns["real"] + 1j * columns["imaginary"]
+    else:
+        value = 10 ** (columns["decibels"] / 20) * np.exp(1j * np.radians(columns["degrees"]))
+    coherence = columns.get("coherence", np.ones(len(value)))
+    return MeasuredResponse(columns["frequency"][order], value[order], coherence[order])
+
+
+def _columns(path: Path, table: Table) -> dict[str, np.ndarray]:
+    """Columns by what they hold; of several of a kind the first."""
+    found = {}
+    for name, values in table.items():
+        words = re.findall(r"[a-z]+", name)
+        for kind, known in WORDS.items():
+            if set(known) & set(words):
+                found.setdefault(kind, values)
+                break
+    if "frequency" not in found or not (
+        {"real", "imaginary"} <= found.keys() or {"decibels", "degrees"} <= found.keys()
+    ):
+        lacks = "phase" if "frequency" in found and "decibels" in found else "response"
+        raise ValueError(
+            f"{path}: has no {lacks}; it needs columns frequency_hz, and real and imaginary or db "
+            f"and degrees; has {', '.join(table)}"
+        )
+    return found
+
+
+def _tuned(path: Path) -> dict[str, np.ndarray]:
+    """The plant of a speed loop and its coherence, from the XML of an auto servo tuning."""
+    text = content_of(path, MOST_BYTES).decode("latin-1")
+    arrays = {}
+    for name in ("m_pPlant", "m_pMeasCoherence"):
+        begin = text.find(f'<FrequencyResponseFunction satclassid="6" name="{name}"')
+        end = text.find("</FrequencyResponseFunction>", begin)
+        parts = ARRAY.findall(text, begin, end) if begin >= 0 else []
+        if len(parts) != 2:
+            raise ValueError(f"{path}: holds no measured plant of a servo tuning ({name})")
+        arrays[name] = [_doubles(path, part) for part in parts]
+    (value, frequency), (coherence, _) = arrays.values()
+    return {
+        "frequency": frequency,
+        "real": value[::2],
+        "imaginary": value[1::2],
+        "coherence": coherence[::2],
+    }
+
+
+def _doubles(path: Path, text: str) -> Float[np.ndarray, " N"]:
+    """Numbers of eight bytes in base 85."""
+    words = re.findall(r"\.|[^.]{5}", "".join(text.split()))
+    try:
+        values = [_whole(word) for word in words]
+        return np.array(
+            struct.unpack(f">{len(values) // 2}d", struct.pack(f">{len(values)}I", *values))
+        )
+    except (ValueError, struct.error):
+        raise ValueError(f"{path}: numbers that are not whole; is the file cut off?") from None
+
+
+def _whole(word: str) -> int:
+    value = 0
+    for digit in word if word != "." else "":
+        value = 85 * value + DIGITS.index(digit)
+    return value
