@@ -1,12 +1,17 @@
 """Causes of a measured error in words: what each is, its share, and what to change."""
 
+from collections.abc import Callable
+
 import numpy as np
+from rich.console import Console
 
 from jcontour.app.files.results.loop_results import AuditedResult, CauseShare
-from jcontour.app.reports.tables import digits
+from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.tables import digits, position, say, table_of
 from tuning.identification.error_causes import Cause, Shares
 
-LISTED, SMALL = 5, 0.02  # causes in a table, and the part of the error below which none is
+LISTED, CHANGES = 3, 2  # causes and remedies on the screen
+SMALL = 0.02  # of the error: a smaller cause is not on the screen
 ALIKE = 0.02  # relative, of two lags
 SLOW = 1e-3  # [s] of a lag that a position gain makes
 
@@ -84,18 +89,42 @@ def _lag(lags: np.ndarray, axes: tuple[str, ...]) -> tuple[str, str]:
     return text, f"raise the position gain (Kv) of {axes[slow]} by {digits(rise)} %, {gains}"
 
 
-def cause_lines(result: AuditedResult) -> list[str]:
-    """A table of the causes, and what to change against the two largest."""
-    error = f"{result.error} error"
-    total, peak = sum(one.rms for one in result.causes), sum(one.peak for one in result.causes)
-    known = [
-        one for one in result.causes if one.kind != "unexplained" and abs(one.rms) > SMALL * total
+def audit_answer(result: AuditedResult) -> list[Entry]:
+    """Entries of the screen: the error and where it is largest, causes, and what to change."""
+    (metrics,) = result.plants.values()
+    rms, peak = metrics.rms(result.error), metrics.peak(result.error)
+    entries = [
+        Entry("Error", f"{result.error} error {_um(rms)} RMS, {_um(peak)} at most, measured")
     ]
-    shown = known[:LISTED]
-    lines = [f"{'um of RMS':>9}  {'of largest':>10}  cause of the {error}"]
+    if result.peak is not None:
+        place = position(result.machine.axes, result.peak.position)
+        line = "" if result.peak.line is None else f", line {result.peak.line} of the part"
+        entries.append(Entry("Largest", f"at {place}, t {result.peak.time:.4g} s{line}"))
+    known = [one for one in result.causes if one.kind != "unexplained"]
+    shown = [one for one in known if abs(one.rms) > SMALL * rms][:LISTED]
+    heading = "Causes"
     for one in shown:
-        lines.append(f"{1e6 * one.rms:9.3g}  {1e6 * one.peak:10.3g}  {one.text}")
-    other = [total - sum(one.rms for one in shown), peak - sum(one.peak for one in shown)]
-    lines.append(f"{1e6 * other[0]:9.3g}  {1e6 * other[1]:10.3g}  all else, and unexplained")
-    lines.append(f"{1e6 * total:9.3g}  {1e6 * peak:10.3g}  together")
-    return [*lines, *(f"Change: {one.remedy}" for one in shown[:2] if one.remedy and one.rms > 0)]
+        share = f"{_um(one.rms)} RMS, {_um(one.peak)} of the largest"
+        entries.append(Entry(heading, f"{share}: {one.text}"))
+        heading = ""
+    left = rms - sum(one.rms for one in shown)
+    entries.append(Entry(heading, f"{_um(left)} RMS: all else, and unexplained"))
+    changes = [one.remedy for one in shown if one.remedy and one.rms > 0][:CHANGES]
+    return [*entries, *(Entry("Change", one) for one in changes)]
+
+
+def show_causes(result: AuditedResult, console: Console) -> None:
+    """What was read, and a table of all causes."""
+    seconds = result.samples * result.sample_period
+    record = f"{result.samples} samples at {1 / result.sample_period:.5g} Hz, {seconds:.4g} s"
+    say(console, f"Read {result.contour}: {record}", *result.words)
+    columns: dict[str, Callable[[CauseShare], str | float]] = {
+        "cause": lambda one: one.text,
+        "um of RMS": lambda one: 1e6 * one.rms,
+        "of largest": lambda one: 1e6 * one.peak,
+    }
+    console.print(table_of(f"Causes of the {result.error} error", result.causes, columns))
+
+
+def _um(length: float) -> str:
+    return f"{1e6 * length:.3g} um"

@@ -1,12 +1,10 @@
 """`jcontour audit LOG`: the contour error of a record of any control, and its causes."""
 
-from dataclasses import replace
 from typing import cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rich.console import Console
 
 from jcontour.app.commands.machines.identify_linear import log_of
 from jcontour.app.files import run_folder
@@ -16,8 +14,7 @@ from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.flags.machines import Audit
 from jcontour.app.jobs.replays import Replay, Scenarios
-from jcontour.app.reports import tables
-from jcontour.app.reports.causes import cause_lines, told
+from jcontour.app.reports.causes import audit_answer, show_causes, told
 from jcontour.app.reports.figures.causes import causes_figure
 from jcontour.app.reports.figures.contours import ContourRuns, DrawnRun, figures_of
 from jcontour.app.reports.figures.png import save_figure
@@ -82,20 +79,4 @@ def command(flags: Audit) -> int:
     for name, figure in figures.items():
         save_figure(figure, folder / f"{name}.png")
     write_result(folder, result)
-    return finished(folder, result, flags, show)
-
-
-def show(result: AuditedResult, console: Console) -> None:
-    """Print the error, where it is largest, its causes, and what to change."""
-    (metrics,) = result.plants.values()
-    seconds = result.samples * result.sample_period
-    rms, peak = metrics.rms(result.error), metrics.peak(result.error)
-    record = f"{result.samples} samples at {1 / result.sample_period:.5g} Hz, {seconds:.4g} s"
-    size = f"{result.error} error {1e6 * rms:.4g} um RMS, {1e6 * peak:.4g} um at most"
-    lines = [f"{result.contour}: {record}; {size}"]
-    if result.peak is not None:
-        line = tables.peak_line(
-            replace(result.peak, plant=MEASURED), result.error, result.machine.axes
-        )
-        lines.append(f"{line[0].upper()}{line[1:]}")
-    tables.say(console, *lines, *cause_lines(result))
+    return finished(folder, result, flags, show_causes, audit_answer(result))

@@ -11,6 +11,7 @@ from jcontour.app.flags.machines import Identify
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.identification import response_figure
 from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import finished
 from tuning.response_loop import ResponseLoop, crossover, quickest, sensitivity, tuned
 
@@ -40,7 +41,21 @@ def command(flags: Identify) -> int:
     )
     save_figure(response_figure(lines, {"PI with filters": loop}), folder / "response.png")
     write_result(folder, result)
-    return finished(folder, result, flags, show)
+    return finished(folder, result, flags, show, answer_of(result))
+
+
+def answer_of(result: ResponseResult) -> list[Entry]:
+    """Entries of the screen: the parameters as a drive has them, and the margins."""
+    loop = result.loop
+    notch = f"{loop.notch:.5g} Hz, damping {loop.depth:.3g} over {loop.width:.3g}"
+    worst = f"Ms {result.sensitivity:.4g} at {result.sensitive_at:.4g} Hz"
+    return [
+        Entry("Control", f"PI: K_p {loop.gain:.5g}, T_n {1e3 * loop.reset_time:.4g} ms"),
+        Entry("Filters", f"low-pass {loop.lowpass:.5g} Hz (damping 0.7071), notch {notch}"),
+        Entry("Loop", f"crossover {result.crossover:.4g} Hz, phase {result.phase_margin:.3g} deg"),
+        Entry("Margin", f"{worst}; {result.deviated:.4g} within one deviation of the lines"),
+        Entry("Lines", f"{result.lines} of {result.measured} are coherent enough to judge by"),
+    ]
 
 
 def calm(measured: MeasuredResponse) -> MeasuredResponse:

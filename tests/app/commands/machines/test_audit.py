@@ -30,7 +30,7 @@ def test_a_measured_run_has_the_error_of_the_simulated_one(audited, capsys):
     run, log, out = audited
     assert main(["audit", str(log), "--part", "part.ngc", "--out", str(out)]) == 0
     screen = capsys.readouterr().out
-    assert len(screen.splitlines()) <= 15 and "Change: " in screen
+    assert len(screen.splitlines()) <= 15 and "Change   " in screen
     simulated, measured = read_result(run, SimulatedResult), read_result(out, AuditedResult)
     assert any(f"X {1e3 * MOVED:g}" in line for line in measured.words)
     (found,), wanted = measured.plants.values(), next(iter(simulated.plants.values()))
