@@ -180,44 +180,33 @@ def emps_error(
 
 def _emps(folder: Path) -> Iterator[Prediction]:
     name, columns = folder.name, LogColumns("t", ("vir",), ("qm",), "m")
-    for file, gain, friction, baseline in (
-        ("DATA_EMPS.mat", 177.8, 0.596, 2.25),
-        ("DATA_EMPS_PULSES.mat", 177.8, 0.596, 3.16),
-    ):
-        kind = "pulses" if "PULSES" in file else "estimation"
-        one = axis_of(folder / file, columns)
+    files = {"estimation": "DATA_EMPS.mat", "pulses": "DATA_EMPS_PULSES.mat"}
+    found = {kind: axis_of(folder / file, columns) for kind, file in files.items()}
+    gain, friction = 177.8, 0.596
+    for kind, one in found.items():
         low, high = (1e3 * value for value in one.gain_interval)
         yield Prediction(
             name,
             f"gain, {kind} [mm/s/V]",
             f"{gain:g}",
             f"{1e3 * one.gain:.1f} ({low:.1f} to {high:.1f})",
-            abs(1e3 * one.gain / gain - 1) < 0.03 and low <= gain <= high,
+            bool(abs(1e3 * one.gain / gain - 1) < 0.03 and low <= gain <= high),
         )
-        found = one.friction or 0.0
-        yield Prediction(
-            name,
-            f"dry friction, {kind} [V]",
-            f"{friction:g}",
-            f"{found:.3f}",
-            abs(found / friction - 1) < 0.03,
-        )
+        rubs = one.friction or 0.0
+        within = bool(abs(rubs / friction - 1) < 0.03)
+        yield Prediction(name, f"dry friction, {kind} [V]", f"{friction:g}", f"{rubs:.3f}", within)
         part = f"{100 * one.explained:.2f} %"
-        yield Prediction(
-            name, f"held-out speed, {kind}", "at least 99.5 %", part, one.explained >= 0.995
-        )
-        if kind == "estimation":
-            axis = one
+        holds = one.explained >= 0.995
+        yield Prediction(name, f"held-out speed, {kind}", "at least 99.5 %", part, holds)
+    for (kind, file), published in zip(files.items(), (2.25, 3.16), strict=True):
         table = read_table(folder / file)
-        pulses = table.get("pulses_n", np.zeros(len(table["qg"])))
-        error = emps_error(axis, table["qg"], pulses)
-        seen = table["qg"] - table["qm"]
-        off = 1e6 * float(np.sqrt(np.mean((error - seen) ** 2)))
-        size = 1e6 * float(np.sqrt(np.mean(seen**2)))
+        seen, still = table["qg"] - table["qm"], np.zeros(len(table["qg"]))
+        error = emps_error(found["estimation"], table["qg"], table.get("pulses_n", still))
+        off, size = (1e6 * float(np.sqrt(np.mean(one**2))) for one in (error - seen, seen))
         yield Prediction(
             name,
             f"following error in closed loop, {kind}, axis of the estimation record [um RMS]",
-            f"{size:.1f}; published parameters are {baseline:g} off",
+            f"{size:.1f}; published parameters are {published:g} off",
             f"{off:.2f} off",
             off <= 3.2,
         )

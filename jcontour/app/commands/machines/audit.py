@@ -40,10 +40,11 @@ def command(flags: Audit) -> int:
         score_signals(jnp.asarray(run.tool), jnp.asarray(run.command), run.reference),
     )
     replayed = Replay(metrics, *(one[None, None] for one in (run.tool, run.command, error)))
-    each = [[resolution_of(one) for one in signal.T] for signal in (run.tool, run.command)]
-    counts = np.hypot(*each)
+    of_tool, of_command = (
+        np.array([resolution_of(one) for one in signal.T]) for signal in (run.tool, run.command)
+    )
     scored = np.asarray(run.reference.mask)
-    found = shares(run.command, run.tool, log.dt, counts, run.error, scored)
+    found = shares(run.command, run.tool, log.dt, np.hypot(of_tool, of_command), run.error, scored)
     unknown = cast(Plant, None)
     references = jax.tree.map(lambda leaf: leaf[None], run.reference)
     scenarios = Scenarios((run.job,), (False,), (MEASURED,), references, unknown)
