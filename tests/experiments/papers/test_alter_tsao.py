@@ -26,6 +26,7 @@ from experiments.papers.alter_tsao.experiment import (
     zpetc_apart,
 )
 from experiments.papers.verdicts import Verdict, rounds_to
+from experiments.site import stored as stored_run
 from experiments.tables import stored
 from jcontour.plants.linear_motor_drive import linear_motor_drive
 
@@ -142,6 +143,11 @@ def test_verdicts_follow_the_numbers(result):
     rows = tuple(replace(row, attainable=row.optimal) for row in result.table_2)
     other = {c.claim: c.verdict for c in claims(replace(result, table_2=rows))}
     assert other["no filter costs less than J_1"] is YES
+
+
+def test_the_page_has_the_verdicts_of_the_run(result):
+    kept = json.loads(stored_run("alter-tsao").read_text())["claims"]
+    assert [claim["verdict"] for claim in kept] == [claim.verdict for claim in claims(result)]
 
 
 def test_the_marks_of_the_table_are_those_that_the_statement_counts(result):

@@ -1,6 +1,6 @@
 """Colours, axes, legends and long curves that all figures share."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -57,18 +57,12 @@ def plain_ticks(axis: Axis) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def legend_below(
-    figure: Figure, axes: Axes | None = None, columns: int = 3, more: Iterable[Artist] = ()
-) -> None:
-    """One legend under all axes, where it hides no curve.
-
-    It names the curves of `axes`, or of all, and `more` besides; every name once.
-    """
+def legend_below(figure: Figure, columns: int = 3) -> None:
+    """One legend under all axes, where it hides no curve; every name once."""
     named: dict[object, Artist] = {}
-    for one in figure.axes if axes is None else [axes]:
-        handles, labels = one.get_legend_handles_labels()
+    for axes in figure.axes:
+        handles, labels = axes.get_legend_handles_labels()
         named |= {label: handle for handle, label in zip(handles, labels, strict=True)}
-    named |= {artist.get_label(): artist for artist in more}
     figure.legend(
         handles=list(named.values()), loc="outside lower center", ncols=columns, frameon=False
     )

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from jcontour.app.reports.figures.axes import (
     COLUMNS,
@@ -21,7 +20,8 @@ def test_legend_holds_all_entries_and_covers_no_panel():
     figure = Figure(figsize=(6.0, 4.0), layout="constrained")
     for axes in figure.subplots(2, 1):
         axes.plot([0.0, 1.0], [0.0, 1.0], label="tool")
-    legend_below(figure, figure.axes[0], columns=2, more=[Line2D([], [], label="limit")])
+    axes.axhline(0.5, label="limit")
+    legend_below(figure, columns=2)
     figure.draw_without_rendering()
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["tool", "limit"]
