@@ -96,7 +96,6 @@ class LoopRow:
     machine: str
     acting: str  # what disturbs the machine
     states: int  # of the model, currents that wait for a late drive among them
-    length: int  # samples N of a plan
     promised_um: float  # contour error that the certificate allows
     reached_um: float
     promised_axes_um: tuple[float, float] | None  # tracking errors along X and Y; None: not kept
@@ -108,7 +107,6 @@ class LoopRow:
     motor_share: float  # disturbance of a motor over its box
     remainder_share: float  # model error over its box
     current_a: float
-    active: float  # share of the samples in which a limit was active
     unsolved: int  # QPs without an answer
     median_ms: float  # processor time of a step of all controllers, building and solving
     slowest_ms: float
@@ -200,7 +198,6 @@ def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> Lo
         machine=machine,
         acting=acting,
         states=MOVING + 3 * design.late,
-        length=design.length,
         promised_um=1e6 * promise.contour,
         reached_um=1e6 * float(contour.max()),
         promised_axes_um=None if axes is None else (1e6 * axes[0], 1e6 * axes[1]),
@@ -212,7 +209,6 @@ def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> Lo
         motor_share=motors,
         remainder_share=remainder,
         current_a=float(np.abs(np.asarray(rollout.control)).max()),
-        active=run.report.active_fraction,
         unsolved=run.report.fallbacks,
         median_ms=1e3 * float(np.median(times)),
         slowest_ms=1e3 * max(times),

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from experiments.papers.verdicts import Verdict
-from experiments.papers.yuan_gantry.claims import PRINTED_HZ, bench, bode, claims, path
+from experiments.papers.yuan_gantry.claims import PRINTED_HZ, bench, claims
 from experiments.papers.yuan_gantry.experiment import (
     CASES,
     DAMPED,
@@ -153,26 +153,6 @@ def test_verdicts_follow_the_numbers(result):
     far = tuple(replace(row, distance_m=1e-3) for row in result.emulated.rows)
     away = replace(result, emulated=replace(result.emulated, rows=far))
     assert verdicts(away)[4:6] == [NO, SHOWN]
-
-
-def test_bode_diagram_shows_gain_and_phase_of_the_responses(result):
-    gain, phase = bode(result).axes
-    shown = [row for row in result.responses if (row.head_m, row.coupling) != (0.66, False)]
-    assert len(gain.lines) == len(shown) + len(PRINTED_HZ) and len(phase.lines) == len(shown)
-    for row, upper, lower in zip(shown, gain.lines, phase.lines, strict=False):
-        np.testing.assert_array_equal(upper.get_xdata(), row.frequency_hz)
-        np.testing.assert_array_equal(upper.get_ydata(), row.gain_db)
-        np.testing.assert_array_equal(lower.get_ydata(), row.phase_deg)
-
-
-def test_path_is_drawn_in_millimetres_and_errors_in_micrometres(result):
-    found = {axes.get_ylabel(): axes for axes in path(result).axes}
-    tool = found["y [mm]"].lines[1]
-    np.testing.assert_allclose(tool.get_xydata(), 1e3 * result.path.tool_m)
-    error = found["contour error [um]"].lines[0]
-    np.testing.assert_allclose(error.get_ydata(), 1e6 * result.path.contour_error_m)
-    twist = found["twist [urad]"].lines[0]
-    np.testing.assert_allclose(twist.get_ydata(), 1e6 * result.path.twist_rad)
 
 
 def test_heads_are_drawn_each_in_its_colour_and_the_legend_hides_none(result):
