@@ -57,7 +57,7 @@ IN_ONE_PIECE = "--xla_cpu_parallel_codegen_split_count=1"
 # places in the source that a compiled program remembers
 REMEMBERED_PLACES = "JAX_TRACEBACK_IN_LOCATIONS_LIMIT"
 QUICKLY_COMPILED_LOOPS = "1"  # Numba's level; 0 does not compile all of them
-MOST_MAPS = 2500  # some thousand programs; they take about 1 GB
+MOST_MAPS = 4000  # some thousand programs; they take about 1 GB
 
 
 def pytest_addoption(parser):

@@ -359,16 +359,25 @@ def test_controls_are_those_that_were_kept(loop, name, kept_numbers):
     kept_numbers("controls", name, numbers, rel=1e-6, abs=1e-7 * float(np.abs(rows).max()))
 
 
+@eqx.filter_jit
+def begun(plant, position, increment):
+    return plant.initial_state(position, increment)
+
+
+@eqx.filter_jit
+def advanced(plant, state, control):
+    """Next state; output and measurement of this one."""
+    return plant.step(state, control), plant.output(state), plant.measure(state)
+
+
 @pytest.mark.parametrize("name", PLANTS)
 def test_plants_move_as_was_kept(name, kept_numbers):
     """No truth of its own, as above: some steps under a control that changes."""
     plant, model = PLANTS[name].make(), PLANTS[name].machine().model
     control = np.array([0.1, -0.2, 0.3])[: model.inputs]
-    state = eqx.filter_jit(plant.initial_state)(np.full(model.axes, 1e-3), np.zeros(model.axes))
-    advance = jax.jit(lambda state, control: (plant.step(state, control), plant.output(state)))
-    way = []
+    state, way = begun(plant, np.full(model.axes, 1e-3), np.zeros(model.axes)), []
     for k in range(8):
-        state, output = advance(state, control * (-1.0) ** k)
+        state, output, _ = advanced(plant, state, control * (-1.0) ** k)
         way.append(np.asarray(output) - 1e-3)
     numbers = {f"{k} {i}": float(y) for k, row in enumerate(way) for i, y in enumerate(row)}
     kept_numbers("plants", name, numbers, rel=1e-6, abs=1e-7 * float(np.abs(way).max()))
@@ -379,22 +388,16 @@ def test_plants_hold_still_and_keep_their_types(name):
     plant, model = PLANTS[name].make(), PLANTS[name].machine().model
     axes, control = model.axes, np.array([0.1, -0.2, 0.3])[: model.inputs]
     position, increment = np.array([1e-3, 2e-3])[:axes], np.array([1e-5, 0.0])[:axes]
-    begin = eqx.filter_jit(plant.initial_state)
-    start, rest = begin(position, increment), begin(0 * position, 0 * increment)
-    np.testing.assert_allclose(plant.output(start), position, rtol=1e-12)
-
-    @jax.jit
-    def advance(state, control):
-        return plant.step(state, control), plant.output(state), plant.measure(state)
-
-    after, again = advance(start, control), advance(start, control)
+    start, rest = begun(plant, position, increment), begun(plant, 0 * position, 0 * increment)
+    after, again = advanced(plant, start, control), advanced(plant, start, control)
+    np.testing.assert_allclose(after[1], position, rtol=1e-12)
     assert jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), after[0]) == jax.tree.map(
         lambda leaf: (leaf.shape, leaf.dtype), start
     )
     for a, b in zip(jax.tree.leaves(after), jax.tree.leaves(again), strict=True):
         np.testing.assert_array_equal(a, b)
     assert after[1].dtype == jnp.float64
-    moved, *_ = advance(rest, 0 * control)
+    moved, *_ = advanced(plant, rest, 0 * control)
     still = all(
         np.array_equal(now, before)
         for now, before in zip(jax.tree.leaves(moved), jax.tree.leaves(rest), strict=True)
@@ -407,11 +410,8 @@ def test_plants_rest_anywhere(name):
     plant, axes = without_cogging(PLANTS[name].make()), PLANTS[name].machine().model.axes
     inputs = PLANTS[name].machine().model.inputs
     place = np.full(axes, 0.01) + shift_of(plant, axes)
-
-    @jax.jit
-    def rested(place):
-        state = plant.initial_state(place, jnp.zeros_like(place))
-        held = jnp.broadcast_to(plant.holding_control(place), (inputs,))
-        return plant.output(plant.step(plant.step(state, held), held))
-
-    np.testing.assert_allclose(rested(place), place, rtol=0, atol=1e-12)
+    state = begun(plant, place, np.zeros(axes))
+    held = np.broadcast_to(plant.holding_control(jnp.asarray(place)), (inputs,))
+    for _ in range(3):
+        state, output, _ = advanced(plant, state, held)
+        np.testing.assert_allclose(output, place, rtol=0, atol=1e-12)

@@ -48,6 +48,12 @@ def first(machine, name):
     return design_for(machine, Simulate(controller=name)).start
 
 
+@pytest.fixture(scope="module")
+def loops(router):
+    """First gains of the router's position loop, without a notch and with one."""
+    return [first(router, name) for name in ("position-loop", "position-loop-notch")]
+
+
 def test_loops_suit_what_the_drive_takes(router):
     p, pi = "position-loop", "linear-cascade-feedforward"
     assert simple_names(machine(speed_axis(0.02, 0.03, 0.0))) == [p, pi]
@@ -58,10 +64,10 @@ def test_loops_suit_what_the_drive_takes(router):
     assert simple_names(replace(router, model=backwards)) == []  # gains are not negative
 
 
-def test_a_notch_stands_at_the_resonance_and_allows_three_times_the_gain(router):
+def test_a_notch_stands_at_the_resonance_and_allows_three_times_the_gain(router, loops):
     """Against W T of the loop by its own response, in numbers that nothing of the product made."""
     assert resonance(router.model) == pytest.approx(2 * np.pi * HERTZ, rel=1e-6)
-    plain, fast = (first(router, name) for name in ("position-loop", "position-loop-notch"))
+    plain, fast = loops
     assert fast["notch"] == pytest.approx(2 * np.pi * HERTZ, rel=1e-6)
     assert fast["position"][0] > 3 * plain["position"][0]
     s = 2j * np.pi * np.geomspace(0.5, 400.0, 4000)
@@ -84,9 +90,9 @@ def relative(machine):
     return machine.doubt.relative[:, 0]
 
 
-def test_feedforward_makes_up_for_the_lag_of_the_notch(router):
+def test_feedforward_makes_up_for_the_lag_of_the_notch(loops):
     """(1 + T s) (1 + tau s) to the second order, tau = 2 zeta (1 - depth) / w."""
-    plain, fast = (first(router, name) for name in ("position-loop", "position-loop-notch"))
+    plain, fast = loops
     tau = 2 * 0.2 * 0.8 / (2 * np.pi * HERTZ)
     np.testing.assert_allclose(fast["viscous"], plain["viscous"], rtol=1e-12)
     np.testing.assert_allclose(
