@@ -1,0 +1,190 @@
+"""Sliding mode control of a sampled linear machine, with its equivalent control.
+
+The surface is s = S (x - x_d), scaled so that S B = I: s has the unit of the control. With
+
+    u = S (x_d(k+1) - A x) + n(s)
+the model moves to s(k+1) = n(s(k)) in one sample. n is the reaching law, and n = 0 leaves the
+equivalent control. A load d of the controls makes it s(k+1) = n + d.
+
+The integral surface (Utkin & Shi 1996) counts what the model with the gain K does not explain,
+
+    sigma(k) = sigma(k-1) + S (e(k) - (A - B K) e(k-1)),   e = x - x_d
+    u = S (x_d(k+1) - A x_d) - K e + n(sigma) - sigma
+so that it holds from the first sample on, with the poles of A - B K. The surface S = B'P with P of
+a Riccati equation is stable: what is left of x'P x on it falls as fast as under the best control.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from jcontour._tracing import is_concrete
+from jcontour.controller import Controller, checked_gain
+from jcontour.controllers.feedback.state_feedback import TargetPlan, moving_target
+from jcontour.linear.plant import LinearPlant
+from jcontour.motion.references import Reference
+from jcontour.riccati.algebraic import check_dare, dare, lqr_gain
+
+Controls = Float[Array, " p"]
+
+
+class Reaching(eqx.Module):
+    """How the surface is reached, component by component."""
+
+    @abc.abstractmethod
+    def next(self, integral: Controls, surface: Controls) -> tuple[Controls, Controls]:
+        """Integral of the law and n(s), from those of now."""
+
+
+class BoundaryLayer(Reaching):
+    """Reaching law of Gao with a boundary layer: n = (1 - rate) s - size sat(s / width).
+
+    Args:
+        rate: part of s that goes in a sample.
+        size: switched part, in the unit of the control.
+        width: of the layer in which it is linear, likewise.
+
+    Raises:
+        ValueError: a number is negative or not finite, or the width is zero.
+    """
+
+    rate: Float[Array, ""]
+    size: Float[Array, ""]
+    width: Float[Array, ""]
+
+    def __init__(self, rate, size, width):
+        self.rate, self.size = checked_gain("rate", rate), checked_gain("size", size)
+        self.width = checked_gain("width", width)
+        if is_concrete(width) and not width > 0:
+            raise ValueError(f"width: needs to be above zero, received {width}")
+
+    def next(self, integral: Controls, surface: Controls) -> tuple[Controls, Controls]:
+        """No integral."""
+        switched = jnp.clip(surface / self.width, -1.0, 1.0)
+        return jnp.zeros_like(integral), (1 - self.rate) * surface - self.size * switched
+
+
+class SuperTwisting(Reaching):
+    """Super-twisting law (Levant 1993), implicit Euler: it does not chatter by itself.
+
+        n = s - k_1 |n|^(1/2) sgn n + w+,   w+ = w - k_2 sgn n
+    The set-valued sgn 0 = [-1, 1] has the answer n = 0, w+ = -s where |s + w| <= k_2.
+
+    Args:
+        root: k_1, root of the unit of the control.
+        twist: k_2, unit of the control per sample.
+
+    Raises:
+        ValueError: a number is negative or not finite.
+    """
+
+    root: Float[Array, ""]
+    twist: Float[Array, ""]
+
+    def __init__(self, root, twist):
+        self.root, self.twist = checked_gain("root", root), checked_gain("twist", twist)
+
+    def next(self, integral: Controls, surface: Controls) -> tuple[Controls, Controls]:
+        """Solution of the quadratic equation for |n|^(1/2)."""
+        total = surface + integral
+        beyond = jnp.abs(total) - self.twist
+        outside = beyond > 0
+        left = jnp.where(outside, beyond, 1.0)  # a root without a derivative at zero
+        size = 2 * left / (self.root + jnp.sqrt(self.root**2 + 4 * left))
+        reached = jnp.where(outside, jnp.sign(total) * size**2, 0.0)
+        return jnp.where(outside, integral - self.twist * jnp.sign(total), -surface), reached
+
+
+class SlidingMemory(NamedTuple):
+    """Integral of the reaching law, and what the surface has gathered before this sample."""
+
+    integral: Controls
+    gathered: Controls
+
+
+class SlidingMode(Controller):
+    """Sliding mode control; the measurement is the state of the model, true or estimated.
+
+    Args:
+        model: A, B, C.
+        surface: S (p, n) in any scale; see `riccati_surface`.
+        reaching: law by which it is reached.
+        gain: K (p, n) of an integral surface; None for the plain one.
+
+    Raises:
+        ValueError: as `moving_target`; or the surface has another shape, or S B is singular.
+    """
+
+    model: LinearPlant
+    surface: Float[Array, "p n"]
+    reaching: Reaching
+    gain: Float[Array, "p n"] | None
+    preview: int = eqx.field(static=True, default=2)  # x_d(k+1) needs r(k+2)
+
+    def __init__(
+        self,
+        model: LinearPlant,
+        surface: Float[ArrayLike, "p n"],
+        reaching: Reaching,
+        gain: Float[ArrayLike, "p n"] | None = None,
+    ):
+        surface = jnp.asarray(surface, float)
+        gain = None if gain is None else jnp.asarray(gain, float)
+        wanted = (model.inputs, model.states)
+        for name, matrix in (("surface", surface), ("gain", gain)):
+            if matrix is not None and matrix.shape != wanted:
+                raise ValueError(f"{name}: needs shape {wanted}, received {matrix.shape}")
+        acting = surface @ model.B
+        if is_concrete(acting) and not np.linalg.cond(np.asarray(acting)) * 1e-12 < 1:
+            raise ValueError(
+                "surface: needs relative degree one, a control acts on it later (S B is singular)"
+            )
+        self.model, self.reaching, self.gain = model, reaching, gain
+        self.surface, self.preview = jnp.linalg.solve(acting, surface), 2
+
+    def prepare(self, reference: Reference) -> TargetPlan:
+        """Targets x_d, and the equivalent control S (x_d(k+1) - A x_d) of every step."""
+        steps, target = reference.steps, moving_target(self.model)
+        y = reference.position[: steps + 2]
+        state = y[:-1] @ target.state.T + jnp.diff(y, axis=0) @ target.state_moving.T
+        ahead = state[1:] - state[:-1] @ self.model.A.T
+        return TargetPlan(state[:-1], ahead @ self.surface.T)
+
+    def initial_memory(self, reference: Reference) -> SlidingMemory:
+        """On the surface: the machine starts as the reference says."""
+        nothing = jnp.zeros(self.model.inputs, self.surface.dtype)
+        return SlidingMemory(nothing, nothing)
+
+    def step(
+        self, memory: SlidingMemory, plan: TargetPlan, measurement: Float[Array, " n"]
+    ) -> tuple[SlidingMemory, Controls]:
+        """Next memory and the control."""
+        S, A, B = self.surface, self.model.A, self.model.B
+        error = measurement - plan.state
+        sigma = S @ error + memory.gathered
+        integral, reached = self.reaching.next(memory.integral, sigma)
+        moved = A @ error
+        if self.gain is None:
+            plain = SlidingMemory(integral, jnp.zeros_like(memory.gathered))
+            return plain, plan.control - S @ moved + reached
+        fed_back = self.gain @ error
+        gathered = sigma - S @ (moved - B @ fed_back)
+        return SlidingMemory(integral, gathered), plan.control - fed_back + reached - sigma
+
+
+def riccati_surface(
+    model: LinearPlant, Q: Float[ArrayLike, "n n"], R: Float[ArrayLike, "p p"]
+) -> tuple[Float[Array, "p n"], Float[Array, "p n"]]:
+    """Stable surface B'P of the Riccati equation with weights Q and R, and its gain K.
+
+    Raises:
+        ValueError: the equation has no stabilising solution.
+    """
+    Q, R = jnp.asarray(Q, float), jnp.asarray(R, float)
+    check_dare(model.A, model.B, Q, R)
+    P = dare(model.A, model.B, Q, R)
+    return model.B.T @ P, lqr_gain(model.A, model.B, P, R)
