@@ -120,11 +120,16 @@ def moving_target(model: LinearPlant) -> SteadyTarget:
     return target
 
 
+def _steady_matrix(A: Array, B: Array, C: Array) -> Float[Array, "s s"]:
+    n, m = A.shape[0], C.shape[0]
+    return jnp.block([[A - jnp.eye(n), B], [C, jnp.zeros((m, m))]])
+
+
 @jax.jit
 def _moving_target(A: Array, B: Array, C: Array) -> tuple[SteadyTarget, Float[Array, "s s"]]:
     """Target and the matrix of its equations."""
     n, m = A.shape[0], C.shape[0]
-    matrix = jnp.block([[A - jnp.eye(n), B], [C, jnp.zeros((m, m))]])
+    matrix = _steady_matrix(A, B, C)
     # each column is scaled to 1: metres, metres per second and amperes differ much
     largest = jnp.max(jnp.abs(matrix), axis=0)
     scaled = matrix / largest[None]
@@ -135,6 +140,30 @@ def _moving_target(A: Array, B: Array, C: Array) -> tuple[SteadyTarget, Float[Ar
     rest = solve(jnp.zeros((n, m)), jnp.eye(m))
     motion = solve(rest[:n], jnp.zeros((m, m)))
     return SteadyTarget(rest[:n], rest[n:], motion[:n], motion[n:]), scaled
+
+
+def accelerated_targets(model: LinearPlant, reference: Reference) -> TargetPlan:
+    """Targets of every step with the acceleration of the reference, so that arcs leave no lag.
+
+        x_d = N_y y + N_v dy + N_a d2y,   [A - I, B; C, 0] [N_a; U_a] = [N_v; 0]
+    The reference needs two samples of preview.
+
+    Raises:
+        ValueError: as `moving_target`.
+    """
+    target = moving_target(model)
+    _, scaled = _moving_target(model.A, model.B, model.C)
+    none = jnp.zeros((model.axes, model.axes))
+    right = jnp.concatenate([target.state_moving, none])
+    largest = jnp.max(jnp.abs(_steady_matrix(model.A, model.B, model.C)), axis=0)
+    third = jnp.linalg.solve(scaled, right) / largest[:, None]
+    y = reference.position[: reference.steps + 2]
+    dy = jnp.diff(y, axis=0)
+    motion = jnp.concatenate([y[:-2], dy[:-1], jnp.diff(dy, axis=0)], axis=1)
+    n = model.states
+    state = jnp.concatenate([target.state, target.state_moving, third[:n]], axis=1)
+    control = jnp.concatenate([target.control, target.control_moving, third[n:]], axis=1)
+    return TargetPlan(motion @ state.T, motion @ control.T)
 
 
 def lq_gain(
