@@ -58,6 +58,10 @@ class LQWeights(eqx.Module):
 class Terminal(eqx.Module):
     """Cost at the end of the horizon."""
 
+    def settled(self, model: LinearPlant) -> int:
+        """Samples before the end whose controls the terminal decides: its cost is that there."""
+        return 0
+
     @abc.abstractmethod
     def cost(
         self,
@@ -155,6 +159,12 @@ class ContouringLQ(ModelFeedback):
         # the output terminal is the paper's better performing choice
         self.terminal = OutputTerminal() if terminal is None else terminal
         check_stage(weights, self.preview)
+        settled = self.terminal.settled(model)
+        if settled and (self.preview <= settled or weights.stage is not None):
+            raise ValueError(
+                f"terminal: its state takes {settled} samples to reach, needs a longer preview and "
+                f"no stage profile, received {self.preview}"
+            )
         R = control_weight(model, weights)
         if isinstance(self.terminal, RiccatiTerminal):
             check_dare(model.A, model.B, (weights.alpha + weights.beta) * model.C.T @ model.C, R)
@@ -172,9 +182,11 @@ class ContouringLQ(ModelFeedback):
         Q = contour_weight(weights.alpha, weights.beta, reference.tangent[:seen])
         terminal = None
         if not isinstance(self.terminal, OutputTerminal):
-            ends = slice(self.preview, seen)
+            ends, settled = slice(self.preview, seen), self.terminal.settled(model)
             cost = self.terminal.cost(model, weights, Q, reference.position[:seen], ends)
             terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
+            stage, seen = stage[: self.preview - settled], seen - settled
+            Q = Q[:seen]
         R = control_weight(model, weights)
         if terminal is None and kernels.wanted():
             from jcontour._kernels import affine_runs  # loads Warp
