@@ -223,7 +223,13 @@ def zero_phase_inverse(
         ringing: as in `sorted_zeros`.
         order: m of the model.
     """
-    filters = [zero_phase_filter(plant, ringing) for plant in plants]
+    return smoothed_inverse(
+        [zero_phase_filter(plant, ringing) for plant in plants], smoothing, order
+    )
+
+
+def smoothed_inverse(filters: list[PreviewFilter], smoothing, order: int = 1) -> PreviewFilter:
+    """Inverse filters of all axes behind the model of `zero_phase_inverse`."""
     longest = max(one.preview for one in filters)
     model = _model(order, smoothing)
     pairs = []

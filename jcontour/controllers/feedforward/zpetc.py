@@ -49,7 +49,7 @@ def zero_phase_filter(
     Raises:
         ValueError: the preview is shorter than the filter needs, or B^u(1) = 0.
     """
-    uncancelled = _uncancelled(transfer, ringing)
+    uncancelled = uncancelled_zeros(transfer, ringing)
     zeros = sorted_zeros(transfer, ringing)
     needed = transfer.delay + uncancelled.size - 1
     if preview is not None and preview < needed:
@@ -76,12 +76,12 @@ def gain_error(transfer: TransferFunction, frequency, ringing: float = RINGING) 
     Raises:
         ValueError: B^u(1) = 0.
     """
-    uncancelled = _uncancelled(transfer, ringing)
+    uncancelled = uncancelled_zeros(transfer, ringing)
     points = np.exp(-1j * np.asarray(frequency, float) * transfer.dt)
     return np.abs(polynomial.polyval(points, uncancelled) / np.sum(uncancelled)) ** 2 - 1
 
 
-def _uncancelled(transfer: TransferFunction, ringing: float) -> Float[np.ndarray, " s"]:
+def uncancelled_zeros(transfer: TransferFunction, ringing: float) -> Float[np.ndarray, " s"]:
     """B^u, one at lambda = 0."""
     zeros = sorted_zeros(transfer, ringing)
     found = polynomial_from_zeros(np.concatenate([zeros.unstable, zeros.on_circle]))
