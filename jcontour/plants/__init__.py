@@ -2,6 +2,7 @@
 
 from jcontour.plants.bridgeport import bridgeport, exact_bridgeport
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis.cantilever import Beam, beam_modes, cantilever, thesis_beam
 from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, LinearMotor, thesis_motor
 from jcontour.plants.flexible_axis.models import euler_model, zoh_model
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
@@ -10,9 +11,11 @@ from jcontour.plants.gantry.motor_bench.back_to_back_motors import BackToBackMot
 from jcontour.plants.gantry.motor_bench.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.motor_coordinates import MotorEncoders
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
+from jcontour.plants.gantry.rigid_gantry import RigidGantry
 from jcontour.plants.linear_motor_drive import linear_motor_drive
 from jcontour.plants.servo_axes import servo_axes
 from jcontour.plants.three_link import ThreeLink, manipulator_path, three_servos
+from jcontour.plants.two_link import TwoLinkArm
 from jcontour.plants.wrappers.delays import Delayed, LateSensors
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import CountingEncoders, Encoders, Quantised, Sensed
@@ -22,6 +25,7 @@ from jcontour.plants.xy_table import DriveParameters, FrictionXYTable, xy_table
 
 __all__ = [
     "BackToBackMotors",
+    "Beam",
     "CountingEncoders",
     "Delayed",
     "Disturbed",
@@ -38,20 +42,25 @@ __all__ = [
     "LinearMotor",
     "MotorEncoders",
     "Quantised",
+    "RigidGantry",
     "Saturated",
     "Sensed",
     "SmoothFlexibleAxis",
     "SmoothFrictionGantry",
     "StickSlipGantry",
     "ThreeLink",
+    "TwoLinkArm",
+    "beam_modes",
     "bridgeport",
-    "exact_bridgeport",
+    "cantilever",
     "euler_model",
+    "exact_bridgeport",
     "linear_motor_drive",
     "manipulator_path",
     "servo_axes",
     "servo_bench",
     "thesis_axis",
+    "thesis_beam",
     "thesis_gantry",
     "thesis_motor",
     "three_servos",

@@ -1,6 +1,5 @@
 """Learning at the tool of an arm: error and energy of every cycle."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,64 +10,11 @@ from jcontour.controllers.learning.cartesian import CartesianControl, cartesian_
 from jcontour.controllers.learning.laps import learn
 from jcontour.controllers.learning.p_type import PType
 from jcontour.motion.references import from_samples
-from jcontour.plant import Plant
-from jcontour.plants.integrators import runge_kutta
+from jcontour.plants.two_link import TwoLinkArm
 
 DT, STEPS, CYCLES = 2e-3, 800, 12
 GAINS = (6000.0, 300.0)  # [N/m], [N s/m]
 LAW = PType(0.9, lead=1, smoothing=2)
-LENGTH = np.array([0.4, 0.3])  # [m]
-
-
-class Arm(Plant):
-    """Two links in a plane, their mass in the middle, a torque in each joint.
-
-    M(q) q'' + c(q, q') + b q' = tau, q_2 measured from the first link.
-    """
-
-    mass: tuple[float, float] = (8.0, 4.0)  # [kg]
-    inertia: tuple[float, float] = (0.12, 0.04)  # [kg m^2]
-    viscous: tuple[float, float] = (0.5, 0.3)  # [N m s/rad]
-    dt: float = eqx.field(static=True, default=DT)
-
-    def initial_state(self, position, increment):
-        angle = self.angles(position)
-        return angle, jnp.linalg.solve(self.jacobian(angle), increment / self.dt)
-
-    def step(self, state, control):
-        def rates(now):
-            (_, elbow), speed = now
-            v1, v2 = speed
-            a2 = self.mass[1] * LENGTH[0] * LENGTH[1] / 2
-            a3 = self.inertia[1] + self.mass[1] * LENGTH[1] ** 2 / 4
-            a1 = self.inertia[0] + self.mass[0] * LENGTH[0] ** 2 / 4 + a3
-            a1 = a1 + self.mass[1] * LENGTH[0] ** 2
-            cosine, sine = jnp.cos(elbow), jnp.sin(elbow)
-            side = a3 + a2 * cosine
-            M = jnp.stack([jnp.stack([a1 + 2 * a2 * cosine, side]), jnp.stack([side, a3])])
-            c = a2 * sine * jnp.stack([-v2 * (2 * v1 + v2), v1**2])
-            return speed, jnp.linalg.solve(M, control - c - jnp.asarray(self.viscous) * speed)
-
-        for _ in range(2):
-            state = runge_kutta(rates, state, self.dt / 2)
-        return state
-
-    def output(self, state):
-        return self.tool(state[0])
-
-    def tool(self, angle):
-        both = jnp.cumsum(angle)
-        return jnp.stack([LENGTH @ jnp.cos(both), LENGTH @ jnp.sin(both)])
-
-    def jacobian(self, angle):
-        return jax.jacfwd(self.tool)(angle)
-
-    def angles(self, tool):
-        """Elbow bent to the left."""
-        one, two = LENGTH
-        elbow = jnp.arccos((tool @ tool - one**2 - two**2) / (2 * one * two))
-        ahead = jnp.arctan2(two * jnp.sin(elbow), one + two * jnp.cos(elbow))
-        return jnp.stack([jnp.arctan2(tool[1], tool[0]) - ahead, elbow])
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +29,7 @@ def ring():
 
 @pytest.fixture(scope="module")
 def cycles(ring):
-    arm = Arm()
+    arm = TwoLinkArm()
     control = CartesianControl(arm, *GAINS, jnp.zeros((STEPS, 2)), DT)
     run = cartesian_cycles(lambda lap: arm, control, ring)
     return arm, run, learn(run, LAW, CYCLES, jnp.zeros((STEPS, 2)))[0]
@@ -112,8 +58,8 @@ def test_the_energy_comes_to_that_of_the_inverse_dynamics(cycles, ring):
 
 def test_other_masses_are_learned_as_well(ring):
     """The law knows lengths only: heavier links, the same law."""
-    heavy = Arm(mass=(12.0, 6.0), inertia=(0.18, 0.06), viscous=(1.0, 0.6))
-    control = CartesianControl(Arm(), *GAINS, np.zeros((STEPS, 2)), DT)
+    heavy = TwoLinkArm(mass=(12.0, 6.0), inertia=(0.18, 0.06), viscous=(1.0, 0.6))
+    control = CartesianControl(TwoLinkArm(), *GAINS, np.zeros((STEPS, 2)), DT)
     run = cartesian_cycles(lambda lap: heavy, control, ring)
     laps, _ = learn(run, LAW, CYCLES, placed(np.zeros((STEPS, 2))))
     away = np.asarray(laps.output) - np.asarray(ring.position)[:STEPS]
@@ -122,7 +68,7 @@ def test_other_masses_are_learned_as_well(ring):
 
 
 def test_a_spring_and_a_damper_at_the_tool(ring):
-    arm = Arm()
+    arm = TwoLinkArm()
     control = CartesianControl(arm, *GAINS, jnp.ones((STEPS, 2)), DT)
     plan = jax.tree.map(lambda rows: np.asarray(rows)[7], control.prepare(ring))
     angle, speed = placed(np.array([0.2, 1.1])), placed(np.array([0.3, -0.4]))
@@ -135,7 +81,7 @@ def test_a_spring_and_a_damper_at_the_tool(ring):
 
 
 def test_bad_input(ring):
-    arm = Arm()
+    arm = TwoLinkArm()
     with pytest.raises(ValueError, match="stiffness: needs to be finite"):
         CartesianControl(arm, -1.0, 1.0, jnp.zeros((STEPS, 2)), DT)
     with pytest.raises(ValueError, match=r"force: needs the shape \(800, 2\)"):
