@@ -24,6 +24,10 @@ from .feedback.integral_lqg import (
 from .feedback.pole_placement import damped_poles as damped_poles
 from .feedback.pole_placement import placed_gain as placed_gain
 from .feedback.self_tuning import SelfTuning as SelfTuning
+from .feedback.sliding_mode import BoundaryLayer as BoundaryLayer
+from .feedback.sliding_mode import SlidingMode as SlidingMode
+from .feedback.sliding_mode import SuperTwisting as SuperTwisting
+from .feedback.sliding_mode import riccati_surface as riccati_surface
 from .feedback.state_feedback import (
     StateFeedback as StateFeedback,
 )

@@ -16,6 +16,7 @@ from jcontour.controllers.contouring.cross_coupled import (
     CrossGains,
     VariableCoupling,
 )
+from jcontour.controllers.contouring.polar import Polar
 from jcontour.controllers.contouring.precompensation import Precompensated
 from jcontour.controllers.contouring.task_frame import TaskFrame
 from tuning.parameters import Weight
@@ -64,6 +65,22 @@ class TaskFrameCascade(ContouringScheme):
 
     def build(self, weights: Gains) -> Controller:
         return TaskFrame(self.cascade(weights))
+
+
+class PolarCascade(ContouringScheme):
+    """P-PI cascades with a PI controller of the radial error (Chen, Liu & Ting).
+
+    It is weak beside the position loops. Its centre is the mean of the run's reference.
+    """
+
+    weights = (
+        *ContouringScheme.weights,
+        Weight("radial", "1/s", start=3.0),
+        Weight("radial_integral", "1/s^2", start=3.0),
+    )
+
+    def build(self, weights: Gains) -> Controller:
+        return Polar(self.cascade(weights), *picked("radial radial_integral", weights))
 
 
 class PrecompensatedCascade(ContouringScheme):

@@ -21,12 +21,14 @@ from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.steady_response import steady_response
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.feedforward.causal_inverse import causal_filter
 from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward
 from jcontour.controllers.feedforward.model_following import ModelFollowing
 from jcontour.controllers.feedforward.preview_filter import PreviewFilter
 from jcontour.controllers.feedforward.tuned_inverse import (
     OptimalInverse,
     optimal_filter,
+    smoothed_inverse,
     zero_phase_inverse,
 )
 from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
@@ -104,6 +106,13 @@ class ZeroPhaseCascade(LinearCascade):
             Encoders(self.nominal),
             _limit(self.machine),
         )
+
+
+class CausalCascade(ZeroPhaseCascade):
+    """Causal inversion of the model in front of the cascade, no preview but its delay."""
+
+    def ahead(self, gains: Gains) -> PreviewFilter:
+        return smoothed_inverse([causal_filter(axis) for axis in self.axes], gains["smoothing"])
 
 
 class OptimalCascade(ZeroPhaseCascade):

@@ -304,7 +304,7 @@ class AxisLQ(AxisDesign):
     def regulator(self, weights: Gains) -> StateFeedback:
         """State feedback by the linear-quadratic regulator."""
         model, m = self.machine.model, len(self.machine.axes)
-        gain = lq_gain(model, _state_weight(self.machine, weights), jnp.eye(m))
+        gain = lq_gain(model, state_weight(self.machine, weights), jnp.eye(m))
         return StateFeedback(gain, type(self).target(model))
 
 
@@ -344,7 +344,7 @@ class AxisLQG(AxisLQ):
         K, K_i = integral_lq_gains(
             model,
             positions_of(sensors, measured),
-            _state_weight(self.machine, weights),
+            state_weight(self.machine, weights),
             jnp.diag(jnp.broadcast_to(weights["integral"], (m,))),
             jnp.eye(m),
         )
@@ -368,7 +368,8 @@ def _observed(machine: FlexibleMachine, feedback: StateFeedback) -> ReducedObser
     return ReducedObserver(feedback, machine.model, thesis_gain(len(machine.axes)))
 
 
-def _state_weight(machine: FlexibleMachine, gains: Gains) -> Float[Array, "n n"]:
+def state_weight(machine: FlexibleMachine, gains: Gains) -> Float[Array, "n n"]:
+    """Diagonal weight Q on the positions and speeds of motors and tools."""
     diagonal = [
         jnp.broadcast_to(gains[name], (len(machine.axes),))
         for name in ("motor", "motor_speed", "tool", "tool_speed")

@@ -22,6 +22,7 @@ from jcontour.app.designs.flexible_axis import DRY_FRICTION, AxisCascade
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.app.machines.gantry import GantryMachine
 from jcontour.controller import Controller
+from jcontour.controllers.feedforward.causal_inverse import causal_filter
 from jcontour.controllers.feedforward.friction_feedforward import FrictionFeedforward
 from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward
 from jcontour.controllers.feedforward.model_following import ModelFollowing
@@ -29,6 +30,7 @@ from jcontour.controllers.feedforward.preview_filter import PreviewFilter
 from jcontour.controllers.feedforward.tuned_inverse import (
     OptimalInverse,
     optimal_filter,
+    smoothed_inverse,
     zero_phase_inverse,
 )
 from jcontour.controllers.feedforward.zpetc import RINGING
@@ -110,6 +112,18 @@ class AxisZeroPhase(ZeroPhase, AxisCascade):
         return FrictionFeedforward(behind, weights["coulomb"], cascade.limit)
 
 
+class Causal(ZeroPhase):
+    """Causal inversion of what a machine's motors do; the model's smoothing looks ahead."""
+
+    def inverse(self, gains: Gains) -> PreviewFilter:
+        filters = [causal_filter(one, RINGING) for one in self.inverted.transfers]
+        return smoothed_inverse(filters, gains["smoothing"], ORDER)
+
+
+class AxisCausal(Causal, AxisZeroPhase):
+    """Causal inversion of the axes in front of the cascade, dry friction fed forward."""
+
+
 class AxisOptimal(Optimal, AxisZeroPhase):
     """Feedforward optimal in l1 with preview in front of the cascade, dry friction fed forward."""
 
@@ -138,6 +152,10 @@ class GantryZeroPhase(ZeroPhase, gantry.GantryCascade):
         dry = gantry.MOTORS @ weights.get("coulomb", jnp.zeros(2))
         limit = jnp.asarray(self.machine.limits.control)
         return OfMotors(FrictionFeedforward(behind, dry, limit), gantry.MOTORS)
+
+
+class GantryCausal(Causal, GantryZeroPhase):
+    """Causal inversion in front of the cascades, model of the beam's centre."""
 
 
 class GantryOptimal(Optimal, GantryZeroPhase):

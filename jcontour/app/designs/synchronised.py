@@ -12,7 +12,7 @@ import numpy as np
 from jcontour._tracing import is_concrete
 from jcontour.app.designs.contouring_schemes import ContouringScheme
 from jcontour.app.designs.design import Design, Gains
-from jcontour.app.designs.gantry import GANTRY
+from jcontour.app.designs.gantry import GANTRY, GantryCascade
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.app.machines.gantry import GantryMachine
 from jcontour.app.machines.machine import Machine
@@ -22,10 +22,11 @@ from jcontour.controllers.synchronisation.adaptive import (
     SynchronisedGains,
 )
 from jcontour.controllers.synchronisation.limits import check_coupling, sampled_loop
+from jcontour.controllers.synchronisation.master_slave import MasterSlave
 from jcontour.controllers.synchronisation.speed_axes import SpeedAxes, speed_axes
 from jcontour.controllers.wrappers.motor_kinematics import OfMotors
 from jcontour.sensors import motors
-from tuning.parameters import Weight
+from tuning.parameters import Interval, Weight
 
 
 class Loops(NamedTuple):
@@ -107,6 +108,17 @@ class SynchronisedDrives(Design[GantryMachine]):
         }
         drives = drives_of(self.machine)
         return OfMotors(_synchronised(self.machine, drives, each, (1, 2)), DRIVES)
+
+
+class MasterSlaveDrives(GantryCascade):
+    """P-PI cascades of a gantry whose second Y drive follows the first one."""
+
+    weights = (*GantryCascade.weights, Weight("following", range=Interval(0.01, 1.5), start=1.0))
+
+    def build(self, weights: Gains) -> Controller:
+        loops = {name: value for name, value in weights.items() if name != "following"}
+        law = MasterSlave(self.cascade(loops), (1, 2), weights["following"])
+        return OfMotors(law, DRIVES)
 
 
 def axes_of(machine: FlexibleMachine) -> SpeedAxes:

@@ -37,14 +37,16 @@ NEEDS = {name: design_class(name).needs.words for name in CONTROLLERS}
 LINEAR = "a machine given by A, B, C"
 LIMITED = f"{LINEAR} that states limits"
 AXES, AXIS = "two flexible axes or more, for a contour", "a flexible axis"
+ANY = f"{LINEAR}, flexible axes or a gantry"
+GOVERNED = f"{ANY} that states limits of its controls"
 SUITED = {  # machine -> the kinds that it is of
-    "bridgeport": [LINEAR, LIMITED],
-    "xy-table": [LINEAR, LIMITED],
-    "emps": [LINEAR, LIMITED],
+    "bridgeport": [LINEAR, LIMITED, GOVERNED],
+    "xy-table": [LINEAR, LIMITED, GOVERNED],
+    "emps": [LINEAR, LIMITED, GOVERNED],
     "flexible-axis": [AXIS],
     "flexible-axes": [AXIS, AXES],
-    "gantry": ["a gantry", "a gantry without dry friction"],
-    "gantry-friction": ["a gantry", "a gantry with dry friction"],
+    "gantry": ["a gantry", "a gantry without dry friction", GOVERNED],
+    "gantry-friction": ["a gantry", "a gantry with dry friction", GOVERNED],
 }
 
 
@@ -54,7 +56,7 @@ SUITED = {  # machine -> the kinds that it is of
 )
 def test_an_unknown_controller_is_answered_with_those_of_the_machine(name):
     machine = machine_named(name)
-    suited = [one for one, needs in NEEDS.items() if needs in SUITED[name]]
+    suited = [one for one, needs in NEEDS.items() if needs in [*SUITED[name], ANY]]
     assert controllers_for(machine) == suited and machine.usual.controller in suited
     with pytest.raises(ValueError, match=f"none named 'magic'; give one of {', '.join(suited)}$"):
         design_for(machine, Simulate(controller="magic"))

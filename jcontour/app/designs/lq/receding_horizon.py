@@ -33,7 +33,9 @@ from jcontour.controllers.lq.contouring_lq import (
     RiccatiTerminal,
     Terminal,
 )
+from jcontour.controllers.lq.cross_coupled_lq import CrossCoupledLQ
 from jcontour.controllers.lq.preview_lq import PreviewLQ
+from jcontour.controllers.lq.zero_terminal import ZeroTerminal
 from jcontour.controllers.observers.kalman import (
     FilterObserver,
     OffsetFreeObserver,
@@ -48,7 +50,11 @@ from jcontour.simulation.evaluation import member
 from tuning.parameters import Fixed, Positive, Weight
 
 LEAST_BLOCK = 200  # samples: the fastest block measured; the paper's loops forget within them
-TERMINALS: dict[str, Terminal] = {"output": OutputTerminal(), "riccati": RiccatiTerminal()}
+TERMINALS: dict[str, Terminal] = {
+    "output": OutputTerminal(),
+    "riccati": RiccatiTerminal(),
+    "zero": ZeroTerminal(),
+}
 ObserverForm = Literal["offset-free", "filter", "predictor"]
 
 
@@ -335,6 +341,33 @@ class RiccatiStateLQ(RiccatiLQ):
     """Receding-horizon LQ contouring with the Riccati terminal, fed the true state."""
 
     fed = "state"
+
+
+class ZeroLQ(RiccatiLQ):
+    """The same with a zero terminal state: every horizon ends in the motion of the path.
+
+    The preview is longer than the machine takes to get there.
+    """
+
+    ends = "zero"
+    limitable = False
+
+    def first_preview(self, first: Gains) -> int:
+        return max(self.flags.preview, 2 * ZeroTerminal().settled(self.model))
+
+
+class CrossCoupledLQDesign(RiccatiLQ):
+    """Optimal cross-coupled control (Kulkarni & Srinivasan), offset-free observer."""
+
+    reads = ("model_delay",)
+    law = "optimal cross-coupled control"
+    limitable = False
+
+    def first_preview(self, first: Gains) -> int:
+        return 2
+
+    def law_of(self, weights: LQWeights) -> Controller:
+        return CrossCoupledLQ(self.model, weights)
 
 
 class BlocksLQ(LQDesign):

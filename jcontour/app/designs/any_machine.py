@@ -1,0 +1,184 @@
+"""Laws for any machine of the catalogue, linear, flexible or a gantry, as the commands see them.
+
+A law of the state is fed by the observer of the machine's own LQ controller, which finds the load,
+too. A law of positions and speeds stands where the cascade of each motor stands. Its weights are
+those of that controller and some of its own. Both Y drives of a gantry share one control of a law
+of the state.
+"""
+
+import abc
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.app.designs.design import Design, Gains, Needs
+from jcontour.app.designs.flexible_axis import AxisFeedforward, AxisOffsetFreeLQG, state_weight
+from jcontour.app.designs.gantry import MOTORS, GantryCascade
+from jcontour.app.designs.gantry_observer import GantryOffsetFreeLQ
+from jcontour.app.designs.lq.receding_horizon import RiccatiLQ
+from jcontour.app.designs.simple_loops import ProportionalIntegralLoop
+from jcontour.app.flags.shared import Controlled
+from jcontour.app.machines.flexible_axis import FlexibleMachine
+from jcontour.app.machines.gantry import GantryMachine
+from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.machines.machine import Machine
+from jcontour.controller import Controller
+from jcontour.controllers.feedback.cascade import Cascade
+from jcontour.controllers.wrappers.motor_kinematics import OfMotors
+from jcontour.controllers.wrappers.shared_controls import SharedControls
+from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
+from jcontour.linear.plant import LinearPlant
+from tuning.parameters import Weights
+
+Matrix = Float[Array, "n n"]
+
+
+class Quadratic(NamedTuple):
+    """Model of a law of the state, and the weights Q and R of its quadratic cost."""
+
+    model: LinearPlant
+    Q: Matrix
+    R: Matrix
+
+
+class Kind(NamedTuple):
+    """A kind of machine.
+
+    Attributes:
+        machine: its class.
+        observed: its LQ controller behind an observer.
+        loops: its cascade with feedforward.
+        weight: weight Q on the state, from the model and the weights.
+        shares: controls of the law that its drives share.
+    """
+
+    machine: type[Machine]
+    observed: type[Design]
+    loops: type[Design]
+    weight: Callable[[Machine, LinearPlant, Gains], Matrix]
+    shares: np.ndarray | None = None
+
+
+def _of_outputs(machine: Machine, model: LinearPlant, gains: Gains) -> Matrix:
+    return (gains["alpha"] + gains["beta"]) * model.C.T @ model.C
+
+
+def _of_axes(machine: Machine, model: LinearPlant, gains: Gains) -> Matrix:
+    assert isinstance(machine, FlexibleMachine)
+    return state_weight(machine, gains)
+
+
+KINDS = (
+    Kind(LinearMachine, RiccatiLQ, ProportionalIntegralLoop, _of_outputs),
+    Kind(FlexibleMachine, AxisOffsetFreeLQG, AxisFeedforward, _of_axes),
+    Kind(GantryMachine, GantryOffsetFreeLQ, GantryCascade, _of_outputs, np.asarray(MOTORS)),
+)
+
+
+def _kinds(machine: Machine) -> list[Kind]:
+    return [kind for kind in KINDS if isinstance(machine, kind.machine)]
+
+
+ANY = Needs(
+    "a machine given by A, B, C, flexible axes or a gantry",
+    Machine,
+    lambda machine: bool(_kinds(machine)),
+)
+
+
+def shares_of(machine: Machine) -> np.ndarray:
+    """D of the controls u = D v of laws with as many controls as the machine has axes."""
+    (kind,) = _kinds(machine)
+    return np.eye(machine.model.inputs) if kind.shares is None else kind.shares
+
+
+def with_shares(model: LinearPlant, shares: np.ndarray) -> LinearPlant:
+    """Model with the controls v of u = D v; itself where each drive has its own."""
+    if shares.shape[0] == shares.shape[1]:
+        return model
+    return LinearPlant(model.A, model.B @ shares, model.C, model.dt, motion=model.motion)
+
+
+def shared_out(law: Controller, shares: np.ndarray) -> Controller:
+    """The law with its controls shared out to the drives."""
+    return law if shares.shape[0] == shares.shape[1] else SharedControls(law, shares)
+
+
+class StateDesign(Design[Machine]):
+    """A law of the state of the model, behind the observer of state and load."""
+
+    needs = ANY
+
+    def __init__(self, name: str, machine: Machine, flags: Controlled):
+        (self.kind,) = _kinds(machine)
+        self.observed = self.kind.observed(name, machine, flags)
+        self.weights = (*self.observed.weights, *self.weights)
+        late = [flag for flag in self.observed.reads if flag == "model_delay"]
+        self.reads = (*self.reads, *late)
+        super().__init__(name, machine, flags)
+
+    @abc.abstractmethod
+    def law(self, quadratic: Quadratic, gains: Gains) -> Controller:
+        """The law, fed the state of the model."""
+
+    def starts(self) -> Gains:
+        return self.observed.start
+
+    def first_preview(self, first: Gains) -> int:
+        return self.build(first).preview
+
+    def tunable(self) -> "StateDesign":
+        """Behind the observer that is tuned, with its start."""
+        observed = self.observed.tunable()
+        return self.replaced(observed=observed, start=self.start | observed.start)
+
+    def settings(self) -> dict[str, Any]:
+        return {**self.observed.settings(), **super().settings()}
+
+    def quadratic(self, weights: Weights) -> Quadratic:
+        """Model of the law and its cost."""
+        shares = shares_of(self.machine)
+        R = weights.get("rho", 1.0) * jnp.asarray(shares.T @ shares)
+        Q = self.kind.weight(self.machine, self.model, weights)
+        return Quadratic(with_shares(self.model, shares), Q, R)
+
+    @property
+    def model(self) -> LinearPlant:
+        """Model of the observer."""
+        return getattr(self.observed, "model", self.machine.model)
+
+    def build(self, weights: Weights) -> Controller:
+        observer, shares = self.observed.build(weights), shares_of(self.machine)
+        law = self.law(self.quadratic(weights), weights)
+        return eqx.tree_at(lambda one: one.controller, observer, shared_out(law, shares))
+
+
+class CascadeDesign(Design[Machine]):
+    """A law in place of the cascade of every motor, with its gains and its feedforward."""
+
+    needs = ANY
+
+    def __init__(self, name: str, machine: Machine, flags: Controlled):
+        (kind,) = _kinds(machine)
+        self.loops = kind.loops(name, machine, flags)
+        self.weights = (*self.loops.weights, *self.weights)
+        super().__init__(name, machine, flags)
+
+    @abc.abstractmethod
+    def law(self, cascade: Cascade, gains: Gains) -> Controller:
+        """The law, from the cascade of the motors."""
+
+    def starts(self) -> Gains:
+        return self.loops.start
+
+    def build(self, weights: Weights) -> Controller:
+        loops = self.loops.build({name: weights[name] for name in self.loops.first})
+        if isinstance(loops, Cascade):
+            return self.law(loops, weights)
+        assert isinstance(loops, SpeedByDifference | OfMotors)
+        assert isinstance(loops.controller, Cascade)
+        return eqx.tree_at(lambda one: one.controller, loops, self.law(loops.controller, weights))

@@ -1,0 +1,49 @@
+"""Controllers for any machine: built on every kind, gradients of every weight."""
+
+import warnings
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.app.catalogue.choices import design_for, machine_named
+from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
+from jcontour.app.designs.any_machine import ANY
+from jcontour.app.flags.loops import Simulate
+from jcontour.geometry.contours import circle, line
+from jcontour.motion.references import along
+from jcontour.simulation.closed_loop import simulate
+
+NAMES = [name for name in CONTROLLERS if getattr(design_class(name), "needs", None) == ANY]
+STEP = 1e-6  # of a logarithm: a larger one meets the kinks of limits and layers
+KINDS = ("xy-table", "flexible-axis", "gantry")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", NAMES)
+def test_every_weight_has_the_slope_that_differences_say(name, kind):
+    """On the smooth nominal machine, from its start; the nominal loop follows its path."""
+    machine = machine_named(kind)
+    design = design_for(machine, Simulate(controller=name))
+    plant, alone = machine.smooth_family()[0], len(machine.axes) == 1
+    contour = line([0.0], [1e-2]) if alone else circle(5e-3)
+    arc = 2e-5 * np.arange(200)
+    path = along(contour, arc, machine.model.dt, design.preview, at_rest=False)
+
+    @jax.jit
+    def error(change):
+        weights = {key: value * jnp.exp(change[key]) for key, value in design.start.items()}
+        run = simulate(plant, design.build(weights), path)
+        return 1e3 * jnp.sqrt(jnp.mean((run.output - path.position[: path.steps]) ** 2))
+
+    none = {key: jnp.zeros(()) for key in design.start}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert float(error(none)) < 0.5
+    slopes = jax.jit(jax.grad(error))(none)
+    for key in design.free():
+        ahead, behind = (float(error({**none, key: jnp.asarray(s * STEP)})) for s in (1, -1))
+        wanted = (ahead - behind) / (2 * STEP)
+        assert float(slopes[key]) == pytest.approx(wanted, rel=1e-5, abs=1e-7), key
