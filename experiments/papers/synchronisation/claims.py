@@ -8,6 +8,8 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from experiments.papers.panels import Curve, Panel, drawn
+from experiments.papers.synchronisation.companions import FAST as FAST_TURN
+from experiments.papers.synchronisation.companions import panels
 from experiments.papers.synchronisation.experiment import (
     CONTINUOUS,
     FAST,
@@ -28,6 +30,7 @@ ZERO = 1e-12  # an error below is rounding
 ROUNDING = 1e-8  # of a bound
 CHOSEN = "our plant was chosen so that this holds"
 SIMILAR = 1.5  # ratio of two peaks up to which the responses are similar
+LEARNED = 0.2  # of the first error, that is left when a lap is learned
 NEAR = 1.1  # ratio of two beta up to which one is near the other
 
 
@@ -84,6 +87,29 @@ def claims(result: Result) -> Iterator[Claim]:
         f"weak feedback, 10 ms: (17) holds below {weak.proven:.4f}, the loop is stable below "
         f"{weak.exact:.4f}; nominal axes: the two bounds are equal",
         verdict(all(one.proven <= one.exact * (1 + ROUNDING) for one in result.bounds)),
+    )
+    yield from _companions(result)
+
+
+def _companions(result: Result) -> Iterator[Claim]:
+    """Textbook statements of two papers in the volume of which there is no text."""
+    run = result.schedule
+    dies, grows = float(run.slow[-1]), float(run.fast[-1])
+    yield Claim(
+        "Shahruz & Behtash",
+        "a loop that is stable wherever it is frozen may grow; below a rate it dies out",
+        f"eigenvalues at most {run.frozen:.2f} /s frozen; after {run.time_s[-1]:g} s the state is "
+        f"{grows:.2g} x as large at {FAST_TURN:g} rad/s, {dies:.2g} x at {run.rate:.3f} rad/s, a "
+        "rate that is estimated on a grid",
+        verdict(run.frozen < 0 and grows > 1 and dies < 1),
+    )
+    light, heavy = (one[-1] / one[0] for one in (result.cycles.light, result.cycles.heavy))
+    yield Claim(
+        "Guglielmo & Sadegh",
+        "the force at the tool is learned without a model of the arm's masses",
+        f"after {len(result.cycles.light)} cycles {light:.3f} of the first error is left, "
+        f"{heavy:.3f} with masses half as large again",
+        verdict(max(light, heavy) < LEARNED),
     )
 
 
@@ -197,6 +223,12 @@ def responses(
     return drawn(panels, (11.0, 4.2), whole, columns=3, legend=4, sharey=True)
 
 
+def companions(result: Result) -> Figure:
+    """Gain scheduling and learning in Cartesian space, of the same volume."""
+    title = "Companions in the volume, their textbook forms"
+    return drawn(panels(result.schedule, result.cycles), (9.0, 3.8), title, columns=2, legend=4)
+
+
 MANY = (0.0, 1.0, 2.0, 5.0, 10.0)
 FIGURES = {
     # two couplings, and the difference over beta; at 10 ms beta = 4 diverges
@@ -209,4 +241,5 @@ FIGURES = {
     "figures-12-to-14": partial(
         responses, period_ms=SLOW, shown=(0.0, 3.0), betas=(0.0, 1.0, 2.0, 3.0, 3.5), title="10 ms"
     ),
+    "companions": companions,
 }

@@ -6,12 +6,13 @@ statements on beta hold: at least 10 at 2 ms, around 3 and less than 4 at 10 ms.
 a weaker feedback and unequal axes change.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from experiments.papers.synchronisation.companions import Cycles, Schedule, learned, scheduled
 from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
     SynchronisedGains,
@@ -120,10 +121,15 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Result:
-    """Responses of all plants, periods and couplings, and bounds on the coupling."""
+    """Responses of all plants, periods and couplings, and bounds on the coupling.
+
+    Then the two companions in the volume.
+    """
 
     rows: tuple[Row, ...]
     bounds: tuple[Bounds, ...]
+    schedule: Schedule = field(default_factory=scheduled)
+    cycles: Cycles = field(default_factory=learned)
 
     def row(self, plant: str, period_ms: float, beta: float) -> Row:
         """Response of this plant, period and coupling."""

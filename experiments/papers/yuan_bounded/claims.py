@@ -17,6 +17,7 @@ from experiments.papers.yuan_bounded.experiment import (
     UNKNOWN,
     Result,
 )
+from experiments.papers.yuan_bounded.invariant_set import panel
 from experiments.tables import Table
 from jcontour.app.reports.figures.axes import CYCLE, OTHER
 
@@ -84,6 +85,16 @@ def claims(result: Result) -> Iterator[Claim]:
         verdict(False, all(within)),
     )
     yield from _point_to_point(result)
+    run = result.invariant
+    yield Claim(
+        "Theorem 4.1",
+        "Algorithm 1 ends in finitely many steps in a robust control invariant set",
+        "it ends empty on the rigid axis"
+        if run is None
+        else f"so on the rigid axis: {run.rows} rows after {run.steps} steps; on the printed axis "
+        "with its link no set exists",
+        verdict(False, run is not None),
+    )
 
 
 def _point_to_point(result: Result) -> Iterator[Claim]:
@@ -199,4 +210,14 @@ def motions(result: Result) -> Figure:
     return drawn([Panel(title, "time [s]", "error [mm]", curves)], (8.0, 4.0), legend=2)
 
 
-FIGURES = {"figure-4-2": errors, "figures-4-3-and-4-5": motions}
+def invariant(result: Result) -> Figure:
+    """The set of Algorithm 1 on the rigid axis; without one, nothing but the heading."""
+    panels = [panel(result.invariant)] if result.invariant else [Panel("empty", "", "", [])]
+    return drawn(panels, (6.0, 4.2))
+
+
+FIGURES = {
+    "figure-4-2": errors,
+    "figures-4-3-and-4-5": motions,
+    "algorithm-1": invariant,
+}

@@ -8,13 +8,14 @@ lumped disturbance w of at most 5 mm/s acts on v_m, and through the printed obse
 estimates.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from experiments.papers.yuan_bounded.invariant_set import InvariantSetRun, algorithm_1
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import RiccatiTerminal
 from jcontour.controllers.wrappers.filters import Filtered, notch
@@ -170,6 +171,7 @@ class Result:
     least: tuple[LeastRow, ...]
     loops: tuple[LoopRow, ...]
     motions: tuple[PointToPointRun, ...]  # Figs 4.3 and 4.5
+    invariant: InvariantSetRun | None = field(default_factory=algorithm_1)
 
 
 def run(settings: Settings) -> Result:

@@ -5,7 +5,7 @@ its test bench: our simulation of its model stands beside them and is not fitted
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -14,6 +14,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from experiments.papers.yuan_tracking.beam import BeamStudy, beam_study
 from jcontour.app.catalogue.choices import design_for, first_machine, job_named
 from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
 from jcontour.app.designs.flexible_axis import AxisDesign
@@ -134,6 +135,7 @@ class Result:
     ranking: tuple[RankingRow, ...]
     signals: dict[str, dict[str, Signals]]  # by controller and task, every `KEPT_PERIOD`
     gap: tuple[GapRow, ...]  # sharpness ascending
+    beam: BeamStudy = field(default_factory=beam_study)
 
     def row(self, controller: str, gains: str = "start") -> RankingRow:
         """The one row of a controller."""

@@ -86,7 +86,8 @@ def test_verdicts_follow_the_numbers():
 
     whole = made_up()
     assert verdicts(whole)[:5] == [NO, NO, PARTLY, PARTLY, PARTLY]
-    assert verdicts(whole)[5:] == [YES, NO, NO, ORDER, YES, NO, Verdict.EXPERIMENTAL]
+    assert verdicts(whole)[5:] == [YES, NO, NO, ORDER, YES, NO, Verdict.EXPERIMENTAL, PARTLY]
+    assert verdicts(replace(whole, invariant=None))[-1] == NO
     one, *others = whole.motions
     printed = replace(one, largest_mm=3.44, mean_mm=0.66)
     assert verdicts(replace(whole, motions=(printed, *others)))[6:9] == [YES, NO, NO]
