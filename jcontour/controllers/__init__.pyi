@@ -11,10 +11,23 @@ from .contouring.cross_coupled import (
 from .contouring.cross_coupled import (
     VariableCoupling as VariableCoupling,
 )
+from .contouring.polar import Polar as Polar
 from .contouring.precompensation import Precompensated as Precompensated
 from .contouring.task_frame import TaskFrame as TaskFrame
+from .feedback.adaptive_robust import AdaptiveRobust as AdaptiveRobust
+from .feedback.admissible import LoopLimits as LoopLimits
+from .feedback.admissible import enough_steps as enough_steps
+from .feedback.admissible import governed_loop as governed_loop
 from .feedback.cascade import Cascade as Cascade
 from .feedback.cascade import CascadeGains as CascadeGains
+from .feedback.dynamic_surface import DynamicSurface as DynamicSurface
+from .feedback.governor import ScalarGovernor as ScalarGovernor
+from .feedback.governor import VectorGovernor as VectorGovernor
+from .feedback.hinf_feedback import HInfinityFeedback as HInfinityFeedback
+from .feedback.hinf_feedback import MixedWeights as MixedWeights
+from .feedback.hinf_feedback import mixed_sensitivity as mixed_sensitivity
+from .feedback.hinf_synthesis import central as central
+from .feedback.hinf_synthesis import least_gamma as least_gamma
 from .feedback.integral_lqg import (
     IntegralLQG as IntegralLQG,
 )
@@ -23,6 +36,7 @@ from .feedback.integral_lqg import (
 )
 from .feedback.pole_placement import damped_poles as damped_poles
 from .feedback.pole_placement import placed_gain as placed_gain
+from .feedback.predictive_cascade import PredictiveCascade as PredictiveCascade
 from .feedback.self_tuning import SelfTuning as SelfTuning
 from .feedback.sliding_mode import BoundaryLayer as BoundaryLayer
 from .feedback.sliding_mode import SlidingMode as SlidingMode
@@ -42,6 +56,7 @@ from .feedback.state_feedback import (
 )
 from .feedback.time_delay import TimeDelayControl as TimeDelayControl
 from .feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking as AdaptiveZeroPhaseTracking
+from .feedforward.causal_inverse import causal_filter as causal_filter
 from .feedforward.friction_feedforward import FrictionFeedforward as FrictionFeedforward
 from .feedforward.hinf import hinf_optimum as hinf_optimum
 from .feedforward.inverse_feedforward import InverseFeedforward as InverseFeedforward
@@ -76,8 +91,10 @@ from .lq.contouring_lq import (
 from .lq.contouring_lq import (
     RiccatiTerminal as RiccatiTerminal,
 )
+from .lq.cross_coupled_lq import CrossCoupledLQ as CrossCoupledLQ
 from .lq.preview_lq import PreviewLQ as PreviewLQ
 from .lq.scheduled_lq import ScheduledLQ as ScheduledLQ
+from .lq.zero_terminal import ZeroTerminal as ZeroTerminal
 from .observers.disturbance_observer import DisturbanceObserver as DisturbanceObserver
 from .observers.extended_state_observers import (
     NLESO as NLESO,
@@ -116,6 +133,7 @@ from .synchronisation.adaptive import (
 from .synchronisation.adaptive import (
     SynchronisedGains as SynchronisedGains,
 )
+from .synchronisation.master_slave import MasterSlave as MasterSlave
 from .wrappers.backlash_compensation import BacklashCompensation as BacklashCompensation
 from .wrappers.compensated import Compensated as Compensated
 from .wrappers.filters import (

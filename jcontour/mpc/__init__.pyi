@@ -11,6 +11,7 @@ from .contouring.contouring_weights import ContouringWeights as ContouringWeight
 from .contouring.mpcc import MPCC as MPCC
 from .contouring.mpcc import Traversal as Traversal
 from .contouring.mpcc import growing_blocks as growing_blocks
+from .tracking.artificial_reference import ArtificialReferenceMPC as ArtificialReferenceMPC
 from .tracking.constrained_lq import ConstrainedLQ as ConstrainedLQ
 from .tracking.forms import AbsoluteForm as AbsoluteForm
 from .tracking.forms import Disturbance as Disturbance

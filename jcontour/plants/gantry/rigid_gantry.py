@@ -9,6 +9,7 @@ motion nor the lateral one is in it, which is why the thesis makes its own model
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from jcontour.linear.plant import LinearPlant, SteadyMotion
@@ -48,7 +49,7 @@ class RigidGantry(NamedTuple):
         A[2:, 2:] = -weights * (arms.T @ np.diag(self.viscous) @ arms)
         B[2:] = weights * arms.T
         C = np.hstack([arms, np.zeros((2, 2))])
-        both = np.array([[0.5, 0.5], [0.0, 0.0]])  # a straight gantry: both drives move alike
-        none = np.zeros((2, 2))
-        motion = SteadyMotion(np.vstack([both, none]), np.vstack([none, both / dt]))
+        both = jnp.array([[0.5, 0.5], [0.0, 0.0]])  # a straight gantry: both drives move alike
+        none = jnp.zeros((2, 2))
+        motion = SteadyMotion(jnp.concatenate([both, none]), jnp.concatenate([none, both / dt]))
         return LinearPlant(*zoh(A, B, dt), C, dt, motion=motion)

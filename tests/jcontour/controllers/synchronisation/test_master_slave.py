@@ -1,6 +1,7 @@
 """Master-slave synchronisation."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -18,7 +19,7 @@ def test_the_slave_follows_the_master(coupling):
     path, law = reference(round_path(2)), MasterSlave(LOOPS, (0, 1), coupling)
     plan = jax.tree.map(lambda rows: rows[3], law.prepare(path))
     position, speed = np.array([1e-3, 2e-4]), np.array([0.02, 0.03])
-    _, control = law.step(np.zeros(2), plan, (position, speed))
+    _, control = law.step(jnp.zeros(2), plan, (position, speed))
     r, v = np.asarray(plan.position), np.asarray(plan.velocity)
     moved = r + coupling * np.array([0.0, position[0] - r[0]])
     wanted = v + coupling * np.array([0.0, speed[0] - v[0]])
