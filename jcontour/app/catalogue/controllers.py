@@ -116,7 +116,6 @@ CONTROLLERS = {  # name -> module and class
     "dynamic-surface": "jcontour.app.designs.surfaces:DynamicSurfaceLoops",
     "adaptive-robust": "jcontour.app.designs.surfaces:AdaptiveRobustLoops",
     "predictive-cascade": "jcontour.app.designs.surfaces:GeneralisedPredictiveCascade",
-    "predictive-repetitive": "jcontour.app.designs.surfaces:PredictiveRepetitiveCascade",
     "h-infinity": "jcontour.app.designs.robust:MixedSensitivity",
 }
 # shorter names -> what they stand for, from the general to the particular: the last one that suits

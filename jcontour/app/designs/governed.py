@@ -10,7 +10,7 @@ from jcontour.app.designs.design import Gains, Needs
 from jcontour.app.machines.machine import Machine
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.admissible import LoopLimits, enough_steps, governed_loop
-from jcontour.controllers.feedback.governor import Governor, ScalarGovernor, VectorGovernor
+from jcontour.controllers.feedback.governor import ScalarGovernor, VectorGovernor
 from jcontour.controllers.feedback.state_feedback import lq_gain
 from jcontour.mpc.tracking.artificial_reference import ArtificialReferenceMPC
 from tuning.parameters import Weight
@@ -26,12 +26,12 @@ class ScalarGoverned(StateDesign):
     """
 
     needs = Needs(
-        f"{ANY.words} that states limits of its controls",
+        f"limits of the controls: {ANY.words}",
         Machine,
         lambda machine: ANY.also(machine) and machine.limits.control is not None,
     )
     reads = ("preview",)
-    governor: ClassVar[type[Governor]] = ScalarGovernor
+    governor: ClassVar[type[ScalarGovernor | VectorGovernor]] = ScalarGovernor
 
     def limits(self, quadratic: Quadratic) -> LoopLimits:
         """Limits of the controls of the law."""

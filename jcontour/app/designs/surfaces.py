@@ -1,8 +1,5 @@
 """Laws of measured positions and speeds in place of the cascade of every motor."""
 
-from typing import ClassVar
-
-import jax.numpy as jnp
 import numpy as np
 
 from jcontour.app.designs.any_machine import CascadeDesign
@@ -15,8 +12,7 @@ from jcontour.controllers.feedback.predictive_cascade import PredictiveCascade
 from tuning.parameters import Fixed, Interval, Weight
 
 FILTER = 5.0  # samples of the filter in a dynamic surface
-LAGS, SHORTEST, LONGEST = 3.0, 20, 100  # horizon in lags of the velocity loop, and in samples
-PERIOD = 0.1  # [s] of a table at 600 rpm, as in repetitive control
+HORIZON = 100  # [samples] some lags of a velocity loop: a shorter one is not stable behind a PI
 
 
 class DynamicSurfaceLoops(CascadeDesign):
@@ -49,30 +45,18 @@ class AdaptiveRobustLoops(CascadeDesign):
 class GeneralisedPredictiveCascade(CascadeDesign):
     """Generalised predictive position loops around the velocity loops of the cascade.
 
-    The lag begins as inertia over velocity gain. A change of the command by 1 m/s weighs as much as
-    what it moves within the horizon.
+    The lag begins as inertia over what slows the speed. A change of the command by 1 m/s weighs as
+    much as ten times what it moves within the horizon.
     """
 
     weights = (Weight("lag", "s"), Weight("effort", "s^2", cost=True))
-    harmonics: ClassVar[int] = 0
 
     def starts(self) -> Gains:
         loops = super().starts()
-        lag = float(np.mean(np.asarray(loops["inertia"]) / np.asarray(loops["velocity"])))
+        slowed = np.asarray(loops["velocity"]) + np.asarray(loops["viscous"])
+        lag = float(np.mean(np.asarray(loops["inertia"]) / slowed))
         dt = self.machine.model.dt
-        self.horizon = int(np.clip(np.ceil(LAGS * lag / dt), SHORTEST, LONGEST))
-        return {**loops, "lag": lag, "effort": self.horizon**3 * dt**2 / 3}
+        return {**loops, "lag": lag, "effort": 10 * HORIZON**3 * dt**2 / 3}
 
     def law(self, cascade: Cascade, gains: Gains) -> Controller:
-        period = gains.get("period", jnp.inf)
-        turn = 2 * np.pi * cascade.dt / jnp.asarray(period, float)
-        return PredictiveCascade(
-            cascade, gains["lag"], gains["effort"], self.horizon, turn, self.harmonics
-        )
-
-
-class PredictiveRepetitiveCascade(GeneralisedPredictiveCascade):
-    """The same with a period that leaves no error in its first harmonic (Wang)."""
-
-    weights = (*GeneralisedPredictiveCascade.weights, Weight("period", "s", Fixed(), PERIOD))
-    harmonics = 1
+        return PredictiveCascade(cascade, gains["lag"], gains["effort"], HORIZON)

@@ -27,9 +27,9 @@ SAID = 1e-7  # of the half width, by which a later row may be exceeded
 class LoopLimits(NamedTuple):
     """Greatest magnitudes: of outputs from a centre [m], of controls; infinite ones are none."""
 
-    output: Float[np.ndarray, " m"]
-    control: Float[np.ndarray, " p"]
-    centre: Float[np.ndarray, " m"]
+    output: tuple[float, ...]
+    control: tuple[float, ...]
+    centre: tuple[float, ...]
 
     @classmethod
     def of(cls, model: LinearPlant, control: ArrayLike, output: ArrayLike = np.inf, centre=0.0):
@@ -43,10 +43,11 @@ class LoopLimits(NamedTuple):
         for name, value in found.items():
             if not np.all(value > 0):
                 raise ValueError(f"{name}: needs limits above zero, received {value}")
-        if not np.isfinite([*found["output"], *found["control"]]).any():
+        output, control = (tuple(value.tolist()) for value in found.values())
+        if not np.isfinite([*output, *control]).any():
             raise ValueError("limits: a governor needs a limit to keep, all of them are infinite")
         middle = np.broadcast_to(np.asarray(centre, float), model.axes)
-        return cls(found["output"], found["control"], middle)
+        return cls(output, control, tuple(middle.tolist()))
 
 
 class GovernedLoop(eqx.Module):
@@ -79,7 +80,7 @@ def governed_loop(
     """
     K, target = jnp.asarray(gain, float), moving_target(model)
     loop, feed = model.A - model.B @ K, target.control + K @ target.state
-    limit = np.concatenate([limits.output, limits.control])
+    limit = np.array([*limits.output, *limits.control])
     kept = np.isfinite(limit)
     scale = jnp.asarray(limit[kept])[:, None]
     n, m, p = model.states, model.axes, model.inputs

@@ -68,7 +68,7 @@ class ArtificialReferenceMPC(Controller):
     weights: tuple[Float[Array, "n n"], Float[Array, "p p"], Float[Array, "n n"]]
     pull: Float[Array, ""]
     loop: GovernedLoop
-    limits: LoopLimits
+    limits: LoopLimits = eqx.field(static=True)
     preview: int = eqx.field(static=True)
 
     def __init__(
@@ -174,12 +174,13 @@ class ArtificialReferenceMPC(Controller):
         """
         model, loop, limits, N = self.model, self.loop, self.limits, self.preview
         n, m, p = model.states, model.axes, model.inputs
-        kept, driven = np.isfinite(limits.output), np.isfinite(limits.control)
-        widths, most = limits.output[kept][:, None], limits.control[driven][:, None]
+        output, control = np.array(limits.output)[:, None], np.array(limits.control)[:, None]
+        kept, driven = np.isfinite(output[:, 0]), np.isfinite(control[:, 0])
+        widths, most = output[kept], control[driven]
         after = jnp.concatenate([model.A, jnp.zeros((n, m)), model.B, jnp.zeros((n, m))], axis=1)
         theta = jnp.eye(m, n + m + p + m, n) + jnp.eye(m, n + m + p + m, n + m + p)
-        output = (model.C @ after)[kept] / widths
-        control = jnp.eye(p, n + m + p + m, n + m)[driven] / most
+        of_output = (model.C @ after)[kept] / widths
+        of_control = jnp.eye(p, n + m + p + m, n + m)[driven] / most
         end = loop.state @ after + unit * loop.command @ theta
         resting = jnp.concatenate(
             [
@@ -192,6 +193,6 @@ class ArtificialReferenceMPC(Controller):
         acting = np.ones((N, sum(counts)), bool)
         acting[:-1, counts[0] + counts[1] :] = False
         soft = np.repeat([False, True, True], counts)
-        middle = jnp.asarray(limits.centre[kept] / widths[:, 0])
+        middle = jnp.asarray(np.array(limits.centre)[kept] / widths[:, 0])
         centre = jnp.concatenate([jnp.zeros(counts[0]), middle, loop.centre])
-        return jnp.concatenate([control, output, end]), resting, centre, acting, soft
+        return jnp.concatenate([of_control, of_output, end]), resting, centre, acting, soft

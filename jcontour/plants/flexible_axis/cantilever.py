@@ -87,9 +87,7 @@ def beam_modes(beam: Beam, count: int) -> BeamModes:
 
     places = np.linspace(1e-3, np.pi * (count + 0.5), FINENESS * (count + 1))
     below = np.flatnonzero(np.diff(np.sign(characteristic(places))))[:count]
-    beta = np.array(
-        [brentq(characteristic, places[k], places[k + 1], xtol=1e-14, rtol=1e-14) for k in below]
-    )
+    beta = np.array([brentq(characteristic, places[k], places[k + 1], xtol=1e-14) for k in below])
     place = (1 + NODES) / 2
     shapes, tips = beam_shapes(beta, place), beam_shapes(beta, np.ones(1))[:, 0]
     mass = beam.density * beam.length / 2 * WEIGHTS

@@ -38,7 +38,7 @@ LINEAR = "a machine given by A, B, C"
 LIMITED = f"{LINEAR} that states limits"
 AXES, AXIS = "two flexible axes or more, for a contour", "a flexible axis"
 ANY = f"{LINEAR}, flexible axes or a gantry"
-GOVERNED = f"{ANY} that states limits of its controls"
+GOVERNED = f"limits of the controls: {ANY}"
 SUITED = {  # machine -> the kinds that it is of
     "bridgeport": [LINEAR, LIMITED, GOVERNED],
     "xy-table": [LINEAR, LIMITED, GOVERNED],

@@ -9,7 +9,11 @@ from jcontour.app.catalogue.controllers import CONTROLLERS
 from jcontour.app.catalogue.machines import MACHINES
 from jcontour.app.flags.loops import Simulate
 
-FIXED = {"repetitive": {"period"}, "run-out": {"frequency"}}  # chosen, not tuned
+FIXED = {  # chosen, not tuned
+    "repetitive": {"period"},
+    "adaptive-robust": {"load"},
+    "run-out": {"frequency"},
+}
 # an inverse looks as far as its model, of 16 samples, or the preview beyond: 7, or its delays
 PREVIEWS = {"gantry-zpetc": 18, "gantry-optimal-feedforward": 23, "gantry-offset-free-lq": 7}
 

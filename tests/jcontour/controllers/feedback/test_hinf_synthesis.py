@@ -54,10 +54,11 @@ def peak(A, B, C, D):
         return np.linalg.svd(G, compute_uv=False)[:, 0]
 
     w = np.sort(np.concatenate([[0.0], np.geomspace(1e-5, np.pi, 400), np.linspace(0, np.pi, 400)]))
+    found = sizes(w)
     for _ in range(4):
-        found = sizes(w)
         k = int(found.argmax())
         w = np.linspace(w[max(k - 1, 0)], w[min(k + 1, len(w) - 1)], 100)
+        found = sizes(w)
     return found.max()
 
 

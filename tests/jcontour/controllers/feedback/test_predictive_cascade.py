@@ -80,7 +80,7 @@ def leaf_row(tree):
 
 
 def test_bad_numbers_are_told():
-    for wrong in ({"lag": 0.0}, {"effort": -1.0}):
-        with pytest.raises(ValueError, match=next(iter(wrong))):
-            PredictiveCascade(inner(), **{"lag": LAG, "effort": EFFORT, **wrong}, horizon=8)
+    for name, lag, effort in (("lag", 0.0, EFFORT), ("effort", LAG, -1.0)):
+        with pytest.raises(ValueError, match=name):
+            PredictiveCascade(inner(), lag, effort, horizon=8)
     assert STEPS > HORIZON

@@ -1,5 +1,6 @@
 """The cantilever against closed forms and finite elements."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -70,7 +71,7 @@ def test_momentum_is_kept_and_the_tip_comes_along():
         state = np.asarray(plant.A) @ state + np.asarray(plant.B)[:, 0]
     share = beam_modes(beam, 2).share
     assert mass * state[3] + share @ state[4:] == pytest.approx(0.2, rel=1e-8)
-    hold = plant.initial_state(np.array([0.1]), np.array([0.0]))
+    hold = plant.initial_state(jnp.array([0.1]), jnp.array([0.0]))
     np.testing.assert_allclose(np.asarray(hold), [0.1, 0, 0, 0, 0, 0], rtol=0, atol=1e-9)
 
 
