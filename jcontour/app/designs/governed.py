@@ -20,17 +20,13 @@ SPARE = 2  # the rows look as much further ahead: weights may make the loop slow
 
 
 class ScalarGoverned(StateDesign):
-    """Linear-quadratic loop behind a scalar reference governor, observer of state and load.
-
-    It commands the reference at the end of the preview.
-    """
+    """Linear-quadratic loop behind a scalar reference governor, observer of state and load."""
 
     needs = Needs(
         f"limits of the controls: {ANY.words}",
         Machine,
         lambda machine: ANY.also(machine) and machine.limits.control is not None,
     )
-    reads = ("preview",)
     governor: ClassVar[type[ScalarGovernor | VectorGovernor]] = ScalarGovernor
 
     def limits(self, quadratic: Quadratic) -> LoopLimits:
@@ -48,7 +44,7 @@ class ScalarGoverned(StateDesign):
     def law(self, quadratic: Quadratic, gains: Gains) -> Controller:
         gain, limits = lq_gain(*quadratic), self.limits(quadratic)
         loop = governed_loop(quadratic.model, gain, limits, self.steps)
-        return self.governor(loop, self.flags.preview)
+        return self.governor(loop)
 
 
 class VectorGoverned(ScalarGoverned):
@@ -61,6 +57,7 @@ class ArtificialReference(ScalarGoverned):
     """Tracking MPC with an artificial reference (Limon), observer of state and load."""
 
     weights = (Weight("pull", cost=True),)
+    reads = ("preview",)
 
     def starts(self) -> Gains:
         """The artificial reference is pulled ten times as hard as the machine to it."""

@@ -56,11 +56,13 @@ class GovernedLoop(eqx.Module):
     Attributes:
         gain: K.
         feed: U + K X, of the command in the control.
+        lag: of the outputs behind a steady motion of the command [samples].
         state, command, centre: rows, over their limits; those of z_t first, the resting ones last.
     """
 
     gain: Float[Array, "p n"]
     feed: Float[Array, "p m"]
+    lag: Float[Array, "m m"]
     state: Float[Array, "r n"]
     command: Float[Array, "r m"]
     centre: Float[Array, " r"]
@@ -97,9 +99,11 @@ def governed_loop(
     _, rows = jax.lax.scan(sample_on, start, length=steps + 1)
     by_state, by_command = (one.reshape(-1, one.shape[2]) for one in rows)
     rest = (H @ target.state + L) / (1 - INSIDE)
+    settled = jnp.linalg.inv(jnp.eye(n) - loop)
     return GovernedLoop(
         K,
         feed,
+        model.C @ settled @ settled @ model.B @ feed,
         jnp.concatenate([by_state, jnp.zeros((len(middle), n))]),
         jnp.concatenate([by_command, rest]),
         jnp.concatenate([jnp.tile(middle, steps + 1), middle / (1 - INSIDE)]),

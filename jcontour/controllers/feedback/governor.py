@@ -4,8 +4,8 @@
     vector:  v = arg min |v - r|
 with (x, v) admissible: see `admissible`. With v(k-1) admissible at x(k-1) it stays so on the model,
 so that an answer is always there and no limit is ever left. A scalar governor keeps the command on
-the line to the reference, a vector one brings every axis as near as it can come. The command is the
-reference some samples ahead: what the loop is behind.
+the line to the reference, a vector one brings every axis as near as it can come. The wanted command
+r + L dr leads by what the loop lags behind a steady motion.
 """
 
 import abc
@@ -30,7 +30,6 @@ class Governor(Controller):
 
     Args:
         loop: with its admissible pairs, see `governed_loop`.
-        preview: samples ahead of the reference that are commanded.
     """
 
     loop: eqx.AbstractVar[GovernedLoop]
@@ -47,7 +46,8 @@ class Governor(Controller):
                 loop cannot rest within its limits.
         """
         check_preview(self, reference)
-        wanted = reference.position[self.preview : self.preview + reference.steps]
+        wanted = reference.position[: reference.steps]
+        ahead = reference.position[1 : reference.steps + 1] - wanted
         resting = jnp.all(self.loop.state == 0, axis=1)
         off = jnp.abs(wanted @ self.loop.command.T - self.loop.centre[None])
         off = jnp.where(resting[None], off, 0.0)
@@ -57,7 +57,7 @@ class Governor(Controller):
                 f"reference: sample {k}, {np.asarray(wanted)[k]} m, is where the loop cannot rest "
                 "within its limits"
             )
-        return wanted
+        return wanted + ahead @ self.loop.lag.T
 
     def initial_memory(self, reference: Reference) -> Place:
         """Command: the place where the run begins [m]."""
@@ -85,7 +85,7 @@ class ScalarGovernor(Governor):
     """One number for all axes: the command stays on the line to the reference."""
 
     loop: GovernedLoop
-    preview: int = eqx.field(static=True, default=0)
+    preview: int = eqx.field(static=True, default=1)
 
     def governed(self, state: Float[Array, " n"], before: Place, wanted: Place) -> Place:
         """As far towards the wanted command as is admissible."""
@@ -96,7 +96,7 @@ class VectorGovernor(Governor):
     """Nearest admissible command: a quadratic program of as many numbers as there are axes."""
 
     loop: GovernedLoop
-    preview: int = eqx.field(static=True, default=0)
+    preview: int = eqx.field(static=True, default=1)
 
     def governed(self, state: Float[Array, " n"], before: Place, wanted: Place) -> Place:
         """Nearest command, kept to the rows to the last digit by a scalar governor."""
