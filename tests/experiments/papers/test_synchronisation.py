@@ -132,7 +132,11 @@ def test_turns(signal, count):
 
 def test_figures_show_the_numbers(result):
     shown = ((CONTINUOUS, 5.0), (FAST, 2.0), (SLOW, 3.0))
-    for figure, (period, beta) in zip(FIGURES.values(), shown, strict=True):
+    *responses, companions = FIGURES.values()
+    moving, tool = companions(result).axes
+    np.testing.assert_array_equal(moving.lines[1].get_ydata(), result.schedule.slow)
+    np.testing.assert_array_equal(tool.lines[0].get_ydata(), 1e3 * result.cycles.light)
+    for figure, (period, beta) in zip(responses, shown, strict=True):
         panels = figure(result).axes
         row = result.row(NOMINAL, period, beta)
         np.testing.assert_array_equal(panels[1].lines[1].get_ydata(), row.e2)
