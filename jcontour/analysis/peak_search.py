@@ -19,7 +19,7 @@ from jcontour.analysis.frequency_response import Encoding, Responses
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks
 from jcontour.analysis.loop_slopes import Ends, slope_of, turned
 from jcontour.analysis.spectral import dominant, times
-from jcontour.analysis.uncertain_loops import Doubt, doubt_measure
+from jcontour.analysis.uncertain_loops import Doubt, doubt_measure, measured_sensitivity
 
 # [rad per sample]; the first stands for 0, where integrators have no response
 GRID = np.pi * np.concatenate([[1e-7], np.geomspace(2e-7, 0.2, 46), np.linspace(0.2, 1, 17)[1:]])
@@ -54,7 +54,8 @@ def loop_measures(
     Args:
         loop: batched in front; plant and controller may have different batches that go together.
         encoding: how the sensors show positions.
-        doubt: W, how far off the response of the plant may be; without it W T is 0.
+        doubt: W, how far off the response of the plant may be; without it W T is 0. Around the
+            lines in it the peak of S is that of the first plant of the last axis of the batch.
 
     Returns:
         Values, and their derivatives with respect to the matrices of the loop (*loops, 4, ...).
@@ -72,8 +73,10 @@ def loop_measures(
     responses = Responses.of(loop, encoding)
     # a loop that is not stable has no peaks: its numbers are those of one that is
     poles, kept = np.where(stable[..., None], poles, 0.0), np.where(stable[..., None, None], M, 0.0)
+    sensitivity, complementary = _peaks(loop, responses, kept, poles, stable)
     found = [
-        *_peaks(loop, responses, kept, poles, stable),
+        _with_measured(sensitivity, loop, responses, kept, doubt),
+        complementary,
         size,
         _doubted(loop, responses, kept, poles, stable, doubt),
     ]
@@ -92,6 +95,26 @@ def _doubted(loop: FrozenLoop, responses: Responses, M, poles, stable, doubt: Do
         return np.zeros(stable.shape), slope_of(loop, still, still)
     size, slope = doubt_measure(loop, M, responses, np.exp(_places(poles)), doubt)
     return np.where(stable, size, np.inf), _only(slope, stable)
+
+
+def _with_measured(
+    peak: tuple[np.ndarray, FrozenLoop],
+    loop: FrozenLoop,
+    responses: Responses,
+    M,
+    doubt: Doubt | None,
+) -> tuple[np.ndarray, FrozenLoop]:
+    """Peak of S and its slope, of the first plants those around what was measured if larger."""
+    if doubt is None or not any(one.frequency.size for one in doubt.lines):
+        return peak
+    size, slope = measured_sensitivity(loop, M, responses, doubt.lines)
+    larger = (size > peak[0]) & (np.arange(size.shape[-1]) == 0)
+    parts = [
+        [np.where(larger[..., None, None], *both) for both in zip(*pair, strict=True)]
+        for pair in zip(slope, peak[1], strict=True)
+    ]
+    joined = FrozenLoop(LinearMachine(*parts[0]), LinearLaw(*parts[1]))
+    return np.where(larger, size, peak[0]), joined
 
 
 def _peaks(loop: FrozenLoop, responses: Responses, M, poles, stable: Bool[np.ndarray, "*loops"]):

@@ -16,31 +16,13 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from jcontour.analysis.frequency_response import Responses, largest_singular
-from jcontour.analysis.frozen_loops import FrozenLoop, blocks
+from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks
 from jcontour.analysis.loop_slopes import Ends, slope_of, turned
 from jcontour.analysis.spectral import times
 
 GRID = np.pi * np.geomspace(1e-3, 1.0, 160)  # [rad per sample] that is looked at in any case
 DEVIATIONS = 1.96  # in half an interval of 95 %
 BORNE = 0.5  # of W T_u: a factor of two stays on everything that is not known
-
-
-class Doubt(NamedTuple):
-    """How far off the response of a plant may be.
-
-    Attributes:
-        frequency: [rad per sample], rising, above 0.
-        relative: largest |P_true / P - 1| behind each control. In between it is linear in the
-            logarithm of the frequency; beyond the ends it stays.
-    """
-
-    frequency: Float[np.ndarray, " F"]
-    relative: Float[np.ndarray, "F p"]
-
-    def at(self, frequency: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any p"]:
-        """W on its diagonal."""
-        wanted, known = np.log(frequency), np.log(self.frequency)
-        return np.stack([np.interp(wanted, known, one) for one in self.relative.T], axis=-1)
 
 
 class Lines(NamedTuple):
@@ -57,27 +39,78 @@ class Lines(NamedTuple):
     half_width: Float[np.ndarray, " F"]
 
 
-def measured_sensitivity(responses: Responses, lines: Sequence[Lines]) -> float:
-    """Largest sensitivity of loops around the measured response, at worst within a deviation of it.
+class Doubt(NamedTuple):
+    """How far off the response of a plant may be.
 
-    With P (I + E) in place of P it is (I - T_u E)^-1 S_u; one axis is replaced at a time.
+    Attributes:
+        frequency: [rad per sample], rising, above 0.
+        relative: largest |P_true / P - 1| behind each control. In between it is linear in the
+            logarithm of the frequency; beyond the ends it stays.
+        lines: what was measured of the nominal plant behind each control; empty where nothing was.
+    """
+
+    frequency: Float[np.ndarray, " F"]
+    relative: Float[np.ndarray, "F p"]
+    lines: tuple[Lines, ...] = ()
+
+    def at(self, frequency: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any p"]:
+        """W on its diagonal."""
+        wanted, known = np.log(frequency), np.log(self.frequency)
+        return np.stack([np.interp(wanted, known, one) for one in self.relative.T], axis=-1)
+
+
+def measured_sensitivity(
+    loop: FrozenLoop,
+    closed: Float[np.ndarray, "*loops N N"],
+    responses: Responses,
+    lines: Sequence[Lines],
+) -> tuple[Float[np.ndarray, "*loops"], FrozenLoop]:
+    """Largest sensitivity of loops around a measured response, and its slope (envelope theorem).
+
+    With P (I + E) in place of P it is (I - T_u E)^-1 S_u. One axis is replaced at a time; its E is
+    the one within a deviation of the measured one that comes nearest to instability. Where E makes
+    the loop unstable the sensitivity is infinite, with slope 0.
 
     Args:
-        responses: of the loops.
+        loop: stable, batched in front.
+        closed: the matrix of the closed loop.
+        responses: of the same loops.
         lines: for every control; not all are empty.
     """
-    largest = 0.0
+    heights, places, errors = [], [], []
     for k, (frequency, off, half_width) in enumerate(lines):
         T = responses.control_complementary(frequency)
-        eye = np.eye(T.shape[-1])
-        turned_by = off[:, None, None] * np.diag(eye[k])
-        S = np.linalg.solve(eye - T @ turned_by, eye + T)
-        left = np.abs(1 - T[..., k, k] * off)
-        sure = left - np.abs(T[..., k, k]) * half_width / DEVIATIONS
-        with np.errstate(divide="ignore"):
-            worst = np.where(sure > 0, left / np.maximum(sure, 0.0), np.inf)
-        largest = max(largest, float(np.max(largest_singular(S) * worst, initial=0.0)))
-    return largest
+        left = 1 - T[..., k, k] * off
+        reach = np.abs(T[..., k, k]) * half_width / DEVIATIONS
+        nearer = np.minimum(reach / np.maximum(np.abs(left), 1e-300), 1.0) * left
+        E = off + nearer / np.where(T[..., k, k] == 0, 1e-300, T[..., k, k])
+        chosen = np.eye(T.shape[-1])[k]
+        S = _around(T, E[..., None] * chosen)
+        lost = (np.real(left) <= 0) & (np.abs(np.imag(left)) <= reach) | (reach >= np.abs(left))
+        heights.append(np.where(lost, np.inf, largest_singular(S)))
+        places.append(np.broadcast_to(frequency, heights[-1].shape))
+        errors.append(E[..., None] * chosen)
+    height = np.concatenate(heights, axis=-1)
+    best = np.argmax(height, axis=-1)[..., None]
+    top = np.take_along_axis(height, best, axis=-1)[..., 0]
+    w = np.take_along_axis(np.concatenate(places, axis=-1), best, axis=-1)[..., 0]
+    E = np.take_along_axis(np.concatenate(errors, axis=-2), best[..., None], axis=-2)[..., 0, :]
+    T = _complementary(loop, closed, np.exp(1j * w))[0]
+    U, _, V = np.linalg.svd(_around(T, E))
+    u, v = U[..., 0], np.conj(V[..., 0, :])
+    own = np.swapaxes(np.eye(T.shape[-1]) - T * E[..., None, :], -1, -2)
+    of_control = np.linalg.solve(own, np.conj(u)[..., None])[..., 0]
+    control = v + E * times(_around(T, E), v)
+    slope = _slope(loop, closed, np.exp(1j * w), of_control, control)
+    known = np.isfinite(top)[..., None, None]
+    parts = [[np.where(known, one, 0.0) for one in part] for part in slope]
+    return top, FrozenLoop(LinearMachine(*parts[0]), LinearLaw(*parts[1]))
+
+
+def _around(T: Complex[np.ndarray, "*any p p"], E: Complex[np.ndarray, "*any p"]) -> np.ndarray:
+    """(I - T E)^-1 (I + T) with a diagonal E."""
+    eye = np.eye(T.shape[-1])
+    return np.linalg.solve(eye - T * E[..., None, :], eye + T)
 
 
 def doubt_measure(
@@ -110,14 +143,25 @@ def doubt_measure(
 
 def _at(loop: FrozenLoop, closed, z, weight) -> tuple[np.ndarray, FrozenLoop]:
     """sigma(W T_u) at one frequency, and its slope."""
+    T, _ = _complementary(loop, closed, z)
+    U, heights, V = np.linalg.svd(weight[..., None] * T)
+    of_control, control = weight * np.conj(U[..., 0]), np.conj(V[..., 0, :])
+    return heights[..., 0], _slope(loop, closed, z, of_control, control)
+
+
+def _complementary(loop: FrozenLoop, closed, z) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+    """T_u at one frequency, and what it is made of: leave, resolvent, entry."""
     (_, B, H), (W, _, K, D) = loop
-    c, p = W.shape[-1], B.shape[-1]
-    entry = blocks([[B], [np.zeros((c, p))]])
+    entry = blocks([[B], [np.zeros((W.shape[-1], B.shape[-1]))]])
     leave = blocks([[D @ H, K]])
     resolvent = np.linalg.inv(z[..., None, None] * np.eye(closed.shape[-1]) - closed)
-    U, heights, V = np.linalg.svd(weight[..., None] * (leave @ resolvent @ entry))
-    of_control, control = weight * np.conj(U[..., 0]), np.conj(V[..., 0, :])
+    return leave @ resolvent @ entry, (leave, resolvent, entry)
+
+
+def _slope(loop: FrozenLoop, closed, z, of_control, control) -> FrozenLoop:
+    """Slope of Re(of_control' T_u control) in the matrices of the loop."""
+    leave, resolvent, entry = _complementary(loop, closed, z)[1]
     right = times(resolvent, times(entry, control))
     left = times(turned(leave @ resolvent), of_control)
     nothing = np.zeros(())
-    return heights[..., 0], slope_of(loop, left, right, Ends(control, nothing, of_control, nothing))
+    return slope_of(loop, left, right, Ends(control, nothing, of_control, nothing))

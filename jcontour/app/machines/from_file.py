@@ -24,7 +24,6 @@ from jcontour.app.machines.machine import Machine, MachineLimits
 from jcontour.app.machines.uncertainty import (
     IN_FILE,
     IN_PYTHON,
-    measured_lines,
     stated_uncertainty,
 )
 from jcontour.linear.plant import LinearPlant, steady_motion
@@ -143,7 +142,6 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         file.control_noise or assumed,
         encoder_noise=one_or_each("encoder_noise", file.encoder_noise, plant.axes) * metre,
         response_doubt=unsure.response,
-        lines=measured_lines(file.uncertainty, model),
         friction=None
         if file.friction is None
         else one_or_each("friction", file.friction, plant.axes),

@@ -62,7 +62,6 @@ class LinearMachine(Machine):
             that is another than the model.
         contours: what the commands run on it.
         response_doubt: how far off the response may be beside gains and delays.
-        lines: what was measured of the response behind each control.
         friction: control that dry friction takes, of all axes or of each (m,): in the runs, not in
             linear loops; None where it is not known, and nowhere.
         backlash: gap between the motor, which is measured, and the tool [m], of all axes or of each
@@ -81,7 +80,6 @@ class LinearMachine(Machine):
     with_friction: Callable[[float | None], Hosted] | None = None
     contours: Usual = USUAL
     response_doubt: Doubt | None = None
-    lines: tuple[Lines, ...] = ()
     friction: float | np.ndarray | None = 0.0
     backlash: float | np.ndarray = 0.0
     note: str = ""
@@ -95,7 +93,7 @@ class LinearMachine(Machine):
     @property
     def measured(self) -> tuple[Lines, ...]:
         """What its file says was measured."""
-        return self.lines
+        return () if self.doubt is None else self.doubt.lines
 
     @property
     def remarks(self) -> list[str]:

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from jcontour.analysis.uncertain_loops import Doubt, Lines
 from jcontour.app.files.checks import MachineError
-from jcontour.app.files.machine_file import ResponseFields, UncertaintyFields
+from jcontour.app.files.machine_file import MeasuredFields, UncertaintyFields
 from jcontour.app.files.schema import read
 from jcontour.app.machines.steady_response import steady_response
 from jcontour.linear.plant import LinearPlant
@@ -59,7 +59,7 @@ def stated_uncertainty(given: Any, model: LinearPlant) -> Uncertainty:
     if given is None:
         return usual_uncertainty(model)
     fields = read(UncertaintyFields, given, "uncertainty")
-    return Uncertainty(fields.gain, fields.delay, _doubt(fields.response, model))
+    return Uncertainty(fields.gain, fields.delay, _doubt(fields, model))
 
 
 def usual_uncertainty(model: LinearPlant) -> Uncertainty:
@@ -128,11 +128,10 @@ def with_corners(
     return drawn if kept < 1 else np.concatenate([drawn[:kept], corners])
 
 
-def measured_lines(given: UncertaintyFields | None, plant: LinearPlant) -> tuple[Lines, ...]:
+def _lines(one: MeasuredFields | None, plant: LinearPlant) -> tuple[Lines, ...]:
     """What a file says was measured behind each control; empty where it says nothing."""
-    if given is None or given.measured is None:
+    if one is None:
         return ()
-    one = given.measured
     fields = (one.hertz, one.real, one.imaginary, one.half_width)
     if any(len(field) != plant.axes for field in fields):
         raise MachineError(f"uncertainty.measured: needs {plant.axes} lists in every field")
@@ -147,10 +146,11 @@ def measured_lines(given: UncertaintyFields | None, plant: LinearPlant) -> tuple
     return tuple(found)
 
 
-def _doubt(given: ResponseFields | None, plant: LinearPlant) -> Doubt | None:
+def _doubt(fields: UncertaintyFields, plant: LinearPlant) -> Doubt | None:
     """What a file says of the response; a frequency in rad per sample."""
+    given, lines = fields.response, _lines(fields.measured, plant)
     if given is None:
-        return None
+        return Doubt(np.ones(1), np.zeros((1, plant.axes)), lines) if lines else None
     name, highest = "uncertainty.response", 1 / (2 * plant.dt)
     hertz, relative = np.array(given.hertz), np.array(given.relative)
     if not (hertz[0] > 0 and np.all(np.diff(hertz) > 0) and hertz[-1] <= highest):
@@ -159,4 +159,4 @@ def _doubt(given: ResponseFields | None, plant: LinearPlant) -> Doubt | None:
         raise MachineError(
             f"{name}.relative: needs {plant.axes} rows of {hertz.size} numbers of at least 0"
         )
-    return Doubt(2 * np.pi * plant.dt * hertz, relative.T)
+    return Doubt(2 * np.pi * plant.dt * hertz, relative.T, lines)

@@ -2,10 +2,10 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.analysis.frequency_response import Encoding, Responses
+from jcontour.analysis.frequency_response import Encoding
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
 from jcontour.analysis.peak_search import loop_measures
-from jcontour.analysis.uncertain_loops import Doubt, Lines, measured_sensitivity
+from jcontour.analysis.uncertain_loops import Doubt, Lines
 
 NO_POSITIONS = Encoding(*(np.zeros(shape) for shape in ((0, 2), (2, 0), (2, 0))))
 
@@ -101,13 +101,23 @@ def test_the_sensitivity_around_a_measured_gain_is_that_of_the_loop_with_it():
     gain, off, w = 0.8, 0.4, np.array([1.0, 3.0])
     one = np.ones((1, 1))
     law = LinearLaw(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), -gain * one)
-    encoding = Encoding(np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 0)))
-    responses = Responses.of(batch(FrozenLoop(LinearMachine(one, one, one), law)), encoding)
+    loop = batch(FrozenLoop(LinearMachine(one, one, one), law))
     z = np.exp(1j * w)
     wanted = np.abs((z - 1) / (z - 1 + gain * (1 + off))).max()
-    exact = Lines(w, np.full(2, off), np.zeros(2))
-    assert measured_sensitivity(responses, [exact]) == pytest.approx(wanted, rel=1e-9)
+    encoding = Encoding(np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 0)))
+
+    def peak(loop, half_width):
+        lines = (Lines(w, np.full(2, off + 0j), np.full(2, half_width)),)
+        doubt = Doubt(np.ones(1), np.zeros((1, 1)), lines)
+        values, slopes = loop_measures(loop, encoding, doubt)
+        return values[0, 0], slopes.law.D[0, 0].item()
+
+    assert peak(loop, 0.0)[0] == pytest.approx(wanted, rel=1e-9)
     largest = np.abs((z - 1) / (z - 1 + gain * (1.1 + off))).max()
-    assert (
-        measured_sensitivity(responses, [exact._replace(half_width=np.full(2, 0.196))]) >= largest
-    )
+    value, slope = peak(loop, 0.196)
+    assert value >= largest
+    ends = [
+        peak(loop._replace(law=loop.law._replace(D=loop.law.D + step)), 0.196)[0]
+        for step in (1e-6, -1e-6)
+    ]
+    assert slope == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-4)

@@ -15,7 +15,7 @@ from jcontour.analysis.sensitivity import (
     host_peaks,
     sensitivity_curves,
 )
-from jcontour.analysis.uncertain_loops import GRID, Doubt, measured_sensitivity
+from jcontour.analysis.uncertain_loops import GRID, Doubt
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.reports.figures.searches import FamilyCurves
@@ -97,16 +97,15 @@ def least_known(
 def measured_peak(
     controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
 ) -> float | None:
-    """Peak sensitivity around what was measured of the machine; None where nothing was."""
+    """Peak sensitivity of the nominal loops, around what was measured as well where it is larger.
+
+    None where nothing was measured.
+    """
     if not any(one.frequency.size for one in machine.measured):
         return None
     _, windows = _probed(machine, scenarios, fed)
     nominal = stack_plants([machine.nominal(fed)])
-    with on_cpu():
-        loops = jax.device_get(frozen_family(nominal, controller, windows))
-    return measured_sensitivity(
-        Responses.of(loops, encoding_of(nominal, windows)), machine.measured
-    )
+    return float(np.max(probed_peaks(nominal, controller, windows, machine.doubt).sensitivity))
 
 
 def _probed(machine: Machine, scenarios: Scenarios, fed: Fed) -> tuple[Plant, Reference]:
