@@ -78,6 +78,7 @@ class Evidence:
         unseen: limits that plants exceed which the tuner did not see, one line each.
         unknown: where the loops rest most on what is not known of the response, where they rest on
             too much of it.
+        unmeasured: axes of a machine from a record whose response the record does not show.
         warnings: what to know beside all this.
     """
 
@@ -99,6 +100,7 @@ class Evidence:
     lasting: float = 0.0
     unseen: Sequence[str] = ()
     unknown: LeastKnown | None = None
+    unmeasured: Sequence[str] = ()
     warnings: Sequence[Message] = ()
 
     @property
@@ -154,6 +156,12 @@ def _unsound(seen: Evidence) -> Iterator[Message]:
             f"{seen.limit.removesuffix('_use').replace('_', ' ')} by "
             f"{100 * np.expm1(seen.tuned.violation):.3g} %",
             _search_remedy(seen.limit, seen.allowing),
+        )
+    if seen.unmeasured:
+        yield reason(
+            f"nothing of the response of {', '.join(seen.unmeasured)} is measured: the record does "
+            "not excite it",
+            "record what jcontour identify --excite writes",
         )
     if (place := seen.unknown) is not None:
         percent = f"{100 * place.relative:.3g} %"

@@ -189,6 +189,7 @@ def tuned_result(
             feed_law=run.flags.feed_law,
             lasting=_offset_lasts(run, tuned) if may_drift(margins, contours) else 0.0,
             unknown=_unknown(run, tuned) if (margins.doubt or 0.0) > SAFE else None,
+            unmeasured=_unmeasured(run.machine),
             unseen=exceeded_unseen(over_family(run, tuned.weights)),
             warnings=[
                 *run_warnings(run, tuned, margins, replays, searched.idle),
@@ -258,6 +259,12 @@ def _offset_lasts(run: TuningRun, tuned: Tuned) -> float:
     references = jax.device_get(run.scenarios.references)
     trained = np.flatnonzero(run.scenarios.training).tolist()
     return max(offset_lasts(plant, controller, member(references, k)) for k in trained)
+
+
+def _unmeasured(machine: Machine) -> list[str]:
+    """Axes of which an identified machine has no measured line."""
+    each = zip(machine.axes, machine.measured, strict=bool(machine.measured))
+    return [name for name, lines in each if not lines.frequency.size]
 
 
 def _unknown(run: TuningRun, tuned: Tuned) -> LeastKnown:
