@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.app.jobs.excitation import Excited, sines
+from jcontour.app.jobs.excitation import Excited
 from jcontour.linear.continuous_axes import (
     ContinuousAxis,
     force_axis,
@@ -87,7 +87,7 @@ def _reference(program: str, rows: int, axis: int) -> Float[np.ndarray, " T"]:
     """Arcs of three sizes and lines between corners; or the sines of `--excite`, repeated."""
     time = DT * np.arange(rows)
     if program == "excite":
-        return np.resize(sines(LIMITS)[:-1, axis], rows)
+        return np.resize(program(LIMITS)[:-1, axis], rows)
     arcs = sum(
         size * np.sin(2 * np.pi * hertz * time + axis)
         for size, hertz in ((0.02, 0.3), (0.004, 1.7), (0.001, 6.0))

@@ -1,23 +1,24 @@
 """Programs whose record shows what a tuner needs to know of a machine's axes.
 
-As CSV: two sums of sines over each axis, of frequencies that no other axis has: coupling is then
-told from an axis's own answer. A slow one moves the axis to and fro. A quick one of small waves
-shakes it up to where resonances are: it has most of the acceleration, as beside a resonance nothing
-else tells a delay. The slow one is small too, because what drives leave unexplained grows with the
-motion. The phases keep the peaks low (Schroeder, IEEE Trans. Information Theory 16, 1970).
-As G-code: moves to and fro that get shorter, each axis by itself and
-then all together; their corners shake the axis up to frequencies that no smooth contour reaches.
-The speed stays within half of its limit, positions within a tenth of the travel either side of the
+As CSV: random-phase multisines, periodic in `PERIOD`, on a slow move that keeps friction and
+backlash on one side, for two realisations at two levels; each section runs one period for the
+transient and `KEPT` more. From these the best linear approximation and its total variance follow
+(Pintelon & Schoukens, System Identification, 2nd ed., section 4.3). No two axes share a frequency:
+coupling is then told from an axis's own answer. All lines have the same speed up to where the
+acceleration asks for less. Then strokes to and fro, as a part has them, for dry friction and
+backlash. As G-code: moves to and fro that get shorter, each axis by itself and then all together.
+The speed stays within half of its limit, positions within a fifth of the travel either side of the
 start; the acceleration of the CSV within half of its limit, that of the G-code is the control's.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from pydantic import Field
 
 from jcontour.app.files.checks import METRES, MachineError
@@ -33,14 +34,20 @@ from jcontour.app.files.schema import (
 )
 
 SHARE = 0.5  # of the limits
-PART = 0.1  # of the travel, either side of the start
-SECONDS = 30.0  # of the sines
-EASE = 1.0  # [s] at the start and at the end in which they grow and fade
-LOWEST, QUICK, HIGHEST = 0.3, 5.0, 120.0  # [Hz]: slow sines, quick ones, and their end
-SLOW_LINES = 12  # frequencies of each axis
-SPACING = 1.0  # [Hz] between the quick frequencies of an axis
-SLOWEST = 0.05  # sample period [s] that leaves enough samples, and each axis a quick frequency
-SLOW_SHARE = 0.1  # of the sines' part of the limits; the quick ones have the rest
+PART = 0.2  # of the travel, either side of the start
+PERIOD = 2.0  # [s] of the multisines
+KEPT = 4  # periods of a section beside that of its transient
+LEVELS = (1.0, 0.7)  # of the multisines
+REALISATIONS = 2
+DRAWN = 50  # phases of which those with the lowest peak are taken
+APART = 0.02  # of its frequency: between a line and the next at least
+ONE_SIDED = 0.8  # of the slow move: speed of a multisine at most
+HIGHEST, OF_RATE = 150.0, 0.2  # [Hz], or of the sampling rate: highest line
+EASE = 0.5  # [s] in which the slow move turns
+FASTER = 4.0  # times its speed: on the way to where it begins
+STROKES = (1.0, 0.5, 0.2)  # of the travel that is used
+SEED = 1  # of the phases
+SLOWEST = 0.05  # sample period [s] that leaves each axis a few lines
 SHORTEST = 0.05e-3  # move [m]
 RATIO = 0.7  # of a move over the one before
 REPEATS = 3
@@ -78,7 +85,7 @@ class LimitsFile(Schema):
     length_unit: Unit = "mm"
     """of the limits"""
     dt: Annotated[Positive, Field(le=SLOWEST)] = 1e-3
-    """sample period of the CSV [s]; the quick sines need one below the limit"""
+    """sample period of the CSV [s]; the multisines need one below the limit"""
 
 
 def read_limits(path: Path | str, fields: Any) -> Excited:
@@ -99,58 +106,83 @@ def read_limits(path: Path | str, fields: Any) -> Excited:
     return Excited(names, file.dt, *each)
 
 
-def sines(limits: Excited) -> Float[np.ndarray, "T axes"]:
-    """Positions of the CSV [m]: from rest at zero and back to it.
-
-    Slow sines are as large as their share of travel, speed and acceleration allows each. Quick ones
-    have all the same speed: their waves are the smaller the quicker they are. Either sum is then
-    scaled until its own largest values are within its part of the limits.
-    """
-    time = limits.dt * np.arange(int(round(SECONDS / limits.dt)) + 1)
-    count = len(limits.axes)
-    highest = min(HIGHEST, 0.2 / limits.dt)
-    quickest = min(QUICK, highest / 2)
-    slow = np.unique(np.round(np.geomspace(LOWEST, quickest, SLOW_LINES * count) * SECONDS))
-    slow = slow[slow < quickest * SECONDS]  # there the quick ones begin
-    quick = np.arange(quickest, highest, SPACING / count)
+def program(limits: Excited) -> Float[np.ndarray, "T axes"]:
+    """Positions of the CSV [m]: from rest at zero and back to it."""
     columns = []
-    for k in range(count):
+    for k in range(len(limits.axes)):
         most = (
             PART * limits.travel[k],
             SHARE * limits.speed[k],
             SHARE * limits.acceleration[k],
         )
-        w = 2 * np.pi * slow[k::count] / SECONDS  # whole periods
-        sizes = np.minimum(np.minimum(most[0], most[1] / w), most[2] / w**2)
-        low = _within(most, limits.dt, _summed(time, w, sizes))
-        w = 2 * np.pi * quick[k::count]
-        high = _within(most, limits.dt, _summed(time, w, 1 / w))
-        columns.append(SLOW_SHARE * low + (1 - SLOW_SHARE) * high)
-    return np.stack(columns, axis=1)
+        columns.append(np.concatenate([_sections(limits, k, most), _strokes(limits.dt, most)]))
+    longest = max(map(len, columns))
+    return np.stack([np.pad(one, (0, longest - len(one))) for one in columns], axis=1)
 
 
-def _summed(
-    time: Float[np.ndarray, " T"], w: Float[np.ndarray, " n"], sizes: Float[np.ndarray, " n"]
+def _sections(
+    limits: Excited, axis: int, most: tuple[float, float, float]
 ) -> Float[np.ndarray, " T"]:
-    """Sines of frequencies w [rad/s] that grow at the start and fade at the end.
+    """Multisines of an axis on its slow move, which goes from one end to the other and back."""
+    rows, count = round(PERIOD / limits.dt), len(limits.axes)
+    time = limits.dt * np.arange((1 + KEPT) * rows)
+    length = (1 + KEPT) * PERIOD
+    slow = min(2 * most[0] / length, most[1] / 2)
+    w = 2 * np.pi * _lines(limits)[axis::count] / PERIOD
+    random = np.random.default_rng([SEED, axis])
+    phases = random.uniform(0, 2 * np.pi, (DRAWN, len(w)))
+    waves = np.sin(np.outer(time[:rows], w) + phases[:, None]) @ (1 / w)
+    allowed = [_within((np.inf, ONE_SIDED * slow, most[2]), limits.dt, one) for one in waves]
+    realisations = sorted(allowed, key=lambda one: -float(np.var(one)))[:REALISATIONS]
+    shaken = [level * np.tile(one, 1 + KEPT) for level in LEVELS for one in realisations]
+    speeds = [way * np.full(len(time), slow) for way in np.resize([1.0, -1.0], len(shaken))]
+    there = FASTER * np.full(round(len(time) / 2 / FASTER), slow)  # to one end, and from it back
+    back = there * (-1) ** len(shaken)
+    window = np.hanning(round(EASE / limits.dt) + 2)[1:-1]
+    speed = np.convolve(np.concatenate([-there, *speeds, back]), window / window.sum())
+    grown = _eased(time / EASE)
+    before = [np.zeros(len(time)), *shaken]
+    turned = [one + grown * (two - one) for one, two in pairwise(before)]
+    turned[-1] = turned[-1] * grown[::-1]
+    waves = np.concatenate(turned)
+    return limits.dt * np.cumsum(speed) + np.pad(waves, (len(there), len(back) + len(window) - 1))
 
-    The phases are Schroeder's, phi_k = -2 pi sum_{j<k} (k - j) p_j, for the powers p_j of the
-    accelerations.
-    """
-    powers = (sizes * w**2) ** 2
-    before = np.cumsum(powers / powers.sum())[:-1]
-    phases = -2 * np.pi * np.concatenate([[0.0], np.cumsum(before)])
-    ease = np.clip(np.minimum(time, time[-1] - time) / EASE, 0.0, 1.0)
-    ease = ease**3 * (10 - 15 * ease + 6 * ease**2)
-    waves = (a * np.sin(b * time + c) for a, b, c in zip(sizes, w, phases, strict=True))
-    return ease * sum(waves)
+
+def _lines(limits: Excited) -> Int[np.ndarray, " L"]:
+    """Periods of all axes' lines in that of the multisine: each, or `APART` for every axis."""
+    lines, highest = [1], min(HIGHEST, OF_RATE / limits.dt) * PERIOD
+    while lines[-1] < highest:
+        lines.append(lines[-1] + max(1, round(APART * lines[-1] / len(limits.axes))))
+    return np.array(lines)
+
+
+def _eased(part: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
+    """From 0 to 1 without a jump of the acceleration."""
+    part = np.clip(part, 0.0, 1.0)
+    return part**3 * (10 - 15 * part + 6 * part**2)
+
+
+def _strokes(dt: float, most: tuple[float, float, float]) -> Float[np.ndarray, " T"]:
+    """Moves to and fro, twice each length, at the speed and the acceleration of the limits [m]."""
+    speeds = []
+    for share in STROKES:
+        length = share * most[0]
+        top = min(most[1], np.sqrt(length * most[2]))
+        ramp = int(np.ceil(top / most[2] / dt)) + 1
+        flat = max(round((length / top - top / most[2]) / dt), 0)
+        up = np.concatenate([np.linspace(0, 1, ramp + 1), np.ones(flat)])
+        once = np.concatenate([up, up[::-1]])
+        once *= length / (dt * once.sum())
+        speeds += 2 * [once, -once, -once, once]
+    return dt * np.cumsum(np.concatenate(speeds))
 
 
 def _within(
     most: Sequence[float], dt: float, signal: Float[np.ndarray, " T"]
 ) -> Float[np.ndarray, " T"]:
-    """The signal as large as travel, speed and acceleration allow."""
-    used = [np.abs(np.diff(signal, order)).max() / dt**order for order in range(3)]
+    """The periodic signal as large as travel, speed and acceleration allow."""
+    around = np.concatenate([signal, signal[:2]])
+    used = [np.abs(np.diff(around, order)).max() / dt**order for order in range(3)]
     return signal / max(one / limit for one, limit in zip(used, most, strict=True))
 
 

@@ -8,7 +8,7 @@ from jcontour._regular_files import content_of
 from jcontour.app.files import run_folder
 from jcontour.app.files.checks import json_value
 from jcontour.app.flags.machines import Identify
-from jcontour.app.jobs.excitation import PART, Excited, gcode, letters, read_limits, sines
+from jcontour.app.jobs.excitation import PART, Excited, gcode, letters, read_limits
 from jcontour.app.reports import tables
 
 MOST_BYTES = 2**20  # of the limits
@@ -27,7 +27,7 @@ def command(flags: Identify) -> int:
     folder = run_folder.create(
         flags.out or run_folder.default_folder("excite"), "identify", flags, [path]
     )
-    positions = sines(limits)
+    positions = program(limits)
     _write_csv(limits, positions, folder / CSV)
     text = gcode(limits)
     run_folder.write(folder / GCODE, lambda temporary: temporary.write_text(text))
@@ -43,11 +43,13 @@ def command(flags: Identify) -> int:
     columns = f"time {names} {names.replace('command', 'position')}"
     tables.say(
         tables.console_of(),
-        f"{folder / CSV}: set-points [mm] every {1e3 * limits.dt:g} ms, {used}",
+        f"{folder / CSV}: multisines and moves, set-points [mm] every {1e3 * limits.dt:g} ms, "
+        f"{used}",
         f"{folder / GCODE}: moves to and fro within {100 * PART:g} % of the travel either way"
         f"{_who_moves(limits)}",
         "Start in the middle of the travel, with nothing in the way and a hand on the stop button.",
-        f"Run one of them on the machine as it is, and record: {columns}",
+        f"Run the first on the machine as it is, the other where it takes G-code alone. Record: "
+        f"{columns}",
         "Then: jcontour identify LOG.csv --machine linear",
     )
     return 0
