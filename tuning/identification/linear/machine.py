@@ -33,6 +33,7 @@ from tuning.identification.linear.gain_uncertainty import (
 )
 from tuning.identification.linear.held_response import held_response, own_response
 from tuning.identification.linear.hidden_modes import lasting_hidden_mode
+from tuning.identification.linear.line_fit import fitted_to
 from tuning.identification.linear.measured import measured, related, with_lines
 from tuning.identification.linear.order_search import (
     Choice,
@@ -43,13 +44,17 @@ from tuning.identification.linear.order_search import (
     with_part,
 )
 from tuning.identification.linear.output_error import AxisFit, AxisRecord
+from tuning.identification.linear.periods import periodic_lines, response_of_lines
 from tuning.identification.linear.rivals import lag, rivals_of
-from tuning.identification.linear.simplest import Simple, simplest
+from tuning.identification.linear.simplest import Simple, judged, simplest
 
 FEWEST = 500  # samples
 HALF = 0.5  # of the speed explained: a simple model that shows that columns belong together
 LIKE = 3.0  # ratio of what a gain with a delay and an integrator leave that is one
 LEVEL = 1e-6  # of the F test for coupling
+LINES = 20  # that show a response
+LATEST = 5e-3  # [s] of a delay that is looked for in any case
+SLOWER = np.geomspace(0.03, 0.5, 8)  # of the lowest line: there a mass with friction is the model
 LATE = 0.5  # samples: half of the one that the family has more
 
 
@@ -81,6 +86,9 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     name, one = record.axes[k], AxisRecord(record.dt, record.command[:, k], record.position[:, k])
     resolution = evidence.resolution_of(one.position)
     simple = simplest(one, resolution, most_delay)
+    lines = periodic_lines(one)
+    if len(lines.frequency) >= LINES:
+        return _from_lines(name, one, lines, simple, resolution, most_poles, most_delay)
     if (simple is None or simple.explained < HALF) and not related(one):
         raise ValueError(f"{name}: {unexplained(one.command, one.position)}")
     try:
@@ -140,6 +148,56 @@ def _simple(name: str, found: Simple, resolution: float) -> LinearAxis:
         late=1,
         resolution=resolution,
         encoder_noise=0.0,
+    )
+
+
+def _from_lines(
+    name: str,
+    record: AxisRecord,
+    lines: evidence.Response,
+    simple: Simple | None,
+    resolution: float,
+    most_poles: int,
+    most_delay: int,
+) -> LinearAxis:
+    """The model of what multisines show, with the friction of a mass that slides."""
+    shown = lines
+    if simple is not None and simple.fit.model.integrators and simple.explained > POOR:
+        lowest = lines.frequency[0] * SLOWER
+        slow = evidence.response_of(simple.fit, simple.estimate, lowest)
+        pairs = zip(vars(slow).values(), vars(lines).values(), strict=True)
+        shown = evidence.Response(*(np.concatenate(pair) for pair in pairs))
+    latest = max(most_delay, round(LATEST / record.dt))
+    model = fitted_to(shown, record.dt, most_poles, latest)
+    drag = friction = None
+    if model.integrators and simple is not None and "friction" in simple.estimate.names:
+        record, drag = simple.record, simple.fit.drag
+        friction = (simple.estimate["friction"], simple.estimate.deviation("friction"))
+        friction = friction if friction[0] > SURE * friction[1] else None
+    fit, choice, output, explained = judged(record, model, drag)
+    if drag is not None and simple is not None:  # it sticks where a linear model does not
+        output, explained = simple.held_out, simple.explained
+    response = response_of_lines(lines, model)
+    return LinearAxis(
+        name=name,
+        fit=fit,
+        estimate=evidence.estimate_of(fit),
+        response=response,
+        lines=lines,
+        choice=choice,
+        rivals={},
+        held_out=output,
+        explained=explained,
+        friction=friction,
+        offset=0.0 if drag is None else float(drag[1]),
+        saturated=evidence.saturated(record.command),
+        coupling={},
+        gain=LEAST_GAIN,
+        gain_by="what drives repeat to",
+        dispersion=1.0,
+        late=0,
+        resolution=resolution,
+        encoder_noise=encoder_noise(fit, resolution),
     )
 
 

@@ -18,7 +18,7 @@ from scipy.stats import norm
 
 from tuning.identification.estimates import CONFIDENCE
 from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.evidence import Response
+from tuning.identification.linear.evidence import Response, noise_of
 from tuning.identification.linear.output_error import AxisFit, AxisRecord, simulated
 from tuning.identification.linear.pieces import Pieces
 
@@ -26,6 +26,7 @@ SEGMENTS = 16  # at least
 LONGEST = 2.0  # [s] of a segment: lines of 0.5 Hz
 FED_BACK = 2.0  # gain of the loop that recorded, where it matters: around its bandwidth
 CLEAR = 0.3  # widest 95 % interval, relative, of a line that is kept
+ABOVE = 10.0  # times the noise of the encoder: less is no motion
 CHANCE = 1e-3  # of two signals that have nothing in common
 TOGETHER = 5.0  # deviations of a mean over all lines
 SURE = 1.5  # times its interval, by which a model and a line differ
@@ -50,7 +51,14 @@ def measured(record: AxisRecord, fit: AxisFit) -> Response:
         value, part = both / of_m, np.abs(both) ** 2 / (of_m * of_y)
         left = np.maximum(1 - part, 0.0) / part
         half = float(norm.ppf((1 + CONFIDENCE) / 2)) * np.sqrt(left / (2 * count)) + FED_BACK * left
-    kept = (half < CLEAR) & (hertz > 0)
+    # where only noise of the encoder moves, under feedback, both are alike: the controller answers
+    floor = (
+        noise_of(record.position) ** 2
+        * 2
+        * record.dt
+        * (2 * np.sin(np.pi * hertz * record.dt)) ** 2
+    )
+    kept = (half < CLEAR) & (hertz > 0) & (of_y > ABOVE * floor)
     G = fit.model.response(2 * np.pi * hertz[kept])
     return Response(hertz[kept], value[kept] * G, half[kept])
 

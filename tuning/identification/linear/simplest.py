@@ -85,16 +85,27 @@ def simplest(record: AxisRecord, resolution: float, most_delay: int) -> Simple |
 
 def _follows(record: AxisRecord, most_delay: int) -> Simple | None:
     cut = int(TRAINING * len(record.position))
-    training, rest = record.part(0, cut), record.part(cut, len(record.position))
-    model = _gain_and_delay(training, most_delay)
+    model = _gain_and_delay(record.part(0, cut), most_delay)
     if model is None:
         return None
-    output = simulated(rest, model).output
-    explained = part_explained(rest.position, output)
-    first, whole = (_with_filter(one, model, None) for one in (training, record))
+    whole, choice, output, explained = judged(record, model, None)
+    return Simple(record, whole, evidence.estimate_of(whole), choice, output, explained)
+
+
+def judged(
+    record: AxisRecord, model: AxisModel, drag: Float[np.ndarray, " s"] | None
+) -> tuple[AxisFit, Choice, Float[np.ndarray, " R"], float]:
+    """A fixed model on a record, what it leaves of the rest, its output there, its part of speed.
+
+    Nothing but the motion before is fitted; the output is from the command and the drags alone.
+    """
+    cut = int(TRAINING * len(record.position))
+    training, rest = record.part(0, cut), record.part(cut, len(record.position))
+    first, whole = (_with_filter(one, model, drag) for one in (training, record))
     candidate = Candidate(first, predicted(rest, first, first.filter))
-    estimate = evidence.estimate_of(whole)
-    return Simple(record, whole, estimate, Choice(candidate, [candidate]), output, explained)
+    output = simulated(rest, model, drag=drag).output
+    explained = part_explained(rest.position, output)
+    return whole, Choice(candidate, [candidate]), output, explained
 
 
 def _gain_and_delay(record: AxisRecord, most_delay: int) -> AxisModel | None:

@@ -1,0 +1,45 @@
+"""Multisines of a real two-inertia bench (FdiTools, University of Tokyo): 20 periods of 1 s."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from tuning.identification.linear.line_fit import fitted_to
+from tuning.identification.linear.output_error import AxisRecord
+from tuning.identification.linear.periods import periodic_lines
+
+RECORD = "shared/data/records/motor_bench/MultisineTypeA.mat"
+DT, EXCITED = 4e-4, (11.0, 250.0)
+MOTOR, LOAD, STIFFNESS = 5.01e-3, 4.90e-3, 567.0  # [kg m^2], [Nm/rad], of its authors
+
+
+@pytest.fixture(scope="module")
+def record():
+    path = Path(__file__).parents[5] / RECORD
+    if not path.exists():
+        pytest.skip(f"{RECORD} is not beside the project")
+    data = loadmat(path, squeeze_me=True)
+    return AxisRecord(DT, data["iq_refx"].astype(float), data["theta_mx"].astype(float))
+
+
+def test_every_excited_line_is_shown_no_other_and_its_interval_holds(record):
+    """Of the first ten periods, against the mean of the others."""
+    half = len(record.command) // 2
+    one, other = (periodic_lines(record.part(*ends)) for ends in ((0, half), (half, 2 * half)))
+    assert (one.frequency[0], one.frequency[-1]) == EXCITED and len(one.frequency) == 240
+    np.testing.assert_array_equal(one.frequency, other.frequency)
+    off = np.abs(other.value / one.value - 1)
+    assert np.mean(off <= np.hypot(one.half_width, other.half_width)) >= 0.95
+
+
+def test_the_inertias_and_the_spring_are_those_of_the_bench(record):
+    """Antiresonance sqrt(k / J_2), resonance sqrt(k (1 / J_1 + 1 / J_2))."""
+    model = fitted_to(periodic_lines(record), DT, 4, 6)
+    poles, zeros = model.poles, np.roots(model.numerator)
+    own, without = (np.abs(np.log(one[np.imag(one) > 0])) / DT for one in (poles, zeros))
+    resonance, antiresonance = own.max(), without.min()
+    assert antiresonance**2 == pytest.approx(STIFFNESS / LOAD, rel=0.03)
+    assert (resonance / antiresonance) ** 2 - 1 == pytest.approx(LOAD / MOTOR, rel=0.03)
+    assert 2 * model.delay + 1 in (3, 5)  # 0.60 ms beside the sample of the hold

@@ -1,0 +1,150 @@
+"""Best linear approximation of an axis from the periodic parts of its record.
+
+Of section s (one realisation at one level) with P periods of N samples, spectra U_p, Y_p of the
+differences over each period, in which no slow move leaks,
+
+    G_s = mean(Y_p) / mean(U_p),      G = sum_s w_s G_s / sum_s w_s,      w_s = |mean(U_p)|^2
+
+Between periods G_s varies by noise alone, between sections by noise and by what is not linear: the
+total variance of G is the larger of both (Pintelon & Schoukens, System Identification, 2nd ed.,
+section 4.3). The excitation is periodic under feedback too, so that no noise correlates with it.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import fftconvolve
+
+from tuning.identification.linear.axis_model import AxisModel
+from tuning.identification.linear.evidence import HIDDEN, HIGHEST, POINTS, Response
+from tuning.identification.linear.held_response import around_modes
+from tuning.identification.linear.output_error import AxisRecord
+
+SHORTEST = 0.25  # [s] of a period
+SMOOTH = 5e-3  # [s] over which a command is looked at for periods
+LEVEL = 0.5  # [s] over which its size is taken
+ALIKE = 0.25  # least correlation of a record with itself a period later
+SAME = 0.9  # of the largest local correlation, within a section
+MARGIN = 0.2  # of a period that is left out at either end of a section
+FEWEST = 2  # periods of a section
+BESIDE = 3  # lines on either side with which a line is compared, and its variance averaged
+LEAST = 1e-6  # of the largest spectral line of a command: the rest is rounding
+SEEN = 20.0  # times its variance between periods: the power of a command that is excited
+EXCITED = 0.1  # of the largest power beside it
+FACTOR = 2.0  # deviations of a complex number within 95 % of its errors
+WINDOW = 1.05  # ratio of frequencies around a place that its interval holds
+GAP, SPACING = 0.2, 5.0  # of a frequency, or [Hz]: between lines no resonance hides
+CLEAR = 0.7  # widest interval, relative, of a line that is kept
+
+
+def response_of_lines(lines: Response, model: AxisModel) -> Response:
+    """The response of a model with an interval that every line around lies in.
+
+    Between lines that are far apart, and above the last one, where more the higher the frequency
+    is, that of a hidden resonance stands.
+    """
+    hertz, dt = lines.frequency, model.dt
+    usual = np.geomspace(hertz[0] / 2, HIGHEST / (2 * dt), POINTS)
+    places = np.unique(np.concatenate([usual, around_modes(model)]))
+    off = np.abs(lines.value / model.response(2 * np.pi * hertz) - 1)
+    own = off + lines.half_width * np.abs(lines.value) / np.abs(model.response(2 * np.pi * hertz))
+    first = np.searchsorted(hertz, places / WINDOW)
+    last = np.searchsorted(hertz, places * WINDOW, side="right")
+    above = np.clip(np.searchsorted(hertz, places), 1, len(hertz) - 1)
+    gap = hertz[above] - hertz[above - 1]
+    width = HIDDEN / 2 * np.maximum(places / hertz[-1], 1.0)
+    known = (gap < np.maximum(GAP * places, SPACING)) | (places <= hertz[0])
+    for k in np.flatnonzero((places <= hertz[-1]) & known):
+        around = slice(min(first[k], above[k] - 1), max(last[k], above[k] + 1))
+        width[k] = own[around].max()
+    return Response(places, model.response(2 * np.pi * places), width)
+
+
+def periodic_lines(record: AxisRecord) -> Response:
+    """Lines at which periods of the record show the response; none of a record without periods."""
+    rows = _period(record)
+    sections = [] if rows is None else list(_sections(record, rows))
+    if rows is None or not sections:
+        return Response(np.zeros(0), np.zeros(0, complex), np.zeros(0))
+    values, weights, noise, own = [], [], [], []
+    for start, count in sections:
+        U, Y = (
+            np.fft.rfft(np.diff(signal[start : start + count * rows + 1]).reshape(count, rows))
+            for signal in (record.command, record.position)
+        )
+        U_mean = U.mean(axis=0)
+        U_mean = np.where(np.abs(U_mean) > LEAST * np.abs(U_mean).max(), U_mean, np.inf)
+        G = Y.mean(axis=0) / U_mean
+        scatter = (np.abs((Y - G * U) / U_mean) ** 2).sum(axis=0)
+        values.append(G)
+        weights.append(np.where(np.isfinite(U_mean), np.abs(U.mean(axis=0)) ** 2, 0.0))
+        noise.append(scatter / (count * (count - 1)))
+        own.append((np.abs(U - U.mean(axis=0)) ** 2).sum(axis=0) / (count * (count - 1)))
+    G, w, noise = (np.array(part) for part in (values, weights, noise))
+    w = w / np.maximum(w.sum(axis=0), 1e-300)
+    value = (w * G).sum(axis=0)
+    variance = (w**2 * noise).sum(axis=0)
+    if len(sections) > 1:
+        spread = (w**2 * np.abs(G - value) ** 2).sum(axis=0)
+        variance = np.maximum(variance, spread * len(sections) / (len(sections) - 1))
+    power = np.sum(weights, axis=0)
+    return _excited(
+        record, rows, value, variance, np.where(power > SEEN * np.sum(own, axis=0), power, 0.0)
+    )
+
+
+def _excited(record: AxisRecord, rows: int, value, variance, power) -> Response:
+    """The lines that are excited, their variances averaged over neighbours."""
+    hertz = np.fft.rfftfreq(rows, record.dt)
+    near = np.stack([np.roll(power, k) for k in range(-BESIDE, BESIDE + 1)])
+    relative = variance / np.maximum(np.abs(value) ** 2, 1e-300)
+    inside = (hertz > 0) & (hertz < 0.45 / record.dt)
+    kept = np.flatnonzero(inside & (power > EXCITED * near.max(axis=0)) & (relative < CLEAR**2))
+    if not kept.size:
+        return Response(np.zeros(0), np.zeros(0, complex), np.zeros(0))
+    mean = uniform_filter1d(relative[kept], 2 * BESIDE + 1, mode="nearest")
+    half = FACTOR * np.sqrt(np.maximum(mean, 0.0))  # a running sum rounds below zero
+    sure = half < CLEAR
+    return Response(hertz[kept][sure], value[kept][sure], half[sure])
+
+
+def _period(record: AxisRecord) -> int | None:
+    """Samples after which most of a command comes again; None of one that does not repeat."""
+    signal = _shape(record)
+    count, least = len(signal), round(SHORTEST / record.dt)
+    most = count // (FEWEST + 1)
+    if most <= least:
+        return None
+    overlap = fftconvolve(signal, signal[::-1])[count - 1 :]
+    alike = overlap[least:most] / (np.arange(count, count - most, -1)[least:] * np.mean(signal**2))
+    best = float(alike.max())
+    if best < ALIKE:
+        return None
+    return least + int(np.argmax(alike))
+
+
+def _shape(record: AxisRecord) -> Float[np.ndarray, " T"]:
+    """Second difference of the command, smoothed, over its size around."""
+    bent = np.diff(record.command, 2)
+    bent = uniform_filter1d(bent, max(round(SMOOTH / record.dt), 1))
+    size = np.sqrt(np.maximum(uniform_filter1d(bent**2, round(LEVEL / record.dt)), 0.0))
+    return bent / np.maximum(size, 1e-12 * size.max() + 1e-300)
+
+
+def _sections(record: AxisRecord, rows: int) -> Iterator[tuple[int, int]]:
+    """First sample and number of periods of each part that repeats."""
+    signal = _shape(record)
+    window = np.ones(rows)
+    ahead = fftconvolve(signal[:-rows] * signal[rows:], window, "valid")
+    size = np.sqrt(np.maximum(fftconvolve(signal**2, window, "valid"), 1e-300))
+    alike = ahead / (size[: len(ahead)] * size[rows : rows + len(ahead)])
+    same = alike > SAME * np.percentile(alike, 95)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
+    margin = round(MARGIN * rows)
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        begin, end = first + margin, last + 2 * rows - margin
+        count = (end - begin) // rows
+        if count >= FEWEST:
+            yield int(begin + end - count * rows) // 2, int(count)
