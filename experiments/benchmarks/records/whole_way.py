@@ -1,89 +1,107 @@
-"""`jcontour bench whole_way`: log of a hidden machine, identify, tune, and back on that machine.
+"""`jcontour bench whole_way`: from the record of a hidden machine to the contour error on it.
 
-The log is of arcs and lines. Where `identify` says that it does not show a response, the machine
-runs what `--excite` writes, as the tool advises.
-
-Beside it the same with the true model in the machine file, its limits and its family unchanged:
-what is lost is lost by identifying.
+The machines are those of `true_machines`, outside the class of any model here. Each runs what
+`--excite` writes; `identify`, `tune` and the loop on the machine itself follow. Counted is what
+ends in USE: whether the true loop is unstable, rings on, how large its Ms is, and its contour error
+at the encoder over the worst that was printed.
 """
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import block_diag
 
 from experiments.benchmarks.kept_rows import kept
-from experiments.benchmarks.records.hidden_machines import (
-    DT,
-    KINDS,
-    PROGRAMS,
-    hidden_axis,
-    hidden_record,
-    true_model,
+from experiments.benchmarks.records.true_machines import (
+    INNER,
+    Law,
+    TrueAxis,
+    TrueRun,
+    response,
+    stepped,
 )
-from experiments.benchmarks.records.identify import MOST_DELAY, MOST_POLES
-from experiments.tables import Column, Table
-from jcontour.app.files.checks import MachineError
+from experiments.tables import Table
+from jcontour.analysis.uncertain_loops import GRID, Doubt, Lines
+from jcontour.app.files.results.tuned_result import TunedContour, TunedResult
 from jcontour.app.flags.others import Bench
 from jcontour.app.flags.tuning import Tune
-from jcontour.app.machines.from_file import machine_from
-from jcontour.app.machines.identified import largest, machine_fields
+from jcontour.app.jobs.excitation import Excited, program
+from jcontour.app.machines.disturbance_bounds import linear_machine
+from jcontour.app.machines.identified import machine_fields
 from jcontour.app.reports.tables import console_of
-from jcontour.app.runs.tuning.problem import tuning_run
-from jcontour.app.runs.tuning.searching import NothingSound, searched
-from jcontour.simulation.closed_loop import simulate
-from jcontour.simulation.metrics import score
-from tuning.identification.linear.found import LinearMachineFound
+from jcontour.app.runs.settling import with_held_end
+from jcontour.app.runs.tuning.family_loops import measured_peak
+from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
+from jcontour.app.runs.tuning.results import trial_of, tried, tuned_result
+from jcontour.app.runs.tuning.searching import searched
+from jcontour.controller import Controller
+from jcontour.motion.references import Reference
+from jcontour.simulation.closed_loop import prepared
+from jcontour.simulation.metrics import score_signals
+from tuning.identification.linear.found import MachineRecord
 from tuning.identification.linear.machine import identify_machine
-from tuning.identification.linear.recording import RecordedAxis
 
-WORDS = {
-    "ratio": "ratio",
-    "counted": "ratio from a count on",
-    "family": "ratio of the family's largest errors",
-}
+MOST_POLES, MOST_DELAY = 5, 10
+PERIODS = (1e-3, 0.25e-3)  # [s]
+TRAVEL, SPEED, ACCELERATION = 0.4, 0.25, 4.0
+STEP_LAG = 50e-6  # [s] of a current loop that hardly lags
+PARTS = ("circle",)
+USE = "USE THESE VALUES"
+STEPS = 8  # of one descent: most end sooner, or are good enough
+NOISE = 0.3  # of a count
+REST = 1.0  # [s] behind a contour in which a loop may ring
+RINGS = 3.0  # counts, peak to peak half, at the end of it
+KNOCK = 1e-5  # [m] from which a linear loop has to come back
+SAFE, RMS, PEAK = 3.0, 1.15, 1.3  # asked of USE: Ms, and errors over the printed worst
 
 
 @dataclass(frozen=True)
 class Way:
     """One hidden machine.
 
-    Errors are means over the contours of the RMS contour error of both designs, NaN where a run or
-    a whole search diverged, inf where only the search on the identified model did. A ratio is that
-    of tuning on the identified model over that of tuning on the true one.
-
     Attributes:
-        seed, takes: which one.
-        record: that it was identified from: arcs and lines, or what the tool advises.
-        delays: true ones of its axes [samples].
-        identified, true: errors on the hidden machine [m].
-        ratio: of these errors.
-        worst: largest of the ratios of single contours.
-        counted: ratio where no error counts for less than an encoder count.
-        family: ratio of the largest errors over the hidden machine's own gains and delays.
-        sound: whether both searches found weights that keep all limits.
-        lost: why there is no result, of which of the two designs; empty where there is one.
+        seed, kind: which one, in words.
+        verdict: of `tune`, or why there is none.
+        reasons: against it.
+        stable: whether the true loop without friction, gap and counts comes back from a knock.
+        rings: largest motion at rest after a contour [m].
+        sensitivity: Ms on the true response.
+        rms, peak: largest contour error at the encoder over the printed worst, of all contours.
+        tool: the first at the tool.
+        shown: frequency up to which the response was shown [Hz].
+        printed: RMS contour error of the family's worst, of all contours [m].
     """
 
     seed: int
-    takes: str
-    record: str
-    delays: str
-    identified: float
-    true: float
-    ratio: float
-    worst: float
-    counted: float
-    family: float
-    sound: bool
-    lost: str
+    kind: str
+    verdict: str
+    reasons: str
+    stable: bool
+    rings: float
+    sensitivity: float
+    rms: float
+    peak: float
+    tool: float
+    shown: float
+    printed: float
+
+    @property
+    def fails(self) -> str:
+        """What is wrong with a machine that ends in USE; empty where nothing is."""
+        wrong = {
+            "unstable": not self.stable,
+            "rings": not self.rings <= 1,
+            f"Ms {self.sensitivity:.2f}": not self.sensitivity <= SAFE,
+            f"RMS x {self.rms:.2f}": not self.rms <= RMS,
+            f"peak x {self.peak:.2f}": not self.peak <= PEAK,
+        }
+        return ", ".join(name for name, bad in wrong.items() if bad)
 
 
 @dataclass(frozen=True)
@@ -93,188 +111,293 @@ class WholeWayBench:
     machines: list[Way]
 
 
-@dataclass(frozen=True)
-class OnTheMachine:
-    """A tuned design on the true machine.
+def hidden_axis(random: np.random.Generator, takes, dt: float, load_side: bool) -> TrueAxis:
+    """A random axis."""
+    motor = float(random.uniform(30, 90))
+    load = motor * float(random.uniform(0.3, 1.0))
+    third = load * float(random.uniform(0.3, 0.6)) if random.uniform() < 0.35 else 0.0
+    hertz, damping = float(random.uniform(45, 90)), float(random.uniform(0.02, 0.06))
+    reduced = motor * (load + third) / (motor + load + third)
+    first = (2 * np.pi * hertz) ** 2 * reduced
+    second = (2 * np.pi * 2.2 * hertz) ** 2 * third
+    dampers = (
+        2 * damping * float(np.sqrt(first * reduced)),
+        2 * damping * float(np.sqrt(second * third)),
+    )
+    dry = float(random.uniform(8, 40))
+    coulomb = (dry, dry * float(random.uniform(0.4, 1.0)), 0.0)
+    static = float(random.uniform(1.0, 1.5))
+    force = float(random.uniform(25, 60))
+    viscous = float(random.uniform(60, 300))
+    delay = float(random.uniform(0.3, 2.0)) * 1e-3
+    current = float(random.uniform(0.2e-3, 0.6e-3))
+    total = motor + load + third
+    largest = float(random.uniform(2.0, 4.0)) * total * ACCELERATION / force
+    late = delay + current + INNER if takes == "position" else delay + current + 2 * dt
+    speed = 0.2 / late if takes == "force" else 0.25 / (current + INNER)
+    slow = damping if load_side and takes == "force" else 0.5
+    speed = min(speed, slow * 2 * np.pi * hertz)
+    return TrueAxis(
+        takes=takes,
+        masses=(motor, load, third),
+        stiffness=(float(first), float(second)),
+        damping=dampers,
+        gap=float(random.choice([0.0, 2e-6, 8e-6, 20e-6])),
+        coulomb=coulomb,
+        static=(static * coulomb[0], static * coulomb[1], 0.0),
+        viscous=(viscous, 0.2 * viscous, 0.0),
+        stribeck=float(random.uniform(1e-3, 1e-2)),
+        cogging=float(random.uniform(0, 4)),
+        pitch=float(random.uniform(8e-3, 20e-3)),
+        force=force,
+        current=current,
+        largest=largest,
+        delay=delay,
+        inner=(speed / 4, speed * total / force),
+        load_side=load_side,
+        count=float(random.choice([0.1e-6, 0.5e-6, 1e-6])),
+    )
 
-    Attributes:
-        errors: RMS contour error by contour [m]; none without a design.
-        largest: the same over all members of the true machine's family [m].
-        sound: whether the weights keep all limits.
-        lost: contours on which a member diverged, why the search found nothing, or why the file
-            was refused; empty where all went well.
-    """
 
-    errors: dict[str, float]
-    largest: dict[str, float]
-    sound: bool
-    lost: str
+def machine(seed: int) -> tuple[str, float, list[TrueAxis]]:
+    """Kind, sample period and axes of a hidden machine; the first two are known ones."""
+    random = np.random.default_rng([seed, 57])
+    takes = ("force", "position")[seed % 2]
+    dt = PERIODS[(seed // 2) % 4 == 3]
+    load_side = bool(random.uniform() < 0.4)
+    axes = [hidden_axis(random, takes, dt, load_side) for _ in range(2)]
+    if seed == 0:  # 55 Hz of damping 0.02, motor side, 8 um, 1.4 ms
+        axes = [known_force(axes[0])] * 2
+        dt, load_side = 1e-3, False
+    if seed == 1:  # a drive of 18 ms, 1.5 ms late, 55 Hz of damping 0.062
+        axes = [known_position(axes[0])] * 2
+        dt, load_side = 1e-3, True
+    where = "load" if load_side else "motor"
+    masses = max(one.last for one in axes) + 1
+    gap = max(one.gap for one in axes)
+    kind = f"{takes}, {masses} masses, {where} encoder, {1e6 * gap:.2g} um, {1e-3 / dt:g} kHz"
+    return kind, dt, axes
+
+
+def known_force(one: TrueAxis) -> TrueAxis:
+    """A motor of 60 kg and a load of 30 kg on a spring of 55 Hz and damping 0.02."""
+    reduced, w = 60 * 30 / 90, 2 * np.pi * 55
+    return replace(
+        one,
+        takes="force",
+        masses=(60.0, 30.0, 0.0),
+        stiffness=(w**2 * reduced, 0.0),
+        damping=(2 * 0.02 * w * reduced, 0.0),
+        gap=8e-6,
+        coulomb=(40.0, 20.0, 0.0),
+        static=(40.0, 20.0, 0.0),
+        viscous=(150.0, 0.0, 0.0),
+        cogging=0.0,
+        force=35.0,
+        current=STEP_LAG,
+        largest=25.0,
+        delay=1.4e-3,
+        inner=(8.0, 90.0),
+        load_side=False,
+        count=1e-6,
+    )
+
+
+def known_position(one: TrueAxis) -> TrueAxis:
+    """A drive that takes positions: 18 ms, and 55 Hz of damping 0.062 at the tool."""
+    reduced, w = 60 * 30 / 90, 2 * np.pi * 55
+    return replace(
+        known_force(one),
+        takes="position",
+        damping=(2 * 0.062 * w * reduced, 0.0),
+        gap=0.0,
+        delay=1.5e-3,
+        inner=(1 / 18e-3, 220 * 90 / 35.0),
+        load_side=True,
+        count=1e-6,
+    )
+
+
+def recorded(axes: list[TrueAxis], dt: float, seed: int) -> MachineRecord:
+    """Record of what `--excite` writes; a drive that takes a force is in a cascade of its user."""
+    limits = Excited(("X", "Y"), dt, *(np.full(2, one) for one in (TRAVEL, SPEED, ACCELERATION)))
+    asked = program(limits)
+    random = np.random.default_rng([seed, 58])
+    found = stepped(axes, dt, recording_law(axes, asked, dt), len(asked))
+    count = np.array([one.count for one in axes])
+    noise = NOISE * count * random.standard_normal(found.position.shape)
+    position = count * np.round((found.position + noise) / count)
+    return MachineRecord(dt, limits.axes, found.command, position)
+
+
+def recording_law(axes: list[TrueAxis], asked: Float[np.ndarray, "T m"], dt: float) -> Law:
+    """The position itself, or a cascade with feedforward of the speed."""
+    force = axes[0].takes == "force"
+    speeds = np.gradient(asked, dt, axis=0)
+    gains = np.array([one.inner for one in axes])
+    k, before = -1, asked[0].copy()
+
+    def law(y: np.ndarray) -> np.ndarray:
+        nonlocal k, before
+        k += 1
+        if not force:
+            return asked[k]
+        speed, before = (y - before) / dt, y
+        return gains[:, 1] * (gains[:, 0] * (asked[k] - y) + speeds[k] - speed)
+
+    return law
+
+
+def tuned_law(controller: Controller, reference: Reference) -> Law:
+    """The controller along a reference, which rests where that ends."""
+    plan = jax.device_get(prepared(controller, reference))
+    memory, step = controller.initial_memory(reference), jax.jit(lambda c, *a: c.step(*a))
+    rows, k = reference.steps, -1
+
+    def law(y: np.ndarray) -> np.ndarray:
+        nonlocal k, memory
+        k += 1
+        now = jax.tree.map(lambda leaf: leaf[min(k, rows - 1)], plan)
+        memory, control = step(controller, memory, now, jnp.asarray(y))
+        return np.asarray(control)
+
+    return law
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> WholeWayBench:
-    """Machines of two axes of one kind, from their logs to their contour errors.
+    """Machines of two axes of one kind, from their records to their contour errors.
 
     Raises:
         ValueError: the file to keep them is none of this benchmark.
     """
     seeds = range(flags.first_seed, flags.first_seed + flags.seeds)
 
-    def run(seed: int) -> list[Way]:
-        takes = KINDS[seed % len(KINDS)]
-        random = np.random.default_rng([seed, 16])
-        axes = [hidden_axis(random, DT, takes) for _ in range(2)]
-        way = _way(axes, seed, flags.evaluations)
-        tell(_line(way))
+    def one(seed: int) -> list[Way]:
+        with tempfile.TemporaryDirectory() as place:
+            way = way_of(seed, Path(place))
+        tell(line(way))
         jax.clear_caches()  # every machine has programs of its own: they would fill the memory
         return [way]
 
-    return WholeWayBench(kept(flags.keep, Way, seeds, run))
+    return WholeWayBench(kept(flags.keep, Way, seeds, one))
+
+
+def way_of(seed: int, place: Path) -> Way:
+    """Record, model, controller and run of one machine; files are kept at a place."""
+    kind, dt, axes = machine(seed)
+    nothing = Way(seed, kind, "", "", False, *(float("nan") for _ in range(7)))
+    try:
+        found = identify_machine(recorded(axes, dt, seed), MOST_POLES, MOST_DELAY)
+        fields = machine_fields(found, f"hidden-{seed}", "A" if axes[0].takes == "force" else "m")
+        limits = {"speed": [SPEED] * 2, "acceleration": [ACCELERATION] * 2}
+        fields["limits"] |= limits
+        (place / "machine.json").write_text(json.dumps(fields))
+        plant = str(place / "machine.json")
+        run = tuning_run(Tune(plant=plant, parts=PARTS, starts=1, scatter=0, steps=STEPS))
+        search = searched(run, place, lambda _: None, console_of(quiet=True))
+    except (ValueError, RuntimeError) as error:
+        return replace(nothing, verdict="refused", reasons=str(error))
+    run, tuned = search.run, search.tuned
+    start = tried(run.before.build(run.before.start), run.machine, run.scenarios, run.design.fed)
+    trials = {"start": start, "tuned": trial_of(run, tuned)}
+    told = tuned_result(search, trials, None, [], None, 0.0)  # without random plants
+    verdict = told.verdict
+    reasons = " | ".join(one.text for one in verdict.messages if one.level != "warning")
+    shown, printed = found.shown_to, _worst(told.contours, "rms_contour_error")
+    nothing = replace(
+        nothing, verdict=verdict.heading, reasons=reasons, shown=shown, printed=printed
+    )
+    if not verdict.usable:
+        return nothing
+    return _on_the_machine(nothing, run, run.controller(tuned.weights), told, axes)
+
+
+def _worst(contours: list[TunedContour], name: str) -> float:
+    return max(getattr(one.metrics["tuned"].worst, name) for one in contours)
+
+
+def _on_the_machine(
+    way: Way, loop: TuningRun, controller: Controller, told: TunedResult, axes: list[TrueAxis]
+) -> Way:
+    """The tuned loop on the machine itself."""
+    dt = loop.machine.model.dt
+    ratios, rings = [], 0.0
+    for job, printed in zip(loop.scenarios.jobs, told.contours, strict=True):
+        whole = with_held_end(job, round(REST / dt))
+        reference = whole.reference(dt, controller.preview)
+        found = _followed(axes, controller, reference, dt)
+        scores = [
+            score_signals(part[: reference.steps], found.command[: reference.steps], reference)
+            for part in (found.position, found.tool)
+        ]
+        worst = printed.metrics["tuned"].worst
+        ratios.append(
+            [
+                float(scores[0].rms_contour_error) / worst.rms_contour_error,
+                float(scores[0].peak_contour_error) / worst.peak_contour_error,
+                float(scores[1].rms_contour_error) / worst.rms_contour_error,
+            ]
+        )
+        rest = found.position[-round(REST / 2 / dt) :]
+        counts = np.ptp(rest, axis=0) / np.array([one.count for one in axes]) / (2 * RINGS)
+        rings = max(rings, float(np.nan_to_num(counts, nan=np.inf).max()))
+    still = loop.scenarios.jobs[0].reference(dt, controller.preview)
+    linear = [replace(one.linear, count=0.0) for one in axes]
+    calm, knocked = (_followed(linear, controller, still, dt, by) for by in (0.0, KNOCK))
+    left = np.abs(knocked.position - calm.position)
+    tenth = len(left) // 10
+    stable = bool(
+        np.all(left[-tenth:].max(axis=0) < 0.5 * left[tenth : 2 * tenth].max(axis=0) + 1e-9)
+    )
+    rms, peak, tool = np.max(ratios, axis=0).tolist()
+    return replace(
+        way,
+        stable=stable,
+        rings=rings,
+        sensitivity=_sensitivity(loop, controller, axes),
+        rms=rms,
+        peak=peak,
+        tool=tool,
+    )
+
+
+def _followed(
+    axes: list[TrueAxis], controller: Controller, reference: Reference, dt: float, off: float = 0.0
+) -> TrueRun:
+    start = np.asarray(reference.position[0]) + off
+    return stepped(axes, dt, tuned_law(controller, reference), reference.steps, start)
+
+
+def _sensitivity(loop: TuningRun, controller: Controller, axes: list[TrueAxis]) -> float:
+    """Ms on the true response, an axis at a time."""
+    model = loop.machine.model
+    w = np.union1d(GRID, np.pi * np.geomspace(0.02, 0.5, 400))
+    A, B, C = (np.asarray(one) for one in (model.A, model.B, model.C))
+    own = np.array([C @ np.linalg.solve(np.exp(1j * one) * np.eye(len(A)) - A, B) for one in w])
+    lines = tuple(
+        Lines(w, response(axis, model.dt, w) / own[:, k, k] - 1, np.zeros(len(w)))
+        for k, axis in enumerate(axes)
+    )
+    still = Doubt(np.ones(1), np.zeros((1, len(axes))), lines)
+    true = replace(linear_machine(loop.machine), response_doubt=still)
+    peak = measured_peak(controller, true, loop.scenarios, loop.design.fed)
+    return float("inf") if peak is None else peak
+
+
+def line(way: Way) -> str:
+    """One line of progress."""
+    if way.verdict != USE:
+        return f"{way.seed} {way.kind}: {way.verdict}: {way.reasons}"
+    return (
+        f"{way.seed} {way.kind}: {way.verdict}: Ms {way.sensitivity:.3g}, RMS x {way.rms:.3f}, "
+        f"peak x {way.peak:.3f}, tool x {way.tool:.3f}, rings {way.rings:.2g}, "
+        f"shown to {way.shown:.3g} Hz, {1e6 * way.printed:.3g} um: {way.fails or 'holds'}"
+    )
 
 
 def tables(result: WholeWayBench) -> Iterator[Table | str]:
-    """One line for every machine."""
-    columns: dict[str, Column] = {
-        "no": "seed",
-        "takes": "takes",
-        "record": "record",
-        "delays": "delays",
-        "identified\num": lambda way: f"{1e6 * way.identified:.3g}",
-        "true\num": lambda way: f"{1e6 * way.true:.3g}",
-        "ratio": "ratio:.3f",
-        "worst\ncontour": "worst:.3f",
-        "from a\ncount on": "counted:.3f",
-        "family": "family:.3f",
-        "limits\nkept": lambda way: "yes" if way.sound else "no",
-    }
-    yield Table("From the log to the contour", result.machines, columns, words=3)
-    for name, words in WORDS.items():
-        ratios = np.array([getattr(way, name) for way in result.machines])
-        known = ratios[~np.isnan(ratios)]
-        if known.size:
-            yield f"{words}: median {np.median(known):.3f}, largest {np.max(known):.3f}"
-    missing = sum(bool(np.isnan(way.ratio)) for way in result.machines)
-    if missing:
-        yield f"no ratio: {missing} of {len(result.machines)} machines"
-    for way in result.machines:
-        if way.lost:
-            yield f"machine {way.seed}: {way.lost}"
-
-
-def _line(way: Way) -> str:
-    return (
-        f"{way.seed} {way.takes}, {way.record}: {way.ratio:.3f} of the error with the true model, "
-        f"worst contour {way.worst:.3f}, from a count on {way.counted:.3f}, family {way.family:.3f}"
-        f"{'' if way.sound else ', limits not kept'}"
-        f"{f', {way.lost}' if way.lost else ''}"
-    )
-
-
-def _way(axes: list[RecordedAxis], seed: int, evaluations: int) -> Way:
-    program, fields = _as_advised(axes, seed)
-    truth = true_fields(axes, fields)
-    identified, known = (_tuned_on(one, truth, evaluations) for one in (fields, truth))
-    errors = _both(identified.errors, known.errors)
-    count = min(one.count for one in axes)
-    return Way(
-        seed=seed,
-        takes=axes[0].takes,
-        record=program,
-        delays=" ".join(str(round(one.axis.delay / DT)) for one in axes),
-        identified=float(errors[0].mean()),
-        true=float(errors[1].mean()),
-        ratio=_ratio(errors),
-        worst=float(np.max([_over(*pair) for pair in errors.T])),
-        counted=_ratio(np.maximum(errors, count)),
-        family=_ratio(_both(identified.largest, known.largest)),
-        sound=identified.sound and known.sound,
-        lost="; ".join(
-            f"{model} model: {one.lost}"
-            for model, one in (("identified", identified), ("true", known))
-            if one.lost
-        ),
-    )
-
-
-def _as_advised(axes: list[RecordedAxis], seed: int) -> tuple[str, dict[str, Any]]:
-    """Program of the record that a user would keep, and the machine file from it.
-
-    Where the record of arcs and lines leaves a response unseen and `identify` says so, the machine
-    runs the program of `--excite`. Of the two the record is kept that shows more modes, else the
-    one that shows more of the frequencies. Limits are what went well in either.
-    """
-    found = {PROGRAMS[0]: _identified(axes, PROGRAMS[0], seed)}
-    if found[PROGRAMS[0]].unseen:
-        found[PROGRAMS[1]] = _identified(axes, PROGRAMS[1], seed)
-    program = max(found, key=lambda one: (found[one].order, np.nan_to_num(found[one].shown_to)))
-    fields = machine_fields(found[program], "identified", "unit")
-    limits = [largest(one) for one in found.values()]
-    both = {name: np.max([one[name] for one in limits], axis=0).tolist() for name in limits[0]}
-    return program, fields | {"limits": both}
-
-
-def _identified(axes: list[RecordedAxis], program: str, seed: int) -> LinearMachineFound:
-    return identify_machine(hidden_record(axes, program, seed), MOST_POLES, MOST_DELAY)
-
-
-def _both(identified: dict[str, float], known: dict[str, float]) -> Float[np.ndarray, "2 c"]:
-    """Errors of both designs; where a search has none inf of the identified, NaN of the true."""
-    names = list(known or identified)
-    if not names:
-        return np.full((2, 1), np.nan)
-    one = [identified.get(name, np.inf) for name in names]
-    return np.array([one, [known.get(name, np.nan) for name in names]])
-
-
-def _ratio(errors: Float[np.ndarray, "2 c"]) -> float:
-    """Ratio of the mean errors over the contours."""
-    return _over(*errors.mean(axis=1))
-
-
-def _over(identified: float, true: float) -> float:
-    """Ratio of two errors; NaN where tuning on the true machine has none."""
-    return float(identified / true) if np.isfinite(true) else np.nan
-
-
-def true_fields(axes: Sequence[RecordedAxis], fields: dict[str, Any]) -> dict[str, Any]:
-    """The machine file with the true model: its own states and delays, nothing doubted of them."""
-    models = [true_model(one) for one in axes]
-    shared = min(one.delay for one in models)
-    parts = [one.realisation(one.delay - shared) for one in models]
-    A, B, C = (np.asarray(block_diag(*three)).tolist() for three in zip(*parts, strict=True))
-    model = {"A": A, "B": B, "C": C, "known_delay": shared}
-    model["uncertainty"] = {name: fields["uncertainty"][name] for name in ("gain", "delay")}
-    encoders = {
-        "encoder_resolution": [one.count for one in axes],
-        "encoder_noise": [one.noise for one in axes],
-    }
-    return fields | model | encoders
-
-
-def _tuned_on(fields: dict[str, Any], truth: dict[str, Any], evaluations: int) -> OnTheMachine:
-    """What is tuned on a file within some evaluations, run on the true machine."""
-    with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / "machine.json"
-        path.write_text(json.dumps(fields))
-        quiet = console_of(quiet=True)
-        try:
-            run = tuning_run(Tune(plant=str(path)))
-            run = replace(run, settings=replace(run.settings, evaluations=evaluations))
-            found = searched(run, Path(place), lambda _: None, quiet)
-        except NothingSound as error:
-            return OnTheMachine({}, {}, False, f"tune found nothing ({error})")
-        except MachineError as error:
-            fault = str(error).removeprefix(f"{path}: ")
-            return OnTheMachine({}, {}, False, f"tune refused the file ({fault})")
-    controller = found.run.controller(found.tuned.weights)
-    machine = machine_from(json.dumps(truth).encode(), "true")
-    family = machine.true_family(found.run.design.fed)
-    errors, largest, diverged = {}, {}, []
-    for job in found.run.scenarios.jobs:
-        reference = job.reference(DT, controller.preview)
-        runs = [score(simulate(plant, controller, reference), reference) for plant in family]
-        values = [float(one.rms_contour_error) for one in runs]
-        errors[job.name], largest[job.name] = values[0], float(np.max(values))
-        if any(bool(one.diverged) for one in runs):
-            diverged.append(job.name)
-    lost = f"diverged on {', '.join(diverged)}" if diverged else ""
-    return OnTheMachine(errors, largest, found.tuned.feasible, lost)
+    """How many end in USE, and how many of these fail."""
+    used = [one for one in result.machines if one.verdict == USE]
+    failed = [one for one in used if one.fails]
+    yield from map(line, result.machines)
+    yield f"{len(used)} of {len(result.machines)} end in USE, {len(failed)} of these fail"
