@@ -47,6 +47,7 @@ EASE = 0.5  # [s] in which the slow move turns
 FASTER = 4.0  # times its speed: on the way to where it begins
 STROKES = (1.0, 0.5, 0.2)  # of the travel that is used
 SEED = 1  # of the phases
+DIGITS = 12  # of a position [m]: sums of a move there and back leave less
 SLOWEST = 0.05  # sample period [s] that leaves each axis a few lines
 SHORTEST = 0.05e-3  # move [m]
 RATIO = 0.7  # of a move over the one before
@@ -117,7 +118,8 @@ def program(limits: Excited) -> Float[np.ndarray, "T axes"]:
         )
         columns.append(np.concatenate([_sections(limits, k, most), _strokes(limits.dt, most)]))
     longest = max(map(len, columns))
-    return np.stack([np.pad(one, (0, longest - len(one))) for one in columns], axis=1)
+    padded = [np.pad(one, (1, longest - len(one))) for one in columns]
+    return np.round(np.stack(padded, axis=1), DIGITS)
 
 
 def _sections(

@@ -45,17 +45,17 @@ def test_two_realisations_at_two_levels_repeat_and_share_no_line(limits):
         end = first + (k + 1) * section
         part = np.diff(program(limits)[end - 2 * rows : end + 1], axis=0)
         one, two = part[:rows], part[rows:]
-        assert np.abs(one - two)[: rows // 2].max() < 1e-9 * np.abs(one).max()
+        assert np.abs(one - two)[: rows // 2].max() < 1e-6 * np.abs(one).max()
         assert np.all(np.abs(np.mean(one, axis=0)) > np.abs(one - np.mean(one, axis=0)).max(axis=0))
         spectra.append(np.abs(np.fft.rfft(one, axis=0))[1:])
-    lines = spectra[0] > 1e-6 * spectra[0].max(axis=0)
+    lines = spectra[0] > 1e-4 * spectra[0].max(axis=0)
     assert lines.any(axis=0).all() and not (lines[:, 0] & lines[:, 1]).any()
     hertz = np.fft.rfftfreq(rows, limits.dt)[1:]
     assert hertz[lines.any(axis=1)].max() == pytest.approx(excitation.HIGHEST, rel=0.05)
     for x in range(2):
         inside = lines[:, x]
         assert np.allclose(
-            spectra[2][inside, x] / spectra[0][inside, x], excitation.LEVELS[1], rtol=1e-6
+            spectra[2][inside, x] / spectra[0][inside, x], excitation.LEVELS[1], rtol=1e-3
         )
 
 
