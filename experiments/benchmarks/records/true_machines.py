@@ -212,8 +212,8 @@ def response(axis: TrueAxis, dt: float, w: Float[np.ndarray, " F"]) -> Complex[n
     for k in range(int(LONGEST / dt)):
         places.append(one.exact)
         one.step(1e-6 if k == 0 else 0.0)
-    speed = np.diff(np.array(places + [one.exact])) / 1e-6
-    speed -= speed[-1]  # what is left of a long answer decays no more
+    speed = np.diff(np.array([*places, one.exact], float)) * 1e6
+    speed = speed - speed[-1]  # what is left of a long answer decays no more
     back = np.exp(-1j * np.outer(w, np.arange(len(speed)) + 1))
     total: Complex[np.ndarray, " F"] = back @ speed
     return total / (1 - np.exp(-1j * w))

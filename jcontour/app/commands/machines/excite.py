@@ -8,7 +8,7 @@ from jcontour._regular_files import content_of
 from jcontour.app.files import run_folder
 from jcontour.app.files.checks import json_value
 from jcontour.app.flags.machines import Identify
-from jcontour.app.jobs.excitation import PART, Excited, gcode, letters, read_limits
+from jcontour.app.jobs.excitation import PART, Excited, gcode, letters, program, read_limits
 from jcontour.app.reports import tables
 
 MOST_BYTES = 2**20  # of the limits
