@@ -35,6 +35,8 @@ class LimitFields(Schema):
     """[length/s]"""
     acceleration: OneOrEach[Positive] | None = None
     """[length/s^2]; a motion asks for half of it"""
+    jerk: OneOrEach[Positive] | None = None
+    """[length/s^3] of a motion; when not given, the acceleration builds up in 20 ms"""
     control: OneOrEach[Positive] | None = None
     """[control unit]"""
     increment: OneOrEach[Positive] | None = None

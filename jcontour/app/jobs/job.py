@@ -239,7 +239,7 @@ def along_contour(name: str, contour: Contour, pace: Pace) -> Job:
     Raises:
         ValueError: the contour has more axes than the machine.
     """
-    if pace.machine.limits.acceleration is None:
+    if pace.axis_acceleration is None:
         return at_constant_feed(name, contour, pace)
     contour = _on_axes(name, contour, pace)
     return from_rest_to_rest(name, contour, pace, pace.override * pace.feed_or_default)
@@ -291,7 +291,9 @@ def _read(path: Path, pace: Pace) -> Job:
     if contour.axes != machine.model.axes:
         raise ToolpathError(f"has {contour.axes} axes, the machine has {machine.model.axes}")
     z_alone = toolpath.z_alone / pace.override
-    speed = _speed(pace.override * toolpath.feed, rapid, machine)
+    if pace.control is not None and toolpath.tolerance is not None:
+        pace = pace._replace(control=pace.control._replace(tolerance=toolpath.tolerance))
+    speed = _speed(pace.override * toolpath.feed, rapid, pace)
     try:
         _check_duration(
             np.asarray(contour.extent) / speed, np.nan_to_num(toolpath.rest), z_alone, machine
@@ -304,7 +306,8 @@ def _read(path: Path, pace: Pace) -> Job:
     doubts = (
         *toolpath.doubts,
         *_unused_unit(path, pace),
-        *_rapid_speed(speed, rapid, machine),
+        *_rapid_speed(speed, rapid, pace),
+        *pace.doubts,
         *_tolerance(toolpath, contour, speed, pace, run.planned),
         *_still_axes(contour, machine),
     )
@@ -336,19 +339,19 @@ def _unused_unit(path: Path, pace: Pace) -> Iterator[str]:
         yield f"--drawing-unit does not act on {path.name}: {own}"
 
 
-def _speed(feed: np.ndarray, rapid: np.ndarray, machine: Machine) -> np.ndarray:
+def _speed(feed: np.ndarray, rapid: np.ndarray, pace: Pace) -> np.ndarray:
     """Speed that is asked for along every piece [m/s], from the feed of those that are cut."""
     fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
-    limit = machine.limits.speed
+    limit = pace.axis_speed
     quickest = RAPID * fastest if limit is None else max(fastest, float(limit.max()))
     return np.where(rapid, quickest, feed)
 
 
-def _rapid_speed(speed: np.ndarray, rapid: np.ndarray, machine: Machine) -> Iterator[str]:
+def _rapid_speed(speed: np.ndarray, rapid: np.ndarray, pace: Pace) -> Iterator[str]:
     """How fast rapid moves are taken to be, which no program says, and why; none without them."""
     if not rapid.any():
         return
-    limit, asked = machine.limits.speed, speed[rapid].max()
+    limit, asked = pace.axis_speed, speed[rapid].max()
     why = f"{RAPID:g} times the fastest feed: the machine states no speed"
     if limit is not None:
         limited = asked <= limit.max()

@@ -5,12 +5,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jcontour.app.jobs.pace import MM_PER_MIN, Pace
+from jcontour.app.jobs.pace import MM_PER_MIN, SHARE, Pace
 from jcontour.geometry.contour import Contour
 from jcontour.motion.cornering import Planned, cornered
 from jcontour.motion.feed_laws import trapezoidal
 from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.other_controls import as_planned_by
 
 UM = 1e-6  # [m]
 # [s] in which an axis builds up its acceleration where the machine states no jerk: of milling
@@ -74,30 +75,35 @@ def along_path(
         pace: limits and law.
         rest: how long it rests at the end of every piece [s]; NaN where it goes on.
     """
-    fastest = float(np.max(np.where(rapid, 0.0, feed))) / MM_PER_MIN
+    words = f"{float(np.max(np.where(rapid, 0.0, feed))) / MM_PER_MIN:.4g} mm/min"
+    if pace.planner != "jcontour":
+        return _of_control(contour, feed, rapid, pace, rest, words)
+    if pace.halved:
+        words += f", {100 * SHARE:.0f} % of the machine's acceleration"
     if pace.feed_law == "jerk":
-        return _jerk_limited(contour, feed, rapid, pace, rest, f"{fastest:.4g} mm/min")
+        return _jerk_limited(contour, feed, rapid, pace, rest, words)
     arc = trapezoidal(
         contour,
         feed,
         pace.machine.model.dt,
         pace.acceleration_or_default,
-        pace.machine.limits.speed,
+        pace.axis_speed,
         pace.axis_acceleration,
         rest=rest,
     )
-    return AlongPath(arc, f"trapezoidal, {fastest:.4g} mm/min")
+    return AlongPath(arc, f"trapezoidal, {words}")
 
 
 def axis_limits(pace: Pace) -> AxisLimits:
     """Limits of every axis that a jerk-limited motion keeps."""
-    axes, speed = pace.machine.model.axes, pace.machine.limits.speed
+    axes, speed = pace.machine.model.axes, pace.axis_speed
     acceleration = np.full(axes, pace.acceleration_or_default)
     if pace.axis_acceleration is not None:
         acceleration = np.minimum(pace.axis_acceleration, acceleration)
         if pace.acceleration is None:
             acceleration = pace.axis_acceleration
-    jerk = acceleration / BUILD_UP if pace.jerk is None else pace.jerk
+    stated = pace.machine.limits.jerk if pace.jerk is None else pace.jerk
+    jerk = acceleration / BUILD_UP if stated is None else stated
     return AxisLimits.of(axes, acceleration, jerk, np.inf if speed is None else speed)
 
 
@@ -124,6 +130,15 @@ def _jerk_limited(contour: Contour, feed, rapid, pace: Pace, rest, words: str) -
     blend = f"corners within {pace.corner_tolerance / UM:.4g} um"
     law = f"jerk-limited, {words}, {blend if pace.corner_tolerance else 'stops in corners'}"
     return AlongPath(arc, law, Aside(place - _on(contour, arc)[0], tangent), planned)
+
+
+def _of_control(contour: Contour, feed, rapid, pace: Pace, rest, words: str) -> AlongPath:
+    assert pace.control is not None
+    motion = as_planned_by(pace.control, contour, feed, rapid, rest, pace.machine.model.dt)
+    offset = motion.place - _on(contour, motion.arc)[0]
+    names = {"linuxcnc": "LinuxCNC", "klipper": "Klipper", "grbl": "grbl"}
+    law = f"as {names[pace.planner]} plans it, {words}"
+    return AlongPath(motion.arc, law, Aside(offset, motion.tangent))
 
 
 def _on(contour: Contour, arc: Float[np.ndarray, " T"]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,14 +1,17 @@
 """Pace of a machine along a path: feed, limits, and the law by which it runs."""
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from jcontour.app.flags.shared import FeedLaw, MachineFlags
+from jcontour.app.files.control_limits import read_control_limits
+from jcontour.app.flags.shared import FeedLaw, MachineFlags, Planner
 from jcontour.app.machines.machine import Machine
 from jcontour.geometry.drawings.drawing import GAP
 from jcontour.geometry.gcode.tool_table import Tool, read_tool_table
 from jcontour.geometry.toolpath_rules import INCH, MM
+from jcontour.motion.other_controls import ControlLimits
 
 FEED = 3000.0  # [mm/min] where nothing is programmed
 MM_PER_MIN = 1e-3 / 60
@@ -38,6 +41,9 @@ class Pace(NamedTuple):
         corner_tolerance: of the jerk-limited law, from the path [m]; 0 stops in corners.
         drawing_unit: of a drawing [m]; None where its file has to say.
         join: ends of a drawing's lines within it are joined [m].
+        control: limits of a control, which the motion asks for in full; None for the machine's.
+        planner: control whose motion is predicted.
+        doubts: questions about the units of these limits.
         tools: of the tool table, by number; None without one.
         override: share of every feed that is run, programmed or not; rapid moves stay.
     """
@@ -50,6 +56,9 @@ class Pace(NamedTuple):
     corner_tolerance: float = 2e-6
     drawing_unit: float | None = None
     join: float = GAP
+    control: ControlLimits | None = None
+    planner: Planner = "jcontour"
+    doubts: tuple[str, ...] = ()
     tools: dict[int, Tool] | None = None
     override: float = 1.0
 
@@ -60,7 +69,7 @@ class Pace(NamedTuple):
 
     @property
     def acceleration_or_default(self) -> float:
-        """Path acceleration [m/s^2]; where none is given, half of what the machine can do."""
+        """Path acceleration [m/s^2]; where none is given, `axis_acceleration` of the weakest."""
         if self.acceleration is not None:
             return self.acceleration
         limit = self.axis_acceleration
@@ -70,12 +79,27 @@ class Pace(NamedTuple):
     def axis_acceleration(self) -> np.ndarray | None:
         """Acceleration [m/s^2] that a motion may ask of each axis; None where none is stated.
 
-        All that the machine has, where the path acceleration is given.
+        All of the control's; of the machine's a half, or all where the path acceleration is given.
         """
+        if self.control is not None:
+            return np.minimum(self.control.acceleration, self.control.path_acceleration)
         limit = self.machine.limits.acceleration
         if limit is None or self.acceleration is not None:
             return limit
         return SHARE * limit
+
+    @property
+    def axis_speed(self) -> np.ndarray | None:
+        """Greatest speed [m/s] of each axis; None where none is stated."""
+        if self.control is not None:
+            return np.minimum(self.control.speed, self.control.path_speed)
+        return self.machine.limits.speed
+
+    @property
+    def halved(self) -> bool:
+        """Whether a motion asks for a part of the stated acceleration alone."""
+        stated = self.machine.limits.acceleration is not None
+        return stated and self.control is None and self.acceleration is None
 
     @property
     def largest_jerk(self) -> float:
@@ -90,12 +114,15 @@ class Pace(NamedTuple):
 
         Raises:
             ValueError: a feed, acceleration or jerk that is not finite and above zero, a corner
-                tolerance or a distance to join that is negative, or a jerk that no sample shows.
+                tolerance or a distance to join that is negative, a jerk that no sample shows, or
+                limits of a control that cannot be read.
         """
         for name, value in (
             ("feed-mm-per-min", flags.feed_mm_per_min),
             ("acceleration", flags.acceleration),
             ("jerk", flags.jerk),
+            ("junction-deviation-um", flags.junction_deviation_um),
+            ("square-corner-velocity", flags.square_corner_velocity),
         ):
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
@@ -106,6 +133,7 @@ class Pace(NamedTuple):
         ):
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: needs to be finite and not negative, received {value}")
+        control, doubts = _control(flags, machine)
         pace = cls(
             machine,
             feed,
@@ -115,6 +143,9 @@ class Pace(NamedTuple):
             corner_tolerance=1e-6 * flags.corner_tolerance_um,
             drawing_unit=None if flags.drawing_unit is None else DRAWING_UNITS[flags.drawing_unit],
             join=1e-6 * flags.join_um,
+            control=control,
+            planner=flags.planner,
+            doubts=doubts,
             tools=None if flags.tool_table is None else read_tool_table(flags.tool_table),
         )
         if flags.jerk is not None and flags.jerk > pace.largest_jerk:
@@ -123,3 +154,38 @@ class Pace(NamedTuple):
                 f"sample and no limit remains, received {flags.jerk:g}"
             )
         return pace
+
+
+def _control(flags: MachineFlags, machine: Machine) -> tuple[ControlLimits | None, tuple[str, ...]]:
+    """Limits of the control that the flags name, and questions about them; None for none.
+
+    Raises:
+        ValueError: the file cannot be read, the machine states no limits, or a flag is another
+            control's.
+    """
+    for name, value, owner in (
+        ("junction-deviation-um", flags.junction_deviation_um, "grbl"),
+        ("square-corner-velocity", flags.square_corner_velocity, "klipper"),
+    ):
+        if value is not None and flags.planner != owner:
+            raise ValueError(f"{name}: --planner {owner} alone has one")
+    doubts: tuple[str, ...] = ()
+    if flags.machine_limits is not None:
+        control, doubts = read_control_limits(Path(flags.machine_limits), machine.model.axes)
+    elif flags.planner == "jcontour":
+        return None, ()
+    else:
+        speed, acceleration = machine.limits.speed, machine.limits.acceleration
+        if speed is None or acceleration is None:
+            raise ValueError(
+                f"planner: {machine.name} states no speed and acceleration of its axes; "
+                "--machine-limits gives them"
+            )
+        control = ControlLimits(flags.planner, speed, acceleration)
+    if flags.planner != "jcontour":
+        control = control._replace(control=flags.planner)
+    if flags.junction_deviation_um is not None:
+        control = control._replace(junction_deviation=1e-6 * flags.junction_deviation_um)
+    if flags.square_corner_velocity is not None:
+        control = control._replace(corner_speed=MM * flags.square_corner_velocity)
+    return control, doubts

@@ -207,6 +207,7 @@ def _limits(given: LimitFields, metre: float, plant: LinearPlant) -> MachineLimi
         acceleration=each("acceleration", plant.axes, metre),
         control=each("control", plant.inputs, 1.0),
         increment=each("increment", plant.inputs, 1.0),
+        jerk=each("jerk", plant.axes, metre),
     )
 
 

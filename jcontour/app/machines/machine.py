@@ -29,6 +29,7 @@ class MachineLimits(NamedTuple):
     acceleration: np.ndarray | None = None
     control: np.ndarray | None = None
     increment: np.ndarray | None = None
+    jerk: np.ndarray | None = None
 
 
 class Usual(NamedTuple):

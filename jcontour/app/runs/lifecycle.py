@@ -31,7 +31,13 @@ WHERE = (
     "scheduler",
     "listen",
 )  # flags a run may go on with
-FILES = "plant", "controller", "contour", "tool_table"  # flags that may name a file
+FILES = (
+    "plant",
+    "controller",
+    "contour",
+    "tool_table",
+    "machine_limits",
+)  # flags that may name a file
 F = TypeVar("F", bound=Spreading)
 Kept = TypeVar("Kept")
 Asked = TypeVar("Asked")

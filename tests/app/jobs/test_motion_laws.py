@@ -9,7 +9,7 @@ import pytest
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.files.results.run_metrics import MotionSummary
 from jcontour.app.flags.shared import MachineFlags
-from jcontour.app.jobs import job
+from jcontour.app.jobs import job, motion_laws
 from jcontour.app.jobs.job import Job, Pace, from_file
 from jcontour.app.reports.simulated_tables import motion_table
 from jcontour.app.runs.contour_summary import motion_summary
@@ -170,3 +170,58 @@ def test_a_motion_that_is_not_the_quickest_is_told():
         "NOT THE QUICKEST, by about",
         "2.5 %",
     ]
+
+
+INI = """[TRAJ]
+LINEAR_UNITS = mm
+[AXIS_X]
+MAX_VELOCITY = 100
+MAX_ACCELERATION = 3000
+[AXIS_Y]
+MAX_VELOCITY = 100
+MAX_ACCELERATION = 2500
+"""
+
+
+@pytest.mark.parametrize("planner", ["linuxcnc", "klipper", "grbl"])
+def test_motion_of_another_control(tmp_path, planner):
+    """From end to end on the path, or within P of G64, at its own limits."""
+    (tmp_path / "sim.ini").write_text(INI)
+    given = {"planner": planner, "machine_limits": str(tmp_path / "sim.ini")}
+    found = planned_job(tmp_path, f"G64 P0.02\n{PROGRAM}", **given)
+    reference = found.reference(1e-3, 5)
+    position = np.asarray(reference.position)[: reference.steps]
+    nearest = found.contour.position(found.contour.nearest_anywhere(position))
+    apart = np.linalg.norm(position - np.asarray(nearest), axis=1)
+    assert apart.max() < (20e-6 if planner == "linuxcnc" else 1e-9)
+    assert found.feed_law.lower().startswith(f"as {planner} plans it, 3000 mm/min")
+    assert found.arc[-1] == pytest.approx(float(found.contour.length))
+    full = planned_job(tmp_path, machine_limits=given["machine_limits"])
+    assert "acceleration" not in full.feed_law and full.samples < planned_job(tmp_path).samples
+
+
+def test_half_of_the_stated_acceleration_is_said(tmp_path):
+    assert planned_job(tmp_path).feed_law.startswith(
+        "jerk-limited, 3000 mm/min, 50 % of the machine's acceleration"
+    )
+    assert "acceleration" not in planned_job(tmp_path, acceleration=1.0).feed_law
+
+
+def test_jerk_of_the_machine(tmp_path):
+    machine = machine_named(EXAMPLE)
+    limits = machine.limits._replace(jerk=np.array([500.0, 400.0]))
+    pace = Pace.of(MachineFlags(plant=EXAMPLE), replace(machine, limits=limits))
+    np.testing.assert_allclose(np.asarray(motion_laws.axis_limits(pace).jerk), [500.0, 400.0])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"junction_deviation_um": 5.0}, "junction-deviation-um: --planner grbl alone has one"),
+        ({"square_corner_velocity": 5.0}, "square-corner-velocity: --planner klipper alone"),
+        ({"planner": "grbl", "junction_deviation_um": -1.0}, "needs to be finite and above zero"),
+    ],
+)
+def test_settings_of_another_control_are_refused(tmp_path, given, message):
+    with pytest.raises(ValueError, match=message):
+        planned_job(tmp_path, **given)
