@@ -109,7 +109,7 @@ class Leg(NamedTuple):
 
 
 class ControlMotion(NamedTuple):
-    """Samples of a motion: arc length on the contour [m], place [m], unit tangent; cycle time [s]."""
+    """Samples of a motion: arc length on the contour, place [m], unit tangent; cycle time [s]."""
 
     arc: Float[np.ndarray, " T"]
     place: Float[np.ndarray, "T m"]

@@ -1,10 +1,9 @@
 """Limits that a control is set to: LinuxCNC's INI, Klipper's printer.cfg, grbl's `$$` listing.
 
-LinuxCNC  [AXIS_X] MAX_VELOCITY, MAX_ACCELERATION in [TRAJ] LINEAR_UNITS a second; P of G64 in
-          [RS274NGC] RS274NGC_STARTUP_CODE; [TRAJ] MAX_LINEAR_VELOCITY
-Klipper   [printer] max_velocity, max_accel, max_z_velocity, max_z_accel,
-          square_corner_velocity, minimum_cruise_ratio, in mm a second
-grbl      $110 to $112 in mm a minute, $120 to $122 in mm/s^2, $11 and $12 in mm
+LinuxCNC: [AXIS_X] MAX_VELOCITY and MAX_ACCELERATION in [TRAJ] LINEAR_UNITS a second, [TRAJ]
+MAX_LINEAR_VELOCITY, P of G64 in [RS274NGC] RS274NGC_STARTUP_CODE. Klipper: [printer] max_velocity,
+max_accel, max_z_velocity, max_z_accel, square_corner_velocity, minimum_cruise_ratio, in mm a
+second. grbl: $110 to $112 in mm a minute, $120 to $122 in mm/s^2, $11 and $12 in mm.
 """
 
 import configparser

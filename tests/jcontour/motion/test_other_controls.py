@@ -76,7 +76,7 @@ def test_linuxcnc_rounds_a_corner_within_its_tolerance():
     slowest = speeds(motion)[100:-100].min()
     assert slowest == pytest.approx(math.sqrt(math.sqrt(0.75) * 3000 * radius), rel=5e-2)
     assert np.abs(np.diff(motion.place, 2, axis=0)).max() / DT**2 / MM < 3001
-    np.testing.assert_allclose(motion.arc[[0, -1]], [0, contour.length], atol=1e-12)
+    np.testing.assert_allclose(motion.arc[[0, -1]], [0, float(contour.length)], atol=1e-12)
 
 
 def test_a_square_takes_as_long_as_in_linuxcnc():
