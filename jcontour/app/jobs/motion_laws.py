@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jcontour.app.jobs.pace import MM_PER_MIN, SHARE, Pace
+from jcontour.app.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.contour import Contour
 from jcontour.motion.cornering import Planned, cornered
 from jcontour.motion.feed_laws import trapezoidal
@@ -79,7 +79,7 @@ def along_path(
     if pace.planner != "jcontour":
         return _of_control(contour, feed, rapid, pace, rest, words)
     if pace.halved:
-        words += f", {100 * SHARE:.0f} % of the machine's acceleration"
+        words += ", half the stated acceleration"
     if pace.feed_law == "jerk":
         return _jerk_limited(contour, feed, rapid, pace, rest, words)
     arc = trapezoidal(

@@ -202,7 +202,7 @@ def test_motion_of_another_control(tmp_path, planner):
 
 def test_half_of_the_stated_acceleration_is_said(tmp_path):
     assert planned_job(tmp_path).feed_law.startswith(
-        "jerk-limited, 3000 mm/min, 50 % of the machine's acceleration"
+        "jerk-limited, 3000 mm/min, half the stated acceleration"
     )
     assert "acceleration" not in planned_job(tmp_path, acceleration=1.0).feed_law
 
