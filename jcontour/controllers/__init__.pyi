@@ -26,7 +26,7 @@ from .feedback.governor import VectorGovernor as VectorGovernor
 from .feedback.hinf_feedback import HInfinityFeedback as HInfinityFeedback
 from .feedback.hinf_feedback import MixedWeights as MixedWeights
 from .feedback.hinf_feedback import mixed_sensitivity as mixed_sensitivity
-from .feedback.hinf_synthesis import central as central
+from .feedback.hinf_synthesis import central_controller as central_controller
 from .feedback.hinf_synthesis import least_gamma as least_gamma
 from .feedback.integral_lqg import (
     IntegralLQG as IntegralLQG,

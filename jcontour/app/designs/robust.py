@@ -17,7 +17,11 @@ from jcontour.controllers.feedback.hinf_feedback import (
     gain_at,
     mixed_sensitivity,
 )
-from jcontour.controllers.feedback.hinf_synthesis import Generalised, central, least_gamma
+from jcontour.controllers.feedback.hinf_synthesis import (
+    Generalised,
+    central_controller,
+    least_gamma,
+)
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from tuning.parameters import Weight
@@ -81,7 +85,7 @@ class MixedSensitivity(Design[Machine]):
         return mixed_sensitivity(self.model, self.measured, weights, self.gain)
 
     def build(self, weights: Gains) -> Controller:
-        law, _ = central(self.plant(weights), jnp.asarray(weights["level"], float))
+        law, _ = central_controller(self.plant(weights), jnp.asarray(weights["level"], float))
         limit = self.machine.limits.control
         bound = np.inf if limit is None else np.min(limit)
         feedback = HInfinityFeedback(self.model, self.read, self.measured, law, self.gain, bound)

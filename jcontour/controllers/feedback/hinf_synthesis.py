@@ -112,7 +112,7 @@ def _slope(primals, tangents):
 
 
 @jax.jit
-def central(plant: Generalised, gamma: Float[Array, ""]) -> tuple[Central, Conditions]:
+def central_controller(plant: Generalised, gamma: Float[Array, ""]) -> tuple[Central, Conditions]:
     """Central controller of a level gamma, and what decides whether the level is met."""
     A, B1, B2, C1, D11, D12, C2, D21 = plant
     w, inputs = B1.shape[1], B2.shape[1]
@@ -144,7 +144,7 @@ def least_gamma(plant: Generalised, most: float = MOST) -> float:
     Raises:
         ValueError: no level below `most` is met.
     """
-    synthesis = partial(central, plant)
+    synthesis = partial(central_controller, plant)
 
     def meets(level):
         return synthesis(jnp.asarray(float(level)))[1].met()

@@ -13,7 +13,7 @@ from jcontour.controllers.feedback.hinf_feedback import (
 )
 from jcontour.controllers.feedback.hinf_synthesis import (
     Generalised,
-    central,
+    central_controller,
     least_gamma,
 )
 from tests.canonical import plant, reference, round_path
@@ -69,7 +69,7 @@ def test_the_least_level_is_the_peak_of_its_loop(seeds):
     for seed in seeds:
         system = random_plant(seed)
         gamma = least_gamma(system)
-        law, met = central(system, jnp.asarray(1.000001 * gamma))
+        law, met = central_controller(system, jnp.asarray(1.000001 * gamma))
         loop = closed_loop(system, law)
         assert met.met() and np.abs(np.linalg.eigvals(loop[0])).max() < 1
         assert peak(*loop) == pytest.approx(gamma, rel=1e-4), seed
@@ -81,7 +81,7 @@ def test_the_mixed_sensitivity_is_that_of_its_weights():
     C = np.asarray(machine.C)
     g = gain_at(machine, C, 80.0)
     system = mixed_sensitivity(machine, C, weights, g)
-    law, met = central(system, jnp.asarray(3.0))
+    law, met = central_controller(system, jnp.asarray(3.0))
     A, B, out, D = closed_loop(system, law)
     A_k, B_k, C_k, F, D_k, L = (np.asarray(matrix) for matrix in law)
     for w in (0.02, 0.3, 2.0):
@@ -106,7 +106,9 @@ def test_gradients_of_weights_and_level():
     @jax.jit
     def numbers(factors):
         *weights, level = start * factors
-        law, _ = central(mixed_sensitivity(machine, machine.C, MixedWeights(*weights), 1.0), level)
+        law, _ = central_controller(
+            mixed_sensitivity(machine, machine.C, MixedWeights(*weights), 1.0), level
+        )
         return jnp.concatenate([jnp.ravel(law.D), jnp.ravel(law.F @ law.L)])
 
     slopes = np.asarray(jax.jacfwd(numbers)(jnp.ones(5)))
@@ -126,7 +128,7 @@ def test_weights_that_nothing_meets_and_modes_out_of_reach_are_refused():
 def test_a_reference_is_followed_without_feedback_where_the_model_is_the_machine():
     machine, path = plant(2), reference(round_path(2))
     system = mixed_sensitivity(machine, machine.C, MixedWeights(80.0, 1.7, 0.3, 0.2), 1.0)
-    law, _ = central(system, jnp.asarray(5.0))
+    law, _ = central_controller(system, jnp.asarray(5.0))
     plan = HInfinityFeedback(machine, np.eye(2), machine.C, law, 1.0).prepare(path)
     y = np.asarray(path.position)
     np.testing.assert_allclose(plan.state, y[: path.steps], rtol=0, atol=1e-12)
