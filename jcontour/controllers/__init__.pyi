@@ -74,6 +74,7 @@ from .learning.laps import laps_of as laps_of
 from .learning.laps import learn as learn
 from .learning.norm_optimal import norm_optimal as norm_optimal
 from .learning.p_type import PType as PType
+from .learning.predictive_repetitive import PredictiveRepetitive as PredictiveRepetitive
 from .learning.repetitive import Repetitive as Repetitive
 from .learning.repetitive import RepetitiveFilter as RepetitiveFilter
 from .learning.runout import Canceller as Canceller

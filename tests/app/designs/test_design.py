@@ -12,6 +12,7 @@ from jcontour.app.flags.loops import Simulate
 FIXED = {  # chosen, not tuned
     "repetitive": {"period"},
     "adaptive-robust": {"load"},
+    "predictive-repetitive": {"rho", "period"},
     "run-out": {"frequency"},
 }
 # an inverse looks as far as its model, of 16 samples, or the preview beyond: 7, or its delays

@@ -1,6 +1,7 @@
-"""Sliding mode control of any machine, its surface that of a Riccati equation."""
+"""Laws of the state of any machine: sliding modes, and what repeats with a period."""
 
 import jax.numpy as jnp
+import numpy as np
 
 from jcontour.app.designs.any_machine import Quadratic, StateDesign
 from jcontour.app.designs.design import Gains, picked
@@ -14,8 +15,11 @@ from jcontour.controllers.feedback.sliding_mode import (
     SuperTwisting,
     riccati_surface,
 )
-from tuning.parameters import Interval, Weight
+from jcontour.controllers.learning.predictive_repetitive import PredictiveRepetitive
+from tuning.parameters import Fixed, Interval, Weight
 
+PERIOD = 0.1  # [s] of a table at 600 rpm, as in repetitive control
+MEMORY = 50.0  # samples after which what repeats is as heavy as the error itself
 RATE = 0.05  # part of s that goes in a sample: 50 rad/s at 1 ms
 
 
@@ -63,3 +67,21 @@ class SuperTwistingSliding(BoundaryLayerSliding):
 
     def reaching(self, gains: Gains) -> Reaching:
         return SuperTwisting(*picked("root twist", gains))
+
+
+class RepeatedRegulator(StateDesign):
+    """Predictive repetitive control, observer of state and load: a period leaves no error."""
+
+    weights = (
+        Weight("repetition", cost=True),
+        Weight("period", "s", Fixed(), PERIOD),
+    )
+
+    def starts(self) -> Gains:
+        start = super().starts()
+        heaviest = np.max(np.diag(np.asarray(self.quadratic(start).Q)))
+        return {**start, "repetition": heaviest / MEMORY**2}
+
+    def law(self, quadratic: Quadratic, gains: Gains) -> Controller:
+        turn = 2 * np.pi * quadratic.model.dt / jnp.asarray(gains["period"], float)
+        return PredictiveRepetitive(*quadratic, gains["repetition"], turn)
