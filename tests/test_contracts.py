@@ -1,9 +1,11 @@
 """Contracts of every plant and controller in the catalogue: a new entry is tested at once.
 
-The laws of a controller share two compiled programs: a rollout, and a stack of rollouts with the
-slopes of each. A controller that cannot keep a law says why in its class, `laws_not_kept`.
+The laws of a controller share what is compiled: one step for the loop on the host, and a stack of
+rollouts with the slopes of each. A controller that cannot keep a law says why in its class,
+`laws_not_kept`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -22,7 +24,7 @@ from jcontour.host.loop import loop as loop_on_the_host
 from jcontour.motion.references import Reference, from_samples
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import AxisParameters
-from jcontour.simulation.closed_loop import Rollout, simulate, start_state
+from jcontour.simulation.closed_loop import Rollout, prepared, simulate, start_state
 from jcontour.simulation.evaluation import member
 from tests.canonical import STEPS
 from tests.plants import PLANTS
@@ -111,22 +113,33 @@ class Runs:
         )
         return Start(self.along_path(RESTART), state, memory)
 
-    def run(self, start: Start) -> Rollout:
+    def alone(self, start: Start) -> Rollout:
+        """A run step by step, on the host."""
         resumed = Resumed(self.controller, start.memory)
-        return simulate(self.plant, resumed, start.reference, start.state)
+        return loop_on_the_host(self.plant, resumed, start.reference, start.state)
 
-    def errors(self, reference: Reference) -> tuple[np.ndarray, np.ndarray]:
-        """What the outputs miss of a reference [m], and the controls."""
-        found = self.run(self.started(reference, 0.0))
-        return np.asarray(found.output) - reference.position[:STEPS], np.asarray(found.control)
+    def errors(
+        self, plant: Plant, references: Sequence[Reference]
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """What the outputs of a plant miss of every reference [m], and the controls."""
+        there = replace(self, plant=plant)
+        starts = [there.started(reference, 0.0) for reference in references]
+        stack = starts + starts[:1] * (len(self.changes) - len(starts))
+        nothing = [jax.tree.map(np.zeros_like, self.changes[0])] * len(stack)
+        (_, found), _ = self.program(stacked(nothing), stacked(stack), plant)
+        outputs, controls = np.asarray(found.output), np.asarray(found.control)
+        return [
+            (output - reference.position[:STEPS], control)
+            for output, control, reference in zip(outputs, controls, references, strict=False)
+        ]
 
     @cached_property
     def once(self) -> Rollout:
-        return self.run(self.begun)
+        return self.alone(self.begun)
 
     @cached_property
     def singly(self) -> list[Rollout]:
-        return [self.once, self.run(self.rested), self.run(self.resumed)]
+        return [self.once, self.alone(self.rested), self.alone(self.resumed)]
 
     @cached_property
     def moving(self) -> tuple[Any, Any]:
@@ -146,25 +159,38 @@ class Runs:
         )
 
     @cached_property
-    def together(self) -> tuple[tuple[Any, Rollout], Any]:
-        """Values, rollouts and slopes of three runs and of the first one moved both ways."""
-        numbers, fixed = self.moving
+    def changes(self) -> list[Any]:
+        """Of states and numbers: none for three runs, then those of the first one, both ways."""
         ways, none = self.directions, jax.tree.map(np.zeros_like, self.directions)
         changes = [none] * 3
         for step, way in ((STATE_STEP, (ways[0], none[1])), (NUMBER_STEP, (none[0], ways[1]))):
             for steps in DIFFERENCE:
                 changes.append(jax.tree.map(lambda x, s=steps * step: s * x, way))
-        starts = [self.begun, self.rested, self.resumed, *[self.begun] * 2 * len(DIFFERENCE)]
+        return changes
 
-        def value(change, start):
+    @cached_property
+    def program(self) -> Any:
+        """Changes, starts, plant -> values and rollouts of a stack of runs, slopes of each."""
+        numbers, fixed = self.moving
+
+        def value(change, start, plant):
             state = eqx.apply_updates(start.state, change[0])
             scaled = jax.tree.map(lambda leaf, c: leaf * (1 + c), numbers, change[1])
             resumed = Resumed(eqx.combine(scaled, fixed), start.memory)
-            rollout = simulate(self.plant, resumed, start.reference, state)
+            rollout = simulate(plant, resumed, start.reference, state)
             return size_of(rollout, start.reference), rollout
 
-        program = eqx.filter_jit(jax.vmap(jax.value_and_grad(value, has_aux=True)))
-        return program(stacked(changes), stacked(starts))
+        slopes = jax.value_and_grad(value, has_aux=True)
+        return eqx.filter_jit(eqx.filter_vmap(slopes, in_axes=(0, 0, None)))
+
+    def run(self) -> tuple[tuple[Any, Rollout], Any]:
+        """Values, rollouts and slopes of three runs and of the first one moved both ways."""
+        starts = [self.begun, self.rested, self.resumed, *[self.begun] * 2 * len(DIFFERENCE)]
+        return self.program(stacked(self.changes), stacked(starts), self.plant)
+
+    @cached_property
+    def together(self) -> tuple[tuple[Any, Rollout], Any]:
+        return self.run()
 
 
 def size_of(rollout: Rollout, reference: Reference):
@@ -263,16 +289,16 @@ def keeps(loop):
 def test_float64_and_the_same_bits_twice(keeps):
     loop = keeps("same bits")
     assert isinstance(loop.controller, Controller)
-    for first, second in zip(numbers(loop.once), numbers(loop.run(loop.begun)), strict=True):
+    for first, second in zip(numbers(loop.together), numbers(loop.run()), strict=True):
         assert first.dtype == np.float64
         np.testing.assert_array_equal(first, second)
 
 
 def test_jit_is_no_jit(keeps):
-    """The first steps with nothing compiled but single operations."""
+    """The first steps with nothing compiled but the plan and single operations."""
     loop = keeps("jit")
     memory, state = jax.tree.map(jnp.asarray, (loop.begun.memory, loop.begun.state))
-    plan = loop.controller.prepare(loop.begun.reference)
+    plan = prepared(loop.controller, loop.begun.reference)
     controls = []
     for k in range(2):
         memory, control = loop.controller.step(
@@ -288,12 +314,12 @@ def test_jit_is_no_jit(keeps):
 
 def test_the_loop_on_the_host_is_simulate(keeps):
     loop = keeps("host")
-    found = loop_on_the_host(loop.plant, loop.controller, loop.begun.reference, loop.begun.state)
-    assert_alike(found, loop.once)
+    (_, rollouts), _ = loop.together
+    assert_alike(member(rollouts, 0), loop.once)
 
 
 def test_vmap_is_a_loop(keeps):
-    """A stack of runs is each of them alone."""
+    """A stack of runs is each of them alone, step by step."""
     loop = keeps("vmap")
     (_, rollouts), _ = loop.together
     for i, alone in enumerate(loop.singly):
@@ -337,17 +363,19 @@ def test_a_run_goes_on_from_any_sample(keeps):
 def test_it_is_the_same_at_any_place(keeps):
     """A shift of the part in space changes no error, and rest stays rest there."""
     loop = keeps("shift")
-    loop = replace(loop, plant=without_cogging(loop.plant))
-    path, still = loop.along_path(), loop.standing()
-    shift = shift_of(loop.plant, path.position.shape[1])
+    plant, path, still = without_cogging(loop.plant), loop.along_path(), loop.standing()
+    shift = shift_of(plant, path.position.shape[1])
     assert shift.any()
-    (here, moving), (there, _), (left, control) = (
-        loop.errors(replace(reference, position=reference.position + place[None]))
-        for reference, place in ((path, 0 * shift), (path, shift), (still, shift))
+    (here, moving), (there, _), (left, control) = loop.errors(
+        plant,
+        [
+            replace(reference, position=reference.position + place[None])
+            for reference, place in ((path, 0 * shift), (path, shift), (still, shift))
+        ],
     )
     np.testing.assert_allclose(there, here, rtol=0, atol=SAME)
     assert np.abs(left).max() <= SAME
-    held = np.broadcast_to(loop.plant.holding_control(jnp.asarray(shift)), control.shape)
+    held = np.broadcast_to(plant.holding_control(jnp.asarray(shift)), control.shape)
     rounded = 1e-9 * np.abs(held).max() + 1e-6 * np.abs(moving).max()
     np.testing.assert_allclose(control, held, rtol=0, atol=rounded)
 
