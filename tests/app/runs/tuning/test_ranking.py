@@ -19,10 +19,12 @@ from jcontour.app.runs.tuning.ranking import ranked, ranking_of
 @pytest.mark.slow
 def test_every_controller_that_reads_the_sensors_is_tried_and_one_that_learns_if_named():
     asked = ranking_of(Rank())
-    assert asked.learning == ["repetitive", "run-out", "adaptive-zpetc"]
+    assert asked.learning == ["repetitive", "run-out", "adaptive-zpetc", "adaptive-robust"]
     assert [one.controller for one in asked.candidates] == [
         "contouring-lq",
         "contouring-lq-riccati",
+        "contouring-lq-zero",
+        "cross-coupled-lq",
         "contouring-lq-kalman",
         "contouring-lq-predictor",
         "contouring-lq-blocks",
@@ -34,7 +36,16 @@ def test_every_controller_that_reads_the_sensors_is_tried_and_one_that_learns_if
         "position-loop",
         "position-loop-notch",
         "zpetc",
+        "causal-inverse",
         "optimal-feedforward",
+        "sliding-mode",
+        "super-twisting",
+        "integral-sliding-mode",
+        "reference-governor",
+        "dynamic-surface",
+        "predictive-cascade",
+        "predictive-repetitive",
+        "h-infinity",
     ]
     named = ranking_of(Rank(controllers=("linear-cascade", "run-out")))
     assert [one.controller for one in named.candidates] == ["linear-cascade", "run-out"]
