@@ -49,7 +49,9 @@ class Cycles:
 
 def scheduled() -> Schedule:
     """The turning matrix, frozen and moved."""
-    frozen = max(float(np.linalg.eigvals(np.asarray(turning(p))).real.max()) for p in GRID)
+    frozen = max(
+        float(np.linalg.eigvals(np.asarray(turning(jnp.asarray(p)))).real.max()) for p in GRID
+    )
     rate, time = admissible_rate(turning, GRID), np.linspace(0, TIME, 201)
 
     def moved(speed: float) -> Float[np.ndarray, " T"]:
