@@ -1,4 +1,4 @@
-"""Robust invariant sets as polytopes: under a gain, and under the best control (Algorithm 1).
+"""Robust control invariant sets as polytopes (Yuan, Algorithm 1).
 
     x(k+1) = A x(k) + B u(k) + E w(k),   |w_i| <= 1
 A set is robust control invariant if from every point some allowed control keeps the state in it,
@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.sets.disturbed_model import DisturbedModel, Numbers
-from jcontour.sets.polytopes import Polytope, polytope
+from jcontour.sets.disturbed_model import DisturbedModel
+from jcontour.sets.polytopes import Polytope
 
-MOST_ROWS = 5000  # reduction takes a linear program per row: minutes from here on
+MOST_ROWS = 5000  # corners of more take minutes
 
 
 class InvariantSet(NamedTuple):
@@ -28,33 +28,6 @@ class InvariantSet(NamedTuple):
     steps: int
 
 
-def invariant_under_gain(
-    M: Numbers, E: Numbers, allowed: Polytope, most_steps: int = 1000
-) -> InvariantSet | None:
-    """The largest set inside `allowed` that x+ = M x + E w does not leave; None where it is empty.
-
-    Rows H M^k x <= h - sum_{j<k} |H M^j E|_1 are added until those of one more step say nothing
-    (Gilbert & Tan 1991, Kolmanovsky & Gilbert 1998).
-
-    Raises:
-        ValueError: it has not ended after `most_steps`.
-    """
-    loop, size = np.asarray(M, float), np.asarray(E, float)
-    disturbance = size[:, None] if size.ndim == 1 else size
-    rows, bounds = allowed.H, allowed.h
-    found = allowed
-    for step in range(1, most_steps + 1):
-        bounds = bounds - np.abs(rows @ disturbance).sum(axis=1)
-        rows = rows @ loop
-        if found.empty:
-            return None
-        new = _saying_something(found, rows, bounds)
-        if new is None:
-            return InvariantSet(found.reduced(), step)
-        found = found.intersection(new)
-    raise ValueError(f"most_steps: no end after {most_steps} steps")
-
-
 def control_invariant(
     model: DisturbedModel,
     allowed: Polytope,
@@ -62,7 +35,7 @@ def control_invariant(
     margin: float,
     most_steps: int = 100,
 ) -> InvariantSet | None:
-    """A control invariant set inside `allowed` (Yuan, Algorithm 1); None where it ends empty.
+    """A control invariant set inside `allowed`; None where the iteration ends empty.
 
         R_{i+1} = R_i intersected with {x : there is u with A x + B u + E w in R_i - B(margin)}
     ends as soon as R_i - B(margin) lies in R_{i+1}; B(margin) is the ball of the Euclidean norm in
@@ -71,8 +44,8 @@ def control_invariant(
     proves nothing about the machine: a certificate does, see `tolerance_certificates`.
 
     Args:
-        model: A, B, E.
-        allowed: polytope of states.
+        model: A, B, E, of two states or more.
+        allowed: polytope of states, rows of unit length.
         controls: largest magnitudes of the controls (p,).
         margin: rho of the ball, above zero.
         most_steps: of the iteration.
@@ -80,44 +53,30 @@ def control_invariant(
     Raises:
         ValueError: bad input, no end within `most_steps`, or more rows than are tractable.
     """
-    limits = np.broadcast_to(np.asarray(controls, float), (model.inputs,))
+    limits, p = np.broadcast_to(np.asarray(controls, float), (model.inputs,)), model.inputs
     if not margin > 0:
         raise ValueError(f"margin: needs to be above zero, received {margin}")
+    on_controls = np.concatenate(
+        [np.zeros((2 * p, model.states)), np.kron([[1], [-1]], np.eye(p))], axis=1
+    )
     found = allowed.reduced()
     for step in range(1, most_steps + 1):
-        if found.empty:
-            return None
         inner = Polytope(found.H, found.h - margin)
-        if inner.empty:
+        # states and controls from which the next state is in the inner set under every disturbance
+        eroded = inner.h - np.abs(inner.H @ model.E).sum(axis=1)
+        rows = np.concatenate([inner.H @ model.A, inner.H @ model.B], axis=1)
+        both = Polytope(
+            np.concatenate([rows, on_controls]), np.concatenate([eroded, limits, limits])
+        )
+        if inner.middle is None or both.middle is None:
             return None
-        before = _predecessors(model, inner, limits)
-        following = found.intersection(before)
+        following = found.intersection(both.shadow(model.states))
+        if following.middle is None:
+            return None
+        following = following.reduced()
         if len(following.h) > MOST_ROWS:
             raise ValueError(f"allowed: more than {MOST_ROWS} rows after {step} steps")
-        following = following.reduced()
-        if following.empty:
-            return None
-        if inner.within(following, 0.0):
+        if inner.within(following):
             return InvariantSet(following, step)
         found = following
     raise ValueError(f"most_steps: no end after {most_steps} steps, {len(found.h)} rows")
-
-
-def _predecessors(model: DisturbedModel, target: Polytope, limits: np.ndarray) -> Polytope:
-    """States that some allowed control brings into the target, whatever the disturbance."""
-    eroded = target.eroded(model.E)
-    n, p = model.states, model.inputs
-    on_controls = np.concatenate([np.zeros((2 * p, n)), np.kron([[1], [-1]], np.eye(p))], axis=1)
-    rows = np.concatenate([eroded.H @ model.A, eroded.H @ model.B], axis=1)
-    both = polytope(np.concatenate([rows, on_controls]), np.concatenate([eroded.h, limits, limits]))
-    for _ in range(p):
-        both = both.without_last()
-        if len(both.h) > MOST_ROWS:
-            raise ValueError(f"allowed: more than {MOST_ROWS} rows in a projection")
-    return both
-
-
-def _saying_something(found: Polytope, rows: np.ndarray, bounds: np.ndarray) -> Polytope | None:
-    """Those rows that cut the set; None without any."""
-    cut = found.support(rows) > bounds + 1e-10 * np.maximum(1.0, np.abs(bounds))
-    return Polytope(rows[cut], bounds[cut]) if cut.any() else None
