@@ -42,6 +42,7 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.app.files.log_table": {"pandas"},
     "jcontour.app.jobs.excitation": {"pydantic"},
     "jcontour.app.jobs.memory": {"psutil"},
+    "experiments.doctest_blocks": {"griffe"},  # of the site
     "experiments.benchmarks.speed.plain_loops": {"numba"},  # what `bench` compares with
     "experiments.benchmarks.records.true_machines": {"numba"},  # steps of 25 us
     "experiments.benchmarks.searches.search_methods": {"cmaes", "optuna"},
@@ -75,7 +76,7 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("examples",),
         ("papers",),
         ("benchmarks",),
-        ("site", "tables"),
+        ("site", "tables", "doctest_blocks"),
     ),
     "jcontour.app": (
         ("cli",),

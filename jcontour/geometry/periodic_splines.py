@@ -32,7 +32,7 @@ def periodic_spline(points: Numbers, length: float | None = None) -> Contour:
 
     Args:
         points: positions of the knots; equal arc length between them makes the parameter arc
-        length.
+            length.
         length: range of the parameter [m]; the arc length of the spline when not given.
 
     Raises:
