@@ -38,7 +38,7 @@ def beam_study() -> BeamStudy:
     def off(load: float) -> float:
         return float(beam_modes(thesis_beam(load), 1).frequency[0]) - wanted
 
-    load = float(brentq(off, 1e-6, 10.0, xtol=1e-12))
+    load = float(np.asarray(brentq(off, 1e-6, 10.0, xtol=1e-12)))
     loaded, place = beam_modes(thesis_beam(load), MODES), np.linspace(0, 1, 101)
     shapes = beam_shapes(loaded.beta, place)
     hertz = 1 / (2 * np.pi)
