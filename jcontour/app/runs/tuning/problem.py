@@ -205,7 +205,8 @@ def _objective(flags: Tune, machine: Machine) -> Objective:
 
 def stated_axis_limits(machine: Machine) -> AxisLimits:
     """Limits that the machine states, and what of its acceleration the samples hide."""
-    stated = machine.limits._asdict() | {"hidden": machine.hidden_acceleration}
+    stated = {name: getattr(machine.limits, name) for name in LimitUse._fields}
+    stated["hidden"] = machine.hidden_acceleration
     return AxisLimits(
         **{name: None if value is None else jnp.asarray(value) for name, value in stated.items()}
     )
