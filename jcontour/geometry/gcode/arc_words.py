@@ -4,8 +4,8 @@ import math
 
 from jcontour.geometry.arcs import ARC_SLACK, ARC_SLACK_INCH, arcs_between, centre_from_radius
 from jcontour.geometry.gcode.expressions import whole
-from jcontour.geometry.gcode.modes import PLANES, Modes
-from jcontour.geometry.gcode.move import Point
+from jcontour.geometry.gcode.modes import Modes
+from jcontour.geometry.gcode.move import PLANES, Point
 from jcontour.geometry.toolpath_rules import INCH, ToolpathError
 
 Arcs = list[tuple[complex, complex, float]]  # end, centre [m] and angle [rad] of one after another
@@ -23,18 +23,34 @@ def arcs_of(
         ToolpathError: neither a centre nor a radius, or both; one that does not fit the points.
     """
     first, second, normal = PLANES[modes.plane]
+    letters = CENTRES[first], CENTRES[second]
     if any(letter in values for letter in CENTRES) == ("R" in values):
         raise ToolpathError("an arc needs either a centre (I, J, K) or a radius (R)")
     if values.get(CENTRES[normal]):
         raise ToolpathError(f"{CENTRES[normal]} is not in the plane of G{modes.plane // 10}")
+    if "R" not in values and modes.absolute_centres and not values.keys() >= set(letters):
+        raise ToolpathError(f"a centre under G90.1 needs {' and '.join(letters)}")
     start, end = complex(here[first], here[second]), complex(there[first], there[second])
+    lengths = [values.get(letter, 0.0) * modes.unit for letter in ("R", *letters)]
+    if not all(abs(length) <= FARTHEST_CENTRE for length in lengths):
+        raise ToolpathError(f"the centre of an arc is farther than {FARTHEST_CENTRE:g} m away")
+    offset = complex(*lengths[1:])
     if "R" in values:
-        radius = values["R"] * modes.unit
-        _check_centre(radius)
-        centre = centre_from_radius(start, end, radius, counter_clockwise)
+        centre = centre_from_radius(start, end, lengths[0], counter_clockwise)
     else:
-        centre = _centre(values, start, modes)
-    arcs = _arcs(values, start, end, centre, modes, counter_clockwise)
+        centre = offset if modes.absolute_centres else start + offset
+    slack = ARC_SLACK_INCH if modes.unit == INCH else ARC_SLACK
+    try:
+        arcs = list(arcs_between(start, end, centre, counter_clockwise, slack))
+    except ToolpathError as error:
+        if "R" in values or modes.absolute_centres:
+            raise
+        try:
+            list(arcs_between(start, end, offset, counter_clockwise, slack))
+        except ToolpathError:
+            raise error from None
+        text = "in absolute coordinates its centre fits: G90.1 says so"
+        raise ToolpathError(f"{error}; {text}") from None
     turns = whole(values.get("P", 1.0), "P of an arc")
     if not 1 <= turns <= MOST_TURNS:
         raise ToolpathError(f"P of an arc needs to be 1 to {MOST_TURNS}, received {turns}")
@@ -42,49 +58,3 @@ def arcs_of(
         whole_turn = math.copysign(math.tau, arcs[0][2])
         arcs = [(start, arcs[0][1], whole_turn)] * (turns - 1) + arcs
     return arcs
-
-
-def _arcs(
-    values: dict[str, float],
-    start: complex,
-    end: complex,
-    centre: complex,
-    modes: Modes,
-    counter_clockwise: bool,
-) -> Arcs:
-    slack = ARC_SLACK_INCH if modes.unit == INCH else ARC_SLACK
-    try:
-        return list(arcs_between(start, end, centre, counter_clockwise, slack))
-    except ToolpathError as error:
-        if "R" in values or modes.absolute_centres:
-            raise
-        if not _fits(start, end, centre - start, counter_clockwise, slack):
-            raise
-        raise ToolpathError(
-            f"{error}; in absolute coordinates its centre fits: G90.1 says so"
-        ) from None
-
-
-def _fits(start: complex, end: complex, centre: complex, left: bool, slack: float) -> bool:
-    """Whether an arc around a centre meets both of its ends."""
-    try:
-        list(arcs_between(start, end, centre, left, slack))
-    except ToolpathError:
-        return False
-    return True
-
-
-def _centre(values: dict[str, float], start: complex, modes: Modes) -> complex:
-    first, second, _ = PLANES[modes.plane]
-    letters = CENTRES[first], CENTRES[second]
-    if modes.absolute_centres and not values.keys() >= set(letters):
-        raise ToolpathError(f"a centre under G90.1 needs {' and '.join(letters)}")
-    offset = complex(*(values.get(letter, 0.0) * modes.unit for letter in letters))
-    _check_centre(offset.real, offset.imag)
-    return offset if modes.absolute_centres else start + offset
-
-
-def _check_centre(*lengths: float) -> None:
-    for length in lengths:
-        if not abs(length) <= FARTHEST_CENTRE:
-            raise ToolpathError(f"the centre of an arc is farther than {FARTHEST_CENTRE:g} m away")

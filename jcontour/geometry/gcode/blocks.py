@@ -153,8 +153,9 @@ def _read(cursor: Cursor, line: str, exponents: bool) -> Block:
         before, letter = cursor.at, cursor.take(LETTER)
         exponent = exponents and letter is not None and letter[0] in "eE"
         if letter is None or exponent or not VALUE.match(cursor.text, cursor.at):
-            reason = NO_EXPONENTS if exponent else ""
-            raise ToolpathError(f"cannot read {shown(_written(line, before))}{reason}")
+            places = [place for place, character in enumerate(line) if not character.isspace()]
+            written = shown(line[places[before] :])  # with its white space
+            raise ToolpathError(f"cannot read {written}{NO_EXPONENTS if exponent else ''}")
         number = WORD.match(cursor.text, before)
         if number is None:
             words.append((letter[0].upper(), read_value(cursor)))
@@ -162,12 +163,6 @@ def _read(cursor: Cursor, line: str, exponents: bool) -> Block:
             words.append((letter[0].upper(), float(number[2])))
             cursor.at = number.end()
     return Block(tuple(words), tuple(settings))
-
-
-def _written(line: str, at: int) -> str:
-    """The line as it was written, from a place in it that was counted without white space."""
-    places = [place for place, character in enumerate(line) if not character.isspace()]
-    return line[places[at] :]
 
 
 def _read_o_word(cursor: Cursor) -> OWord:

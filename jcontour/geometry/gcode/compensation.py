@@ -12,8 +12,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from jcontour.geometry.arcs import arcs_between
-from jcontour.geometry.gcode.move import Point
-from jcontour.geometry.gcode.tracer import Tracer
+from jcontour.geometry.gcode.expressions import whole
+from jcontour.geometry.gcode.modes import Modes
+from jcontour.geometry.gcode.move import Point, Tracer
+from jcontour.geometry.gcode.tool_table import Tool, tool_numbered
+from jcontour.geometry.gcode.words import CYCLES, LineWords
 from jcontour.geometry.toolpath_rules import FARTHEST, MM, SHORTEST, ToolpathError
 
 SMOOTH = 0.05  # [rad] of turn: a lesser corner is passed as if it were none, as in LinuxCNC
@@ -60,6 +63,24 @@ class Compensation:
     last: Side | None = None
     piece: int = -1
     leaving: bool = False
+
+    def check(self, found: LineWords, plane: int) -> None:
+        """Refuse codes that it does not go on with, as LinuxCNC does.
+
+        Raises:
+            ToolpathError: one is there.
+        """
+        if self.leaving:
+            return
+        groups = ("compensation", "plane", "once", "system", "tool length", "feed")
+        changed = [found.codes[group] for group in groups if group in found.codes]
+        changed = [code for code in changed if code not in (40, 400, 940, plane)]
+        changed += [found.codes["motion"]] if found.codes.get("motion") in CYCLES else []
+        words = [f"G{code / 10:g}" for code in changed] + ["M6"] * (6 in found.m_codes)
+        if words:
+            raise ToolpathError(
+                f"{words[0]} under the cutter compensation of line {self.line}: G40 ends it before"
+            )
 
     def add(self, end: Point, centre: Point, angle: float, feed: float) -> None:
         """Add a move as `Tracer.add` does, in the XY plane.
@@ -186,6 +207,33 @@ class Compensation:
         backwards = (run * last.ends.conjugate()).real < 0
         if abs(move.angle) > abs(last.angle) + SMOOTH if move.angle else backwards:
             raise ToolpathError(GOUGES)
+
+
+def diameter_of(
+    code: int,
+    values: dict[str, float],
+    modes: Modes,
+    tool: int,
+    tools: dict[int, Tool] | None,
+) -> float:
+    """Diameter of the tool that G41 to G42.1 ask for [m]: D, or that of tool D or the spindle's.
+
+    Raises:
+        ToolpathError: there is none, or the plane is not XY.
+    """
+    name = f"G{code / 10:g}"
+    if modes.plane != PLANE:
+        raise ToolpathError(f"{name} needs the XY plane (G17)")
+    if code % 10:
+        diameter = values.get("D", 0.0) * modes.unit
+        fault = f"{name} needs the tool's diameter, D, which is not 0"
+    else:
+        number = whole(values.get("D", tool), f"D of {name}")
+        diameter = tool_numbered(tools, number).diameter
+        fault = f"{name}: tool {number} has no diameter in the tool table"
+    if not diameter:
+        raise ToolpathError(fault)
+    return diameter
 
 
 def _side(start: complex, stop: complex, centre: complex, angle: float) -> Side:

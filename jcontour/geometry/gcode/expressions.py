@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from jcontour.geometry.gcode.parameters import Parameters
 from jcontour.geometry.toolpath_rules import NUMBER, ToolpathError, shown
@@ -149,7 +150,8 @@ def read_value(cursor: Cursor) -> Expression:
     """
     number = cursor.take(WORD_NUMBER)
     if number:
-        return _constant(float(number[0]))
+        constant = float(number[0])
+        return lambda parameters: constant
     if cursor.starts("["):
         return read_bracket(cursor)
     if cursor.starts("#"):
@@ -203,10 +205,6 @@ def whole(value: float, meaning: str) -> int:
     return nearest
 
 
-def _constant(number: float) -> Expression:
-    return lambda parameters: number
-
-
 def _deeper(cursor: Cursor, read: Callable[[Cursor], Expression]) -> Expression:
     cursor.depth += 1
     if cursor.depth > DEEPEST:
@@ -232,13 +230,16 @@ def _read_operations(cursor: Cursor, least: int) -> Expression:
         if cursor.operations > MOST_OPERATIONS:
             raise ToolpathError(f"more than {MOST_OPERATIONS} operations in a line")
         right = _deeper(cursor, lambda cursor, least=binding: _read_operations(cursor, least))
-        left = _joined(left, operation, right)
+        left = partial(_operated, operation, left, right)
 
 
-def _joined(
-    left: Expression, operation: Callable[[float, float], float], right: Expression
-) -> Expression:
-    return lambda parameters: operation(left(parameters), right(parameters))
+def _operated(
+    operation: Callable[[float, float], float],
+    left: Expression,
+    right: Expression,
+    parameters: Parameters,
+) -> float:
+    return operation(left(parameters), right(parameters))
 
 
 def _read_sign_or_function(cursor: Cursor) -> Expression:
@@ -252,25 +253,17 @@ def _read_sign_or_function(cursor: Cursor) -> Expression:
     before, name = cursor.at, cursor.take(FUNCTION)
     called = name[0].upper() if name else ""
     if called == "ATAN":
-        return _read_atan(cursor)
+        y = read_bracket(cursor)
+        cursor.expect("/")
+        x = read_bracket(cursor)
+        return lambda parameters: math.degrees(math.atan2(y(parameters), x(parameters)))
     if called == "EXISTS":
-        return _read_exists(cursor)
+        cursor.expect("[")
+        key = read_key(cursor)
+        cursor.expect("]")
+        return lambda parameters: float(parameters.exists(key(parameters)))
     if called not in FUNCTIONS or not cursor.starts("["):
         cursor.at = before
         raise ToolpathError(f"needs a number before {shown(cursor.rest)}")
     function, argument = FUNCTIONS[called], read_bracket(cursor)
     return lambda parameters: function(argument(parameters))
-
-
-def _read_atan(cursor: Cursor) -> Expression:
-    y = read_bracket(cursor)
-    cursor.expect("/")
-    x = read_bracket(cursor)
-    return lambda parameters: math.degrees(math.atan2(y(parameters), x(parameters)))
-
-
-def _read_exists(cursor: Cursor) -> Expression:
-    cursor.expect("[")
-    key = read_key(cursor)
-    cursor.expect("]")
-    return lambda parameters: float(parameters.exists(key(parameters)))

@@ -10,24 +10,16 @@ Labels are numbers or <names>. Those of branches and loops belong to their subpr
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
-from jcontour.geometry.gcode.blocks import OWord, read_block
+from jcontour.geometry.gcode.blocks import read_block
 from jcontour.geometry.gcode.parameters import Parameters
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
 MAYBE_O_WORD = re.compile(r"\s*(?:\([^)]*\)\s*)*(?:[Nn][\s0-9.]*)?[Oo]")
-BRANCHES = frozenset({"if", "elseif", "else"})
 DEEPEST = 200  # branches, loops and subprograms in others
 LOOPS = frozenset({"while", "do", "repeat"})
-CLOSED_BY = {
-    "elseif": BRANCHES - {"else"},
-    "else": BRANCHES - {"else"},
-    "endif": BRANCHES,
-    "endwhile": frozenset({"while"}),
-    "endrepeat": frozenset({"repeat"}),
-}
 
 
 @dataclass
@@ -56,9 +48,24 @@ def structure(lines: Sequence[str]) -> Structure:
     >>> found.ending, found.beginning
     ({0: 2}, {2: 0})
     """
-    found = Structure()
-    _Reader(found).read(_o_words(lines))
-    return found
+    reader, constant = _Reader(), Parameters()
+    for index, line in enumerate(lines):
+        if not MAYBE_O_WORD.match(line):
+            continue
+        try:
+            word = read_block(line).flow
+        except ToolpathError:
+            continue  # told when the line is carried out
+        if word is None or word.keyword == "call":
+            continue
+        try:
+            label = word.label(constant)
+        except ToolpathError:
+            reader.fault(index, f"{word.keyword}: its O-word needs a number or a name")
+            continue
+        reader.read(index, word.keyword, label)
+    reader.drop_behind(None)
+    return reader.found
 
 
 def told_label(label: str) -> str:
@@ -68,18 +75,6 @@ def told_label(label: str) -> str:
     ('o<a>', 'o7')
     """
     return f"o{shown(label)[1:-1]}"
-
-
-def _o_words(lines: Sequence[str]) -> Iterable[tuple[int, OWord]]:
-    for index, line in enumerate(lines):
-        if not MAYBE_O_WORD.match(line):
-            continue
-        try:
-            flow = read_block(line).flow
-        except ToolpathError:
-            continue  # told when the line is carried out
-        if flow is not None:
-            yield index, flow
 
 
 @dataclass
@@ -96,43 +91,57 @@ class _Open:
 class _Reader:
     """Structure so far, and what has begun; the innermost is last."""
 
-    found: Structure
+    found: Structure = field(default_factory=Structure)
     open: list[_Open] = field(default_factory=list)
 
-    def read(self, o_words: Iterable[tuple[int, OWord]]) -> None:
-        constant = Parameters()
-        for index, word in o_words:
-            if word.keyword == "call":
-                continue
-            try:
-                label = word.label(constant)
-            except ToolpathError:
-                self.found.faults[index] = f"{word.keyword}: its O-word needs a number or a name"
-                continue
-            self._read(index, word.keyword, label)
-        for left in self.open:
-            self._fault(left.index, f"{told_label(left.label)} {left.keyword} has no end")
-
-    def _fault(self, index: int, text: str) -> None:
+    def fault(self, index: int, text: str) -> None:
+        """Mark a line as faulty; the first fault stays."""
         self.found.faults.setdefault(index, text)
 
-    def _read(self, index: int, keyword: str, label: str) -> None:
+    def drop_behind(self, last: _Open | None) -> None:
+        """End what has begun, and mark as faulty what began inside it and never ended."""
+        while self.open and (left := self.open.pop()) is not last:
+            self.fault(left.index, f"{told_label(left.label)} {left.keyword} has no end")
+
+    def read(self, index: int, keyword: str, label: str) -> None:
+        """Read an O-word."""
+        found, name = self.found, told_label(label)
         if keyword in ("", "sub"):
             self._begin_subprogram(index, keyword, label)
-        elif keyword == "while" and self._innermost(label, {"do"}):
-            self._close_loop(index, label, frozenset({"do"}))
+        elif keyword == "endsub":
+            begun = (
+                one for one in reversed(self.open) if (one.keyword, one.label) == ("sub", label)
+            )
+            sub = next(begun, None)
+            if sub is None:
+                self.fault(index, f"{name} endsub without {name} sub")
+                return
+            self.drop_behind(sub)
+            found.following[sub.index] = index
+            found.beginning[index] = sub.index
+        elif keyword in ("endwhile", "endrepeat") or (
+            keyword == "while" and self._innermost(label, {"do"})
+        ):
+            kind = {"endwhile": "while", "endrepeat": "repeat"}.get(keyword, "do")
+            loop = self._innermost(label, {kind})
+            if loop is None:
+                self.fault(index, f"the end of a loop without {name} {kind}")
+                return
+            self.drop_behind(loop)
+            found.ending[loop.index] = index
+            found.beginning[index] = loop.index
         elif keyword in LOOPS or keyword == "if":
             self._begin(index, keyword, label)
         elif keyword in ("break", "continue"):
-            self._leave_loop(index, keyword, label)
-        elif keyword in ("endwhile", "endrepeat"):
-            self._close_loop(index, label, CLOSED_BY[keyword])
-        elif keyword == "endsub":
-            self._end_subprogram(index, label)
-        elif keyword in CLOSED_BY:
+            loop = self._innermost(label, LOOPS)
+            if loop is None:
+                self.fault(index, f"{name} {keyword} outside a loop of that label")
+            else:
+                found.beginning[index] = loop.index
+        elif keyword in ("elseif", "else", "endif"):
             self._branch(index, keyword, label)
 
-    def _innermost(self, label: str, keywords: Iterable[str]) -> _Open | None:
+    def _innermost(self, label: str, keywords: Collection[str]) -> _Open | None:
         """What has begun last under a label, if it is one of these, in this subprogram."""
         for begun in reversed(self.open):
             if begun.keyword == "sub":
@@ -143,65 +152,31 @@ class _Reader:
 
     def _begin(self, index: int, keyword: str, label: str) -> None:
         if len(self.open) == DEEPEST:
-            self._fault(index, f"{told_label(label)} {keyword} is more than {DEEPEST} deep")
-            return
-        self.open.append(_Open(keyword, label, index, [index]))
+            self.fault(index, f"{told_label(label)} {keyword} is more than {DEEPEST} deep")
+        else:
+            self.open.append(_Open(keyword, label, index, [index]))
 
     def _begin_subprogram(self, index: int, keyword: str, label: str) -> None:
         if keyword == "sub":
             around = next((one for one in reversed(self.open) if one.keyword == "sub"), None)
             if around is not None:  # those around it have the fault already
-                self._fault(
-                    around.index,
-                    f"subprogram {told_label(label)} begins inside {told_label(around.label)}",
-                )
+                inside = f"begins inside {told_label(around.label)}"
+                self.fault(around.index, f"subprogram {told_label(label)} {inside}")
             self._begin(index, keyword, label)
             if label in self.found.subprograms:
-                self._fault(index, f"subprogram {told_label(label)} is there twice")
+                self.fault(index, f"subprogram {told_label(label)} is there twice")
         self.found.subprograms.setdefault(label, (index, keyword == ""))
 
-    def _end_subprogram(self, index: int, label: str) -> None:
-        begun = (one for one in reversed(self.open) if (one.keyword, one.label) == ("sub", label))
-        sub = next(begun, None)
-        if sub is None:
-            self._fault(index, f"{told_label(label)} endsub without {told_label(label)} sub")
-            return
-        self._drop_behind(sub)
-        self.found.following[sub.index] = index
-        self.found.beginning[index] = sub.index
-
-    def _drop_behind(self, last: _Open) -> None:
-        """End what has begun, and mark as faulty what began inside it and never ended."""
-        while (left := self.open.pop()) is not last:
-            self._fault(left.index, f"{told_label(left.label)} {left.keyword} has no end")
-
-    def _close_loop(self, index: int, label: str, keywords: frozenset[str]) -> None:
-        loop = self._innermost(label, keywords)
-        if loop is None:
-            kinds = " or ".join(sorted(keywords))
-            self._fault(index, f"the end of a loop without {told_label(label)} {kinds}")
-            return
-        self._drop_behind(loop)
-        self.found.ending[loop.index] = index
-        self.found.beginning[index] = loop.index
-
-    def _leave_loop(self, index: int, keyword: str, label: str) -> None:
-        loop = self._innermost(label, LOOPS)
-        if loop is None:
-            self._fault(index, f"{told_label(label)} {keyword} outside a loop of that label")
-        else:
-            self.found.beginning[index] = loop.index
-
     def _branch(self, index: int, keyword: str, label: str) -> None:
-        begun = self._innermost(label, CLOSED_BY[keyword])
+        begun = self._innermost(label, {"if", "else"} if keyword == "endif" else {"if"})
         if begun is None:
-            self._fault(index, f"{told_label(label)} {keyword} without {told_label(label)} if")
+            self.fault(index, f"{told_label(label)} {keyword} without {told_label(label)} if")
             return
         self.found.following[begun.branches[-1]] = index
         begun.branches.append(index)
         if keyword == "else":
             begun.keyword = "else"
         if keyword == "endif":
-            self._drop_behind(begun)
+            self.drop_behind(begun)
             for branch in begun.branches:
                 self.found.ending[branch] = index

@@ -8,21 +8,22 @@ from dataclasses import dataclass, field
 from jcontour.geometry.gcode import cycles
 from jcontour.geometry.gcode import words as codes
 from jcontour.geometry.gcode.arc_words import MOST_TURNS, arcs_of
-from jcontour.geometry.gcode.compensation import Compensation
+from jcontour.geometry.gcode.compensation import Compensation, diameter_of
 from jcontour.geometry.gcode.expressions import whole
-from jcontour.geometry.gcode.modes import PLANES, Modes, feed_per_minute, inverse_time_feed, target
-from jcontour.geometry.gcode.move import ZERO, Move, Point, check_near
+from jcontour.geometry.gcode.modes import Modes, target
+from jcontour.geometry.gcode.move import PLANES, ZERO, Move, Point, Tracer, check_near
 from jcontour.geometry.gcode.offsets import SYSTEMS, Offsets, replaced
 from jcontour.geometry.gcode.tool_table import Tool, tool_numbered
-from jcontour.geometry.gcode.tracer import Tracer
 from jcontour.geometry.gcode.words import LineWords, sorted_words
-from jcontour.geometry.toolpath_rules import SHORTEST, ToolpathError
+from jcontour.geometry.toolpath_rules import FASTEST, MM, SHORTEST, SLOWEST, ToolpathError
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
 MOVING = frozenset("XYZIJKR@^")
 LENGTHS = frozenset("XYZIJKR@Q")
 TOLD = frozenset("ABCDEHSTUVW$")  # letters without meaning for the path
 TOLD_WITH_CODES = frozenset("LPQ")  # of codes without meaning for it
+MM_PER_MIN = MM / 60.0  # [m/s]
+RANGE = f"{SLOWEST / MM_PER_MIN:g} to {FASTEST / MM_PER_MIN:.0f} mm/min"
 
 
 @dataclass
@@ -76,12 +77,13 @@ class Machine:
         found = sorted_words(words, self.motion)
         values = found.values
         if found.codes or found.m_codes or found.without_motion:
-            self._check_compensated(found)
+            if self.compensation is not None:
+                self.compensation.check(found, self.modes.plane)
             self._switch(found)
         if not codes.STOPPING.isdisjoint(found.m_codes):
             self._stop(found.m_codes, codes.STOPPING)
         if "F" in values and not self.modes.inverse_time:
-            self.modes.feed = feed_per_minute(values["F"], self.modes.unit, self.first_feed)
+            self._set_feed(values["F"])
         elif "F" in values and not values["F"] > 0:
             raise ToolpathError(f"G93 needs F above 0, received F{values['F']:g}")
         self.ignored |= values.keys() & TOLD - self._meant(found)
@@ -112,7 +114,6 @@ class Machine:
         self.tracer.stop(" ".join(f"M{code}" for code in m_codes if code in stopping))
 
     def _switch(self, found: LineWords) -> None:
-        self._tell_codes(found)
         switched = found.codes
         if "feed" in switched:
             inverse = switched["feed"] == 930
@@ -124,7 +125,7 @@ class Machine:
         if 6 in found.m_codes:
             self.tool = self.next_tool
         self.modes.switch(switched)
-        self._keep_tolerance(found)
+        self._tell_codes(found)
         if "system" in switched:
             code = switched["system"]
             self._choose_system((code - 530) // 10 if code <= 590 else code - 584)
@@ -152,63 +153,44 @@ class Machine:
 
     def _compensate(self, code: int, values: dict[str, float]) -> None:
         """G40 to G42.1."""
-        if code == 400:
-            if self.compensation is None:
-                self.ignored.add("G40")
-            else:
-                self.compensation.leaving = True
-            return
-        name = f"G{code / 10:g}"
-        if self.modes.plane != 170:
-            raise ToolpathError(f"{name} needs the XY plane (G17)")
-        if code % 10:
-            diameter = values.get("D", 0.0) * self.modes.unit
-            if not diameter:
-                raise ToolpathError(f"{name} needs the tool's diameter, D, which is not 0")
+        if code != 400:
+            diameter = diameter_of(code, values, self.modes, self.tool, self.tools)
+            offset = (0.5j if code < 420 else -0.5j) * diameter
+            self.compensation = Compensation(self.tracer, offset, self.at, self.tracer.line, code)
+        elif self.compensation is None:
+            self.ignored.add("G40")
         else:
-            number = whole(values.get("D", self.tool), f"D of {name}")
-            diameter = tool_numbered(self.tools, number).diameter
-            if not diameter:
-                raise ToolpathError(f"{name}: tool {number} has no diameter in the tool table")
-        offset = (0.5j if code < 420 else -0.5j) * diameter
-        self.compensation = Compensation(self.tracer, offset, self.at, self.tracer.line, code)
+            self.compensation.leaving = True
 
-    def _check_compensated(self, found: LineWords) -> None:
-        """Refuse codes that cutter compensation does not go on with, as LinuxCNC does."""
-        compensation = self.compensation
-        if compensation is None or compensation.leaving:
-            return
-        code = found.codes
-        changed = [
-            code[group]
-            for group in ("compensation", "plane", "once", "system", "tool length", "feed")
-            if group in code and code[group] not in (40, 400, 940, self.modes.plane)
-        ]
-        changed += [code["motion"]] if code.get("motion") in codes.CYCLES else []
-        words = [f"G{one / 10:g}" for one in changed] + ["M6"] * (6 in found.m_codes)
-        if words:
+    def _set_feed(self, word: float) -> None:
+        """F in units per minute; a given feed replaces what no machine can run."""
+        feed, unit = word * self.modes.unit / 60.0, self.modes.unit
+        in_range = SLOWEST <= feed <= FASTEST
+        if self.first_feed is not None and word >= 0 and not in_range:
+            feed = self.first_feed
+        elif not (feed == 0 or in_range):
+            received = f"F{word:.10g}" if unit == MM else f"F{word:.10g} in inches"
             raise ToolpathError(
-                f"{words[0]} under the cutter compensation of line {compensation.line}: "
-                "G40 ends it before"
+                f"the feed needs to be {RANGE}, received {received}; --feed-mm-per-min gives "
+                "another"
             )
+        self.modes.feed = feed
 
     def _tell_codes(self, found: LineWords) -> None:
+        """Keep words without meaning for the path, and P of G64, the distance allowed from it."""
         self.ignored |= {f"G{code / 10:g}" for code in found.without_motion}
         self.ignored |= {f"M{code}" for code in found.m_codes if code not in codes.FLOW | codes.END}
-        blends = found.codes.get("path") == 640
         if found.codes.get("tool length") == 430 and self.tools is None:
             self.ignored.add("G43")
-        kept = blends and found.values.get("P", 0.0) > 0  # see `_keep_tolerance`
-        if blends and not kept:
+        blends = found.codes.get("path") == 640
+        allowed = found.values.get("P", 0.0) * self.modes.unit if blends else 0.0
+        if allowed > 0:
+            self.tolerance = allowed if self.tolerance is None else min(allowed, self.tolerance)
+        elif blends:
             self.ignored.add("G64")
         if blends or found.without_motion or not codes.FLOW.issuperset(found.m_codes):
-            self.ignored |= (found.values.keys() & TOLD_WITH_CODES) - ({"P"} if kept else set())
-
-    def _keep_tolerance(self, found: LineWords) -> None:
-        """Keep P of G64, how far from its path the program allows the tool to go."""
-        allowed = found.values.get("P", 0.0) * self.modes.unit
-        if found.codes.get("path") == 640 and allowed > 0:
-            self.tolerance = allowed if self.tolerance is None else min(allowed, self.tolerance)
+            kept = {"P"} if allowed > 0 else set()
+            self.ignored |= (found.values.keys() & TOLD_WITH_CODES) - kept
 
     def _only_said(self, found: LineWords) -> bool:
         """Whether R belongs to a code that moves nothing, as in `M19 R90` and `G64 P1 R2`."""
@@ -219,9 +201,16 @@ class Machine:
         return said
 
     def _do_once(self, code: int, values: dict[str, float]) -> None:
+        offsets = self.offsets
         match code:
-            case 40:
-                self._dwell(values)
+            case 40:  # axis words beside P are a move after it; X without P is the time
+                word = "P" if "P" in values else "X"
+                if word in values:
+                    self.tracer.dwell(values[word], word)
+                else:
+                    self.ignored.add("G4")
+                if word == "P" and not MOVING.isdisjoint(values):
+                    self._move(values, on_machine=False)
             case 100:
                 self._set_up(values)
             case 280 | 300:
@@ -229,23 +218,16 @@ class Machine:
             case 281 | 301:
                 self.homes[code - 1] = self.at
             case 520:
-                self.offsets.shift_by(self._by_axis(values))
+                offsets.shift = offsets.kept_shift = replaced(offsets.shift, self._by_axis(values))
+                offsets.shifted = True
             case 920:
-                self.offsets.shift_to(self._by_axis(values), self.at)
+                offsets.shift_to(self._by_axis(values), self.at)
             case 923:
-                self.offsets.shift_again()
+                offsets.shift, offsets.shifted = offsets.kept_shift, True
             case _:
-                self.offsets.unshift(for_good=code == 921)
-
-    def _dwell(self, values: dict[str, float]) -> None:
-        """Rest for P seconds; axis words beside P are a move after it, X without P is the time."""
-        word = "P" if "P" in values else "X"
-        if word in values:
-            self.tracer.dwell(values[word], word)
-        else:
-            self.ignored.add("G4")
-        if word == "P" and not MOVING.isdisjoint(values):
-            self._move(values, on_machine=False)
+                offsets.shift, offsets.shifted = ZERO, False
+                if code == 921:
+                    offsets.kept_shift = ZERO
 
     def _set_up(self, values: dict[str, float]) -> None:
         """G10 L2 and L20 place a work system; other L set up tools, which have no length here."""
@@ -263,8 +245,9 @@ class Machine:
         if kind == 20:
             self.offsets.set_here(system, lengths, self.at)
             return
-        angle = math.radians(values["R"]) if "R" in values else None
-        self.offsets.set_origin(system, lengths, angle)
+        self.offsets.origins[system - 1] = replaced(self.offsets.origins[system - 1], lengths)
+        if "R" in values:
+            self.offsets.angles[system - 1] = math.radians(values["R"])
 
     def _go_home(self, code: int, values: dict[str, float]) -> None:
         """G28 and G30: at traverse by way of a point, where one is given, to a place kept."""
@@ -285,31 +268,26 @@ class Machine:
     def _move(self, values: dict[str, float], on_machine: bool) -> None:
         if "E" in values:
             raise ToolpathError(f"E feeds a filament in a move: {codes.NO_PRINTERS}")
-        motion = self._assumed(values) if self.motion is None else self.motion
+        if self.motion is None:  # it begins in G0 as grbl and Mach3 do; G80 leaves nothing in force
+            if self.begun or AXES.keys().isdisjoint(values):
+                raise ToolpathError(
+                    "axis words without a motion mode (G0, G1, G2 or G3, a cycle) before them"
+                )
+            self.motion, self.assumed_at = 0, self.tracer.line
+        motion = self.motion
         if on_machine:
             if motion not in (0, 10):
                 raise ToolpathError("G53 needs G0 or G1")
             end = replaced(self.at, self._by_axis(values))
             self._trace_line(end, motion == 0, values)
         elif motion in codes.CYCLES:
-            self._drill(values)
+            self._drill(motion, values)
         elif motion > 10:
             self._arc(values)
+        elif not values.keys().isdisjoint("IJKR"):
+            raise ToolpathError(f"I, J, K and R belong to arcs (G2, G3), not to G{motion // 10}")
         else:
-            if not values.keys().isdisjoint("IJKR"):
-                raise ToolpathError(
-                    f"I, J, K and R belong to arcs (G2, G3), not to G{motion // 10}"
-                )
             self._trace_line(self._on_machine(self._target(values)), motion == 0, values)
-
-    def _assumed(self, values: dict[str, float]) -> int:
-        """Begin in G0 as grbl and Mach3 do; after G80 nothing is in force."""
-        if self.begun or AXES.keys().isdisjoint(values):
-            raise ToolpathError(
-                "axis words without a motion mode (G0, G1, G2 or G3, a cycle) before them"
-            )
-        self.motion, self.assumed_at = 0, self.tracer.line
-        return self.motion
 
     def _here(self) -> Point:
         """Coordinates in the program of where the machine is."""
@@ -347,68 +325,76 @@ class Machine:
                 self._trace(end_point, middle, angle, feed)
         self._joint()
 
-    def _drill(self, values: dict[str, float]) -> None:
-        """A canned cycle at every hole that the line says."""
-        code = self.motion or 0
+    def _drill(self, code: int, values: dict[str, float]) -> None:
+        """A canned cycle at every hole that the line says.
+
+        Incremental, R counts from the level before the cycles, and the bottom from R.
+        """
         normal = PLANES[self.modes.plane][2]
-        unit, incremental = self.modes.unit, self.modes.incremental
+        axis, incremental = "XYZ"[normal], self.modes.incremental
         if self.modes.inverse_time:
             raise ToolpathError("a canned cycle in inverse time (G93)")
         if not values.keys().isdisjoint("IJK"):
             raise ToolpathError(
                 "I, J and K do not belong to a canned cycle; L is a number of holes"
             )
-        lengths = {letter: values[letter] * unit for letter in LENGTHS & values.keys()}
+        lengths = {letter: values[letter] * self.modes.unit for letter in LENGTHS & values.keys()}
         check_near(lengths.values())
-        depth_letter = "XYZ"[normal]
-        for letter in (depth_letter, "R", "Q"):
-            if letter in lengths:
-                self.sticky[letter] = lengths[letter]
+        self.sticky |= {letter: lengths[letter] for letter in (axis, "R", "Q") if letter in lengths}
         if "P" in values:
             self.sticky["P"] = values["P"]
+        for letter in (axis, "R"):
+            if letter not in self.sticky:
+                raise ToolpathError(f"a canned cycle needs {letter}")
         here = self._here()
         if self.level_before_cycles is None:
             self.level_before_cycles = here[normal]
         before = self.level_before_cycles
-        hole = cycles.hole_at(self.sticky, depth_letter, before, incremental, self.modes.to_r_plane)
+        retract = self.sticky["R"] + (before if incremental else 0.0)
+        bottom = self.sticky[axis] + (retract if incremental else 0.0)
+        if retract < bottom:
+            raise ToolpathError("R of a canned cycle lies below the bottom of the hole")
+        clear = retract if self.modes.to_r_plane else max(before, retract)
         holes = whole(values.get("L", 1.0), "L of a cycle")
         if not 1 <= holes <= MOST_TURNS:
             raise ToolpathError(f"L of a cycle needs to be 1 to {MOST_TURNS}, received {holes}")
-        if here[normal] < hole.retract:
-            self._go_to_level(hole.retract, rapid=True)
-        above = here[normal] > hole.retract + SHORTEST
+        if here[normal] < retract:
+            self._go_to_level(retract, rapid=True)
+        above = here[normal] > retract + SHORTEST
         for index in range(holes):
-            place = self._target({k: v for k, v in values.items() if k != depth_letter})
-            level = here[normal] if above and index == 0 else hole.clear
-            place = replaced(place, {normal: level})
-            self._trace_line(self._on_machine(place), rapid=True)
-            self._go_to_level(hole.retract, rapid=True)
-            for step in cycles.steps(code, hole):
+            place = self._target({k: v for k, v in values.items() if k != axis})
+            level = here[normal] if above and index == 0 else clear
+            self._trace_line(self._on_machine(replaced(place, {normal: level})), rapid=True)
+            self._go_to_level(retract, rapid=True)
+            for step in cycles.steps(code, retract, clear, {**self.sticky, "bottom": bottom}):
                 self._go_to_level(step.level, step.rapid)
                 if step.dwell:
                     self.tracer.dwell(step.dwell, "P")
 
     def _go_to_level(self, level: float, rapid: bool) -> None:
-        point = list(self._here())
-        point[PLANES[self.modes.plane][2]] = level
-        self._trace_line(self._on_machine((point[0], point[1], point[2])), rapid)
+        point = replaced(self._here(), {PLANES[self.modes.plane][2]: level})
+        self._trace_line(self._on_machine(point), rapid)
 
     def _feed(self, length: float, values: dict[str, float]) -> float:
         """Speed of a cutting move of a length [m/s]."""
-        if not self.modes.inverse_time:
-            feed = self.modes.feed
-            if feed is None:
+        if self.modes.inverse_time:
+            if "F" not in values:
+                raise ToolpathError("a cutting move in inverse time (G93) needs F in its line")
+            feed = length * values["F"] / 60.0
+            if length >= SHORTEST and not SLOWEST <= feed <= FASTEST:
                 raise ToolpathError(
-                    "a cutting move without a feed (F) before it; --feed-mm-per-min gives one"
-                )
-            if not feed > 0:
-                raise ToolpathError(
-                    "a cutting move at a feed of 0; --feed-mm-per-min gives another"
+                    f"the feed needs to be {RANGE}; F{values['F']:g} in inverse time makes it "
+                    f"{feed / MM_PER_MIN:.3g}"
                 )
             return feed
-        if "F" not in values:
-            raise ToolpathError("a cutting move in inverse time (G93) needs F in its line")
-        return inverse_time_feed(values["F"], length)
+        feed = self.modes.feed
+        if feed is None:
+            raise ToolpathError(
+                "a cutting move without a feed (F) before it; --feed-mm-per-min gives one"
+            )
+        if not feed > 0:
+            raise ToolpathError("a cutting move at a feed of 0; --feed-mm-per-min gives another")
+        return feed
 
     def _trace_line(self, end: Point, rapid: bool, values: dict[str, float] | None = None) -> None:
         feed = math.nan if rapid else self._feed(math.dist(self.at, end), values or {})

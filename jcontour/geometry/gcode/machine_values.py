@@ -20,38 +20,29 @@ def machine_values(machine: Machine, key: int | str, call_level: int) -> float |
     Raises:
         ToolpathError: the feed that a plasma table keeps, where none is given.
     """
-    if isinstance(key, int):
-        return _numbered(machine, key)
+    unit, offsets = machine.modes.unit, machine.offsets
     if key == PLASMA_FEED:
         if machine.first_feed is None:
             raise ToolpathError(
                 "the feed is in the plasma table's list; --feed-mm-per-min gives one"
             )
-        return machine.first_feed * 60.0 / machine.modes.unit
-    if key.startswith("_"):
-        return _named(machine, key, call_level)
-    return None
-
-
-def _numbered(machine: Machine, key: int) -> float | None:
-    unit, offsets = machine.modes.unit, machine.offsets
+        return machine.first_feed * 60.0 / unit
+    if isinstance(key, str):
+        return _named(machine, key, call_level) if key.startswith("_") else None
     at_axis = {
         5021: (machine.at, unit),
         5081: (offsets.tool, unit),
         5161: (machine.homes[280], MM),
         5181: (machine.homes[300], MM),
         5211: (offsets.kept_shift, MM),
-        5420: (machine.offsets.in_program(machine.at), unit),
+        5420: (offsets.in_program(machine.at), unit),
     }
     for first, (point, length) in at_axis.items():
         if first <= key < first + AXES:
             return point[key - first] / length
-    if key == 5210:
-        return float(offsets.shifted)
-    if key == 5220:
-        return float(offsets.system)
-    if key == 5400:
-        return float(machine.tool)
+    alone = {5210: offsets.shifted, 5220: offsets.system, 5400: machine.tool}
+    if key in alone:
+        return float(alone[key])
     system, axis = divmod(key - 5221, 20)
     if 0 <= system < len(offsets.origins):
         if axis < AXES:
@@ -63,15 +54,14 @@ def _numbered(machine: Machine, key: int) -> float | None:
 
 def _named(machine: Machine, key: str, call_level: int) -> float | None:
     modes, unit = machine.modes, machine.modes.unit
-    here = machine.offsets.in_program(machine.at)
-    system = machine.offsets.system
+    system, places = machine.offsets.system, {"_abs_": machine.at}
+    places["_"] = machine.offsets.in_program(machine.at)
     values = {
-        "_x": here[0] / unit,
-        "_y": here[1] / unit,
-        "_z": here[2] / unit,
-        "_abs_x": machine.at[0] / unit,
-        "_abs_y": machine.at[1] / unit,
-        "_abs_z": machine.at[2] / unit,
+        **{
+            f"{kind}{axis}": length / unit
+            for kind, place in places.items()
+            for axis, length in zip("xyz", place, strict=True)
+        },
         "_feed": (modes.feed or 0.0) * 60.0 / unit,
         "_metric": float(unit == MM),
         "_imperial": float(unit == INCH),

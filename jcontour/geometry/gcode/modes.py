@@ -1,16 +1,10 @@
-"""Modes of a machine control, and end points and feeds that words ask for under them."""
+"""Modes of a machine control, and end points that words ask for under them."""
 
 import math
 from dataclasses import dataclass
 
 from jcontour.geometry.gcode.move import Point, check_near
-from jcontour.geometry.toolpath_rules import FASTEST, INCH, MM, SHORTEST, SLOWEST, ToolpathError
-
-MM_PER_MIN = MM / 60.0  # [m/s]
-RANGE = f"{SLOWEST / MM_PER_MIN:g} to {FASTEST / MM_PER_MIN:.0f} mm/min"
-
-# first and second axis of the plane, then its normal
-PLANES = {170: (0, 1, 2), 180: (2, 0, 1), 190: (1, 2, 0)}
+from jcontour.geometry.toolpath_rules import INCH, MM, ToolpathError
 
 
 @dataclass(slots=True)
@@ -67,7 +61,16 @@ def target(values: dict[str, float], here: Point, modes: Modes) -> Point:
     x, y, z = here
     unit = modes.unit
     if "@" in values or "^" in values:
-        x, y = _polar(values, x, y, modes)
+        if "X" in values or "Y" in values:
+            raise ToolpathError("@ and ^ beside X or Y")
+        radius, angle = math.hypot(x, y), math.atan2(y, x)
+        if "@" in values:
+            length = values["@"] * unit
+            radius = length + (radius if modes.incremental else 0.0)
+        if "^" in values:
+            turn = math.radians(values["^"])
+            angle = turn + (angle if modes.incremental else 0.0)
+        x, y = radius * math.cos(angle), radius * math.sin(angle)
     elif modes.incremental:
         x += values.get("X", 0.0) * unit
         y += values.get("Y", 0.0) * unit
@@ -78,57 +81,3 @@ def target(values: dict[str, float], here: Point, modes: Modes) -> Point:
         z = values["Z"] * unit + (z if modes.incremental else 0.0)
     check_near((x, y, z))
     return x, y, z
-
-
-def _polar(values: dict[str, float], x: float, y: float, modes: Modes) -> tuple[float, float]:
-    if "X" in values or "Y" in values:
-        raise ToolpathError("@ and ^ beside X or Y")
-    radius, angle = math.hypot(x, y), math.atan2(y, x)
-    if "@" in values:
-        length = values["@"] * modes.unit
-        radius = length + (radius if modes.incremental else 0.0)
-    if "^" in values:
-        turn = math.radians(values["^"])
-        angle = turn + (angle if modes.incremental else 0.0)
-    return radius * math.cos(angle), radius * math.sin(angle)
-
-
-def feed_per_minute(word: float, unit: float, given: float | None) -> float:
-    """Feed [m/s] of F in units per minute, 0 for F0.
-
-    >>> feed_per_minute(600.0, 1e-3, None)
-    0.01
-
-    Args:
-        word: number of F.
-        unit: in force [m].
-        given: that replaces every programmed one [m/s], which no machine needs to run then; None
-            without one.
-
-    Raises:
-        ToolpathError: it is below zero, too slow or too fast.
-    """
-    feed = word * unit / 60.0
-    if given is not None and word >= 0 and not SLOWEST <= feed <= FASTEST:
-        return given
-    if not (feed == 0 or SLOWEST <= feed <= FASTEST):
-        received = f"F{word:.10g}" if unit == MM else f"F{word:.10g} in inches"
-        raise ToolpathError(
-            f"the feed needs to be {RANGE}, received {received}; --feed-mm-per-min gives another"
-        )
-    return feed
-
-
-def inverse_time_feed(word: float, length: float) -> float:
-    """Feed [m/s] of a move of a length [m] in inverse time.
-
-    Raises:
-        ToolpathError: it is too slow or too fast.
-    """
-    feed = length * word / 60.0
-    if length >= SHORTEST and not SLOWEST <= feed <= FASTEST:
-        raise ToolpathError(
-            f"the feed needs to be {RANGE}; "
-            f"F{word:g} in inverse time makes it {feed / MM_PER_MIN:.3g}"
-        )
-    return feed

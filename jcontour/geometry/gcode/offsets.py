@@ -67,12 +67,6 @@ class Offsets:
         x, y = _turned(x, y, -self.angles[system - 1])
         return x, y, z
 
-    def set_origin(self, system: int, values: dict[int, float], angle: float | None) -> None:
-        """Let a work system begin at these coordinates of the machine, by axis (G10 L2)."""
-        self.origins[system - 1] = replaced(self.origins[system - 1], values)
-        if angle is not None:
-            self.angles[system - 1] = angle
-
     def set_here(self, system: int, values: dict[int, float], at: Point) -> None:
         """Let the machine's place `at` have these coordinates in a system, by axis (G10 L20)."""
         here = _difference(self.in_system(at, system), self.shift)
@@ -86,21 +80,6 @@ class Offsets:
         moved = _difference(here, replaced(here, values))
         self.shift = self.kept_shift = _sum(self.shift, moved)
         self.shifted = True
-
-    def shift_by(self, values: dict[int, float]) -> None:
-        """Shift the program by these lengths, by axis (G52)."""
-        self.shift = self.kept_shift = replaced(self.shift, values)
-        self.shifted = True
-
-    def unshift(self, for_good: bool) -> None:
-        """Take the shift away (G92.1), or suspend it (G92.2)."""
-        self.shift, self.shifted = ZERO, False
-        if for_good:
-            self.kept_shift = ZERO
-
-    def shift_again(self) -> None:
-        """Bring the shift back (G92.3)."""
-        self.shift, self.shifted = self.kept_shift, True
 
 
 def _sum(a: Point, b: Point) -> Point:

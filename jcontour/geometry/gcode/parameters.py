@@ -18,10 +18,6 @@ MOST_NAMES = 100_000  # of named parameters, each some bytes
 Said = Callable[[int | str], float | None]  # the machine's value of a parameter, None without one
 
 
-def _nothing(_: int | str) -> None:
-    return None
-
-
 @dataclass
 class Parameters:
     """Values of the parameters, read and set by number or by name.
@@ -35,7 +31,7 @@ class Parameters:
         said_by_machine: value of a parameter that the machine keeps, such as its position.
     """
 
-    said_by_machine: Said = _nothing
+    said_by_machine: Said = lambda _: None
     _numbered: dict[int, float] = field(default_factory=dict)
     _common: dict[str, float] = field(default_factory=dict)
     _own: dict[str, float] = field(default_factory=dict)

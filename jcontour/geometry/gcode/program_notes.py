@@ -3,8 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 
-from jcontour.geometry.gcode.modes import PLANES
-from jcontour.geometry.gcode.move import UP_OR_DOWN, Move, Stop
+from jcontour.geometry.gcode.move import PLANES, UP_OR_DOWN, Move, Stop
 
 MOST_TOLD = 6  # reasons to stop that are told
 LONG_DWELL = 60.0  # [s]: nobody lets a spindle come up to speed for longer
@@ -34,19 +33,30 @@ def told_stops(stops: Sequence[Stop]) -> str:
     by_reason: dict[str, list[Stop]] = {}
     for stop in stops:
         by_reason.setdefault(stop.why, []).append(stop)
-    exact = [
+    others = {why: some for why, some in by_reason.items() if why not in EXACT}
+    reasons = []
+    for why, some in list(others.items())[:MOST_TOLD]:
+        first, lasting = f"line {some[0].line}", sum(stop.lasting for stop in some)
+        where = f"at {first}" if len(some) == 1 else f"{len(some)} times from {first}"
+        reasons.append(f"{why} {where}" + (f" ({lasting:.6g} s)" if lasting else ""))
+    if len(others) > MOST_TOLD:
+        reasons.append(f"{len(others) - MOST_TOLD} more reasons")
+    count = sum(map(len, others.values()))
+    told = [f"{count} stop{'' if count == 1 else 's'}: {', '.join(reasons)}"] if others else []
+    told += [
         f"{why} from line {by_reason[why][0].line}: stops {where}"
         for why, where in EXACT.items()
         if why in by_reason
     ]
-    waiting = by_reason.get(UP_OR_DOWN, [])
-    others = {why: some for why, some in by_reason.items() if why not in EXACT}
-    count = sum(map(len, others.values()))
-    reasons = [_reason(why, some) for why, some in list(others.items())[:MOST_TOLD]]
-    if len(others) > MOST_TOLD:
-        reasons.append(f"{len(others) - MOST_TOLD} more reasons")
-    told = [f"{count} stop{'' if count == 1 else 's'}: {', '.join(reasons)}"] if others else []
-    return "; ".join([*told, *exact, *_waiting(waiting)])
+    waiting = [stop.besides for stop in by_reason.get(UP_OR_DOWN, [])]
+    at_feed = [lasting for lasting in waiting if not math.isnan(lasting)]
+    if at_feed:
+        told.append(f"Z alone takes {sum(at_feed):.4g} s at its feed")
+    rapid = len(waiting) - len(at_feed)
+    if rapid:
+        named = "1 rapid move of Z takes" if rapid == 1 else f"{rapid} rapid moves of Z take"
+        told.append(f"{named} no time")
+    return "; ".join(told)
 
 
 def told_left_out(stops: Iterable[Stop], run: Iterable[Stop]) -> str:
@@ -61,27 +71,6 @@ def told_left_out(stops: Iterable[Stop], run: Iterable[Stop]) -> str:
     if not lost:
         return ""
     return f"left out: {sum(lost):.4g} s of Z alone before the first cut or behind the last one"
-
-
-def _reason(why: str, some: Sequence[Stop]) -> str:
-    where = (
-        f"at line {some[0].line}"
-        if len(some) == 1
-        else f"{len(some)} times from line {some[0].line}"
-    )
-    lasting = sum(stop.lasting for stop in some)
-    return f"{why} {where}" + (f" ({lasting:.6g} s)" if lasting else "")
-
-
-def _waiting(moves: Sequence[Stop]) -> list[str]:
-    """How long Z moves alone, and what the cycle time lacks."""
-    at_feed = [move.besides for move in moves if not math.isnan(move.besides)]
-    told = [f"Z alone takes {sum(at_feed):.4g} s at its feed"] if at_feed else []
-    rapid = len(moves) - len(at_feed)
-    if rapid:
-        named = "1 rapid move of Z takes" if rapid == 1 else f"{rapid} rapid moves of Z take"
-        told.append(f"{named} no time")
-    return told
 
 
 def ignored_words(words: Iterable[str], stops: Sequence[Stop]) -> tuple[str, ...]:

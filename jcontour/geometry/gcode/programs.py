@@ -13,9 +13,9 @@ from jcontour.geometry.gcode.flow import Structure, structure, told_label
 from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.gcode.machine_values import machine_values
 from jcontour.geometry.gcode.modes import Modes
+from jcontour.geometry.gcode.move import Tracer
 from jcontour.geometry.gcode.parameters import Locals, Parameters
 from jcontour.geometry.gcode.tool_table import Tool
-from jcontour.geometry.gcode.tracer import Tracer
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 from jcontour.geometry.toolpath_text import lines_of, read_program
 
@@ -139,7 +139,16 @@ class Program:
             source.reached = index
         else:
             source.blocks[index] = block
-            self._count_again()
+            self.repeated += 1
+            moves = len(self.machine.moves)
+            if moves > self.moves_before:
+                self.moves_before, self.repeated_before = moves, self.repeated
+            standing = self.repeated - self.repeated_before
+            if self.repeated > MOST_REPEATED or standing > MOST_STANDING:
+                raise ToolpathError(
+                    f"{self.repeated} lines carried out again, {standing} of them without a move: "
+                    "a loop that does not end?"
+                )
         if block is SKIPPED:
             self.machine.skipped.setdefault((source.name, index), self.machine.tracer.line)
         if block is NOTHING or block is SKIPPED:
@@ -153,19 +162,6 @@ class Program:
             self._flow(frame, index, block.flow)
         else:
             self._execute(frame, block)
-
-    def _count_again(self) -> None:
-        """Count a line that was carried out before, and end a loop that does not."""
-        self.repeated += 1
-        moves = len(self.machine.moves)
-        if moves > self.moves_before:
-            self.moves_before, self.repeated_before = moves, self.repeated
-        standing = self.repeated - self.repeated_before
-        if self.repeated > MOST_REPEATED or standing > MOST_STANDING:
-            raise ToolpathError(
-                f"{self.repeated} lines carried out again, {standing} of them without a move: "
-                "a loop that does not end?"
-            )
 
     def _block(self, source: Source, index: int) -> Block:
         line = source.lines[index]
@@ -196,15 +192,32 @@ class Program:
                 self._m_code(frame, code, found.values)
 
     def _m_code(self, frame: Frame, code: int, values: dict[str, float]) -> None:
+        machine = self.machine
         if code == codes.CALL:
-            self._call_numbered(values)
-        elif code == codes.RETURN:
-            self._return_numbered(frame, values)
+            if "P" not in values:
+                raise ToolpathError("M98 needs P")
+            label = str(whole(values["P"], "P of M98"))
+            laps = whole(values.get("L", 1.0), "L of M98")
+            if not 0 <= laps <= MOST_REPEATS:
+                raise ToolpathError(f"L of M98 needs to be 0 to {MOST_REPEATS}, received {laps}")
+            source, begin = self._found(label)
+            if laps:
+                self._enter(Frame(source, begin + 1, begin=begin + 1, laps=laps, by_m98=True))
+        elif code == codes.RETURN:  # one lap of a program that would begin anew for ever
+            if "P" in values:
+                raise ToolpathError("M99 with P goes on at another line, which is not simulated")
+            if len(self.frames) == 1:
+                machine.ended = True
+            elif frame.laps > 1:
+                frame.laps -= 1
+                frame.next = frame.begin
+            else:
+                self._leave(frame)
         elif code in (codes.SAVE, codes.SAVE_IN_SUBPROGRAM):
-            frame.modes = self.machine.kept_modes()
+            frame.modes = machine.kept_modes()
             frame.restores = code == codes.SAVE_IN_SUBPROGRAM and len(self.frames) > 1
         elif code == codes.RESTORE and frame.modes is not None:
-            self.machine.restore(frame.modes)
+            machine.restore(frame.modes)
         elif code == codes.INVALIDATE:
             frame.modes = None
 
@@ -213,11 +226,22 @@ class Program:
         if index in places.faults:
             raise ToolpathError(places.faults[index])
         if keyword == "call":
-            self._call(word)
+            if len(word.values) > MOST_ARGUMENTS:
+                raise ToolpathError(f"more than {MOST_ARGUMENTS} arguments of a subprogram")
+            label = word.label(self.parameters)
+            arguments = [evaluated(value, self.parameters) for value in word.values]
+            source, begin = self._found(label)
+            self._enter(Frame(source, begin + 1, self.parameters.enter(arguments)))
         elif keyword == "sub":
             frame.next = places.following[index] + 1
         elif keyword in ("endsub", "return"):
-            self._return(frame, word)
+            if len(self.frames) == 1 or frame.by_m98:
+                raise ToolpathError(f"{keyword} outside a subprogram")
+            if word.values:
+                self.parameters.return_value(self._value(word))
+            if frame.kept is not None:
+                self.parameters.leave(frame.kept)
+            self._leave(frame)
         elif keyword in ("if", "elseif", "else"):
             self._branch(frame, index, word)
         elif keyword in ("break", "continue"):
@@ -266,14 +290,6 @@ class Program:
     def _value(self, word: OWord) -> float:
         return evaluated(word.values[0], self.parameters)
 
-    def _call(self, word: OWord) -> None:
-        if len(word.values) > MOST_ARGUMENTS:
-            raise ToolpathError(f"more than {MOST_ARGUMENTS} arguments of a subprogram")
-        label = word.label(self.parameters)
-        arguments = [evaluated(value, self.parameters) for value in word.values]
-        source, begin = self._found(label)
-        self._enter(Frame(source, begin + 1, self.parameters.enter(arguments)))
-
     def _found(self, label: str) -> tuple[Source, int]:
         """Source and first line of a subprogram: here, in the program itself, or in a file."""
         for frame in (self.frames[-1], self.frames[0]):
@@ -298,42 +314,10 @@ class Program:
             raise ToolpathError(f"subprograms call each other more than {DEEPEST_CALL} deep")
         self.frames.append(frame)
 
-    def _return(self, frame: Frame, word: OWord) -> None:
-        if len(self.frames) == 1 or frame.by_m98:
-            raise ToolpathError(f"{word.keyword} outside a subprogram")
-        if word.values:
-            self.parameters.return_value(self._value(word))
-        if frame.kept is not None:
-            self.parameters.leave(frame.kept)
-        self._leave(frame)
-
     def _leave(self, frame: Frame) -> None:
         self.frames.pop()
         if frame.restores and frame.modes is not None:
             self.machine.restore(frame.modes)
-
-    def _call_numbered(self, values: dict[str, float]) -> None:
-        if "P" not in values:
-            raise ToolpathError("M98 needs P")
-        label = str(whole(values["P"], "P of M98"))
-        laps = whole(values.get("L", 1.0), "L of M98")
-        if not 0 <= laps <= MOST_REPEATS:
-            raise ToolpathError(f"L of M98 needs to be 0 to {MOST_REPEATS}, received {laps}")
-        source, begin = self._found(label)
-        if laps:
-            self._enter(Frame(source, begin + 1, begin=begin + 1, laps=laps, by_m98=True))
-
-    def _return_numbered(self, frame: Frame, values: dict[str, float]) -> None:
-        """M99 ends a subprogram, or one lap of a program that would begin anew for ever."""
-        if "P" in values:
-            raise ToolpathError("M99 with P goes on at another line, which is not simulated")
-        if len(self.frames) == 1:
-            self.machine.ended = True
-        elif frame.laps > 1:
-            frame.laps -= 1
-            frame.next = frame.begin
-        else:
-            self._leave(frame)
 
 
 def interpreted(

@@ -96,32 +96,6 @@ NEED_A_CODE = frozenset("LPQ$")
 NOT_NEGATIVE = frozenset("NST")
 
 
-def g_code(value: float) -> int:
-    """Ten times the number of a G word.
-
-    Raises:
-        ToolpathError: no such code exists, or it is one that is not supported.
-    """
-    code = whole(10 * value, "ten times a G code")
-    if code in GROUP_OF or code in IGNORED:
-        return code
-    reason = f" ({REFUSED[code]})" if code in REFUSED else ""
-    raise ToolpathError(f"'G{code / 10:g}' is not supported{reason}")
-
-
-def m_code(value: float) -> int:
-    """Number of an M word.
-
-    Raises:
-        ToolpathError: it is not whole, or no such code exists.
-    """
-    code = whole(value, "an M code")
-    if not 0 <= code <= MOST_M or code in REFUSED_M:
-        reason = f" ({REFUSED_M[code]})" if code in REFUSED_M else ""
-        raise ToolpathError(f"'M{code}' is not supported{reason}")
-    return code
-
-
 class LineWords(NamedTuple):
     """Words of one line.
 
@@ -149,72 +123,64 @@ def sorted_words(words: Sequence[tuple[str, float]], motion: int | None) -> Line
         ToolpathError: an unknown word, a letter twice, two codes of a group, a number that is too
             large, an axis that is not simulated.
     """
-    codes: dict[str, int] = {}
-    without_motion: list[int] = []
-    m_codes: list[int] = []
-    values: dict[str, float] = {}
+    found = LineWords({}, [], [], {})
     for letter, value in words:
         if not abs(value) <= LARGEST:
             raise ToolpathError(f"the number in {shown(f'{letter}{value:.6g}')} is too large")
         if letter == "G":
             # G5 and G5.1 without axes are Fanuc's look-ahead, with axes splines
             looks = value in LOOK_AHEAD and not any(other in "XYZIJ" for other, _ in words)
-            code = round(10 * value) if looks else g_code(value)
-            if code in GROUP_OF:
-                _add_code(codes, code)
-            else:
-                without_motion.append(code)
+            _add_g_code(found, value, looks)
         elif letter == "M":
-            m_codes.append(m_code(value))
-        elif letter in OTHER_AXES:
-            if value:
-                raise ToolpathError(
-                    f"'{letter}{value:g}' moves an axis that is not simulated: only X, Y and Z are"
-                )
-            values[letter] = value
-        elif letter not in KNOWN:
+            code = whole(value, "an M code")
+            if not 0 <= code <= MOST_M or code in REFUSED_M:
+                reason = f" ({REFUSED_M[code]})" if code in REFUSED_M else ""
+                raise ToolpathError(f"'M{code}' is not supported{reason}")
+            found.m_codes.append(code)
+        elif letter in OTHER_AXES and value:
+            raise ToolpathError(
+                f"'{letter}{value:g}' moves an axis that is not simulated: only X, Y and Z are"
+            )
+        elif letter not in KNOWN | OTHER_AXES:
             raise ToolpathError(f"unknown word '{letter}{value:g}'")
+        elif letter in NOT_NEGATIVE and (value < 0 or (letter == "T" and value % 1)):
+            needed = "a whole number" if letter == "T" else "a number"
+            raise ToolpathError(
+                f"'{letter}{value:g}': {letter} needs {needed} that is not negative"
+            )
+        elif letter in found.values and letter not in OTHER_AXES:
+            raise ToolpathError(f"{letter} is given twice")
         else:
-            if letter in NOT_NEGATIVE and (value < 0 or (letter == "T" and value % 1)):
-                needed = "a whole number" if letter == "T" else "a number"
-                raise ToolpathError(
-                    f"'{letter}{value:g}': {letter} needs {needed} that is not negative"
-                )
-            if letter in values:
-                raise ToolpathError(f"{letter} is given twice")
-            values[letter] = value
-    values.pop("N", None)
-    found = LineWords(codes, without_motion, m_codes, values)
-    if not NEED_A_CODE.isdisjoint(values):
-        _check_letters(found, motion)
-    return found
-
-
-def _add_code(codes: dict[str, int], code: int) -> None:
-    """Add a code to its group; G80 beside a motion code only ends what was in force before."""
-    group = GROUP_OF[code]
-    other = codes.get(group)
-    if other is None or other == code or (group == "motion" and other == 800):
-        codes[group] = code
-    elif group == "once" and 530 in (code, other):
-        raise ToolpathError(f"G53 and G{(code + other - 530) / 10:g} in one line")
-    elif not (group == "motion" and code == 800):
-        raise ToolpathError(
-            f"'G{code / 10:g}' and another G code of its kind ({group}) in one line"
+            found.values[letter] = value
+    found.values.pop("N", None)
+    if not (NEED_A_CODE.isdisjoint(found.values) or found.m_codes):  # machines' M codes take any
+        in_force = () if "motion" in found.codes or motion is None else (motion,)
+        letters = (
+            LETTERS.get(c, "") for c in (*found.codes.values(), *found.without_motion, *in_force)
         )
-
-
-def _check_letters(found: LineWords, motion: int | None) -> None:
-    """L, P, Q and $ (a spindle) need a code; M codes of a machine may have any."""
-    if found.m_codes:
-        return
-    allowed = "".join(
-        LETTERS.get(code, "") for code in (*found.codes.values(), *found.without_motion)
-    )
-    if "motion" not in found.codes and motion is not None:
-        allowed += LETTERS.get(motion, "")
-    for letter in sorted(NEED_A_CODE & found.values.keys()):
-        if letter not in allowed:
+        for letter in sorted((NEED_A_CODE & found.values.keys()) - set("".join(letters))):
             raise ToolpathError(
                 f"unknown word '{letter}{found.values[letter]:g}': no code here needs {letter}"
             )
+    return found
+
+
+def _add_g_code(found: LineWords, value: float, looks: bool) -> None:
+    """Add a code to its group; G80 beside a motion code only ends what was in force before."""
+    code = round(10 * value) if looks else whole(10 * value, "ten times a G code")
+    if looks or code in IGNORED:
+        found.without_motion.append(code)
+        return
+    group = GROUP_OF.get(code)
+    if group is None:
+        reason = f" ({REFUSED[code]})" if code in REFUSED else ""
+        raise ToolpathError(f"'G{code / 10:g}' is not supported{reason}")
+    other = found.codes.get(group)
+    if other is None or other == code or (group == "motion" and other == NO_MOTION):
+        found.codes[group] = code
+    elif group == "once" and 530 in (code, other):
+        raise ToolpathError(f"G53 and G{(code + other - 530) / 10:g} in one line")
+    elif not (group == "motion" and code == NO_MOTION):
+        raise ToolpathError(
+            f"'G{code / 10:g}' and another G code of its kind ({group}) in one line"
+        )

@@ -99,7 +99,7 @@ def test_control_characters_around_a_program_mean_nothing(tmp_path, traced):
 
 
 def test_too_many_moves_and_bytes(tmp_path, monkeypatch):
-    monkeypatch.setattr("jcontour.geometry.gcode.tracer.MOST_MOVES", 3)
+    monkeypatch.setattr("jcontour.geometry.gcode.move.MOST_MOVES", 3)
     with pytest.raises(ToolpathError, match="line 4: more than 3 moves"):
         parse_gcode("F1 G1 X1\nX2\nX3\nX4\nX5")
     monkeypatch.setattr("jcontour.geometry.toolpath_text.MOST_BYTES", 2**20)
