@@ -47,6 +47,7 @@ from tuning.identification.linear.output_error import AxisFit, AxisRecord
 from tuning.identification.linear.periods import periodic_lines, response_of_lines
 from tuning.identification.linear.rivals import lag, rivals_of
 from tuning.identification.linear.simplest import Simple, judged, simplest
+from tuning.identification.linear.speed_limit import speed_limit
 
 FEWEST = 500  # samples
 HALF = 0.5  # of the speed explained: a simple model that shows that columns belong together
@@ -95,7 +96,8 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         axis = _searched(record, k, resolution, most_poles, most_delay)
     except ValueError as error:
         if simple is None or simple.explained < POOR:
-            raise ValueError(f"{name}: {error}{beside(simple)}") from None
+            limited = speed_limit(one.command, one.position, one.dt)
+            raise ValueError(f"{name}: {limited or f'{error}{beside(simple)}'}") from None
         return _simple(name, simple, resolution)
     if simple is not None and _enough(simple, axis):
         return _simple(name, simple, resolution)
