@@ -5,6 +5,7 @@ stored. The results are stored beside this file, and the page of the docs is mad
 """
 
 import json
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,6 +35,7 @@ Public records of real machines. `jcontour bench public --records FOLDER` writes
 
 """
 MOST_POLES, MOST_DELAY = 3, 10
+MOST_WORDS = 240  # letters of a refusal
 PULSES = "pulses_n"  # [V], despite its name
 FOLDERS = {
     "emps": "EMPS, ball-screw axis (Janot, Gautier, Brunot 2019)",
@@ -135,14 +137,13 @@ def axis_of(path: Path, columns: LogColumns) -> LinearAxisResult:
 
 def explained(folder: str, what: str, path: Path, columns: LogColumns, least: float) -> Prediction:
     """How much of the held-out speed is explained, at least `least`."""
+    asked = f"at least {100 * least:g} %"
     try:
         one = axis_of(path, columns)
     except ValueError as error:
-        return Prediction(
-            folder, f"held-out speed, {what}", f"{100 * least:g} %", str(error), False
-        )
+        said = textwrap.shorten(str(error), MOST_WORDS, placeholder=" ...")
+        return Prediction(folder, f"held-out speed, {what}", asked, f"refused: {said}", False)
     part = f"{100 * one.explained:.2f} %"
-    asked = f"at least {100 * least:g} %"
     return Prediction(folder, f"held-out speed, {what}", asked, part, one.explained >= least)
 
 

@@ -12,6 +12,7 @@ one number for all frequencies; it is taken where these intervals are narrow.
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import f as f_distribution
@@ -33,6 +34,7 @@ from tuning.identification.linear.gain_uncertainty import (
 )
 from tuning.identification.linear.held_response import held_response, own_response
 from tuning.identification.linear.hidden_modes import lasting_hidden_mode
+from tuning.identification.linear.limits import limits_of
 from tuning.identification.linear.line_fit import fitted_to
 from tuning.identification.linear.measured import measured, related, with_lines
 from tuning.identification.linear.order_search import (
@@ -47,7 +49,6 @@ from tuning.identification.linear.output_error import AxisFit, AxisRecord
 from tuning.identification.linear.periods import periodic_lines, response_of_lines
 from tuning.identification.linear.rivals import lag, rivals_of
 from tuning.identification.linear.simplest import Simple, judged, simplest
-from tuning.identification.linear.speed_limit import speed_limit
 
 FEWEST = 500  # samples
 HALF = 0.5  # of the speed explained: a simple model that shows that columns belong together
@@ -91,12 +92,18 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     if len(lines.frequency) >= LINES:
         return _from_lines(name, one, lines, simple, resolution, most_poles, most_delay)
     if (simple is None or simple.explained < HALF) and not related(one):
-        raise ValueError(f"{name}: {unexplained(one.command, one.position)}")
+        for j, other in enumerate(record.axes):
+            if j != k and related(replace(one, position=record.position[:, j])):
+                raise ValueError(
+                    f"{name}: its command moves {other}, not {name}: change their columns"
+                )
+        limited = limits_of(one.command, one.position, one.dt)
+        raise ValueError(f"{name}: {limited or unexplained(one.command, one.position)}")
     try:
         axis = _searched(record, k, resolution, most_poles, most_delay)
     except ValueError as error:
         if simple is None or simple.explained < POOR:
-            limited = speed_limit(one.command, one.position, one.dt)
+            limited = limits_of(one.command, one.position, one.dt)
             raise ValueError(f"{name}: {limited or f'{error}{beside(simple)}'}") from None
         return _simple(name, simple, resolution)
     if simple is not None and _enough(simple, axis):

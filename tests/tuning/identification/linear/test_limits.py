@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.limits import limits_of
+from tuning.identification.linear.machine import identify_machine
+
+DT = 0.01
+TIME = DT * np.arange(3000)
+SWEEP = 0.005 * np.sin(2 * np.pi * (0.5 + 0.07 * TIME) * TIME)
+
+
+def test_a_drive_that_limits_its_speed_is_told():
+    place, places = 0.0, []
+    for wanted in SWEEP:
+        place += float(np.clip(wanted - place, -0.1 * DT, 0.1 * DT))  # [m/s]
+        places.append(place)
+    said = limits_of(1e3 * SWEEP, np.array(places), DT)
+    assert "no faster than 100 mm/s" in said
+    assert limits_of(SWEEP, np.append([0.0, 0.0], SWEEP[:-2]), DT) == ""
+    assert limits_of(SWEEP, np.cumsum(np.roll(SWEEP, 700)), DT) == ""
+
+
+def test_a_command_that_is_cut_before_it_acts_is_told():
+    time = 1e-3 * np.arange(3000)
+    command = np.sin(2 * np.pi * 1.3 * time) + 0.5 * np.sign(np.sin(2 * np.pi * 0.7 * time))
+    speed, place, cut, whole = 0.0, 0.0, [], []
+    for limit, places in ((0.6, cut), (9.0, whole)):
+        speed = place = 0.0
+        for u in np.clip(command, -limit, limit):
+            places.append(place)
+            speed += 0.05 * (0.02 * u - speed)
+            place += 1e-3 * speed
+    said = limits_of(command, np.round(np.array(cut), 6), 1e-3)
+    assert "cut at about 0.6, and the log has it up to 1.5" in said
+    assert limits_of(command, np.round(np.array(whole), 6), 1e-3) == ""
+
+
+def test_a_command_near_half_the_rate_is_told():
+    command = np.where(np.arange(2000) % 2, 1.0, -1.0)
+    assert "aliasing" in limits_of(command, np.cumsum(command), 1e-3)
+
+
+def test_swapped_axes_are_told():
+    time = 1e-3 * np.arange(3000)
+    command = np.stack([np.sin(5 * time), np.cos(8 * time)], axis=1)
+    record = MachineRecord(1e-3, ("X", "Y"), command, command[:, ::-1] + 1e-6 * time[:, None])
+    with pytest.raises(ValueError, match="X: its command moves Y, not X: change their columns"):
+        identify_machine(record, 1, 1)
+
+
+def test_two_rates_are_told():
+    held = SWEEP[np.arange(3000) // 10 * 10]
+    assert "the position every 10: two rates" in limits_of(SWEEP, held, DT)
