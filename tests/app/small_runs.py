@@ -5,7 +5,7 @@ Signals are zero until a test writes into them.
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -25,8 +25,26 @@ from tests import canonical
 from tuning.outcome import Outcome
 from tuning.tuner import Tuned
 
+Kind = TypeVar("Kind")
 LINE = line([0.0, 0.0], [1e-2, 0.0])
 NO_LIMITS = MachineLimits()
+
+
+def partly(kind: type[Kind], **given: Any) -> Kind:
+    """An object of which a test reads these attributes alone; of a tuple the others are None.
+
+    Raises:
+        AttributeError, TypeError: the type has no attribute of that name.
+    """
+    if issubclass(kind, tuple):
+        return kind(**dict.fromkeys(kind._fields) | given)
+    stated = {name for one in kind.__mro__ for name in getattr(one, "__annotations__", ())}
+    if unknown := set(given) - stated - {*dir(kind), *kind.__init__.__code__.co_names}:
+        raise AttributeError(f"{kind.__name__} has no {', '.join(sorted(unknown))}")
+    attributes = {name: staticmethod(one) if callable(one) else one for name, one in given.items()}
+    part = type(kind)(kind.__name__, (kind,), attributes)
+    part.__abstractmethods__ = frozenset()
+    return object.__new__(part)
 
 
 def machine(limits: MachineLimits = NO_LIMITS, axes: int = 2, **others: Any) -> LinearMachine:

@@ -1,18 +1,18 @@
 """`identify --machine linear` from the command line."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from jcontour.app.cli import main
 from jcontour.app.commands.machines import identify_linear
-from jcontour.app.files.results.machine_results import LinearMachineResult
+from jcontour.app.files.results.machine_results import LinearAxisResult, LinearMachineResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.flags.machines import Identify
 from jcontour.app.machines.from_file import load_machine
 from jcontour.linear.continuous_axes import speed_axis
+from tests.app.small_runs import partly
+from tuning.identification.linear.found import LinearAxis, LinearMachineFound, MachineRecord
 from tuning.identification.linear.output_error import AxisRecord, Structure, fitted
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
@@ -87,9 +87,9 @@ def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(
     shown = fit([1.0], 0.0, 1) if first is None else fit([1.0, -0.4], first)
     doubted = fit([1.0, -0.4], second)
     both = (("X", shown, 1e-6), ("Y", doubted, 1e-9))
-    axes = [SimpleNamespace(name=name, fit=one, resolution=count) for name, one, count in both]
-    record = SimpleNamespace(position=np.array([[0.0, 0.0], [1e-4, 1e-4]]))
-    found = SimpleNamespace(axes=axes, record=record)
+    axes = [partly(LinearAxis, name=name, fit=one, resolution=count) for name, one, count in both]
+    record = partly(MachineRecord, position=np.array([[0.0, 0.0], [1e-4, 1e-4]]))
+    found = partly(LinearMachineFound, axes=axes, record=record)
     monkeypatch.setattr(identify_linear, "identify_machine", lambda *_: found)
     monkeypatch.setattr(identify_linear, "machine_fields", lambda *_: {"A": [[1.0]]})
     folder = tmp_path / "run"
@@ -110,7 +110,7 @@ def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(
     ],
 )
 def test_wrong_units_are_questioned(dt, gain, speed, words):
-    axis = SimpleNamespace(name="X", gain=gain, integrators=1)
+    axis = partly(LinearAxisResult, name="X", gain=gain, integrators=1)
     largest = {"speed": [speed], "acceleration": [1.0]}
     told = identify_linear._period(dt)
     told += identify_linear._questions(Identify(control_unit="V"), [axis], largest)

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +12,11 @@ from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.flags.tuning import Tune
+from jcontour.app.machines.machine import Machine
 from jcontour.app.reports.tables import console_of
+from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.app.runs.tuning.searching import NothingSound
+from tests.app.small_runs import partly
 from tuning.effort import QUICK
 
 FILES = {
@@ -109,6 +111,7 @@ def test_a_search_without_a_result_says_whether_numbers_are_lost(lost, told, tmp
 
     monkeypatch.setattr(tune, "searched", nothing)
     monkeypatch.setattr(tune, "lost_at_start", lambda run: lost)
-    run = SimpleNamespace(settings=QUICK, machine=SimpleNamespace(error="contour"), flags=Tune())
+    machine = partly(Machine, error="contour")
+    run = partly(TuningRun, settings=QUICK, machine=machine, flags=Tune())
     with pytest.raises(RuntimeError, match=f"no result: {told}; the points tried are kept in"):
         tune._descended(run, tmp_path, console_of(quiet=True))

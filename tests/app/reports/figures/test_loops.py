@@ -1,8 +1,6 @@
 """Figures of one loop show what its runs did."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,11 +15,13 @@ from jcontour.app.reports.figures.loops import (
     path_figure,
     signals_figure,
 )
+from jcontour.motion.references import Reference
+from tests.app.small_runs import partly
 
 
 def reference_of(*scored, dt):
     """A reference with these samples that count, as far as a figure reads it."""
-    return cast(Any, SimpleNamespace(dt=dt, steps=len(scored), mask=np.array(scored)))
+    return partly(Reference, dt=dt, steps=len(scored), mask=np.array(scored))
 
 
 def test_no_two_curves_of_the_legend_have_one_colour():

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,9 +22,10 @@ from jcontour.app.runs.checks.recommendation import (
 from jcontour.app.runs.tuning.family_loops import LeastKnown
 from jcontour.simulation.limit_use import LimitUse
 from tests.app import small_runs
-from tests.app.small_runs import family_metrics, margins
+from tests.app.small_runs import family_metrics, margins, partly
 from tuning.objectives import COUNT_NOISE, AtMost
 from tuning.outcome import LoopPeaks, Outcome
+from tuning.problem import Problem
 from tuning.tuner import Price
 
 
@@ -248,7 +248,7 @@ def proportional():
     loops = LoopPeaks(*(np.array([[1.5, value]]) for value in (4.0, 1.2, 0.9, 0.0)))
     limits = AtMost(acceleration_use=0.5, peak_sensitivity=2.0)
     use = LimitUse(*(np.array([[0.6, 0.7]]) for _ in range(4)))
-    problem = SimpleNamespace(limits=limits, limit_entries=limits.entries)
+    problem = partly(Problem, limits=limits, limit_entries=limits.entries)
     return problem, Outcome(None, loops, use)  # pyright: ignore[reportArgumentType]
 
 

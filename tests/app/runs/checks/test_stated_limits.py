@@ -1,8 +1,6 @@
 """Limits of machine and flags against what a loop reaches."""
 
 import math
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +8,7 @@ import pytest
 from jcontour.analysis.uncertain_loops import BORNE, Doubt
 from jcontour.app.files.results.tuned_result import Standstill
 from jcontour.app.flags.tuning import Tune
+from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.runs.checks.stated_limits import (
     HELP,
     OverFamily,
@@ -19,11 +18,13 @@ from jcontour.app.runs.checks.stated_limits import (
 )
 from jcontour.app.runs.tuning.family_loops import family_peaks
 from jcontour.app.runs.tuning.limits import AT_REST
-from jcontour.app.runs.tuning.problem import tuning_run
+from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.simulation.evaluation import evaluate, stack_plants
 from tests.app import small_runs
+from tests.app.small_runs import partly
 from tuning.objectives import COUNT_NOISE, Entry
 from tuning.outcome import Outcome
+from tuning.problem import Problem
 
 MARGINS = small_runs.margins(sensitivity=1.9, doubt=0.4)
 DOUBT = Doubt(np.array([0.1]), np.full((1, 2), 0.2))
@@ -49,7 +50,7 @@ def checks(flags, bounds, rest=None, doubt=None):
         peak_control=np.array([[0.1, 0.3], [0.2, 9.0]]),
         rms_tracking_error=np.array([[1e-6, np.nan], [0.0, 0.0]]),
     )
-    run: Any = SimpleNamespace(flags=flags, limits=bounds, machine=machine, scenarios=scenarios)
+    run = partly(TuningRun, flags=flags, limits=bounds, machine=machine, scenarios=scenarios)
     return {one.name: one for one in stated_limits(run, replay, MARGINS, rest)}
 
 
@@ -74,10 +75,11 @@ def test_counts_at_rest_and_loops_have_limits_too():
 
 def found(*violations):
     """An outcome of those entries."""
-    problem = SimpleNamespace(limit_entries=lambda outcome: ENTRIES)
+    problem = partly(Problem, limit_entries=lambda outcome: ENTRIES)
     plants = ["nominal", "gains 1.1", "1 sample late"]
-    run = SimpleNamespace(problem=problem, limits=BOUNDS, scenarios=SimpleNamespace(plants=plants))
-    return OverFamily(run, Outcome(None), np.array(violations))  # pyright: ignore[reportArgumentType]
+    scenarios = partly(Scenarios, plants=plants)
+    run = partly(TuningRun, problem=problem, limits=BOUNDS, scenarios=scenarios)
+    return OverFamily(run, Outcome(None), np.array(violations))
 
 
 def test_nothing_is_said_where_every_plant_keeps_every_limit():

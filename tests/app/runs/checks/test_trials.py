@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import product
-from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -13,10 +12,10 @@ import pytest
 from jcontour.analysis.stability import Margins
 from jcontour.app.catalogue.choices import design_for
 from jcontour.app.flags.loops import Simulate
-from jcontour.app.jobs.job import Pace, at_constant_feed
+from jcontour.app.jobs.job import Job, Pace, at_constant_feed
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.linear import bridgeport_machine
-from jcontour.app.machines.machine import MachineLimits
+from jcontour.app.machines.machine import Machine, MachineLimits
 from jcontour.app.machines.own_plant import machine_of
 from jcontour.app.runs.checks import trials
 from jcontour.app.runs.checks.trials import (
@@ -41,6 +40,7 @@ from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import member, stack_references
 from jcontour.simulation.metrics import score
+from tests.app.small_runs import partly
 
 ROWS = 200
 PATHS = [
@@ -174,14 +174,18 @@ def test_a_path_that_is_run_at_the_limit_all_along_has_no_margins(two_axes):
     references = [
         along(line([0.0, 0.0], [1.0, 0.0]), arc, two_axes.dt, 3, at_rest=True) for arc in arcs
     ]
-    jobs = tuple(SimpleNamespace(name=name) for name in ("still", "hasty", "other"))
+    jobs = tuple(partly(Job, name=name) for name in ("still", "hasty", "other"))
     scenarios = Scenarios(
         jobs, (True, True, False), ("nominal",), stack_references(references), two_axes
     )  # type: ignore[arg-type]
     plant = Delayed(Saturated(two_axes, jnp.full(2, 1e-3)), jnp.asarray(0), 1, 2)
     machine, law = (
-        SimpleNamespace(
-            nominal=lambda fed: plant, smooth_family=lambda fed: [plant], doubt=None, measured=()
+        partly(
+            Machine,
+            nominal=lambda fed: plant,
+            smooth_family=lambda fed: [plant],
+            doubt=None,
+            measured=(),
         ),
         ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3),
     )

@@ -1,7 +1,5 @@
 """Which design of a sweep is called the best, and what is seen at its loops."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -19,6 +17,8 @@ from jcontour.app.runs.spread.best_designs import (
     within_limits,
 )
 from jcontour.app.runs.tuning.family_loops import family_peaks
+from jcontour.app.runs.tuning.problem import TuningRun
+from tests.app.small_runs import partly
 
 DIMENSIONS = ("preview", "sample", "contour", "plant")
 
@@ -66,7 +66,7 @@ def looked():
     design = design_for(machine, flags).tunable()
     jobs = [job_named("circle", Pace.of(flags, machine))]
     scenarios = Scenarios.of(jobs, [True], machine, design.fed, design.preview)
-    made = SimpleNamespace(machine=machine, design=design, scenarios=scenarios)
+    made = partly(TuningRun, machine=machine, design=design, scenarios=scenarios)
     return DesignLoops(flags, design, machine, scenarios), made
 
 

@@ -1,13 +1,12 @@
 """A gain on integrators: S = (1 - 1/z) / (1 - (1 - g)/z)."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from jcontour._arrays import placed
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.app.jobs.replays import Scenarios
+from jcontour.app.machines.machine import Machine
 from jcontour.app.runs.tuning.family_loops import (
     FREQUENCIES,
     family_curves,
@@ -21,6 +20,7 @@ from jcontour.motion.references import along
 from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import stack_references
+from tests.app.small_runs import partly
 
 DT = 1e-3
 SHOWN = 0.3  # [rad per sample]: nothing is known of what is above
@@ -38,12 +38,12 @@ def found():
     law = ContouringLQ(integrator(1.0), LQWeights(1.0, 0.0, 1.0), 4)
     gain = float(np.asarray(prepared(law, path).F)[0, 0, 0])
     family = [Encoders(integrator(size)) for size in (1.0, 0.5, 2.5 / gain)]
-    model = SimpleNamespace(dt=DT)
-    machine = SimpleNamespace(smooth_family=lambda fed: family, model=model, doubt=None)
+    known = {"model": family[0].plant, "measured": ()}
+    machine = partly(Machine, smooth_family=lambda fed: family, doubt=None, **known)
     scenarios = Scenarios((), (True,), (), stack_references([path]), family[0])  # type: ignore
     tried = law, machine, scenarios, "state"
     peaks = family_peaks(*tried)  # type: ignore[arg-type]
-    doubted = SimpleNamespace(smooth_family=lambda fed: family[:2], model=model, doubt=HIDDEN)
+    doubted = partly(Machine, smooth_family=lambda fed: family[:2], doubt=HIDDEN, **known)
     least = least_known(law, doubted, scenarios, "state")  # type: ignore[arg-type]
     return gain, family_curves(*tried, peaks), peaks, least  # type: ignore[arg-type]
 

@@ -1,10 +1,9 @@
 """Limits of the flags: their units, and what is no limit."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
+from jcontour.app.designs.design import Design
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.machines.linear import bridgeport_machine
 from jcontour.app.machines.machine import MachineLimits
@@ -21,6 +20,7 @@ from jcontour.geometry.contours import circle
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_references
 from tests.app import small_runs
+from tests.app.small_runs import partly
 from tuning.objectives import COUNT_NOISE
 
 
@@ -48,7 +48,7 @@ def test_a_tool_that_stands_still_lags_too_far(lag, wanted):
     """Once around a circle from one place of it: the RMS distance to that is sqrt(2) radii."""
     arc = np.linspace(0, 2 * np.pi * 1e-3, 628, endpoint=False)
     reference = along(circle(1e-3), arc, 1e-3, 0, at_rest=False)
-    found = lag_limit(bridgeport_machine(), SimpleNamespace(lag=lag), stack_references([reference]))
+    found = lag_limit(bridgeport_machine(), partly(Design, lag=lag), stack_references([reference]))
     assert found["rms_tracking_error"] == pytest.approx(wanted, rel=2e-3)
 
 
@@ -66,11 +66,11 @@ def test_loops_are_limited_by_their_peak_and_with_more_delay():
 def test_the_noise_of_counts_is_limited_to_a_part_of_the_least_control():
     """With a reserve for a tool at rest; the limit needs a machine that counts and states one."""
     machine = small_runs.machine(MachineLimits(control=np.array([8.0, 9.0])))
-    design = SimpleNamespace(fed="outputs")
+    design = partly(Design, fed="outputs")
     found = noise_limit(Tune(max_count_noise=0.02), machine, design)
     assert found == {COUNT_NOISE: pytest.approx(AT_REST * 0.02 * 8.0)}
     assert noise_limit(Tune(max_count_noise=None), machine, design) == {}
     assert noise_limit(Tune(max_count_noise=0.02), small_runs.machine(), design) == {}
-    assert noise_limit(Tune(max_count_noise=0.02), machine, SimpleNamespace(fed="state")) == {}
+    assert noise_limit(Tune(max_count_noise=0.02), machine, partly(Design, fed="state")) == {}
     with pytest.raises(ValueError, match="max-count-noise: a limit needs to be finite and above"):
         noise_limit(Tune(max_count_noise=0.0), machine, design)

@@ -1,6 +1,5 @@
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import jax
@@ -11,12 +10,15 @@ import pytest
 from jcontour.analysis.sensitivity import late_radius
 from jcontour.app.files.checkpoints import load_state, save_state
 from jcontour.app.flags.tuning import Tune
+from jcontour.app.jobs.replays import Scenarios
+from jcontour.app.machines.machine import Machine
 from jcontour.app.reports.progress import progress
-from jcontour.app.runs.tuning.problem import tuning_run
+from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.app.runs.tuning.results import shown_contours
 from jcontour.bounds.worst_cases import PeakValues
 from jcontour.simulation.evaluation import evaluate, stack_plants
 from jcontour.simulation.metrics import Metrics
+from tests.app.small_runs import partly
 from tuning.effort import QUICK
 from tuning.history import Evaluated
 from tuning.objectives import AtMost
@@ -125,9 +127,8 @@ def chosen(count, tuned, lost=()):
         "start": Runs(np.ones((count, 1)), np.zeros((count, 1), bool)),
         "tuned": Runs(np.asarray(tuned, float)[:, None], diverged),
     }
-    run = SimpleNamespace(
-        scenarios=SimpleNamespace(training=training), machine=SimpleNamespace(error="contour")
-    )
+    scenarios, machine = partly(Scenarios, training=training), partly(Machine, error="contour")
+    run = partly(TuningRun, scenarios=scenarios, machine=machine)
     return shown_contours(run, replays)
 
 

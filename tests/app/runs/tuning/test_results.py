@@ -1,22 +1,22 @@
 """The loop that tuned weights are compared with: closed cases."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
+from jcontour.app.designs.design import Design
 from jcontour.app.runs.tuning import results
+from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.app.runs.tuning.results import Trial, baseline_trial
 from jcontour.app.runs.tuning.simple_loops import SimpleLoop
+from tests.app.small_runs import partly
 
 KEPT, BEYOND = Trial(*[None] * 4, name="kept"), Trial(*[None] * 4)  # pyright: ignore
 
 
 def loop(name, violation=-0.1):
-    design = SimpleNamespace(name=name, fed="outputs")
-    run = SimpleNamespace(design=design, start=None, machine=None, scenarios=None)
-    run.controller = lambda weights: name
-    return SimpleLoop(run, 1e-6, violation)  # pyright: ignore[reportArgumentType]
+    known = {"design": partly(Design, name=name, fed="outputs"), "controller": lambda _: name}
+    run = partly(TuningRun, start=None, machine=None, scenarios=None, **known)
+    return SimpleLoop(run, 1e-6, violation)
 
 
 @pytest.fixture(autouse=True)

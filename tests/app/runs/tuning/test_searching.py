@@ -3,7 +3,6 @@
 import json
 from dataclasses import fields, replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import jax
@@ -13,6 +12,7 @@ import pytest
 from rich.console import Console
 
 from jcontour.analysis.probes import probe_samples
+from jcontour.app.designs.design import Design
 from jcontour.app.files.checkpoints import load_state
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.runs.tuning import searching
@@ -20,6 +20,8 @@ from jcontour.app.runs.tuning.family_loops import WINDOWS
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.app.runs.tuning.searching import ROUND, NothingSound, searched
 from jcontour.simulation.metrics import Metrics
+from tests.app import small_runs
+from tests.app.small_runs import partly
 from tests.tuning.bumped import HIGH, REFERENCE, problem_of
 from tuning.effort import THOROUGH
 from tuning.exchange import STABLE
@@ -62,8 +64,8 @@ def test_what_is_found_is_kept_and_divides_the_errors(run, tmp_path, monkeypatch
     def tuned(problem, start, settings, show):
         asked.append(problem.references.position.shape[0])
         errors = np.array([[1e-6, 4e-6]])
-        return SimpleNamespace(
-            outcome=SimpleNamespace(metrics=SimpleNamespace(rms_contour_error=errors))
+        return small_runs.tuned(
+            outcome=Outcome(small_runs.metrics((1, 2), rms_contour_error=errors))
         )
 
     monkeypatch.setattr(searching, "tune", tuned)
@@ -80,7 +82,7 @@ def test_what_is_found_is_kept_and_divides_the_errors(run, tmp_path, monkeypatch
 def run_from(gain):
     problem = problem_of(SAMPLES)
     nothing = cast(Any, None)
-    design = cast(Any, SimpleNamespace(start={"gain": jnp.asarray(gain)}))
+    design = partly(Design, start={"gain": jnp.asarray(gain)})
     effort = replace(THOROUGH, starts=1, scatter=0, steps=30)
     return TuningRun(Tune(), nothing, nothing, design, problem, effort, (), nothing, {})
 
@@ -144,7 +146,7 @@ def test_a_weight_without_effect_stays_at_its_start(tmp_path):
     run = replace(
         run,
         problem=replace(run.problem, space=space),
-        design=cast(Any, SimpleNamespace(start=start)),
+        design=partly(Design, start=start),
         settings=effort,
     )
     found = searched(run, tmp_path, lambda state: None, Console(quiet=True))

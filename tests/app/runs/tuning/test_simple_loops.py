@@ -1,12 +1,13 @@
 """Which loop is recommended: closed cases with errors and violations that are given."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from jcontour.app.designs.design import Design
 from jcontour.app.runs.tuning import simple_loops
+from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.app.runs.tuning.searching import Searched
 from jcontour.app.runs.tuning.simple_loops import (
     SimpleLoop,
@@ -15,6 +16,9 @@ from jcontour.app.runs.tuning.simple_loops import (
     simplest,
     worth_trying,
 )
+from tests.app import small_runs
+from tests.app.small_runs import partly
+from tuning.problem import Problem
 
 
 @dataclasses.dataclass
@@ -29,15 +33,15 @@ class Namespaced:
 
 
 def loop(name, error, violation=-0.1):
-    run = SimpleNamespace(design=SimpleNamespace(name=name))
-    return SimpleLoop(run, error, violation)  # pyright: ignore[reportArgumentType]
+    run = partly(TuningRun, design=partly(Design, name=name))
+    return SimpleLoop(run, error, violation)
 
 
 def search(error, feasible=True, violation=-0.1):
     """What a search found."""
-    problem = SimpleNamespace(objective=lambda outcome: np.array([[error]]))
-    tuned = SimpleNamespace(outcome=None, feasible=feasible, violation=violation)
-    return Searched(SimpleNamespace(problem=problem), tuned, 1)  # pyright: ignore
+    problem = partly(Problem, objective=lambda outcome: np.array([[error]]))
+    tuned = small_runs.tuned(feasible=feasible, violation=violation)
+    return Searched(partly(TuningRun, problem=problem), tuned, 1)
 
 
 def test_the_simplest_that_is_as_good_as_any_within_a_tenth():
@@ -67,13 +71,13 @@ def test_a_notch_is_tried_where_it_raises_the_gain_and_else_the_loop_without():
     def designs(plain, notched):
         pair = {"position-loop": plain, "position-loop-notch": notched}
         return {
-            name: SimpleNamespace(start={"position": np.array([gain])})
+            name: partly(Design, start={"position": np.array([gain])})
             for name, gain in pair.items()
         }
 
     for gains, kept in (((8.0, 32.0), "position-loop-notch"), ((20.0, 25.0), "position-loop")):
         given = designs(*gains)
-        assert worth_trying(given) == [given[kept]]  # pyright: ignore[reportArgumentType]
+        assert worth_trying(given) == [given[kept]]
 
 
 @pytest.mark.parametrize(
