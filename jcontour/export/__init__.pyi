@@ -1,10 +1,6 @@
-from .c_code import c_header as c_header
-from .c_code import c_plan as c_plan
-from .c_code import c_source as c_source
-from .drive_law import DriveLaw as DriveLaw
-from .drive_law import DrivePlan as DrivePlan
-from .drive_law import drive_plan as drive_plan
-from .drive_law import replayed as replayed
-from .linear_form import linear_form as linear_form
-from .numpy_code import numpy_source as numpy_source
-from .structured_text import structured_text as structured_text
+from .rendering import Code as Code
+from .safe_limits import SafeLimits as SafeLimits
+from .safe_limits import Stated as Stated
+from .safe_limits import safe_limits as safe_limits
+from .streaming_law import StreamingLaw as StreamingLaw
+from .streaming_law import streaming_law as streaming_law

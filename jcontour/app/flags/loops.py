@@ -152,17 +152,20 @@ class Trace(Common):
 
 @dataclass(frozen=True)
 class Check(Bounded):
-    """Check a stored run: under the machine's limits at every sample, or (--bound) by a proof.
+    """Check a stored run: under the machine's limits, by a proof (--bound), or in a real control.
 
     Limits: a tuned run goes through constrained MPC with the same weights; the tables say where
     limits act, and what they cost. --bound: the largest contour error of the loop under bounded
-    disturbances, with the error that an attack within the bounds reaches.
+    disturbances, with the error that an attack within the bounds reaches. --in-linuxcnc: contour
+    error and cycle time of that control, beside those of `simulate`.
     """
 
     run: Positional[Path] = Path()
-    """Run folder of `jcontour tune`; with --bound of `simulate` too, of a linear machine."""
+    """Run folder of `jcontour tune`; else of `simulate` too, of a linear machine."""
     bound: bool = False  # it takes a linear machine
     """Prove the largest contour error instead of keeping the limits."""
+    in_linuxcnc: bool = False  # it has to be installed
+    """Run the programs in LinuxCNC, the law and the machine as its components."""
     max_control: float | None = None
     """Limit on every control [control unit]; the machine's own when not given."""
     max_increment: float | None = None
@@ -214,7 +217,7 @@ class Tolerance(Bounded, MachineFlags):
 
 @dataclass(frozen=True)
 class Export(RunsCode):
-    """Write the controller of a run as code for a drive, with its plan, and check it.
+    """Write the controller of a run as a law that streams: any part, hold, restart; and check it.
 
     C99 when no language is named.
     """
@@ -226,9 +229,12 @@ class Export(RunsCode):
     st: bool = False
     """IEC 61131-3 structured text: a function block."""
     python: bool = False
-    """One file of plain NumPy that does the same."""
+    """One file of Python that does the same."""
+    linuxcnc: Path | None = None
+    """Folder for components of LinuxCNC: the law, its machine for runs without hardware, HAL and
+    INI to wire them, and how to load them."""
     along: str | None = None
-    """Contour of the run that the plan is made for; its first one when not given."""
+    """Contour of the run that the code is checked on; its first one when not given."""
     single: bool = False  # double is exact
     """Numbers in single precision, for drives without double."""
     out: Path | None = None

@@ -257,7 +257,7 @@ class LinearMachine(Machine):
 
     def _member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
         """The machine behind a delay line, with friction, its state measured."""
-        plant = line(self._machine, jnp.asarray(late), max(self.delay, 1), self.model.inputs)
+        plant = line(self.mechanics, jnp.asarray(late), max(self.delay, 1), self.model.inputs)
         return Gained(plant, jnp.asarray(gains))
 
     def counted(self, plant: Plant, fed: Fed = "outputs") -> Plant:
@@ -278,7 +278,7 @@ class LinearMachine(Machine):
         return np.broadcast_to(np.asarray(self.backlash, float), self.model.axes)
 
     @cached_property
-    def _machine(self) -> Plant:
+    def mechanics(self) -> Plant:
         """The model with friction, which the model's delay does not delay."""
         if self.friction is None or not self.largest_friction:
             return self.model

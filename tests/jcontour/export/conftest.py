@@ -1,59 +1,170 @@
-"""A law with every term, and one with as few as there can be."""
+"""Streaming laws of every kind, in C as a library that Python calls."""
 
+import ctypes
+import shutil
+import subprocess
+from functools import cache
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.export.drive_law import Correction, DriveLaw, drive_plan, replayed
+from jcontour.controllers import ContouringLQ, LQWeights, PreviewLQ, kalman_gain
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.lq.contouring_lq import RiccatiTerminal
+from jcontour.controllers.observers.kalman import (
+    FilterObserver,
+    OffsetFreeObserver,
+    PredictorObserver,
+    offset_free_gain,
+)
+from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
+from jcontour.export import Code, Stated, safe_limits, streaming_law
+from jcontour.linear.plant import LinearPlant
+from jcontour.plants import Encoders, exact_bridgeport
+from jcontour.sensors import Sensors, motors
+
+STRICT = "-std=c99 -Wall -Wextra -pedantic -Werror -O2 -ffp-contract=off".split()
+COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
+LIMIT = 10.0
+FEED = 0.05
+
+needs_compiler = pytest.mark.skipif(not COMPILERS, reason="no C compiler here")
 
 
-def random_law(seed, n, q, p, full, sets=2, kept=()):
-    """A stable law and a plan of 40 samples, of two gain sets or one for each.
+def servo_drives():
+    """Two axes behind position loops: they take a position, with a lag of 10 ms, a sample late."""
+    pole = np.exp(-0.1)
+    A = [[pole, 1.0 - pole], [0.0, 0.0]]
+    one = A, [[0.0], [1.0]], [[1.0, 0.0]]
+    return LinearPlant(*(np.kron(np.eye(2), np.asarray(part)) for part in one), dt=1e-3)
 
-    Some entries of the memory are kept within 0.3.
-    """
-    random = np.random.default_rng(seed)
 
-    def matrix(*shape):
-        return random.normal(size=shape)
+def observed(inner, machine, noise=0.1):
+    gain = offset_free_gain(machine, machine.C, noise, noise, 1e-6)
+    return OffsetFreeObserver(inner, machine, gain, machine.C, jnp.asarray(LIMIT))
 
-    A = 0.2 * matrix(n, n)
-    correction = Correction(0.1 * matrix(n, q), matrix(q, n)) if full else None
-    law = DriveLaw(
-        dt=1e-3,
-        names=tuple(f"state {k}" for k in range(n)),
-        measured=q,
-        inputs=p,
-        correction=correction,
-        A=A if n else None,
-        B=0.1 * matrix(n, p) if full else None,
-        E=matrix(n, q) if n else None,
-        limit=np.array([0.5] + [np.inf] * (p - 1)) if full else np.full(p, np.inf),
-        kept=np.where(np.isin(np.arange(n), kept), 0.3, np.inf) if kept else None,
+
+@cache
+def controllers():
+    """Name -> controller and machine."""
+    table, drives = exact_bridgeport(), servo_drives()
+    weights = LQWeights(1.2, 20.0, 2e-9)
+    profiled = LQWeights(1.2, 20.0, np.array([[2e-9, 5e-10], [5e-10, 3e-9]]), np.linspace(1, 3, 10))
+    contouring = ContouringLQ(table, weights, 10)
+    gain = kalman_gain(table, control_noise=0.1, measurement_noise=1e-6)
+    cascade = Cascade(CascadeGains(30.0, 20.0, 0.02, 1.0), motors(2), table.dt, np.full(2, LIMIT))
+    found = {
+        "contouring": observed(contouring, table),
+        "coupled weights": observed(ContouringLQ(table, profiled, 10), table),
+        "riccati": observed(ContouringLQ(table, weights, 10, RiccatiTerminal()), table),
+        "filter": FilterObserver(contouring, table, gain),
+        "predictor": PredictorObserver(contouring, table, gain),
+        "state": contouring,
+        "preview": observed(PreviewLQ(table, 1.2, 2e-9, 10), table),
+        "cascade": SpeedByDifference(cascade, Sensors([0, 1]), table.dt),
+    }
+    loops = {name: (one, table) for name, one in found.items()}
+    held = ContouringLQ(drives, LQWeights(1.0, 10.0, 0.1), 10)
+    return loops | {"drives": (observed(held, drives, 1e-6), drives)}
+
+
+def seen(name):
+    """The machine of a controller behind its sensors, and positions in what they measure."""
+    _, machine = controllers()[name]
+    if name == "state":
+        return machine, np.asarray(machine.C)
+    return Encoders(machine), np.eye(2)
+
+
+@cache
+def code_of(name, precision="double"):
+    controller, _ = controllers()[name]
+    machine, places = seen(name)
+    law = streaming_law(controller, machine, places, np.full(2, LIMIT), precision)
+    stated = Stated(
+        speed=np.full(2, 4 * FEED),
+        acceleration=np.full(2, 5.0),
+        increment=np.full(law.inputs, 2.0),
+        control=np.full(law.inputs, LIMIT),
+        friction=np.zeros(law.inputs),
+        count=np.full(2, 1e-6),
+        fastest=np.full(2, FEED),
+        error=np.full(2, 3e-3) if name == "cascade" else np.full(2, 5e-5),
+        largest=np.full(law.inputs, LIMIT / 4),
     )
-    F, D = matrix(sets, p, n), matrix(sets, p, q) if full or not n else np.zeros((sets, p, q))
-    rest = matrix(40, p), matrix(40, q)
-    m = 0.3 * matrix(40, len(kept)) if kept else None
-    used = np.array([0, 1, 0, 0] * 10) if sets == 2 else np.arange(40)
-    return law, drive_plan(F[used], D[used], *rest, m)
+    safe = safe_limits(stated, places, law.drives, law.dt)
+    return Code(law, safe, ["machine: mill */ int x; /*", 'second ??/ """ line \\'], "V", precision)
 
 
-LAWS = {
-    "every term": (0, 3, 2, 2, True),
-    "no memory": (1, 0, 2, 1, False),
-    "few": (2, 2, 1, 1, False),
-    "kept": (4, 4, 2, 2, False, 2, (1, 3)),
-    "gains of every sample": (3, 2, 2, 1, True, 40),
-}
+def in_python(code):
+    """Module of the Python code."""
+    module = {"__name__": "law", "__file__": "law.py"}
+    exec(compile(code.text("law.py.j2", increment=["0.0", "0.0"]), "law.py", "exec"), module)
+    return module
 
 
-@pytest.fixture(params=LAWS)
-def law_and_plan(request):
-    return random_law(*LAWS[request.param])
+def written(folder, code, increment=(0.0, 0.0)):
+    for name in ("law.h", "law.c", "check.c"):
+        words = [repr(float(one)) for one in increment]
+        (folder / name).write_text(code.text(f"{name}.j2", increment=words))
 
 
-@pytest.fixture
-def recorded(law_and_plan):
-    """Measurements of a run and its controls."""
-    law, plan = law_and_plan
-    y = np.random.default_rng(9).normal(size=(plan.steps, law.measured))
-    return y, replayed(law, plan, y)
+class InC:
+    """A law compiled as a library, called as the Python code is."""
+
+    def __init__(self, code, folder, compiler=None):
+        written(folder, code)
+        library = folder / "law.so"
+        words = [compiler or COMPILERS[0], *STRICT, "-shared", "-fPIC", "-o", str(library)]
+        subprocess.run([*words, str(folder / "law.c")], check=True)
+        self.sizes, self.library = code.sizes, ctypes.CDLL(str(library))
+        self.real = ctypes.c_double if code.precision == "double" else ctypes.c_float
+        fields = [(name, self._array(self.real, size)) for name, size, _ in code.memory]
+        fields += [(name, self._array(ctypes.c_long, size)) for name, size, _ in code.counters]
+        self.memory = type("Memory", (ctypes.Structure,), {"_fields_": fields})()
+        self.restart()
+
+    def _array(self, kind, size):
+        return kind * eval(size, dict(self.sizes)) if size else kind
+
+    def __getattr__(self, name):
+        return getattr(self.memory, name)
+
+    def restart(self):
+        self.library.law_init(ctypes.byref(self.memory))
+
+    def start(self, place, increment):
+        rows = [np.ascontiguousarray(one, self.real) for one in (place, increment)]
+        self.library.law_start(ctypes.byref(self.memory), *(self._pointer(one) for one in rows))
+
+    def step(self, points, measured, tangents=None, tick=None, enable=True, hold=False):
+        tangents = np.zeros_like(points) if tangents is None else tangents
+        tick = self.memory.called + 1 if tick is None else tick
+        rows = [np.ascontiguousarray(one, self.real) for one in (points, tangents, measured)]
+        self.library.law_step(
+            ctypes.byref(self.memory),
+            *(self._pointer(one) for one in rows),
+            ctypes.c_long(tick),
+            int(enable),
+            int(hold),
+        )
+        return np.array(list(self.memory.control))
+
+    @staticmethod
+    def _pointer(row):
+        return row.ctypes.data_as(ctypes.c_void_p)
+
+
+def run(law, reference, measurement, control, points):
+    """Controls of a law along a recorded run."""
+    position, tangent = np.asarray(reference.position), np.asarray(reference.tangent)
+    law.start(position[0], np.asarray(reference.start_increment))
+    law.control[:] = control[0]  # in force before
+    ahead = [slice(k, k + points) for k in range(len(measurement))]
+    return np.array(
+        [
+            law.step(position[one], y, tangent[one], k)
+            for k, (one, y) in enumerate(zip(ahead, measurement, strict=True))
+        ]
+    )

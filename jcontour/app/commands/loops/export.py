@@ -1,12 +1,14 @@
-"""`jcontour export RUN`: the controller of a run as code for a drive, checked against the run."""
+"""`jcontour export RUN`: the controller of a run as a law that streams, checked against the run."""
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Float
 from rich.console import Console
 
 from jcontour.app.files import run_folder
@@ -14,55 +16,58 @@ from jcontour.app.files.results.loop_results import ExportedResult
 from jcontour.app.files.results.stored import read_result, write_result
 from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.flags.loops import Export
-from jcontour.app.jobs.job import Job, Task
+from jcontour.app.jobs.job import Task
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.reports import tables
 from jcontour.app.reports.screen import Entry
-from jcontour.app.runs.checks.exported_code import compiled_checks, off_the_plan, rounding
+from jcontour.app.runs.checks.exported_code import compiled_checks, replayed
 from jcontour.app.runs.lifecycle import created, finished
-from jcontour.app.runs.settling import settling, with_held_end
 from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
 from jcontour.bounds.affine import NotAffine
-from jcontour.export.affine_law import AffineLaw
-from jcontour.export.c_code import c_header, c_plan, c_source
-from jcontour.export.c_replay import Units, c_plan_reader, c_replay, plan_file, replay_file
-from jcontour.export.code_text import Precision
-from jcontour.export.drive_law import DriveLaw, DrivePlan, replayed
-from jcontour.export.linear_form import linear_form
-from jcontour.export.numpy_code import numpy_source
-from jcontour.export.structured_text import structured_text
+from jcontour.export.code_text import heading
+from jcontour.export.linuxcnc import linuxcnc_files
+from jcontour.export.rendering import Code
+from jcontour.export.safe_limits import SPEED_UP, SafeLimits, Stated, safe_limits
+from jcontour.export.streaming_law import StreamingLaw, streaming_law
+from jcontour.motion.references import Reference
 from jcontour.sensors import row
 from jcontour.simulation.closed_loop import simulate
-from jcontour.simulation.evaluation import stack_plants
 
 ALIKE = 1e-8  # of the largest control: sums in another order differ by less, a limit by more
 ROUNDED = 1e-3  # of the largest control: rounding that is told as a warning
-AWAY = 1e-4  # [m] from the first point, for which it is told what the control does
-ENDS = {  # by whether the planned run comes to rest
-    True: "End: the plan rests at the last sample; hold that sample.",
-    False: "End: the tool does not rest at the last sample; stop the drive by other means.",
-    None: "End: the planned run ends in motion; stop the drive by other means before it does.",
-}
+LOOKED_AT = 400  # samples on which the Python code is run: a millisecond or two each
+SMALLEST = 1e-7  # [m] of a count, where a machine states none
 LOOSE = (
     "the controller's own limits act on its memory, against windup, in a way that this code leaves "
     "out: do not let the control reach its limit"
 )
-IN_TABLES = 200_000  # numbers of a plan that are compiled in: about 5 MB of text
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A run of the controller on the nominal machine, with friction and counts."""
+
+    name: str
+    reference: Reference
+    y: Float[np.ndarray, "T q"]
+    u: Float[np.ndarray, "T p"]
 
 
 def command(flags: Export) -> int:
     """The whole command: write, check, print, exit code."""
     found, folder = run(flags)
-    then = "load controller.st, and hand it a line of plan.csv every sample."
-    if "controller.c" in found.files:
-        then = "compile controller.c and plan.c into the drive, and replay.c beside it once."
-    elif "controller.py" in found.files:
-        then = "python controller.py in the run folder replays the run."
+    then = "compile law.c into the drive, and check.c beside it once."
+    if "law.c" not in found.files:
+        then = "python law.py in the run folder replays the run."
+    if "law.py" not in found.files and "law.c" not in found.files:
+        then = "load law.st, and hand it the next reference points every sample."
+    if flags.linuxcnc is not None:
+        then = f"{flags.linuxcnc / 'README.md'} says how to load it."
     answer = [
-        Entry("Code", f"{found.controller} on {found.machine}, {found.contour}"),
+        Entry("Code", f"{found.controller} on {found.machine}, {found.preview} samples ahead"),
         Entry("Files", ", ".join(found.files)),
         Entry("Checked", _checked(found)),
-        *(Entry("Load", line) for line in (found.start, found.end) if line),
+        *(Entry("Limits", line) for line in found.limits),
         *(Entry("Warning", line) for line in found.warnings),
         Entry("Next", then),
     ]
@@ -70,183 +75,248 @@ def command(flags: Export) -> int:
 
 
 def _checked(found: ExportedResult) -> str:
-    """How far the code is off the controls of `simulate`, and what has compiled it."""
-    off = f"within {found.difference:.1e} {found.control_unit} of `simulate`"
-    compilers = ", ".join(one.compiler.split()[0] for one in found.compiled)
-    return f"{off}{'; compiled by ' if compilers else ''}{compilers}"
+    """How far the code is off the controls of `simulate`, its time and size."""
+    off = f"within {found.difference:.1e} {found.control_unit} of `simulate` on {found.contour}"
+    if not found.compiled:
+        return off
+    slowest = max(found.compiled, key=lambda one: one.nanoseconds)
+    names = ", ".join(one.compiler.split()[0] for one in found.compiled)
+    return (
+        f"{off}; {names}: {1e-3 * slowest.nanoseconds:.2g} us a sample, "
+        f"{1e-3 * slowest.slow:.2g} us in the slowest of a thousand; "
+        f"{slowest.code_bytes} bytes of code, {slowest.memory_bytes} of memory"
+    )
 
 
 def run(flags: Export) -> tuple[ExportedResult, Path]:
     """Write the code of a stored run's controller; the result and the run folder.
 
     Raises:
-        ValueError: bad input, or a controller without a linear form; nothing has been written then.
+        ValueError: bad input, or a controller that no streaming law gives; nothing has been written
+            then.
     """
     loop = stored_loop(flags.run)
     named = {job.name: job for job in loop.jobs}
     along = loop.jobs[0].name if flags.along is None else flags.along
     if along not in named:
         raise ValueError(f"along: the run has {', '.join(named)}; received {along!r}")
-    job, rests = _until_rest(loop, named[along])
-    affine, y, u = _recorded(loop, job)
-    largest = float(np.abs(u).max())
-    apart = float(np.abs(affine.run(y)[1] - u).max())
-    if not apart <= ALIKE * largest:
-        raise ValueError(
-            f"export: on {job.name} {loop.name} is not its linear form: the controls differ by "
-            f"{apart:.3g}; does a limit act? Another --along or a lower feed stays within it"
-        )
-    law, plan = affine.law, affine.plan_along(_planned(loop, job))
-    tried = off_the_plan(law, plan, u)
-    precision: Precision = "single" if flags.single else "double"
-    rounded, unit = rounding(affine, plan, tried, precision), loop.machine.control_unit
+    code, recorded = exported_code(loop, named[along], flags.single)
+    law, unit = code.law, loop.machine.control_unit
     margins, warnings = _margins(flags.run)
+    warnings += [] if law.exact else [LOOSE]
+    limits = limit_lines(code.limits, loop)
+    notes = [*_notes(flags, loop), *limits, *margins, *warnings]
+    code = Code(law, code.limits, notes, unit, code.precision)
+    increment = [repr(float(one)) for one in np.asarray(recorded.reference.start_increment)]
+    python = code.text("law.py.j2", increment=increment)
+    difference = _difference(python, recorded, loop.name)
+    texts = {}
+    if flags.c or not (flags.st or flags.python):
+        texts["law.h"] = code.text("law.h.j2"), "what a call takes and gives, sizes, units"
+        texts["law.c"] = code.text("law.c.j2"), "the law: law_init and law_step"
+        texts["check.c"] = code.text("check.c.j2", increment=increment), "replays the run"
+    if flags.st:
+        texts["law.st"] = code.text("law.st.j2"), "the law as a function block"
+    if flags.python:
+        texts["law.py"] = python, "the law in Python; it replays the run when it is run"
+    texts["check.csv"] = _check_file(recorded, unit), "the run: reference, measurements, controls"
+    components = {}
+    if flags.linuxcnc is not None:
+        if flags.linuxcnc.exists():
+            raise ValueError(f"linuxcnc: {flags.linuxcnc} is there already; name a new folder")
+        components = linuxcnc_components(loop, code)
+    folder = created(flags, "export")
+    for name, (text, _) in texts.items():
+        run_folder.write(folder / name, lambda path, text=text: path.write_text(text))
+    if flags.linuxcnc is not None:
+        flags.linuxcnc.mkdir(parents=True)
+        for name, text in components.items():
+            (flags.linuxcnc / name).write_text(text)
+    compiled = compiled_checks(folder) if "law.c" in texts else []
+    largest = float(np.abs(recorded.u).max())
+    rounded = max((one.difference for one in compiled), default=0.0)
     if rounded > ROUNDED * largest:
         warnings.append(
             f"rounding changes the controls by up to {rounded:.2g} {unit}, "
             f"{100 * rounded / largest:.2g} % of the largest: leave out --single"
         )
-    warnings += [] if law.exact else [LOOSE]
-    known = loop.machine.sensed if loop.fed == "outputs" else ()
-    units = Units(unit, known or ("SI",) * law.measured)  # a state is in SI, that is all we know
-    start, end = _start(loop, law, plan, units), ENDS[rests]
-    notes = [*_notes(flags, loop, job), start, end, *margins, *warnings]
-    texts = _texts(flags, law, plan, notes, job.name, precision)
-    texts["plan.csv"] = plan_file(law, plan, units), "the plan, a line for every sample"
-    told = "the run with a wave on what it measures, and the controls in double"
-    texts["replay.csv"] = replay_file(tried, affine.run(tried)[1], units), told
-    folder = created(flags, "export")
-    for name, (text, _) in texts.items():
-        run_folder.write(folder / name, lambda path, text=text: path.write_text(text))
     result = ExportedResult(
         exported=str(flags.run),
         controller=loop.name,
         machine=loop.machine.name,
-        contour=job.name,
-        samples=plan.steps,
+        contour=recorded.name,
+        samples=len(recorded.u),
+        preview=law.preview,
         states=law.states,
-        gain_sets=max(1 if sets is None else len(sets) for sets in (plan.F, plan.D)),
-        in_tables=plan.numbers <= IN_TABLES,
         control_unit=unit,
-        difference=apart,
-        rounding=rounded,
+        difference=difference,
         largest_control=largest,
-        precision=precision,
+        precision=code.precision,
+        limits=limits,
         files={name: words for name, (_, words) in texts.items()},
-        compiled=compiled_checks(folder) if "controller.c" in texts else [],
-        start=start,
-        end=end,
+        compiled=compiled,
         warnings=warnings,
     )
     write_result(folder, result)
     return result, folder
 
 
-def _until_rest(loop: StoredLoop, job: Task) -> tuple[Task, bool | None]:
-    """The run with its end held until the nominal tool rests, and whether it does.
+def exported_code(loop: StoredLoop, job: Task, single: bool = False) -> tuple[Code, Recorded]:
+    """Law and limits of a stored loop, without notes, and the run that it is checked on.
 
-    None of a run that ends in motion.
+    Raises:
+        ValueError: no streaming law gives the controller.
     """
-    if isinstance(job, Job) and not job.at_rest:
-        return job, None
-    machine, dt = loop.machine, loop.machine.model.dt
-    linear = machine.form(LinearMachine)
-    nominal = (machine.true_family if linear is None else linear.exact_family)(loop.fed)[0]
-    samples = settling(job, stack_plants([nominal]), loop.controller, dt)
-    return with_held_end(job, samples or 0), samples is not None
-
-
-def _start(loop: StoredLoop, law: DriveLaw, plan: DrivePlan, units: Units) -> str:
-    """Where the axes have to stand for sample 0, and what a step away from there asks for."""
-    places, kicks = [], []
-    free = replace(law, limit=np.full(law.inputs, np.inf))
-    first = replace(plan, used=plan.used[:1], f=plan.f[:1], r=plan.r[:1], m=None)
-    for k, (place, unit) in enumerate(zip(plan.r[0], units.measured, strict=True)):
-        shown = f"{round(1e3 * place, 4) + 0.0:.4f} mm" if unit == "m" else f"{place:.6g} {unit}"
-        places.append(f"y{k + 1} = {shown}")
-        if unit == "m":
-            moved = plan.r[:1] + AWAY * (np.arange(law.measured) == k)
-            kicks.append(float(np.abs(replayed(free, first, moved) - plan.f[:1]).max()))
-    told = f"Start at rest at the path's first point: {', '.join(places)}."
-    if not kicks:
-        return told
-    size = f"{max(kicks):.3g} {loop.machine.control_unit}"
-    return f"{told} From {1e3 * AWAY:g} mm beside it the control jumps by up to {size} at once."
-
-
-def _recorded(loop: StoredLoop, job: Task) -> tuple[AffineLaw, np.ndarray, np.ndarray]:
-    """Law, and measurements and controls of a run on the nominal machine as it is."""
     machine, controller = loop.machine, loop.controller
-    reference = job.reference(machine.model.dt, controller.preview)
+    dt = machine.model.dt
+    reference = job.reference(dt, max(controller.preview, 1) + 1)
     found = simulate(machine.true_family(loop.fed)[0], controller, reference)
     y, u = np.asarray(jax.vmap(row)(found.measurement)), np.asarray(found.control)
     limit = np.inf if machine.limits.control is None else machine.limits.control
+    limits = np.broadcast_to(limit, u.shape[1]).astype(float)
+    places = _places(loop, jax.tree.map(lambda leaf: leaf[0], found.measurement))
+    precision = "single" if single else "double"
     try:
-        limits = np.broadcast_to(limit, u.shape[1]).astype(float)
-        affine = linear_form(controller, reference, found, limits)
+        law = streaming_law(controller, machine.nominal(loop.fed), places, limits, precision)
     except NotAffine as error:
         raise ValueError(
-            f"export: {loop.name} has no linear form: {error}; `jcontour tune --controller` with "
+            f"export: {loop.name} has no streaming law: {error}; `jcontour tune --controller` with "
             "another one, as contouring-lq, preview-lq or a cascade, has one"
         ) from None
-    return affine, y, u
+    position = np.asarray(reference.position)
+    safe = safe_limits(_stated(loop, law, position, y, u), places, law.drives, dt)
+    return Code(law, safe, (), machine.control_unit, precision), Recorded(job.name, reference, y, u)
 
 
-def _planned(loop: StoredLoop, job: Task) -> Float[np.ndarray, "T q"]:
-    """Measurements about which the law is written: those of the nominal model on the reference.
+def linuxcnc_components(loop: StoredLoop, code: Code, display: str = "axis") -> Mapping[str, str]:
+    """Files for LinuxCNC by name.
 
-    The law is the same about any of them. About the reference the plan ends where the program does,
-    without counts and noise. At every sample the model is in steady motion through the reference;
-    positions are then the reference itself.
+    Raises:
+        ValueError: LinuxCNC cannot run the law or its machine.
     """
-    reference = job.reference(loop.machine.model.dt, loop.controller.preview)
-    plant, steps = loop.machine.nominal(loop.fed), reference.steps
-    position = jnp.asarray(reference.position)[:steps]
-    increment = jnp.diff(position, axis=0, prepend=position[:1] - reference.start_increment[None])
-
-    def measured(position: Array, increment: Array) -> Array:
-        return row(plant.measure(plant.initial_state(position, increment)))
-
-    return np.asarray(jax.vmap(measured)(position, increment))
-
-
-def _texts(
-    flags: Export,
-    law: DriveLaw,
-    plan: DrivePlan,
-    notes: list[str],
-    name: str,
-    precision: Precision,
-) -> dict[str, tuple[str, str]]:
-    """Text and meaning of every source file."""
-    texts = {}
-    if flags.c or not (flags.st or flags.python):
-        in_tables = plan.numbers <= IN_TABLES
-        tables = c_plan(plan, name, precision) if in_tables else c_plan_reader(plan)
-        told = "the plan as tables" if in_tables else "reads plan.csv, for a computer with files"
-        texts["controller.h"] = c_header(law, plan, notes, precision), "sizes, units, family"
-        texts["controller.c"] = c_source(law, plan, precision), "drive_init and drive_step"
-        texts["plan.c"] = tables, told
-        texts["replay.c"] = c_replay(), "replays the run; its head says how to compile it"
-    if flags.st:
-        text = structured_text(law, plan, notes, precision)
-        texts["controller.st"] = text, "function block; a line of plan.csv goes in every sample"
-    if flags.python:
-        texts["controller.py"] = numpy_source(law, plan, notes), "replays the run when it is run"
-    return texts
+    machine = loop.machine.form(LinearMachine)
+    if machine is None:
+        raise ValueError(
+            f"linuxcnc: needs a machine given by A, B, C, {loop.machine.name} is none; "
+            "`jcontour identify` makes one from a log"
+        )
+    axes, limits = machine.model.axes, machine.limits
+    count = np.broadcast_to(machine.encoder_resolution, axes).astype(float)
+    acceleration = limits.acceleration
+    if acceleration is None:
+        acceleration = code.limits.speed / SPEED_UP
+    title = f"{loop.name} on {machine.name}"
+    return linuxcnc_files(
+        code,
+        machine.mechanics,
+        count,
+        machine.axes,
+        np.broadcast_to(acceleration, axes),
+        title,
+        display,
+    )
 
 
-def _notes(flags: Export, loop: StoredLoop, job: Task) -> list[str]:
+def _places(loop: StoredLoop, measurement: object) -> Float[np.ndarray, "m q"]:
+    """Positions of the axes in a measurement."""
+    numbers, unravel = ravel_pytree(measurement)
+    positions = loop.machine.positions(loop.fed)
+    return np.asarray(jax.jacobian(lambda flat: positions(unravel(flat)))(jnp.zeros_like(numbers)))
+
+
+def _stated(
+    loop: StoredLoop,
+    law: StreamingLaw,
+    position: np.ndarray,
+    y: Float[np.ndarray, "T q"],
+    u: Float[np.ndarray, "T p"],
+) -> Stated:
+    limits, axes = loop.machine.limits, law.axes
+    linear = loop.machine.form(LinearMachine)
+    friction = None if linear is None else linear.friction
+    count = np.broadcast_to(loop.machine.noisy_count or 0.0, axes)
+
+    def each(limit: float | np.ndarray | None, size: int) -> np.ndarray | None:
+        return None if limit is None else np.broadcast_to(limit, size).astype(float)
+
+    return Stated(
+        speed=each(limits.speed, axes),
+        acceleration=each(limits.acceleration, axes),
+        increment=each(limits.increment, law.inputs),
+        control=each(limits.control, law.inputs),
+        friction=each(friction, law.inputs),
+        count=np.maximum(count, SMALLEST),
+        fastest=np.abs(np.diff(position, axis=0)).max(axis=0) / law.dt,
+        error=np.abs(position[: len(y)] - y @ law.places.T).max(axis=0),
+        largest=np.abs(u).max(axis=0),
+    )
+
+
+def _difference(python: str, recorded: Recorded, name: str) -> float:
+    """Largest of the exported controls to those of the run.
+
+    Raises:
+        ValueError: it is more than rounding: a limit acts, or gains change along the path.
+    """
+    first = slice(0, LOOKED_AT)
+    found, trip = replayed(python, recorded.reference, recorded.y[first], recorded.u)
+    apart = float(np.abs(found - recorded.u[first]).max())
+    if trip or not apart <= ALIKE * float(np.abs(recorded.u).max()):
+        why = f"it trips ({trip})" if trip else f"the controls differ by {apart:.3g}"
+        raise ValueError(
+            f"export: on {recorded.name} the law of {name} is not what `simulate` ran: {why}; "
+            "does a limit act? Another --along or a lower feed stays within it"
+        )
+    return apart
+
+
+def limit_lines(limits: SafeLimits, loop: StoredLoop) -> list[str]:
+    """What the law keeps to, in words."""
+
+    def words(values: np.ndarray, scale: float, unit: str) -> str:
+        return f"{' '.join(f'{scale * one:.4g}' for one in values)} {unit}"
+
+    stated = "" if loop.machine.limits.speed is not None else " (none stated: twice the run's)"
+    found = [
+        f"Speed limit: {words(limits.speed, 1e3, 'mm/s')}{stated}, "
+        f"back to the path {words(limits.recovery_speed, 1e3, 'mm/s')}.",
+        f"Trips: {words(limits.following, 1e3, 'mm')} from the command, "
+        f"{words(limits.reach, 1e3, 'mm')} from the path, {limits.lost + 1} samples without a "
+        f"measurement, {limits.missed + 1} missed deadlines in a row.",
+    ]
+    unit = loop.machine.control_unit
+    if loop.machine.limits.control is None:
+        return [*found, "No limit of the control is stated: state one in the machine file."]
+    control = np.atleast_1d(loop.machine.limits.control)
+    each = "no limit" if not np.isfinite(limits.increment).any() else ""
+    change = each or words(limits.increment, 1.0, unit)
+    return [*found, f"Control: {words(control, 1.0, unit)}, its change in a sample: {change}."]
+
+
+def _check_file(recorded: Recorded, unit: str) -> str:
+    """Rows of check.csv; the last ones are reference points alone."""
+    reference, y, u = recorded.reference, recorded.y, recorded.u
+    position, tangent = np.asarray(reference.position), np.asarray(reference.tangent)
+    ahead = [(0, len(position) - len(u)), (0, 0)]
+    rows = np.hstack([position, tangent, np.pad(y, ahead), np.pad(u, ahead)])
+    names = [f"r{k + 1}_m" for k in range(position.shape[1])]
+    names += [f"t{k + 1}" for k in range(position.shape[1])]
+    names += [f"y{k + 1}" for k in range(y.shape[1])]
+    names += [heading(f"u{k + 1}", unit) for k in range(u.shape[1])]
+    lines = [",".join(repr(value) for value in one) for one in (rows + 0.0).tolist()]
+    return "\n".join([",".join(names), *lines]) + "\n"
+
+
+def _notes(flags: Export, loop: StoredLoop) -> list[str]:
     """What the code is, for its head."""
     machine = loop.machine
     version = run_folder.version_of("jcontour") or "unknown"
     measured = "positions" if loop.fed == "outputs" else "the state"
     return [
         f"{loop.name} on {machine.name}, written by jcontour {version} from {flags.run.name}",
-        f"Axes: {', '.join(machine.axes)}. y: {measured} as `simulate` measures them, SI units.",
-        f"u: {machine.control_unit}.",
+        f"Axes: {', '.join(machine.axes)}. Measured: {measured} as `simulate` does, SI units.",
+        f"Control: {machine.control_unit}.",
         f"Family: {'; '.join(machine.family_names)}.",
-        f"Plan: {job.name}, {job.feed_law}, {job.steps} samples.",
     ]
 
 
@@ -265,28 +335,26 @@ def _margins(folder: Path) -> tuple[list[str], list[str]]:
 
 def show_exported(found: ExportedResult, console: Console) -> None:
     """Files, what they hold, and how they were checked."""
-    title = f"{found.controller} on {found.machine}: {found.contour}, {found.samples} samples"
+    title = f"{found.controller} on {found.machine}: a law that sees {found.preview} samples ahead"
     rows = [[name, words] for name, words in found.files.items()]
     console.print(tables.plain_table(title, ("file", "what it is"), rows, text_columns=2))
-    sets = "one gain" if found.gain_sets == 1 else f"{found.gain_sets} different gains"
+    unit = found.control_unit
     tables.say(
         console,
-        f"It remembers {found.states} numbers, and has {sets} along the path.",
-        f"Its equations give the controls of `simulate` within {found.difference:.1e} "
-        f"{found.control_unit}; the largest is {found.largest_control:.3g}.",
-        f"Off its plan, numbers in {found.precision} precision change the controls by up to "
-        f"{found.rounding:.1e} {found.control_unit}.",
+        f"On {found.contour} it gives the controls of `simulate` within {found.difference:.1e} "
+        f"{unit}; the largest is {found.largest_control:.3g}.",
         *(
-            f"Checked: {one.compiler}: no warning, controls off the plan within "
-            f"{one.difference:.1e} {found.control_unit}, {one.nanoseconds:.0f} ns a step"
+            f"Checked: {one.compiler}: no warning, {found.samples} samples within "
+            f"{one.difference:.1e} {unit}; {1e-3 * one.nanoseconds:.2g} us a sample, "
+            f"{1e-3 * one.slow:.2g} us in the slowest of a thousand, at most "
+            f"{1e-3 * one.slowest:.2g} us; {one.code_bytes} bytes of code, {one.memory_bytes} of "
+            "memory"
             for one in found.compiled
         ),
+        *found.limits,
     )
-    if "controller.c" in found.files and not found.compiled:
+    if "law.c" in found.files and not found.compiled:
         tables.say(console, "Not checked: there is no C compiler here.")
-    if "controller.st" in found.files:
+    if "law.st" in found.files:
         tables.say(console, "Not checked: the structured text, which needs a PLC's compiler.")
-    if not found.in_tables:
-        tables.say(console, "The plan is too long for tables: plan.csv holds it, line by line.")
-    tables.say(console, *(line for line in (found.start, found.end) if line))
     tables.say(console, *(f"WARNING: {line}" for line in found.warnings))

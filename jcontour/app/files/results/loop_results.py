@@ -325,13 +325,19 @@ class Compiled:
 
     Attributes:
         compiler: and its flags.
-        difference: largest, of the controls to those of `replay.csv` [control unit].
-        nanoseconds: of one step.
+        difference: largest, of the controls to those of the run [control unit].
+        nanoseconds: of a sample, the median; `slow` of the slowest in a thousand, `slowest` of all.
+        code_bytes: of the compiled law, its constants included; 0 where not known.
+        memory_bytes: that it remembers.
     """
 
     compiler: str
     difference: float
     nanoseconds: float
+    slow: float
+    slowest: float
+    code_bytes: int
+    memory_bytes: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -342,21 +348,18 @@ class ExportedResult:
         exported: folder of the run.
         controller: its name.
         machine: its name.
-        contour: that the plan is made for.
-        samples: of the plan.
+        contour: that the code is checked on.
+        samples: of that run.
+        preview: samples ahead that the law needs.
         states: numbers that the controller remembers.
-        gain_sets: different gains along the path.
-        in_tables: the plan is compiled in; else the drive reads it, line by line.
         control_unit: unit of the controls.
         difference: largest of the law's controls to those of `simulate` [control unit].
-        rounding: largest difference that the precision makes in `replay.csv` [control unit].
         largest_control: of the run [control unit].
         precision: of the numbers, double or single.
+        limits: that the law keeps, in words.
         files: name and meaning of every file.
         compiled: checks by the compilers of this computer.
         warnings: what speaks against loading it.
-        start: where the axes have to stand, in words.
-        end: what is to be done at the end of the plan.
     """
 
     exported: str
@@ -364,16 +367,57 @@ class ExportedResult:
     machine: str
     contour: str
     samples: int
+    preview: int
     states: int
-    gain_sets: int
-    in_tables: bool
     control_unit: str
     difference: float
-    rounding: float
     largest_control: float
     precision: str
+    limits: list[str]
     files: dict[str, str]
     compiled: list[Compiled] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
-    start: str = ""
-    end: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class InLinuxcncRow:
+    """A program in LinuxCNC; errors are distances from the commanded path [m], times in s.
+
+    Attributes:
+        contour: name of the program.
+        real_rms, real_peak: in its servo thread.
+        simulated_rms, simulated_peak: of `simulate`, its planner's samples as the reference.
+        planned_rms: of `simulate` on our own plan.
+        real_time: from the first to the last motion that its planner commands.
+        planned_time: of our own plan.
+        samples: that were compared.
+    """
+
+    contour: str
+    real_rms: float
+    real_peak: float
+    simulated_rms: float
+    simulated_peak: float
+    planned_rms: float
+    real_time: float
+    planned_time: float
+    samples: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class InLinuxcncResult:
+    """A stored loop in LinuxCNC.
+
+    Attributes:
+        checked: folder of the run.
+        controller: its name.
+        machine: its name.
+        period: of the servo thread [s].
+        rows: one for each program.
+    """
+
+    checked: str
+    controller: str
+    machine: str
+    period: float
+    rows: list[InLinuxcncRow]

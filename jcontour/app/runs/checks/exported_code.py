@@ -1,62 +1,50 @@
-"""Trials of exported code: the recorded run, the same run off its plan, compilers that are here."""
+"""Trials of exported code: its Python on the recorded run, and the compilers that are here."""
 
 import re
 import shutil
 import subprocess
 import tempfile
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from jcontour.app.files.results.loop_results import Compiled
-from jcontour.export.affine_law import AffineLaw
-from jcontour.export.code_text import Precision
-from jcontour.export.drive_law import DriveLaw, DrivePlan, replayed
+from jcontour.export.rendering import TRIPS
+from jcontour.motion.references import Reference
 
 COMPILERS = ("gcc", "clang")
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-O2", "-ffp-contract=off")
-TOLD = re.compile(r"largest difference (\S+), (\S+) ns a step")
+SAID = re.compile(
+    r"largest difference (\S+), (\S+) ns a sample, (\S+) ns in the slowest of a thousand, "
+    r"(\S+) ns at most, (\d+) bytes"
+)
 LONGEST = 300  # [s] that compiling or replaying may take
 
 
-CHANGE = 0.1  # of the largest control: far above rounding, and mostly below the limit
-NUMBERS: dict[Precision, type[np.floating]] = {"double": np.float64, "single": np.float32}
-
-
-def off_the_plan(
-    law: DriveLaw, plan: DrivePlan, u: Float[np.ndarray, "T p"]
-) -> Float[np.ndarray, "T q"]:
-    """Measurements of the planned run with a slow wave on each of them.
-
-    On its plan a law has nothing to do: the feedback is seen only off it. The wave of measurement j
-    has j + 3/2 periods along the run. Its size is that which changes the controls by a tenth of the
-    largest one.
-    """
-    steps, measured = plan.r.shape
-    periods = np.arange(measured) + 1.5
-    phase = 2.0 * np.pi * np.arange(steps)[:, None] * periods / steps
-    ranges = np.ptp(plan.r, axis=0)
-    ranges[ranges == 0.0] = ranges.max()  # of an axis that stands still
-    wave = ranges * np.sin(phase)
-    free = replace(law, limit=np.full(law.inputs, np.inf))
-    still = replace(plan, f=np.zeros_like(plan.f), r=np.zeros_like(plan.r))
-    largest = np.abs(replayed(free, still, wave)).max()
-    size = CHANGE * np.abs(u).max() / largest if largest > 0.0 else 0.0  # no feedback at all
-    return plan.r + size * wave
-
-
-def rounding(
-    affine: AffineLaw, plan: DrivePlan, y: Float[np.ndarray, "T q"], precision: Precision
-) -> float:
-    """Largest difference that the written numbers make to the controls of recorded measurements."""
-    _, exact = affine.run(y)
-    return float(np.abs(replayed(affine.law, plan, y, NUMBERS[precision]) - exact).max())
+def replayed(
+    source: str,
+    reference: Reference,
+    measurement: Float[np.ndarray, "T q"],
+    control: Float[np.ndarray, "T p"],
+) -> tuple[Float[np.ndarray, "T p"], str]:
+    """Controls of exported Python on a recorded run, and the trip that ended it; "" without one."""
+    module: dict[str, Any] = {"__name__": "law", "__file__": "law.py"}
+    exec(compile(source, "law.py", "exec"), module)
+    law, ahead = module["Law"](), module["LAW_POINTS"]
+    position, tangent = np.asarray(reference.position), np.asarray(reference.tangent)
+    law.start(position[0], np.asarray(reference.start_increment))
+    law.control = control[0].tolist()  # in force before: a run may begin in motion
+    controls = []
+    for k, y in enumerate(measurement):
+        seen = slice(k, k + ahead)
+        controls.append(law.step(position[seen], y, tangent[seen], k))
+    return np.array(controls), "" if law.trip == 0 else list(TRIPS.values())[law.trip]
 
 
 def compiled_checks(folder: Path) -> list[Compiled]:
-    """Difference and time of a step, by every compiler that is installed.
+    """Difference, time and size, by every compiler that is installed.
 
     Raises:
         RuntimeError: a compiler warns, or the program fails: a fault of the code that was written.
@@ -66,20 +54,30 @@ def compiled_checks(folder: Path) -> list[Compiled]:
 
 def _checked(folder: Path, compiler: str) -> Compiled:
     with tempfile.TemporaryDirectory() as work:
-        program = str(Path(work) / "replay")
-        sources = [name.name for name in sorted(folder.glob("*.c"))]
-        _told([compiler, *FLAGS, *sources, "-o", program], folder)
-        told = _told([program, "replay.csv"], folder)
-    found = TOLD.search(told)
+        program, law = str(Path(work) / "check"), str(Path(work) / "law.o")
+        _said([compiler, *FLAGS, "-c", "law.c", "-o", law], folder)
+        _said([compiler, *FLAGS, law, "check.c", "-I.", "-o", program], folder)
+        said = _said([program, "check.csv"], folder)
+        code = 0
+        if shutil.which("size"):
+            text, data, bss = _said(["size", law], folder).splitlines()[1].split()[:3]
+            code = int(text) + int(data) + int(bss)
+    found = SAID.search(said)
     if found is None:
-        raise RuntimeError(f"export: the program of {compiler} said {told!r}")
-    flags = " ".join(FLAGS)
+        raise RuntimeError(f"export: the program of {compiler} said {said!r}")
+    difference, *times = (float(word) for word in found.groups()[:4])
     return Compiled(
-        compiler=f"{compiler} {flags}", difference=float(found[1]), nanoseconds=float(found[2])
+        compiler=f"{compiler} {' '.join(FLAGS)}",
+        difference=difference,
+        nanoseconds=times[0],
+        slow=times[1],
+        slowest=times[2],
+        code_bytes=code,
+        memory_bytes=int(found[5]),
     )
 
 
-def _told(words: list[str], folder: Path) -> str:
+def _said(words: list[str], folder: Path) -> str:
     done = subprocess.run(words, cwd=folder, text=True, capture_output=True, timeout=LONGEST)
     if done.returncode != 0 or done.stderr:
         raise RuntimeError(f"export: {words[0]} failed: {done.stderr.strip()}")

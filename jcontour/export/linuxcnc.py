@@ -1,0 +1,126 @@
+"""A streaming law as a component of LinuxCNC, and its machine as another: no hardware is needed.
+
+The motion module gives a command for every joint and servo period. The law follows it as many
+periods late as it sees ahead, one more for its queue.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jcontour.export.rendering import Code
+from jcontour.export.streaming_law import Matrix, Vector
+from jcontour.linear.plant import LinearPlant
+from jcontour.plant import Plant
+from jcontour.plants.wrappers.dry_friction import WithDryFriction
+
+LETTERS = "XYZABCUVW"
+SHORTEST = 5e-5  # [s] of a servo period: 20 kHz
+DRIVE = "./drive.py"  # in place of a display: it runs a program and keeps the samples
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Limits of a joint in the units of LinuxCNC: mm, s."""
+
+    axis: str
+    speed: float
+    acceleration: float
+    following: float
+
+
+def linuxcnc_files(
+    code: Code,
+    machine: Plant,
+    count: Vector,
+    axes: Sequence[str],
+    acceleration: Vector,
+    title: str,
+    display: str = "axis",
+) -> Mapping[str, str]:
+    """Name and text of every file.
+
+    Args:
+        code: law and limits.
+        machine: linear model, with friction where it has some; its state is measured.
+        count: of every encoder [m].
+        axes: letters of the axes, each a joint.
+        acceleration: of every axis [m/s^2].
+        title: for people.
+        display: what LinuxCNC shows; `DRIVE` runs program.ngc and keeps its samples.
+
+    Raises:
+        ValueError: LinuxCNC cannot run it; the message says why.
+    """
+    law, nanoseconds = code.law, round(1e9 * code.law.dt)
+    if law.dt < SHORTEST:
+        raise ValueError(
+            f"linuxcnc: the sample of {1e6 * law.dt:g} us is shorter than a servo period can be, "
+            f"{1e6 * SHORTEST:g} us; describe the machine at a longer one"
+        )
+    if [one for one in axes if one not in LETTERS] or len(set(axes)) < len(axes):
+        raise ValueError(
+            f"linuxcnc: joints have to be axes of the letters {LETTERS}, one encoder each; "
+            f"received {', '.join(axes)}"
+        )
+    if law.measured != law.axes or not np.array_equal(law.places, np.eye(law.axes)):
+        raise ValueError(
+            f"linuxcnc: needs an encoder for each of the {law.axes} axes, the law measures "
+            f"{law.measured} numbers; run a controller that measures positions"
+        )
+    safe = code.limits
+    joints = [
+        Joint(axis, *(float(f"{1e3 * one:.6g}") for one in numbers))
+        for axis, *numbers in zip(axes, safe.speed, acceleration, safe.following, strict=True)
+    ]
+    more: dict[str, Any] = {
+        "title": title,
+        "axes": list(axes),
+        "joints": joints,
+        "nanoseconds": nanoseconds,
+        "display": display,
+        "sampled": display == DRIVE,
+        **_model(machine, count),
+    }
+    names = {
+        "jcontour_law.comp": "law.comp.j2",
+        "jcontour_machine.comp": "machine.comp.j2",
+        "loop.hal": "loop.hal.j2",
+        "machine.ini": "machine.ini.j2",
+        "README.md": "README.md.j2",
+    }
+    if display == DRIVE:
+        names["drive.py"] = "drive.py.j2"
+    texts = {name: code.text(f"linuxcnc/{one}", **more) for name, one in names.items()}
+    return texts | {name: code.text(f"{name}.j2") for name in ("law.h", "law.c")}
+
+
+def _model(machine: Plant, count: Vector) -> dict[str, Any]:
+    """Matrices of the machine; friction of zero where it has none."""
+    model = machine.plant if isinstance(machine, WithDryFriction) else machine
+    if not isinstance(model, LinearPlant):
+        raise ValueError(f"linuxcnc: needs a linear machine, received {type(model).__name__}")
+    A, B, C = (np.asarray(one, float) for one in (model.A, model.B, model.C))
+    m, n = C.shape
+    entry, speed, led = np.zeros((n, m)), np.zeros((m, n)), np.zeros((m, B.shape[1]))
+    sharpness, friction = np.zeros(m), np.zeros(m)
+    if isinstance(machine, WithDryFriction):
+        parts = machine.entry, machine.speed, machine.led, machine.sharpness
+        entry, speed, led, sharpness = (np.asarray(one, float) for one in parts)
+        friction = np.asarray(machine.friction.dry(jnp.ones(m)), float)
+    matrices: list[tuple[str, Matrix | Float[np.ndarray, " m"]]] = [
+        ("A", A),
+        ("B", B),
+        ("C", C),
+        ("ENTRY", entry),
+        ("SPEED", speed),
+        ("LED", led),
+        ("SHARPNESS", sharpness),
+        ("FRICTION", friction),
+        ("COUNT", count),
+    ]
+    return {"A": A, "B": B, "C": C, "matrices": matrices}
