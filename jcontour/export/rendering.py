@@ -175,7 +175,7 @@ class Code:
             ("seen", "LAW_MEASURED", "last measurement that was believed"),
             ("departure", "LAW_MEASURED", "of it from that on the command"),
             ("frozen", "LAW_MEASURED", "way commanded since it changed"),
-            ("push", "LAW_MEASURED", "control behind it when it changed"),
+            ("rested", "LAW_MEASURED", "control behind it when it changed"),
             ("rate", "", "of reading on: 1, less in a hold"),
             ("phase", "", "between two reference points"),
         ]
@@ -255,7 +255,8 @@ class Code:
         context["statuses"], context["trips"] = STATUSES, TRIPS
         context["real"], context["type"] = TYPES[self.precision]
         context["notes"] = "\n".join(f" * {plain(line)}".rstrip() for line in self.notes)
-        context["lines"] = [plain(line) for line in self.notes]
+        safe = [plain(line).replace('"""', "'''") for line in self.notes]
+        context["lines"] = [line.replace("\\", "/") for line in safe]
         for name in ("start", "step"):
             context[name] = self._templates.get_template(f"{name}.j2").render(**context)
         return context

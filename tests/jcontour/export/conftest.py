@@ -90,7 +90,7 @@ def code_of(name, precision="double"):
         friction=np.zeros(law.inputs),
         count=np.full(2, 1e-6),
         fastest=np.full(2, FEED),
-        error=np.full(2, 3e-3) if name == "cascade" else np.full(2, 5e-5),
+        error=np.full(2, 3e-3) if name in ("cascade", "drives") else np.full(2, 5e-5),
         largest=np.full(law.inputs, LIMIT / 4),
     )
     safe = safe_limits(stated, places, law.drives, law.dt)
@@ -159,8 +159,8 @@ class InC:
 def run(law, reference, measurement, control, points):
     """Controls of a law along a recorded run."""
     position, tangent = np.asarray(reference.position), np.asarray(reference.tangent)
+    law.control[:] = control[0].tolist()  # in force before
     law.start(position[0], np.asarray(reference.start_increment))
-    law.control[:] = control[0]  # in force before
     ahead = [slice(k, k + points) for k in range(len(measurement))]
     return np.array(
         [

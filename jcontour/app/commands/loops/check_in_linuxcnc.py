@@ -4,6 +4,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from jcontour.app.commands.loops.export import exported_code, linuxcnc_components
@@ -69,11 +70,7 @@ def run(flags: Check) -> tuple[InLinuxcncResult, Path]:
             raise ValueError(f"in-linuxcnc: {part} is no program of G-code, LinuxCNC runs no other")
     rows, figures = [], {}
     for job, part in programs:
-        code, _ = exported_code(loop, job)
-        components = linuxcnc_components(loop, code, display=DRIVE)
-        longest = LEAST + LONGER * job.samples * loop.machine.model.dt
-        real = run_in_linuxcnc(components, part.read_text(), longest)
-        row, figure = _compared(loop, job, real)
+        row, figure = compared(loop, job, part.read_text())
         rows.append(row)
         figures[job.name] = figure
     folder = created(flags, "check")
@@ -90,8 +87,17 @@ def run(flags: Check) -> tuple[InLinuxcncResult, Path]:
     return result, folder
 
 
-def _compared(loop: StoredLoop, job: Task, real: RealRun):
-    """Errors of the real loop, of `simulate` on the planner's samples and on our own."""
+def compared(loop: StoredLoop, job: Task, program: str) -> tuple[InLinuxcncRow, Figure]:
+    """Errors of the real loop, of `simulate` on the planner's samples and on our own.
+
+    Raises:
+        ValueError: the loop cannot run in LinuxCNC.
+        RuntimeError: as `run_in_linuxcnc`.
+    """
+    code, _ = exported_code(loop, job)
+    components = linuxcnc_components(loop, code, display=DRIVE)
+    longest = LEAST + LONGER * job.samples * loop.machine.model.dt
+    real: RealRun = run_in_linuxcnc(components, program, longest)
     plant, controller, dt = (
         loop.machine.true_family(loop.fed)[0],
         loop.controller,

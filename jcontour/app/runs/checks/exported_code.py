@@ -34,8 +34,8 @@ def replayed(
     exec(compile(source, "law.py", "exec"), module)
     law, ahead = module["Law"](), module["LAW_POINTS"]
     position, tangent = np.asarray(reference.position), np.asarray(reference.tangent)
-    law.start(position[0], np.asarray(reference.start_increment))
     law.control = control[0].tolist()  # in force before: a run may begin in motion
+    law.start(position[0], np.asarray(reference.start_increment))
     controls = []
     for k, y in enumerate(measurement):
         seen = slice(k, k + ahead)

@@ -82,7 +82,7 @@ def _installed(folder: Path, name: str) -> None:
 
 
 def _run(folder: Path, longest: float) -> None:
-    environment = {**os.environ, "HOME": str(folder), "DISPLAY": ""}
+    environment = {**os.environ, "HOME": str(folder), "DISPLAY": "", "LONGEST": str(longest)}
     user = None
     if os.geteuid() == 0:
         user = USER

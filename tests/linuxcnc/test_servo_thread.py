@@ -1,0 +1,44 @@
+"""Exported laws in LinuxCNC's servo thread, beside `simulate` on the samples of its planner."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jcontour.app.catalogue.choices import job_named
+from jcontour.app.commands.loops.check_in_linuxcnc import compared
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.runs.checks.in_linuxcnc import distance_to_path, missing
+from jcontour.app.runs.stored_loops import loop_of
+
+HERE = Path(__file__).parent / "parts"
+BUILT_IN = Path("jcontour/app/jobs/toolpaths")
+PARTS = [HERE / f"{name}.ngc" for name in ("square", "lobes", "pocket")]
+PARTS += [BUILT_IN / f"{name}.ngc" for name in ("bracket", "cam")]
+NEAR = 0.05  # of the RMS contour error of `simulate`
+
+needs_linuxcnc = pytest.mark.skipif(bool(missing()), reason=missing())
+
+
+@pytest.fixture(scope="module", params=["mill", "slide"])
+def loop(request):
+    """A machine whose drives take a speed, and one that takes a force, both with friction."""
+    plant = str(HERE / f"{request.param}.json")
+    return loop_of(Simulate(plant=plant), str(PARTS[0]))
+
+
+@needs_linuxcnc
+@pytest.mark.parametrize(
+    "part", [PARTS[0], *(pytest.param(one, marks=pytest.mark.slow) for one in PARTS[1:])]
+)
+def test_the_contour_error_is_that_of_simulate(loop, part):
+    row, _ = compared(loop, job_named(str(part), loop.pace), part.read_text())
+    print(loop.machine.name, row)
+    assert abs(row.real_rms / row.simulated_rms - 1.0) < NEAR
+    assert row.samples * loop.machine.model.dt > row.real_time > 0.1
+
+
+def test_the_distance_to_a_path_is_that_to_its_nearest_piece():
+    path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    places = np.array([[0.5, 0.25], [1.5, 0.5], [-3.0, 4.0], [1.0, 0.0]])
+    assert distance_to_path(path, places).tolist() == [0.25, 0.5, 5.0, 0.0]
