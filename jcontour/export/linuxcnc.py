@@ -14,11 +14,12 @@ from jaxtyping import Float
 
 from jcontour.export.rendering import Code
 from jcontour.export.streaming_law import Matrix, Vector
-from jcontour.linear.plant import LinearPlant
+from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.plant import Plant
 from jcontour.plants.wrappers.dry_friction import WithDryFriction
 
 LETTERS = "XYZABCUVW"
+STEADY = 20_000  # samples after which a constant control gives a constant speed
 SHORTEST = 5e-5  # [s] of a servo period: 20 kHz
 DRIVE = "./drive.py"  # in place of a display: it runs a program and keeps the samples
 
@@ -33,6 +34,55 @@ class Joint:
     following: float
 
 
+@dataclass(frozen=True)
+class StockPid:
+    """Gains of LinuxCNC's `pid`: control per mm, mm s and mm/s, and per mm/s of the command."""
+
+    P: float
+    I: float  # noqa: E741  the field's letter
+    D: float
+    FF1: float
+    limit: float
+
+
+def stock_pids(model: LinearPlant, limit: Vector) -> list[StockPid]:
+    """Loops of LinuxCNC's `pid` on the model, axis by axis.
+
+    P is raised until the loop oscillates; the rest is by Ziegler and Nichols, P = 0.6 K_u,
+    I = 1.2 K_u / T_u, D = 0.075 K_u T_u. FF1 is the control of a steady speed.
+
+    Raises:
+        ValueError: an axis has no control of its own, or does not oscillate at any gain.
+    """
+    A, B, C = (np.asarray(one, float) for one in (model.A, model.B, model.C))
+    if B.shape[1] != len(C):
+        raise ValueError("linuxcnc: a PID needs one control for each axis")
+    found = []
+    for b, c, most in zip(B.T, C, limit, strict=True):
+
+        def loop(gain: float, b: np.ndarray = b, c: np.ndarray = c) -> np.ndarray:
+            return A - gain * np.outer(b, c)
+
+        gains = np.geomspace(1.0, 1e12, 240)
+        unstable = [gain for gain in gains if spectral_radius(loop(gain)) > 1.0 + 1e-9]
+        if not unstable:
+            raise ValueError("linuxcnc: a loop of P alone never oscillates, it cannot be tuned so")
+        high, low = unstable[0], unstable[0] / (gains[1] / gains[0])
+        for _ in range(40):
+            middle = np.sqrt(low * high)
+            low, high = (middle, high) if spectral_radius(loop(middle)) <= 1.0 else (low, middle)
+        values = np.linalg.eigvals(loop(high))
+        ultimate, turned = 1e-3 * high, np.abs(np.angle(values[np.abs(values).argmax()]))
+        period = 2.0 * np.pi * model.dt / turned
+        x = np.zeros(len(A))
+        for _ in range(STEADY):
+            x = A @ x + b
+        speed = 1e3 * float(c @ (A @ x + b - x)) / model.dt  # [mm/s] of a control of one
+        gains = 0.6 * ultimate, 1.2 * ultimate / period, 0.075 * ultimate * period
+        found.append(StockPid(*map(float, gains), FF1=1.0 / speed, limit=float(most)))
+    return found
+
+
 def linuxcnc_files(
     code: Code,
     machine: Plant,
@@ -41,6 +91,7 @@ def linuxcnc_files(
     acceleration: Vector,
     title: str,
     display: str = "axis",
+    pids: Sequence["StockPid"] = (),
 ) -> Mapping[str, str]:
     """Name and text of every file.
 
@@ -52,6 +103,7 @@ def linuxcnc_files(
         acceleration: of every axis [m/s^2].
         title: for people.
         display: what LinuxCNC shows; `DRIVE` runs program.ngc and keeps its samples.
+        pids: LinuxCNC's own loops in place of the law, to compare with.
 
     Raises:
         ValueError: LinuxCNC cannot run it; the message says why.
@@ -83,6 +135,7 @@ def linuxcnc_files(
         "joints": joints,
         "nanoseconds": nanoseconds,
         "display": display,
+        "pids": pids,
         "sampled": display == DRIVE,
         **_model(machine, count),
     }

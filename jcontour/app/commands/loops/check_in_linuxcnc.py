@@ -18,7 +18,6 @@ from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.checks.in_linuxcnc import (
-    RealRun,
     distance_to_path,
     missing,
     run_in_linuxcnc,
@@ -97,7 +96,9 @@ def compared(loop: StoredLoop, job: Task, program: str) -> tuple[InLinuxcncRow, 
     code, _ = exported_code(loop, job)
     components = linuxcnc_components(loop, code, display=DRIVE)
     longest = LEAST + LONGER * job.samples * loop.machine.model.dt
-    real: RealRun = run_in_linuxcnc(components, program, longest)
+    real = run_in_linuxcnc(components, program, longest)
+    stock = linuxcnc_components(loop, code, display=DRIVE, stock=True)
+    pid = run_in_linuxcnc(stock, program, longest)
     plant, controller, dt = (
         loop.machine.true_family(loop.fed)[0],
         loop.controller,
@@ -111,6 +112,7 @@ def compared(loop: StoredLoop, job: Task, program: str) -> tuple[InLinuxcncRow, 
     planned = np.asarray(simulate(plant, controller, own).output)
     errors = {
         "real": distance_to_path(real.command, real.tool),
+        "pid": distance_to_path(pid.command, pid.tool),
         "simulated": distance_to_path(real.command, same),
         "planned": distance_to_path(np.asarray(own.position), planned),
     }
@@ -119,6 +121,7 @@ def compared(loop: StoredLoop, job: Task, program: str) -> tuple[InLinuxcncRow, 
         contour=job.name,
         real_rms=rms["real"],
         real_peak=float(errors["real"].max()),
+        pid_rms=rms["pid"],
         simulated_rms=rms["simulated"],
         simulated_peak=float(errors["simulated"].max()),
         planned_rms=rms["planned"],
@@ -158,6 +161,7 @@ def show(found: InLinuxcncResult, console: Console) -> None:
     columns = {
         "program": lambda row: row.contour,
         "LinuxCNC\nRMS um": lambda row: 1e6 * row.real_rms,
+        "its own PID\nRMS um": lambda row: 1e6 * row.pid_rms,
         "peak um": lambda row: 1e6 * row.real_peak,
         "simulate on its samples\nRMS um": lambda row: 1e6 * row.simulated_rms,
         "difference\n%": lambda row: 100 * (row.real_rms / row.simulated_rms - 1),

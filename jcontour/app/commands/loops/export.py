@@ -25,7 +25,7 @@ from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
 from jcontour.bounds.affine import NotAffine
 from jcontour.export.code_text import heading
-from jcontour.export.linuxcnc import linuxcnc_files
+from jcontour.export.linuxcnc import linuxcnc_files, stock_pids
 from jcontour.export.rendering import Code
 from jcontour.export.safe_limits import SPEED_UP, SafeLimits, Stated, safe_limits
 from jcontour.export.streaming_law import StreamingLaw, streaming_law
@@ -188,8 +188,10 @@ def exported_code(loop: StoredLoop, job: Task, single: bool = False) -> tuple[Co
     return Code(law, safe, (), machine.control_unit, precision), Recorded(job.name, reference, y, u)
 
 
-def linuxcnc_components(loop: StoredLoop, code: Code, display: str = "axis") -> Mapping[str, str]:
-    """Files for LinuxCNC by name.
+def linuxcnc_components(
+    loop: StoredLoop, code: Code, display: str = "axis", stock: bool = False
+) -> Mapping[str, str]:
+    """Files for LinuxCNC by name; with its own PID in place of the law where that is asked for.
 
     Raises:
         ValueError: LinuxCNC cannot run the law or its machine.
@@ -214,6 +216,7 @@ def linuxcnc_components(loop: StoredLoop, code: Code, display: str = "axis") -> 
         np.broadcast_to(acceleration, axes),
         title,
         display,
+        stock_pids(machine.model, np.full(axes, machine.largest_control)) if stock else (),
     )
 
 

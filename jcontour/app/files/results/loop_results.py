@@ -386,6 +386,7 @@ class InLinuxcncRow:
     Attributes:
         contour: name of the program.
         real_rms, real_peak: in its servo thread.
+        pid_rms: likewise, with its own PID, tuned by Ziegler and Nichols.
         simulated_rms, simulated_peak: of `simulate`, its planner's samples as the reference.
         planned_rms: of `simulate` on our own plan.
         real_time: from the first to the last motion that its planner commands.
@@ -396,6 +397,7 @@ class InLinuxcncRow:
     contour: str
     real_rms: float
     real_peak: float
+    pid_rms: float
     simulated_rms: float
     simulated_peak: float
     planned_rms: float
