@@ -89,7 +89,8 @@ class Code:
             found["LAW_MODEL"] = len(law.window.A)
         else:
             found["LAW_FILTER"] = law.behind + law.preview + 1
-        found["LAW_IDLE"] = self.limits.idle
+        found["LAW_WAIT"] = law.dead_time + self.limits.wait
+        found["LAW_IDLE"] = law.dead_time + self.limits.idle
         found["LAW_MOST_LOST"] = self.limits.lost
         found["LAW_MOST_MISSED"] = self.limits.missed
         return found
@@ -117,9 +118,9 @@ class Code:
             (
                 "LAW_PUSH",
                 safe.push,
-                "of the control without a change of the measurement that trips",
+                "of the control, that trips where a measurement stays for LAW_WAIT samples",
             ),
-            ("LAW_NUDGE", safe.nudge, "likewise, after LAW_IDLE samples"),
+            ("LAW_NUDGE", safe.nudge, "likewise, for LAW_IDLE samples"),
             ("LAW_DRIVES", law.drives, "control behind a measurement: measured x controls"),
             ("LAW_PLACES", law.places, "positions in a measurement: axes x measured"),
             ("LAW_SEEN", law.seen, "measurement at rest: measured x axes"),
@@ -193,7 +194,7 @@ class Code:
             ("called", "", "tick of the last call"),
             ("timed", "", "whether there was one"),
             ("unread", "LAW_MEASURED", "samples since a measurement was believed"),
-            ("idle", "LAW_MEASURED", "samples since it changed"),
+            ("idle", "LAW_MEASURED", "samples that its control pushes without a change"),
             ("losses", "", "measurements that were not believed"),
             ("missed", "", "samples without a call"),
             ("breaks", "", "samples at which the reference was not the one announced"),

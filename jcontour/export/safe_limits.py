@@ -29,8 +29,8 @@ class SafeLimits:
         following: error of an axis that trips [m].
         jump: change of a measurement in a sample that is not believed; infinite where none.
         freeze: commanded way without a change of the measurement that trips [m].
-        push: change of the control behind a measurement that does not change, that trips; `nudge`
-            after `idle` samples without a change.
+        push: change of the control behind a measurement that trips, where the measurement does not
+            change for `wait` samples more than the dead time; `nudge` likewise, for `idle` samples.
         stop: time of a feed hold from full speed [s].
         lost: samples in a row without a measurement that trip, and `missed` of deadlines.
     """
@@ -47,7 +47,8 @@ class SafeLimits:
     push: Float[np.ndarray, " q"]
     nudge: Float[np.ndarray, " q"]
     stop: float
-    idle: int = 20  # the dead time of a drive is shorter
+    wait: int = 4  # in which a push passes a count
+    idle: int = 20  # in which friction breaks loose
     lost: int = 5  # 5 ms at 1 kHz: an observer bridges them
     missed: int = 3
 

@@ -107,6 +107,7 @@ class StreamingLaw:
         seen: measurement at rest per position, and `places` the positions in a measurement.
         hold: control per position that stands there.
         drives: the control behind each measurement, a one in its row.
+        dead_time: samples until a control shows in a measurement.
         base: what positions count from.
     """
 
@@ -133,6 +134,7 @@ class StreamingLaw:
     places: Matrix
     hold: Matrix
     drives: Matrix
+    dead_time: int = 1
     base: Base = "origin"
 
     @property
@@ -197,7 +199,8 @@ def streaming_law(
         law = replace(_observed(controller, law), seen=seen)
     else:
         law = replace(law, limit=np.broadcast_to(np.asarray(limit, float), law.inputs))
-    law = replace(law, drives=_drives(machine, line, law.inputs))
+    drives, dead_time = _drives(machine, line, law.inputs)
+    law = replace(law, drives=drives, dead_time=dead_time)
     return replace(law, base=_base(law, BALANCED[precision]))
 
 
@@ -217,17 +220,21 @@ def _seen(machine: Plant, position: Any) -> Float[np.ndarray, " q"]:
     return np.asarray(row(machine.measure(machine.initial_state(position, 0.0 * position))))
 
 
-def _drives(machine: Plant, line: Reference, inputs: int) -> Matrix:
-    """Control that moves each measurement most, when it is pushed for a while."""
+def _drives(machine: Plant, line: Reference, inputs: int) -> tuple[Matrix, int]:
+    """Control that moves each measurement most when it pushes, and the longest dead time."""
     found = []
     for control in np.eye(inputs):
         state = machine.initial_state(line.position[0], line.start_increment)
-        start = np.asarray(row(machine.measure(state)))
+        rows = [row(machine.measure(state))]
         for _ in range(PUSHED):
             state = machine.step(state, jnp.asarray(control))
-        found.append(np.abs(np.asarray(row(machine.measure(state))) - start))
-    response = np.stack(found, axis=1)
-    return np.eye(inputs)[response.argmax(axis=1)] * (response.max(axis=1) > 0.0)[:, None]
+            rows.append(row(machine.measure(state)))
+        found.append(np.abs(np.asarray(rows[1:]) - np.asarray(rows[0])))
+    response = np.stack(found, axis=2)  # (sample, measured, control)
+    last = response[-1]
+    drives = np.eye(inputs)[last.argmax(axis=1)] * (last.max(axis=1) > 0.0)[:, None]
+    moved = (response > ENDED * last.max()).any(axis=2)
+    return drives, int(moved.argmax(axis=0).max()) + 1
 
 
 def _swept(inner: ContouringLQ, seen: Matrix, places: Matrix) -> StreamingLaw:
