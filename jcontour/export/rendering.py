@@ -238,8 +238,8 @@ class Code:
         )
         precision: Precision = self.precision
         found.filters |= {
-            "number": lambda value: literal(value, precision),
-            "table": lambda values: table(values, precision),
+            "number": lambda value, kind=precision: literal(value, kind),
+            "table": lambda values, kind=precision: table(values, kind),
             "code": lambda text: in_c(text, precision),
             "python": in_python,
             "structured": in_structured_text,
