@@ -5,7 +5,7 @@ periods late as it sees ahead, one more for its queue.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -19,6 +19,7 @@ from jcontour.plant import Plant
 from jcontour.plants.wrappers.dry_friction import WithDryFriction
 
 LETTERS = "XYZABCUVW"
+TOOLS = 99  # without length or diameter: programs that change tools run
 STEADY = 20_000  # samples after which a constant control gives a constant speed
 SHORTEST = 5e-5  # [s] of a servo period: 20 kHz
 DRIVE = "./drive.py"  # in place of a display: it runs a program and keeps the samples
@@ -129,6 +130,8 @@ def linuxcnc_files(
         Joint(axis, *(float(f"{1e3 * one:.6g}") for one in numbers))
         for axis, *numbers in zip(axes, safe.speed, acceleration, safe.following, strict=True)
     ]
+    if "Z" not in axes:  # programs lift the tool
+        joints.append(replace(joints[0], axis="Z"))
     more: dict[str, Any] = {
         "title": title,
         "axes": list(axes),
@@ -149,6 +152,7 @@ def linuxcnc_files(
     if display == DRIVE:
         names["drive.py"] = "drive.py.j2"
     texts = {name: code.text(f"linuxcnc/{one}", **more) for name, one in names.items()}
+    texts["tool.tbl"] = "".join(f"T{k} P{k}\n" for k in range(1, TOOLS + 1))
     return texts | {name: code.text(f"{name}.j2") for name in ("law.h", "law.c")}
 
 

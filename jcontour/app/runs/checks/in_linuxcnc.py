@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from filelock import FileLock
 from jaxtyping import Float
 
 from jcontour.export.linuxcnc import DRIVE
@@ -57,7 +58,8 @@ def run_in_linuxcnc(components: Mapping[str, str], program: str, longest: float)
     Raises:
         RuntimeError: it does not build, does not end, trips, or samples are lost.
     """
-    with tempfile.TemporaryDirectory() as work:
+    alone = Path(tempfile.gettempdir()) / "jcontour-linuxcnc.lock"  # two would share its memory
+    with FileLock(alone), tempfile.TemporaryDirectory() as work:
         folder = Path(work)
         for name, text in components.items():
             (folder / name).write_text(text)
