@@ -236,10 +236,17 @@ class Code:
             keep_trailing_newline=True,
             undefined=jinja2.StrictUndefined,
         )
-        precision: Precision = self.precision
+        precision = self.precision
+
+        def number(value: float, kind: Precision = precision) -> str:
+            return literal(value, kind)
+
+        def rows(values: np.ndarray, kind: Precision = precision) -> str:
+            return table(values, kind)
+
         found.filters |= {
-            "number": lambda value, kind=precision: literal(value, kind),
-            "table": lambda values, kind=precision: table(values, kind),
+            "number": number,
+            "table": rows,
             "code": lambda text: in_c(text, precision),
             "python": in_python,
             "structured": in_structured_text,

@@ -11,7 +11,7 @@ base: the present reference where a law is the same everywhere, so that its numb
 place of the start where a control is needed to stand; else the origin.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -86,7 +86,7 @@ class Window:
     per: Matrix | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StreamingLaw:
     """A law of one machine, for any part.
 
@@ -112,28 +112,28 @@ class StreamingLaw:
     """
 
     dt: float
-    names: tuple[str, ...]
     preview: int
-    behind: int
-    L: Matrix | None
-    C: Matrix | None
-    A: Matrix | None
-    B: Matrix | None
-    E: Matrix | None
-    F: Matrix | None
-    D: Matrix | None
-    window: Window | None
-    G: Float[np.ndarray, "window p m"] | None
-    W: Float[np.ndarray, "window n m"] | None
     limit: Vector
-    kept: Vector
-    exact: bool
     still: Matrix
     entry: Matrix
     seen: Matrix
     places: Matrix
     hold: Matrix
-    drives: Matrix
+    names: tuple[str, ...] = ()
+    behind: int = 0
+    L: Matrix | None = None
+    C: Matrix | None = None
+    A: Matrix | None = None
+    B: Matrix | None = None
+    E: Matrix | None = None
+    F: Matrix | None = None
+    D: Matrix | None = None
+    window: Window | None = None
+    G: Float[np.ndarray, "window p m"] | None = None
+    W: Float[np.ndarray, "window n m"] | None = None
+    kept: Vector = field(default_factory=lambda: np.zeros(0))
+    exact: bool = True
+    drives: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
     dead_time: int = 1
     base: Base = "origin"
 
@@ -265,28 +265,14 @@ def _swept(inner: ContouringLQ, seen: Matrix, places: Matrix) -> StreamingLaw:
     points = [operating_point(model, jnp.asarray(one)) for one in np.eye(len(C))]
     return StreamingLaw(
         dt=model.dt,
-        names=(),
         preview=N,
-        behind=0,
-        L=None,
-        C=None,
-        A=None,
-        B=None,
-        E=None,
-        F=None,
-        D=None,
-        window=window,
-        G=None,
-        W=None,
         limit=np.full(B.shape[1], np.inf),
-        kept=np.zeros(0),
-        exact=True,
         still=np.zeros((0, len(C))),
         entry=np.zeros((0, len(C))),
         seen=seen,
         places=places,
         hold=np.stack([np.asarray(one.control, float) for one in points], axis=1),
-        drives=np.zeros((len(seen), B.shape[1])),
+        window=window,
     )
 
 
@@ -341,14 +327,10 @@ def _stationary(
         names=tuple(f"memory {k + 1}" for k in range(n)),
         preview=preview,
         behind=BEHIND - skipped,
-        L=None,
-        C=None,
         A=_some(steps.A[0]),
-        B=None,
         E=_some(steps.E[0]),
         F=_some(steps.F[0]),
         D=_some(steps.D[0]),
-        window=None,
         G=G[skipped:],
         W=_some(W[skipped:]),
         limit=np.full(p, np.inf),
@@ -359,7 +341,6 @@ def _stationary(
         seen=seen,
         places=places,
         hold=hold,
-        drives=np.zeros((len(seen), p)),
     )
 
 
@@ -411,7 +392,7 @@ def _observed(controller: Observer, law: StreamingLaw) -> StreamingLaw:
 
 
 class _Steps(eqx.Module):
-    """A controller's step at every sample: x A + E y + w, and f - F x - D y."""
+    """A controller's step at every sample: A x + E y + w, and f - F x - D y."""
 
     A: Any
     E: Any
