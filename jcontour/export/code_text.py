@@ -1,8 +1,8 @@
 """Numbers, tables and comments as the text of a program."""
 
 import re
-from collections.abc import Iterable, Sequence
-from typing import Literal, SupportsInt
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -32,11 +32,6 @@ def table(values: Float[np.ndarray, "..."], precision: Precision = "double") -> 
     """All numbers of an array with commas, a line for each row of its last axis."""
     rows = np.reshape(values, (-1, np.shape(values)[-1]))
     return ",\n".join(_row([literal(value, precision) for value in row]) for row in rows)
-
-
-def whole_numbers(values: Iterable[SupportsInt]) -> str:
-    """Whole numbers with commas, as many in a line as fit."""
-    return _row([str(int(value)) for value in values])
 
 
 def _row(words: Sequence[str]) -> str:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jcontour.export.code_text import COLUMNS, literal, plain, table, whole_numbers
+from jcontour.export.code_text import COLUMNS, literal, plain, table
 
 
 @pytest.mark.parametrize("value", [0.1, -1e-300, 3.0, 1e22, 5e-324, -0.0])
@@ -23,7 +23,6 @@ def test_tables_keep_every_number_and_the_width():
     text = table(values)
     assert [float(word) for word in text.split(",")] == values.ravel().tolist()
     assert max(len(line) for line in text.splitlines()) <= COLUMNS
-    assert [int(word) for word in whole_numbers(range(99)).split(",")] == list(range(99))
 
 
 def test_text_of_a_user_ends_no_comment():
