@@ -2,15 +2,18 @@
 
 import json
 import math
+import re
 import shutil
 import subprocess
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 from jcontour.geometry.gcode.move import Move, Stop
 from jcontour.geometry.gcode.programs import interpreted
+from jcontour.geometry.gcode.tool_table import read_tool_table
 from jcontour.geometry.toolpath_rules import MM, ToolpathError
 from tests.linuxcnc.random_contours import compensated_contour
 from tests.linuxcnc.random_programs import Author
@@ -259,6 +262,22 @@ def test_cutter_compensation(linuxcnc):
                 read(program)
             gouges += 1
     assert 3 <= gouges <= 20
+
+
+def test_tools_of_a_table(tmp_path):
+    """G41 with the tool in the spindle, and with D; `rs274` takes tables for inches."""
+    words = "T1 M6;G0 X-10;G41 G1 X0;Y10;X10;G2 X20 Y0 J-10;G1 X0;G40 Y-10;G41 D2 X9;X20;G40 X30"
+    program, table = tmp_path / "part.ngc", tmp_path / "tool.tbl"
+    program.write_text(spelled(words))
+    table.write_text(f"T1 P1 D{4 / 25.4:.12f} ; an end mill\nT2 P7 D{1 / 25.4:.12f}\n")
+    printed = subprocess.run(
+        ["rs274", "-g", "-t", table, program], capture_output=True, text=True, cwd=tmp_path
+    ).stdout
+    table.write_text("T1 P1 D4 ; an end mill\nT2 P7 D1\n")
+    machine = interpreted(spelled(words).split("\n"), 3, None, tools=read_tool_table(table))
+    ends = [[length / MM for length in move.end[:2]] for move in machine.moves]
+    found = re.findall(r"(?:TRAVERSE|FEED)\((\S+), (\S+),", printed)
+    np.testing.assert_allclose(ends, [[float(x), float(y)] for x, y in found], atol=1e-4)
 
 
 def faults_here(constructs) -> list[str]:
