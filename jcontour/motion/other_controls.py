@@ -209,8 +209,8 @@ def _legs(pieces: Piece, feed: np.ndarray, rapid: np.ndarray, limits: ControlLim
     legs = []
     for k, extent in enumerate(pieces.extent):
         count, bend = 1, float(bends[k])
-        bent = bend * extent > ALIKE
-        if bent and limits.control != "linuxcnc":
+        bent = bend * extent > ALIKE and limits.control == "linuxcnc"
+        if bend * extent > ALIKE and not bent:
             height = min(limits.arc_tolerance, 0.5 / bend)
             chord = 2 * math.sqrt(height * (2 / bend - height))
             chord = KLIPPER_CHORD if limits.control == "klipper" else chord
@@ -221,7 +221,7 @@ def _legs(pieces: Piece, feed: np.ndarray, rapid: np.ndarray, limits: ControlLim
         for j in range(count):
             begin, end = float(begins[k] + marks[j]), float(begins[k] + marks[j + 1])
             leaves, arrives, length = velocity[j], velocity[j + 1], end - begin
-            if bent and limits.control == "linuxcnc":
+            if bent:
                 speed, most = limits.in_plane(leaves, acceleration[j] / bend)
                 speed, most = min(speed, math.sqrt(ACROSS * most / bend)), 0.5 * most
             else:
@@ -229,11 +229,9 @@ def _legs(pieces: Piece, feed: np.ndarray, rapid: np.ndarray, limits: ControlLim
                 length = float(np.linalg.norm(way))
                 leaves = arrives = way / length
                 speed, most = limits.along(leaves)
-            speed = min(speed, float(feed[k]))
-            after = k if j == count - 1 else -1
-            curved = bent and limits.control == "linuxcnc"
+            speed, after = min(speed, float(feed[k])), k if j == count - 1 else -1
             line = begin, end, place[j], leaves, arrives, length
-            legs.append(Leg(*line, speed, most, after, bool(rapid[k]), curved))
+            legs.append(Leg(*line, speed, most, after, bool(rapid[k]), bent))
     return legs
 
 
@@ -243,20 +241,18 @@ def _chained(legs: list[Leg], rest: np.ndarray, tolerance: float | None) -> list
     passed: list[np.ndarray] = []  # ends of the lines in the last leg
     for leg in legs:
         last, end = (chain[-1] if chain else None), leg.start + leg.length * leg.leaves
-        alike = (
+        if (
             tolerance
             and last is not None
-            and not (last.bent or leg.bent)
-            and last.rapid == leg.rapid
+            and not (last.bent or leg.bent or last.rapid != leg.rapid)
             and np.isnan(rest[last.after])
             and len(passed) <= MOST_CHAINED
-        )
-        if alike and last is not None:
+        ):
             length = float(np.linalg.norm(end - last.start))
             direction = (end - last.start) / max(length, SHORT)
             ways = np.array(passed) - last.start
             along = np.clip(ways @ direction, 0.0, length)[:, None]
-            if np.linalg.norm(ways - along * direction, axis=1).max() <= (tolerance or 0.0):
+            if np.linalg.norm(ways - along * direction, axis=1).max() <= tolerance:
                 chain[-1] = last._replace(
                     end=leg.end,
                     leaves=direction,
@@ -407,7 +403,7 @@ def _on_legs(
     way += np.clip(since - rise, 0.0, flat) * (first + gain * rise)
     way += (fall - left) * (last + 0.5 * gain * (fall + left))
     way = np.clip(way, 0.0, length)
-    arc = begin + way / length * (end - begin)
+    arc = begin + way / np.maximum(length, 1e-3 * SHORT) * (end - begin)  # blends may meet
     place, tangent = start + way[:, None] * leaves, leaves.copy()
     round_ = np.flatnonzero(radius)
     if round_.size:

@@ -155,3 +155,6 @@ def test_cycle_times_of_public_programs(programs, name, axes, mode, feed, measur
     asked = limits("linuxcnc", *map(np.array, axes), axes=3, tolerance=machine.tolerance)
     motion = as_planned_by(asked, path.contour, path.feed, path.rapid, rest, DT)
     assert motion.duration == pytest.approx(measured, rel=0.03)
+    assert np.isfinite(motion.place).all() and (np.diff(motion.arc) > -1e-9).all()
+    steps = np.abs(np.diff(motion.place, axis=0)).max(axis=0)
+    assert (steps <= asked.speed * DT * (1 + 1e-6)).all()
