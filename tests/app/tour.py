@@ -6,13 +6,11 @@ Tests of words, tables, figures and files read what it left. They do not run com
 import io
 import json
 import re
-import sys
 from collections.abc import Mapping
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
-from unittest.mock import patch
 
 from jcontour.app.cli import main
 from jcontour.app.files.results.stored import read_result
@@ -54,7 +52,6 @@ STOPS: Mapping[str, str] = {  # name -> command; a name in braces is the run fol
     "identify-linear": "identify --machine linear --demo --most-order 1 --most-delay 4",
 }
 BRIEF = ("list", "machine", "new-machine", "report", "check-bound-tuned")  # no tables, or not here
-WITH_PROCESSES = ("simulate",)  # the others do in this process what runs beside: nothing is loaded
 NO_RUN = ("list", "machine", "new-machine", "compare", "report")  # they have a file, or print alone
 
 
@@ -109,13 +106,7 @@ class Tour:
         out, err = io.StringIO(), io.StringIO()
         where = [] if name in NO_RUN else ["--out", name]
         where += [] if name in BRIEF else ["--details"]
-        python = sys.executable if name in WITH_PROCESSES else "false"
-        with (
-            chdir(self.folder),
-            redirect_stdout(out),
-            redirect_stderr(err),
-            patch.object(sys, "executable", python),
-        ):
+        with chdir(self.folder), redirect_stdout(out), redirect_stderr(err):
             code = main([*words, *where])
         return Visit(code, out.getvalue(), err.getvalue(), self.folder / name)
 
