@@ -111,6 +111,7 @@ CONTROLLERS = {  # name -> module and class
     "super-twisting": "jcontour.app.designs.state_laws:SuperTwistingSliding",
     "integral-sliding-mode": "jcontour.app.designs.state_laws:IntegralSliding",
     "reference-governor": "jcontour.app.designs.governed:ScalarGoverned",
+    "command-governor": "jcontour.app.designs.governed:VectorGoverned",
     "dynamic-surface": "jcontour.app.designs.motor_laws:DynamicSurfaceLoops",
     "adaptive-robust": "jcontour.app.designs.motor_laws:AdaptiveRobustLoops",
     "predictive-cascade": "jcontour.app.designs.motor_laws:GeneralisedPredictiveCascade",

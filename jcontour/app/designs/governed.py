@@ -12,8 +12,6 @@ from jcontour.controller import Controller
 from jcontour.controllers.feedback.admissible import LoopLimits, enough_steps, governed_loop
 from jcontour.controllers.feedback.governor import ScalarGovernor, VectorGovernor
 from jcontour.controllers.feedback.state_feedback import lq_gain
-from jcontour.mpc.tracking.artificial_reference import ArtificialReferenceMPC
-from tuning.parameters import Weight
 
 SHARE = 0.9  # of the limits for the law, the rest for the load that its observer cancels
 SPARE = 2  # the rows look as much further ahead: weights may make the loop slower
@@ -51,19 +49,3 @@ class VectorGoverned(ScalarGoverned):
     """The same behind a command governor: every axis comes as near as it can."""
 
     governor = VectorGovernor
-
-
-class ArtificialReference(ScalarGoverned):
-    """Tracking MPC with an artificial reference (Limon), observer of state and load."""
-
-    weights = (Weight("pull", cost=True),)
-    reads = ("preview",)
-
-    def starts(self) -> Gains:
-        """The artificial reference is pulled ten times as hard as the machine to it."""
-        start = self.observed.start
-        return {**start, "pull": 10 * np.max(np.diag(np.asarray(self.quadratic(start).Q)))}
-
-    def law(self, quadratic: Quadratic, gains: Gains) -> Controller:
-        limits, horizon = self.limits(quadratic), self.flags.preview
-        return ArtificialReferenceMPC(*quadratic, gains["pull"], limits, horizon, self.steps)
