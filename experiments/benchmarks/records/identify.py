@@ -26,8 +26,13 @@ from tuning.identification.linear import evidence
 from tuning.identification.linear.found import LinearAxis, MachineRecord
 from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.noise_model import whitening
-from tuning.identification.linear.order_search import NOISE_TERMS, TRAINING
-from tuning.identification.linear.output_error import AxisRecord, predicted, simulated
+from tuning.identification.linear.output_error import (
+    NOISE_TERMS,
+    TRAINING,
+    AxisRecord,
+    predicted,
+    simulated,
+)
 from tuning.identification.linear.recording import FEEDBACK, RecordedAxis
 
 MOST_POLES, MOST_DELAY = 3, 10
@@ -184,7 +189,7 @@ def _compared(
         states=len(axis.axis.A),
         delay=late,
         found=model.delay,
-        told=int(late) in found.delays,
+        told=bool(found.late),
         bandwidth=highest,
         error=float(np.abs(np.exp(off) - 1).max()),
         inside=float(np.mean(region)),
@@ -208,7 +213,8 @@ def _held_out_ratio(axis: RecordedAxis, found: LinearAxis, record: MachineRecord
     training, rest = whole.part(0, cut), whole.part(cut, len(whole.position))
     fit = simulated(training, true_model(axis))
     truth = predicted(rest, fit, whitening(fit.residual, NOISE_TERMS))
-    return float(np.sqrt(found.choice.best.loss / np.mean(truth**2)))
+    own = predicted(rest, found.fit, found.fit.filter)
+    return float(np.sqrt(np.mean(own**2) / np.mean(truth**2)))
 
 
 def response(axis: RecordedAxis, hertz: Float[np.ndarray, " F"]) -> Complex[np.ndarray, " F"]:

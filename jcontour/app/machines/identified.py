@@ -4,12 +4,10 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import norm
 
 from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.machines import Machine
 from jcontour.app.machines.unsure_resonances import moved, places_around
-from tuning.identification.estimates import CONFIDENCE
 from tuning.identification.linear import evidence
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.found import LinearAxis, LinearMachineFound
@@ -164,8 +162,7 @@ def noises(found: LinearMachineFound) -> float | list[float]:
 def axis_result(axis: LinearAxis) -> LinearAxisResult:
     """Numbers of one axis."""
     fit, model = axis.fit, axis.fit.model
-    gain, deviation = _gain(axis)
-    factor = float(norm.ppf((1 + CONFIDENCE) / 2))
+    gain, half = _gain(axis)
     constants, resonances = _modes(model)
     low, high = axis.response.band
     names = [name for name in axis.estimate.names if name not in evidence.DRAGS]
@@ -174,9 +171,8 @@ def axis_result(axis: LinearAxis) -> LinearAxisResult:
         integrators=model.integrators,
         order=model.order,
         delay=model.delay,
-        delays=axis.delays,
         gain=gain,
-        gain_interval=(gain - factor * deviation, gain + factor * deviation),
+        gain_interval=(gain - half, gain + half),
         time_constants=constants,
         resonances=resonances,
         denominator=model.denominator.tolist(),
@@ -197,21 +193,13 @@ def axis_result(axis: LinearAxis) -> LinearAxisResult:
 
 
 def _gain(axis: LinearAxis) -> tuple[float, float]:
-    """Gain at rest, B(1) / A(1), per second where there is an integrator; its deviation.
+    """Gain at rest, B(1) / A(1), per second where there is an integrator; its interval, half of it.
 
-    Where rounding takes the variance below zero, that of the response at its lowest frequency.
+    The interval is that of the response at its lowest frequency, or what drives repeat to.
     """
     model = axis.fit.model
-    below, above = 1 + model.denominator.sum(), model.numerator.sum()
-    scale = 1 / model.dt**model.integrators
-    n, m = len(model.denominator), len(model.numerator)
-    slopes = np.concatenate([np.full(n, -above / below**2), np.full(m, 1 / below)])
-    covariance = axis.estimate.covariance[: n + m, : n + m]
-    gain, variance = scale * above / below, scale**2 * float(slopes @ covariance @ slopes)
-    if variance > 0:
-        return float(gain), float(np.sqrt(variance))
-    lowest = axis.response.half_width[0] / float(norm.ppf((1 + CONFIDENCE) / 2))
-    return float(gain), float(abs(gain) * lowest)
+    value = model.numerator.sum() / (1 + model.denominator.sum()) / model.dt**model.integrators
+    return float(value), float(abs(value) * max(axis.response.half_width[0], axis.gain))
 
 
 def _modes(model: AxisModel) -> tuple[list[float], list[tuple[float, float]]]:

@@ -17,7 +17,7 @@ HERTZ, DAMPING = 45.0, 0.08
 
 @pytest.fixture(scope="module")
 def found():
-    rows, most_poles, most_delay = 2500, 3, 3
+    rows, most_poles, most_delay = 8000, 3, 4
     soft = with_resonance(position_axis(1.0, 0.004, 2 * DT), 2 * np.pi * HERTZ, DAMPING)
     axes = (
         RecordedAxis(speed_axis(0.02, 0.01, 2 * DT), "speed", 1e-6, 0.5e-6, 1e-3, (500.0,)),

@@ -4,9 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tuning.identification.linear import evidence
-from tuning.identification.linear.found import LinearAxis
-from tuning.identification.linear.friction import FAIR
-from tuning.identification.linear.gain_uncertainty import LEAST_GAIN
+from tuning.identification.linear.found import FAIR, LinearAxis
 from tuning.identification.linear.simplest import Simple
 
 COLOURED = 0.1  # correlation of the errors that is said
@@ -77,32 +75,15 @@ def notes(axis: LinearAxis) -> list[str]:
             f"{name}: simulated from the command alone, explains {100 * axis.explained:.1f} % of "
             "the speed that it was not fitted to; of a quiet drive more than 99 %"
         )
-    if axis.cancelled is not None:
-        notes.append(
-            f"{name}: a zero cancels one of the {axis.cancelled} poles of a likelier model, or a "
-            "pair rings longer than any machine: the record does not show them, this one has fewer"
-        )
     if axis.unseen:
         shown = _up_to(axis.response.band[1])
-        if axis.choice.richer:
-            words = "a model with more poles is likelier, but the record hardly shows it; the two "
-            words += f"agree {shown}. Above that"
-        else:
-            words = f"the response is known to 10 % {shown}; the record does not show whether the "
-            words += "axis rings above that. There"
+        words = f"the response is known to 10 % {shown}; the record does not show whether the "
+        words += "axis rings above that. There"
         notes.append(
             f"{name}: {words} a resonance may be hidden that answers {evidence.HIDDEN:g} times as "
             "much: tune recommends no loop whose complementary sensitivity exceeds "
             f"{1 / evidence.HIDDEN:g} there. The delay may stand for what is faster: "
             f"{_advice(axis)}"
-        )
-    if axis.delays:
-        found, others = axis.fit.model.delay, " or ".join(map(str, axis.delays))
-        family = f"; the family holds {found} and {found + 1}" if axis.late else ""
-        family += ", the intervals of the response hold the models with all of these"
-        notes.append(
-            f"{name}: the motion is too smooth to tell {found} from {others} samples of delay"
-            f"{family}"
         )
     if axis.friction is not None:
         value, deviation = axis.friction
@@ -120,8 +101,6 @@ def notes(axis: LinearAxis) -> list[str]:
             f"{name}: if it is dry friction, it could not be separated, and the file does not "
             "state it: record long moves"
         )
-    if axis.gain > LEAST_GAIN:
-        notes.append(f"{name}: the family's {100 * axis.gain:.2g} % come from {axis.gain_by}")
     if axis.saturated > SATURATED:
         notes.append(
             f"{name}: for {100 * axis.saturated:.1f} % of the record the command stands at an "

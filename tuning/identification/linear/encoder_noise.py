@@ -40,7 +40,7 @@ def _white(fit: AxisFit) -> float:
     0 where the noise on the command hides it.
     """
     dt = fit.model.dt
-    inside = fit.residual != 0  # between pieces there is none
+    inside = fit.residual != 0  # while commands from before the record act there is none
     if not inside.any():
         return 0.0
     hertz, spectrum = welch(fit.residual, 1 / dt, nperseg=min(SPECTRUM, len(inside)))

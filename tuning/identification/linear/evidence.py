@@ -4,7 +4,6 @@ Intervals of the frequency response, in the band where they are narrow; whether 
 noise; whether friction, saturation or another axis is behind it.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +17,6 @@ from tuning.identification.estimates import (
     autocorrelation,
     coloured_covariance,
 )
-from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.noise_model import whitened
 from tuning.identification.linear.output_error import (
     AxisFit,
@@ -43,7 +41,6 @@ CLEAR, SLOW = (
 BLOCK = 500  # samples in which noise pulls by itself
 CHANCE = 5.0  # standard deviations of the mean square of a Gaussian
 SPECTRUM = 2048  # samples of one spectrum of many
-TAKEN = 5.0  # of 6 axes with dry friction fitted without it: what the widest needs is 4.6
 FEW = 20.5  # counts between neighbouring positions; of a continuous record they are thousands
 WHOLE = 0.1  # of a count that printed digits may round
 MOSTLY = 0.9  # of the steps
@@ -120,38 +117,6 @@ def response_of(
     return Response(frequency, np.exp(value), np.where(np.isfinite(half), half, np.inf))
 
 
-def widened(response: Response, models: Sequence[AxisModel]) -> Response:
-    """The response with an interval that holds those of other models as well."""
-    angular = 2 * np.pi * response.frequency
-    off = [np.abs(model.response(angular) / response.value - 1) for model in models]
-    return replace(response, half_width=np.max([response.half_width, *off], axis=0))
-
-
-def holding(response: Response, other: Response) -> Response:
-    """The response with an interval that holds all of another's, of the same frequencies."""
-    off = np.abs(other.value / response.value - 1)
-    return replace(response, half_width=np.maximum(response.half_width, off + other.half_width))
-
-
-def doubted(
-    response: Response, position: Float[np.ndarray, " T"], residual: Float[np.ndarray, " T"]
-) -> Response:
-    """The response with an interval in proportion to what noise does not leave.
-
-    By the spectra of the residual r, less white noise as large as on the position y, and of y: were
-    all of r an error of G, that would be sqrt(S_r / S_y) of it. A model takes some of what it lacks
-    for its own answer, so that the interval is `TAKEN` times as wide.
-    """
-    dt = 0.4 / response.frequency[-1]  # `HIGHEST` of half the sampling rate comes last
-    rows = min(SPECTRUM, len(position) // 4)
-    hertz, of_position = welch(np.diff(position), 1 / dt, nperseg=rows)
-    _, left = welch(np.diff(residual), 1 / dt, nperseg=rows)
-    floor = noise_of(position) ** 2 * 2 * dt * (2 * np.sin(np.pi * hertz * dt)) ** 2
-    excess = np.sqrt(np.maximum(left - floor, 0.0) / np.maximum(of_position, 1e-300))
-    width = TAKEN * np.interp(response.frequency, hertz[1:], excess[1:])
-    return replace(response, half_width=np.maximum(response.half_width, width))
-
-
 def excited_to(
     response: Response, position: Float[np.ndarray, " T"], residual: Float[np.ndarray, " T"]
 ) -> float:
@@ -206,18 +171,15 @@ def inside_region(
 def dispersion(fit: AxisFit) -> float:
     """By how much the errors pull at the coefficients more than noise does, as a variance.
 
-    In blocks of a fixed length, or in pieces: noise pulls in each its own way, what a model lacks
-    pulls on in the same one. With Q of J = Q R, and z_p = sum_k Q_k e_k over a block, noise leaves
+    In blocks of a fixed length: noise pulls in each its own way, what a model lacks pulls on in the
+    same one. With Q of J = Q R, and z_p = sum_k Q_k e_k over a block, noise leaves
     sum_p z_p z_p' = sigma^2 I. One is returned where it may be chance: the trace has a variance of
     2 sigma^4 sum_p |Q_p' Q_p|^2.
     """
     J = fit.jacobian[:, np.any(fit.jacobian != 0, axis=0)]
     scale = np.sqrt((J**2).sum(axis=0))
     base, _ = np.linalg.qr(J / scale)
-    ends = np.flatnonzero(np.diff(fit.rows) > 1) + 1
-    if not ends.size:
-        ends = np.arange(BLOCK, len(fit.errors), BLOCK)
-    starts = np.concatenate([[0], ends])
+    starts = np.arange(0, len(fit.errors), BLOCK)
     pulls = np.add.reduceat(base * fit.errors[:, None], starts, axis=0)
     shares = np.add.reduceat(base[:, :, None] * base[:, None, :], starts, axis=0)
     variance = float(fit.errors @ fit.errors) / max(len(fit.errors) - J.shape[1], 1)
@@ -307,14 +269,6 @@ def _left(columns: np.ndarray, right: np.ndarray) -> float:
     scale = np.where(scale > 0, scale, 1.0)
     both = np.concatenate([columns / scale, right[:, None]], axis=1)
     return float(triangle_of(both)[-1, -1] ** 2)
-
-
-def halves_apart(first: Response, second: Response, highest: float) -> float:
-    """Largest relative difference of two responses up to a frequency [Hz], where both are shown."""
-    shown = (first.half_width < SHOWN) & (second.half_width < SHOWN) & (first.frequency <= highest)
-    if not shown.any():
-        return 0.0
-    return float(np.abs(first.value[shown] / second.value[shown] - 1).max())
 
 
 def fastest_growth(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"]) -> float:

@@ -9,10 +9,11 @@ from scipy.linalg import block_diag
 from jcontour.linear.plant import LinearPlant
 from tuning.identification.estimates import Estimate
 from tuning.identification.linear import evidence
-from tuning.identification.linear.friction import FAIR
-from tuning.identification.linear.order_search import TELLS, Choice
 from tuning.identification.linear.output_error import AxisFit
-from tuning.identification.linear.rivals import may_ring_to
+
+FAIR = 0.99  # part of the variance explained on held-out data below which a model is doubted
+RESONANT = 100.0  # [Hz] up to which a drive may ring; of a slow clock what its rate allows
+OF_RATE = 0.1  # of the sampling rate
 
 
 @dataclass(frozen=True)
@@ -41,23 +42,19 @@ class LinearAxis:
         fit: model on the whole record.
         estimate: of its coefficients.
         response: with intervals.
-        lines: what the record shows of the response without a model.
-        choice: structures that were compared.
-        rivals: by how much the logarithm of the likelihood is less with another delay.
-        held_out: position that the model of the first part gives for the rest [m].
-        explained: part of the variance of the held-out speed that it explains.
+        lines: what periods of the record show of the response; none of a record without.
+        held_out: position that the model gives for the last part of the record [m].
+        explained: part of the variance of the speed there that it explains.
         friction: command that Coulomb friction takes, and its standard deviation; None if not seen.
         offset: constant command that acts beside the given one while the axis moves; told where
             friction holds the axis at times, else 0.
         saturated: part of the samples at an extreme command.
         coupling: part of the errors that another axis explains, by its name; 0 if by chance.
         gain: relative uncertainty.
-        gain_by: what it comes from, in words.
         dispersion: by how much more than noise the errors pull at the model; 1 if by chance.
         late: further samples of delay that the data allow, 0 or 1.
         resolution: of the encoder [m].
         encoder_noise: standard deviation of the encoder beside its rounding [m]; 0 if not sure.
-        cancelled: poles of a likelier model that has a hidden mode; None if none.
     """
 
     name: str
@@ -65,8 +62,6 @@ class LinearAxis:
     estimate: Estimate
     response: evidence.Response
     lines: evidence.Response
-    choice: Choice
-    rivals: dict[int, float]
     held_out: Float[np.ndarray, " R"]
     explained: float
     friction: tuple[float, float] | None
@@ -74,12 +69,10 @@ class LinearAxis:
     saturated: float
     coupling: dict[str, float]
     gain: float
-    gain_by: str
     dispersion: float
     late: int
     resolution: float
     encoder_noise: float
-    cancelled: int | None = None
 
     @property
     def hides_friction(self) -> bool:
@@ -90,16 +83,10 @@ class LinearAxis:
     def unseen(self) -> bool:
         """Whether the record hides how the axis answers where it may ring: it is said, with advice.
 
-        A richer model is likelier without being shown clearly, or the response is known to 10 % up
-        to a low frequency only.
+        The response is known to 10 % up to a low frequency only.
         """
-        reach = may_ring_to(self.fit.model.dt)
-        return bool(self.choice.richer) or not self.response.band[1] >= reach
-
-    @property
-    def delays(self) -> list[int]:
-        """Other delays that the record does not exclude [samples]."""
-        return sorted(d for d, value in self.rivals.items() if value < TELLS)
+        reach = min(RESONANT, OF_RATE / self.fit.model.dt)
+        return not self.response.band[1] >= reach
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ ROUNDS = 12
 FLOOR = 0.01  # of the response: a model need not be nearer
 STABLE = 1 - 5e-5  # largest pole: a slower one is an integrator
 BEGIN = 0.03  # damping of the first poles
+ALIKE = 1.05  # ratio of what two delays leave that does not tell them apart
 NARROW = 0.2  # of the distance of lines: a sharper peak is one line's error
 
 
@@ -29,7 +30,7 @@ def fitted_to(
     most_delay: int,
     integrators: tuple[int, ...] = (0, 1),
 ) -> AxisModel:
-    """The model of fewest parameters that no other clearly beats, by Schwarz's criterion.
+    """The best model by Schwarz's criterion, behind the longest delay that is as good.
 
     Args:
         lines: of the response.
@@ -42,19 +43,25 @@ def fitted_to(
     weight = 1 / (np.abs(lines.value) * np.hypot(lines.half_width / 2, FLOOR))
     spacing = float(np.median(np.diff(w)))
     best, least = None, np.inf
+    lefts: dict[tuple[int, int, int], tuple[AxisModel, float]] = {}
     for i, poles in product(integrators, range(most_poles + 1)):
-        if 2 * poles + i + 2 > len(w):
+        size = 2 * poles + i + 2
+        if size > len(w):
             continue
         for delay in range(most_delay + 1):
             model, left = _fitted(lines, w, weight, dt, poles, i, delay)
             if _narrowest(model) < NARROW * spacing:
                 continue
-            size = 2 * poles + i + 2
             score = 2 * len(w) * np.log(max(left, 1e-300)) + size * np.log(2 * len(w))
+            lefts[i, poles, delay] = model, left
             if score < least:
-                best, least = model, score
+                best, least = (i, poles, delay), score
     assert best is not None  # there is one with a pole at least
-    return best
+    i, poles, delay = best
+    allowed = ALIKE * lefts[best][1]  # a later one has no first coefficient that is next to nothing
+    while lefts.get((i, poles, delay + 1), (None, np.inf))[1] < allowed:
+        delay += 1
+    return lefts[i, poles, delay][0]
 
 
 def _narrowest(model: AxisModel) -> float:

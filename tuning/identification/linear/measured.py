@@ -10,17 +10,14 @@ controller, relative to G by |L| (1 - g^2) / g^2 with the loop gain L: an interv
 with |L| = `FED_BACK`.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.signal import coherence, csd, welch
 from scipy.stats import norm
 
 from tuning.identification.estimates import CONFIDENCE
-from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.evidence import Response, noise_of
-from tuning.identification.linear.output_error import AxisFit, AxisRecord, simulated
-from tuning.identification.linear.pieces import Pieces
+from tuning.identification.linear.output_error import AxisRecord, simulated
+from tuning.identification.linear.simplest import Simple
 
 SEGMENTS = 16  # at least
 LONGEST = 2.0  # [s] of a segment: lines of 0.5 Hz
@@ -29,18 +26,16 @@ CLEAR = 0.3  # widest 95 % interval, relative, of a line that is kept
 ABOVE = 3.0  # times the noise of the encoder: less is no motion
 CHANCE = 1e-3  # of two signals that have nothing in common
 TOGETHER = 5.0  # deviations of a mean over all lines
-SURE = 1.5  # times its interval, by which a model and a line differ
 
 
-def measured(record: AxisRecord, fit: AxisFit) -> Response:
-    """Lines at which the record shows the response by itself; none where it shows it nowhere.
+def measured(simple: Simple) -> Response:
+    """Lines at which a record shows the response by itself; none where it shows it nowhere.
 
     Args:
-        record: of the axis, with its drags.
-        fit: model G_m, and how much of each drag there is.
+        simple: model G_m of the record, and how much of each drag there is.
     """
-    whole = replace(record, pieces=Pieces())
-    answer = simulated(whole, fit.model, drag=fit.drag).output
+    record, fit = simple.record, simple.fit
+    answer = simulated(record, fit.model, drag=fit.drag).output
     rows = min(round(LONGEST / record.dt), len(answer) // SEGMENTS)
     count = len(answer) // rows
     m, y = np.diff(answer), np.diff(record.position)
@@ -75,29 +70,3 @@ def related(record: AxisRecord) -> bool:
     count = len(unlikely)
     everywhere = unlikely.mean() > 1 + TOGETHER * np.sqrt(2 / count)
     return bool(unlikely.max() > np.log(count / CHANCE) or everywhere)
-
-
-def with_lines(response: Response, lines: Response, model: AxisModel) -> Response:
-    """The response with an interval that no line leaves, and no wider than lines close together.
-
-    Where at least half of the lines around a frequency are there, they alone tell the response: the
-    interval is at most the largest of theirs about the model. It holds in any case each line from
-    which the model surely differs, by more than `SURE` times the interval of the line.
-    """
-    if len(lines.frequency) < 2:
-        return response
-    off = np.abs(lines.value / model.response(2 * np.pi * lines.frequency) - 1)
-    own, sure = off + lines.half_width, np.where(off > SURE * lines.half_width, off, 0.0)
-    spacing = float(np.diff(lines.frequency).min())
-    places, width = response.frequency, response.half_width.copy()
-    between = np.sqrt(places[1:] * places[:-1])
-    low = np.minimum(np.append(places[0], between), places - spacing)
-    high = np.maximum(np.append(between, places[-1]), places + spacing)
-    first = np.searchsorted(lines.frequency, low)
-    last = np.searchsorted(lines.frequency, high, side="right")
-    for k in np.flatnonzero(last > first):
-        around = slice(first[k], last[k])
-        if 2 * spacing * (last[k] - first[k]) >= high[k] - low[k]:
-            width[k] = min(width[k], own[around].max())
-        width[k] = max(width[k], sure[around].max())
-    return replace(response, half_width=width)

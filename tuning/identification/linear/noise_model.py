@@ -12,8 +12,6 @@ from jaxtyping import Float
 from scipy.linalg import solve_triangular
 from scipy.signal import lfilter
 
-from tuning.identification.linear.triangles import triangle_of
-
 WHITE: Float[np.ndarray, " 1"] = np.ones(1)
 FEWEST = 10  # samples for each coefficient
 RIDGE = 1e-12  # of a column's squares: a residual of few tones has a filter too
@@ -69,29 +67,6 @@ def _products(signal: Float[np.ndarray, " T"], lags: int) -> Float[np.ndarray, "
     return found
 
 
-def disturbance_filter(
-    command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"], terms: int
-) -> Float[np.ndarray, " w"]:
-    """Whitening filter before any model: the denominator of a long least-squares one.
-
-    position(k) + sum w_i position(k-i) = sum g_i command(k-i) + constant + e(k); with enough terms
-    right under feedback too (Ljung, section 4.2).
-    """
-    columns = np.column_stack(
-        [_past(position, terms), _past(command, terms), np.ones(len(position) - terms)]
-    )
-    scale = np.maximum(np.sqrt((columns**2).sum(axis=0)), np.finfo(float).tiny)
-    both = np.column_stack([columns / scale, position[terms:]])
-    triangle = triangle_of(both)
-    found, *_ = np.linalg.lstsq(triangle[:-1, :-1], triangle[:-1, -1], rcond=1e-12)
-    return np.concatenate([[1.0], -(found / scale)[:terms]])
-
-
 def whitened(signal: Float[np.ndarray, " T"], w: Float[np.ndarray, " w"]) -> np.ndarray:
     """The signal behind a filter, zero before it begins."""
     return np.asarray(lfilter(w, [1.0], signal))
-
-
-def _past(signal: np.ndarray, terms: int) -> np.ndarray:
-    """Columns of the signal one to `terms` samples earlier, from row `terms` on."""
-    return np.stack([signal[terms - i : len(signal) - i] for i in range(1, terms + 1)], axis=1)

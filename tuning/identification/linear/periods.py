@@ -19,7 +19,6 @@ from scipy.signal import fftconvolve
 
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.evidence import HIDDEN, HIGHEST, POINTS, Response
-from tuning.identification.linear.held_response import around_modes
 from tuning.identification.linear.output_error import AxisRecord
 
 SHORTEST = 0.25  # [s] of a period
@@ -34,9 +33,14 @@ LEAST = 1e-6  # of the largest spectral line of a command: the rest is rounding
 SEEN = 20.0  # times its variance between periods: the power of a command that is excited
 EXCITED = 0.1  # of the largest power beside it
 FACTOR = 2.0  # deviations of a complex number within 95 % of its errors
+SHARP = 0.05  # damping below which a mode is narrower than the grid
+AROUND = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])  # half widths of a peak
 WINDOW = 1.05  # ratio of frequencies around a place that its interval holds
 GAP, SPACING = 0.2, 5.0  # of a frequency, or [Hz]: between lines no resonance hides
 CLEAR = 0.7  # widest interval, relative, of a line that is kept
+
+
+NO_LINES = Response(np.zeros(0), np.zeros(0, complex), np.zeros(0))
 
 
 def response_of_lines(lines: Response, model: AxisModel) -> Response:
@@ -47,7 +51,7 @@ def response_of_lines(lines: Response, model: AxisModel) -> Response:
     """
     hertz, dt = lines.frequency, model.dt
     usual = np.geomspace(hertz[0] / 2, HIGHEST / (2 * dt), POINTS)
-    places = np.unique(np.concatenate([usual, around_modes(model)]))
+    places = np.unique(np.concatenate([usual, _around_modes(model)]))
     off = np.abs(lines.value / model.response(2 * np.pi * hertz) - 1)
     own = off + lines.half_width * np.abs(lines.value) / np.abs(model.response(2 * np.pi * hertz))
     first = np.searchsorted(hertz, places / WINDOW)
@@ -62,12 +66,22 @@ def response_of_lines(lines: Response, model: AxisModel) -> Response:
     return Response(places, model.response(2 * np.pi * places), width)
 
 
+def _around_modes(model: AxisModel) -> Float[np.ndarray, " F"]:
+    """Frequencies [Hz] at and around the sharp peaks of a model."""
+    rates = np.log(model.poles[np.imag(model.poles) > 0]) / model.dt
+    size = np.abs(rates)
+    damping = -np.real(rates) / size
+    sharp = damping < SHARP
+    places = size[sharp, None] * (1 + damping[sharp, None] * AROUND) / (2 * np.pi)
+    return places.ravel()
+
+
 def periodic_lines(record: AxisRecord) -> Response:
     """Lines at which periods of the record show the response; none of a record without periods."""
     rows = _period(record)
     sections = [] if rows is None else list(_sections(record, rows))
     if rows is None or not sections:
-        return Response(np.zeros(0), np.zeros(0, complex), np.zeros(0))
+        return NO_LINES
     values, weights, noise, own = [], [], [], []
     for start, count in sections:
         U, Y = (
@@ -103,7 +117,7 @@ def _excited(record: AxisRecord, rows: int, value, variance, power) -> Response:
     inside = (hertz > 0) & (hertz < 0.45 / record.dt)
     kept = np.flatnonzero(inside & (power > EXCITED * near.max(axis=0)) & (relative < CLEAR**2))
     if not kept.size:
-        return Response(np.zeros(0), np.zeros(0, complex), np.zeros(0))
+        return NO_LINES
     mean = uniform_filter1d(relative[kept], 2 * BESIDE + 1, mode="nearest")
     half = FACTOR * np.sqrt(np.maximum(mean, 0.0))  # a running sum rounds below zero
     sure = half < CLEAR

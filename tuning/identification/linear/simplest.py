@@ -22,20 +22,12 @@ from scipy.signal import fftconvolve
 from tuning.identification.estimates import Estimate
 from tuning.identification.linear import evidence
 from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.order_search import (
-    TRAINING,
-    Candidate,
-    Choice,
-    filter_of,
-    part_explained,
-)
 from tuning.identification.linear.output_error import (
+    TRAINING,
     AxisFit,
     AxisRecord,
-    fitted,
-    predicted,
     simulated,
-    structure_of,
+    with_slopes,
 )
 
 KERNELS = (0.02, 0.04, 0.08, 0.16)  # [s] half width of the kernel
@@ -56,7 +48,6 @@ class Simple:
         record: with the signs of friction, where the model has it.
         fit: on the whole record.
         estimate: of its coefficients, by blocks of the record.
-        choice: the model of the first part and what it leaves of the rest.
         held_out: position from the command alone over the rest [m].
         explained: part of the variance of the speed there.
     """
@@ -64,8 +55,31 @@ class Simple:
     record: AxisRecord
     fit: AxisFit
     estimate: Estimate
-    choice: Choice
     held_out: Float[np.ndarray, " R"]
+    explained: float
+
+    @property
+    def friction(self) -> tuple[float, float] | None:
+        """Command that dry friction takes, and its standard deviation; None without a mass."""
+        if "friction" not in self.estimate.names:
+            return None
+        return self.estimate["friction"], self.estimate.deviation("friction")
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A model on a record.
+
+    Attributes:
+        record: with the signs of friction, where the model has it.
+        fit: on the whole record.
+        output: position from the command alone over the rest, which it was not told from [m].
+        explained: part of the variance of the speed there.
+    """
+
+    record: AxisRecord
+    fit: AxisFit
+    output: Float[np.ndarray, " R"]
     explained: float
 
 
@@ -88,24 +102,29 @@ def _follows(record: AxisRecord, most_delay: int) -> Simple | None:
     model = _gain_and_delay(record.part(0, cut), most_delay)
     if model is None:
         return None
-    whole, choice, output, explained = judged(record, model, None)
-    return Simple(record, whole, evidence.estimate_of(whole), choice, output, explained)
+    found = judged(record, model)
+    estimate = evidence.estimate_of(found.fit)
+    return Simple(record, found.fit, estimate, found.output, found.explained)
 
 
 def judged(
-    record: AxisRecord, model: AxisModel, drag: Float[np.ndarray, " s"] | None
-) -> tuple[AxisFit, Choice, Float[np.ndarray, " R"], float]:
-    """A fixed model on a record, what it leaves of the rest, its output there, its part of speed.
-
-    Nothing but the motion before is fitted; the output is from the command and the drags alone.
-    """
-    cut = int(TRAINING * len(record.position))
-    training, rest = record.part(0, cut), record.part(cut, len(record.position))
-    first, whole = (_with_filter(one, model, drag) for one in (training, record))
-    candidate = Candidate(first, predicted(rest, first, first.filter))
+    record: AxisRecord, model: AxisModel, drag: Float[np.ndarray, " s"] | None = None
+) -> Judged:
+    """A fixed model on a record; nothing but the motion before it is fitted."""
+    rest = record.part(int(TRAINING * len(record.position)), len(record.position))
     output = simulated(rest, model, drag=drag).output
     explained = part_explained(rest.position, output)
-    return whole, Choice(candidate, [candidate]), output, explained
+    return Judged(record, with_slopes(record, model, drag), output, explained)
+
+
+def part_explained(position: Float[np.ndarray, " T"], output: Float[np.ndarray, " T"]) -> float:
+    """Part of the variance of the speed that a simulated position explains; 0 where none moves."""
+
+    def speed(signal: np.ndarray) -> np.ndarray:
+        return signal[evidence.WINDOW :] - signal[: -evidence.WINDOW]
+
+    variance = float(np.var(speed(position)))
+    return 1 - float(np.var(speed(position - output))) / variance if variance > 0 else 0.0
 
 
 def _gain_and_delay(record: AxisRecord, most_delay: int) -> AxisModel | None:
@@ -119,14 +138,6 @@ def _gain_and_delay(record: AxisRecord, most_delay: int) -> AxisModel | None:
         found.append((left, delay, sign * gains))
     _, delay, gains = min(found, key=lambda one: one[0])
     return AxisModel(np.zeros(0), gains, 0, delay, record.dt) if gains.any() else None
-
-
-def _with_filter(
-    record: AxisRecord, model: AxisModel, drag: Float[np.ndarray, " s"] | None
-) -> AxisFit:
-    """A fixed model on a record, with the noise filter of what it leaves, and its slopes."""
-    filter_ = filter_of(record, simulated(record, model, drag=drag))
-    return fitted(record, structure_of(model), filter_, model, 0, drag)
 
 
 @dataclass(frozen=True)
@@ -178,14 +189,9 @@ def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | 
     explained = part_explained(rest.position, output)
     signs = evidence.speed_signs(record.position, resolution)
     rubbed = replace(record, drags=(signs, np.ones(len(signs))))
-    fits = [
-        _with_filter(one, found.model(record.dt), np.array([found.values[2], -found.values[3]]))
-        for one, found in ((rubbed.part(0, cut), best), (rubbed, whole))
-    ]
-    beyond = predicted(rubbed.part(cut, len(signs)), fits[0], fits[0].filter)
-    candidate = Candidate(fits[0], beyond)
-    estimate = whole.estimate(record.dt)
-    return Simple(rubbed, fits[1], estimate, Choice(candidate, [candidate]), output, explained)
+    drag = np.array([whole.values[2], -whole.values[3]])
+    fit = with_slopes(rubbed, whole.model(record.dt), drag)
+    return Simple(rubbed, fit, whole.estimate(record.dt), output, explained)
 
 
 def _slidings(

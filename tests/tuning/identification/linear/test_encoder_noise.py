@@ -7,7 +7,6 @@ from jcontour.linear.continuous_axes import force_axis, position_axis
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.encoder_noise import encoder_noise
 from tuning.identification.linear.output_error import AxisRecord, simulated
-from tuning.identification.linear.pieces import Pieces
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
 DT, ROWS, COUNT = 1e-3, 30_000, 1e-6
@@ -51,14 +50,6 @@ def test_noise_behind_a_larger_one_of_the_command_is_not_told():
     model = AxisModel(np.array([-p]), np.array([1 - p]), 0, 0, DT)
     one = record(axis, "position", (1.0,), 0.5e-6, 2e-3)
     assert encoder_noise(simulated(one, model), COUNT) == 0.0
-
-
-def test_pieces_count_alone():
-    one = record(FORCE, "force", (10.0, 100.0), 2e-6, 0.0)
-    cut = Pieces(tuple((k, k + 400) for k in range(0, ROWS, 1000)))
-    apart = AxisRecord(DT, one.command, one.position, (), cut)
-    found = encoder_noise(simulated(apart, force_model(), cut.none), COUNT)
-    assert found == pytest.approx(2e-6, rel=0.04)
 
 
 def test_a_record_without_any_error_has_no_noise():

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from tuning.identification.estimates import Estimate
 from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.evidence import Response
-from tuning.identification.linear.measured import measured, related, with_lines
+from tuning.identification.linear.measured import measured, related
 from tuning.identification.linear.output_error import AxisRecord, simulated
+from tuning.identification.linear.simplest import Simple
 
 DT, ROWS = 1e-3, 20_000
 TRUTH = AxisModel(np.array([-1.7, 0.9]), np.array([0.02, 0.01]), 0, 2, DT)
@@ -23,7 +24,13 @@ def lines():
     late = np.concatenate([np.zeros(2), command[:-2]]) + 0.4 * np.sign(signs)
     answer = np.convolve(late, impulse())[:ROWS] + 0.002 * random.standard_normal(ROWS)
     record = AxisRecord(DT, command, answer, (np.sign(signs),))
-    return measured(record, simulated(record, WRONG, drag=np.array([0.4])))
+    return measured(beside(record, WRONG, np.array([0.4])))
+
+
+def beside(record, model, drag):
+    """A simple model of a record."""
+    estimate = Estimate((), np.zeros(0), np.zeros((0, 0)))
+    return Simple(record, simulated(record, model, drag=drag), estimate, np.zeros(0), 1.0)
 
 
 def impulse():
@@ -44,19 +51,8 @@ def test_nothing_is_kept_where_nothing_moves():
     record = AxisRecord(DT, np.sin(np.arange(ROWS) * 0.05), np.zeros(ROWS))
     noise = 1e-3 * np.random.default_rng(0).standard_normal(ROWS)
     record = AxisRecord(DT, record.command, record.command + noise)
-    found = measured(record, simulated(record, AxisModel(np.zeros(0), np.ones(1), 0, 0, DT)))
+    found = measured(beside(record, AxisModel(np.zeros(0), np.ones(1), 0, 0, DT), None))
     assert np.all(found.frequency < 15)  # the sine has 8 Hz
-
-
-def test_the_interval_holds_the_lines_and_is_no_wider_where_they_are_close():
-    hertz = np.array([10.0, 11.0, 12.0, 40.0])
-    model = AxisModel(np.zeros(0), np.ones(1), 0, 0, DT)
-    G = model.response(2 * np.pi * hertz)
-    lines = Response(hertz, G * np.array([1.01, 1.5, 1.0, 2.0]), np.array([0.05, 0.1, 0.05, 0.1]))
-    places = np.array([9.0, 10.5, 11.5, 38.0, 90.0])
-    own = Response(places, model.response(2 * np.pi * places), np.array([3.0, 3.0, 0.1, 0.1, 3.0]))
-    held = with_lines(own, lines, model).half_width
-    assert held == pytest.approx([0.06, 0.6, 0.5, 1.0, 3.0])
 
 
 def test_columns_that_have_nothing_in_common():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from tuning.identification.linear.noise_model import disturbance_filter, whitened, whitening
+from tuning.identification.linear.noise_model import whitened, whitening
 
 ROWS = 40_000
 
@@ -25,15 +25,3 @@ def test_a_drift_is_differenced():
 
 def test_nothing_left_needs_no_filter():
     assert np.array_equal(whitening(np.zeros(200), 5), [1.0])
-
-
-def test_the_filter_before_any_model_is_right_under_feedback():
-    """y = 0.9 y(-1) + u(-1) + e is a long least-squares model itself: w is its denominator."""
-    random = np.random.default_rng(2)
-    y, u = np.zeros(ROWS), np.zeros(ROWS)
-    e, r = random.standard_normal(ROWS), random.standard_normal(ROWS)
-    for k in range(1, ROWS):
-        y[k] = 0.9 * y[k - 1] + u[k - 1] + e[k]
-        u[k] = 0.4 * (r[k] - y[k])
-    w = disturbance_filter(u, y, 6)
-    assert np.abs(w - [1.0, -0.9, 0, 0, 0, 0, 0]).max() < 0.05
