@@ -6,7 +6,7 @@ statements on beta hold: at least 10 at 2 ms, around 3 and less than 4 at 10 ms.
 a weaker feedback and unequal axes change.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
@@ -128,8 +128,8 @@ class Result:
 
     rows: tuple[Row, ...]
     bounds: tuple[Bounds, ...]
-    schedule: Schedule = field(default_factory=scheduled)
-    cycles: Cycles = field(default_factory=learned)
+    schedule: Schedule
+    cycles: Cycles
 
     def row(self, plant: str, period_ms: float, beta: float) -> Row:
         """Response of this plant, period and coupling."""
@@ -152,6 +152,8 @@ def run(settings: Settings) -> Result:
             for beta in betas
         ),
         bounds=tuple(bounds(name, period) for name, period in BETAS if period != CONTINUOUS),
+        schedule=scheduled(),
+        cycles=learned(),
     )
 
 

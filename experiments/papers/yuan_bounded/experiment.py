@@ -8,7 +8,7 @@ lumped disturbance w of at most 5 mm/s acts on v_m, and through the printed obse
 estimates.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 
 import jax.numpy as jnp
@@ -171,7 +171,7 @@ class Result:
     least: tuple[LeastRow, ...]
     loops: tuple[LoopRow, ...]
     motions: tuple[PointToPointRun, ...]  # Figs 4.3 and 4.5
-    invariant: InvariantSetRun | None = field(default_factory=algorithm_1)
+    invariant: InvariantSetRun | None
 
 
 def run(settings: Settings) -> Result:
@@ -188,6 +188,7 @@ def run(settings: Settings) -> Result:
             loop_row(PREVIEWED, lengths[PREVIEWED][0], samples),
         ),
         point_to_point(),
+        algorithm_1(),
     )
 
 

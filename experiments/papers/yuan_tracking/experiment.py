@@ -5,7 +5,7 @@ its test bench: our simulation of its model stands beside them and is not fitted
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -135,7 +135,7 @@ class Result:
     ranking: tuple[RankingRow, ...]
     signals: dict[str, dict[str, Signals]]  # by controller and task, every `KEPT_PERIOD`
     gap: tuple[GapRow, ...]  # sharpness ascending
-    beam: BeamStudy = field(default_factory=beam_study)
+    beam: BeamStudy
 
     def row(self, controller: str, gains: str = "start") -> RankingRow:
         """The one row of a controller."""
@@ -234,7 +234,7 @@ def run(settings: Settings) -> Result:
         for name in DRAWN
     }
     ranking = tuple(row for rows, _ in found.values() for row in rows)
-    return Result(ranking, signals, gap_curve(setup))
+    return Result(ranking, signals, gap_curve(setup), beam_study())
 
 
 def metrics(signals: Signals) -> TaskMetrics:

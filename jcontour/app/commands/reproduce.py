@@ -20,6 +20,7 @@ import tyro
 
 from jcontour.app.commands.checkout import in_checkout
 from jcontour.app.flags.rules import read
+from jcontour.app.flags.shared import Common
 
 NEEDED = {"SOURCE", "Settings", "run"}
 
@@ -68,14 +69,12 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
 
     Settings: Any = module.Settings
 
-    @dataclass(frozen=True)
-    class Flags:
+    @dataclass(frozen=True, kw_only=True)
+    class Flags(Common):
         settings: tyro.conf.OmitArgPrefixes[Settings]
         """What is run."""
         out: Path | None = None
         """Run folder; runs/<name>-<time> when not given. It must not hold another run."""
-        json: bool = False
-        """Print the result as JSON on stdout, and nothing else there."""
 
     flags = read(Flags, arguments, f"jcontour reproduce {name}", known[name])
     return flags, lambda flags: _run(module, name, flags)

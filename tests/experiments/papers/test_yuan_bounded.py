@@ -26,6 +26,7 @@ from experiments.papers.yuan_bounded.experiment import (
     motion,
     run,
 )
+from experiments.papers.yuan_bounded.invariant_set import algorithm_1
 
 DATA = Path(__file__).parents[2] / "data" / "guarantees"
 ORDER = Verdict.SAME_ORDERING
@@ -77,7 +78,7 @@ def made_up():
     )
     runs = (("1 kHz", 3.9, 1.7), ("4 kHz", 3.8, 1.7), ("standard", 7.7, 5.3), ("tuned", 2.2, 1.4))
     motions = tuple(PointToPointRun(name, 1e-3, most, mean, error) for name, most, mean in runs)
-    return Result(1.001, (CertificateRow(5.0, 0.1, 4.856),), least, loops, motions)
+    return Result(1.001, (CertificateRow(5.0, 0.1, 4.856),), least, loops, motions, algorithm_1())
 
 
 def test_verdicts_follow_the_numbers():

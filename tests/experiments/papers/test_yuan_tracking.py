@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.papers.verdicts import Verdict
+from experiments.papers.yuan_tracking.beam import beam_study
 from experiments.papers.yuan_tracking.claims import (
     COLUMNS,
     FIGURES,
@@ -124,7 +125,7 @@ def made_up(error, tuned_error, current=1.0, observed=0.95):
     gap = (GapRow(100.0, 0.05, 0.05), GapRow(1e3, 0.01, 0.01), GapRow(1e4, 1e-3, 1e-3))
     still = {task: Signals(*np.array([[0.1], [0.2], [0.3], [1.0]])) for task in TASKS}
     names = ("cascade", "cascade-notch", "cascade-leso-exact")
-    return Result(tuple(rows), dict.fromkeys(names, still), gap)
+    return Result(tuple(rows), dict.fromkeys(names, still), gap, beam_study())
 
 
 def printed_as(excess, mean):
