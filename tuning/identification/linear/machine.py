@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from tuning.identification.linear import evidence
-from tuning.identification.linear.doubts import beside, doubt, notes, unexplained
+from tuning.identification.linear.doubts import POOR, RUNS_AWAY, beside, doubt, notes, unexplained
 from tuning.identification.linear.encoder_noise import encoder_noise
 from tuning.identification.linear.evidence import Response
 from tuning.identification.linear.found import LinearAxis, LinearMachineFound, MachineRecord
@@ -28,7 +28,6 @@ from tuning.identification.linear.simplest import Judged, Simple, judged, simple
 FEWEST = 500  # samples
 LINES = 12  # that show a response
 HALF = 0.5  # of the speed explained: a simple model that shows that columns belong together
-POOR = 0.9  # of the speed explained on held-out data, below which a model is doubted
 MOSTLY, BLURRED = (
     0.9,
     0.7,
@@ -90,7 +89,8 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         found = Judged(simple.record, simple.fit, simple.held_out, simple.explained)
     elif len(lines.frequency) >= LINES:
         found = _fitted(one, lines, simple, most_poles, most_delay)
-    if found is None or found.explained <= 0:
+    away = evidence.fastest_growth(one.command, one.position) > RUNS_AWAY
+    if found is None or found.explained <= (POOR if away else 0.0):
         raise ValueError(f"{name}: {_why(one, simple)}")
     fit = found.fit
     stands = float(np.mean(evidence.speed_signs(one.position, resolution) == 0))

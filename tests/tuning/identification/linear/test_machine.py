@@ -56,7 +56,7 @@ def test_what_hides_much_and_is_no_noise_is_refused(record, monkeypatch):
     position = record.position[:, :1] + push[:, None]
     lost = replace(record, axes=("X",), command=record.command[:, :1], position=position)
     monkeypatch.setattr(evidence, "dispersion", lambda fit: 9.0)
-    with pytest.raises(ValueError, match="X: DO NOT USE: the model explains 7"):
+    with pytest.raises(ValueError, match="X: DO NOT USE: the model explains 6"):
         identify_machine(lost, 2, 5)
 
 
