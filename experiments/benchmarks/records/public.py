@@ -150,8 +150,8 @@ def explained(folder: str, what: str, path: Path, columns: LogColumns, least: fl
 def cascade_factors(table: Table) -> Float[np.ndarray, " 2"]:
     """Factors of the documented cascade and of the pulses in the recorded voltage."""
     speed = np.diff(table["qm"], prepend=table["qm"][0]) / emps.SAMPLE_PERIOD
-    lag = table["qg"] - table["qm"]
-    parts = [emps.SPEED_GAIN * (emps.POSITION_GAIN * lag - speed), np.ones(len(lag))]
+    wanted = emps.SPEED_GAIN * emps.POSITION_GAIN * (table["qg"] - table["qm"])
+    parts = [wanted, emps.SPEED_GAIN * speed, np.ones(len(speed))]  # the noisy speed apart
     if PULSES in table:
         parts.append(table[PULSES])
     found = np.linalg.lstsq(np.stack(parts, axis=1), table["vir"])[0]

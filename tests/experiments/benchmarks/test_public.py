@@ -1,0 +1,61 @@
+"""The page of public records is made of what is stored, and the prediction of a drive is sound."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.benchmarks.records.public import (
+    FOLDERS,
+    PAGE,
+    PREDICTED,
+    cascade_factors,
+    emps_error,
+    page,
+    stored,
+)
+from jcontour.app.files.log_table import read_table
+from jcontour.app.files.results.machine_results import LinearAxisResult
+from jcontour.plants import emps
+
+RECORDS = Path(__file__).parents[4] / "shared" / "data" / "records"
+NOTHING: dict[str, Any] = dict.fromkeys(LinearAxisResult.__dataclass_fields__)
+
+
+def published(friction=emps.COULOMB / emps.DRIVE_GAIN):
+    """The axis with its published parameters."""
+    numbers: dict[str, Any] = {
+        "gain": emps.DRIVE_GAIN / emps.VISCOUS,
+        "time_constants": [emps.MASS / emps.VISCOUS],
+        "friction": friction,
+        "offset": -emps.OFFSET / emps.DRIVE_GAIN,
+    }
+    return LinearAxisResult(**(NOTHING | numbers))
+
+
+def test_the_page_is_that_of_the_stored_results():
+    rows = stored()
+    assert PAGE.read_text() == page(rows)
+    assert {row.folder for row in rows} <= set(FOLDERS) == set(PREDICTED)
+
+
+def test_a_drive_without_friction_lags_by_its_speed():
+    """A ramp: the cascade's lag is v / K_p, and the voltage that holds the speed over K_v K_p."""
+    time = emps.SAMPLE_PERIOD * np.arange(3000)
+    axis, speed = published(friction=0.0), 0.05
+    error = emps_error(axis, speed * time, 0 * time, np.ones(2))
+    held = speed / axis.gain - axis.offset
+    wanted = speed / emps.POSITION_GAIN + held / emps.SPEED_GAIN / emps.POSITION_GAIN
+    assert error[-500:].mean() == pytest.approx(wanted, rel=1e-3)
+
+
+@pytest.mark.skipif(not RECORDS.exists(), reason="the public records are not here")
+def test_published_parameters_predict_the_public_drive():
+    """As the publication does, to a tenth of the error itself."""
+    table = read_table(RECORDS / "emps" / "DATA_EMPS.mat")
+    seen = table["qg"] - table["qm"]
+    factors = cascade_factors(table)
+    off = emps_error(published(), table["qg"], 0 * seen, factors) - seen
+    assert factors[0] == pytest.approx(1.045, abs=0.005)
+    assert np.sqrt(np.mean(off**2)) < 3.2e-6 < 0.01 * np.sqrt(np.mean(seen**2))
