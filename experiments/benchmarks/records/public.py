@@ -16,18 +16,22 @@ from rich.console import Console
 
 from jcontour.app.files.log_file import LogColumns, read_log
 from jcontour.app.files.log_table import Table, read_table
-from jcontour.app.files.response_file import read_response
+from jcontour.app.files.response_file import MeasuredResponse, read_response
 from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.others import Bench
 from jcontour.app.machines.identified import axis_result
 from jcontour.app.reports import tables
+from jcontour.app.reports.figures.identification import response_figure
+from jcontour.app.reports.figures.png import save_figure
 from jcontour.plants import emps
 from tuning.identification.linear.found import MachineRecord
 from tuning.identification.linear.machine import identify_machine
 from tuning.response_loop import ResponseLoop, crossover, sensitivity, tuned
 
 STORED = Path(__file__).with_name("public.json")
-PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "predicted-and-measured.md"
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = DOCS / "evidence" / "predicted-and-measured.md"
+PICTURE = DOCS / "pictures" / "measured-response.png"
 TITLE = """# Evidence: predicted and measured
 
 Public records of real machines. `jcontour bench public --records FOLDER` writes this page again.
@@ -109,7 +113,8 @@ def page(rows: Sequence[Prediction]) -> str:
     for row in rows:
         cells = (row.quantity, row.wanted, row.found, "yes" if row.holds else "**no**")
         lines.append(f"| {' | '.join((FOLDERS[row.folder], *cells))} |")
-    return TITLE + "\n".join(lines) + "\n"
+    picture = f"\n![The spindle's response and both loops](../pictures/{PICTURE.name})\n"
+    return TITLE + "\n".join(lines) + "\n" + picture * PICTURE.exists()
 
 
 def show(console: Console, result: PublicBench) -> None:
@@ -246,7 +251,10 @@ def _sinumerik(folder: Path) -> Iterator[Prediction]:
     seen, calm = lines.frequency >= 3, lines.coherence >= 0.8
     at = crossover(lines.frequency[seen], (siemens.response(lines.frequency) * lines.value)[seen])
     ours = tuned(lines.frequency[calm], lines.value[calm], lines.deviation[calm], at)
-    for late in (0.0, theirs["controller_delay_s"]):
+    kept = MeasuredResponse(*(one[seen & calm] for one in vars(lines).values()))
+    save_figure(response_figure(kept, {"Siemens": siemens, "jcontour": ours}), PICTURE)
+    for lowest, late in ((3, 0.0), (3, theirs["controller_delay_s"]), (10, 0.0)):
+        seen = lines.frequency >= lowest
         delay = np.exp(-2j * np.pi * lines.frequency * late)
         worst = [
             float(sensitivity((one.response(lines.frequency) * lines.value * delay)[seen]).max())
@@ -255,7 +263,7 @@ def _sinumerik(folder: Path) -> Iterator[Prediction]:
         beside = f", {1e3 * late:g} ms later" if late else ""
         yield Prediction(
             folder.name,
-            f"Ms of PI with filters on the lines from 3 Hz, crossover {at:.3g} Hz{beside}",
+            f"Ms of PI with filters, lines from {lowest} Hz, crossover {at:.3g} Hz{beside}",
             f"Siemens {worst[0]:.3f}",
             f"{worst[1]:.3f}",
             worst[1] <= worst[0],

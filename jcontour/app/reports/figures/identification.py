@@ -224,6 +224,5 @@ def response_figure(lines: MeasuredResponse, loops: Mapping[str, ResponseLoop]) 
     grid(size, "measured response and loop", "", "size")
     grid(phase, "", "", "phase [degrees]")
     grid(sensitive, "sensitivity on the lines", "frequency [Hz]", "|S|")
-    sensitive.legend(frameon=False)
-    legend_below(figure, size)
+    legend_below(figure)
     return figure
