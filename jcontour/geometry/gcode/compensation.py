@@ -228,7 +228,7 @@ def diameter_of(
         diameter = values.get("D", 0.0) * modes.unit
         fault = f"{name} needs the tool's diameter, D, which is not 0"
     else:
-        number = whole(values.get("D", tool), f"D of {name}")
+        number = whole(values["D"], f"D of {name}") if "D" in values else tool
         diameter = tool_numbered(tools, number).diameter
         fault = f"{name}: tool {number} has no diameter in the tool table"
     if not diameter:
