@@ -34,8 +34,8 @@ PAGE = DOCS / "evidence" / "predicted-and-measured.md"
 PICTURE = DOCS / "pictures" / "measured-response.png"
 TITLE = """# Evidence: predicted and measured
 
-Public records of real machines. `jcontour bench public --records FOLDER` writes this page again.
-*Held-out* is the last 30 % of a record, simulated from the command alone.
+Written by `jcontour bench public --records FOLDER`.
+*Held-out*: the last 30 %, from the command alone.
 
 """
 MOST_POLES, MOST_DELAY = 3, 10
@@ -113,7 +113,7 @@ def page(rows: Sequence[Prediction]) -> str:
     for row in rows:
         cells = (row.quantity, row.wanted, row.found, "yes" if row.holds else "**no**")
         lines.append(f"| {' | '.join((FOLDERS[row.folder], *cells))} |")
-    picture = f"\n![The spindle's response and both loops](../pictures/{PICTURE.name})\n"
+    picture = f"\n![Both loops](../pictures/{PICTURE.name})\n"
     return TITLE + "\n".join(lines) + "\n" + picture * PICTURE.exists()
 
 
