@@ -109,6 +109,7 @@ def linuxcnc_files(
     Raises:
         ValueError: LinuxCNC cannot run it; the message says why.
     """
+    code = replace(code, precision="double")  # HAL's own
     law, nanoseconds = code.law, round(1e9 * code.law.dt)
     if law.dt < SHORTEST:
         raise ValueError(

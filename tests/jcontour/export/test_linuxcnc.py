@@ -32,6 +32,7 @@ def test_every_joint_is_wired_and_has_its_limits():
     assert "SERVO_PERIOD = 500000\n" in ini and "MAX_ACCELERATION = 3000.0" in ini
     assert "drive.py" not in found and "sampler" not in hal
     assert "drive.py" in files(code_of("contouring"), display=DRIVE)
+    assert "typedef double real;" in files(code_of("contouring", "single"))["law.h"]
 
 
 @pytest.mark.skipif(not shutil.which("halcompile"), reason="halcompile is not installed")

@@ -45,3 +45,14 @@ def test_a_run_without_a_controller_is_told(tmp_path, capsys):
     (tmp_path / "settings.json").write_text('{"command": "front", "flags": {}}')
     assert main(["export", str(tmp_path)]) == 2
     assert "a loop is stored by 'tune' and 'simulate'" in capsys.readouterr().err
+
+
+def test_a_check_in_linuxcnc_takes_no_flags_of_other_checks(tour, capsys):
+    run = str(tour("simulate").folder)
+    for flags, words in (
+        (["--bound"], "--in-linuxcnc does not go with --bound"),
+        (["--force", "1"], "--force does not go with --in-linuxcnc"),
+        (["--max-control", "1"], "--max-control does not go with --in-linuxcnc"),
+    ):
+        assert main(["check", run, "--in-linuxcnc", *flags]) == 2
+        assert words in capsys.readouterr().err
