@@ -133,6 +133,7 @@ class Code:
             ("LAW_C", law.C, "measured part of the memory"),
             ("LAW_F", law.F, "gain: controls x memory"),
             ("LAW_D", law.D, "gain: controls x measured"),
+            ("LAW_DRY", law.dry, "against friction: controls x axes"),
             ("LAW_G", law.G, "references, controls x axes for each"),
         ]
         if law.states:

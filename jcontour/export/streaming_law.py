@@ -6,9 +6,9 @@ With x the memory, y the measurement, r_j the reference j samples ahead:
     u   = f - F x - D y                               kept to its limit
     x  <- A x + B u + E y + sum_j W_j r_j             kept to limits of its own
 The control f - F x is that of a receding horizon whose window is swept at every sample (`Window`),
-or f = sum_j G_j r_j with stationary gains. Nothing belongs to one part. All positions count from a
-base: the present reference where a law is the same everywhere, so that its numbers stay small; the
-place of the start where a control is needed to stand; else the origin.
+or f = sum_j G_j r_j + dry sign(r_1 - r_0) with stationary gains. Nothing belongs to one part. All
+positions count from a base: the present reference where a law is the same everywhere, so that its
+numbers stay small; the place of the start where a control is needed to stand; else the origin.
 """
 
 from dataclasses import dataclass, field, replace
@@ -45,6 +45,7 @@ from jcontour.simulation.closed_loop import prepared
 BEHIND = 8  # most samples that a law looks back: differences of third order need three
 TAIL = 40  # samples beyond the look-ahead in which a response has to have ended
 PUSHED = 20  # samples after which a control has moved what it drives
+SMALL = 2.0**-20  # [m] of a motion that friction dominates
 ENDED = 1e-11  # of a response's largest number: it has ended
 BALANCED: dict[Precision, float] = {"double": 1e-13, "single": 1e-7}  # of the largest number
 
@@ -100,6 +101,7 @@ class StreamingLaw:
         F, D: gains; F has the columns of the load alone where a window is swept.
         window: swept at every sample; None where gains are stationary.
         G, W: gains of the references from `behind` samples back to `preview` ahead.
+        dry: control by the direction of every axis, against its friction.
         limit: of every control, +-; infinite where there is none.
         kept: limit of every entry of the memory, +-.
         exact: whether that is all that the controller's own limits do to its memory.
@@ -131,6 +133,7 @@ class StreamingLaw:
     window: Window | None = None
     G: Float[np.ndarray, "window p m"] | None = None
     W: Float[np.ndarray, "window n m"] | None = None
+    dry: Matrix | None = None
     kept: Vector = field(default_factory=lambda: np.zeros(0))
     exact: bool = True
     drives: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
@@ -294,9 +297,9 @@ def _stationary(
         raise NotAffine(f"{name}: its gains change along the path, and no window gives them")
     middle = BEHIND + TAIL // 2 + preview
 
-    def moved(sample: int) -> tuple[np.ndarray, np.ndarray]:
+    def moved(sample: int, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
         found = []
-        for one in np.eye(axes):
+        for one in size * np.eye(axes):
             position = line.position.at[sample].set(one)
             there = prepared(controller, replace(line, position=position))
             after = _steps(free, there, memory, at_rest)
@@ -304,10 +307,20 @@ def _stationary(
         f, w = (np.stack(rows, axis=-1) for rows in zip(*found, strict=True))
         return f, w
 
-    f, w = moved(middle)
+    once, w = moved(middle)
+    twice, again = moved(middle, 2.0)
+    f = twice - once  # without what only the direction of the motion makes
+    dry = moved(middle, SMALL)[0][middle - 1] - SMALL * f[middle - 1]
+    turned = once - f
+    turned[[middle - 1, middle]] -= np.stack([dry, -dry])
+    largest = max(np.abs(f).max(initial=0.0), 1e-300)
+    if np.any(np.abs(turned) > ENDED * largest) or np.any(
+        np.abs(again - 2.0 * w) > ENDED * largest
+    ):
+        raise NotAffine(f"{name}: what it feeds forward is not linear in the reference")
     window = np.arange(middle + BEHIND, middle - preview - 1, -1)  # of r_-b .. r_N
     outside = np.delete(np.concatenate([f, w], axis=1), window, axis=0)
-    if np.any(np.abs(outside) > ENDED * max(np.abs(f).max(initial=0.0), 1e-300)):
+    if np.any(np.abs(outside) > ENDED * largest):
         raise NotAffine(f"{name}: it has no finite look-ahead, its plan needs the whole path")
     G, W = f[window], w[window]
     used = [k for k in range(BEHIND) if np.any(G[k]) or np.any(W[k])]
@@ -333,6 +346,7 @@ def _stationary(
         D=_some(steps.D[0]),
         G=G[skipped:],
         W=_some(W[skipped:]),
+        dry=_some(np.where(np.abs(dry) > ENDED * largest, dry, 0.0)),
         limit=np.full(p, np.inf),
         kept=np.full(n, np.inf) if kept is None else kept,
         exact=exact,

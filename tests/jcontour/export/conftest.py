@@ -64,6 +64,9 @@ def controllers():
         "preview": observed(PreviewLQ(table, 1.2, 2e-9, 10), table),
         "cascade": SpeedByDifference(cascade, Sensors([0, 1]), table.dt),
     }
+    rubbed = CascadeGains(30.0, 20.0, 0.02, 1.0, coulomb=0.3)
+    rubbed = Cascade(rubbed, motors(2), table.dt, np.full(2, LIMIT))
+    found["friction"] = SpeedByDifference(rubbed, Sensors([0, 1]), table.dt)
     loops = {name: (one, table) for name, one in found.items()}
     held = ContouringLQ(drives, LQWeights(1.0, 10.0, 0.1), 10)
     return loops | {"drives": (observed(held, drives, 1e-6), drives)}
@@ -90,7 +93,7 @@ def code_of(name, precision="double"):
         friction=np.zeros(law.inputs),
         count=np.full(2, 1e-6),
         fastest=np.full(2, FEED),
-        error=np.full(2, 3e-3) if name in ("cascade", "drives") else np.full(2, 5e-5),
+        error=np.full(2, 3e-3) if name in ("cascade", "friction", "drives") else np.full(2, 5e-5),
         largest=np.full(law.inputs, LIMIT / 4),
     )
     safe = safe_limits(stated, places, law.drives, law.dt)

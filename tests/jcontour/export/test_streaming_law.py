@@ -18,7 +18,7 @@ from jcontour.sensors import Sensors, motors, row
 
 from .conftest import FEED, InC, code_of, controllers, in_python, needs_compiler, run, seen
 
-STATIONARY = ("preview", "cascade")
+STATIONARY = ("preview", "cascade", "friction")
 BASES = {"drives": "start", "preview": "origin"}
 
 
