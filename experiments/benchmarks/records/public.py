@@ -9,6 +9,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -24,8 +25,11 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.figures.identification import response_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.plants import emps
+from tuning.identification.linear.evidence import resolution_of
 from tuning.identification.linear.found import MachineRecord
 from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.output_error import AxisRecord
+from tuning.identification.linear.simplest import simplest
 from tuning.response_loop import ResponseLoop, crossover, sensitivity, tuned
 
 STORED = Path(__file__).with_name("public.json")
@@ -163,8 +167,28 @@ def cascade_factors(table: Table) -> Float[np.ndarray, " 2"]:
     return np.array([found[0], found[-1] if PULSES in table else 1.0])
 
 
+class Sliding(NamedTuple):
+    """A mass with friction: gain [m/s/V], time constant [s], friction and offset [V]."""
+
+    gain: float
+    constant: float
+    friction: float
+    offset: float
+
+    @classmethod
+    def of(cls, path: Path, columns: LogColumns) -> "Sliding":
+        """The one that a record shows by instruments."""
+        log = read_log(path, ("X",), columns)
+        record = AxisRecord(log.dt, log.command[:, 0], log.position[:, 0])
+        found = simplest(record, resolution_of(record.position), MOST_DELAY)
+        assert found is not None
+        model, (friction, offset) = found.fit.model, found.fit.drag.tolist()
+        gain = model.numerator.sum() / (1 + model.denominator.sum()) / log.dt
+        return cls(float(gain), float(-log.dt / np.log(model.poles[0].real)), friction, offset)
+
+
 def emps_error(
-    axis: LinearAxisResult,
+    axis: Sliding,
     asked: Float[np.ndarray, " T"],
     pulses: Float[np.ndarray, " T"],
     factors: Float[np.ndarray, " 2"],
@@ -175,8 +199,7 @@ def emps_error(
     counted positions.
     Between samples voltage and direction are held, the rest is exact; at rest the axis sticks.
     """
-    assert axis.friction is not None
-    dt, constant = emps.SAMPLE_PERIOD, axis.time_constants[0]
+    dt, constant = emps.SAMPLE_PERIOD, axis.constant
     pole = np.exp(-dt / constant)
     lag = constant * (1 - pole)
     place, speed, counted = float(asked[0]), 0.0, float(asked[0])
@@ -221,6 +244,7 @@ def _emps(folder: Path) -> Iterator[Prediction]:
         part = f"{100 * one.explained:.2f} %"
         holds = one.explained >= 0.995
         yield Prediction(name, f"held-out speed, {kind}", "at least 99.5 %", part, holds)
+    sliding = Sliding.of(folder / files["estimation"], columns)
     for (kind, file), published in zip(files.items(), (2.25, 3.16), strict=True):
         table = read_table(folder / file)
         seen, still = table["qg"] - table["qm"], np.zeros(len(table["qg"]))
@@ -230,13 +254,13 @@ def _emps(folder: Path) -> Iterator[Prediction]:
             ("as in the recorded voltage", cascade_factors(table)),
         ):
             asked = table["qg"], table.get(PULSES, still), factors
-            off = emps_error(found["estimation"], *asked) - seen
+            off = emps_error(sliding, *asked) - seen
             left = 1e6 * float(np.sqrt(np.mean(off**2)))
             yield Prediction(
                 name,
                 f"following error in closed loop, {kind}, cascade {words} [um RMS]",
                 f"{size:.1f}; published parameters are {published:g} off",
-                f"{left:.2f} off, axis of the estimation record",
+                f"{left:.2f} off, mass with friction of the estimation record",
                 left <= 3.2,
             )
 

@@ -1,7 +1,6 @@
 """The page of public records is made of what is stored, and the prediction of a drive is sound."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,28 +9,22 @@ from experiments.benchmarks.records.public import (
     FOLDERS,
     PAGE,
     PREDICTED,
+    Sliding,
     cascade_factors,
     emps_error,
     page,
     stored,
 )
 from jcontour.app.files.log_table import read_table
-from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.plants import emps
 
 RECORDS = Path(__file__).parents[4] / "shared" / "data" / "records"
-NOTHING: dict[str, Any] = dict.fromkeys(LinearAxisResult.__dataclass_fields__)
 
 
 def published(friction=emps.COULOMB / emps.DRIVE_GAIN):
     """The axis with its published parameters."""
-    numbers: dict[str, Any] = {
-        "gain": emps.DRIVE_GAIN / emps.VISCOUS,
-        "time_constants": [emps.MASS / emps.VISCOUS],
-        "friction": friction,
-        "offset": -emps.OFFSET / emps.DRIVE_GAIN,
-    }
-    return LinearAxisResult(**(NOTHING | numbers))
+    gain, constant = emps.DRIVE_GAIN / emps.VISCOUS, emps.MASS / emps.VISCOUS
+    return Sliding(gain, constant, friction, -emps.OFFSET / emps.DRIVE_GAIN)
 
 
 def test_the_page_is_that_of_the_stored_results():
