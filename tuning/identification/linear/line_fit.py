@@ -20,6 +20,7 @@ FLOOR = 0.01  # of the response: a model need not be nearer
 STABLE = 1 - 5e-5  # largest pole: a slower one is an integrator
 BEGIN = 0.03  # damping of the first poles
 ALIKE = 1.05  # ratio of what two delays leave that does not tell them apart
+BESIDE = 0.3  # of the distance of a pole from the unit circle: a zero so near cancels it
 NARROW = 0.2  # of the distance of lines: a sharper peak is one line's error
 
 
@@ -50,7 +51,7 @@ def fitted_to(
             continue
         for delay in range(most_delay + 1):
             model, left = _fitted(lines, w, weight, dt, poles, i, delay)
-            if _narrowest(model) < NARROW * spacing:
+            if _narrowest(model) < NARROW * spacing or _cancels(model):
                 continue
             score = 2 * len(w) * np.log(max(left, 1e-300)) + size * np.log(2 * len(w))
             lefts[i, poles, delay] = model, left
@@ -68,6 +69,15 @@ def _narrowest(model: AxisModel) -> float:
     """Half the width of the sharpest peak [rad per sample]; infinite without one."""
     pairs = model.poles[np.imag(model.poles) > 0]
     return float(np.min(-np.log(np.abs(pairs)), initial=np.inf))
+
+
+def _cancels(model: AxisModel) -> bool:
+    """Whether a zero lies beside a pole of a pair, by a part of its distance from the circle."""
+    pairs, zeros = model.poles[np.imag(model.poles) > 0], np.roots(model.numerator)
+    if not pairs.size or not zeros.size:
+        return False
+    apart = np.abs(pairs[:, None] - zeros).min(axis=1)
+    return bool(np.any(apart < BESIDE * -np.log(np.abs(pairs))))
 
 
 def _fitted(
