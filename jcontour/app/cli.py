@@ -28,7 +28,6 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     loops.Check: ("check", "jcontour.app.commands.loops.check"),
     loops.Tolerance: ("tolerance", "jcontour.app.commands.loops.tolerance"),
     loops.Export: ("export", "jcontour.app.commands.loops.export"),
-    loops.Trace: ("trace", "jcontour.app.commands.loops.trace"),
     loops.Learn: ("learn", "jcontour.app.commands.loops.learn"),
     machines.Identify: ("identify", "jcontour.app.commands.machines.identify"),
     machines.Audit: ("audit", "jcontour.app.commands.machines.audit"),
@@ -43,6 +42,7 @@ RENAMED = {  # command of the version before -> what does it now
     "verify": "check RUN",
     "certify": "check RUN --bound",
     "compare": "report RUN RUN",
+    "trace": "simulate PART --controller mpcc",
 }
 BAD_INPUT, INTERRUPTED, CUT_OFF = 2, 130, 1
 TRACEBACK = "JCONTOUR_TRACEBACK"

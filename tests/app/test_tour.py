@@ -16,7 +16,6 @@ from jcontour.app.files.results.loop_results import (
     ExportedResult,
     FeedResult,
     SimulatedResult,
-    Traversed,
 )
 from jcontour.app.files.results.machine_results import LinearMachineResult
 from jcontour.app.files.results.search_results import FrontResult, RankedResult, SweepResult
@@ -35,7 +34,7 @@ NUMBERS = (
     "tolerance",
     "sweep",
     "sweep-predictive",
-    "trace",
+    "traverse",
     "identify",
     "identify-linear",
 )
@@ -55,7 +54,7 @@ RESULTS = {  # stop -> type that its result is read into
     "rank": RankedResult,
     "sweep": SweepResult,
     "sweep-predictive": PredictiveSweepResult,
-    "trace": Traversed,
+    "traverse": SimulatedResult,
     "identify": IdentifyResult,
     "identify-linear": LinearMachineResult,
 }

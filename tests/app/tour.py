@@ -46,7 +46,7 @@ STOPS: Mapping[str, str] = {  # name -> command; a name in braces is the run fol
     "--controller contouring-lq-kalman --weights control_noise=5 --devices 1",
     "sweep-predictive": "sweep circle --controller mpcc --plant xy-table --previews 3 "
     "--vary q_theta=1,30 --speeds-mm-s 40 --workers 0",
-    "trace": "trace square",
+    "traverse": "simulate square --controller mpcc --plant xy-table --preview 7",
     "excite": "identify --excite limits.json",
     "identify": "identify --demo --encoder-um 0.5",
     "identify-linear": "identify --machine linear --demo --most-order 1 --most-delay 4",

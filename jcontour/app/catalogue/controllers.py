@@ -30,13 +30,13 @@ class Constrained(NamedTuple):
 
 CONSTRAINED = {
     "mpcc": Constrained(
-        "trace",
-        "model predictive contouring control (Lam), chooses its own speed: `jcontour trace`",
+        "simulate",
+        "model predictive contouring control (Lam), chooses its own speed",
         "chooses its own speed, nothing is tuned of it",
     ),
     "tracking-mpc": Constrained(
-        "sweep",
-        "tracking MPC at a constant speed (Lam's other one): `jcontour sweep`",
+        "simulate",
+        "tracking MPC at a constant speed (Lam's other one)",
         "is compared by its horizon and speed, nothing is tuned of it",
     ),
     "bounded-mpc": Constrained(

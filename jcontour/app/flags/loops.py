@@ -9,7 +9,6 @@ from tyro.conf import Positional
 from jcontour.app.flags.shared import (
     ROLLOUTS,
     Bounded,
-    Common,
     Controlled,
     MachineFlags,
     Rollouts,
@@ -25,7 +24,12 @@ SOLVER = "daqp"  # exact to rounding and the fastest
 
 @dataclass(frozen=True)
 class Simulate(Controlled):
-    """Simulate one controller on one contour: table, figures, netCDF."""
+    """Simulate one controller on one contour: table, figures, netCDF.
+
+    With --controller mpcc or tracking-mpc a quadratic program is solved at every sample, on the
+    nominal machine, whose whole state is measured: --preview is the horizon, --feed-mm-per-min the
+    (highest) speed along the path.
+    """
 
     contour: Positional[str | None] = None
     """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv).
@@ -109,45 +113,6 @@ class Learn(Controlled):
     """Seed of the encoder noise."""
     out: Path | None = None
     """Run folder; runs/learn-<time> when not given. It must not hold another run."""
-
-
-@dataclass(frozen=True)
-class Trace(Common):
-    """Trace a contour with model predictive contouring control, which chooses its own speed."""
-
-    contour: Positional[str] = (
-        "lobes"  # size and tight curves of the contour in Lam, Manzie & Good (2011)
-    )
-    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv)."""
-    plant: str = "xy-table"  # the paper's
-    """Machine: a name from `jcontour list`, or a JSON or npz file; its whole state is measured."""
-    q_theta: float = 0.3  # the middle of the paper's range 0.03 .. 5
-    """Reward for progress [1/mm]: more is faster and less accurate."""
-    q_contour: float = 100.0  # the paper's
-    """Weight on the contour error [1/mm^2]."""
-    q_lag: float = 200.0  # the paper's
-    """Weight on the lag error [1/mm^2]; large, or progress is not what it says."""
-    r_control: float | None = None
-    """Weight on the change of every control from step to step [1/control unit^2].
-    15 / limit^2 when not given, of the limit on that control: 60 on the table, as in the paper."""
-    r_speed: float = 200.0  # the paper's
-    """Weight on the change of the path speed from step to step [1/(mm per step)^2]."""
-    horizon: int = 7  # the paper's, section 5
-    """Steps that the controller looks ahead, at most 100."""
-    period_ms: float | None = None
-    """Period of the controller [ms]; 4 for the table, that of the machine otherwise."""
-    max_speed_mm_s: float | None = None
-    """Highest path speed [mm/s].
-    250 when not given, or the least speed limit of the machine's axes where that is lower."""
-    max_control: float | None = None
-    """Limit on every control; the machine's own when not given."""
-    fallback: Fallback = FALLBACK
-    """Action at a step whose QP has no answer.
-    Stop the run, hold the last control, or soften the limits."""
-    solver: str = SOLVER
-    """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
-    out: Path | None = None
-    """Run folder; runs/trace-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jcontour.app.jobs.motion_laws import UM
-from jcontour.app.jobs.pace import MM_PER_MIN, Pace
-from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
-from jcontour.geometry.drawings.reading import read_drawing
+from jcontour.app.flags.shared import MachineFlags
 from jcontour.geometry.gcode.move import DWELL, Move, Stop
 from jcontour.geometry.gcode.program_notes import (
     EXACT,
@@ -23,9 +20,12 @@ from jcontour.geometry.gcode.program_notes import (
     told_stops,
 )
 from jcontour.geometry.gcode.programs import files_beside, interpreted
+from jcontour.geometry.gcode.tool_table import read_tool_table
 from jcontour.geometry.toolpath_rules import MM, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program
 
+UM, MM_PER_MIN = 1e-6, 1e-3 / 60  # [m], [m/s]
+DRAWINGS = (".dxf", ".svg")
 AXES = "XYZ"
 NAMES = "line", "move"
 
@@ -37,14 +37,15 @@ class _Row(NamedTuple):
     behind: str = ""
 
 
-def listed_moves(path: Path, pace: Pace) -> Iterator[str]:
+def listed_moves(path: Path, axes: int, flags: MachineFlags) -> Iterator[str]:
     """Table of the moves of a program or a drawing, a line of text for each, in millimetres.
 
     A machine of two axes has the projection of a program to X and Y.
 
     Args:
         path: of the file.
-        pace: machine, and the feed where the file gives none.
+        axes: of the machine.
+        flags: with the feed where the file gives none, and the unit of a drawing.
 
     Raises:
         ToolpathError: it has no moves, or something in it cannot be read or traced.
@@ -53,16 +54,21 @@ def listed_moves(path: Path, pace: Pace) -> Iterator[str]:
     if suffix == ".csv":
         raise ToolpathError(f"list-moves: {path} holds points, no moves")
     try:
-        yield from (_drawn if suffix in DRAWINGS else _programmed)(path, pace)
+        if suffix in DRAWINGS:
+            yield from _drawn(path, flags)
+        else:
+            yield from _programmed(path, min(axes, 3), flags)
     except ToolpathError as error:
         text = str(error)
         raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None
 
 
-def _programmed(path: Path, pace: Pace) -> Iterator[str]:
-    axes = min(pace.machine.model.axes, 3)
+def _programmed(path: Path, axes: int, flags: MachineFlags) -> Iterator[str]:
+    given = flags.feed_mm_per_min
+    feed = None if given is None else given * MM_PER_MIN
+    tools = None if flags.tool_table is None else read_tool_table(flags.tool_table)
     lines = lines_of(read_program(path))
-    machine = interpreted(lines, axes, pace.feed, files_beside(path), tools=pace.tools)
+    machine = interpreted(lines, axes, feed, files_beside(path), tools=tools)
     if not machine.moves:
         raise ToolpathError(f"the program has no moves along {' or '.join(AXES[:axes])}")
     stops = machine.tracer.stops
@@ -104,9 +110,14 @@ def _stop(stop: Stop, axes: int) -> _Row:
     return _Row(cells, " ".join(filter(None, ["  for", "" if dwells else stop.why, lasts])))
 
 
-def _drawn(path: Path, pace: Pace) -> Iterator[str]:
-    """Of a drawing, whose curves are several pieces each."""
-    drawing = read_drawing(path, pace.feed_or_default, pace.drawing_unit, pace.join)
+def _drawn(path: Path, flags: MachineFlags) -> Iterator[str]:
+    """Pieces of a drawing, whose curves are several pieces each; it takes a second to load."""
+    from jcontour.app.jobs.pace import DRAWING_UNITS, FEED
+    from jcontour.geometry.drawings.reading import read_drawing
+
+    feed = FEED if flags.feed_mm_per_min is None else flags.feed_mm_per_min
+    unit = None if flags.drawing_unit is None else DRAWING_UNITS[flags.drawing_unit]
+    drawing = read_drawing(path, feed * MM_PER_MIN, unit, UM * flags.join_um)
     contour = drawing.contour
     ends = np.asarray(contour.position(contour.start + contour.extent))  # a closed one wraps
     polynomial, rate, extent = (

@@ -91,7 +91,11 @@ def replay(controller: Controller, scenarios: Scenarios) -> Replay:
     """
     check_run(scenarios.family, controller, scenarios.references)
     references, plans = scenarios.references, prepared_plans(controller, scenarios.references)
-    output, control = _runs(scenarios.family, controller, references, plans)
+    return replayed(*_runs(scenarios.family, controller, references, plans), references)
+
+
+def replayed(output: Any, control: Any, references: Reference) -> Replay:
+    """Runs with these signals (contour, plant, time, ...), scored along their references."""
     metrics, error = _scored(output, control, references)
     return Replay(*jax.device_get((metrics, output, control, error)))
 

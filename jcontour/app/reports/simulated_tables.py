@@ -98,4 +98,6 @@ def simulated_answer(result: SimulatedResult) -> list[Entry]:
         limit = max(motion.shares, key=lambda name: motion.shares[name])
         share = f"{100 * motion.shares[limit]:.0f} % of it at the limit of {limit}"
         entries.append(Entry("Time", f"{motion.cycle_time:.3f} s, {share}"))
+    elif result.read is not None and result.read.duration is not None:
+        entries.append(Entry("Time", f"{result.read.duration:.3f} s"))
     return entries

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from jcontour.app.catalogue.known_names import FIRST_LINES, check_flags
-from jcontour.app.flags.loops import Feed, Learn, Precompensate, Simulate, Trace
+from jcontour.app.flags.loops import Feed, Learn, Precompensate, Simulate
 from jcontour.app.flags.tuning import Front, Sweep, Tune
 from jcontour.app.plain_numbers import named_numbers
 
@@ -84,7 +84,7 @@ def test_parts_that_may_be_right_pass(tmp_path, flags, text):
     "flags",
     [
         Simulate(plant="gantry", controller="scheduled-lq", contour="ring-left"),
-        Trace(),
+        Simulate(controller="mpcc"),
         Tune(parts=("circle", "cam")),
     ],
 )

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
+from jcontour.app.flags.shared import MachineFlags
 from jcontour.app.jobs.listed_moves import listed_moves
-from jcontour.app.jobs.pace import Pace
 from jcontour.geometry.toolpath_rules import ToolpathError
-from tests.app import small_runs
 
 
 def listed(path, axes, feed=None):
     """On a machine of so many axes, at a feed where the file gives none."""
-    return list(listed_moves(path, Pace(small_runs.machine(axes=axes), feed, None)))
+    flags = MachineFlags(feed_mm_per_min=None if feed is None else 60e3 * feed)
+    return list(listed_moves(path, axes, flags))
 
 
 def test_a_line_for_each_move(tmp_path):

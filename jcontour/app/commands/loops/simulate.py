@@ -8,11 +8,13 @@ from rich.status import Status
 from jcontour.app.beside import Beside
 from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from jcontour.app.designs.design import Design, plain_weights
+from jcontour.app.designs.predictive.sweep_designs import PREDICTIVE
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.run_metrics import RunMetrics
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict, kept_words, reason, warning
 from jcontour.app.flags.loops import Simulate
+from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.job import Job, Pace
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.machines.machine import Machine
@@ -38,7 +40,10 @@ from jcontour.app.runs.contour_summary import (
     read_of,
 )
 from jcontour.app.runs.forecast import check_memory, forecast
-from jcontour.app.runs.lifecycle import created, finished, tuning_words
+from jcontour.app.runs.lifecycle import created, finished, task_words, tuning_words
+from jcontour.app.runs.loops.traversing import Simulated, traversed
+
+HEEDED = ("plant", "controller")  # of a sweep of predictive control
 
 
 def command(flags: Simulate) -> int:
@@ -46,7 +51,10 @@ def command(flags: Simulate) -> int:
     with tables.console_of(stderr=True, quiet=flags.json).status("planning the motion") as status:
         found, folder = run(flags, status)
     nominal = next(iter(found.plants.values()))
-    then = next_steps(flags, nominal.diverged, any(NAN in one for one in found.verdict.warnings))
+    undefined = any(NAN in one for one in found.verdict.warnings)
+    then = next_steps(flags, nominal.diverged, undefined)
+    if flags.controller in PREDICTIVE and not found.verdict.usable:
+        then = []  # the verdict says it
     answer = [*simulated_answer(found), *then]
     return finished(folder, found, flags, show_simulated, answer, found.verdict)
 
@@ -62,41 +70,46 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
     machine = machine_named(flags.plant)
     # the part comes before the design: a fault in line 1 of a program is told at once
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
-    flags = seeing_all(flags, job)
-    design = design_for(machine, flags)
-    check_memory(job, len(machine.family_names))
-    for line in forecast(job, machine.model.dt, len(machine.family_names)):
-        tables.say(status.console, line)
-    status.update(f"running {job.samples:,} samples")
-    scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
+    plants = len(machine.family_names)
     with Beside(image.__module__) as process:
         drawn = {}
-        if isinstance(job, Job) and job.planned:
-            motion = motion_figure(job.planned, machine.axes, job.rapid)
-            drawn["motion"] = drawn_by(process, motion)
-        replayed = replay(design.build(design.start), scenarios)
+        if flags.controller in PREDICTIVE:
+            status.update("solving a quadratic program at every sample")
+            made = traversed(flags, machine, job)
+        else:
+            flags = seeing_all(flags, job)
+            design = design_for(machine, flags)
+            check_memory(job, plants)
+            for line in forecast(job, machine.model.dt, plants):
+                tables.say(status.console, line)
+            status.update(f"running {job.samples:,} samples")
+            if isinstance(job, Job) and job.planned:
+                motion = motion_figure(job.planned, machine.axes, job.rapid)
+                drawn["motion"] = drawn_by(process, motion)
+            scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
+            made = simulated(design, scenarios, replay(design.build(design.start), scenarios))
+        found, named = made.result, {made.result.controller: made.replay}
         status.update("writing and drawing")
         folder = created(flags, "simulate")
-        found = simulated_result(design, scenarios, replayed)
         title = f"jcontour simulate: {found.controller} on {found.contour}"
-        named = {found.controller: replayed}
-        for name, figure in figures_of(contour_runs(named, scenarios, 0, machine)).items():
+        runs = contour_runs(named, made.scenarios, 0, machine)
+        for name, figure in figures_of(runs).items():
             drawn[name] = drawn_by(process, figure)
-        save_rollouts(flags.rollouts, named, scenarios, machine, title, folder)
+        save_rollouts(flags.rollouts, named, made.scenarios, machine, title, folder)
         for name, save in drawn.items():
             save(folder / f"{name}.png")
     write_result(folder, found)
     return found, folder
 
 
-def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> SimulatedResult:
-    """The result of one contour."""
+def simulated(design: Design, scenarios: Scenarios, replayed: Replay) -> Simulated:
+    """Runs of one contour and their result."""
     machine, job = design.machine, scenarios.jobs[0]
     metrics = [
         RunMetrics.of(replayed.metrics, lambda values, k=k: values[0, k])
         for k in range(len(scenarios.plants))
     ]
-    return SimulatedResult(
+    result = SimulatedResult(
         machine=machine_summary(machine),
         controller=design.name,
         weights=plain_weights(design.start),
@@ -112,6 +125,7 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
         verdict=_verdict(scenarios, replayed, machine),
         sample_period=float(machine.model.dt),
     )
+    return Simulated(result, scenarios, replayed)
 
 
 def _verdict(scenarios: Scenarios, replayed: Replay, machine: Machine) -> Verdict:
@@ -150,4 +164,7 @@ def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> 
         )
         return [Entry("Next", words)]
     part = [] if flags.contour is None else [flags.contour]
+    if flags.controller in PREDICTIVE:
+        known = {name: value for name, value in vars(flags).items() if name in HEEDED}
+        return [Entry("Next", f"jcontour sweep{task_words(part, known, Controlled)}")]
     return [Entry("Next", f"jcontour tune{tuning_words(part, vars(flags))}")]

@@ -27,7 +27,6 @@ from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_dataset
 from jcontour.app.files.results.stored import BESIDE_OTHERS, write_result
 from jcontour.app.files.sweep_files import DesignFiles
-from jcontour.app.flags.loops import Trace
 from jcontour.app.flags.shared import MachineFlags
 from jcontour.app.flags.tuning import Sweep
 from jcontour.app.jobs.pace import Pace
@@ -42,6 +41,7 @@ from jcontour.app.runs.spread.predictive_runs import Ending, PredictiveRun, pred
 from jcontour.app.runs.spread.spreading import cores
 from jcontour.app.runs.spread.sweep_asked import listed_values, sampled_designs
 
+USUAL = "lobes"  # size and tight curves of the contour in Lam, Manzie & Good (2011)
 RUNS = "parts"  # folder of the designs' files inside a run folder
 DIMENSIONS = ("contour", "speed", "horizon", "sample")
 SHOWN = 15  # designs of the front that are printed
@@ -177,7 +177,7 @@ def swept_of(flags: Sweep) -> PredictiveSwept:
     assert flags.controller is not None
     _check_flags(flags)
     kind, machine = PREDICTIVE[flags.controller], machine_named(flags.plant)
-    names = list(flags.parts or (Trace.contour,))
+    names = list(flags.parts or (USUAL,))
     of_parts = {name: getattr(flags, name) for name in HEEDED if hasattr(MachineFlags, name)}
     pace = Pace.of(MachineFlags(**of_parts, feed_mm_per_min=3000.0), machine)  # it is not used
     jobs = [job_named(name, pace) for name in names]

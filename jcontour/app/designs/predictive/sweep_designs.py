@@ -1,4 +1,4 @@
-"""Predictive controllers with a quadratic program at every sample, as designs of a sweep.
+"""Predictive controllers with a quadratic program at every sample: one run, or a sweep of designs.
 
 A design is weights, a horizon and a speed. A `Case` makes of it what the loop on the host needs.
 """
@@ -15,17 +15,25 @@ from jcontour.app.designs.predictive.constrained import (
     control_limit,
     late_tracking,
     speed_limit,
-    traverser,
     usual_change,
-    waiting_reference,
 )
-from jcontour.app.flags.loops import Trace
 from jcontour.app.machines.machine import Machine
 from jcontour.geometry.contour import Contour
 from jcontour.host.held import Held
-from jcontour.motion.references import Reference
+from jcontour.motion.references import Reference, along
+from jcontour.mpc.contouring.contouring_weights import ContouringWeights
+from jcontour.mpc.contouring.mpcc import MPCC
 from jcontour.mpc.tracking.tracking_mpc import TrackingWeights
 from jcontour.plant import Plant
+
+SLOWEST = 0.02  # of the largest speed: a run that takes longer on average has stopped
+WEIGHTS = {  # field of the library -> weight
+    "contour_error": "q_contour",
+    "lag": "q_lag",
+    "progress": "q_theta",
+    "control_change": "r_control",
+    "speed_change": "r_speed",
+}
 
 
 class PredictiveDesign(NamedTuple):
@@ -97,26 +105,36 @@ class PredictiveKind(NamedTuple):
 
 
 def _contouring(case: Case, design: PredictiveDesign) -> HostedRun:
-    """Model predictive contouring control, as `jcontour trace` runs it."""
-    weights: dict[str, Any] = dict(design.weights)
-    flags = Trace(horizon=design.horizon, max_speed_mm_s=design.speed_mm_s, **weights)
-    asked = traverser(case.machine, case.contour, flags)
-    reference = waiting_reference(asked)
-    mpcc = asked.mpcc
-    return HostedRun(
-        asked.hosted.plant, asked.controller, reference, lambda memory: mpcc.arc(memory.inner)
-    )
+    """Model predictive contouring control; the reference is the time that a run may take."""
+    hosted, limit = case.machine.hosted(), control_limit(case.machine)
+    speed, weights = 1e-3 * design.speed_mm_s, dict(design.weights)
+    values: dict[str, Any] = {field: weights.get(name) for field, name in WEIGHTS.items()}
+    if values["control_change"] is None:
+        values["control_change"] = usual_change(case.machine)
+    horizon = _checked(design.horizon)
+    try:
+        costs = ContouringWeights(**values)
+        mpcc = MPCC(hosted.model, case.contour, -limit, limit, speed, costs, horizon)
+    except ValueError as error:  # names the library's field: the user knows the weight
+        field, _, fault = str(error).partition(":")
+        raise ValueError(f"{WEIGHTS.get(field, field)}:{fault}") from None
+    held, dt = Held(mpcc, hosted.every, mpcc.model.inputs), hosted.plant.dt
+    steps = int(float(case.contour.length) / (SLOWEST * speed) / dt) + 1
+    waiting = along(case.contour, np.zeros(steps), dt, 0, at_rest=True)
+    return HostedRun(hosted.plant, held, waiting, lambda memory: mpcc.arc(memory.inner))
+
+
+def _checked(horizon: int) -> int:
+    if not 1 <= horizon <= LONGEST_HORIZON:
+        raise ValueError(f"preview: needs 1 to {LONGEST_HORIZON} steps, received {horizon}")
+    return horizon
 
 
 def _tracking(case: Case, design: PredictiveDesign) -> HostedRun:
     """Tracking MPC along the path at one speed."""
     limit, hosted = control_limit(case.machine), case.machine.hosted()
-    if not 1 <= design.horizon <= LONGEST_HORIZON:
-        raise ValueError(f"previews: need 1 to {LONGEST_HORIZON} steps, received {design.horizon}")
-    weights = TrackingWeights(
-        **{"increment": usual_change(case.machine, limit), **dict(design.weights)}
-    )
-    late = late_tracking(hosted.model, weights, design.horizon, limit)
+    weights = TrackingWeights(**{"increment": usual_change(case.machine), **dict(design.weights)})
+    late = late_tracking(hosted.model, weights, _checked(design.horizon), limit)
     held = Held(late, hosted.every, hosted.model.inputs)
     speed, dt = 1e-3 * design.speed_mm_s, hosted.plant.dt
     return HostedRun(hosted.plant, held, at_speed(case.contour, speed, dt, held.preview), None)
@@ -124,8 +142,7 @@ def _tracking(case: Case, design: PredictiveDesign) -> HostedRun:
 
 def _changes(machine: Machine) -> tuple[float, ...]:
     """A decade around the usual weight on the change of the controls, as one number for all."""
-    each = usual_change(machine, np.asarray(control_limit(machine)))
-    middle = np.exp(np.mean(np.log(each)))
+    middle = np.exp(np.mean(np.log(usual_change(machine))))
     return tuple(float(f"{factor * middle:.6g}") for factor in (0.1, 1.0, 10.0))
 
 
@@ -139,11 +156,11 @@ PREDICTIVE: Mapping[str, PredictiveKind] = {
     "mpcc": PredictiveKind(
         _contouring,
         {
-            "q_theta": (Trace.q_theta, "1/mm"),
-            "q_contour": (Trace.q_contour, "1/mm^2"),
-            "q_lag": (Trace.q_lag, "1/mm^2"),
-            "r_control": (Trace.r_control, "1/control unit^2"),
-            "r_speed": (Trace.r_speed, "1/(mm per step)^2"),
+            "q_theta": (0.3, "1/mm"),  # the middle of the paper's range; the others are the paper's
+            "q_contour": (100.0, "1/mm^2"),
+            "q_lag": (200.0, "1/mm^2"),
+            "r_control": (None, "1/control unit^2"),
+            "r_speed": (200.0, "1/(mm per step)^2"),
         },
         lambda _: ("q_theta", (0.03, 0.1, 0.3, 1.0, 5.0)),  # the paper's range
         lambda machine: (1e3 * speed_limit(machine),),

@@ -11,7 +11,7 @@ import numpy as np
 from jcontour.app.designs.predictive.sweep_designs import Case, HostedRun, PredictiveDesign
 from jcontour.geometry.contour import Contour
 from jcontour.host.loop import HostRun, Stopped, reported_loop
-from jcontour.simulation.traversal import outrun, traversal_score
+from jcontour.simulation.traversal import Score, outrun, traversal_score
 
 
 class Ending(StrEnum):
@@ -57,21 +57,22 @@ def predictive_run(asked: tuple[Case, PredictiveDesign]) -> PredictiveRun:
         run = reported_loop(hosted.plant, hosted.controller, hosted.reference)
     except Stopped:
         return PredictiveRun(Ending.UNSOLVED)
-    return _scored(run, hosted, case.contour)
+    return ended(run, hosted, case.contour)[0]
 
 
-def _scored(run: HostRun, hosted: HostedRun, contour: Contour) -> PredictiveRun:
+def ended(run: HostRun, hosted: HostedRun, contour: Contour) -> tuple[PredictiveRun, Score | None]:
+    """Numbers of a run that was solved, and its score; None where it is not finite."""
     rollout, progress = run.rollout, hosted.progress
     output, control = np.asarray(rollout.output), np.asarray(rollout.control)
     if not (np.isfinite(output).all() and np.isfinite(control).all()):
-        return PredictiveRun(Ending.DIVERGED)
+        return PredictiveRun(Ending.DIVERGED), None
     score = traversal_score(contour, output, hosted.plant.dt)
     if not score.peak <= float(contour.size):
-        return PredictiveRun(Ending.DIVERGED)
+        return PredictiveRun(Ending.DIVERGED), score
     ending = Ending.ARRIVED if np.isfinite(score.time) else Ending.LATE
     if progress is not None and outrun(contour, score, progress(rollout.memory)):
         ending = Ending.OUTRUN
-    return PredictiveRun(
+    numbers = PredictiveRun(
         ending,
         float(score.time),
         1e6 * score.rms,
@@ -79,3 +80,4 @@ def _scored(run: HostRun, hosted: HostedRun, contour: Contour) -> PredictiveRun:
         run.report.active_fraction,
         run.report.worst_residual,
     )
+    return numbers, score

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import machine_named
-from jcontour.app.designs.predictive.constrained import traverser
 from jcontour.app.designs.predictive.sweep_designs import PREDICTIVE, Case, PredictiveDesign
-from jcontour.app.flags.loops import Trace
 from jcontour.geometry.contours import circle
 from jcontour.host.late import OneSampleLate
 
@@ -15,14 +13,15 @@ def case_of(controller):
     return Case(controller, machine_named("xy-table"), circle(1e-2))
 
 
-def test_mpcc_is_the_controller_of_trace():
-    made = case_of("mpcc").hosted(PredictiveDesign({"q_theta": 2.0}, 5, 100.0))
-    case = case_of("mpcc")
-    flags = Trace(q_theta=2.0, horizon=5, max_speed_mm_s=100.0)
-    asked = traverser(case.machine, case.contour, flags)
-    assert made.controller.controller.weights == asked.mpcc.weights
-    np.testing.assert_array_equal(made.controller.controller.blocks, asked.mpcc.blocks)
-    np.testing.assert_array_equal(made.controller.controller._upper, asked.mpcc._upper)
+def test_mpcc_runs_at_the_period_of_its_controller_and_waits_long_enough():
+    """Lam's table: 4 ms on a plant of 1 ms; 0.25 m/s is 1 mm in a step of the controller."""
+    made = case_of("mpcc").hosted(PredictiveDesign({"q_theta": 2.0}, 5, 250.0))
+    mpcc = made.controller.controller
+    assert made.controller.every == 4 and made.plant.dt == 1e-3 and mpcc.model.dt == 4e-3
+    assert mpcc.weights.progress == 2.0 and mpcc.weights.contour_error == 100.0
+    np.testing.assert_allclose(mpcc._upper[:5], 1.0)
+    longest = made.reference.steps * made.plant.dt
+    assert longest == pytest.approx(2 * np.pi * 1e-2 / (0.02 * 0.25), rel=1e-3)
 
 
 def test_without_a_word_the_weights_and_the_speed_are_those_of_the_machine():
@@ -72,9 +71,9 @@ def test_a_case_comes_through_another_process_unchanged(controller):
 @pytest.mark.parametrize(
     ("controller", "design", "says"),
     [
-        ("mpcc", PredictiveDesign({"q_theta": -1.0}, 5, 100.0), "q-theta: needs to be finite"),
-        ("mpcc", PredictiveDesign({}, 101, 100.0), "horizon: at most 100"),
-        ("tracking-mpc", PredictiveDesign({}, 101, 100.0), "previews: need 1 to 100 steps"),
+        ("mpcc", PredictiveDesign({"q_theta": -1.0}, 5, 100.0), "q_theta: needs to be finite"),
+        ("mpcc", PredictiveDesign({}, 101, 100.0), "preview: need"),
+        ("tracking-mpc", PredictiveDesign({}, 101, 100.0), "preview: needs 1 to 100 steps"),
         (
             "tracking-mpc",
             PredictiveDesign({"increment": 0.0}, 5, 100.0),
