@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
-from jcontour.app.designs.design import Gains
-from jcontour.app.designs.feedforward import CROSSOVERS, LinearCascade, LinearDesign, axes_of
+from jcontour.app.designs.design import Gains, LinearDesign
+from jcontour.app.designs.feedforward import CROSSOVERS, LinearCascade, axes_of
 from jcontour.app.designs.lq.first_loop import fastest
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.controller import Controller

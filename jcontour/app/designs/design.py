@@ -8,6 +8,7 @@ lists it by its name.
 import abc
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
@@ -20,6 +21,7 @@ import numpy as np
 from jcontour.app.files import run_folder
 from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.replays import Scenarios
+from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.plain_numbers import named_numbers
 from jcontour.controller import Controller
@@ -235,6 +237,17 @@ class Design(abc.ABC, Generic[M]):
                 f"known, received {asked}"
             )
         return usual if asked is None else asked
+
+
+class LinearDesign(Design[LinearMachine]):
+    """A controller of a machine given by A, B, C."""
+
+    needs = Needs("a machine given by A, B, C", LinearMachine)
+
+    @cached_property
+    def late(self) -> int:
+        """Samples of the unknown delay in the nominal machine: the middle where not given."""
+        return self.model_delay(self.machine.delay, self.machine.middle_delay)
 
 
 def first_line(described: Any) -> str:

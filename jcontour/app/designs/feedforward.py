@@ -15,7 +15,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jcontour.app.designs.design import Design, Gains, Needs
+from jcontour.app.designs.design import Gains, LinearDesign
 from jcontour.app.designs.lq.first_loop import fastest
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.steady_response import steady_response
@@ -45,17 +45,6 @@ ORDER, CONSTRAINT = 1, 2  # of the model and of the weight: bounded acceleration
 # 1/4 is Alter & Tsao's model; their weight is 1: no error on a steady motion
 SMOOTHING = Weight("smoothing", range=Interval(1e-3, 0.3), start=0.05)
 WEIGHT = Weight("weight", range=Interval(0.8, 1.2), start=1.0)
-
-
-class LinearDesign(Design[LinearMachine]):
-    """A controller of a machine given by A, B, C."""
-
-    needs = Needs("a machine given by A, B, C", LinearMachine)
-
-    @cached_property
-    def late(self) -> int:
-        """Samples of the unknown delay in the nominal machine: the middle where not given."""
-        return self.model_delay(self.machine.delay, self.machine.middle_delay)
 
 
 class LinearCascade(LinearDesign):

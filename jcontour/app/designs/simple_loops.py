@@ -9,10 +9,9 @@ import abc
 
 import numpy as np
 
-from jcontour.app.designs.design import Gains, picked
+from jcontour.app.designs.design import Gains, LinearDesign, picked
 from jcontour.app.designs.feedforward import (
     LinearCascade,
-    LinearDesign,
     axes_of,
     cascade,
     cascades,

@@ -1,9 +1,11 @@
 """Summaries of a contour, its motion and its runs, for tables and figures."""
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
+from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.run_metrics import (
     ContourRead,
     FamilyMetrics,
@@ -20,6 +22,15 @@ from jcontour.geometry.outlines import outline
 from jcontour.motion.acting_limits import limit_shares
 from jcontour.motion.cornering import Planned
 from jcontour.motion.jerk_limited.joints import unpadded
+
+
+class Simulated(NamedTuple):
+    """Runs of one contour with their signals, and what is stored of them."""
+
+    result: SimulatedResult
+    scenarios: Scenarios
+    replay: Replay
+
 
 LARGEST = {"rms": "largest RMS", "peak": "largest error"}  # what makes a plant the worst one
 

@@ -7,8 +7,8 @@ from rich.status import Status
 
 from jcontour.app.beside import Beside
 from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
+from jcontour.app.catalogue.controllers import PREDICTIVE
 from jcontour.app.designs.design import Design, plain_weights
-from jcontour.app.designs.predictive.sweep_designs import PREDICTIVE
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.run_metrics import RunMetrics
 from jcontour.app.files.results.stored import write_result
@@ -33,6 +33,7 @@ from jcontour.app.runs.checks.run_checks import (
     motions_not_followed,
 )
 from jcontour.app.runs.contour_summary import (
+    Simulated,
     contour_runs,
     machine_summary,
     motion_summary,
@@ -41,7 +42,6 @@ from jcontour.app.runs.contour_summary import (
 )
 from jcontour.app.runs.forecast import check_memory, forecast
 from jcontour.app.runs.lifecycle import created, finished, task_words, tuning_words
-from jcontour.app.runs.loops.traversing import Simulated, traversed
 
 HEEDED = ("plant", "controller")  # of a sweep of predictive control
 
@@ -75,6 +75,8 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
         drawn = {}
         if flags.controller in PREDICTIVE:
             status.update("solving a quadratic program at every sample")
+            from jcontour.app.runs.loops.traversing import traversed  # the solvers take a while
+
             made = traversed(flags, machine, job)
         else:
             flags = seeing_all(flags, job)

@@ -16,8 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.app.designs.design import Gains, changed, given, picked
-from jcontour.app.designs.feedforward import LinearDesign
+from jcontour.app.designs.design import Gains, LinearDesign, changed, given, picked
 from jcontour.app.designs.lq.first_loop import Drift, first_loop
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_gains

@@ -5,7 +5,6 @@ MPCC chooses its own speed: the tool is compared with the nearest point of the p
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -18,11 +17,11 @@ from jcontour.app.files.results.run_metrics import RunMetrics
 from jcontour.app.files.results.verdict import Verdict, kept_words, reason, warning
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Job, Task
-from jcontour.app.jobs.replays import Replay, Scenarios, replayed
+from jcontour.app.jobs.replays import Scenarios, replayed
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import named_numbers
 from jcontour.app.runs.checks.machine_limits import machine_limits
-from jcontour.app.runs.contour_summary import machine_summary, peak_place, read_of
+from jcontour.app.runs.contour_summary import Simulated, machine_summary, peak_place, read_of
 from jcontour.app.runs.spread.predictive_runs import Ending, PredictiveRun, ended
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
@@ -50,14 +49,6 @@ LOST = {  # how a run did not end well -> what is said, and what may help
     ),
     Ending.UNSOLVED: ("a quadratic program had no answer", "a lower --feed-mm-per-min"),
 }
-
-
-class Simulated(NamedTuple):
-    """Runs of one contour with their signals, and what is stored of them."""
-
-    result: SimulatedResult
-    scenarios: Scenarios
-    replay: Replay
 
 
 def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
