@@ -27,7 +27,8 @@ def check_plant(name: str) -> None:
     if name in MACHINES or own_name(name):
         return
     check_ending("plant", name)
-    if not Path(name).suffix or _almost_own(name):
+    # Whether a Python file is named without a class, or a class without its `.py`
+    if not Path(name).suffix or (Path(name).suffix == ".py" or ".py:" in name):
         raise ValueError(
             f"plant: there is none named {name!r}; {perhaps(name, MACHINES)}give "
             f"{', '.join(MACHINES)}, a JSON or npz file ({EXAMPLE}), or a class of yours as {FILE}"
@@ -175,8 +176,3 @@ def _check_lines(path: Path, flags: Any) -> None:
     except ToolpathError as error:
         text = str(error)
         raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None
-
-
-def _almost_own(name: str) -> bool:
-    """Whether a Python file is named without a class, or a class without its `.py`."""
-    return Path(name).suffix == ".py" or ".py:" in name

@@ -95,11 +95,13 @@ def hardware() -> Hardware:
 
     load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else UNKNOWN
     devices = jax.devices()
+    found = {name: run_folder.version_of(name) for name in PACKAGES}
+    named = [f"{name} {version}" for name, version in found.items() if version]
     return Hardware(
         cpu=f"{_processor()}, {os.cpu_count()} cores",
         devices=f"{len(devices)} x {devices[0].device_kind} ({devices[0].platform})",
         load=f"{load} (one minute average, before)",
-        versions=_versions(),
+        versions=", ".join([*named, f"Python {platform.python_version()}"]),
         date=time.strftime("%Y-%m-%d"),
     )
 
@@ -112,9 +114,3 @@ def _processor() -> str:
     except OSError:
         return platform.processor() or platform.machine()
     return names[0] if names else platform.processor()
-
-
-def _versions() -> str:
-    found = {name: run_folder.version_of(name) for name in PACKAGES}
-    named = [f"{name} {version}" for name, version in found.items() if version]
-    return ", ".join([*named, f"Python {platform.python_version()}"])

@@ -9,7 +9,6 @@ from functools import cached_property
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from jcontour.app.designs.design import Gains
 from jcontour.app.designs.gantry import GantryLQ
@@ -73,10 +72,14 @@ class GantryOffsetFreeLQ(GantryLQ):
 
     def build(self, weights: Gains) -> Controller:
         model, cost = self.model, self.cost(weights)
+        # Gain on the motors' positions; their speeds are differences and tell nothing more
+        noises = weights["control_noise"], weights["drift"]
+        positions = jnp.eye(MOTORS, model.states)
+        gain = offset_free_gain(model, positions, *noises, rounding(self.machine))
         return OffsetFreeObserver(
             controller=ContouringLQ(model, cost, self.flags.preview, RiccatiTerminal()),
             model=model,
-            gain=_observer_gain(self.machine, model, weights),
+            gain=jnp.concatenate([gain, jnp.zeros_like(gain)], axis=1),
             measured=jnp.eye(2 * MOTORS, model.states),
             limit=jnp.asarray(self.machine.limits.control),
         )
@@ -95,13 +98,3 @@ def _gain(machine: GantryMachine, bandwidth: float) -> float:
     A, B = np.asarray(machine.model.A), np.asarray(machine.model.B)
     G = np.linalg.solve(np.exp(1j * bandwidth) * np.eye(len(A)) - A, B)[:MOTORS]
     return float(np.linalg.svd(G, compute_uv=False)[1])
-
-
-def _observer_gain(
-    machine: GantryMachine, model: LinearPlant, gains: Gains
-) -> Float[Array, "both 6"]:
-    """Gain on the motors' positions; their speeds are differences and tell nothing more."""
-    noises = gains["control_noise"], gains["drift"]
-    positions = jnp.eye(MOTORS, model.states)
-    gain = offset_free_gain(model, positions, *noises, rounding(machine))
-    return jnp.concatenate([gain, jnp.zeros_like(gain)], axis=1)

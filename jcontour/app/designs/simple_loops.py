@@ -137,7 +137,10 @@ class Notched(SimpleLoop):
         place = _place(self.machine)
         late = 2 * DAMPING * (1 - DEPTH) / place  # [s] of a slow control in the notch
         section = {"notch": place, "depth": DEPTH, "notch_damping": DAMPING}
-        return _ahead(super().fixed(), late) | section
+        # Feedforward whose control passes what makes it late [s]
+        fed = super().fixed()
+        k_0, k_v, k_a = (fed.get(name, 0.0) for name in ORDERS)
+        return (fed | {"viscous": k_v + late * k_0, "inertia": k_a + late * k_v}) | section
 
     def build(self, weights: Gains) -> Controller:
         shape, machine = picked("notch depth notch_damping", weights), self.machine
@@ -206,12 +209,3 @@ def resonance(model: LinearPlant) -> float | None:
     rates = np.log(poles[np.imag(poles) > 0]) / model.dt
     rings = rates[-np.real(rates) < RINGS * np.abs(rates)]
     return float(np.abs(rings).min()) if rings.size else None
-
-
-def _ahead(fed: Gains, late: float) -> Gains:
-    """Feedforward whose control passes what makes it late [s].
-
-    (k_0 + k_v s + k_a s^2) (1 + late s), to the second order.
-    """
-    k_0, k_v, k_a = (fed.get(name, 0.0) for name in ORDERS)
-    return fed | {"viscous": k_v + late * k_0, "inertia": k_a + late * k_v}

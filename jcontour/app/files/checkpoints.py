@@ -68,19 +68,15 @@ def load_state(folder: Path) -> TuneState:
     try:
         with np.load(folder / STATE, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-        return _state(arrays)
+        descent, structure = None, jax.tree.structure(_DESCENT)
+        if "descent_0" in arrays:
+            leaves = [_plain(arrays[f"descent_{k}"]) for k in range(structure.num_leaves)]
+            descent = jax.tree.unflatten(structure, leaves)
+        others = {f.name: arrays[f.name] for f in fields(TuneState) if f.name not in _TREES}
+        plain: dict[str, Any] = {name: _plain(value) for name, value in others.items()}
+        return TuneState(history=_history(arrays), descent=descent, **plain)
     except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile) as error:
         raise RunError(f"{folder / STATE}: cannot be read ({error})") from None
-
-
-def _state(arrays: dict[str, np.ndarray]) -> TuneState:
-    descent, structure = None, jax.tree.structure(_DESCENT)
-    if "descent_0" in arrays:
-        leaves = [_plain(arrays[f"descent_{k}"]) for k in range(structure.num_leaves)]
-        descent = jax.tree.unflatten(structure, leaves)
-    others = {f.name: arrays[f.name] for f in fields(TuneState) if f.name not in _TREES}
-    plain: dict[str, Any] = {name: _plain(value) for name, value in others.items()}
-    return TuneState(history=_history(arrays), descent=descent, **plain)
 
 
 def _plain(value: np.ndarray) -> Any:

@@ -17,7 +17,6 @@ from jaxtyping import Bool, Float
 from jcontour.app.jobs.motion_laws import axis_limits
 from jcontour.app.jobs.pace import Pace
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import INCH, MM
 from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.smoothing import SHARPEST
@@ -52,7 +51,13 @@ def coarse_coordinates(
     """
     limits, tolerance = axis_limits(pace), pace.corner_tolerance
     pieces = unpadded(contour)
-    chords = _chords(pieces, cut)
+    # Straight pieces that turn a little from the one before, or into the next
+    straight = cut & (pieces.rate == 0) & ~pieces.polynomial[:, 2:].any(axis=(1, 2))
+    along = pieces.polynomial[:, 1]
+    cosine = np.sum(along[1:] * along[:-1], axis=1)
+    turns = (cosine > np.cos(SHARPEST)) & (cosine < np.cos(STRAIGHT))
+    smooth = straight[1:] & straight[:-1] & turns
+    chords = np.append(smooth, False) | np.append(False, smooth)
     step = _step_of(pieces.polynomial[chords, 1] * pieces.extent[chords, None])
     if step is None or not tolerance < (1 - ON_STEP) * step <= COARSEST:
         return None
@@ -62,16 +67,6 @@ def coarse_coordinates(
     if pieces.extent[slowed].sum() < ENOUGH * pieces.extent[cut].sum():
         return None
     return Coarse(step, int(slowed.sum()))
-
-
-def _chords(pieces: Piece, cut: Bool[np.ndarray, " P"]) -> Bool[np.ndarray, " P"]:
-    """Straight pieces that turn a little from the one before, or into the next."""
-    straight = cut & (pieces.rate == 0) & ~pieces.polynomial[:, 2:].any(axis=(1, 2))
-    along = pieces.polynomial[:, 1]
-    cosine = np.sum(along[1:] * along[:-1], axis=1)
-    turns = (cosine > np.cos(SHARPEST)) & (cosine < np.cos(STRAIGHT))
-    smooth = straight[1:] & straight[:-1] & turns
-    return np.append(smooth, False) | np.append(False, smooth)
 
 
 def _step_of(moves: Float[np.ndarray, "n m"]) -> float | None:

@@ -286,7 +286,9 @@ def _read(path: Path, pace: Pace) -> Job:
     machine = pace.machine
     if machine.model.axes == 1:
         raise ToolpathError(f"needs a machine of two or three axes, {machine.name} has one")
-    toolpath = _toolpath(path, pace)
+    axes = "XY" if pace.machine.model.axes == 2 else "XYZ"
+    feed = pace.feed_or_default if path.suffix.lower() in (".csv", *DRAWINGS) else pace.feed
+    toolpath = read(path, feed, axes, pace.drawing_unit, pace.join, pace.tools)
     contour, rapid = _lifted(toolpath.contour, machine.model.axes), toolpath.rapid
     if contour.axes != machine.model.axes:
         raise ToolpathError(f"has {contour.axes} axes, the machine has {machine.model.axes}")
@@ -301,7 +303,11 @@ def _read(path: Path, pace: Pace) -> Job:
         run = along_path(contour, speed, rapid, pace, toolpath.rest + z_alone)
     except (TooLongError, SharpTurnError) as error:
         raise ToolpathError(f"line {toolpath.line[error.piece]}: {error}") from None
-    before, at = _piece_before(contour, run.arc), _piece_at(contour, run.arc)
+    # As `_piece_at`, but at a joint the piece that ends: who rests there is still in the work
+    before, at = (
+        _piece_at(contour, run.arc - 2 * ROUNDING * float(contour.length)),
+        _piece_at(contour, run.arc),
+    )
     scored = ~(rapid[before] & (rapid[at] | (z_alone[before] > 0)))
     doubts = (
         *toolpath.doubts,
@@ -324,12 +330,6 @@ def _read(path: Path, pace: Pace) -> Job:
         run.planned,
         settling_samples(machine.model.dt),
     )
-
-
-def _toolpath(path: Path, pace: Pace) -> Toolpath:
-    axes = "XY" if pace.machine.model.axes == 2 else "XYZ"
-    feed = pace.feed_or_default if path.suffix.lower() in (".csv", *DRAWINGS) else pace.feed
-    return read(path, feed, axes, pace.drawing_unit, pace.join, pace.tools)
 
 
 def _unused_unit(path: Path, pace: Pace) -> Iterator[str]:
@@ -405,11 +405,6 @@ def _piece_at(contour: Contour, arc: np.ndarray) -> np.ndarray:
     reached = arc + ROUNDING * float(contour.length)
     started = np.searchsorted(np.asarray(contour.start), reached, side="right")
     return np.clip(started - 1, 0, contour.rate.size - 1)
-
-
-def _piece_before(contour: Contour, arc: np.ndarray) -> np.ndarray:
-    """As `_piece_at`, but at a joint the piece that ends: who rests there is still in the work."""
-    return _piece_at(contour, arc - 2 * ROUNDING * float(contour.length))
 
 
 def _on_axes(name: str, contour: Contour, pace: Pace) -> Contour:

@@ -66,6 +66,12 @@ def built_machine(flags: Machine) -> BuiltMachine:
             f"known delays are of at most {MOST_DELAY}"
         )
     metre = METRES[flags.length_unit]
+    # Limits of the file: one number where one is given, else one for each axis
+    found: dict[str, float | list[float]] = {}
+    for name in LIMITS:
+        given = _above_zero(f"max_{name}", getattr(flags, f"max_{name}"), len(flags.axes))
+        if given is not None:
+            found[name] = _short(given)
     fields = {
         "name": flags.name,
         "length_unit": flags.length_unit,
@@ -75,7 +81,7 @@ def built_machine(flags: Machine) -> BuiltMachine:
         "A": np.asarray(plant.A).tolist(),
         "B": np.asarray(plant.B).tolist(),
         "C": (np.asarray(plant.C) / metre).tolist(),
-        "limits": _limits(flags),
+        "limits": found,
         "known_delay": shared,
         "uncertainty": {
             "gain": _gain_uncertainty(flags),
@@ -108,16 +114,6 @@ def _resonance_uncertainty(flags: Machine, dt: float) -> dict[str, Any]:
         return {}
     assert hertz is not None
     return {"response": unsure_resonances(hertz, flags.damping, part, dt)}
-
-
-def _limits(flags: Machine) -> dict[str, float | list[float]]:
-    """Limits of the file: one number where one is given, else one for each axis."""
-    found: dict[str, float | list[float]] = {}
-    for name in LIMITS:
-        given = _above_zero(f"max_{name}", getattr(flags, f"max_{name}"), len(flags.axes))
-        if given is not None:
-            found[name] = _short(given)
-    return found
 
 
 def _resolution(flags: Machine, metre: float) -> float | list[float]:
@@ -247,12 +243,8 @@ def _stepped(flags: Machine, warnings: list[str]) -> tuple[list[ContinuousAxis],
                 f"{path}: the model explains {100 * found.explained:.3g} % of the record; "
                 f"does the drive take a {flags.takes}, or are columns swapped?"
             )
-    return axes, words, _round_period(dt)
-
-
-def _round_period(dt: float) -> float:
-    """The period without the rounding of printed times: to a nanosecond."""
-    return round(dt, 9)
+    # The period without the rounding of printed times: to a nanosecond
+    return axes, words, round(dt, 9)
 
 
 def _fitted(found: FittedStep, flags: Machine) -> str:

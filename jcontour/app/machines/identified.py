@@ -28,6 +28,23 @@ def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> d
     Limits are the largest values of the record: what is known to have gone well.
     """
     plant = found.plant()
+    # Intervals of the responses at a few frequencies, the largest around each
+    dt, modes = found.record.dt, [_ringing(one.fit.model) for one in found.axes]
+    places = [places_around(hertz, dt) for each in modes for hertz, _ in each]
+    own = [_thinned(one.response.frequency) for one in found.axes]
+    kept = np.unique([float(f"{one:.6g}") for one in np.concatenate([*own, *places])])
+    frequency = np.union1d(kept, np.concatenate([one.response.frequency for one in found.axes]))
+    edges = np.sqrt(kept[1:] * kept[:-1])
+    rows = []
+    for one, each in zip(found.axes, modes, strict=True):
+        width = np.interp(
+            np.log(frequency), np.log(one.response.frequency), one.response.half_width
+        )
+        for hertz, damping in each:
+            floor = moved(hertz, damping, Machine.resonance_uncertainty, frequency)
+            width = np.maximum(width, floor)
+        parts = np.split(np.minimum(width, UNKNOWN), np.searchsorted(frequency, edges))
+        rows.append([float(f"{part.max():.3g}") for part in parts])
     return {
         "name": name,
         "length_unit": "m",
@@ -42,7 +59,7 @@ def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> d
         "uncertainty": {
             "gain": found.gain,
             "delay": found.late,
-            "response": _doubt(found),
+            "response": {"hertz": kept.tolist(), "relative": rows},
             "measured": _measured(found),
         },
         "encoder_resolution": counts(found),
@@ -72,31 +89,6 @@ def _friction(found: LinearMachineFound) -> float | list[float] | None:
         return None
     each = [0.0 if one.friction is None else one.friction[0] for one in found.axes]
     return each if any(each) else 0.0
-
-
-def _doubt(found: LinearMachineFound) -> dict[str, list]:
-    """Intervals of the responses at a few frequencies, the largest around each.
-
-    A resonance is no surer than that of a data sheet: the record has it at one place of the table,
-    with one part on it and for motions of one size.
-    """
-    dt, modes = found.record.dt, [_ringing(one.fit.model) for one in found.axes]
-    places = [places_around(hertz, dt) for each in modes for hertz, _ in each]
-    own = [_thinned(one.response.frequency) for one in found.axes]
-    kept = np.unique([float(f"{one:.6g}") for one in np.concatenate([*own, *places])])
-    frequency = np.union1d(kept, np.concatenate([one.response.frequency for one in found.axes]))
-    edges = np.sqrt(kept[1:] * kept[:-1])
-    rows = []
-    for one, each in zip(found.axes, modes, strict=True):
-        width = np.interp(
-            np.log(frequency), np.log(one.response.frequency), one.response.half_width
-        )
-        for hertz, damping in each:
-            floor = moved(hertz, damping, Machine.resonance_uncertainty, frequency)
-            width = np.maximum(width, floor)
-        parts = np.split(np.minimum(width, UNKNOWN), np.searchsorted(frequency, edges))
-        rows.append([float(f"{part.max():.3g}") for part in parts])
-    return {"hertz": kept.tolist(), "relative": rows}
 
 
 def _measured(found: LinearMachineFound) -> dict[str, list]:

@@ -125,17 +125,20 @@ def response(model: LinearPlant, axis: int, frequency: np.ndarray) -> np.ndarray
     """Complex response from the axis's own control to its position, over frequency [Hz]."""
     A, B, C = (np.asarray(matrix) for matrix in (model.A, model.B, model.C))
     z = np.exp(2j * np.pi * frequency * model.dt)
-    return np.array([_transfer(A, B[:, axis], C[axis], one) for one in z])
-
-
-def _transfer(A: np.ndarray, b: np.ndarray, c: np.ndarray, z: complex) -> complex:
-    return complex(c @ np.linalg.solve(z * np.eye(len(A)) - A, b))
+    return np.array(
+        [complex(C[axis] @ np.linalg.solve(one * np.eye(len(A)) - A, B[:, axis])) for one in z]
+    )
 
 
 def _behaviour(model: LinearPlant, axis: int, name: str) -> AxisBehaviour:
     dt = model.dt
     steady = steady_response(model, axis)
-    step = _step(model, axis, int(np.clip(SETTLED * steady.slowest, STEPS, MOST_STEPS)))
+    steps = int(np.clip(SETTLED * steady.slowest, STEPS, MOST_STEPS))
+    A, b, c = np.asarray(model.A), np.asarray(model.B)[:, axis], np.asarray(model.C)[axis]
+    x, step = np.zeros(len(A)), np.empty(steps + 1)
+    for k in range(steps + 1):
+        step[k] = c @ x
+        x = A @ x + b
     speed = np.diff(step) / dt
     begin = np.abs(step[: STEPS + 1])
     moved = np.flatnonzero(begin > 1e-9 * begin.max())
@@ -147,15 +150,6 @@ def _behaviour(model: LinearPlant, axis: int, name: str) -> AxisBehaviour:
     time = dt * np.arange(len(step))
     most, where = float(np.abs(changes).max()), _resonance(model, axis)
     return AxisBehaviour(name, steady.gain, steady.kind, rise, delay, most, where, time, step)
-
-
-def _step(model: LinearPlant, axis: int, steps: int) -> np.ndarray:
-    A, b, c = np.asarray(model.A), np.asarray(model.B)[:, axis], np.asarray(model.C)[axis]
-    x, y = np.zeros(len(A)), np.empty(steps + 1)
-    for k in range(steps + 1):
-        y[k] = c @ x
-        x = A @ x + b
-    return y
 
 
 def _resonance(model: LinearPlant, axis: int) -> float:

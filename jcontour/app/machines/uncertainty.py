@@ -57,16 +57,12 @@ def stated_uncertainty(given: Any, model: LinearPlant) -> Uncertainty:
         MachineError: a field is wrong.
     """
     if given is None:
-        return usual_uncertainty(model)
+        # Gains known to 10 %, those of a drive that takes a position exactly; a sample late
+        kinds = [steady_response(model, axis).kind for axis in range(model.axes)]
+        takes: Literal["position", "speed"] = "position" if "position" in kinds else "speed"
+        return Uncertainty(GAIN_KNOWN_TO[takes], LATE)
     fields = read(UncertaintyFields, given, "uncertainty")
     return Uncertainty(fields.gain, fields.delay, _doubt(fields, model))
-
-
-def usual_uncertainty(model: LinearPlant) -> Uncertainty:
-    """Gains known to 10 %, those of a drive that takes a position exactly; a sample late."""
-    kinds = [steady_response(model, axis).kind for axis in range(model.axes)]
-    takes: Literal["position", "speed"] = "position" if "position" in kinds else "speed"
-    return Uncertainty(GAIN_KNOWN_TO[takes], LATE)
 
 
 def assumed(name: str, gain: float, delay: int, statement: str) -> str:

@@ -36,7 +36,9 @@ def save_rollouts(
     folder: Path,
 ) -> str:
     """Write `rollouts.nc` as far as it is kept; one line that says what was written."""
-    size = signal_bytes(replays)
+    # Bytes of the signals of all runs
+    signals = [(run.output, run.control, run.contour_error) for run in replays.values()]
+    size = FLOAT * sum(signal.size for run in signals for signal in run)
     every = samples_kept(keep, size)
     if every is None:
         return f"Rollouts: not kept ({_megabytes(size)} of signals)"
@@ -47,12 +49,6 @@ def save_rollouts(
         return f"{written}, every sample"
     whole = f"all would be about {_megabytes(size)}: --rollouts full"
     return f"{written}, one sample of {every} ({whole})"
-
-
-def signal_bytes(replays: Mapping[str, Replay]) -> int:
-    """Bytes of the signals of all runs."""
-    signals = [(run.output, run.control, run.contour_error) for run in replays.values()]
-    return FLOAT * sum(signal.size for run in signals for signal in run)
 
 
 def samples_kept(keep: Rollouts, size: int) -> int | None:
@@ -75,7 +71,25 @@ def rollouts(
     """Signals and metrics of several designs over the same scenarios, one sample of `every`."""
     runs = list(replays.values())
     kept, unit = slice(None, None, every), machine.control_unit
-    data = _signals(runs, kept, unit) | _of_scenarios(scenarios, kept) | _metrics(runs, unit)
+    # Where the tool should be, which samples count, and which contours the tuner has seen
+    wanted = desired(scenarios)[:, kept]
+    counted = scored(scenarios)[:, kept].astype("i1")
+    training = np.array(scenarios.training).astype("i1")
+    score = {"long_name": "1 where the sample counts in the metrics"}
+    seen = {"long_name": "1 where the tuner has seen the contour"}
+    data = (
+        _signals(runs, kept, unit)
+        | {
+            "reference": (
+                ("contour", "time", "axis"),
+                wanted,
+                _words("m", "where the tool should be"),
+            ),
+            "scored": (("contour", "time"), counted, score),
+            "training": (("contour",), training, seen),
+        }
+        | _metrics(runs, unit)
+    )
     time = np.arange(runs[0].output.shape[2])[kept] * scenarios.references.dt
     coordinates = {
         "design": list(replays),
@@ -102,20 +116,6 @@ def _signals(runs: Sequence[Replay], kept: slice, unit: str) -> Variables:
         "output": ((*signal, "axis"), output, _words("m", "tool point")),
         "control": ((*signal, "input"), control, _words(unit, "control")),
         "contour_error": ((*signal, "axis"), error, _words("m", ERROR)),
-    }
-
-
-def _of_scenarios(scenarios: Scenarios, kept: slice) -> Variables:
-    """Where the tool should be, which samples count, and which contours the tuner has seen."""
-    wanted = desired(scenarios)[:, kept]
-    counted = scored(scenarios)[:, kept].astype("i1")
-    training = np.array(scenarios.training).astype("i1")
-    score = {"long_name": "1 where the sample counts in the metrics"}
-    seen = {"long_name": "1 where the tuner has seen the contour"}
-    return {
-        "reference": (("contour", "time", "axis"), wanted, _words("m", "where the tool should be")),
-        "scored": (("contour", "time"), counted, score),
-        "training": (("contour",), training, seen),
     }
 
 

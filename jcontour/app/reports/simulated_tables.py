@@ -23,7 +23,14 @@ TOLD = 0.01  # of the cycle time, that the planner may leave to gain without a w
 
 def show_simulated(result: SimulatedResult, console: Console) -> None:
     """The table, what was read, and one sentence."""
-    console.print(plant_table(result))
+    # One row per plant of the family
+    headings = [METRICS[name].heading for name in columns_of(result.error)]
+    rows = [
+        [plant, *metric_cells(metrics, result.error)] for plant, metrics in result.plants.items()
+    ]
+    run = f"{result.controller} on {result.contour}, {result.samples} samples"
+    title = f"{run}, {result.feed_law}, {result.machine.nonsmooth_effects}"
+    console.print(plain_table(title, ["plant", *headings], rows))
     if result.read is not None:
         say(console, f"Read {read_line(result.contour, result.read, result.machine.axes)}")
     if result.motion is not None:
@@ -61,17 +68,6 @@ def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
     if left > TOLD:
         rows.insert(1, ["NOT THE QUICKEST, by about", f"{100 * left:.1f} %"])
     return plain_table("Motion that the machine is asked for (motion.png)", ["", ""], rows)
-
-
-def plant_table(result: SimulatedResult) -> Table:
-    """One row per plant of the family."""
-    headings = [METRICS[name].heading for name in columns_of(result.error)]
-    rows = [
-        [plant, *metric_cells(metrics, result.error)] for plant, metrics in result.plants.items()
-    ]
-    run = f"{result.controller} on {result.contour}, {result.samples} samples"
-    title = f"{run}, {result.feed_law}, {result.machine.nonsmooth_effects}"
-    return plain_table(title, ["plant", *headings], rows)
 
 
 def simulated_answer(result: SimulatedResult) -> list[Entry]:

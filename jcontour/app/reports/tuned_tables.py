@@ -24,7 +24,16 @@ EFFORT = ("peak_{error}_error", "rms_tracking_error", "rms_control", "rms_increm
 
 def show_tuned(result: TunedResult, console: Console) -> None:
     """Everything a tuning run found, and one sentence."""
-    for table in (error_table(result), effort_table(result)):
+    # RMS error of start, or baseline, and tuned weights: nominal plant, worst of the family
+    headings = [
+        f"{plant}\n{words}"
+        for plant in ("nominal", "worst")
+        for words in (result.contours[0].compared, "tuned", "change %")
+    ]
+    rows = _by_training(result, _error_cells)
+    effects = result.machine.nonsmooth_effects
+    title = f"RMS {result.error} error in um, machine with {effects}"
+    for table in (plain_table(title, ["contour", *headings], rows), effort_table(result)):
         console.print(table)
     say(
         console,
@@ -117,22 +126,6 @@ def drive_words(drive: DriveLoop, result: TunedResult) -> str:
     beyond = "" if drive.kept else ", beyond a limit"
     error = f"{digits(1e6 * drive.error)} um{beyond}, tuned {digits(1e6 * drive.tuned_error)}"
     return f"{drive.controller} has {error}: {', '.join(drive.gains)}"
-
-
-def error_table(result: TunedResult) -> Table:
-    """RMS error of start, or baseline, and tuned weights: nominal plant, worst of the family.
-
-    Contours that the tuner has never seen stand below the others.
-    """
-    headings = [
-        f"{plant}\n{words}"
-        for plant in ("nominal", "worst")
-        for words in (result.contours[0].compared, "tuned", "change %")
-    ]
-    rows = _by_training(result, _error_cells)
-    effects = result.machine.nonsmooth_effects
-    title = f"RMS {result.error} error in um, machine with {effects}"
-    return plain_table(title, ["contour", *headings], rows)
 
 
 def effort_table(result: TunedResult) -> Table:

@@ -184,17 +184,13 @@ def contour_runs(
     )
 
 
-def worst_plant(replay: Replay, index: int, error: str, by: str) -> int:
-    """Plant of the largest error, by one of `LARGEST`; the first that diverges, where one does."""
-    values = np.asarray(getattr(replay.metrics, f"{by}_{error}_error"))[index]
-    lost = np.asarray(replay.metrics.diverged)[index]
-    return int(np.argmax(np.where(lost, np.inf, values)))
-
-
 def _worst(
     label: str, replay: Replay, scenarios: Scenarios, index: int, error: str, by: str
 ) -> DrawnRun:
-    plant = worst_plant(replay, index, error, by)
+    # Plant of the largest error, by one of `LARGEST`; the first that diverges, where one does
+    values = np.asarray(getattr(replay.metrics, f"{by}_{error}_error"))[index]
+    lost = np.asarray(replay.metrics.diverged)[index]
+    plant = int(np.argmax(np.where(lost, np.inf, values)))
     words = f"{LARGEST[by]} ({scenarios.plants[plant]})"
     return _drawn(label, words, replay, index, plant, scenarios.jobs[index].steps)
 

@@ -50,9 +50,18 @@ def stored_loop(folder: Path) -> StoredLoop:
     """
     command = run_folder.read_json(folder, run_folder.SETTINGS).get("command")
     if command == "tune":
-        return _tuned(folder)
+        run, weights = stored_tuning(folder)
+        flags = run.flags
+        design, jobs = run.design, tuple(run.scenarios.jobs_seen(True))
+        controller, pace = run.controller(weights), Pace.of(flags, run.machine)
+        parts = flags.parts or run.machine.usual.training
+        lines = tuple(design.weight_lines(plain_weights(weights)))
+        return StoredLoop(
+            run.machine, design.name, controller, design.fed, jobs, parts, pace, lines, True
+        )
     if command == "simulate":
-        return _simulated(folder)
+        flags = stored_flags(folder, "simulate", Simulate)
+        return loop_of(flags, flags.contour)
     raise run_folder.RunError(
         f"{folder}: holds a run of {command!r}; a loop is stored by 'tune' and 'simulate'"
     )
@@ -85,23 +94,6 @@ def stored_tuning(folder: Path) -> tuple[TuningRun, Weights]:
     run = tuning_run(replace(flags, controller=flags.controller or result["controller"]))
     named = {name: value for name, value in result["weights"].items() if value is not None}
     return run, with_values(run.start, named)
-
-
-def _tuned(folder: Path) -> StoredLoop:
-    run, weights = stored_tuning(folder)
-    flags = run.flags
-    design, jobs = run.design, tuple(run.scenarios.jobs_seen(True))
-    controller, pace = run.controller(weights), Pace.of(flags, run.machine)
-    parts = flags.parts or run.machine.usual.training
-    lines = tuple(design.weight_lines(plain_weights(weights)))
-    return StoredLoop(
-        run.machine, design.name, controller, design.fed, jobs, parts, pace, lines, True
-    )
-
-
-def _simulated(folder: Path) -> StoredLoop:
-    flags = stored_flags(folder, "simulate", Simulate)
-    return loop_of(flags, flags.contour)
 
 
 def loop_of(flags: Controlled, part: str | None) -> StoredLoop:

@@ -171,13 +171,16 @@ def sentences(result: CertifiedResult) -> list[str]:
     """Assumptions, then the worst row in words."""
     worst = result.worst
     place = peak_line(worst.place, result.error, result.machine.axes)
+    # Largest control of every input
+    inputs = zip(*(row.control for row in result.rows), strict=True)
+    largest = {k: max(one) for k, one in enumerate(inputs)}
     return [
         f"Proven {_proven(result)}, at each sample,",
         _plants(result.gain),
         BOUNDS,
         f"An attack reaches {digits(100 * worst.reached / worst.bound)} % of the largest bound; "
         f"{place}.",
-        _controls(result),
+        f"No control exceeds {of_inputs(largest, result.machine.control_unit)}.",
         f"The attack, the bound and both errors at every sample: {ATTACK}",
     ]
 
@@ -187,13 +190,6 @@ def _proven(result: CertifiedResult) -> str:
     encoder = of_axes(result.encoder, result.machine.axes)
     force = f"{digits(result.force)} {result.machine.control_unit}"
     return f"for every force of up to {force} on each control and encoder error of up to {encoder}"
-
-
-def _controls(result: CertifiedResult) -> str:
-    """Largest control of every input."""
-    inputs = zip(*(row.control for row in result.rows), strict=True)
-    largest = {k: max(one) for k, one in enumerate(inputs)}
-    return f"No control exceeds {of_inputs(largest, result.machine.control_unit)}."
 
 
 def _plants(gain: float | None) -> str:

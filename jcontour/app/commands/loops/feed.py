@@ -29,18 +29,6 @@ SLOWEST, QUICKEST = 1.0, 1000.0  # per cent
 MOST_SHOWN = 6  # feeds on the screen, the quickest ones
 
 
-def loop_at_feeds(flags: Feed) -> StoredLoop:
-    """The loop of a run folder, or of the flags.
-
-    Raises:
-        ValueError: bad input, or the part is a motion of a single axis, which has no feed.
-    """
-    loop = loop_named(flags, flags.part)
-    if loop.machine.error == "tracking":
-        raise ValueError(f"feed: {loop.machine.name} has one axis; its moves have no feed")
-    return loop
-
-
 def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
     """Every feed, from the slowest to the quickest; the motion is planned anew for each.
 
@@ -98,7 +86,17 @@ def recommended(
     if not sound:
         return None, "at every feed a plant does not follow or a limit of the machine is exceeded"
     if tolerance is not None:
-        return _quickest_within(tolerance, sound, error)
+        # The quickest of the feeds within the tolerance [m], and why; None where none is
+        within = [point for point in sound if point.metrics.worst.peak(error) <= tolerance]
+        if within:
+            best = min(within, key=lambda point: point.cycle_time)
+            return best, f"the quickest of these within {1e6 * tolerance:g} um on every plant"
+        least = min(point.metrics.worst.peak(error) for point in sound)
+        words = f"no feed keeps it: the least largest error is {1e6 * least:.4g} um"
+        blended = min(point.deviation for point in sound)
+        if tolerance <= blended:
+            words += f", and the corners are blended within {1e6 * blended:.4g} um"
+        return None, words
     best = sound[0]
     for point in sound[1:]:
         rise, gain = point.override / best.override, best.cycle_time / point.cycle_time
@@ -154,26 +152,13 @@ def verdict_on(
     return Verdict.of(limits, passed=f"USE {best.override:g} % of the feed: {reason}.")
 
 
-def _quickest_within(
-    tolerance: float, sound: Sequence[FeedPoint], error: str
-) -> tuple[FeedPoint | None, str]:
-    """The quickest of the feeds within the tolerance [m], and why; None where none is."""
-    within = [point for point in sound if point.metrics.worst.peak(error) <= tolerance]
-    if within:
-        best = min(within, key=lambda point: point.cycle_time)
-        return best, f"the quickest of these within {1e6 * tolerance:g} um on every plant"
-    least = min(point.metrics.worst.peak(error) for point in sound)
-    words = f"no feed keeps it: the least largest error is {1e6 * least:.4g} um"
-    blended = min(point.deviation for point in sound)
-    if tolerance <= blended:
-        words += f", and the corners are blended within {1e6 * blended:.4g} um"
-    return None, words
-
-
 def command(flags: Feed) -> int:
     """The whole command; exit code."""
     _check(flags)
-    loop = loop_at_feeds(flags)
+    # The loop of a run folder, or of the flags
+    loop = loop_named(flags, flags.part)
+    if loop.machine.error == "tracking":
+        raise ValueError(f"feed: {loop.machine.name} has one axis; its moves have no feed")
     points, count = [], len(set(flags.overrides))
     with counted(tables.console_of(stderr=True, quiet=flags.json), count, "feeds") as done:
         for point in feed_points(loop, flags):

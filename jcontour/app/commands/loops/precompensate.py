@@ -52,9 +52,28 @@ def command(flags: Precompensate) -> int:
     result = replace(result, verdict=verdict)
     folder = created(seeing_all(flags, job), "precompensate")
     if verdict.usable:
-        save_samples(found.position, machine.model.dt, machine.axes, folder, _cut(job))
+        # Which samples are cut, where not all are
+        read = _read(job)
+        save_samples(
+            found.position,
+            machine.model.dt,
+            machine.axes,
+            folder,
+            job.counted if isinstance(job, Job) and read is not None and read.rapid.any() else None,
+        )
     if verdict.usable and flat:
-        save_program(moves, machine.axes, folder, _head(source, result))
+        save_program(
+            moves,
+            machine.axes,
+            folder,
+            [
+                f"bent by jcontour from {source}",
+                f"for {result.machine.name} with the controller {result.controller}, "
+                "and for no other one",
+                *result.weights,
+                f"largest bend {tables.digits(1e6 * result.largest)} um",
+            ],
+        )
     title = f"{job.name} on {machine.name}, {loop.name}"
     errors = [found.errors(runs, machine.error) for runs in (found.before, found.after)]
     about = title, machine.error, machine.axes, found.reference, found.correction
@@ -97,22 +116,6 @@ def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult
 def _read(job: Task) -> Toolpath | None:
     """The file behind a run; None where there is none."""
     return job.program.read if isinstance(job, Job) and job.program is not None else None
-
-
-def _cut(job: Task) -> np.ndarray | None:
-    """Which samples are cut, where not all are."""
-    read = _read(job)
-    return job.counted if isinstance(job, Job) and read is not None and read.rapid.any() else None
-
-
-def _head(source: str, result: BentResult) -> list[str]:
-    """What the first lines of the G-code say."""
-    return [
-        f"bent by jcontour from {source}",
-        f"for {result.machine.name} with the controller {result.controller}, and for no other one",
-        *result.weights,
-        f"largest bend {tables.digits(1e6 * result.largest)} um",
-    ]
 
 
 def show(result: BentResult, console: Console) -> None:

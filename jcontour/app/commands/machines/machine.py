@@ -1,7 +1,7 @@
 """`jcontour machine`: a machine file from what is known of the axes; checks and draws a file."""
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
@@ -19,7 +19,6 @@ from jcontour.app.machines.built import built_machine
 from jcontour.app.machines.from_file import machine_from
 from jcontour.app.machines.machine import Machine
 from jcontour.app.machines.machine_behaviour import (
-    AxisBehaviour,
     axis_behaviours,
     questions,
     response,
@@ -120,22 +119,7 @@ def _result(
     machine: Machine, path: Path, picture: Path, words: list[str], warnings: list[str]
 ) -> MachineResult:
     axes = axis_behaviours(machine)
-    return MachineResult(
-        name=machine.name,
-        file=str(path),
-        figure=str(picture),
-        control_unit=machine.control_unit,
-        period=machine.model.dt,
-        description=machine.description() | {"Limits": _limits(machine)},
-        family=list(machine.family_names),
-        words=words,
-        axes=[_summary(one) for one in axes],
-        warnings=[*warnings, *questions(machine, axes)],
-    )
-
-
-def _limits(machine: Machine) -> str:
-    """Limits of the axes in words, one number where all axes have the same."""
+    # Limits of the axes in words, one number where all axes have the same
     speed, acceleration, control, increment = machine.limits
     unit = machine.control_unit
     told = [
@@ -148,7 +132,29 @@ def _limits(machine: Machine) -> str:
         )
         if limit is not None
     ]
-    return "; ".join(told) or "none is stated"
+    return MachineResult(
+        name=machine.name,
+        file=str(path),
+        figure=str(picture),
+        control_unit=machine.control_unit,
+        period=machine.model.dt,
+        description=machine.description() | {"Limits": ("; ".join(told) or "none is stated")},
+        family=list(machine.family_names),
+        words=words,
+        axes=[
+            AxisSummary(
+                name=one.name,
+                kind=one.kind,
+                gain=one.gain,
+                rise=one.rise,
+                delay=one.delay,
+                acceleration=one.acceleration,
+                resonance=one.resonance,
+            )
+            for one in axes
+        ],
+        warnings=[*warnings, *questions(machine, axes)],
+    )
 
 
 def _each(values: np.ndarray) -> str:
@@ -157,20 +163,34 @@ def _each(values: np.ndarray) -> str:
     return ", ".join(told[:1] if len(set(told)) == 1 else told)
 
 
-def _summary(one: AxisBehaviour) -> AxisSummary:
-    return AxisSummary(
-        name=one.name,
-        kind=one.kind,
-        gain=one.gain,
-        rise=one.rise,
-        delay=one.delay,
-        acceleration=one.acceleration,
-        resonance=one.resonance,
-    )
-
-
 def _draw(machine: Machine, path: Path) -> None:
-    save_figure(machine_figure(machine, axis_behaviours(machine)), path)
+    # Speed after a step of the control; magnitude and phase from control to position
+    found = axis_behaviours(machine)
+    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    panels = figure.subplot_mosaic([["step", "size"], ["step", "phase"]])
+    step, size, phase = panels["step"], panels["size"], panels["phase"]
+    dt, unit = machine.model.dt, machine.control_unit
+    frequency = np.geomspace(1e-3 / dt, 0.499 / dt, POINTS)
+    for k, one in enumerate(found):
+        colour = CYCLE[k % len(CYCLE)]
+        rise = one.rise if np.isfinite(one.rise) and one.rise > 0 else 100 * dt
+        last = min(int((SHOWN * rise) / dt) + one.delay + 3, len(one.step) - 2)
+        speed = np.diff(one.step)[:last] / dt
+        shown = 1e3 * one.step[:last] if one.kind == "position" else 1e3 * speed
+        step.plot(1e3 * one.time[:last], shown, color=colour, label=one.name)
+        values = response(machine.model, k, frequency)
+        size.plot(frequency, 1e3 * np.abs(values), color=colour)
+        phase.plot(frequency, np.degrees(np.unwrap(np.angle(values))), color=colour)
+    what = "position [mm]" if all(one.kind == "position" for one in found) else "speed [mm/s]"
+    grid(step, f"{machine.name}: after a step of one {unit}", "time [ms]", what)
+    size.set(xscale="log", yscale="log")
+    phase.set(xscale="log")
+    for axes in (size, phase):
+        plain_ticks(axes.xaxis)
+    grid(size, "control to position", "", f"mm per {unit}")
+    grid(phase, "", "frequency [Hz]", "phase [degrees]")
+    legend_below(figure)
+    save_figure(figure, path)
 
 
 def show(found: MachineResult, console: Console) -> None:
@@ -199,32 +219,3 @@ def _next(found: MachineResult, path: Path, built: bool) -> list[str]:
         f"Written: {path}" if built else sound,
         f"Next: jcontour tune --plant {shlex.quote(str(name))}",
     ]
-
-
-def machine_figure(machine: Machine, found: Sequence[AxisBehaviour]) -> Figure:
-    """Speed after a step of the control; magnitude and phase from control to position."""
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
-    panels = figure.subplot_mosaic([["step", "size"], ["step", "phase"]])
-    step, size, phase = panels["step"], panels["size"], panels["phase"]
-    dt, unit = machine.model.dt, machine.control_unit
-    frequency = np.geomspace(1e-3 / dt, 0.499 / dt, POINTS)
-    for k, one in enumerate(found):
-        colour = CYCLE[k % len(CYCLE)]
-        rise = one.rise if np.isfinite(one.rise) and one.rise > 0 else 100 * dt
-        last = min(int((SHOWN * rise) / dt) + one.delay + 3, len(one.step) - 2)
-        speed = np.diff(one.step)[:last] / dt
-        shown = 1e3 * one.step[:last] if one.kind == "position" else 1e3 * speed
-        step.plot(1e3 * one.time[:last], shown, color=colour, label=one.name)
-        values = response(machine.model, k, frequency)
-        size.plot(frequency, 1e3 * np.abs(values), color=colour)
-        phase.plot(frequency, np.degrees(np.unwrap(np.angle(values))), color=colour)
-    what = "position [mm]" if all(one.kind == "position" for one in found) else "speed [mm/s]"
-    grid(step, f"{machine.name}: after a step of one {unit}", "time [ms]", what)
-    size.set(xscale="log", yscale="log")
-    phase.set(xscale="log")
-    for axes in (size, phase):
-        plain_ticks(axes.xaxis)
-    grid(size, "control to position", "", f"mm per {unit}")
-    grid(phase, "", "frequency [Hz]", "phase [degrees]")
-    legend_below(figure)
-    return figure

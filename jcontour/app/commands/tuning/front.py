@@ -30,20 +30,20 @@ def command(flags: Front) -> int:
     with opened(flags, "front", search_of) as (folder, search):
         result = traced(search, folder, tables.console_of(stderr=True, quiet=flags.json))
         _store_runs(result, search, folder)
-        _store(result, search.run.design.units(), folder)
-    answer = [*front_entries(result), *next_steps(result, _task(folder))]
-    return finished(folder, result, flags, show, answer)
-
-
-def _task(folder: Path) -> str:
+        weight_units = search.run.design.units()
+        save_dataset(dataset_of(result, weight_units), folder / "front.nc")
+        save_figure(front(result), folder / "front.png")
+        write_result(folder, result)
     stored = run_folder.opened(folder, "front")["flags"]
-    return tuning_words(stored["parts"], stored)
-
-
-def _store(result: FrontResult, weight_units: dict[str, str], folder: Path) -> None:
-    save_dataset(dataset_of(result, weight_units), folder / "front.nc")
-    save_figure(front(result), folder / "front.png")
-    write_result(folder, result)
+    # The error within every budget, as many as a screen takes
+    spent, entries = NAMES[result.against].removeprefix("the "), []
+    for point in result.points[:MOST_SHOWN]:
+        budget, error = tables.digits(point.budget), tables.digits(1e6 * point.error(result.error))
+        margin = tables.digits(point.peak_sensitivity) + ("" if point.feasible else ", NOT KEPT")
+        words = f"{spent} {budget}: RMS {result.error} error {error} um, Ms {margin}"
+        entries.append(Entry("Budget", words))
+    answer = [*entries, *next_steps(result, tuning_words(stored["parts"], stored))]
+    return finished(folder, result, flags, show, answer)
 
 
 def _store_runs(result: FrontResult, search: Search, folder: Path) -> None:
@@ -82,17 +82,6 @@ def show(result: FrontResult, console: Console) -> None:
     for name in result.weights:
         columns[name] = lambda point, name=name: tables.weight_digits(point.weights.get(name))
     console.print(tables.table_of("Weights", result.points, columns, text_columns=0))
-
-
-def front_entries(result: FrontResult) -> list[Entry]:
-    """The error within every budget, as many as a screen takes."""
-    spent, entries = NAMES[result.against].removeprefix("the "), []
-    for point in result.points[:MOST_SHOWN]:
-        budget, error = tables.digits(point.budget), tables.digits(1e6 * point.error(result.error))
-        margin = tables.digits(point.peak_sensitivity) + ("" if point.feasible else ", NOT KEPT")
-        words = f"{spent} {budget}: RMS {result.error} error {error} um, Ms {margin}"
-        entries.append(Entry("Budget", words))
-    return entries
 
 
 def next_steps(result: FrontResult, task: str) -> list[Entry]:

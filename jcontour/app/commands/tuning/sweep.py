@@ -66,7 +66,18 @@ def command(flags: Sweep) -> int:
     ]
 
     def show(result: SweepResult, console: Console) -> None:
-        _table(result, names, error, console)
+        columns = {
+            "preview": lambda row: str(row.preview),
+            **{name: lambda row, name=name: row.weights[name] for name in names},
+            f"worst RMS\n{error} um": lambda row: row.worst_um,
+            "nominal\num": lambda row: row.nominal_um,
+            "Ms": lambda row: "unstable" if row.sensitivity is None else f"{row.sensitivity:.3g}",
+            "delay margin\nsamples": lambda row: str(row.delay_samples),
+        }
+        title = "Best weights within the limits for every preview (worst over contours and plants)"
+        if result.best:
+            console.print(tables.table_of(title, result.best, columns))
+        tables.say(console, counted_words(result))
         tables.say(console, *findings)
 
     return finished(folder, result, flags, show, answer)
@@ -163,21 +174,6 @@ def summary_of(dataset: xr.Dataset, error: str, best: list[BestDesign]) -> Sweep
     _, diverged = worst_errors(dataset, error)
     within = int(dataset.within_limits.values.sum())
     return SweepResult(diverged.size, int(diverged.sum()), within, best)
-
-
-def _table(result: SweepResult, names: list[str], error: str, console: Console) -> None:
-    columns = {
-        "preview": lambda row: str(row.preview),
-        **{name: lambda row, name=name: row.weights[name] for name in names},
-        f"worst RMS\n{error} um": lambda row: row.worst_um,
-        "nominal\num": lambda row: row.nominal_um,
-        "Ms": lambda row: "unstable" if row.sensitivity is None else f"{row.sensitivity:.3g}",
-        "delay margin\nsamples": lambda row: str(row.delay_samples),
-    }
-    title = "Best weights within the limits for every preview (worst over contours and plants)"
-    if result.best:
-        console.print(tables.table_of(title, result.best, columns))
-    tables.say(console, counted_words(result))
 
 
 def counted_words(result: SweepResult) -> str:

@@ -175,7 +175,18 @@ def swept_of(flags: Sweep) -> PredictiveSwept:
         ValueError: a flag, a file or their combination is wrong.
     """
     assert flags.controller is not None
-    _check_flags(flags)
+    # Refuse flags that nothing would heed
+    for one in fields(flags):
+        if one.name not in HEEDED and getattr(flags, one.name) != one.default:
+            raise ValueError(f"{one.name.replace('_', '-')}: {flags.controller} has no use for it")
+    if not flags.previews:
+        raise ValueError("previews: need at least one")
+    if not all(speed > 0 and np.isfinite(speed) for speed in flags.speeds_mm_s):
+        raise ValueError(f"speeds-mm-s: need numbers above zero, received {flags.speeds_mm_s}")
+    if flags.scheduler is not None and flags.workers is not None:
+        raise ValueError("workers: the scheduler has its own; leave one of the two out")
+    if flags.workers is not None and flags.workers < 0:
+        raise ValueError(f"workers: needs at least 0, received {flags.workers}")
     kind, machine = PREDICTIVE[flags.controller], machine_named(flags.plant)
     names = list(flags.parts or (USUAL,))
     of_parts = {name: getattr(flags, name) for name in HEEDED if hasattr(MachineFlags, name)}
@@ -197,21 +208,6 @@ def swept_of(flags: Sweep) -> PredictiveSwept:
     asked = PredictiveSwept(flags, kind, cases, [job.name for job in jobs], speeds, values)
     _check_designs(asked)
     return asked
-
-
-def _check_flags(flags: Sweep) -> None:
-    """Refuse flags that nothing would heed."""
-    for one in fields(flags):
-        if one.name not in HEEDED and getattr(flags, one.name) != one.default:
-            raise ValueError(f"{one.name.replace('_', '-')}: {flags.controller} has no use for it")
-    if not flags.previews:
-        raise ValueError("previews: need at least one")
-    if not all(speed > 0 and np.isfinite(speed) for speed in flags.speeds_mm_s):
-        raise ValueError(f"speeds-mm-s: need numbers above zero, received {flags.speeds_mm_s}")
-    if flags.scheduler is not None and flags.workers is not None:
-        raise ValueError("workers: the scheduler has its own; leave one of the two out")
-    if flags.workers is not None and flags.workers < 0:
-        raise ValueError(f"workers: needs at least 0, received {flags.workers}")
 
 
 def _check_designs(asked: PredictiveSwept) -> None:

@@ -50,7 +50,6 @@ from jcontour.app.runs.tuning.simple_loops import (
     simple_words,
     simplest,
 )
-from tuning.tuner import Tuned
 
 SIMPLE = "simple-loop"  # folder of its search
 FIRST = 3  # of many contours, that are named before the tuning
@@ -91,14 +90,28 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
         trials = {"start": start(), "tuned": trial_of(run, tuned)}
         baseline = baseline_trial(asked, trials["start"], loops)
         with drawn_beside(figures(run, trials, folder)):
-            store_runs(run, tuned, trials, folder, console)
+            # Write the runs of the trials, and the gains
+            machine = run.machine
+            replays = {name: trial.replay for name, trial in trials.items()}
+            effects = machine.nonsmooth_effects
+            title = f"jcontour tune: start against tuned weights, machine with {effects}"
+            line = save_rollouts(run.flags.rollouts, replays, run.scenarios, machine, title, folder)
+            tables.say(console, line)
+            run.design.save(run.controller(tuned.weights), run.scenarios, folder)
+            curves = {name: trial.curves for name, trial in trials.items()}
+            save_sensitivity(curves, run.scenarios.plants, folder)
             robust = robust_trial(run, tuned)
             in_engine = confirmed(run, tuned, trials["tuned"].replay)
         checks = robust, in_engine, certified()
     if baseline is not None:
         trials["baseline"] = baseline
     told = tuned_result(found, trials, *checks, loops, time.perf_counter() - began)
-    store_result(run, told, tuned, folder)
+    # Write the points that were tried, and at last the result
+    points = history_of(run, tuned)
+    rows = [point.to_json(run.machine.error) for point in points]
+    run_folder.write_json(folder / "history.json", rows)
+    save_figures(FIGURES, Search(points, told, run.flags.objective), folder)
+    write_result(folder, told)
     return told
 
 
@@ -211,29 +224,6 @@ def _named(jobs: list[str]) -> str:
     if len(jobs) <= SHOWN:
         return "; ".join(jobs)
     return f"{'; '.join(jobs[:FIRST])}; and {len(jobs) - FIRST} more"
-
-
-def store_runs(
-    run: TuningRun, tuned: Tuned, trials: Mapping[str, Trial], folder: Path, console: Console
-) -> None:
-    """Write the runs of the trials, and the gains."""
-    machine = run.machine
-    replays = {name: trial.replay for name, trial in trials.items()}
-    title = f"jcontour tune: start against tuned weights, machine with {machine.nonsmooth_effects}"
-    line = save_rollouts(run.flags.rollouts, replays, run.scenarios, machine, title, folder)
-    tables.say(console, line)
-    run.design.save(run.controller(tuned.weights), run.scenarios, folder)
-    curves = {name: trial.curves for name, trial in trials.items()}
-    save_sensitivity(curves, run.scenarios.plants, folder)
-
-
-def store_result(run: TuningRun, found: TunedResult, tuned: Tuned, folder: Path) -> None:
-    """Write the points that were tried, and at last the result."""
-    points = history_of(run, tuned)
-    rows = [point.to_json(run.machine.error) for point in points]
-    run_folder.write_json(folder / "history.json", rows)
-    save_figures(FIGURES, Search(points, found, run.flags.objective), folder)
-    write_result(folder, found)
 
 
 def figures(run: TuningRun, trials: Mapping[str, Trial], folder: Path) -> dict[Path, Figure]:

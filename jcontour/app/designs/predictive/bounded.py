@@ -153,7 +153,22 @@ def _with_room(
     speed = np.full(model.axes, np.inf) if limits.speed is None else np.asarray(limits.speed)
 
     def keeping(room: tuple[np.ndarray, np.ndarray]) -> Keeper:
-        response = _shortest(machine, model, around, room, lengths, offset_free)
+        # The shortest responses whose promise is nearly the best
+        gains = [
+            np.asarray(kalman_gain(model, noise, machine.measurement_noise))
+            for noise in machine.control_noise * NOISES
+        ]
+        found, refused = [], ValueError("length: needs at least one")
+        for length in lengths:
+            try:
+                found.append(filtered_response(model, gains, around, room, length, offset_free))
+            except ValueError as none:
+                refused = none
+        if not found:
+            force = float(np.max(around.force))
+            raise ValueError(no_answer(machine, force, refused)) from None
+        best = min(one.tolerance for one in found)
+        response = next(one for one in found if one.tolerance <= ENOUGH * best)
         kept = response.limits(model, control, speed)
         mpc = BoundedMPC(model, response.least, kept, solver=solver)
         reference = task.reference(model.dt, mpc.preview)
@@ -174,33 +189,3 @@ def _left(limits: np.ndarray, needs: list[Need], kind: str) -> np.ndarray:
     """What the path leaves of the limits of a kind."""
     taken = [need.value for need in needs if need.signal.name.startswith(kind)]
     return LEFT * (limits - taken) if taken else limits
-
-
-def _shortest(
-    machine: LinearMachine,
-    model: LinearPlant,
-    around: Surroundings,
-    room: tuple[np.ndarray, np.ndarray],
-    lengths: tuple[int, ...],
-    offset_free: bool,
-) -> FilteredResponse:
-    """The shortest responses whose promise is nearly the best.
-
-    Raises:
-        ValueError: none of the lengths has an answer.
-    """
-    gains = [
-        np.asarray(kalman_gain(model, noise, machine.measurement_noise))
-        for noise in machine.control_noise * NOISES
-    ]
-    found, refused = [], ValueError("length: needs at least one")
-    for length in lengths:
-        try:
-            found.append(filtered_response(model, gains, around, room, length, offset_free))
-        except ValueError as none:
-            refused = none
-    if not found:
-        force = float(np.max(around.force))
-        raise ValueError(no_answer(machine, force, refused)) from None
-    best = min(one.tolerance for one in found)
-    return next(one for one in found if one.tolerance <= ENOUGH * best)

@@ -87,7 +87,10 @@ def random_jobs(
     axes = pace.machine.model.axes
     low, high = (np.zeros(axes), np.zeros(axes)) if places is None else places
     drawn = []
-    for kind, share in zip(KINDS, _shares(random, count), strict=True):
+    # How many of each kind: equal numbers, the rest to kinds drawn at random
+    kinds = len(KINDS)
+    extra = random.permutation(kinds) < count % kinds
+    for kind, share in zip(KINDS, count // kinds + extra, strict=True):
         sizes = size * SIZES ** _spread(random, share)
         feeds = feed * FEEDS ** _spread(random, share)
         drawn += [(kind, *pair) for pair in zip(sizes, feeds, strict=True)]
@@ -111,7 +114,9 @@ def _job(
     samples = int(random.integers(LEAST_SAMPLES, MOST_SAMPLES + 1))
     speed = None if limits.speed is None else float(limits.speed.min())
     feed = feed if speed is None else min(feed, speed)
-    acceleration = _acceleration(pace)
+    # Path acceleration [m/s^2] that the pace asks for, within the machine's limit
+    limit, asked = pace.machine.limits.acceleration, pace.acceleration_or_default
+    acceleration = asked if limit is None else min(asked, float(limit.min()))
     # no curve of this size is faster: an open contour need not be longer
     most = min(feed, 2.0 * np.sqrt(acceleration * size))
     contour = moved(kind(random, size, most * dt * (ENTRY + samples)), middle)
@@ -126,19 +131,6 @@ def _job(
         feed = min(feed, 2.0 * float(contour.length) / (LEAST_SAMPLES * dt))
         samples = MOST_SAMPLES
     return shortened(at_constant_feed(name, contour, pace._replace(feed=feed)), samples)
-
-
-def _acceleration(pace: Pace) -> float:
-    """Path acceleration [m/s^2] that the pace asks for, within the machine's limit."""
-    limit, asked = pace.machine.limits.acceleration, pace.acceleration_or_default
-    return asked if limit is None else min(asked, float(limit.min()))
-
-
-def _shares(random: np.random.Generator, count: int) -> Float[np.ndarray, " kinds"]:
-    """How many of each kind: equal numbers, the rest to kinds drawn at random."""
-    kinds = len(KINDS)
-    extra = random.permutation(kinds) < count % kinds
-    return count // kinds + extra
 
 
 def _spread(random: np.random.Generator, count: int) -> Float[np.ndarray, " n"]:

@@ -7,7 +7,7 @@ is entered in motion, and its entry is not scored.
 """
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from jcontour.app.jobs.entry import ENTRY, behind_entry
 from jcontour.app.jobs.job import Job, Task
@@ -35,7 +35,25 @@ def representatives(task: Task, dt: float) -> list[Task]:
     starts = starts[scored & moving]
     if starts.size == 0:
         return [task]
-    chosen = starts[_spread(_features(task, starts, dt), COUNT)]
+    # Features of the windows, each divided by its largest
+    reference = along(task.contour, task.arc, dt, 0, task.at_rest)
+    tangent, arc = np.asarray(reference.tangent), task.arc
+    speed = np.diff(arc, append=arc[-1]) / dt
+    velocity = speed[:, None] * tangent
+    acceleration = np.linalg.norm(np.diff(velocity, axis=0, append=velocity[-1:]), axis=1) / dt
+    turned = np.linalg.norm(np.diff(tangent, axis=0, append=tangent[-1:]), axis=1)
+    rows = starts[:, None] + np.arange(WINDOW)
+    direction = tangent[rows]
+    outer = np.mean(direction[..., :, None] * direction[..., None, :], axis=1)
+    columns = [
+        np.sqrt(np.mean(acceleration[rows] ** 2, axis=1)),
+        np.log1p(np.sum(turned[rows], axis=1)),
+        np.max(turned[rows], axis=1),
+        np.mean(speed[rows], axis=1),
+        *outer.reshape(starts.size, -1).T,
+    ]
+    features = np.stack(columns, axis=1)
+    chosen = starts[_spread(features / np.maximum(np.max(np.abs(features), axis=0), 1e-300), COUNT)]
     return [_stretch(task, int(a), k + 1) for k, a in enumerate(np.sort(chosen))]
 
 
@@ -55,28 +73,6 @@ def _stretch(job: Job, first: int, number: int) -> Job:
         planned=None,
         settling=0,
     )
-
-
-def _features(job: Job, starts: Int[np.ndarray, " w"], dt: float) -> Float[np.ndarray, "w f"]:
-    """Features of the windows, each divided by its largest."""
-    reference = along(job.contour, job.arc, dt, 0, job.at_rest)
-    tangent, arc = np.asarray(reference.tangent), job.arc
-    speed = np.diff(arc, append=arc[-1]) / dt
-    velocity = speed[:, None] * tangent
-    acceleration = np.linalg.norm(np.diff(velocity, axis=0, append=velocity[-1:]), axis=1) / dt
-    turned = np.linalg.norm(np.diff(tangent, axis=0, append=tangent[-1:]), axis=1)
-    rows = starts[:, None] + np.arange(WINDOW)
-    direction = tangent[rows]
-    outer = np.mean(direction[..., :, None] * direction[..., None, :], axis=1)
-    columns = [
-        np.sqrt(np.mean(acceleration[rows] ** 2, axis=1)),
-        np.log1p(np.sum(turned[rows], axis=1)),
-        np.max(turned[rows], axis=1),
-        np.mean(speed[rows], axis=1),
-        *outer.reshape(starts.size, -1).T,
-    ]
-    features = np.stack(columns, axis=1)
-    return features / np.maximum(np.max(np.abs(features), axis=0), 1e-300)
 
 
 def _spread(features: Float[np.ndarray, "w f"], count: int) -> list[int]:

@@ -80,7 +80,9 @@ class _Run(NamedTuple):
         way = job.arc[job.scored]
         chord = min(CHORD_SAMPLES * feed * dt, float(np.ptp(way)) / LEAST_CHORDS)
         arc = np.arange(way[0], way[-1], chord)
-        counts = _scored_at(job, arc)
+        # Whether the run is scored where it comes to every arc length [m]
+        sample = np.searchsorted(job.arc, arc)
+        counts = job.scored[np.minimum(sample, job.samples - 1)]
         points = np.asarray(along(job.contour, arc, dt, 0, at_rest=True).position)
         chords, both = np.diff(points, axis=0), counts[:-1] & counts[1:]
         between = both[:-1] & both[1:]
@@ -98,9 +100,3 @@ def _feed(job: Job, dt: float) -> float:
     step = np.sort(step)[::-1]
     way = np.cumsum(step)
     return float(step[np.searchsorted(way, 0.5 * way[-1])]) / dt
-
-
-def _scored_at(job: Job, arc: np.ndarray) -> np.ndarray:
-    """Whether the run is scored where it comes to every arc length [m]."""
-    sample = np.searchsorted(job.arc, arc)
-    return job.scored[np.minimum(sample, job.samples - 1)]

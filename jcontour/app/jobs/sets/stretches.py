@@ -62,22 +62,20 @@ def between(contour: Contour, low: float, high: float) -> Contour:
     cut = np.clip(low - pieces.start, 0.0, pieces.extent)
     extent = np.minimum(pieces.extent, high - pieces.start) - cut
     kept = extent > SMALLEST
-    pieces = _begun_later(pieces, cut)._replace(extent=extent, start=pieces.start + cut - low)
-    return _like(contour, jax.tree.map(lambda rows: rows[kept], pieces))
-
-
-def _begun_later(pieces: Piece, by: Float[np.ndarray, " P"]) -> Piece:
-    """The same curves with their arc lengths counted from later places [m]."""
+    # The same curves with their arc lengths counted from later places [m]
     degree = pieces.polynomial.shape[1]
     polynomial = np.zeros_like(pieces.polynomial)
     for i in range(degree):  # p(s + by) = sum_i c_i sum_j binomial(i, j) by^(i - j) s^j
         for j in range(i + 1):
-            weight = comb(i, j) * by ** (i - j)
+            weight = comb(i, j) * cut ** (i - j)
             polynomial[:, j] += weight[:, None] * pieces.polynomial[:, i]
-    c, s = (f(pieces.rate * by)[:, None] for f in (np.cos, np.sin))
+    c, s = (f(pieces.rate * cut)[:, None] for f in (np.cos, np.sin))
     cosine = pieces.cosine * c + pieces.sine * s
     sine = pieces.sine * c - pieces.cosine * s
-    return pieces._replace(polynomial=polynomial, cosine=cosine, sine=sine)
+    pieces = pieces._replace(polynomial=polynomial, cosine=cosine, sine=sine)._replace(
+        extent=extent, start=pieces.start + cut - low
+    )
+    return _like(contour, jax.tree.map(lambda rows: rows[kept], pieces))
 
 
 def greatest_curvature(contour: Contour) -> float:

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
-from jaxtyping import Bool, Int
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -160,11 +159,8 @@ def draw_way(axes: Axes, runs: ContourRuns) -> None:
         beside = np.where(between[:, None], np.nan, place).T
         axes.plot(*beside, color=OTHER, linewidth=0.8, linestyle=":", label="rapid")
     axes.plot(*place[counts.argmax()], "o", color="black", markersize=3.5, label="first point")
-    _draw_arrows(axes, place, np.flatnonzero(counts))
-
-
-def _draw_arrows(axes: Axes, place: np.ndarray, cut: np.ndarray) -> None:
-    """Arrows at `ARROWS` of the way along the samples `cut` of places (T, 2) [mm]."""
+    # Arrows at `ARROWS` of the way along the samples `cut` of places (T, 2) [mm]
+    cut = np.flatnonzero(counts)
     begins = np.diff(cut, prepend=cut[0] - 2) > 1  # of every stretch without a rapid move
     steps = np.linalg.norm(np.diff(place[cut], axis=0, prepend=place[cut[:1]]), axis=1)
     way = np.cumsum(np.where(begins, 0.0, steps))
@@ -181,7 +177,10 @@ def draw_magnified(
 ) -> str:
     """Draw the tool; the magnification in words, the same for all runs of a row."""
     factor = _magnification(runs, row)
-    tool = desired_on_contour(runs, run) + factor * 1e3 * runs.shown(run.contour_error)[:, :2]
+    # Nearest points of the contour to the tool [mm], in the plane (T, 2)
+    tool = (1e3 * runs.shown(run.output - run.contour_error)[:, :2]) + factor * 1e3 * runs.shown(
+        run.contour_error
+    )[:, :2]
     axes.plot(*tool.T, color=colour, linewidth=1.0, label=run.label)
     return TRUE if factor == 1 else f"error x {factor:g}"
 
@@ -191,11 +190,6 @@ def _magnification(runs: ContourRuns, compared: Sequence[DrawnRun]) -> float:
     desired = runs.shown(runs.reference)[:, :2]
     errors = [runs.shown(run.contour_error)[:, :2] for run in compared if not run.diverged]
     return min((magnification(desired, error) for error in errors), default=1.0)
-
-
-def desired_on_contour(runs: ContourRuns, run: DrawnRun) -> np.ndarray:
-    """Nearest points of the contour to the tool [mm], in the plane (T, 2)."""
-    return 1e3 * runs.shown(run.output - run.contour_error)[:, :2]
 
 
 def magnification(desired: np.ndarray, error: np.ndarray) -> float:
@@ -232,7 +226,11 @@ def draw_coloured(
 ) -> str:
     """Draw the tool; the largest error in words, ringed in `colour`. A row has one scale."""
     place, error = 1e3 * runs.shown(run.output)[:, :2], _error(runs, run)
-    starts = _starts(runs.scored)
+    # Samples where pieces begin: at equal distances, and on both sides of every border of a cut
+    count = len(runs.scored)
+    before = np.flatnonzero(np.diff(runs.scored))
+    even = np.arange(0, count, -(-count // MOST))
+    starts = np.unique(np.concatenate([even, before, before + 1, [count - 1]]))
     place, largest = place[starts], np.fmax.reduceat(error, starts)
     pieces = np.stack([place[:-1], place[1:]], axis=1)
     drawn = np.isfinite(pieces).all(axis=(1, 2))
@@ -254,17 +252,6 @@ def draw_coloured(
     return f"largest error {error[worst]:.3g} um"
 
 
-def _starts(scored: Bool[np.ndarray, " T"]) -> Int[np.ndarray, " K"]:
-    """Samples where pieces begin: at equal distances, and on both sides of every border of a cut.
-
-    A piece over a border would lose the end of a cut, or draw a short rapid move as one.
-    """
-    count = len(scored)
-    before = np.flatnonzero(np.diff(scored))
-    even = np.arange(0, count, -(-count // MOST))
-    return np.unique(np.concatenate([even, before, before + 1, [count - 1]]))
-
-
 def _error(runs: ContourRuns, run: DrawnRun) -> np.ndarray:
     """Contour error (T,) [um]; NaN where samples do not count."""
     return 1e6 * np.linalg.norm(runs.shown(run.contour_error), axis=-1)
@@ -279,38 +266,38 @@ def error_figure(runs: ContourRuns) -> Figure:
     figure = Figure(figsize=(1.5 + 6.0 * width, 7.0), layout="constrained")
     columns = figure.subplots(3, width, sharex=True, squeeze=False).T
     for column, row in zip(columns, runs.rows, strict=True):
-        _draw_errors(column, runs, row)
+        alone = len(runs.axes) == 1
+        first = "tool [mm]" if alone else "contour error [um]"
+        labels = (first, "tracking error [um]", f"increment [{runs.control_unit}]")
+        colours = colours_of([run.label for run in row])
+        for run in row:
+            legend = f"{run.label}, {run.plant}{', diverged' if run.diverged else ''}"
+            # Signals drawn over time: contour error or tool, tracking error, increment
+            contour = 1e6 * np.linalg.norm(run.contour_error, axis=-1)
+            tracking = 1e6 * np.linalg.norm(run.output - runs.reference, axis=-1)
+            increment = np.linalg.norm(np.diff(run.control, axis=0), axis=-1)
+            for axes, signal in zip(
+                column,
+                (
+                    1e3 * run.output[:, 0] if alone else contour,
+                    tracking,
+                    np.append(increment, np.nan),
+                ),
+                strict=True,
+            ):
+                draw_curve(axes, runs.time, runs.shown(signal), colours[run.label], 0.8, legend)
+        if alone:
+            desired = 1e3 * runs.shown(runs.reference)[:, 0]
+            column[0].plot(runs.time, desired, color=DESIRED, linewidth=0.8, linestyle="--")
+        for axes, label in zip(column, labels, strict=True):
+            grid(axes, y=label)
+        used = runs.time[runs.scored]
+        column[-1].set(xlabel="time [s]", xlim=(used[0], used[-1]))
+        column[0].legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     left_out = ", without rapid moves" if runs.rapids else ""
     words = f" ({WORDS})" if long(runs.time.size) else ""
     figure.suptitle(f"{short(runs.name)}: scored samples{left_out}{words}")
     return figure
-
-
-def _draw_errors(column: Sequence[Axes], runs: ContourRuns, row: Sequence[DrawnRun]) -> None:
-    alone = len(runs.axes) == 1
-    first = "tool [mm]" if alone else "contour error [um]"
-    labels = (first, "tracking error [um]", f"increment [{runs.control_unit}]")
-    colours = colours_of([run.label for run in row])
-    for run in row:
-        legend = f"{run.label}, {run.plant}{', diverged' if run.diverged else ''}"
-        for axes, signal in zip(column, _errors(runs, run, alone), strict=True):
-            draw_curve(axes, runs.time, runs.shown(signal), colours[run.label], 0.8, legend)
-    if alone:
-        desired = 1e3 * runs.shown(runs.reference)[:, 0]
-        column[0].plot(runs.time, desired, color=DESIRED, linewidth=0.8, linestyle="--")
-    for axes, label in zip(column, labels, strict=True):
-        grid(axes, y=label)
-    used = runs.time[runs.scored]
-    column[-1].set(xlabel="time [s]", xlim=(used[0], used[-1]))
-    column[0].legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0))
-
-
-def _errors(runs: ContourRuns, run: DrawnRun, alone: bool) -> tuple[np.ndarray, ...]:
-    """Signals drawn over time: contour error or tool, tracking error, increment."""
-    contour = 1e6 * np.linalg.norm(run.contour_error, axis=-1)
-    tracking = 1e6 * np.linalg.norm(run.output - runs.reference, axis=-1)
-    increment = np.linalg.norm(np.diff(run.control, axis=0), axis=-1)
-    return 1e3 * run.output[:, 0] if alone else contour, tracking, np.append(increment, np.nan)
 
 
 def figures_of(runs: ContourRuns) -> dict[str, Figure]:
@@ -343,7 +330,15 @@ def contour_figure(runs: ContourRuns) -> Figure:
     for place, (run, row) in zip(places.ravel(), chain.from_iterable(panels), strict=True):
         words.append(_draw_panel(place, runs, run, row, colours[run.label]))
         place.label_outer(remove_inner_ticks=True)
-    _make_room(places[0, 0])
+    # Room beside a tall contour, so that titles of panels side by side stay apart
+    axes = places[0, 0]
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    missing = NARROWEST * (high - low) - (right - left)
+    if missing > 0:
+        axes.set_xlim(left - missing / 2, right + missing / 2)
+    missing = FLATTEST_AND_TALLEST[0] * (right - left) - (high - low)
+    if missing > 0:
+        axes.set_ylim(low - missing / 2, high + missing / 2)
     figure.suptitle(f"{short(runs.name)}: contour and tool{_how(runs, words)}")
     legend_below(figure, columns=4)
     return figure
@@ -361,20 +356,6 @@ def _height_to_width(runs: ContourRuns) -> float:
     contour = runs.shown(runs.reference)[:, :2]
     width, height = np.nanmax(contour, axis=0) - np.nanmin(contour, axis=0)
     return float(np.clip(height / width, *FLATTEST_AND_TALLEST)) if width > 0 else 1.0
-
-
-def _make_room(axes: Axes) -> None:
-    """Room beside a tall contour, so that titles of panels side by side stay apart.
-
-    Likewise above and below a flat one, as a line along X is, for ticks. Scales stay equal.
-    """
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    missing = NARROWEST * (high - low) - (right - left)
-    if missing > 0:
-        axes.set_xlim(left - missing / 2, right + missing / 2)
-    missing = FLATTEST_AND_TALLEST[0] * (right - left) - (high - low)
-    if missing > 0:
-        axes.set_ylim(low - missing / 2, high + missing / 2)
 
 
 def _draw_panel(

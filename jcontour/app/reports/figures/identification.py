@@ -52,22 +52,18 @@ def model(found: IdentifiedAxis) -> Figure:
     """
     figure = Figure(figsize=(9.0, 8.0), layout="constrained")
     friction, cogging, lines = figure.subplots(3, 1)
-    _draw_friction(friction, found)
-    _draw_cogging(cogging, found)
-    _draw_spectrum(lines, found)
-    return figure
-
-
-def _draw_friction(axes: Axes, found: IdentifiedAxis) -> None:
     value = _values(found)
     for slide, left in zip(found.forces.slides, found.forces.residuals, strict=True):
         speed = slide.speed @ slide.weights
-        axes.plot(speed, _friction(value, speed) - left, color="0.6", **POINT)
+        friction.plot(speed, _friction(value, speed) - left, color="0.6", **POINT)
     for sign in (-1, 1):
         speed = sign * np.linspace(1e-3, found.forces.fastest, 200)
-        axes.plot(speed, _friction(value, speed), color="tab:blue")
+        friction.plot(speed, _friction(value, speed), color="tab:blue")
     title = "friction: the fit, and what inertia and cogging leave of the current"
-    grid(axes, title, "speed [m/s]", "N")
+    grid(friction, title, "speed [m/s]", "N")
+    _draw_cogging(cogging, found)
+    _draw_spectrum(lines, found)
+    return figure
 
 
 def _draw_cogging(axes: Axes, found: IdentifiedAxis) -> None:

@@ -90,7 +90,13 @@ def motion_figure(planned: Planned, axes: Sequence[str], rapid: Bool[np.ndarray,
                 row.axhline(sign * limit[k], color=colours[name], ls="--", lw=0.8)
     if rapid.any():
         for row in rows:
-            _shade(row, _ends(planned), rapid)
+            # A grey ground where the moves are rapid
+            ends = _ends(planned)
+            turns = np.flatnonzero(np.diff(np.concatenate([[False], rapid, [False]]).astype(int)))
+            begins, lasts = ends[turns[::2]], ends[turns[1::2]]
+            stretches = list(zip(begins, lasts - begins, strict=True))
+            across = row.get_xaxis_transform()
+            row.broken_barh(stretches, (0.0, 1.0), transform=across, color=SHADE, lw=0, zorder=0)
     legend_below(figure, columns=4)
     return figure
 
@@ -151,12 +157,3 @@ def _mark_stops(axes: Axes, planned: Planned) -> None:
         held = 1e3 * motion.at(waits).arc
         label = f"waits: {held.size:,}, {rests.total:.4g} s"
         axes.plot(held, 0.0 * held + WAIT, marker=CARETUP, label=label, **strip)
-
-
-def _shade(axes: Axes, ends: Float[np.ndarray, " ends"], rapid: Bool[np.ndarray, " P"]) -> None:
-    """A grey ground where the moves are rapid."""
-    turns = np.flatnonzero(np.diff(np.concatenate([[False], rapid, [False]]).astype(int)))
-    begins, lasts = ends[turns[::2]], ends[turns[1::2]]
-    stretches = list(zip(begins, lasts - begins, strict=True))
-    across = axes.get_xaxis_transform()
-    axes.broken_barh(stretches, (0.0, 1.0), transform=across, color=SHADE, lw=0, zorder=0)

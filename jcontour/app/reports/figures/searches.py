@@ -169,7 +169,7 @@ def front(result: FrontResult) -> Figure:
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     axes = figure.subplots()
     # a loop that is not stable has no finite peak, and no place here
-    points = [point for point in result.points if _finite(point, result)]
+    points = [point for point in result.points if (point.spent(result.against) < float("inf"))]
     met = [point for point in points if point.feasible]
     kinds = {
         "tuned for this budget": ("o", TUNED, [point for point in met if not point.slack]),
@@ -195,10 +195,6 @@ def front(result: FrontResult) -> Figure:
     logarithmic(axes)
     legend_below(figure)
     return figure
-
-
-def _finite(point: BudgetPoint, result: FrontResult) -> bool:
-    return point.spent(result.against) < float("inf")
 
 
 def _places(points: Sequence[BudgetPoint], result: FrontResult) -> tuple[list[float], list[float]]:

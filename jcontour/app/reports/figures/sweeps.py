@@ -48,37 +48,34 @@ def sweep_figure(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figur
         error: that counts, "contour" or "tracking".
     """
     if len(names) == 1:
-        return _curves(dataset, names[0], error)
+        name = names[0]
+        worst, diverged = worst_errors(dataset, error)
+        order = np.argsort(dataset[name].values)
+        values = dataset[name].values[order]
+        figure = Figure(figsize=(7.0, 5.0), layout="constrained")
+        axes = figure.subplots()
+        for k, preview in enumerate(dataset.preview.values):
+            height, lost = worst[k, order], diverged[k, order]
+            beyond = ~dataset.within_limits.values[k, order].astype(bool) & ~lost
+            label = f"preview {preview}: {_counted(lost, beyond)}"
+            (line,) = axes.plot(values, np.where(lost, np.nan, height), ".-", label=label)
+            if beyond.any():
+                axes.plot(values[beyond], height[beyond], "o", color=BEYOND, zorder=3)
+            best = int(dataset.best.values[k])
+            if best >= 0:
+                star = dataset[name].values[best], worst[k, best]
+                axes.plot(*star, "*", color=line.get_color(), markersize=14)
+            if lost.any():  # at the upper edge, for they have no height
+                edge = axes.get_xaxis_transform()
+                axes.plot(values[lost], np.full(lost.sum(), 0.98), "x", color=LOST, transform=edge)
+        axes.set(xlabel=named(dataset, name), ylabel=f"worst RMS {error} error [um]", yscale="log")
+        if values.min() > 0:
+            axes.set_xscale("log")
+        axes.set_title(_marks(dataset), fontsize=10)
+        axes.grid(color="0.9")
+        legend_below(figure)
+        return figure
     return _maps(dataset, names, error)
-
-
-def _curves(dataset: xr.Dataset, name: str, error: str) -> Figure:
-    worst, diverged = worst_errors(dataset, error)
-    order = np.argsort(dataset[name].values)
-    values = dataset[name].values[order]
-    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
-    axes = figure.subplots()
-    for k, preview in enumerate(dataset.preview.values):
-        height, lost = worst[k, order], diverged[k, order]
-        beyond = ~dataset.within_limits.values[k, order].astype(bool) & ~lost
-        label = f"preview {preview}: {_counted(lost, beyond)}"
-        (line,) = axes.plot(values, np.where(lost, np.nan, height), ".-", label=label)
-        if beyond.any():
-            axes.plot(values[beyond], height[beyond], "o", color=BEYOND, zorder=3)
-        best = int(dataset.best.values[k])
-        if best >= 0:
-            star = dataset[name].values[best], worst[k, best]
-            axes.plot(*star, "*", color=line.get_color(), markersize=14)
-        if lost.any():  # at the upper edge, for they have no height
-            edge = axes.get_xaxis_transform()
-            axes.plot(values[lost], np.full(lost.sum(), 0.98), "x", color=LOST, transform=edge)
-    axes.set(xlabel=named(dataset, name), ylabel=f"worst RMS {error} error [um]", yscale="log")
-    if values.min() > 0:
-        axes.set_xscale("log")
-    axes.set_title(_marks(dataset), fontsize=10)
-    axes.grid(color="0.9")
-    legend_below(figure)
-    return figure
 
 
 def _maps(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
@@ -228,7 +225,17 @@ def surface_figure(dataset: xr.Dataset) -> Figure:
         for axes, heights, errors, speed in zip(
             panels, values, error, dataset.speed.values, strict=True
         ):
-            _horizon_map(axes, dataset, heights, errors, norm)
+            # One speed: every design a coloured mark, the one of least error above the others
+            name = next(name for name in dataset.coords if dataset[name].dims == ("sample",))
+            x, y = np.meshgrid(dataset[name].values, dataset.horizon.values.astype(float))
+            lost = ~np.isfinite(errors)
+            above = np.argsort(-errors[~lost], kind="stable")
+            x_shown, y_shown, shown = (column[~lost][above] for column in (x, y, heights))
+            axes.scatter(x_shown, y_shown, c=shown, norm=norm, s=MARK, marker="s")
+            axes.plot(x[lost], y[lost], "x", color=LOST)
+            axes.set(xlabel=named(dataset, str(name)), ylabel="horizon [steps]")
+            scaled(axes, x.ravel(), y.ravel())
+            axes.margins(0.12)
             axes.set_title(f"{speed:g} mm/s", fontsize=10)
         colours = ScalarMappable(norm)
         bar = figure.colorbar(colours, ax=list(panels), label=label, format="{x:.3g}")
@@ -260,23 +267,3 @@ def _ends(values: np.ndarray) -> tuple[float, float]:
     finite = values[np.isfinite(values)]
     low, high = (finite.min(), finite.max()) if finite.size else (1.0, 10.0)
     return float(low), float(max(high, 1.01 * low))
-
-
-def _horizon_map(
-    axes: Axes,
-    dataset: xr.Dataset,
-    values: Float[np.ndarray, "H D"],
-    errors: Float[np.ndarray, "H D"],
-    norm: LogNorm,
-) -> None:
-    """One speed: every design a coloured mark, the one of least error above the others."""
-    name = next(name for name in dataset.coords if dataset[name].dims == ("sample",))
-    x, y = np.meshgrid(dataset[name].values, dataset.horizon.values.astype(float))
-    lost = ~np.isfinite(errors)
-    above = np.argsort(-errors[~lost], kind="stable")
-    x_shown, y_shown, shown = (column[~lost][above] for column in (x, y, values))
-    axes.scatter(x_shown, y_shown, c=shown, norm=norm, s=MARK, marker="s")
-    axes.plot(x[lost], y[lost], "x", color=LOST)
-    axes.set(xlabel=named(dataset, str(name)), ylabel="horizon [steps]")
-    scaled(axes, x.ravel(), y.ravel())
-    axes.margins(0.12)

@@ -5,7 +5,6 @@ import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from jcontour.app.files import run_folder
 from jcontour.app.reports.page.page_data import BYTES, page_data
@@ -22,17 +21,7 @@ def write_page(folders: Sequence[Path], path: Path) -> Path:
         RunError: as `page_data`; or the page would be larger than it may be.
     """
     runs = [page_data(folder, BYTES / len(folders)) for folder in folders]
-    text = page_text(runs)
-    if len(text.encode()) > MOST_BYTES:
-        raise run_folder.RunError(
-            f"{path}: the page would take {len(text.encode())} bytes; give fewer runs"
-        )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return run_folder.write(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
-
-
-def page_text(runs: Sequence[dict[str, Any]]) -> str:
-    """The page; text of the user is escaped in the title, and never markup in the data."""
+    # The page; text of the user is escaped in the title, and never markup in the data
     title = "jcontour: " + ", ".join(run["name"] for run in runs)
     data = json.dumps(run_folder.plain(list(runs)), separators=(",", ":"), allow_nan=False)
     parts = {
@@ -43,4 +32,10 @@ def page_text(runs: Sequence[dict[str, Any]]) -> str:
         "PROGRAM": (HERE / "page.js").read_text(),
     }
     place = re.compile(f"@({'|'.join(parts)})@")
-    return place.sub(lambda found: parts[found[1]], (HERE / "page.html").read_text())
+    text = place.sub(lambda found: parts[found[1]], (HERE / "page.html").read_text())
+    if len(text.encode()) > MOST_BYTES:
+        raise run_folder.RunError(
+            f"{path}: the page would take {len(text.encode())} bytes; give fewer runs"
+        )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return run_folder.write(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))

@@ -242,7 +242,10 @@ def _signals(folder: Path, room: float) -> dict[str, Any]:
 
 def _contour(data: xr.Dataset, name: str, most: int) -> dict[str, Any]:
     """One contour, thinned alike in every run; lengths in mm, errors in um."""
-    length = _length(data)
+    # Samples up to the last that counts or moves; runs are padded to the longest
+    moves = np.any(np.diff(data.reference.values, axis=0) != 0, axis=1)
+    ends = np.flatnonzero(np.insert(moves, 0, False) | (data.scored.values == 1))
+    length = int(ends[-1]) + 1 if ends.size else data.sizes["time"]
     data = data.isel(time=slice(0, length))
     time, reference = data.time.values, data.reference.values
     output, error, control = (data[key].values for key in ("output", "contour_error", "control"))
@@ -268,10 +271,3 @@ def _contour(data: xr.Dataset, name: str, most: int) -> dict[str, Any]:
         "metrics": {name: data[name].values.tolist() for name in METRICS if METRICS[name].on_page},
         "diverged": data.diverged.values.astype(bool).tolist(),
     }
-
-
-def _length(data: xr.Dataset) -> int:
-    """Samples up to the last that counts or moves; runs are padded to the longest."""
-    moves = np.any(np.diff(data.reference.values, axis=0) != 0, axis=1)
-    ends = np.flatnonzero(np.insert(moves, 0, False) | (data.scored.values == 1))
-    return int(ends[-1]) + 1 if ends.size else data.sizes["time"]

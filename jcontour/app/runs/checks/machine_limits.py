@@ -138,7 +138,11 @@ def drives_at_limits_in_rapids(replay: Replay, scenarios: Scenarios, machine: Ma
     They are not scored, but a tool that falls behind there is late in the next cut. Speed and
     acceleration, which the motion itself takes to their limits, say nothing of this.
     """
-    rapid = _rapid(scenarios)
+    # Which samples are of rapid moves: those of whole programs that do not count
+    rapid = np.zeros((len(scenarios.jobs), scenarios.references.steps), bool)
+    for row, job in zip(rapid, scenarios.jobs, strict=True):
+        if isinstance(job, Job) and job.program is not None:
+            row[: job.steps] = ~job.counted
     if not rapid.any():
         return []
     return [
@@ -157,15 +161,6 @@ def _replayed(
     output, control = (np.where(lost, np.nan, rows) for rows in (replay.output, replay.control))
     names = [job.name for job in scenarios.jobs]
     return Signals(output, control, counted, names, scenarios.plants, desired(scenarios))
-
-
-def _rapid(scenarios: Scenarios) -> Bool[np.ndarray, "contours steps"]:
-    """Which samples are of rapid moves: those of whole programs that do not count."""
-    found = np.zeros((len(scenarios.jobs), scenarios.references.steps), bool)
-    for row, job in zip(found, scenarios.jobs, strict=True):
-        if isinstance(job, Job) and job.program is not None:
-            row[: job.steps] = ~job.counted
-    return found
 
 
 def _checks(seen: Signals, machine: Machine) -> Iterator[LimitCheck]:

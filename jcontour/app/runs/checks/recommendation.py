@@ -113,7 +113,18 @@ class Evidence:
 def verdict_on(seen: Evidence) -> Verdict:
     """Verdict on tuned weights: the gravest reasons first, then the comparison, then the limits."""
     messages = [*_unsound(seen), *_start(seen), *seen.warnings, *_comparison(seen)]
-    return Verdict.of(seen.limits, messages, _limit_remedies(seen.limits, seen.feed_law))
+    # What helps where limits are not kept
+    beyond = [one.name for one in seen.limits if not one.kept]
+    remedies = []
+    if any(name.startswith(OF_AXES) for name in beyond):
+        other = "" if seen.feed_law == "jerk" else "; or with a toolpath file --feed-law jerk"
+        remedies.append(
+            "a motion that asks for less keeps the limit, and so may tuning on that contour as "
+            f"well; {TRY_LESS}{other}"
+        )
+    if any("encoder counts" in name for name in beyond):
+        remedies.append("less --max-count-noise makes the control calmer, finer encoders as well")
+    return Verdict.of(seen.limits, messages, remedies)
 
 
 def _unsound(seen: Evidence) -> Iterator[Message]:
@@ -192,21 +203,6 @@ def _search_remedy(limit: str, allowing: str) -> str:
         RATIO: f"a training contour stays worse than was asked for; {allowing} allows it",
     }
     return known.get(limit, f"lower the feed, or allow these weights, {allowing}")
-
-
-def _limit_remedies(limits: Sequence[LimitCheck], feed_law: str) -> list[str]:
-    """What helps where limits are not kept."""
-    beyond = [one.name for one in limits if not one.kept]
-    remedies = []
-    if any(name.startswith(OF_AXES) for name in beyond):
-        other = "" if feed_law == "jerk" else "; or with a toolpath file --feed-law jerk"
-        remedies.append(
-            "a motion that asks for less keeps the limit, and so may tuning on that contour as "
-            f"well; {TRY_LESS}{other}"
-        )
-    if any("encoder counts" in name for name in beyond):
-        remedies.append("less --max-count-noise makes the control calmer, finer encoders as well")
-    return remedies
 
 
 def _start(seen: Evidence) -> Iterator[Message]:

@@ -117,7 +117,11 @@ def lost_numbers(found: Replay, scenarios: Scenarios) -> list[str]:
     lines = []
     for k, job in enumerate(scenarios.jobs):
         signals = {"output": found.output[k, 0], "control": found.control[k, 0]}
-        first = {name: _first_lost(rows) for name, rows in signals.items()}
+        # Index of the first row with a NaN; their number where there is none
+        first = {
+            name: int(np.argmax(np.append(np.isnan(rows).any(axis=-1), True)))
+            for name, rows in signals.items()
+        }
         name = min(first, key=lambda name: first[name])
         sample = first[name]
         before = [np.abs(rows[:sample]) for rows in signals.values()]
@@ -128,11 +132,6 @@ def lost_numbers(found: Replay, scenarios: Scenarios) -> list[str]:
             f"{SOUGHT} {PLACES[name]}"
         )
     return lines
-
-
-def _first_lost(rows: np.ndarray) -> int:
-    """Index of the first row with a NaN; their number where there is none."""
-    return int(np.argmax(np.append(np.isnan(rows).any(axis=-1), True)))
 
 
 def limits_exceeded_by_plan(scenarios: Scenarios, machine: Machine) -> list[str]:

@@ -204,15 +204,11 @@ def moves_along(
             rows = position[section.first : section.last + 1].copy()
             rows[0] = place
             moves = moves_through(rows, dt)
-        found.append(moves._replace(asked=_asked(section, source)))
+        # What is to be done before a section, in words
+        by_line: dict[int, list[str]] = {}
+        for line, words in section.asked:
+            by_line.setdefault(line, []).append(words)
+        told = [f"line {line}: {', '.join(words)}" for line, words in by_line.items()]
+        found.append(moves._replace(asked=f"{source}, {'; '.join(told)}" if told else ""))
         place = moves.ends[-1]
     return found
-
-
-def _asked(section: Section, source: str) -> str:
-    """What is to be done before a section, in words."""
-    by_line: dict[int, list[str]] = {}
-    for line, words in section.asked:
-        by_line.setdefault(line, []).append(words)
-    told = [f"line {line}: {', '.join(words)}" for line, words in by_line.items()]
-    return f"{source}, {'; '.join(told)}" if told else ""

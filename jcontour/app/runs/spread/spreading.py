@@ -65,7 +65,20 @@ def prepared(flags: F) -> Iterator[F]:
         return
     with ExitStack() as stack:
         stack.enter_context(_stdout_for_python())
-        _join()
+        import jax
+        from jax.experimental.multihost_utils import sync_global_devices
+
+        try:
+            jax.distributed.initialize(**_environment())
+        except ValueError as error:
+            needed = (
+                f"set {ADDRESS} (host:port of the first host), {COUNT} and {NUMBER} on every host, "
+                "or start it by a cluster manager"
+            )
+            raise ValueError(f"hosts: {needed} ({error})") from None
+        # connect the devices while all hosts are here: later, one that compiles for longer than the
+        # others is given up after half a minute
+        sync_global_devices("joined")
         yield flags if jax.process_index() == 0 else _aside(flags, stack)
 
 
@@ -84,23 +97,6 @@ def _stdout_for_python() -> Iterator[None]:
         finally:
             ours.flush()
             os.dup2(ours.fileno(), 1)
-
-
-def _join() -> None:
-    import jax
-    from jax.experimental.multihost_utils import sync_global_devices
-
-    try:
-        jax.distributed.initialize(**_environment())
-    except ValueError as error:
-        needed = (
-            f"set {ADDRESS} (host:port of the first host), {COUNT} and {NUMBER} on every host, "
-            "or start it by a cluster manager"
-        )
-        raise ValueError(f"hosts: {needed} ({error})") from None
-    # connect the devices while all hosts are here: later, one that compiles for longer than the
-    # others is given up after half a minute
-    sync_global_devices("joined")
 
 
 def _environment() -> dict[str, Any]:

@@ -30,7 +30,30 @@ def found_along(asked: Swept, folder: Path) -> xr.Dataset:
     for number, preview in enumerate(asked.flags.previews):
         if chunks.rows < (number + 1) * asked.count:
             _sweep_preview(asked, preview, number * asked.count, chunks, batching)
-    return _dataset(asked, chunks.whole())
+    found = chunks.whole()
+    machine, previews = asked.machine, list(asked.flags.previews)
+    designs = [asked.design(preview) for preview in previews]
+    units = designs[0].units()
+    shape = (len(previews), asked.count, len(asked.jobs), len(machine.family_names))
+    data = {}
+    for name, rows in found.items():
+        column = rows.reshape(shape)
+        if column.dtype == bool:
+            column = column.astype("i1")
+        data[name] = (DIMENSIONS, column, {"units": METRICS[name].si(machine.control_unit)})
+    coordinates: dict[str, Any] = {
+        "preview": ("preview", previews, {"units": "samples"}),
+        "contour": [job.name for job in asked.jobs],
+        "plant": machine.family_names,
+    }
+    for name, column in asked.values.items():
+        coordinates[name] = ("sample", np.asarray(column), {"units": units[name]})
+    for name, values in kept_weights(asked, designs).items():
+        dimensions = ("preview", "axis")[: values.ndim]
+        coordinates[name] = (dimensions, values, {"units": units.get(name, "1")})
+    title = f"jcontour sweep: machine with {machine.nonsmooth_effects}"
+    settings = chosen_settings(designs[0])
+    return xr.Dataset(data, coordinates, {"title": title, **settings, **run_folder.versions()})
 
 
 def _sweep_preview(
@@ -64,32 +87,6 @@ def designs_at_once(steps: int, batching: Batching | None) -> int:
     memory = (jax.local_devices()[0].memory_stats() or {}).get("bytes_limit")
     at_once = STEPS_ON_CPU if memory is None else memory // BYTES_PER_STEP
     return max(1, devices * at_once // steps)
-
-
-def _dataset(asked: Swept, found: dict[str, Any]) -> xr.Dataset:
-    machine, previews = asked.machine, list(asked.flags.previews)
-    designs = [asked.design(preview) for preview in previews]
-    units = designs[0].units()
-    shape = (len(previews), asked.count, len(asked.jobs), len(machine.family_names))
-    data = {}
-    for name, rows in found.items():
-        column = rows.reshape(shape)
-        if column.dtype == bool:
-            column = column.astype("i1")
-        data[name] = (DIMENSIONS, column, {"units": METRICS[name].si(machine.control_unit)})
-    coordinates: dict[str, Any] = {
-        "preview": ("preview", previews, {"units": "samples"}),
-        "contour": [job.name for job in asked.jobs],
-        "plant": machine.family_names,
-    }
-    for name, column in asked.values.items():
-        coordinates[name] = ("sample", np.asarray(column), {"units": units[name]})
-    for name, values in kept_weights(asked, designs).items():
-        dimensions = ("preview", "axis")[: values.ndim]
-        coordinates[name] = (dimensions, values, {"units": units.get(name, "1")})
-    title = f"jcontour sweep: machine with {machine.nonsmooth_effects}"
-    settings = chosen_settings(designs[0])
-    return xr.Dataset(data, coordinates, {"title": title, **settings, **run_folder.versions()})
 
 
 def kept_weights(asked: Swept, designs: Sequence[Design]) -> dict[str, np.ndarray]:

@@ -5,7 +5,6 @@ from dataclasses import fields
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from jcontour.analysis.stability import DELAY_SEARCH
 from jcontour.analysis.uncertain_loops import Doubt
@@ -82,15 +81,14 @@ def lag_limit(machine: Machine, design: Design, references: Reference) -> dict[s
     if machine.error != "contour":
         return {}
     steps = jnp.linalg.norm(jnp.diff(references.position, axis=1), axis=-1)
-    travel, still = design.lag * float(jnp.max(steps)), float(_standing(references).max())
-    return {"rms_tracking_error": min(travel, MOVING * still) if still > 0 else travel}
-
-
-def _standing(references: Reference) -> Float[np.ndarray, " c"]:
-    """RMS tracking error of a tool that stands still where each contour begins [m]."""
+    # RMS tracking error of a tool that stands still where each contour begins [m]
     position, counted = np.asarray(references.position), np.asarray(references.mask)
     squares = ((position - position[:, :1]) ** 2).sum(axis=-1) * counted
-    return np.sqrt(squares.sum(axis=1) / np.maximum(counted.sum(axis=1), 1))
+    travel, still = (
+        design.lag * float(jnp.max(steps)),
+        float(np.sqrt(squares.sum(axis=1) / np.maximum(counted.sum(axis=1), 1)).max()),
+    )
+    return {"rms_tracking_error": min(travel, MOVING * still) if still > 0 else travel}
 
 
 def effort_limit(flags: Aimed, usual: Usual, problem: Problem, start: Weights) -> dict[str, float]:

@@ -23,7 +23,6 @@ from jcontour.app.runs.tuning.family_loops import WINDOWS
 from jcontour.app.runs.tuning.limits import counted, probed_loops
 from jcontour.app.runs.tuning.problem import OBJECTIVES, TuningRun
 from tuning.exchange import STABLE, Exchanged, exchanged
-from tuning.history import Evaluated
 from tuning.idle import put_back, without_slope
 from tuning.objectives import AtMost, Regret
 from tuning.parameters import Chart
@@ -104,7 +103,17 @@ def searched(
     Raises:
         NothingSound: every point of the first round diverged.
     """
-    return _put_back(_rounds(run, folder, show, console))
+    # The same, with weights that have no effect where they started
+    found = _rounds(run, folder, show, console)
+    problem, start = found.run.problem, found.run.start
+    weights, idle = put_back(problem, start, found.tuned.weights, found.flat)
+    if not idle.any():
+        return found
+    z = Chart(problem.space, start).coordinates()
+    beside = jnp.where(idle, z + 1, z)
+    first, moved = (Chart(problem.space, start).weights(at) for at in (z, beside))
+    names = tuple(name for name in first if not np.array_equal(first[name], moved[name]))
+    return replace(found, tuned=found.tuned._replace(weights=weights), idle=names)
 
 
 def _rounds(
@@ -115,7 +124,13 @@ def _rounds(
         more = exchanged(found.run.problem, found.run.start, found.tuned, WINDOWS)
         if more is None:
             return found
-        say(console, exchange_words(more))
+        # A round of exchange in one line
+        what = "is unstable" if more.unstable else "exceeds the limit on loops"
+        looked = "1 more loop is" if more.added == 1 else f"{more.added} more loops are"
+        say(
+            console,
+            f"A loop between the probes {what}: {looked} looked at, and the search goes on.",
+        )
         place = folder / ROUND.format(number)
         place.mkdir(exist_ok=True)
         begin = Chart(more.problem.space, found.tuned.weights).coordinates()
@@ -123,15 +138,19 @@ def _rounds(
             later = _round(_going_on(found, more), place, show, TuneState(begin=np.asarray(begin)))
         except NothingSound:  # the checks that follow tell of the loop
             return found
-        found = _after(found, later)
+        # The later round, with the points of those before
+        moved = [
+            (row._replace(start=row.start + found.descents) if row.start >= 0 else row)
+            for row in later.tuned.history
+        ]
+        tuned = later.tuned._replace(
+            history=[*found.tuned.history, *moved],
+            diverged_points=found.tuned.diverged_points + later.tuned.diverged_points,
+            diverged_starts=found.tuned.diverged_starts + later.tuned.diverged_starts,
+            stabilised=found.tuned.stabilised,
+        )
+        found = Searched(later.run, tuned, found.descents + later.descents, later.flat)
     return found
-
-
-def exchange_words(more: Exchanged) -> str:
-    """A round of exchange in one line."""
-    what = "is unstable" if more.unstable else "exceeds the limit on loops"
-    looked = "1 more loop is" if more.added == 1 else f"{more.added} more loops are"
-    return f"A loop between the probes {what}: {looked} looked at, and the search goes on."
 
 
 def _round(
@@ -161,32 +180,3 @@ def _going_on(found: Searched, more: Exchanged) -> TuningRun:
         settings=replace(run.settings, starts=1, scatter=0),
         limits=limits,
     )
-
-
-def _after(before: Searched, found: Searched) -> Searched:
-    """The later round, with the points of those before."""
-    moved = [_renumbered(row, before.descents) for row in found.tuned.history]
-    tuned = found.tuned._replace(
-        history=[*before.tuned.history, *moved],
-        diverged_points=before.tuned.diverged_points + found.tuned.diverged_points,
-        diverged_starts=before.tuned.diverged_starts + found.tuned.diverged_starts,
-        stabilised=before.tuned.stabilised,
-    )
-    return Searched(found.run, tuned, before.descents + found.descents, found.flat)
-
-
-def _put_back(found: Searched) -> Searched:
-    """The same, with weights that have no effect where they started."""
-    problem, start = found.run.problem, found.run.start
-    weights, idle = put_back(problem, start, found.tuned.weights, found.flat)
-    if not idle.any():
-        return found
-    z = Chart(problem.space, start).coordinates()
-    beside = jnp.where(idle, z + 1, z)
-    first, moved = (Chart(problem.space, start).weights(at) for at in (z, beside))
-    names = tuple(name for name in first if not np.array_equal(first[name], moved[name]))
-    return replace(found, tuned=found.tuned._replace(weights=weights), idle=names)
-
-
-def _renumbered(row: Evaluated, descents: int) -> Evaluated:
-    return row._replace(start=row.start + descents) if row.start >= 0 else row
