@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.entries import MACHINES
 from jcontour.app.machines.flexible_axis import biaxial_axes
 from jcontour.app.machines.gantry import guide_ways
 from jcontour.app.machines.machine import Machine

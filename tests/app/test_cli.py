@@ -11,8 +11,8 @@ import jax
 import pytest
 
 from jcontour.app import cli
+from jcontour.app.catalogue.entries import MACHINES
 from jcontour.app.catalogue.known_names import FIRST_LINES, check_plant
-from jcontour.app.catalogue.machines import MACHINES
 from jcontour.app.cli import RENAMED, main
 
 # command -> module that reads its parts

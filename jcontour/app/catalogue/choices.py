@@ -9,10 +9,9 @@ from typing import TypeVar
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.app.catalogue.contours import CONTOURS
 from jcontour.app.catalogue.controllers import ALIASES, CONSTRAINED, CONTROLLERS, design_class
+from jcontour.app.catalogue.entries import CONTOURS, MACHINES
 from jcontour.app.catalogue.known_names import check_contour, check_plant
-from jcontour.app.catalogue.machines import MACHINES
 from jcontour.app.catalogue.own_classes import (
     FILE,
     own_controller,

@@ -7,9 +7,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from jcontour.app.catalogue.contours import CONTOURS
 from jcontour.app.catalogue.controllers import ALIASES, CONSTRAINED, CONTROLLERS
-from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.entries import CONTOURS, MACHINES
 from jcontour.app.catalogue.own_classes import FILE, check_ending, check_own, own_name, perhaps
 from jcontour.app.files.checks import EXAMPLE, MachineError
 from jcontour.app.plain_numbers import named_numbers

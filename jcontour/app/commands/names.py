@@ -1,8 +1,7 @@
 """`jcontour list`: everything that has a name."""
 
-from jcontour.app.catalogue.contours import CONTOURS
 from jcontour.app.catalogue.controllers import CONSTRAINED, CONTROLLERS, line_of
-from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.entries import CONTOURS, MACHINES
 from jcontour.app.commands.reproduce import experiments_found
 from jcontour.app.files import run_folder
 from jcontour.app.files.checks import EXAMPLE

@@ -6,7 +6,7 @@ from jcontour.app.commands import compare
 from jcontour.app.files import run_folder
 from jcontour.app.files.results.stored import to_json
 from jcontour.app.flags.others import Report
-from jcontour.app.reports.page.html_page import FILE, write_page
+from jcontour.app.reports.page.page_data import FILE, write_page
 from jcontour.app.reports.screen import Entry, screen
 from jcontour.app.reports.tables import console_of, say
 

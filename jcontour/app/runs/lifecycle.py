@@ -17,8 +17,7 @@ from jcontour.app.files.results.stored import versioned
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.flags.shared import Controlled, MachineFlags, Spreading
 from jcontour.app.reports import tables
-from jcontour.app.reports.page.html_page import FILE, write_page
-from jcontour.app.reports.page.page_data import KINDS
+from jcontour.app.reports.page.page_data import FILE, KINDS, write_page
 from jcontour.app.reports.screen import Entry, screen
 
 WHERE = (

@@ -18,9 +18,8 @@ from jcontour.app.catalogue.choices import (
     machine_named,
     seeing_all,
 )
-from jcontour.app.catalogue.contours import CONTOURS
 from jcontour.app.catalogue.controllers import ALIASES, CONTROLLERS, design_class, line_of
-from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.entries import CONTOURS, MACHINES
 from jcontour.app.designs.design import Needs
 from jcontour.app.designs.flexible_axis import AxisCascade
 from jcontour.app.flags.loops import Simulate

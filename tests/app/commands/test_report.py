@@ -7,7 +7,7 @@ import pytest
 from jcontour.app.cli import main
 from jcontour.app.commands.report import page_at
 from jcontour.app.files.run_folder import RunError
-from jcontour.app.reports.page.html_page import FILE
+from jcontour.app.reports.page.page_data import FILE
 
 
 def test_faults_are_told_in_a_line(tmp_path, capsys):

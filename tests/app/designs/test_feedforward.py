@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import design_for
-from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.entries import MACHINES
 from jcontour.app.designs.feedforward import axes_of
 from jcontour.app.designs.lq.first_loop import sensitivity_peaks, straight_windows
 from jcontour.app.flags.loops import Simulate

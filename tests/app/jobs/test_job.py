@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import machine_named
-from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.entries import MACHINES
 from jcontour.app.flags.shared import MachineFlags
 from jcontour.app.jobs import job
 from jcontour.app.jobs.entry import ENTRY

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import job_named
-from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.entries import MACHINES
 from jcontour.app.jobs.job import Pace, from_file
 from jcontour.app.jobs.sections import PREPARED, Section, halted, sections
 

@@ -8,7 +8,7 @@ import pytest
 from jcontour._arrays import placed
 from jcontour.analysis.stability import margins
 from jcontour.app.catalogue.choices import design_for, job_named
-from jcontour.app.catalogue.contours import CONTOURS
+from jcontour.app.catalogue.entries import CONTOURS
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Pace
 from jcontour.app.machines.gantry import (

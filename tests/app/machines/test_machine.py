@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour._arrays import placed
-from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.entries import MACHINES
 from jcontour.sensors import row
 
 

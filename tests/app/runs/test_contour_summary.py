@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from jcontour.app.catalogue.machines import MACHINES
+from jcontour.app.catalogue.entries import MACHINES
 from jcontour.app.jobs.contours import BUILT_IN
 from jcontour.app.jobs.job import Job, Pace, at_constant_feed, from_file
 from jcontour.app.jobs.sets.stretches import shortened

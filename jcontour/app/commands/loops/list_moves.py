@@ -4,7 +4,7 @@ import json
 from importlib import import_module
 from pathlib import Path
 
-from jcontour.app.catalogue.contours import CONTOURS
+from jcontour.app.catalogue.entries import CONTOURS
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.listed_moves import listed_moves
 

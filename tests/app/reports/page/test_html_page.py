@@ -13,8 +13,8 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
 from jcontour.app.files.run_folder import RunError
-from jcontour.app.reports.page import html_page
-from jcontour.app.reports.page.html_page import MOST_BYTES, write_page
+from jcontour.app.reports.page import page_data
+from jcontour.app.reports.page.page_data import MOST_BYTES, write_page
 
 CHROMIUM, CHROMEDRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 VOID = {"meta", "input", "br", "link", "img"}
@@ -73,7 +73,7 @@ def test_text_of_the_user_is_no_markup(page, nasty):
 
 
 def test_too_large_a_page_is_told(run_folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(html_page, "MOST_BYTES", 1000)
+    monkeypatch.setattr(page_data, "MOST_BYTES", 1000)
     with pytest.raises(RunError, match="give fewer runs"):
         write_page([run_folder], tmp_path / "page.html")
     assert not (tmp_path / "page.html").exists()
