@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from jcontour.app.catalogue.choices import job_named, machine_named
-from jcontour.app.catalogue.contours import CONTOURS
+from jcontour.app.catalogue.entries import CONTOURS
 from jcontour.app.files.log_file import Log
 from jcontour.app.jobs.job import Job, Pace, Program
 from jcontour.app.reports.tables import position

@@ -85,16 +85,11 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
         room: bytes that its signals may take.
 
     Raises:
-        RunError: not the folder of a finished run of one of `KINDS`, or one of
-            another version.
-    """
+            RunError: as `stored_result`.
+        """
+    result = stored_result(folder)
     settings = run_folder.read_json(folder, run_folder.SETTINGS)
-    command = settings.get("command")
-    if command not in KINDS:
-        raise run_folder.RunError(
-            f"{folder}: holds a run of {command!r}; pages are made of {', '.join(KINDS)}"
-        )
-    result = read_result(folder, KINDS[command])
+    command = settings["command"]
     tuned = result if isinstance(result, TunedResult) else None
     verdict = None if isinstance(result, FrontResult) else result.verdict
     unit = result.machine.control_unit
@@ -138,6 +133,21 @@ def _changed(kind: type[Any], flags: dict[str, Any]) -> dict[str, str]:
         name: " ".join(map(str, value)) if isinstance(value, list) else words.get(value, str(value))
         for name, value in changed.items()
     }
+
+
+def stored_result(folder: Path) -> TunedResult | SimulatedResult | FrontResult:
+    """Result of a run that has a page.
+
+    Raises:
+        RunError: not the folder of a finished run of `tune`, `simulate` or `front`, or one of
+            another version.
+    """
+    command = run_folder.read_json(folder, run_folder.SETTINGS).get("command")
+    if command not in KINDS:
+        raise run_folder.RunError(
+            f"{folder}: holds a run of {command!r}; pages are made of {', '.join(KINDS)}"
+        )
+    return read_result(folder, KINDS[command])
 
 
 def _answer(result: TunedResult | SimulatedResult | FrontResult) -> list[Entry]:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import jcontour.app
 from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.tuned_result import DriveLoop, TunedContour
 from jcontour.app.files.results.verdict import Verdict
@@ -106,6 +107,12 @@ def test_alternatives_stand_side_by_side_and_one_is_recommended():
     start, tuned, simple = _alternatives(small_runs.tuned_result(**given, verdict=Verdict.of([])))
     assert [row["error"] for row in (start, tuned, simple)] == pytest.approx([4.0, 1.0, 3.0])
     assert (start["recommended"], tuned["recommended"], tuned["margin"]) == (False, True, 1.6)
+
+
+def test_a_notebook_shows_the_screen_and_no_markup_of_the_user(run_folder):
+    shown = jcontour.app.result(run_folder)._repr_html_()  # pyright: ignore
+    assert shown.startswith("<pre>DO NOT USE") and "it hums" in shown
+    assert "<img" not in shown
 
 
 def test_a_run_without_signals_has_a_page(run_folder, tmp_path):
