@@ -1,6 +1,5 @@
 """The screen that a command ends in: at most 15 lines of 80 columns."""
 
-import html
 import textwrap
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -52,11 +51,6 @@ def screen(verdict: Verdict | None, entries: Sequence[Entry]) -> list[str]:
             break
         shown += more
     return [*head, *shown, *rest]
-
-
-def html_screen(verdict: Verdict, entries: Sequence[Entry]) -> str:
-    """The screen as HTML, for a notebook."""
-    return f"<pre>{html.escape(chr(10).join(screen(verdict, entries)))}</pre>"
 
 
 def _lines(entry: Entry) -> list[str]:

@@ -46,12 +46,6 @@ class SimulatedResult:
     verdict: Verdict
     sample_period: float
 
-    def _repr_html_(self) -> str:
-        from jcontour.app.reports.screen import html_screen  # what shows it knows the results
-        from jcontour.app.reports.simulated_tables import simulated_answer
-
-        return html_screen(self.verdict, simulated_answer(self))
-
 
 @dataclass(frozen=True, kw_only=True)
 class CauseShare:

@@ -258,12 +258,6 @@ class TunedResult:
     sample_period: float
     drive: DriveLoop | None = None
 
-    def _repr_html_(self) -> str:
-        from jcontour.app.reports.screen import html_screen  # what shows it knows the results
-        from jcontour.app.reports.tuned_tables import tuned_answer
-
-        return html_screen(self.verdict, tuned_answer(self))
-
 
 @dataclass(frozen=True)
 class HistoryPoint:

@@ -25,7 +25,7 @@ from jcontour.app.flags.machines import Audit
 from jcontour.app.flags.tuning import Front, Tune
 from jcontour.app.reports.causes import audit_answer
 from jcontour.app.reports.rollouts import ROLLOUTS, SENSITIVITY
-from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.screen import Entry, screen
 from jcontour.app.reports.simulated_tables import simulated_answer
 from jcontour.app.reports.tuned_tables import margin_rows, tuned_answer
 
@@ -148,6 +148,27 @@ def stored_result(folder: Path) -> TunedResult | SimulatedResult | FrontResult:
             f"{folder}: holds a run of {command!r}; pages are made of {', '.join(KINDS)}"
         )
     return read_result(folder, KINDS[command])
+
+
+class StoredRun:
+    """A run of `tune`, `simulate` or `front`, which a notebook shows as the terminal does.
+
+    Args:
+        folder: of the run.
+
+    Attributes:
+        result: as it is stored.
+
+    Raises:
+        RunError: as `stored_result`.
+    """
+
+    def __init__(self, folder: Path | str):
+        self.result = stored_result(Path(folder))
+
+    def _repr_html_(self) -> str:
+        verdict = None if isinstance(self.result, FrontResult) else self.result.verdict
+        return f"<pre>{html.escape(chr(10).join(screen(verdict, _answer(self.result))))}</pre>"
 
 
 def _answer(result: TunedResult | SimulatedResult | FrontResult) -> list[Entry]:

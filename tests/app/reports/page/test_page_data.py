@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import jcontour.app
 from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.tuned_result import DriveLoop, TunedContour
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.files.run_folder import RunError
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.reports.page.page_data import (
+    StoredRun,
     _alternatives,
     _changed,
     kept_samples,
@@ -110,7 +110,7 @@ def test_alternatives_stand_side_by_side_and_one_is_recommended():
 
 
 def test_a_notebook_shows_the_screen_and_no_markup_of_the_user(run_folder):
-    shown = jcontour.app.result(run_folder)._repr_html_()  # pyright: ignore
+    shown = StoredRun(run_folder)._repr_html_()
     assert shown.startswith("<pre>DO NOT USE") and "it hums" in shown
     assert "<img" not in shown
 
