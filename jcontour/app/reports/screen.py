@@ -4,6 +4,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from jcontour.app.files.results.run_metrics import ContourRead
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.reports.tables import broken
 
@@ -18,6 +19,14 @@ class Entry(NamedTuple):
 
     heading: str
     text: str
+
+
+def read_notes(name: str, read: ContourRead | None) -> list[Entry]:
+    """What of a part may be meant otherwise, and what of it is left out."""
+    if read is None:
+        return []
+    ignored = [f"ignored: {', '.join(read.ignored)}"] if read.ignored else []
+    return [Entry("Note", f"{name}: {line}") for line in (*read.doubts, *ignored)]
 
 
 def screen(verdict: Verdict | None, entries: Sequence[Entry]) -> list[str]:

@@ -7,7 +7,7 @@ from rich.table import Table
 
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.run_metrics import METRICS, MotionSummary
-from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.screen import Entry, read_notes
 from jcontour.app.reports.tables import (
     columns_of,
     digits,
@@ -73,8 +73,9 @@ def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
 def simulated_answer(result: SimulatedResult) -> list[Entry]:
     """Errors of the nominal plant and the worst, where the worst is, and the motion."""
     runs = [one for one in result.plants.values() if not one.diverged]
+    notes = read_notes(result.contour, result.read)
     if not runs:
-        return []
+        return notes
     nominal, worst = next(iter(result.plants.values())), max(one.rms(result.error) for one in runs)
     sizes = [1e6 * one for one in (nominal.rms(result.error), worst)]
     of_all = f", worst of {len(result.plants)} plants {digits(sizes[1])} um"
@@ -96,4 +97,4 @@ def simulated_answer(result: SimulatedResult) -> list[Entry]:
         entries.append(Entry("Time", f"{motion.cycle_time:.3f} s, {share}"))
     elif result.read is not None and result.read.duration is not None:
         entries.append(Entry("Time", f"{result.read.duration:.3f} s"))
-    return entries
+    return [*entries, *notes]

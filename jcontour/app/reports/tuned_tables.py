@@ -13,7 +13,7 @@ from jcontour.app.files.results.tuned_result import (
     TunedContour,
     TunedResult,
 )
-from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.screen import Entry, read_notes
 from jcontour.app.reports.tables import digits, of_axes, peak_line, plain_table, position, say
 from tuning.objectives import COUNT_NOISE, LATE, RATIO
 
@@ -72,6 +72,7 @@ def tuned_answer(result: TunedResult) -> list[Entry]:
         Entry("Margin", _margin_words(result.margins, result.start_margins)),
         Entry("Limit", "; ".join(limit_lines(result)[:1]) or "none is reached"),
         *([] if result.drive is None else [Entry("Drive", drive_words(result.drive, result))]),
+        *(note for one in result.contours for note in read_notes(one.name, one.read)),
     ]
 
 

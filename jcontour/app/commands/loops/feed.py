@@ -237,10 +237,13 @@ def feed_entries(result: FeedResult) -> list[Entry]:
         peak = 1e6 * point.metrics.worst.peak(result.error)
         return f"peak {result.error} error {tables.digits(peak)} um on the worst plant"
 
-    return [
-        Entry(f"{point.override:g} %", f"{point.cycle_time:.3f} s, {words(point)}")
-        for point in result.points[-MOST_SHOWN:]
-    ]
+    entries = []
+    for point in result.points[-MOST_SHOWN:]:
+        feed = f"{point.override:g} %"
+        entries.append(Entry(feed, f"{point.cycle_time:.3f} s, {words(point)}"))
+        found = [*point.not_followed, *exceeded(point.limits), *point.planned]
+        entries += [Entry("Warning", f"{feed}: {line}") for line in found]
+    return entries
 
 
 def next_steps(result: FeedResult) -> list[Entry]:

@@ -45,6 +45,9 @@ def command(flags: Learn) -> int:
     shown = [found.machines[0], *worst]
     answer = [Entry("Laps", f"{one.name}: {_outcome(one)}") for one in shown]
     answer += [Entry("Load", line) for line in loading(found, SAMPLES)]
+    if found.ratio >= 1:
+        ratio = f"ratio from lap to lap {found.ratio:.3g}, not below one"
+        answer.append(Entry("Warning", f"it is not sure that the laps converge: {ratio}"))
     return finished(folder, found, flags, show_learned, answer, found.verdict)
 
 

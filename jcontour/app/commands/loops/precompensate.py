@@ -80,6 +80,7 @@ def command(flags: Precompensate) -> int:
     save_figure(bent_figure(*about, *errors), folder / "bent.png")
     write_result(folder, result)
     answer = [Entry("Error", words) for words in sentences(result)]
+    answer += [Entry("Note", words) for words in (*ending(result), *result.doubts)]
     answer += [Entry("Load", line) for line in _loading(result)] if verdict.usable else []
     return finished(folder, result, flags, show, answer, verdict)
 

@@ -31,7 +31,7 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
-from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.screen import Entry, read_notes
 from jcontour.app.reports.tables import (
     digits,
     of_axes,
@@ -168,6 +168,7 @@ def command(flags: Tolerance) -> int:
     write_result(folder, result)
     promised = f"{digits(1e6 * result.promised)} um {result.error} error, {promise(result)[0]}"
     answer = [Entry("Promised", promised), *(Entry("Kept", line) for line in findings(result))]
+    answer += read_notes(result.contour, result.read)
     return finished(
         folder, result, flags, show_tolerance, [*answer, *_next(result)], result.verdict
     )
