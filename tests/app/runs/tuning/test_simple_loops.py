@@ -12,6 +12,7 @@ from jcontour.app.runs.tuning.searching import Searched
 from jcontour.app.runs.tuning.simple_loops import (
     SimpleLoop,
     best_simple,
+    drive_loop,
     simple_words,
     simplest,
     worth_trying,
@@ -106,3 +107,21 @@ def test_the_simple_loop_is_recommended_where_it_is_as_good(controller, tuned, r
 def test_a_simple_loop_that_is_far_off_is_not_tuned():
     controller = search(10e-6)
     assert simplest(loop("p", 16e-6), controller, lambda run: pytest.fail()) is controller
+
+
+@pytest.mark.parametrize(("start", "name"), [({"alpha": 1.0}, "p"), ({"position": 5.0}, "own")])
+def test_the_gains_of_a_drive_are_its_own_loop_s_or_those_of_the_best_simple_one(start, name):
+    """A controller that a drive has is told itself, with its tuned gains."""
+    found = search(10e-6)
+    design, machine = SimpleNamespace(name="own", start=start), SimpleNamespace(control_unit="V")
+    vars(found.run).update(design=design, machine=machine)
+    vars(found.tuned)["weights"] = start
+    simple = loop("p", 14e-6)
+    simple.run.design.start = {"position": 20.0}
+    drive = drive_loop(found, [simple])
+    assert drive is not None and drive.controller == name
+    assert drive.tuned_error == pytest.approx(10e-6)
+    gain, error = {"p": ("20 1/s (1200", 14e-6), "own": ("5 1/s (300", 10e-6)}[name]
+    assert drive.gains == [f"position gain {gain} mm/min per mm)"]
+    assert drive.error == pytest.approx(error)
+    assert (drive_loop(found, []) is None) is (name == "p")
