@@ -86,7 +86,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
 
     Raises:
             RunError: as `stored_result`.
-        """
+    """
     result = stored_result(folder)
     settings = run_folder.read_json(folder, run_folder.SETTINGS)
     command = settings["command"]
