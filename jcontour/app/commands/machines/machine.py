@@ -120,15 +120,15 @@ def _result(
 ) -> MachineResult:
     axes = axis_behaviours(machine)
     # Limits of the axes in words, one number where all axes have the same
-    speed, acceleration, control, increment = machine.limits
-    unit = machine.control_unit
+    limits, unit = machine.limits, machine.control_unit
     told = [
         f"{quantity} {_each(scale * limit)} {shown}"
         for quantity, limit, scale, shown in (
-            ("speed", speed, 1e3, "mm/s"),
-            ("acceleration", acceleration, 1.0, "m/s^2"),
-            ("control", control, 1.0, unit),
-            ("control increment", increment, 1.0, f"{unit} per sample"),
+            ("speed", limits.speed, 1e3, "mm/s"),
+            ("acceleration", limits.acceleration, 1.0, "m/s^2"),
+            ("jerk", limits.jerk, 1.0, "m/s^3"),
+            ("control", limits.control, 1.0, unit),
+            ("control increment", limits.increment, 1.0, f"{unit} per sample"),
         )
         if limit is not None
     ]
