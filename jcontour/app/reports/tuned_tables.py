@@ -105,7 +105,7 @@ def _effort_words(result: TunedResult) -> str:
         )
         sizes.append(" -> ".join(map(digits, pair)))
     unit = result.machine.control_unit
-    return f"RMS control {sizes[0]} {unit}, its change {sizes[1]} per sample"
+    return f"RMS {sizes[0]} {unit}, change per sample {sizes[1]}"
 
 
 def _margin_words(tuned: PathMargins, start: PathMargins) -> str:
@@ -113,10 +113,11 @@ def _margin_words(tuned: PathMargins, start: PathMargins) -> str:
     if not tuned.stable:
         return "none: a loop is open or unstable"
     low, high = zip(*tuned.gain_range, strict=True)
+    late = f"{tuned.delay_samples}{'+' * (tuned.delay_samples >= tuned.delay_search)}"
     before = "unstable" if start.sensitivity is None else digits(start.sensitivity)
     return (
         f"Ms {digits(tuned.sensitivity)} (start {before}), gain x {digits(max(low))} ... "
-        f"{digits(min(high))}, {_delay(tuned)}"
+        f"{digits(min(high))}, delay {late} samples"
     )
 
 

@@ -44,7 +44,7 @@ def test_errors_are_in_um_where_samples_count():
         ErrorCurve("reached", np.array([1e-6, 2e-6, 4.9e-6]), "C1"),
     ]
     (axes,) = errors_figure("circle, late", "contour", reference, curves, promised=6e-6).axes
-    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
+    lines = {line.get_label(): np.asarray(line.get_ydata()) for line in axes.lines}
     np.testing.assert_allclose(lines["bound"], [np.nan, 4.0, 5.0])
     np.testing.assert_allclose(lines["reached"], [np.nan, 2.0, 4.9])
     np.testing.assert_allclose(lines["promised"], [6.0, 6.0])
