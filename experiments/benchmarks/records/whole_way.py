@@ -300,7 +300,7 @@ def way_of(seed: int, place: Path) -> Way:
     run, tuned = search.run, search.tuned
     start = tried(run.before.build(run.before.start), run.machine, run.scenarios, run.design.fed)
     trials = {"start": start, "tuned": trial_of(run, tuned)}
-    told = tuned_result(search, trials, None, [], None, 0.0)  # without random plants
+    told = tuned_result(search, trials, None, [], None, [], 0.0)  # without random plants
     verdict = told.verdict
     reasons = " | ".join(one.text for one in verdict.messages if one.level != "warning")
     shown, printed = found.shown_to, _worst(told.contours, "rms_contour_error")
