@@ -27,6 +27,7 @@ from jcontour.motion.references import along
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
+from jcontour.plants.wrappers.backlash import Backlash
 from jcontour.plants.wrappers.delays import Delayed, LateSensors, PartlyDelayed
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.dry_friction import WithDryFriction, with_dry_friction
@@ -152,6 +153,7 @@ def rubbed() -> WithDryFriction:
 
 
 WRAPPED = {
+    Backlash: lambda: Backlash(lags(), np.full(2, 1e-6)),
     LateSensors: lambda: LateSensors(lags(), 1, 2),
     Delayed: lambda: Delayed(lags(), 2, 2, 2),
     PartlyDelayed: lambda: PartlyDelayed(lags(), 0.5, 1, 2),

@@ -13,15 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from rich.console import Console
 
+from experiments.tables import Column, Table
 from jcontour.app.files.log_file import LogColumns, read_log
-from jcontour.app.files.log_table import Table, read_table
+from jcontour.app.files.log_table import Table as LogTable
+from jcontour.app.files.log_table import read_table
 from jcontour.app.files.response_file import MeasuredResponse, read_response
 from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.others import Bench
 from jcontour.app.machines.identified import axis_result
-from jcontour.app.reports import tables
 from jcontour.app.reports.figures.identification import response_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.plants import emps
@@ -121,16 +121,20 @@ def page(rows: Sequence[Prediction]) -> str:
     return TITLE + "\n".join(lines) + "\n" + picture * PICTURE.exists()
 
 
-def show(console: Console, result: PublicBench) -> None:
+def tables(result: PublicBench) -> list[Table | str]:
     """The table of the page."""
-    cells = [
-        [row.folder, row.quantity, row.wanted, row.found, "yes" if row.holds else "NO"]
-        for row in result.rows
-    ]
-    columns = ["record", "quantity", "measured", "predicted", "holds"]
-    console.print(tables.plain_table("Public records", columns, cells, text_columns=5))
+    columns: dict[str, Column] = {
+        "record": "folder",
+        "quantity": "quantity",
+        "measured": "wanted",
+        "predicted": "found",
+        "holds": lambda row: "yes" if row.holds else "NO",
+    }
     held = sum(row.holds for row in result.rows)
-    tables.say(console, f"{held} of {len(result.rows)} hold. Page: {PAGE.name}")
+    return [
+        Table("Public records", result.rows, columns, words=5),
+        f"{held} of {len(result.rows)} hold. Page: {PAGE.name}",
+    ]
 
 
 def axis_of(path: Path, columns: LogColumns) -> LinearAxisResult:
@@ -156,7 +160,7 @@ def explained(folder: str, what: str, path: Path, columns: LogColumns, least: fl
     return Prediction(folder, f"held-out speed, {what}", asked, part, one.explained >= least)
 
 
-def cascade_factors(table: Table) -> Float[np.ndarray, " 2"]:
+def cascade_factors(table: LogTable) -> Float[np.ndarray, " 2"]:
     """Factors of the documented cascade and of the pulses in the recorded voltage."""
     speed = np.diff(table["qm"], prepend=table["qm"][0]) / emps.SAMPLE_PERIOD
     wanted = emps.SPEED_GAIN * emps.POSITION_GAIN * (table["qg"] - table["qm"])

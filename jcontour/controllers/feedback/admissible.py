@@ -43,11 +43,10 @@ class LoopLimits(NamedTuple):
         for name, value in found.items():
             if not np.all(value > 0):
                 raise ValueError(f"{name}: needs limits above zero, received {value}")
-        output, control = (tuple(value.tolist()) for value in found.values())
-        if not np.isfinite([*output, *control]).any():
+        if not any(np.isfinite(value).any() for value in found.values()):
             raise ValueError("limits: a governor needs a limit to keep, all of them are infinite")
         middle = np.broadcast_to(np.asarray(centre, float), model.axes)
-        return cls(output, control, tuple(middle.tolist()))
+        return cls(*(tuple(value.tolist()) for value in (*found.values(), middle)))
 
 
 class GovernedLoop(eqx.Module):

@@ -185,7 +185,7 @@ def test_an_npz_that_says_a_thing_twice_is_refused(names):
         ({"A": "text"}, "A: needs to be a valid list"),
         ({"A": [[1.0, 0.0], [0.0]]}, "A: needs a matrix"),
         ({"colour": "red"}, "there is no field 'colour'"),
-        ({"limits": {"jerk": 1.0}}, "limits: there is no field 'jerk'"),
+        ({"limits": {"snap": 1.0}}, "limits: there is no field 'snap'"),
         ({"limits": {"speed": [1.0, 2.0, 3.0]}}, "limits.speed: needs one number or 2"),
         ({"limits": {"control": -1.0}}, "limits.control: needs to be greater than 0"),
         (

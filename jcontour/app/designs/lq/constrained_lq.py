@@ -55,7 +55,13 @@ class ConstrainedLQDesign(LQDesign):
 
     def build(self, weights: Gains) -> Controller:
         model, terminal = self.model, TERMINALS[self.terminal]
-        limits = Limits.within(**_kept_by_all(self.machine)._asdict())
+        kept = _kept_by_all(self.machine)
+        limits = Limits.within(
+            speed=kept.speed,
+            acceleration=kept.acceleration,
+            control=kept.control,
+            increment=kept.increment,
+        )
         inner = ConstrainedLQ(model, self.cost(weights), self.preview, limits, terminal)
         return OffsetFreeTold(inner, model, self.gain(weights), model.C)
 

@@ -122,7 +122,7 @@ def test_killed_runs_are_flagged_and_tried_again(asked, tmp_path, monkeypatch):
     [
         ({"vary": ("q_theta=1",)}, "tracking-mpc has no weight 'q_theta'; name some of output"),
         ({"alpha": 1.0}, "alpha: tracking-mpc has no use for it"),
-        ({"previews": (3, 101)}, "previews: need 1 to 100 steps, received 101"),
+        ({"previews": (3, 101)}, "preview: needs 1 to 100 steps, received 101"),
         ({"speeds_mm_s": (0.0,)}, "speeds-mm-s: need numbers above zero"),
         ({"workers": -1}, "workers: needs at least 0"),
         ({"workers": 2, "scheduler": "tcp://a:1"}, "workers: the scheduler has its own"),

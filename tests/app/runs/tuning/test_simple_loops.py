@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.designs.design import Design
+from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.runs.tuning import simple_loops
 from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.app.runs.tuning.searching import Searched
@@ -113,8 +114,8 @@ def test_a_simple_loop_that_is_far_off_is_not_tuned():
 def test_the_gains_of_a_drive_are_its_own_loop_s_or_those_of_the_best_simple_one(start, name):
     """A controller that a drive has is told itself, with its tuned gains."""
     found = search(10e-6)
-    design, machine = SimpleNamespace(name="own", start=start), SimpleNamespace(control_unit="V")
-    vars(found.run).update(design=design, machine=machine)
+    design = partly(Design, name="own", start=start)
+    vars(found.run).update(design=design, machine=partly(LinearMachine, control_unit="V"))
     vars(found.tuned)["weights"] = start
     simple = loop("p", 14e-6)
     simple.run.design.start = {"position": 20.0}
