@@ -153,7 +153,7 @@ def rubbed() -> WithDryFriction:
 
 
 WRAPPED = {
-    Backlash: lambda: Backlash(lags(), np.full(2, 1e-6)),
+    Backlash: lambda: Backlash(lags(), jnp.full(2, 1e-6)),
     LateSensors: lambda: LateSensors(lags(), 1, 2),
     Delayed: lambda: Delayed(lags(), 2, 2, 2),
     PartlyDelayed: lambda: PartlyDelayed(lags(), 0.5, 1, 2),

@@ -35,7 +35,7 @@ class Namespaced:
 
 
 def loop(name, error, violation=-0.1):
-    run = partly(TuningRun, design=partly(Design, name=name))
+    run = partly(TuningRun, design=partly(Design, name=name, start={"position": 20.0}))
     return SimpleLoop(run, error, violation)
 
 
@@ -113,12 +113,15 @@ def test_a_simple_loop_that_is_far_off_is_not_tuned():
 @pytest.mark.parametrize(("start", "name"), [({"alpha": 1.0}, "p"), ({"position": 5.0}, "own")])
 def test_the_gains_of_a_drive_are_its_own_loop_s_or_those_of_the_best_simple_one(start, name):
     """A controller that a drive has is told itself, with its tuned gains."""
-    found = search(10e-6)
-    design = partly(Design, name="own", start=start)
-    vars(found.run).update(design=design, machine=partly(LinearMachine, control_unit="V"))
-    vars(found.tuned)["weights"] = start
+    searched = search(10e-6)
+    run = partly(
+        TuningRun,
+        problem=searched.run.problem,
+        design=partly(Design, name="own", start=start),
+        machine=partly(LinearMachine, control_unit="V"),
+    )
+    found = Searched(run, searched.tuned._replace(weights=start), 1)
     simple = loop("p", 14e-6)
-    simple.run.design.start = {"position": 20.0}
     drive = drive_loop(found, [simple])
     assert drive is not None and drive.controller == name
     assert drive.tuned_error == pytest.approx(10e-6)
