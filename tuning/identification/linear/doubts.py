@@ -16,15 +16,22 @@ FOLLOWS = 0.999  # part of a position that a gain explains: the axis follows its
 RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
 
 
+def follows(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"]) -> str:
+    """Why a record shows no dynamics where a gain alone explains its position; empty elsewhere."""
+    alike = float(np.corrcoef(command, position)[0, 1] ** 2)
+    if alike <= FOLLOWS:
+        return ""
+    return (
+        f"a gain alone explains {100 * alike:.5g} % of the position, and the rest is none of "
+        "the command's: the record is too slow or too coarse to show dynamics; record at the "
+        "drive's own rate, in encoder counts"
+    )
+
+
 def unexplained(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"]) -> str:
     """Why a stable model does not explain an axis."""
-    alike = float(np.corrcoef(command, position)[0, 1] ** 2)
-    if alike > FOLLOWS:
-        return (
-            f"a gain alone explains {100 * alike:.5g} % of the position, and the rest is none of "
-            "the command's: the record is too slow or too coarse to show dynamics; record at the "
-            "drive's own rate, in encoder counts"
-        )
+    if said := follows(command, position):
+        return said
     pole = evidence.fastest_growth(command, position)
     if pole > RUNS_AWAY:
         return (

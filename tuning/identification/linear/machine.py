@@ -14,7 +14,15 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from tuning.identification.linear import evidence
-from tuning.identification.linear.doubts import POOR, RUNS_AWAY, beside, doubt, notes, unexplained
+from tuning.identification.linear.doubts import (
+    POOR,
+    RUNS_AWAY,
+    beside,
+    doubt,
+    follows,
+    notes,
+    unexplained,
+)
 from tuning.identification.linear.encoder_noise import encoder_noise
 from tuning.identification.linear.evidence import Response
 from tuning.identification.linear.found import LinearAxis, LinearMachineFound, MachineRecord
@@ -35,6 +43,9 @@ MOSTLY, BLURRED = (
 LATEST = 5e-3  # [s] of a delay that is looked for in any case
 SLOWER = np.geomspace(0.03, 0.5, 8)  # of the lowest line: there a mass with friction is the model
 LEAST_GAIN, UNKNOWN_GAIN = 0.02, 0.99  # no drive repeats better from day to day; of any gain
+# times as much left of the motion as by the simple model, beyond which lines mislead: an axis that
+# sticks leaves a linear model some; spectra are bent by feedback
+WORSE_THAN_LINES, WORSE_THAN_SPECTRA = 10.0, 1.2
 SURE = 5.0  # standard deviations
 LEVEL = 1e-6  # of the F test for coupling
 
@@ -86,9 +97,12 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     if simple is not None and (
         len(lines.frequency) < LINES or _enough(simple, lines, len(excited.frequency) > 0)
     ):
-        found = Judged(simple.record, simple.fit, simple.held_out, simple.explained)
+        found = _simple(simple)
     elif len(lines.frequency) >= LINES:
-        found = _fitted(one, lines, simple, most_poles, most_delay)
+        worse = WORSE_THAN_LINES if len(excited.frequency) else WORSE_THAN_SPECTRA
+        found = _fitted(one, lines, simple, most_poles, most_delay, worse)
+        if found is None and simple is not None:
+            found, lines, excited = _simple(simple), NO_LINES, NO_LINES
     away = evidence.fastest_growth(one.command, one.position) > RUNS_AWAY
     if found is None or found.explained <= (POOR if away else 0.0):
         raise ValueError(f"{name}: {_why(one, simple)}")
@@ -97,8 +111,8 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     friction = None if simple is None or not fit.model.integrators else simple.friction
     sure = friction if friction is not None and friction[0] > SURE * friction[1] else None
     if why := doubt(found.explained, evidence.dispersion(fit), stands, sure is not None):
-        limited = limits_of(one.command, one.position, one.dt)
-        raise ValueError(f"{name}: {limited or why + beside(simple)}")
+        shown = limits_of(one.command, one.position, one.dt) or follows(one.command, one.position)
+        raise ValueError(f"{name}: {shown or why + beside(simple)}")
     if len(lines.frequency) >= LINES:
         response = response_of_lines(lines, fit.model)
     else:
@@ -130,6 +144,10 @@ def _why(record: AxisRecord, simple: Simple | None) -> str:
     return limited or f"{unexplained(record.command, record.position)}{beside(simple)}"
 
 
+def _simple(simple: Simple) -> Judged:
+    return Judged(simple.record, simple.fit, simple.held_out, simple.explained)
+
+
 def _enough(simple: Simple, lines: Response, excited: bool) -> bool:
     """Whether a simple model explains the lines; those of spectra are blurred by their windows."""
     G = simple.fit.model.response(2 * np.pi * lines.frequency)
@@ -138,9 +156,18 @@ def _enough(simple: Simple, lines: Response, excited: bool) -> bool:
 
 
 def _fitted(
-    record: AxisRecord, lines: Response, simple: Simple | None, most_poles: int, most_delay: int
-) -> Judged:
-    """The model of the lines; of a mass that slides with its friction and its slow motion."""
+    record: AxisRecord,
+    lines: Response,
+    simple: Simple | None,
+    most_poles: int,
+    most_delay: int,
+    worse: float,
+) -> Judged | None:
+    """The model of the lines; of a mass that slides with its friction and its slow motion.
+
+    None where the lines mislead: the simple model gives the motion better, under the same friction.
+    Lines of spectra are bent by feedback, and a trajectory that repeats is no period of the record.
+    """
     latest = max(most_delay, round(LATEST / record.dt))
     if simple is None or simple.explained < POOR:
         models = (fitted_to(lines, record.dt, most_poles, latest, (i,)) for i in (0, 1))
@@ -153,6 +180,8 @@ def _fitted(
     model = fitted_to(lines, record.dt, most_poles, latest, (integrators,))
     drag = simple.fit.drag if len(simple.fit.drag) else None
     found = judged(simple.record, model, drag)
+    if 1 - found.explained > worse * (1 - judged(simple.record, simple.fit.model, drag).explained):
+        return None
     if drag is None:
         return found
     # it sticks where a linear model does not
