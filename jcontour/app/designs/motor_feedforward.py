@@ -154,10 +154,6 @@ class GantryZeroPhase(ZeroPhase, gantry.GantryCascade):
         return OfMotors(FrictionFeedforward(behind, dry, limit), gantry.MOTORS)
 
 
-class GantryCausal(Causal, GantryZeroPhase):
-    """Causal inversion in front of the cascades, model of the beam's centre."""
-
-
 class GantryOptimal(Optimal, GantryZeroPhase):
     """Feedforward optimal in l1 with preview in front of the cascades, the same model."""
 
