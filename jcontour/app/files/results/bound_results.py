@@ -9,75 +9,51 @@ from jcontour.app.files.results.verdict import LimitCheck, Verdict
 
 @dataclass(frozen=True, kw_only=True)
 class CertifiedRow:
-    """One contour on one plant of the family, SI units.
-
-    Attributes:
-        bound: largest error that the disturbances within the bounds can make, proven.
-        nominal: largest error without disturbance.
-        reached: largest error under the attack, encoder error chosen by it.
-        counted: the same where encoders count and the attack chooses the force alone; None where
-            nothing is counted.
-        control: largest size of each control, proven.
-        place: where the largest bound is.
-    """
+    """One contour on one plant of the family, SI units."""
 
     contour: str
     plant: str
-    bound: float
-    nominal: float
-    reached: float
+    bound: float  # largest error that the disturbances within the bounds can make, proven
+    nominal: float  # largest error without disturbance
+    reached: float  # largest error under the attack, encoder error chosen by it
+    # the same where encoders count and the attack chooses the force alone; None where nothing is
+    # counted
     counted: float | None
-    control: tuple[float, ...]
-    place: PeakPlace
+    control: tuple[float, ...]  # largest size of each control, proven
+    place: PeakPlace  # where the largest bound is
 
 
 @dataclass(frozen=True, kw_only=True)
 class CertifiedBound:
-    """Largest error of tuned weights on what they were tuned on, proven, SI units.
+    """Largest error of tuned weights on what they were tuned on, proven, SI units."""
 
-    Attributes:
-        force: bound on what adds to each control [control unit].
-        encoder: bound on the error of every measured number, one for all or each [m].
-        error: largest error that the disturbances within the bounds can make; None where there is
-            no proof, as the next two.
-        contour: where it is.
-        plant: of which.
-        refused: why there is no proof.
-    """
-
-    force: float
+    force: float  # bound on what adds to each control [control unit]
+    # bound on the error of every measured number, one for all or each [m]
     encoder: float | tuple[float, ...]
+    # largest error that the disturbances within the bounds can make; None where there is no proof,
+    # as the next two
     error: float | None = None
-    contour: str | None = None
-    plant: str | None = None
-    refused: str | None = None
+    contour: str | None = None  # where it is
+    plant: str | None = None  # of which
+    refused: str | None = None  # why there is no proof
 
 
 @dataclass(frozen=True, kw_only=True)
 class CertifiedResult:
-    """Largest errors of a stored loop under bounded disturbances.
+    """Largest errors of a stored loop under bounded disturbances."""
 
-    Attributes:
-        certified: folder of the run whose loop it is.
-        error: the error that counts, "contour" or "tracking".
-        force: bound on what adds to each control [control unit].
-        encoder: bound on the error of every measured number, one for all or each [m].
-        control_limit: of each control; None where the machine states none.
-        gain: relative; rows hold for all gains within it; None where for the plants alone.
-        rows: one per contour and plant.
-        verdict: whether the controls are proven to stay within their limits.
-    """
-
-    certified: str
+    certified: str  # folder of the run whose loop it is
     machine: MachineSummary
     controller: str
-    error: str
-    force: float
+    error: str  # the error that counts, "contour" or "tracking"
+    force: float  # bound on what adds to each control [control unit]
+    # bound on the error of every measured number, one for all or each [m]
     encoder: float | tuple[float, ...]
-    control_limit: tuple[float, ...] | None
+    control_limit: tuple[float, ...] | None  # of each control; None where the machine states none
+    # relative; rows hold for all gains within it; None where for the plants alone
     gain: float | None
-    rows: list[CertifiedRow]
-    verdict: Verdict
+    rows: list[CertifiedRow]  # one per contour and plant
+    verdict: Verdict  # whether the controls are proven to stay within their limits
 
     @property
     def worst(self) -> CertifiedRow:
@@ -87,27 +63,17 @@ class CertifiedResult:
 
 @dataclass(frozen=True, kw_only=True)
 class KeptRun:
-    """One run of the bounded MPC, SI units.
+    """One run of the bounded MPC, SI units."""
 
-    Attributes:
-        plant: of the family.
-        disturbance: that acted, in words.
-        within: everything that acted is within the bounds, so that the tolerance holds.
-        largest: largest error of the tool [m].
-        left: sample at which something beyond the bounds was noticed; None where nothing was.
-        fallbacks: samples whose QP had no answer within the tolerance.
-        control: largest size of each control.
-        residual: largest of any QP.
-    """
-
-    plant: str
-    disturbance: str
-    within: bool
-    largest: float
+    plant: str  # of the family
+    disturbance: str  # that acted, in words
+    within: bool  # everything that acted is within the bounds, so that the tolerance holds
+    largest: float  # largest error of the tool [m]
+    # sample at which something beyond the bounds was noticed; None where nothing was
     left: int | None
-    fallbacks: int
-    control: tuple[float, ...]
-    residual: float
+    fallbacks: int  # samples whose QP had no answer within the tolerance
+    control: tuple[float, ...]  # largest size of each control
+    residual: float  # largest of any QP
 
     def keeps(self, tolerance: float) -> bool:
         """Whether the largest error is within a tolerance [m]."""
@@ -116,59 +82,39 @@ class KeptRun:
 
 @dataclass(frozen=True, kw_only=True)
 class ToleranceResult:
-    """Tolerance of a part, and runs that keep it.
-
-    Attributes:
-        error: the error that is bounded, "contour" or "tracking".
-        force: bound on what adds to each control [control unit].
-        encoder: bound on the error of every measured position, one for all or each [m].
-        plant: that it is promised for.
-        length: samples within which the tool has recovered.
-        promised: largest error [m].
-        shares: of the least tolerance, by their names [m].
-        limiting: limits that keep it from being smaller.
-        control_limit: of each control.
-        runs: of the plants of the family.
-        verdict: limits of the machine, and runs within the bounds that left the tolerance.
-    """
+    """Tolerance of a part, and runs that keep it."""
 
     machine: MachineSummary
     contour: str
     feed_law: str
     samples: int
-    error: str
-    force: float
+    error: str  # the error that is bounded, "contour" or "tracking"
+    force: float  # bound on what adds to each control [control unit]
+    # bound on the error of every measured position, one for all or each [m]
     encoder: float | tuple[float, ...]
-    plant: str
-    length: int
-    promised: float
-    shares: dict[str, float]
-    limiting: tuple[str, ...]
-    control_limit: tuple[float, ...]
+    plant: str  # that it is promised for
+    length: int  # samples within which the tool has recovered
+    promised: float  # largest error [m]
+    shares: dict[str, float]  # of the least tolerance, by their names [m]
+    limiting: tuple[str, ...]  # limits that keep it from being smaller
+    control_limit: tuple[float, ...]  # of each control
     read: ContourRead | None = None
-    runs: list[KeptRun]
-    verdict: Verdict
+    runs: list[KeptRun]  # of the plants of the family
+    verdict: Verdict  # limits of the machine, and runs within the bounds that left the tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearnedMachine:
-    """Laps of one machine; the lists end where it diverges.
+    """Laps of one machine; the lists end where it diverges."""
 
-    Attributes:
-        name: of the machine.
-        tool_um: RMS error of the tool, lap by lap.
-        measured_um: the same error of what is measured, from which the law learns.
-        control: RMS control, lap by lap.
-        diverged: lap, counted from one, at which learning diverged; None where it did not.
-        pays_until: lap that no later one betters by a twentieth, at the tool; None where no lap has
-            a finite error.
-    """
-
-    name: str
-    tool_um: list[float]
-    measured_um: list[float]
-    control: list[float]
+    name: str  # of the machine
+    tool_um: list[float]  # RMS error of the tool, lap by lap
+    measured_um: list[float]  # the same error of what is measured, from which the law learns
+    control: list[float]  # RMS control, lap by lap
+    # lap, counted from one, at which learning diverged; None where it did not
     diverged: int | None = None
+    # lap that no later one betters by a twentieth, at the tool; None where no lap has a finite
+    # error
     pays_until: int | None
 
     @property
@@ -181,64 +127,43 @@ class LearnedMachine:
 
 @dataclass(frozen=True, kw_only=True)
 class StoredLap:
-    """The shifted reference of a lap of the linear model.
+    """The shifted reference of a lap of the linear model."""
 
-    Attributes:
-        lap: counted from one.
-        error_um: RMS error of the tool.
-        largest_um: largest shift of an axis.
-        first_um: how far its first sample is from the part, where the tool stands: a step.
-        speed, acceleration: largest that it asks an axis for after that [m/s], [m/s^2].
-        limits: of the machine on these; where one is not kept the reference is not written.
-    """
-
-    lap: int
-    error_um: float
-    largest_um: float
-    first_um: float
+    lap: int  # counted from one
+    error_um: float  # RMS error of the tool
+    largest_um: float  # largest shift of an axis
+    first_um: float  # how far its first sample is from the part, where the tool stands: a step
+    # speed, acceleration: largest that it asks an axis for after that [m/s], [m/s^2]
     speed: float
     acceleration: float
+    # of the machine on these; where one is not kept the reference is not written
     limits: list[LimitCheck]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearnedResult:
-    """Laps of a part on the family of machines.
-
-    Attributes:
-        error: the error that counts, "contour" or "tracking".
-        law: name of the learning law.
-        numbers: of the law, by name.
-        laps: how many were asked for.
-        ratio: largest ratio of the correction's distance from its limit, from lap to lap.
-        ratio_member: machine of the family that has it.
-        ratio_hz: frequency at which it is [Hz].
-        proven: whether the ratio is a bound; it is an estimate where the loop or the law changes
-            along the lap.
-        noise_um: RMS error of the tool that noise alone makes, without learning.
-        machines: the linear model, the same with noise, and the family.
-        verdict: on that reference.
-        stored: what is written for a control; None where no lap of the linear model betters the
-            first.
-    """
+    """Laps of a part on the family of machines."""
 
     machine: MachineSummary
     controller: str
     weights: dict[str, Weight]
-    error: str
+    error: str  # the error that counts, "contour" or "tracking"
     contour: str
     feed_law: str
     samples: int
-    law: str
-    numbers: dict[str, float]
-    laps: int
-    ratio: float
-    ratio_member: str
-    ratio_hz: float
+    law: str  # name of the learning law
+    numbers: dict[str, float]  # of the law, by name
+    laps: int  # how many were asked for
+    ratio: float  # largest ratio of the correction's distance from its limit, from lap to lap
+    ratio_member: str  # machine of the family that has it
+    ratio_hz: float  # frequency at which it is [Hz]
+    # whether the ratio is a bound; it is an estimate where the loop or the law changes along the
+    # lap
     proven: bool
-    noise_um: float
-    machines: list[LearnedMachine]
-    verdict: Verdict
+    noise_um: float  # RMS error of the tool that noise alone makes, without learning
+    machines: list[LearnedMachine]  # the linear model, the same with noise, and the family
+    verdict: Verdict  # on that reference
+    # what is written for a control; None where no lap of the linear model betters the first
     stored: StoredLap | None = None
 
     @property

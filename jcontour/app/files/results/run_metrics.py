@@ -10,16 +10,11 @@ CONTROL, INCREMENT = "control", "increment"  # units that the machine names
 
 
 class Metric(NamedTuple):
-    """How a metric is shown; lengths in um.
+    """How a metric is shown; lengths in um."""
 
-    Attributes:
-        words: its name for people.
-        unit: SI, or one of the control.
-        in_tables, on_page: whether it is shown there.
-    """
-
-    words: str
-    unit: str
+    words: str  # its name for people
+    unit: str  # SI, or one of the control
+    # in_tables, on_page: whether it is shown there
     in_tables: bool = False
     on_page: bool = False
 
@@ -96,46 +91,32 @@ class FamilyMetrics:
 
 @dataclass(frozen=True)
 class MachineSummary:
-    """Machine in tables and figures.
-
-    Attributes:
-        nonsmooth_effects: what the simulated machine has and the one that is tuned on has not.
-    """
+    """Machine in tables and figures."""
 
     name: str
     control_unit: str
     axes: tuple[str, ...]
-    nonsmooth_effects: str
+    nonsmooth_effects: str  # what the simulated machine has and the one that is tuned on has not
 
 
 @dataclass(frozen=True)
 class ContourRead:
-    """Summary of a contour as it was read, SI units.
+    """Summary of a contour as it was read, SI units."""
 
-    Attributes:
-        pieces: lines, arcs and polynomials of the path; moves of a program.
-        length: of the path, rapid moves included [m].
-        duration: of the whole run, all laps [s]; of a planned motion, its cycle time.
-        low, high: corners of the box around the contour [m], one number per axis.
-        ignored: words of the program that mean nothing for the path.
-        doubts: what of the program may be meant otherwise.
-        stops: where and why the program stops, in words.
-        rapid_length: of the rapid moves [m].
-        way: how far the tool goes along the path, more than once around it for several laps [m];
-            None where that is the path.
-        entry: of that way, what is behind the tool when scoring begins, at constant feed [m].
-    """
-
-    pieces: int
-    length: float
-    duration: float | None
+    pieces: int  # lines, arcs and polynomials of the path; moves of a program
+    length: float  # of the path, rapid moves included [m]
+    duration: float | None  # of the whole run, all laps [s]; of a planned motion, its cycle time
+    # low, high: corners of the box around the contour [m], one number per axis
     low: tuple[float, ...]
     high: tuple[float, ...]
-    ignored: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
-    stops: str = ""
-    rapid_length: float = 0.0
+    ignored: tuple[str, ...] = ()  # words of the program that mean nothing for the path
+    doubts: tuple[str, ...] = ()  # what of the program may be meant otherwise
+    stops: str = ""  # where and why the program stops, in words
+    rapid_length: float = 0.0  # of the rapid moves [m]
+    # how far the tool goes along the path, more than once around it for several laps [m]; None
+    # where that is the path
     way: float | None = None
+    # of that way, what is behind the tool when scoring begins, at constant feed [m]
     entry: float = 0.0
 
     @property
@@ -146,44 +127,28 @@ class ContourRead:
 
 @dataclass(frozen=True)
 class MotionSummary:
-    """Summary of a jerk-limited motion, SI units.
+    """Summary of a jerk-limited motion, SI units."""
 
-    Attributes:
-        cycle_time: [s], rests included.
-        stops: on the way.
-        deviation: bound of the distance of its path from the contour [m].
-        shares: of the cycle time under the feed, the speed, the acceleration and the jerk of an
-            axis, and the tolerance of corners; and at rest. Together they are 1.
-        jerk_limit, peak_jerk, peak_acceleration: one number per axis.
-        gap: about the time that the planner left to gain [s].
-        dwell: time that it rests, in dwells and while Z moves alone [s].
-    """
-
-    cycle_time: float
-    stops: int
-    deviation: float
+    cycle_time: float  # [s], rests included
+    stops: int  # on the way
+    deviation: float  # bound of the distance of its path from the contour [m]
+    # of the cycle time under the feed, the speed, the acceleration and the jerk of an axis, and the
+    # tolerance of corners; and at rest. Together they are 1.
     shares: dict[str, float]
+    # jerk_limit, peak_jerk, peak_acceleration: one number per axis
     jerk_limit: tuple[float, ...]
     peak_jerk: tuple[float, ...]
     peak_acceleration: tuple[float, ...]
-    gap: float = 0.0
-    dwell: float = 0.0
+    gap: float = 0.0  # about the time that the planner left to gain [s]
+    dwell: float = 0.0  # time that it rests, in dwells and while Z moves alone [s]
 
 
 @dataclass(frozen=True)
 class PeakPlace:
-    """Where the largest error of a contour is, over the whole family of plants.
+    """Where the largest error of a contour is, over the whole family of plants."""
 
-    Attributes:
-        plant: of the family.
-        error: its size [m].
-        time: from the start of the run [s].
-        position: of the reference [m], one number per axis.
-        line: of the program; None where there is no program.
-    """
-
-    plant: str
-    error: float
-    time: float
-    position: tuple[float, ...]
-    line: int | None = None
+    plant: str  # of the family
+    error: float  # its size [m]
+    time: float  # from the start of the run [s]
+    position: tuple[float, ...]  # of the reference [m], one number per axis
+    line: int | None = None  # of the program; None where there is no program

@@ -18,104 +18,69 @@ SHOWN = ("rms_contour_error", "rms_tracking_error", "rms_increment", "peak_sensi
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A controller that is tuned alike, with the numbers that are chosen and not tuned.
+    """A controller that is tuned alike, with the numbers that are chosen and not tuned."""
 
-    Attributes:
-        controller: name in the catalogue, or FILE.py:NAME.
-        preview: horizon [samples].
-        terminal: cost at its end.
-        model_delay: samples of unknown delay in its model; None for its own choice.
-    """
-
-    controller: str
-    preview: int
-    terminal: str
-    model_delay: int | None = None
+    controller: str  # name in the catalogue, or FILE.py:NAME
+    preview: int  # horizon [samples]
+    terminal: str  # cost at its end
+    model_delay: int | None = None  # samples of unknown delay in its model; None for its own choice
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ranked:
-    """One tuned controller, on the machine with all effects; errors are RMS [m].
-
-    Attributes:
-        label: name in the table.
-        failure: why it has no place, in one line; the numbers are None then.
-        held_out: geometric mean over held-out contours of the family's worst error.
-        training: the same over training contours.
-        held_out_errors: the family's worst error, contour by contour.
-        training_errors: likewise.
-        peak_sensitivity: largest Ms at the probes of the training contours, over the family; None
-            where a frozen loop is unstable, or none is looked at.
-        learns: the controller changes while it runs; Ms is that of the loop that it begins with.
-        feasible: whether every limit holds, those of the machine with all effects.
-        exceeded: limits of the machine that its runs do not keep, a line each.
-        stationary: whether the search had ended.
-        evaluations: points that were evaluated.
-        weights: by name.
-        seconds: processor time of the runs of all contours and plants, compiled [s].
-    """
+    """One tuned controller, on the machine with all effects; errors are RMS [m]."""
 
     candidate: Candidate
-    label: str
-    failure: str | None = None
+    label: str  # name in the table
+    failure: str | None = None  # why it has no place, in one line; the numbers are None then
+    # geometric mean over held-out contours of the family's worst error
     held_out: float | None = None
-    training: float | None = None
-    held_out_errors: dict[str, float] | None = None
-    training_errors: dict[str, float] | None = None
+    training: float | None = None  # the same over training contours
+    held_out_errors: dict[str, float] | None = None  # the family's worst error, contour by contour
+    training_errors: dict[str, float] | None = None  # likewise
+    # largest Ms at the probes of the training contours, over the family; None where a frozen loop
+    # is unstable, or none is looked at
     peak_sensitivity: float | None = None
+    # the controller changes while it runs; Ms is that of the loop that it begins with
     learns: bool = False
-    feasible: bool = False
+    feasible: bool = False  # whether every limit holds, those of the machine with all effects
+    # limits of the machine that its runs do not keep, a line each
     exceeded: list[str] = field(default_factory=list)
-    stationary: bool = False
-    evaluations: int = 0
-    weights: dict[str, Weight] | None = None
+    stationary: bool = False  # whether the search had ended
+    evaluations: int = 0  # points that were evaluated
+    weights: dict[str, Weight] | None = None  # by name
+    # processor time of the runs of all contours and plants, compiled [s]
     seconds: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class RankedResult:
-    """All controllers, the best first; those that failed come last.
-
-    Attributes:
-        error: the error that counts, "contour" or "tracking".
-        evaluations: that each of them was allowed.
-        verdict: whether a controller keeps every limit.
-        learning: names of controllers that were left out, as they learn while they run.
-    """
+    """All controllers, the best first; those that failed come last."""
 
     machine: MachineSummary
-    error: str
-    evaluations: int
+    error: str  # the error that counts, "contour" or "tracking"
+    evaluations: int  # that each of them was allowed
     rows: list[Ranked]
-    verdict: Verdict
+    verdict: Verdict  # whether a controller keeps every limit
+    # names of controllers that were left out, as they learn while they run
     learning: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class BudgetPoint:
-    """The best weights found within one budget, on the smooth machines.
+    """The best weights found within one budget, on the smooth machines."""
 
-    Attributes:
-        budget: largest RMS control increment [control unit per sample], or peak sensitivity.
-        weights: those that are one number, or one for each axis.
-        rms_contour_error: worst over contours and family [m]; so are the next two.
-        rms_tracking_error: [m].
-        rms_increment: [control unit per sample].
-        objective: what was made small: an error [m], or a ratio of two.
-        feasible: whether every limit holds.
-        slack: whether the weights need clearly less than the budget.
-        peak_sensitivity: largest Ms over the probes of the contours and the family; infinite where
-            a frozen loop is not stable.
-    """
-
-    budget: float
+    budget: float  # largest RMS control increment [control unit per sample], or peak sensitivity
+    # those that are one number, or one for each axis
     weights: dict[str, Weight] = field(metadata=BESIDE_OTHERS)
-    rms_contour_error: float
-    rms_tracking_error: float
-    rms_increment: float
-    objective: float
-    feasible: bool
-    slack: bool
+    rms_contour_error: float  # worst over contours and family [m]; so are the next two
+    rms_tracking_error: float  # [m]
+    rms_increment: float  # [control unit per sample]
+    objective: float  # what was made small: an error [m], or a ratio of two
+    feasible: bool  # whether every limit holds
+    slack: bool  # whether the weights need clearly less than the budget
+    # largest Ms over the probes of the contours and the family; infinite where a frozen loop is not
+    # stable
     peak_sensitivity: float
 
     def error(self, name: str) -> float:
@@ -129,26 +94,17 @@ class BudgetPoint:
 
 @dataclass(frozen=True)
 class FrontResult:
-    """A front.
-
-    Attributes:
-        error: name of the error that counts on the machine, contour or tracking.
-        controller: name in the catalogue.
-        weights: names of the free weights.
-        points: one for every budget, from the smallest.
-        tracking_cap: limit on the RMS tracking error that no flag asked for [m]; None without it.
-        against: what the budgets limit.
-        nominal_only: the family is the nominal plant alone.
-    """
+    """A front."""
 
     machine: MachineSummary
-    error: str
-    controller: str
-    weights: list[str]
-    points: list[BudgetPoint]
+    error: str  # name of the error that counts on the machine, contour or tracking
+    controller: str  # name in the catalogue
+    weights: list[str]  # names of the free weights
+    points: list[BudgetPoint]  # one for every budget, from the smallest
+    # limit on the RMS tracking error that no flag asked for [m]; None without it
     tracking_cap: float | None = None
-    against: Against = "increment"
-    nominal_only: bool = False
+    against: Against = "increment"  # what the budgets limit
+    nominal_only: bool = False  # the family is the nominal plant alone
 
     @property
     def slack(self) -> list[float]:
@@ -184,40 +140,25 @@ class BestDesign:
     """The best weights with one preview within the limits, by the worst error of all runs.
 
     Of errors that are alike, those of the calmest control are the best.
-
-    Attributes:
-        preview: [samples].
-        weights: those that vary, by name.
-        worst_um: worst RMS error [um].
-        nominal_um: worst RMS error over the contours on the nominal plant [um].
-        sensitivity: peak Ms of the frozen loops over the family; None where one is unstable.
-        delay_samples: extra delay that the nominal loops bear; -1 where one is unstable as it is.
-        looked: designs whose loops were looked at, the best first, until one kept the limits.
-        beyond: limits on loops that it breaks, with its values, SI; none did better.
     """
 
-    preview: int
-    weights: dict[str, float] = field(metadata=BESIDE_OTHERS)
-    worst_um: float
-    nominal_um: float
+    preview: int  # [samples]
+    weights: dict[str, float] = field(metadata=BESIDE_OTHERS)  # those that vary, by name
+    worst_um: float  # worst RMS error [um]
+    nominal_um: float  # worst RMS error over the contours on the nominal plant [um]
+    # peak Ms of the frozen loops over the family; None where one is unstable
     sensitivity: float | None
-    delay_samples: int
-    looked: int = 1
+    delay_samples: int  # extra delay that the nominal loops bear; -1 where one is unstable as it is
+    looked: int = 1  # designs whose loops were looked at, the best first, until one kept the limits
+    # limits on loops that it breaks, with its values, SI; none did better
     beyond: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class SweepResult:
-    """Summary of a sweep; all numbers are in its netCDF file.
+    """Summary of a sweep; all numbers are in its netCDF file."""
 
-    Attributes:
-        points: designs with their previews.
-        diverged: points that diverge on any plant along any contour.
-        within: points that do not, and whose runs keep the limits of the flags.
-        best: one design for every preview with which any is within the limits.
-    """
-
-    points: int
-    diverged: int
-    within: int
-    best: list[BestDesign]
+    points: int  # designs with their previews
+    diverged: int  # points that diverge on any plant along any contour
+    within: int  # points that do not, and whose runs keep the limits of the flags
+    best: list[BestDesign]  # one design for every preview with which any is within the limits

@@ -18,17 +18,11 @@ Level = Literal["reason", "limit", "warning"]
 
 @dataclass(frozen=True)
 class Message:
-    """A finding for whoever may load the values of a run.
+    """A finding for whoever may load the values of a run."""
 
-    Attributes:
-        level: a reason against them, a limit that is not kept, or what to know before.
-        text: the finding with its numbers.
-        remedy: what helps; empty where nothing is known to.
-    """
-
-    level: Level
-    text: str
-    remedy: str = ""
+    level: Level  # a reason against them, a limit that is not kept, or what to know before
+    text: str  # the finding with its numbers
+    remedy: str = ""  # what helps; empty where nothing is known to
 
     @property
     def line(self) -> str:
@@ -48,25 +42,16 @@ def warning(text: str, remedy: str = "") -> Message:
 
 @dataclass(frozen=True, kw_only=True)
 class LimitCheck:
-    """A stated limit and the largest value that the runs reach.
+    """A stated limit and the largest value that the runs reach."""
 
-    Attributes:
-        name: of the quantity, with its axis or input, as "speed of X".
-        value: the largest, in `unit`; infinite where a loop is unstable.
-        allowed: the limit.
-        unit: of both; empty of a ratio.
-        member: contour and plant of the largest value.
-        between: part of the value that is between the samples.
-        slack: relative; a value beyond the limit by no more counts as kept: rounding, counts, or a
-            loop's overshoot of a motion that keeps the limit.
-    """
-
-    name: str
-    value: float
-    allowed: float
-    unit: str = ""
-    member: str = ""
-    between: float = 0.0
+    name: str  # of the quantity, with its axis or input, as "speed of X"
+    value: float  # the largest, in `unit`; infinite where a loop is unstable
+    allowed: float  # the limit
+    unit: str = ""  # of both; empty of a ratio
+    member: str = ""  # contour and plant of the largest value
+    between: float = 0.0  # part of the value that is between the samples
+    # relative; a value beyond the limit by no more counts as kept: rounding, counts, or a loop's
+    # overshoot of a motion that keeps the limit
     slack: float = ROUNDING
 
     @property
@@ -108,19 +93,13 @@ def kept_words(limits: Sequence[LimitCheck]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """Whether the values of a run may be loaded; `Verdict.of` makes it.
+    """Whether the values of a run may be loaded; `Verdict.of` makes it."""
 
-    Attributes:
-        usable: every stated limit is kept, and no reason speaks against the values.
-        heading: yes or no, in words.
-        messages: reasons, limits that are not kept, and warnings, each level in its order.
-        limits: every stated limit.
-    """
-
-    usable: bool
-    heading: str
+    usable: bool  # every stated limit is kept, and no reason speaks against the values
+    heading: str  # yes or no, in words
+    # reasons, limits that are not kept, and warnings, each level in its order
     messages: list[Message]
-    limits: list[LimitCheck]
+    limits: list[LimitCheck]  # every stated limit
 
     @classmethod
     def of(

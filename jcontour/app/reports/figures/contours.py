@@ -63,45 +63,27 @@ NARROWEST = 0.7  # width to height of what a panel shows: a title of 45 letters 
 
 @dataclass(frozen=True)
 class DrawnRun:
-    """Signals of one run.
+    """Signals of one run."""
 
-    Attributes:
-        label: of the controller or its weights; it chooses the colour.
-        plant: it ran on, in words.
-        output: (T, m) [m].
-        control: (T, p) [control unit].
-        contour_error: (T, m) [m], from the nearest point of the contour to the tool.
-        diverged: its error means nothing.
-    """
-
-    label: str
-    plant: str
-    output: np.ndarray
-    control: np.ndarray
-    contour_error: np.ndarray
-    diverged: bool = False
+    label: str  # of the controller or its weights; it chooses the colour
+    plant: str  # it ran on, in words
+    output: np.ndarray  # (T, m) [m]
+    control: np.ndarray  # (T, p) [control unit]
+    contour_error: np.ndarray  # (T, m) [m], from the nearest point of the contour to the tool
+    diverged: bool = False  # its error means nothing
 
 
 @dataclass(frozen=True)
 class ContourRuns:
-    """Runs along one contour.
+    """Runs along one contour."""
 
-    Attributes:
-        name: of the contour.
-        time: (T,) [s].
-        scored: (T,) which samples count.
-        reference: (T, m) [m].
-        axes: names of the m axes.
-        control_unit: for labels.
-        rows: runs to compare with each other, such as those on the nominal plant.
-    """
-
-    name: str
-    time: np.ndarray
-    scored: np.ndarray
-    reference: np.ndarray
-    axes: tuple[str, ...]
-    control_unit: str
+    name: str  # of the contour
+    time: np.ndarray  # (T,) [s]
+    scored: np.ndarray  # (T,) which samples count
+    reference: np.ndarray  # (T, m) [m]
+    axes: tuple[str, ...]  # names of the m axes
+    control_unit: str  # for labels
+    # runs to compare with each other, such as those on the nominal plant
     rows: tuple[tuple[DrawnRun, ...], ...]
 
     @classmethod

@@ -35,23 +35,15 @@ RAPID, SHADE = "tab:purple", "0.93"
 
 
 class _Curves(NamedTuple):
-    """What is drawn over the way: rows T, and columns for the axes.
+    """What is drawn over the way: rows T, and columns for the axes."""
 
-    Attributes:
-        along: way along the path [mm].
-        fed: speed of the tool [mm/min].
-        acceleration: of the axes [m/s^2].
-        jerk: of the axes [m/s^3].
-        cut: which points are on a cut; where a rapid move begins or ends, they are on both.
-        rapid: which are on a rapid move.
-    """
-
-    along: Float[np.ndarray, " T"]
-    fed: Float[np.ndarray, " T"]
-    acceleration: Float[np.ndarray, "T m"]
-    jerk: Float[np.ndarray, "T m"]
+    along: Float[np.ndarray, " T"]  # way along the path [mm]
+    fed: Float[np.ndarray, " T"]  # speed of the tool [mm/min]
+    acceleration: Float[np.ndarray, "T m"]  # of the axes [m/s^2]
+    jerk: Float[np.ndarray, "T m"]  # of the axes [m/s^3]
+    # which points are on a cut; where a rapid move begins or ends, they are on both
     cut: Bool[np.ndarray, " T"]
-    rapid: Bool[np.ndarray, " T"]
+    rapid: Bool[np.ndarray, " T"]  # which are on a rapid move
 
 
 def motion_figure(planned: Planned, axes: Sequence[str], rapid: Bool[np.ndarray, " P"]) -> Figure:

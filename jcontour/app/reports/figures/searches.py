@@ -33,17 +33,11 @@ ROW = 0.32  # [inch]
 
 
 class Search(NamedTuple):
-    """A tuning run as its figures see it.
+    """A tuning run as its figures see it."""
 
-    Attributes:
-        points: that the tuner tried.
-        result: of the run.
-        objective: its name among the flags.
-    """
-
-    points: Sequence[HistoryPoint]
-    result: TunedResult
-    objective: str = "typical"
+    points: Sequence[HistoryPoint]  # that the tuner tried
+    result: TunedResult  # of the run
+    objective: str = "typical"  # its name among the flags
 
     @property
     def measure(self) -> str:
@@ -240,15 +234,10 @@ def ranking_figure(result: RankedResult) -> Figure:
 
 
 class FamilyCurves(NamedTuple):
-    """Sensitivity over frequency.
+    """Sensitivity over frequency."""
 
-    Attributes:
-        frequency: [Hz].
-        sensitivity: of every plant, the largest of all probes; NaN for a plant with a loop that is
-            not stable.
-    """
-
-    frequency: Float[np.ndarray, " F"]
+    frequency: Float[np.ndarray, " F"]  # [Hz]
+    # of every plant, the largest of all probes; NaN for a plant with a loop that is not stable
     sensitivity: Float[np.ndarray, "P F"]
 
 
