@@ -48,10 +48,6 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "experiments.benchmarks.speed.plain_loops": {"numba"},  # what `bench` compares with
     "experiments.benchmarks.records.true_machines": {"numba"},  # steps of 25 us
     "experiments.benchmarks.searches.search_methods": {"cmaes", "optuna"},
-    "jcontour.app.runs.spread.cluster": {
-        "dask",
-        "distributed",
-    },  # where the user has installed them
 }
 
 FLOORS = {  # top to bottom: a room imports its own floor and those below

@@ -125,10 +125,9 @@ def _answered(arguments: list[str]) -> int:
         import_module("jcontour.app.catalogue.own_classes").trust_named(flags)
         _check_runs(flags)
         _check_out(flags)
-        if not isinstance(flags, shared.Spreading):
-            return run(flags)
-        with import_module("jcontour.app.runs.spread.spreading").prepared(flags) as flags:
-            return run(flags)
+        if isinstance(flags, shared.Storage):
+            import_module("jcontour.app.runs.spread.devices").set_up(flags)
+        return run(flags)
     except KeyboardInterrupt as interruption:
         how = str(interruption)
         print(f"jcontour: interrupted{'; ' + how if how else ''}", file=sys.stderr)
@@ -209,7 +208,7 @@ def _check_out(flags: Any) -> None:
     """Tell a run folder that is taken before the work begins."""
     out = getattr(flags, "out", None)
     if out is not None and not isinstance(flags, (machines.Machine, others.Report)):  # files
-        resumable = isinstance(flags, shared.Spreading)
+        resumable = isinstance(flags, shared.Storage)
         import_module("jcontour.app.files.run_folder").check_free(out, resumable)
 
 

@@ -9,7 +9,6 @@ import pytest
 
 from jcontour.app.commands.loops.check_limits import Verified
 from jcontour.app.commands.machines.identify import IdentifyResult
-from jcontour.app.commands.tuning.sweep_predictive import PredictiveSweepResult
 from jcontour.app.files.results.bound_results import CertifiedResult, LearnedResult, ToleranceResult
 from jcontour.app.files.results.loop_results import (
     BentResult,
@@ -33,7 +32,6 @@ NUMBERS = (
     "check-bound",
     "tolerance",
     "sweep",
-    "sweep-predictive",
     "traverse",
     "identify",
     "identify-linear",
@@ -53,7 +51,6 @@ RESULTS = {  # stop -> type that its result is read into
     "front": FrontResult,
     "rank": RankedResult,
     "sweep": SweepResult,
-    "sweep-predictive": PredictiveSweepResult,
     "traverse": SimulatedResult,
     "identify": IdentifyResult,
     "identify-linear": LinearMachineResult,

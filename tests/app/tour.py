@@ -44,8 +44,6 @@ STOPS: Mapping[str, str] = {  # name -> command; a name in braces is the run fol
     "--controllers contouring-lq-kalman contouring-lq",
     "sweep": f"sweep part.ngc {MACHINE} --vary alpha=2,2e6 beta=0.5,5 --previews 4 --rho 2e-9 "
     "--controller contouring-lq-kalman --weights control_noise=5 --devices 1",
-    "sweep-predictive": "sweep circle --controller mpcc --plant xy-table --previews 3 "
-    "--vary q_theta=1,30 --speeds-mm-s 40 --workers 0",
     "traverse": "simulate square --controller mpcc --plant xy-table --preview 7",
     "excite": "identify --excite limits.json",
     "identify": "identify --demo --encoder-um 0.5",

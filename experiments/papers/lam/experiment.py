@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.app.designs.predictive.constrained import at_speed, late_tracking
+from jcontour.app.designs.predictive import at_speed, late_tracking
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.periodic_splines import polar_lobes

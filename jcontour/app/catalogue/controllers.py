@@ -45,7 +45,7 @@ CONSTRAINED = {
         "keeps what is proven, nothing is tuned of it",
     ),
 }
-PREDICTIVE = ("mpcc", "tracking-mpc")  # of these, what `simulate` and `sweep` run
+PREDICTIVE = ("mpcc", "tracking-mpc")  # of these, what `simulate` runs
 CONTROLLERS = {  # name -> module and class
     "contouring-lq": "jcontour.app.designs.lq.receding_horizon:LQDesign",
     "contouring-lq-riccati": "jcontour.app.designs.lq.receding_horizon:RiccatiLQ",

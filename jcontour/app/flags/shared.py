@@ -121,7 +121,7 @@ class Limited(Controlled):
         "backlash",
         *("min_delay_margin", "max_count_noise", "max_peak_tracking_error_um", "max_rms_control"),
         *("max_peak_contour_error_um", "max_peak_control", "max_rms_increment"),
-        *("max_peak_increment", "seed", "devices", "hosts", "force", "encoder_um", "nominal_only"),
+        *("max_peak_increment", "seed", "devices", "force", "encoder_um", "nominal_only"),
     )
 
     max_sensitivity: float | None = 2.0  # 6 dB, the usual bound on the peak sensitivity
@@ -150,7 +150,7 @@ class Limited(Controlled):
 
 @dataclass(frozen=True)
 class Storage(Limited):
-    """Run folder and random seed."""
+    """Run folder, random seed and devices; a run may go on elsewhere than it began."""
 
     seed: int = 0  # any number: the same one repeats the run
     """Seed of everything random: the points looked at before descending."""
@@ -158,19 +158,9 @@ class Storage(Limited):
     """Run folder; runs/<command>-<time> when not given. It must not hold another run."""
     resume: Path | None = None
     """Go on with the run in this folder; its own settings hold."""
-
-
-@dataclass(frozen=True)
-class Spreading(Storage):
-    """Devices and hosts of a run; it may go on elsewhere than it began."""
-
     devices: str = "1"  # so that a run ends in the same digits on every computer
-    """Devices of every host that contours are spread over: `all`, or a number.
+    """Devices that contours are spread over: `all`, or a number.
     Devices are GPUs, or else cores of the CPU; one alone is the CPU, which compiles sooner."""
-    hosts: bool = False  # most runs need one computer
-    """Join several hosts: start the same command on each.
-    JAX_COORDINATOR_ADDRESS, JAX_NUM_PROCESSES and JAX_PROCESS_ID, or a cluster's own variables,
-    name them."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +175,7 @@ class Bounded(RunsCode):
 
 
 @dataclass(frozen=True)
-class Aimed(Bounded, Spreading):
+class Aimed(Bounded, Storage):
     """What is made small, on which plants, by which weights."""
 
     objective: Objective = "typical"  # a per cent of any contour counts alike

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from jcontour.app.flags.shared import ROLLOUTS, Aimed, Rollouts, Spreading, Terminal
+from jcontour.app.flags.shared import ROLLOUTS, Aimed, Rollouts, Storage, Terminal
 
 Against = Literal["increment", "sensitivity"]
 
@@ -98,11 +98,8 @@ class Rank(Aimed):
 
 
 @dataclass(frozen=True)
-class Sweep(Spreading):
-    """Evaluate a grid, or a random sample, over weights x preview x contours.
-
-    With --controller mpcc or tracking-mpc: over weights x horizon x speed, each run by itself.
-    """
+class Sweep(Storage):
+    """Evaluate a grid, or a random sample, over weights x preview x contours."""
 
     parts: Positional[tuple[str, ...]] = ()
     """Toolpaths (.ngc, .dxf, .svg, .csv) or names from `jcontour list`.
@@ -113,24 +110,10 @@ class Sweep(Spreading):
     Gains go from a tenth to ten times their start, weights of a cost from a hundredth to ten
     thousand times."""
     previews: tuple[int, ...] = (5, 10, 20)  # half, once and twice the paper's
-    """Horizons of an LQ controller or of predictive control [samples].
-    A controller that has none is swept once."""
-    speeds_mm_s: tuple[float, ...] = ()
-    """Predictive control: speeds along the path [mm/s]; of mpcc the highest ones.
-    The paper's when not given."""
+    """Horizons of an LQ controller [samples]. A controller that has none is swept once."""
     samples: int = 0  # the grid
     """Random weights between the smallest and the largest value, even in the logarithm, so that
     all values are above zero; 0 takes the grid."""
     devices: str = "all"  # every design is computed by itself: no digit depends on it
-    """Devices of every host that designs are spread over: `all`, or a number.
+    """Devices that designs are spread over: `all`, or a number.
     Devices are GPUs, or else cores of the CPU."""
-    workers: int | None = None
-    """Predictive control: processes on this computer that designs are spread over.
-    One for each core when not given, which needs the extra `cluster`; 0 computes in this one."""
-    listen: str = "127.0.0.1"  # others on the network have no business there
-    """Predictive control: address on which dask's page about these processes is served, on a free
-    port. 0.0.0.0 shows it to whoever reaches this computer."""
-    scheduler: str | None = None
-    """Predictive control: address of a dask scheduler that runs, as tcp://host:8786, instead.
-    Its workers run whatever code anyone sends who reaches it, and this computer loads what they
-    answer: only on a network where everyone is trusted, or with tls:// and certificates."""

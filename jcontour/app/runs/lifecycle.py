@@ -15,21 +15,12 @@ from jcontour.app.catalogue.own_classes import own_name
 from jcontour.app.files import run_folder
 from jcontour.app.files.results.stored import versioned
 from jcontour.app.files.results.verdict import Verdict
-from jcontour.app.flags.shared import Controlled, MachineFlags, Spreading
+from jcontour.app.flags.shared import Controlled, MachineFlags, Storage
 from jcontour.app.reports import tables
 from jcontour.app.reports.page.page_data import FILE, KINDS, write_page
 from jcontour.app.reports.screen import Entry, screen
 
-WHERE = (
-    "json",
-    "details",
-    "trust_code",
-    "devices",
-    "hosts",
-    "workers",
-    "scheduler",
-    "listen",
-)  # flags a run may go on with
+WHERE = ("json", "details", "trust_code", "devices")  # flags a run may go on with
 FILES = (
     "plant",
     "controller",
@@ -37,7 +28,7 @@ FILES = (
     "tool_table",
     "machine_limits",
 )  # flags that may name a file
-F = TypeVar("F", bound=Spreading)
+F = TypeVar("F", bound=Storage)
 Kept = TypeVar("Kept")
 Asked = TypeVar("Asked")
 Result = TypeVar("Result")

@@ -10,7 +10,7 @@ import xarray as xr
 from rich.console import Console
 
 from jcontour.app.catalogue.choices import job_named, machine_named
-from jcontour.app.designs.predictive.bounded import Keeper, keeper
+from jcontour.app.designs.bounded import Keeper, keeper
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_dataset
 from jcontour.app.files.results.bound_results import KeptRun, ToleranceResult

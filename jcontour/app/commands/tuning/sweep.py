@@ -6,9 +6,6 @@ import numpy as np
 import xarray as xr
 from rich.console import Console
 
-from jcontour.app.commands.tuning import sweep_predictive
-from jcontour.app.designs.predictive.sweep_designs import PREDICTIVE
-from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_dataset
 from jcontour.app.files.results.search_results import BestDesign, SweepResult
 from jcontour.app.files.results.stored import write_result
@@ -45,8 +42,6 @@ LOOPS = 100  # designs of a preview whose margins are stored: about ten seconds
 
 def command(flags: Sweep) -> int:
     """Sweep, store and print; exit code."""
-    if _controller(flags) in PREDICTIVE:
-        return sweep_predictive.command(flags)
     with opened(flags, "sweep", swept_of) as (folder, asked):
         dataset, picks = judged(asked, found_along(asked, folder))
         names, error = list(asked.values), asked.machine.error
@@ -81,13 +76,6 @@ def command(flags: Sweep) -> int:
         tables.say(console, *findings)
 
     return finished(folder, result, flags, show, answer)
-
-
-def _controller(flags: Sweep) -> str | None:
-    """Name of the controller, of a run that goes on the stored one."""
-    if flags.resume is None:
-        return flags.controller
-    return run_folder.opened(flags.resume, "sweep")["flags"].get("controller")
 
 
 def judged(asked: Swept, dataset: xr.Dataset) -> tuple[xr.Dataset, list[BestDesign]]:

@@ -187,9 +187,7 @@ class LQDesign(LinearDesign):
         """The MPC of the same cost; None for preview LQ and for the predictor form."""
         if not self.limitable:
             return None
-        from jcontour.app.designs.predictive.constrained import (
-            limited_lq,  # the solvers take a second
-        )
+        from jcontour.app.designs.predictive import limited_lq  # the solvers take a second
         from jcontour.host.observed import FilterGain, OffsetFreeGain
 
         terminal, observer = TERMINALS[self.terminal], None

@@ -4,6 +4,7 @@ MPCC chooses its own speed: the tool is compared with the nearest point of the p
 """
 
 from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,12 @@ from jaxtyping import Float
 
 from jcontour.app.catalogue.choices import set_of
 from jcontour.app.designs.design import given
-from jcontour.app.designs.predictive.sweep_designs import PREDICTIVE, Case, PredictiveDesign
+from jcontour.app.designs.predictive import (
+    PREDICTIVE,
+    HostedRun,
+    PredictiveDesign,
+    speed_limit,
+)
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.run_metrics import RunMetrics
 from jcontour.app.files.results.verdict import Verdict, kept_words, reason, warning
@@ -22,18 +28,30 @@ from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import named_numbers
 from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.contour_summary import Simulated, machine_summary, peak_place, read_of
-from jcontour.app.runs.spread.predictive_runs import Ending, PredictiveRun, ended
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.toolpaths import Toolpath
-from jcontour.host.loop import Stopped, reported_loop
+from jcontour.host.loop import HostRun, Stopped, reported_loop
 from jcontour.motion.references import along
 from jcontour.mpc.contouring.mpcc import ARRIVAL
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from jcontour.simulation.traversal import Score, outrun, traversal_score
 
 # [m] from the end at the last sample: the controller ends a run once it has measured the tool
 # within ARRIVAL, and the tool moves on for up to two of its periods until it acts on that
 AT_END = 10 * ARRIVAL
+
+
+class Ending(StrEnum):
+    """How a run ended."""
+
+    ARRIVED = "arrived"
+    LATE = "late"  # its tool had not arrived when the time was up
+    OUTRUN = "outrun"  # the controller's progress came to the end of the path, its tool did not
+    UNSOLVED = "unsolved"  # a quadratic program had no answer
+    DIVERGED = "diverged"  # not finite, or farther from the path than this is large
+
+
 LOST = {  # how a run did not end well -> what is said, and what may help
     Ending.LATE: (
         "the tool is not at the end of the path at the last sample",
@@ -62,7 +80,7 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
     if unread:
         name = unread[0].replace("_", "-")
         raise ValueError(f"{name}: {flags.controller} has no use for it; leave it out")
-    kind, case = PREDICTIVE[flags.controller], Case(flags.controller, machine, job.contour)
+    kind = PREDICTIVE[flags.controller]
     weights = {
         name: value[0] for name, value in (named_numbers("weights", w) for w in given(flags))
     }
@@ -70,12 +88,10 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
         if name not in kind.weights:
             known = ", ".join(kind.weights)
             raise ValueError(f"weights: {flags.controller} has no weight {name!r}; it has {known}")
-    speeds = kind.speeds_mm_s(machine)
-    asked = None if flags.feed_mm_per_min is None else flags.feed_mm_per_min / 60
-    design = PredictiveDesign(
-        weights, flags.preview, speeds[len(speeds) // 2] if asked is None else asked
-    )
-    hosted, failure = case.hosted(design), ""
+    feed = flags.feed_mm_per_min
+    speed = round(kind.share * 1e3 * speed_limit(machine), 6) if feed is None else feed / 60
+    design = PredictiveDesign(weights, flags.preview, speed)
+    hosted, failure = kind.hosted(machine, job.contour, design), ""
     hosted.controller.initial_memory(hosted.reference)  # raises what does not fit
     try:
         run = reported_loop(hosted.plant, hosted.controller, hosted.reference)
@@ -84,11 +100,11 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
     output, control = np.asarray(run.rollout.output), np.asarray(run.rollout.control)
     if len(output) < 2:
         raise ValueError(f"{flags.controller}: {failure}")
-    numbers, score = ended(run, hosted, job.contour)
+    ending, score = ended(run, hosted, job.contour)
     if failure:
-        numbers = PredictiveRun(Ending.UNSOLVED)
-    elif numbers.ending is Ending.ARRIVED and not stays(output[-1], job.contour):
-        numbers = replace(numbers, ending=Ending.LATE)
+        ending = Ending.UNSOLVED
+    elif ending is Ending.ARRIVED and not stays(output[-1], job.contour):
+        ending = Ending.LATE
     arc = np.zeros(len(output)) if score is None else np.maximum.accumulate(score.arc)
     reference = along(job.contour, arc, hosted.plant.dt, 0, at_rest=True)
     references = stack_references([reference])
@@ -96,16 +112,19 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
         job = job._replace(arc=arc, scored=np.ones(len(arc), bool), planned=None, settling=0)
     scenarios = Scenarios((job,), (False,), ("nominal",), references, stack_plants([hosted.plant]))
     found = replayed(output[None, None], control[None, None], references)
-    lost = np.full((1, 1), numbers.ending is Ending.DIVERGED)
+    lost = np.full((1, 1), ending is Ending.DIVERGED)
     found = found._replace(metrics=replace(found.metrics, diverged=lost | found.metrics.diverged))
     messages = []
-    if numbers.ending is not Ending.ARRIVED:
-        words, helps = LOST[numbers.ending]
+    if ending is not Ending.ARRIVED:
+        words, helps = LOST[ending]
         messages.append(reason(f"{words}{': ' if failure else ''}{failure}", helps))
     if isinstance(job, Job) and job.program is not None and job.program.read is not None:
         messages += [warning(line) for line in not_kept(job.program.read, flags.contour or "")]
     read = read_of(job, hosted.plant.dt)
-    time = numbers.time_s if np.isfinite(numbers.time_s) else None
+    time = None  # until the tool has arrived [s]
+    lost_ones = (Ending.DIVERGED, Ending.UNSOLVED)
+    if score is not None and ending not in lost_ones and np.isfinite(score.time):
+        time = float(score.time)
     limits = machine_limits(found, scenarios, machine)
     result = SimulatedResult(
         machine=machine_summary(machine),
@@ -123,6 +142,20 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
         sample_period=float(hosted.plant.dt),
     )
     return Simulated(result, scenarios, found)
+
+
+def ended(run: HostRun, hosted: HostedRun, contour: Contour) -> tuple[Ending, Score | None]:
+    """How a run whose programs were solved ended, and its score; None where it is not finite."""
+    rollout = run.rollout
+    output, control = np.asarray(rollout.output), np.asarray(rollout.control)
+    if not (np.isfinite(output).all() and np.isfinite(control).all()):
+        return Ending.DIVERGED, None
+    score = traversal_score(contour, output, hosted.plant.dt)
+    if not score.peak <= float(contour.size):
+        return Ending.DIVERGED, score
+    if hosted.progress is not None and outrun(contour, score, hosted.progress(rollout.memory)):
+        return Ending.OUTRUN, score
+    return Ending.ARRIVED if np.isfinite(score.time) else Ending.LATE, score
 
 
 def stays(tool: Float[np.ndarray, " m"], contour: Contour) -> bool:

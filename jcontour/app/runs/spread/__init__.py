@@ -1,1 +1,1 @@
-"""Many runs: over devices, hosts, and the processes of a cluster."""
+"""Many designs at once, over the devices of this computer."""

@@ -9,7 +9,6 @@ from jaxtyping import Array, Float
 
 from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, job_named, machine_named
 from jcontour.app.designs.design import Design, with_values
-from jcontour.app.designs.predictive.sweep_designs import PREDICTIVE
 from jcontour.app.flags.tuning import Sweep
 from jcontour.app.jobs.job import Pace, Task
 from jcontour.app.jobs.replays import Scenarios
@@ -158,10 +157,6 @@ def horizons(flags: Sweep, machine: Machine) -> tuple[int, ...]:
 def _check_flags(flags: Sweep) -> None:
     if flags.preview != Sweep.preview:
         raise ValueError("preview: a sweep has --previews, for one or several")
-    for name in ("speeds_mm_s", "workers", "listen", "scheduler"):
-        if getattr(flags, name) != getattr(Sweep, name):
-            others = ", ".join(PREDICTIVE)
-            raise ValueError(f"{name.replace('_', '-')}: is for --controller {others}")
 
 
 def _check(asked: Swept) -> None:

@@ -12,7 +12,7 @@ from jcontour.app.designs.design import Design, plain_weights, with_values
 from jcontour.app.files import run_folder
 from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.sweep_files import SweepChunks
-from jcontour.app.runs.spread.spreading import batching_of
+from jcontour.app.runs.spread.devices import batching_of
 from jcontour.app.runs.spread.sweep_asked import Swept
 from jcontour.simulation.devices import Spread
 from jcontour.simulation.evaluation import Batching

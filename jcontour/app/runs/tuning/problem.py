@@ -18,7 +18,7 @@ from jcontour.app.jobs.sets.representatives import representatives
 from jcontour.app.machines.disturbance_bounds import Bounds, bounds_of, box_of, linear_machine
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine
-from jcontour.app.runs.spread.spreading import batching_of
+from jcontour.app.runs.spread.devices import batching_of
 from jcontour.app.runs.tuning.limits import (
     counted,
     effort_limit,

@@ -1,17 +1,24 @@
 """Runs of predictive control: whether the tool arrives, and what of a file is not kept."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import job_named, machine_named
 from jcontour.app.cli import main
+from jcontour.app.designs.predictive import PREDICTIVE, PredictiveDesign
 from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.flags.shared import MachineFlags
 from jcontour.app.jobs.pace import Pace
-from jcontour.app.runs.loops.traversing import not_kept, stays
-from jcontour.geometry.contours import polyline
+from jcontour.app.machines.machine import Hosted
+from jcontour.app.runs.loops.traversing import Ending, ended, not_kept, stays
+from jcontour.geometry.contours import circle, polyline
+from jcontour.host.loop import reported_loop
+from jcontour.linear.transformations import with_input_gains
+from jcontour.plants.xy_table import xy_table
 
 
 def test_a_run_of_mpcc_is_stored_like_every_simulation(tour):
@@ -38,6 +45,33 @@ LINE = polyline([[0.0, 0.0], [3e-3, 0.0]])  # [m]
 )
 def test_a_tool_that_arrives_is_at_the_end_at_its_last_sample(last_mm, there):
     assert stays(1e-3 * np.array(last_mm), LINE) is there
+
+
+def reversed_drives(period):
+    return Hosted(with_input_gains(xy_table(1e-3), np.array([-1.0, -1.0])), xy_table(4e-3), 4)
+
+
+@pytest.mark.parametrize(
+    ("controller", "radius", "design", "changed", "ending"),
+    [
+        # at rest without a reward on progress
+        ("mpcc", 2e-3, PredictiveDesign({"q_theta": 0.0}, 4, 500.0), {}, Ending.LATE),
+        # the paper's largest reward 200 times over: theta ends its lap, the tool is at its start
+        ("mpcc", 1e-3, PredictiveDesign({"q_theta": 1000.0}, 7, 250.0), {}, Ending.OUTRUN),
+        (
+            "tracking-mpc",
+            2e-3,
+            PredictiveDesign({}, 4, 100.0),
+            {"with_friction": reversed_drives},
+            Ending.DIVERGED,
+        ),
+    ],
+)
+def test_a_run_that_does_not_arrive_says_how_it_ended(controller, radius, design, changed, ending):
+    machine, contour = replace(machine_named("xy-table"), **changed), circle(radius)
+    hosted = PREDICTIVE[controller].hosted(machine, contour, design)
+    run = reported_loop(hosted.plant, hosted.controller, hosted.reference)
+    assert ended(run, hosted, contour)[0] is ending
 
 
 PROGRAM = """G1 X10 F100

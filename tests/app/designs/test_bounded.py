@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jcontour.app.designs.predictive.bounded import no_answer
+from jcontour.app.designs.bounded import no_answer
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.sets.least_peaks import NoResponse
 from tests.app import small_runs

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import design_for, machine_named
-from jcontour.app.designs.predictive.constrained import (
+from jcontour.app.designs.predictive import (
+    PREDICTIVE,
+    PredictiveDesign,
     limited_lq,
     speed_limit,
     usual_change,
@@ -14,6 +16,8 @@ from jcontour.app.designs.predictive.constrained import (
 from jcontour.app.flags.loops import Simulate
 from jcontour.controllers.lq.contouring_lq import LQWeights, OutputTerminal
 from jcontour.controllers.observers.kalman import offset_free_gain
+from jcontour.geometry.contours import circle
+from jcontour.host.late import OneSampleLate
 from jcontour.host.observed import ObservedHost, OffsetFreeGain, OffsetFreeHost
 from jcontour.linear.transformations import with_input_delay
 from jcontour.mpc.tracking.forms import OffsetFreeForm
@@ -67,3 +71,42 @@ def test_a_path_is_no_faster_than_what_every_axis_may_run_at():
 def test_a_controller_that_chooses_its_speed_is_not_tuned():
     with pytest.raises(ValueError, match="mpcc chooses its own speed.*jcontour simulate"):
         design_for(machine_named("xy-table"), Simulate(controller="mpcc"))
+
+
+def hosted(controller, design, machine="xy-table"):
+    return PREDICTIVE[controller].hosted(machine_named(machine), circle(1e-2), design)
+
+
+def test_mpcc_runs_at_the_period_of_its_controller_and_waits_long_enough():
+    """Lam's table: 4 ms on a plant of 1 ms; 0.25 m/s is 1 mm in a step of the controller."""
+    made = hosted("mpcc", PredictiveDesign({"q_theta": 2.0}, 5, 250.0))
+    mpcc = made.controller.controller
+    assert made.controller.every == 4 and made.plant.dt == 1e-3 and mpcc.model.dt == 4e-3
+    assert mpcc.weights.progress == 2.0 and mpcc.weights.contour_error == 100.0
+    np.testing.assert_allclose(mpcc._upper[:5], 1.0)
+    longest = made.reference.steps * made.plant.dt
+    assert longest == pytest.approx(2 * np.pi * 1e-2 / (0.02 * 0.25), rel=1e-3)
+
+
+def test_without_a_word_the_weights_are_those_of_the_machine():
+    """15 / u_max^2 of the mill, Lam's own on his table."""
+    mill = "jcontour/app/machines/example.json"
+    made = hosted("mpcc", PredictiveDesign({}, 5, 100.0), mill).controller.controller
+    np.testing.assert_allclose(made.weights.control_matrix(2), 15.0 / 250.0**2 * np.eye(2))
+    made = hosted("mpcc", PredictiveDesign({"r_control": 3.0}, 5, 100.0), mill)
+    np.testing.assert_array_equal(
+        made.controller.controller.weights.control_matrix(2), 3.0 * np.eye(2)
+    )
+    made = hosted("tracking-mpc", PredictiveDesign({}, 5, 100.0), mill)
+    weights = made.controller.controller.controller.weights
+    np.testing.assert_allclose(weights.increment, 15.0 / 250.0**2)
+
+
+def test_tracking_keeps_its_speed_and_the_usual_weights():
+    made = hosted("tracking-mpc", PredictiveDesign({"increment": 6.0}, 5, 100.0))
+    late = made.controller.controller
+    assert isinstance(late, OneSampleLate) and made.controller.preview == 5 * made.controller.every
+    weights = late.controller.weights
+    assert (weights.output, weights.contour, weights.increment) == (1e8, 0.0, 6.0)
+    arc = np.asarray(made.reference.arc)
+    np.testing.assert_allclose(np.diff(arc[:100]), 0.1 * made.plant.dt)

@@ -1,1 +1,0 @@
-"""Predictive controllers, with a quadratic program at every sample."""
