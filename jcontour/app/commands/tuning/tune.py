@@ -10,7 +10,7 @@ from rich.console import Console
 
 from jcontour.app.beside import Beside
 from jcontour.app.files import run_folder
-from jcontour.app.files.results.stored import write_result
+from jcontour.app.files.results.stored import to_json, write_result
 from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.job import Job
@@ -18,8 +18,8 @@ from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import NO_EFFECTS
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.contours import figures_of
-from jcontour.app.reports.figures.png import drawn_beside, save_figures
-from jcontour.app.reports.figures.searches import FIGURES, Search, sensitivity_figure
+from jcontour.app.reports.figures.png import drawn_beside, save_figure
+from jcontour.app.reports.figures.searches import history_figure, sensitivity_figure
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.reports.rollouts import save_rollouts, save_sensitivity
 from jcontour.app.reports.screen import Entry
@@ -108,9 +108,9 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     told = tuned_result(found, trials, *checks, loops, time.perf_counter() - began)
     # Write the points that were tried, and at last the result
     points = history_of(run, tuned)
-    rows = [point.to_json(run.machine.error) for point in points]
-    run_folder.write_json(folder / "history.json", rows)
-    save_figures(FIGURES, Search(points, told, run.flags.objective), folder)
+    run_folder.write_json(folder / "history.json", to_json(points))
+    history = history_figure(points, run.flags.objective, run.machine.error)
+    save_figure(history, folder / "history.png")
     write_result(folder, told)
     return told
 

@@ -9,7 +9,7 @@ import xarray as xr
 
 from jcontour.app.files import run_folder
 from jcontour.app.files.results.run_metrics import METRICS, MachineSummary
-from jcontour.app.files.results.stored import BESIDE_OTHERS, Weight
+from jcontour.app.files.results.stored import Weight
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.flags.tuning import Against
 
@@ -71,8 +71,7 @@ class BudgetPoint:
     """The best weights found within one budget, on the smooth machines."""
 
     budget: float  # largest RMS control increment [control unit per sample], or peak sensitivity
-    # those that are one number, or one for each axis
-    weights: dict[str, Weight] = field(metadata=BESIDE_OTHERS)
+    weights: dict[str, Weight]  # those that are one number, or one for each axis
     rms_contour_error: float  # worst over contours and family [m]; so are the next two
     rms_tracking_error: float  # [m]
     rms_increment: float  # [control unit per sample]
@@ -143,7 +142,7 @@ class BestDesign:
     """
 
     preview: int  # [samples]
-    weights: dict[str, float] = field(metadata=BESIDE_OTHERS)  # those that vary, by name
+    weights: dict[str, float]  # those that vary, by name
     worst_um: float  # worst RMS error [um]
     nominal_um: float  # worst RMS error over the contours on the nominal plant [um]
     # peak Ms of the frozen loops over the family; None where one is unstable

@@ -1,7 +1,6 @@
 """Result of `jcontour tune`: what `result.json` and `history.json` of its run folder hold."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from jcontour.app.files.results.bound_results import CertifiedBound
 from jcontour.app.files.results.run_metrics import (
@@ -208,15 +207,3 @@ class HistoryPoint:
     def feasible(self) -> bool:
         """Whether it ran, within all limits."""
         return not self.diverged and not self.violation > WITHIN
-
-    def to_json(self, error: str) -> dict[str, Any]:
-        """Row of `history.json`; `error` is the one that counts."""
-        return {
-            "descent": self.descent,
-            **self.weights,
-            "objective": self.objective,
-            "violation": self.violation,
-            "diverged": self.diverged,
-            f"rms_{error}_error": self.rms_error,
-            "rms_increment": self.rms_increment,
-        }

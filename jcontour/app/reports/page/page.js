@@ -259,7 +259,7 @@ function tellRun() {
   const effort = `change of the control ${one.control_unit} per sample`;
   fill($("alternatives"), [["", "worst RMS error um", "Ms", effort, "cycle time s", ""],
     ...one.alternatives.map((row) => [row.name, row.error, row.margin ?? NaN, row.effort ?? NaN, row.time ?? NaN,
-      row.recommended ? "recommended: the least error within every limit" : ""])], true);
+      row.note])], true);
   $("lines").textContent = one.lines.join("\n");
   $("lines-section").hidden = !one.lines.length;
   fill($("settings"), [...Object.entries(one.settings), ...Object.entries(one.versions)]);

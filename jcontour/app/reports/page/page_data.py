@@ -17,9 +17,9 @@ from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.loop_results import AuditedResult, SimulatedResult
 from jcontour.app.files.results.run_metrics import METRICS
-from jcontour.app.files.results.search_results import FrontResult
-from jcontour.app.files.results.stored import read_result, to_json
-from jcontour.app.files.results.tuned_result import TunedResult
+from jcontour.app.files.results.search_results import BudgetPoint, FrontResult
+from jcontour.app.files.results.stored import from_json, read_result
+from jcontour.app.files.results.tuned_result import HistoryPoint, TunedResult
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.machines import Audit
 from jcontour.app.flags.tuning import Front, Tune
@@ -27,6 +27,7 @@ from jcontour.app.reports.causes import audit_answer
 from jcontour.app.reports.rollouts import ROLLOUTS, SENSITIVITY
 from jcontour.app.reports.screen import Entry, screen
 from jcontour.app.reports.simulated_tables import simulated_answer
+from jcontour.app.reports.tables import weight_digits
 from jcontour.app.reports.tuned_tables import margin_rows, tuned_answer
 
 KINDS: dict[str, type[TunedResult | SimulatedResult | FrontResult]] = {
@@ -94,6 +95,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
     verdict = None if isinstance(result, FrontResult) else result.verdict
     unit = result.machine.control_unit
     try:
+        tried = [] if tuned is None else _tried(folder)
         return {
             "name": folder.name,
             "command": command,
@@ -111,14 +113,14 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
             "error": result.error,
             "verdict": verdict and {"usable": verdict.usable, "lines": verdict.lines},
             "answer": _answer(result),
-            "alternatives": [] if tuned is None else _alternatives(tuned),
+            "alternatives": [] if tuned is None else _alternatives(tuned, tried),
             "lines": [] if tuned is None else _lines(tuned),
             "sensitivity": _sensitivity(folder),
             "limit": None if tuned is None else tuned.limits.get("peak_sensitivity"),
-            "points": _points(folder, result),
+            "points": _points(result, tried),
             **_signals(folder, room),
         }
-    except (KeyError, AttributeError, TypeError) as error:
+    except (KeyError, AttributeError, TypeError, ValueError) as error:
         raise run_folder.RunError(
             f"{folder}: a run of another version of jcontour ({error} is missing or different)"
         ) from None
@@ -180,8 +182,12 @@ def _answer(result: TunedResult | SimulatedResult | FrontResult) -> list[Entry]:
     return simulated_answer(result) if isinstance(result, SimulatedResult) else []
 
 
-def _alternatives(result: TunedResult) -> list[dict[str, Any]]:
-    """Start, tuned and nearest simple loop side by side; the recommended one is marked."""
+def _alternatives(result: TunedResult, tried: Sequence[HistoryPoint]) -> list[dict[str, Any]]:
+    """Start, tuned, calmer points of the search and nearest simple loop side by side.
+
+    Only start and tuned weights, or a baseline, were run with all effects on every contour. The
+    others have the tuned one's numbers times what the search found them to be of it.
+    """
     times = [one.read.duration for one in result.contours if one.read and one.read.duration]
     cycle, rows = max(times, default=None), []
     for name in ("start", "baseline", "tuned"):
@@ -189,6 +195,7 @@ def _alternatives(result: TunedResult) -> list[dict[str, Any]]:
         if not runs or any(one.diverged for one in runs):
             continue
         margins = {"start": result.start_margins, "tuned": result.margins}.get(name)
+        usable = name == "tuned" and result.verdict.usable
         rows.append(
             {
                 "name": name,
@@ -196,12 +203,44 @@ def _alternatives(result: TunedResult) -> list[dict[str, Any]]:
                 "margin": None if margins is None else margins.sensitivity,
                 "effort": max(one.rms_increment for one in runs),
                 "time": cycle,
-                "recommended": name == "tuned" and result.verdict.usable,
+                "note": "recommended: the least error within every limit" if usable else "",
+            }
+        )
+    if not rows or rows[-1]["name"] != "tuned":
+        return rows
+    best = rows[-1]
+    chosen = next((one for one in tried if one.weights == result.weights), None)
+    calmer = {} if chosen is None else calmer_points(chosen, tried)
+    for part, point in calmer.items():
+        assert chosen is not None
+        weights = " ".join(f"{name}={weight_digits(one)}" for name, one in point.weights.items())
+        rows.append(
+            {
+                "name": f"at most 1/{part} of the control's change",
+                "error": best["error"] * point.rms_error / chosen.rms_error,
+                "effort": best["effort"] * point.rms_increment / chosen.rms_increment,
+                "time": cycle,
+                "note": f"about, within every limit; --weights {weights}",
             }
         )
     if (drive := result.drive) is not None and drive.controller != result.controller:
-        rows.append({"name": drive.controller, "error": 1e6 * drive.error, "time": cycle})
+        error = best["error"] * drive.error / drive.tuned_error
+        note = "about; gains of a drive" + ("" if drive.kept else ", beyond a limit")
+        rows.append({"name": drive.controller, "error": error, "time": cycle, "note": note})
     return rows
+
+
+def calmer_points(chosen: HistoryPoint, tried: Sequence[HistoryPoint]) -> dict[int, HistoryPoint]:
+    """The least objective with at most 1/2, and 1/4, of the chosen control increment."""
+    calmer = {}
+    for part in (2, 4):
+        most = chosen.rms_increment / part
+        within = [one for one in tried if one.feasible and one.rms_increment <= most]
+        if within:
+            calmer[part] = min(within, key=lambda one: one.objective)
+    if calmer.get(2) is calmer.get(4):
+        calmer.pop(2, None)
+    return calmer
 
 
 def _lines(result: TunedResult) -> list[str]:
@@ -224,32 +263,43 @@ def _sensitivity(folder: Path) -> dict[str, Any] | None:
     }
 
 
-def _points(folder: Path, result: TunedResult | SimulatedResult | FrontResult) -> Any:
+def _tried(folder: Path) -> list[HistoryPoint]:
+    """Points that tuning tried; none where they are not stored."""
+    path = folder / "history.json"
+    return from_json(json.loads(path.read_text()), list[HistoryPoint]) if path.exists() else []
+
+
+def _points(
+    result: TunedResult | SimulatedResult | FrontResult, tried: Sequence[HistoryPoint]
+) -> dict[str, Any] | None:
     """Points of a front, or those that tuning tried: error against what it costs."""
-    error, spent, against = f"rms_{result.error}_error", "rms_increment", "increment"
+    chosen, sensitivity = None, False
+    rows: list[tuple[float, float, str | None, BudgetPoint | HistoryPoint]]
     if isinstance(result, FrontResult):
-        names, against = result.weights, result.against
-        spent = spent if against == "increment" else "peak_sensitivity"
-        rows = [to_json(point) for point in result.points]
-    elif isinstance(result, TunedResult) and (folder / "history.json").exists():
-        rows, names = json.loads((folder / "history.json").read_text()), list(result.weights)
+        sensitivity = result.against == "sensitivity"
+        rows = [
+            (one.spent(result.against), one.error(result.error), f"{one.budget:.4g}", one)
+            for one in result.points
+        ]
     else:
+        rows = [(one.rms_increment, one.rms_error, None, one) for one in tried]
+        if isinstance(result, TunedResult) and result.verdict.usable:
+            chosen = result.weights
+    if not rows:
         return None
-    kept = [row for row in rows if row.get(error) is not None and row.get(spent) is not None]
-    chosen = result.weights if isinstance(result, TunedResult) and result.verdict.usable else None
-    unit = result.machine.control_unit
     return {
-        "x": f"RMS increment [{unit} per sample]" if against == "increment" else "Ms",
+        "x": "Ms" if sensitivity else f"RMS increment [{result.machine.control_unit} per sample]",
         "points": [
             {
-                "x": row[spent],
-                "y": 1e6 * row[error],
-                "feasible": bool(row.get("feasible", (row.get("violation") or 0) <= 1e-6)),
-                "recommended": chosen is not None and all(row.get(n) == chosen[n] for n in names),
-                "design": f"{row['budget']:.4g}" if "budget" in row else None,
-                "weights": {name: row.get(name) for name in names if row.get(name) is not None},
+                "x": cost,
+                "y": 1e6 * error,
+                "feasible": one.feasible,
+                "recommended": one.weights == chosen,
+                "design": budget,
+                "weights": {k: value for k, value in one.weights.items() if value is not None},
             }
-            for row in kept
+            for cost, error, budget, one in rows
+            if np.isfinite([cost, error]).all()
         ],
     }
 

@@ -21,7 +21,7 @@ from tuning.effort import QUICK
 
 FILES = {
     "result.json", "settings.json", "history.json", "state.npz", "rollouts.nc", "gains.csv",
-    "observer.json", "history.png", "trade_off.png", "contour-part.png", "errors-part.png",
+    "observer.json", "history.png", "contour-part.png", "errors-part.png",
 }  # fmt: skip
 
 

@@ -18,16 +18,12 @@ from jcontour.app.files.results.tuned_result import HistoryPoint
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.reports.figures.searches import (
     DIVERGED,
-    Search,
     front,
     history_figure,
-    lower_left_edge,
     ranking_figure,
     sensitivity_figure,
-    trade_off_figure,
 )
 from jcontour.app.runs.tuning.family_loops import FamilyCurves
-from tests.app import small_runs
 
 BUDGETS = [
     BudgetPoint(0.1, {"alpha": 2.0}, 5e-6, 9e-6, 0.1, 5e-6, True, False, 1.5),
@@ -56,7 +52,6 @@ POINTS = [
     point(3.0, 1e-6, 3.0, violation=0.5),
     point(4.0, 2e-6, 1.0),
 ]
-RESULT = small_runs.tuned_result(start={"alpha": 1.0}, weights={"alpha": 4.0})
 
 
 def lines_of(figure):
@@ -64,39 +59,18 @@ def lines_of(figure):
 
 
 def test_points_that_diverged_stand_above_all_others():
-    lines = lines_of(history_figure(Search(POINTS, RESULT)))
+    lines = lines_of(history_figure(POINTS, "typical", "contour"))
     np.testing.assert_array_equal(lines[DIVERGED][:, 0], [2])
     assert lines[DIVERGED][0, 1] > np.nanmax(lines["descent 1"][:, 1]) == 4.0
     np.testing.assert_allclose(lines["best feasible so far"][:, 1], [4.0, 4.0, 4.0, 2.0])
 
 
 def test_points_beyond_a_limit_are_hollow():
-    figure = history_figure(Search(POINTS, RESULT))
+    figure = history_figure(POINTS, "typical", "contour")
     hollow = [line for line in figure.axes[0].get_lines() if line.get_markerfacecolor() == "none"]
     drawn = [line.get_xydata() for line in hollow if line.get_xydata().size]
     np.testing.assert_allclose(drawn[0][~np.isnan(drawn[0][:, 1])], [[3.0, 1.0]])
     assert "limit exceeded" in [line.get_label() for line in hollow]
-
-
-def test_the_trade_off_shows_start_and_tuned_among_the_points():
-    lines = lines_of(trade_off_figure(Search(POINTS, RESULT)))
-    np.testing.assert_allclose(lines["start"], [[2.0, 4.0]])
-    np.testing.assert_allclose(lines["tuned"], [[1.0, 2.0]])
-    np.testing.assert_allclose(lines["evaluated, limit exceeded"], [[3.0, 1.0]])
-    np.testing.assert_allclose(lines["front of these"], [[1.0, 2.0]])
-
-
-def test_the_tuned_point_is_on_the_front_of_what_the_search_makes_small():
-    """Its worst error is the largest, its increment too: by the worst error it would be beaten."""
-    points = [point(1.0, 4e-6, 1.0), point(2.0, 3e-6, 2.0), point(4.0, 2e-6, 3.0)]
-    front = lines_of(trade_off_figure(Search(points, RESULT)))["front of these"]
-    np.testing.assert_allclose(front, [[1.0, 4.0], [2.0, 3.0], [3.0, 2.0]])
-
-
-def test_the_edge_holds_the_points_that_no_other_beats():
-    x, y = lower_left_edge(np.array([1.0, 2.0, 3.0, 1.0]), np.array([5.0, 6.0, 1.0, 4.0]))
-    np.testing.assert_array_equal(x, [1.0, 3.0])
-    np.testing.assert_array_equal(y, [4.0, 1.0])
 
 
 def shown(result):

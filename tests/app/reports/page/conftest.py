@@ -8,7 +8,8 @@ import xarray as xr
 
 from jcontour.app.files.netcdf import save_dataset
 from jcontour.app.files.results.run_metrics import METRICS, MachineSummary
-from jcontour.app.files.results.stored import write_result
+from jcontour.app.files.results.stored import to_json, write_result
+from jcontour.app.files.results.tuned_result import HistoryPoint
 from jcontour.app.files.results.verdict import Verdict, reason, warning
 
 NASTY = "</script><img src=x onerror=alert(1)>@PLOTS@"
@@ -67,15 +68,18 @@ def write_run(folder, data=None):
         limits={"peak_sensitivity": 2.0},
     )
     points = [
-        {
-            "alpha": 1.0 + k,
-            "rms_contour_error": 1e-5 / (1 + k),
-            "rms_increment": 0.1 * (1 + k),
-            "violation": 0.0 if k < 3 else 1.0,
-        }
+        HistoryPoint(
+            descent=0,
+            weights={"alpha": 1.0 + k},
+            objective=1e-5 / (1 + k),
+            violation=0.0 if k < 3 else 1.0,
+            diverged=False,
+            rms_error=1e-5 / (1 + k),
+            rms_increment=0.1 * (1 + k),
+        )
         for k in range(4)
     ]
-    for name, value in (("settings", settings), ("history", points)):
+    for name, value in (("settings", settings), ("history", to_json(points))):
         (folder / f"{name}.json").write_text(json.dumps(value))
     write_result(folder, result)
     save_dataset(dataset() if data is None else data, folder / "rollouts.nc")

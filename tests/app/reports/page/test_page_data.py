@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jcontour.app.files.netcdf import load_dataset
-from jcontour.app.files.results.tuned_result import DriveLoop, TunedContour
+from jcontour.app.files.results.tuned_result import DriveLoop, HistoryPoint, TunedContour
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.files.run_folder import RunError
 from jcontour.app.flags.tuning import Tune
@@ -104,9 +104,22 @@ def test_alternatives_stand_side_by_side_and_one_is_recommended():
     one = TunedContour(name="part", training=True, samples=9, metrics=metrics)
     drive = DriveLoop(controller="p", gains=[], error=3e-6, tuned_error=1e-6, kept=True)
     given = {"contours": [one], "drive": drive, "margins": small_runs.margins(sensitivity=1.6)}
-    start, tuned, simple = _alternatives(small_runs.tuned_result(**given, verdict=Verdict.of([])))
-    assert [row["error"] for row in (start, tuned, simple)] == pytest.approx([4.0, 1.0, 3.0])
-    assert (start["recommended"], tuned["recommended"], tuned["margin"]) == (False, True, 1.6)
+    tried = [  # weights, objective, increment: less error with more change of the control
+        HistoryPoint(0, {"rho": 1.0}, 1e-6, 0.0, False, 1e-6, 8.0),
+        HistoryPoint(0, {"rho": 2.0}, 3e-6, 0.0, False, 3e-6, 3.0),
+        HistoryPoint(0, {"rho": 3.0}, 2e-6, 0.0, False, 2e-6, 4.0),
+        HistoryPoint(0, {"rho": 4.0}, 1e-6, 1.0, False, 1e-6, 4.0),  # beyond a limit
+        HistoryPoint(0, {"rho": 5.0}, 5e-6, 0.0, False, 5e-6, 1.0),
+    ]
+    result = small_runs.tuned_result(**given, weights={"rho": 1.0}, verdict=Verdict.of([]))
+    start, tuned, half, quarter, simple = _alternatives(result, tried)
+    errors = [row["error"] for row in (start, tuned, half, quarter, simple)]
+    assert errors == pytest.approx([4.0, 1.0, 2.0, 5.0, 3.0])
+    assert [half["effort"], quarter["effort"]] == pytest.approx(
+        [tuned["effort"] / 2, tuned["effort"] / 8]
+    )
+    assert "recommended" in tuned["note"] and not start["note"] and tuned["margin"] == 1.6
+    assert "--weights rho=3" in half["note"]
 
 
 def test_a_notebook_shows_the_screen_and_no_markup_of_the_user(run_folder):
