@@ -13,8 +13,6 @@ from jcontour.plants.emps import emps_table
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.motor_bench.back_to_back_motors import servo_bench
-from jcontour.plants.gantry.motor_bench.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders, Quantised
@@ -55,7 +53,4 @@ PLANTS = {
     "gantry": Sample(lambda: Gantry(thesis_gantry(), SAMPLE), "gantry"),
     "gantry-friction": Sample(lambda: StickSlipGantry(*ways()), "gantry-friction"),
     "gantry-friction-smooth": Sample(lambda: SmoothFrictionGantry(*ways()), "gantry-friction"),
-    "gantry-hil": Sample(
-        lambda: HardwareInLoop(Gantry(thesis_gantry(), SAMPLE), servo_bench()), "gantry"
-    ),
 }

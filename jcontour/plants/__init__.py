@@ -7,8 +7,6 @@ from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, LinearMotor, 
 from jcontour.plants.flexible_axis.models import euler_model, zoh_model
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.motor_bench.back_to_back_motors import BackToBackMotors, servo_bench
-from jcontour.plants.gantry.motor_bench.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.motor_coordinates import MotorEncoders
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
 from jcontour.plants.gantry.rigid_gantry import RigidGantry
@@ -24,7 +22,6 @@ from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.plants.xy_table import DriveParameters, FrictionXYTable, xy_table
 
 __all__ = [
-    "BackToBackMotors",
     "Beam",
     "CountingEncoders",
     "Delayed",
@@ -37,7 +34,6 @@ __all__ = [
     "Gained",
     "Gantry",
     "GantryParameters",
-    "HardwareInLoop",
     "LateSensors",
     "LinearMotor",
     "MotorEncoders",
@@ -58,7 +54,6 @@ __all__ = [
     "linear_motor_drive",
     "manipulator_path",
     "servo_axes",
-    "servo_bench",
     "thesis_axis",
     "thesis_beam",
     "thesis_gantry",

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from jcontour.app.commands.loops.check_limits import Verified
-from jcontour.app.commands.machines.identify import IdentifyResult
 from jcontour.app.files.results.bound_results import CertifiedResult, LearnedResult, ToleranceResult
 from jcontour.app.files.results.loop_results import (
     BentResult,
@@ -34,7 +33,6 @@ NUMBERS = (
     "sweep",
     "traverse",
     "identify",
-    "identify-linear",
 )
 
 
@@ -52,8 +50,7 @@ RESULTS = {  # stop -> type that its result is read into
     "rank": RankedResult,
     "sweep": SweepResult,
     "traverse": SimulatedResult,
-    "identify": IdentifyResult,
-    "identify-linear": LinearMachineResult,
+    "identify": LinearMachineResult,
 }
 
 

@@ -18,7 +18,7 @@ from jcontour.app.files.results.stored import read_result
 Result = TypeVar("Result")
 
 MACHINE = "--plant machine.json"
-LONG = ("front", "identify", "identify-linear")  # with the long tests
+LONG = ("front", "identify")  # with the long tests
 LIMITS = {"travel": 400, "speed": 250, "acceleration": 2000, "dt": 0.002}
 STOPS: Mapping[str, str] = {  # name -> command; a name in braces is the run folder of a stop
     "list": "list",
@@ -46,8 +46,7 @@ STOPS: Mapping[str, str] = {  # name -> command; a name in braces is the run fol
     "--controller contouring-lq-kalman --weights control_noise=5 --devices 1",
     "traverse": "simulate square --controller mpcc --plant xy-table --preview 7",
     "excite": "identify --excite limits.json",
-    "identify": "identify --demo --encoder-um 0.5",
-    "identify-linear": "identify --machine linear --demo --most-order 1 --most-delay 4",
+    "identify": "identify --demo --most-order 1 --most-delay 4",
 }
 BRIEF = ("list", "machine", "new-machine", "report", "check-bound-tuned")  # no tables, or not here
 NO_RUN = ("list", "machine", "new-machine", "compare", "report")  # they have a file, or print alone

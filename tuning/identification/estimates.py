@@ -10,11 +10,9 @@ with c the autocorrelation of the residuals (Klein & Morelli, Aircraft System Id
 section 5.3): a model of it where its causes are known, otherwise that of the residuals themselves.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.signal import fftconvolve
@@ -51,38 +49,6 @@ class Estimate:
         """Ends of the 95 % confidence interval."""
         half = float(norm.ppf((1 + CONFIDENCE) / 2)) * self.deviation(name)
         return self[name] - half, self[name] + half
-
-    def derived(self, function: Callable[[dict], dict]) -> "Estimate":
-        """Estimate of functions of the values, with their covariance to first order.
-
-        Args:
-            function: values by name to other values by name, traceable.
-        """
-
-        def named(values):
-            return function(dict(zip(self.names, values, strict=True)))
-
-        def row(values):
-            return jnp.stack(list(named(values).values()))
-
-        names = tuple(named(self.values))
-        values, slopes = np.asarray(row(self.values)), np.asarray(jax.jacfwd(row)(self.values))
-        return Estimate(names, values, slopes @ self.covariance @ slopes.T)
-
-    def chosen(self, names: Sequence[str]) -> "Estimate":
-        """Estimate of these names only."""
-        rows = [self.names.index(name) for name in names]
-        return Estimate(tuple(names), self.values[rows], self.covariance[np.ix_(rows, rows)])
-
-
-def joined(*estimates: Estimate) -> Estimate:
-    """Independent estimates side by side."""
-    names = tuple(name for one in estimates for name in one.names)
-    ends = np.cumsum([0] + [len(one.names) for one in estimates])
-    covariance = np.zeros((ends[-1], ends[-1]))
-    for start, end, one in zip(ends[:-1], ends[1:], estimates, strict=True):
-        covariance[start:end, start:end] = one.covariance
-    return Estimate(names, np.concatenate([one.values for one in estimates]), covariance)
 
 
 def coloured_covariance(

@@ -1,4 +1,4 @@
-"""`jcontour bench identify`: what `identify --machine linear` finds of axes that it cannot see."""
+"""`jcontour bench identify`: what `identify` finds of axes that it cannot see."""
 
 import time
 from collections.abc import Callable, Iterator

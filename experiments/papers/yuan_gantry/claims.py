@@ -122,7 +122,7 @@ def _late_bench(found: Emulated) -> Claim:
 
 
 def tables(result: Result) -> Iterator[Table]:
-    """Frequencies, identified quantities, the emulated head, engines."""
+    """Frequencies, the emulated head, engines."""
     yield Table(
         "Fig. 5.6: from the current of a drive to its speed",
         result.responses,
@@ -133,17 +133,6 @@ def tables(result: Result) -> Iterator[Table]:
             "resonance Hz": "resonance_hz:.2f",
         },
         words=2,
-    )
-    yield Table(
-        "Section 5.2.2: identified from chirps at two head positions",
-        result.identified,
-        {
-            "": "name",
-            "true": "true:.6g",
-            "found": "found:.6g",
-            "95 % from": lambda row: f"{row.interval[0]:.6g}",
-            "to": lambda row: f"{row.interval[1]:.6g}",
-        },
     )
     numbers = {
         "X\num": (1e6, "peak_x_error_m"),

@@ -7,7 +7,6 @@ follows from it. A plain follower drives the path; the thesis's set-based contro
 `yuan_contouring_bounded`.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -18,6 +17,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from experiments.benchmarks.speed.gantry import engine_differences
+from experiments.papers.yuan_gantry.motor_bench import (
+    HardwareInLoop,
+    MotorBench,
+    delayed_head_model,
+    twist_damping,
+)
 from jcontour.controller import Controller
 from jcontour.controllers.wrappers.compensated import Compensated
 from jcontour.geometry.contours import chain, circle, line
@@ -25,15 +30,9 @@ from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import Reference, in_time
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import drive_response
-from jcontour.plants.gantry.motor_bench.back_to_back_motors import servo_bench
-from jcontour.plants.gantry.motor_bench.delayed_head import delayed_head_model, twist_damping
-from jcontour.plants.gantry.motor_bench.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import GantryParameters, Scalar, thesis_gantry
 from jcontour.simulation.closed_loop import Rollout, simulate
 from jcontour.simulation.metrics import contour_error, score, tracking_error
-from tuning.identification.gantry.gantry import NAMES, Sheet, antiresonance, identify_gantry
-from tuning.identification.gantry.gantry_commissioning import HEADS as CHIRP_HEADS
-from tuning.identification.gantry.gantry_commissioning import commissioned
 
 SOURCE = (
     "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
@@ -71,16 +70,6 @@ class Response:
 
 
 @dataclass(frozen=True)
-class Identified:
-    """Section 5.2.2: a quantity of the machine, and what the identification finds."""
-
-    name: str
-    true: float
-    found: float
-    interval: Sequence[float]  # 95 %: from, to
-
-
-@dataclass(frozen=True)
 class HeadRun:
     """Section 5.6.4: errors along X and Y and from the contour, for one kind of head."""
 
@@ -115,12 +104,11 @@ class Emulated:
 
 @dataclass(frozen=True)
 class Result:
-    """Resonances, the path, the emulated head, the identified machine, and three engines."""
+    """Resonances, the path, the emulated head, and three engines."""
 
     responses: tuple[Response, ...]
     path: HeadRun
     emulated: Emulated
-    identified: tuple[Identified, ...]
     engines: dict[str, float]  # largest difference to our model in a step, relative
 
     def response(self, head: float, coupling: bool) -> Response:
@@ -131,7 +119,7 @@ class Result:
 
 def run(settings: Settings) -> Result:
     """Compute everything."""
-    return Result(responses(), along_the_path(), emulated(), identified(), engine_differences())
+    return Result(responses(), along_the_path(), emulated(), engine_differences())
 
 
 class Follower(Controller):
@@ -222,34 +210,6 @@ def along_the_path() -> HeadRun:
     return _row("gantry, drives alike", run, run.state, reference, distance=0.0)
 
 
-def identified() -> tuple[Identified, ...]:
-    """Section 5.2.2 on simulated records of our machine: identified beside true."""
-    p, sheet = thesis_gantry(), Sheet.of(thesis_gantry())
-    estimate = identify_gantry(commissioned(p, seed=0), sheet)
-    true = {
-        "total mass, kg": p.total_mass,
-        "inertia, kg m^2": p.inertia(0.0),
-        "head mass, kg": p.head_mass,
-        "imbalance, kg m": (p.drive_mass_1 - p.drive_mass_2) * p.half_span,
-        "drive viscous, N s/m": p.drive_viscous,
-        "head viscous, N s/m": p.head_viscous,
-        "joint stiffness, N m/rad": p.joint_stiffness,
-    }
-    rows = [
-        Identified(words, float(value), estimate[name], estimate.interval(name))
-        for name, (words, value) in zip(NAMES, true.items(), strict=True)
-    ]
-    for head in CHIRP_HEADS:
-        inertia = p.inertia(head) + p.half_span**2 * p.total_mass
-        by_5_12 = float(np.sqrt(2 * p.joint_stiffness / inertia) / (2 * np.pi))  # [Hz]
-        found = antiresonance(estimate, sheet, head, coupled=False)
-        name = f"anti-resonance by (5.12), head at {head:g} m, Hz"
-        rows.append(
-            Identified(name, by_5_12, found["antiresonance"], found.interval("antiresonance"))
-        )
-    return tuple(rows)
-
-
 # [N m s/rad] that the drives add to the twist: six times their friction, 3 % of the critical
 DAMPED = 2000.0
 
@@ -305,12 +265,7 @@ def _emulated(
     case: Case, gantry: Gantry, reference: Reference, wanted: Float[Array, "T 2"]
 ) -> HeadRun:
     """One condition; `wanted` is the tool of the gantry itself."""
-    bench = servo_bench()
-    if not case.dry:
-        bench = eqx.tree_at(
-            lambda b: (b.friction.coulomb, b.friction.stribeck), bench, replace_fn=jnp.zeros_like
-        )
-    plant = HardwareInLoop(gantry, bench, case.delay)
+    plant = HardwareInLoop(gantry, MotorBench(case.dry), case.delay)
     run = simulate(plant, _controller(gantry.parameters, case.damped), reference)
     row = _row(case.name, run, run.measurement, reference, _peak(run.output - wanted))
     return replace(
@@ -351,7 +306,7 @@ def _row(
 
 @eqx.filter_jit
 def _load(plant: HardwareInLoop, run: Rollout) -> Float[Array, "T 1"]:
-    return jax.vmap(plant.load_current)(run.measurement, run.control)
+    return jax.vmap(plant.load_current)(run.measurement, run.control)[:, None]
 
 
 @eqx.filter_jit

@@ -1,17 +1,15 @@
-"""Fields of the file of flexible axes: `jcontour identify` writes it, commands that tune read it.
+"""Fields of the file of flexible axes.
 
 `jcontour/app/machines/thesis-axis.json` is one, and `jcontour.plants.flexible_axis` has the
 equations.
 """
 
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from jcontour.app.files.checks import MachineError
-from jcontour.app.files.run_folder import write_json
 from jcontour.app.files.schema import (
     Note,
     NotNegative,
@@ -65,17 +63,6 @@ class FrictionFields(Schema):
     """b_v [N s/m]"""
 
 
-class ElectricalFields(Schema):
-    """Windings of the motors."""
-
-    resistance: OneOrEach[Positive]
-    """R [Ohm]"""
-    inductance: OneOrEach[Positive]
-    """L [H]"""
-    back_emf: OneOrEach[Positive]
-    """k_e [V s/m]"""
-
-
 class FlexibleAxisFile(Schema):
     """One flexible axis, or several side by side; SI units."""
 
@@ -109,8 +96,6 @@ class FlexibleAxisFile(Schema):
     """[m] per count of the motors' encoders"""
     current_limit: OneOrEach[Positive] | None = None
     """of the motors [A]"""
-    electrical: ElectricalFields | None = None
-    """windings of the motors"""
     notes: Annotated[list[Note], Field(max_length=MOST_NOTES, title="list of texts")] = []
     """what the numbers are not good for"""
 
@@ -123,8 +108,6 @@ class FlexibleAxisFile(Schema):
         others = {"encoder_resolution": self.encoder_resolution}
         if self.current_limit is not None:
             others["current_limit"] = self.current_limit
-        if self.electrical is not None:
-            others |= {f"electrical.{key}": value for key, value in self.electrical}
         for name, value in (self._numbers | others).items():
             per_axis(name, value, self.count)
         sine, cosine = (self._harmonics(name).shape[1] for name in COGGING)
@@ -149,19 +132,6 @@ class FlexibleAxisFile(Schema):
         cogging = {name: self._harmonics(name) for name in COGGING}
         return AxisParameters(friction=Friction(**friction), **numbers, **cogging)
 
-    @classmethod
-    def of(cls, parameters: AxisParameters, **others: Any) -> "FlexibleAxisFile":
-        """The file of these parameters, those of a single axis without lists."""
-        p = parameters
-        return cls(
-            kind=KIND,
-            friction=FrictionFields(
-                **{key: _plain(getattr(p.friction, key)) for key in FrictionFields.model_fields}
-            ),
-            **{key: _plain(getattr(p, key)) for key in (*NUMBERS, *COGGING)},
-            **others,
-        )
-
     @property
     def _numbers(self) -> dict[str, float | list[float]]:
         """What there is one of for all axes, or one for each."""
@@ -177,14 +147,3 @@ class FlexibleAxisFile(Schema):
                 f"{name}: needs one list of harmonics, or {self.count} of equal length"
             )
         return np.array(rows, float).reshape(self.count, -1)
-
-
-def save_axis(axis: FlexibleAxisFile, path: Path) -> Path:
-    """Write the file that `from_file.load_machine` reads."""
-    return write_json(path, axis.model_dump(exclude_unset=True))
-
-
-def _plain(values: Any) -> Any:
-    """A list over the axes, or what it holds where there is a single axis."""
-    rows = np.asarray(values, float).tolist()
-    return rows[0] if len(rows) == 1 else rows

@@ -25,12 +25,6 @@ JSON or npz. With `machine-file.schema.json` of `jcontour/app/machines` an edito
 ## A flexible axis
 
 {flexible}
-
-## Data of its commissioning
-
-::: jcontour.app.files.record_file
-    options:
-      members: false
 """
 
 

@@ -8,7 +8,6 @@ from tyro.conf import Positional
 
 from jcontour.app.flags.shared import Common
 
-Kind = Literal["flexible-axis", "linear"]
 LengthUnit = Literal["m", "mm", "um"]
 PositionUnit = Literal["m", "mm", "um", "rad", "mrad", "deg", "rev"]
 Takes = Literal["speed", "position", "force"]
@@ -51,26 +50,22 @@ class Audit(Logged):
 
 @dataclass(frozen=True)
 class Identify(Logged):
-    """Fit a machine to recorded data.
+    """Fit a machine to recorded data: a transfer function per axis, with delay and dry friction.
 
-    Every number comes with its 95 % interval, and with a note where the data cannot tell it.
-    --machine linear takes any log; the flexible axis the record of its commissioning.
+    A log of any program will do, in open or closed loop. Every number comes with its 95 % interval.
     """
 
-    machine: Kind = "flexible-axis"
-    """linear: a transfer function per axis from a log of any program, in open or closed loop.
-    flexible-axis: masses, spring, friction and cogging of the axis of Yuan's thesis."""
     demo: bool = False  # a file is expected
     """Instead of a file, take simulated data with counted, noisy encoders.
     The file is kept in the run folder."""
     seed: int = 0  # any number: the same one repeats the data
     """Seed of the noise of --demo."""
     control_unit: str = "control unit"
-    """linear: unit of the commands, for tables and figures."""
+    """Unit of the commands, for tables and figures."""
     most_order: int = 3  # a time constant and a resonance
-    """linear: highest order of an axis beside its integrator, 1 to 8."""
+    """Highest order of an axis beside its integrator, 1 to 8."""
     most_delay: int = 10  # samples; a fieldbus with three to spare
-    """linear: longest delay that is looked for [samples], at most 40."""
+    """Longest delay that is looked for [samples], at most 40."""
     response: Path | None = None
     """Instead: tune a PI control with filters on a measured frequency response (CSV with
     frequency_hz, real and imaginary or db and degrees, coherence; XML of a SINUMERIK)."""
@@ -79,13 +74,6 @@ class Identify(Logged):
     excite: Path | None = None
     """Instead: write programs (G-code, CSV) whose record shows what a tuner needs, within the
     limits of this JSON file: axes, travel, speed, acceleration, length_unit, dt."""
-    force_constant: float | None = None
-    """flexible-axis: k_t [N/A], where the data have no electrical test."""
-    pole_pitch: float | None = None
-    """flexible-axis: pole pitch of the motor [m], where it is known; the period of the cogging
-    force otherwise."""
-    encoder_um: float = 1.0  # usual for a linear encoder on a direct drive
-    """flexible-axis: resolution of the motor's encoder [um], for the axis file."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import jcontour.app.machines
 from jcontour._arrays import placed
-from jcontour.app.files.axis_file import FlexibleAxisFile, save_axis
+from jcontour.app.files.axis_file import FlexibleAxisFile
 from jcontour.app.files.checks import MachineError
 from jcontour.app.files.schema import read
 from jcontour.app.machines.flexible_axis import flexible_machine
@@ -31,23 +31,8 @@ def test_the_example_is_the_axis_of_the_thesis():
         jax.tree.leaves(axis.parameters), jax.tree.leaves(thesis_axis()), strict=True
     ):
         np.testing.assert_array_equal(found, printed)
-    assert axis.dt == 1e-3 and axis.count == 1 and axis.electrical is not None
-    assert axis.electrical.back_emf == 52.89
+    assert axis.dt == 1e-3 and axis.count == 1
     FlexibleAxis(axis.parameters, axis.dt)
-
-
-@pytest.mark.parametrize("fields", [FIELDS, TWO])
-def test_round_trip(fields, tmp_path):
-    axis = read(FlexibleAxisFile, fields)
-    others = {key: axis.model_dump()[key] for key in ("dt", "axes", "electrical")}
-    others |= {"notes": ["only below 0.5 m/s"], "current_limit": 6.0}
-    saved = FlexibleAxisFile.of(axis.parameters, **others)
-    again = read(FlexibleAxisFile, json.loads(save_axis(saved, tmp_path / "axis.json").read_text()))
-    assert again == saved and again.electrical == axis.electrical
-    for one, other in zip(
-        jax.tree.leaves(axis.parameters), jax.tree.leaves(again.parameters), strict=True
-    ):
-        np.testing.assert_array_equal(one, other)
 
 
 def test_several_axes_take_one_number_or_each_its_own():
@@ -91,7 +76,6 @@ def test_no_cogging():
         ({"dt": 0}, "dt: needs to be greater than 0"),
         ({"encoder_resolution": 0}, "encoder_resolution: needs to be greater than 0"),
         ({"encoder_resolution": [1e-6] * 2}, "encoder_resolution: needs one number or 1"),
-        ({"electrical": {"resistance": 1.0}}, "electrical.inductance: missing"),
         ({"notes": "careful"}, "notes: needs to be a valid list"),
         ({"mass": 40.0}, "there is no field 'mass'"),
     ],

@@ -107,16 +107,6 @@ def test_constrained_replay(run):
     assert gap.within.rms_contour_error > gap.without.rms_contour_error
 
 
-def test_identify_motor(run):
-    """Every interval holds the thesis's value, and is narrower than a per cent."""
-    found, _ = run("identify_motor")
-    printed_in_thesis = {"resistance": 12.51, "inductance": 10.7e-3, "back_emf": 52.89}
-    for name, value in printed_in_thesis.items():
-        low, high = found["estimate"].interval(name)
-        assert low < value < high and high - low < 0.01 * value, name
-    assert found["force_constant"] == pytest.approx(79.33, rel=2e-3)
-
-
 @pytest.mark.slow
 def test_observer_stack(run):
     """The estimated load is the one that acts; without it the error is several times as large."""

@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
@@ -22,8 +24,15 @@ from experiments.papers.yuan_gantry.experiment import (
     reference_path,
     responses,
 )
+from experiments.papers.yuan_gantry.motor_bench import (
+    Emulated,
+    HardwareInLoop,
+    MotorBench,
+    delayed_head_model,
+    twist_damping,
+)
 from jcontour.controllers.wrappers.compensated import Compensated
-from jcontour.plants.gantry.motor_bench.back_to_back_motors import servo_bench
+from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry
 from jcontour.plants.gantry.parameters import thesis_gantry
 
 YES, NO, SHOWN = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED, Verdict.EXPERIMENTAL
@@ -31,7 +40,7 @@ YES, NO, SHOWN = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED, Verdict.EXPERIMENTA
 
 @pytest.fixture(scope="module")
 def result():
-    return Result(responses(), along_the_path(), emulated(), (), {"jcontour": 0.0})
+    return Result(responses(), along_the_path(), emulated(), {"jcontour": 0.0})
 
 
 def test_frequencies_of_the_reference_data(result):
@@ -104,9 +113,9 @@ def test_what_parts_the_bench_from_the_gantry(result):
     rows = result.emulated.rows
     assert [row.name for row in rows] == ["gantry", *(case.name for case in CASES)]
     ideal, at_once_alone, dry, late, _, alone = rows[1:]
-    motors = servo_bench()
+    motors = MotorBench()
     dry_friction = (motors.friction.coulomb + motors.friction.stribeck)[0]
-    breaking_away = float(dry_friction / motors.reduced_inertia[0])
+    breaking_away = float(dry_friction / motors.reduced_inertia)
     pull = FREQUENCY**2 * dry.peak_x_error_m  # [m/s^2] of the follower; 0.125 more by feedforward
     assert abs(pull - breaking_away) < 0.15
     assert ideal.distance_m < late.distance_m < dry.distance_m
@@ -131,6 +140,63 @@ def test_holding_alone_costs_more_damping_than_the_beam_has(result):
     np.testing.assert_allclose(lost, wanted, rtol=1e-4)
     assert viscous < lost[0] == pytest.approx(441, abs=1)  # evidence/yuan-gantry.md
     assert lost[1] - lost[0] == pytest.approx(419, abs=1)  # evidence/yuan-gantry.md
+
+
+def test_one_step_of_the_late_bench_by_hand():
+    """(5.48) with the bench's exact response in place of forward Euler."""
+    p, bench, dt = thesis_gantry(), MotorBench(dry=False), 2e-3
+    M_A, b_A = float(bench.reduced_inertia), float(bench.reduced_viscous)
+    plant = HardwareInLoop(Gantry(p, dt, substeps=20), bench)
+    x = jnp.array([0.2, -0.1, 2e-3, 0.15, 0.3, -0.04])
+    before, now = jnp.array([3.0, -1.0, 2.0]), jnp.array([-5.0, 1.0, 1.0])
+    first = Emulated(x, jnp.array([1]), jnp.array([[0.4, 0.1]]))
+    step = eqx.filter_jit(plant.step)
+    second = step(first, before)
+    third = step(second, now)
+    v = [float(state.gantry[3]) for state in (first, second, third)]
+    head = EquationOfMotion.of(p).acceleration(x[:3], x[3:], before)[0]  # with its own friction
+    pushed = float(head + (b_A / M_A) * v[0])
+    kept = np.exp(-b_A / M_A * dt)
+    torque = bench.torque_constant * (0.4 - 0.1)
+    assert v[1] == pytest.approx(kept * v[0] + (1 - kept) * torque / b_A, rel=1e-11)
+    assert v[2] == pytest.approx(kept * v[1] + (1 - kept) * M_A / b_A * pushed, rel=1e-10)
+    np.testing.assert_allclose(second.sent[0, 0], 3.0)
+
+
+def test_the_model_predicts_a_bench_whose_friction_is_its_own():
+    """Without dry friction and twist, and with b_x / M_e = b_A / M_A, nothing is left to F_Nx."""
+    p, bench = thesis_gantry(), MotorBench(dry=False)
+    viscous = p.head_mass * bench.reduced_viscous / bench.reduced_inertia
+    p = eqx.tree_at(lambda p: (p.head_viscous, p.tool_offset), p, (viscous, jnp.zeros(())))
+    plant, model = HardwareInLoop(Gantry(p, SAMPLE), bench), delayed_head_model(p, bench, SAMPLE)
+    state = plant.initial_state(np.zeros(2), np.array([1e-4, 0.0]))
+    expected, step = jnp.array([0.0, 0.05, 0.0]), eqx.filter_jit(plant.step)
+    for current in (2.0, -3.0, 1.0, 5.0):
+        state = step(state, jnp.array([current, 0, 0]))
+        expected = model.step(expected, jnp.array([current]))
+        now = [*state.gantry[jnp.array([0, 3])], state.sent[0, 0]]
+        np.testing.assert_allclose(now, expected, rtol=1e-9)
+
+
+def test_damping_of_the_twist_is_that_of_the_eigenvalues():
+    """c = -2 J_0 times the growth rate of the beam's mode; M_e d^2 / J_0 is 3 %."""
+    p = thesis_gantry()
+    plant = HardwareInLoop(Gantry(p, SAMPLE), MotorBench(dry=False))
+    start = plant.initial_state(np.zeros(2), np.array([0.05 * SAMPLE, 0.0]))
+
+    def sample(z):
+        moved = start._replace(gantry=start.gantry + z[:6], sent=start.sent + z[6:].reshape(-1, 2))
+        after = plant.step(moved, jnp.zeros(3))
+        return jnp.concatenate([after.gantry, after.sent.reshape(-1)])
+
+    away = 1e-5 * jnp.eye(8)
+    rows = jax.jit(jax.vmap(sample))(jnp.concatenate([away, -away]))
+    eigenvalues = np.linalg.eigvals((rows[:8] - rows[8:]) / 2e-5)
+    mode = eigenvalues[np.argmax(np.abs(np.angle(eigenvalues)) * (np.abs(eigenvalues) > 0.5))]
+    rate = -2 * float(p.inertia(0.0) * np.log(np.abs(mode))) / SAMPLE
+    frequency = float(jnp.sqrt(2 * p.joint_stiffness / p.inertia(0.0)))
+    all_late = float(p.head_mass * p.tool_offset**2) * frequency
+    assert rate == pytest.approx(float(twist_damping(plant)), abs=0.05 * all_late) and rate < 0
 
 
 def verdicts(result):

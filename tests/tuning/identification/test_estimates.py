@@ -1,4 +1,3 @@
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -6,44 +5,18 @@ from tuning.identification.estimates import (
     Estimate,
     autocorrelation,
     coloured_covariance,
-    joined,
     scaled_inverse,
 )
 
 COVARIANCE = np.array([[0.04, 0.01], [0.01, 0.09]])
 
 
-def test_interval_and_choice():
+def test_interval():
     one = Estimate(("a", "b"), np.array([2.0, 10.0]), COVARIANCE)
     assert one["b"] == 10.0 and one.deviation("b") == pytest.approx(0.3)
     np.testing.assert_allclose(
         one.interval("a"), [2 - 0.2 * 1.959964, 2 + 0.2 * 1.959964], rtol=1e-6
     )
-    swapped = one.chosen(("b", "a"))
-    assert (
-        swapped["a"] == 2.0
-        and swapped.covariance[0, 0] == 0.09
-        and swapped.covariance[0, 1] == 0.01
-    )
-
-
-def test_derived_follows_the_rule_of_products():
-    """Variance of a product: a^2 var b + b^2 var a + 2 a b cov."""
-    one = Estimate(("a", "b"), np.array([2.0, 10.0]), COVARIANCE)
-    made = one.derived(lambda v: v | {"product": v["a"] * v["b"], "root": jnp.sqrt(v["a"])})
-    assert made.names == ("a", "b", "product", "root") and made["product"] == 20.0
-    assert made.deviation("product") ** 2 == pytest.approx(4 * 0.09 + 100 * 0.04 + 2 * 20 * 0.01)
-    assert made.deviation("root") == pytest.approx(0.2 / (2 * np.sqrt(2)))
-
-
-def test_joined_estimates_are_independent():
-    both = joined(
-        Estimate(("a", "b"), np.array([2.0, 10.0]), COVARIANCE),
-        Estimate(("c",), np.array([1.0]), np.array([[0.25]])),
-    )
-    assert both.names == ("a", "b", "c") and both.deviation("c") == 0.5
-    np.testing.assert_array_equal(both.covariance[:2, :2], COVARIANCE)
-    np.testing.assert_array_equal(both.covariance[2, :2], 0)
 
 
 def test_covariance_of_a_mean_under_correlated_noise():

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.app.commands.machines.identify_linear import log_of
+from jcontour.app.commands.machines.identify import log_of
 from jcontour.app.files import run_folder
 from jcontour.app.files.results.loop_results import AuditedResult
 from jcontour.app.files.results.run_metrics import MachineSummary, RunMetrics

@@ -50,7 +50,7 @@ def command(flags: Identify) -> int:
         "Start in the middle of the travel, with nothing in the way and a hand on the stop button.",
         f"Run the first on the machine as it is, the other where it takes G-code alone. Record: "
         f"{columns}",
-        "Then: jcontour identify LOG.csv --machine linear",
+        "Then: jcontour identify LOG.csv",
     )
     return 0
 

@@ -1,317 +1,335 @@
-"""`jcontour identify`: programs that show a machine, and a machine from what was recorded.
-
-Here the flexible axis from the data of its commissioning; `identify_linear` and `excite` have the
-rest. The file that it writes is read by the other commands.
-"""
+"""`jcontour identify LOG`: a machine file from a log of any program."""
 
 import shlex
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 
-from jcontour.app.commands.machines import excite, identify_linear, identify_response
+from jcontour.app.commands.machines import excite, identify_response
 from jcontour.app.files import run_folder
-from jcontour.app.files.axis_file import ElectricalFields, FlexibleAxisFile, save_axis
-from jcontour.app.files.record_file import load_records, save_records
+from jcontour.app.files.checks import MachineError
+from jcontour.app.files.log_file import Log, LogColumns, read_log
+from jcontour.app.files.results.machine_results import LinearAxisResult, LinearMachineResult
 from jcontour.app.files.results.stored import write_result
-from jcontour.app.flags.machines import Identify
+from jcontour.app.flags.machines import Identify, Logged
+from jcontour.app.jobs.excitation import Excited, program
+from jcontour.app.machines.from_file import machine_from
+from jcontour.app.machines.identified import axis_result, counts, largest, machine_fields, noises
+from jcontour.app.machines.machine_behaviour import (
+    FAST,
+    GRAVITY,
+    HARD,
+    LONGEST,
+    SHORTEST,
+    coarse_counts,
+)
 from jcontour.app.reports import tables
 from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.tables import of_axes
 from jcontour.app.runs.lifecycle import finished
-from jcontour.plants.flexible_axis.axis import AxisParameters, thesis_axis
-from jcontour.plants.flexible_axis.linear_motor import LinearMotor, thesis_motor
-from tuning.identification.flexible_axis.axis import IdentifiedAxis, identify
-from tuning.identification.flexible_axis.commissioning import Commissioning
-from tuning.identification.flexible_axis.instruments import Instruments
-from tuning.identification.flexible_axis.records import Record, mechanical
-from tuning.identification.flexible_axis.separability import unseparated
+from jcontour.export.code_text import heading
+from jcontour.linear.continuous_axes import speed_axis
+from tuning.identification.linear.found import LinearMachineFound, MachineRecord
+from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.recording import RecordedAxis, recorded
 
-AXIS, DATA = "axis.json", "data.csv"
-UNITS = {
-    "resistance": "Ohm",
-    "inductance": "H",
-    "back_emf": "V s/m",
-    "force_constant": "N/A",
-    "total_mass": "kg",
-    "motor_mass": "kg",
-    "tool_mass": "kg",
-    "stiffness": "N/m",
-    "damping": "N s/m",
-    "stiffness_per_mass": "1/s^2",
-    "damping_per_mass": "1/s",
-    "break_away": "N",
-    "coulomb": "N",
-    "stribeck": "N",
-    "stribeck_speed": "m/s",
-    "viscous": "N s/m",
-    "constant_force": "N",
-    "pole_pitch": "m",
-}
-WAVES = ("amplitude", "sine", "cosine")  # of every harmonic of cogging [N]
-RESIDUALS = {  # RMS of what a fit leaves unexplained -> how it is printed
-    "force_N": "force {:.3g} N",
-    "current_A": "current {:.3g} A",
-    "tool_position_m": "end effector {:.3g} m",
-}
-UNKNOWN = "-"
-
-
-@dataclass(frozen=True)
-class RecordedTest:
-    """One test of the commissioning."""
-
-    name: str
-    rows: int
-    dt: float
-    duration: float
-
-
-@dataclass(frozen=True)
-class FoundParameter:
-    """One parameter of the axis.
-
-    Attributes:
-        parameter: its name.
-        unit: its unit.
-        separated: whether the data determine it.
-        value: None where the data do not show it.
-        interval: 95 % interval, of infinite width where noise alone would explain anything.
-        truth: value of the simulated axis; None for recorded data.
-    """
-
-    parameter: str
-    unit: str
-    separated: bool
-    value: float | None
-    interval: tuple[float, float] | None
-    truth: float | None
-
-
-@dataclass(frozen=True)
-class IdentifyResult:
-    """An identified axis.
-
-    Attributes:
-        data: file, or how the data were simulated.
-        tests: tests in the data.
-        parameters: what was found, and what is not separated.
-        fastest: largest sliding speed [m/s].
-        residuals: RMS of what every fit leaves unexplained, by `RESIDUALS`.
-        notes: what the data cannot tell, and which experiment would.
-        model: name of the axis file; None where the data have no end effector.
-    """
-
-    data: str
-    tests: list[RecordedTest]
-    parameters: list[FoundParameter]
-    fastest: float
-    residuals: dict[str, float]
-    notes: list[str]
-    model: str | None
+MODEL, DATA = "machine.json", "data.csv"
+MOST_POLES, MOST_DELAY = 8, 40
+GAIN_ASKED = 1000.0  # m/s or m per unit: more is a wrong unit
+TINY, FINE = 1e-3, 5e-9  # [m]: a whole record, and a count, that are questioned together
+DEMO_DT, DEMO_LIMITS = 1e-3, (0.2, 0.2, 4.0)  # travel [m], speed [m/s], acceleration [m/s^2]
+DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time constant, delay
 
 
 def command(flags: Identify) -> int:
-    """Fit, store and print; exit code."""
+    """Read, fit, check, store and print; exit code."""
     if flags.excite is not None:
         return excite.command(flags)
     if flags.response is not None:
         return identify_response.command(flags)
-    if flags.machine == "linear":
-        return identify_linear.command(flags)
-    records = records_of(flags)
-    found = identify(records, flags.force_constant, flags.pole_pitch)
+    _check(flags)
+    if flags.demo:
+        flags = replace(flags, control_unit="V")
+    log, source = _log(flags)
+    record = MachineRecord(log.dt, flags.axes, log.command, log.position)
+    found = identify_machine(record, flags.most_order, flags.most_delay)
+    name = "identified" if flags.data is None else flags.data.stem
+    text = run_folder.json_text(_fields(found, name, flags.control_unit)) + "\n"
+    _check_file(
+        text,
+        name,
+        found,
+        "".join(f". {line}" for line in ([] if any(log.angles) else _tiny(flags, found))),
+    )
     folder = run_folder.create(
         flags.out or run_folder.default_folder("identify"),
         "identify",
         flags,
         [] if flags.data is None else [flags.data],
     )
-    result = summary_of(flags, records, found)
-    _store(flags, records, found, folder)
+    _store(flags, log, found, text, folder)
+    result = _result(flags, log, source, found)
     write_result(folder, result)
-    known = [one for one in result.parameters if one.separated and one.value is not None]
-    hidden = [one.parameter for one in result.parameters if not one.separated]
+    path = folder / MODEL
+    quoted = shlex.quote(str(path))
     answer = [
-        Entry(
-            "Axis", ", ".join(f"{one.parameter} {_number(one.value)} {one.unit}" for one in known)
-        ),
-        Entry("Hidden", ", ".join(hidden) or "nothing"),
+        *(Entry(one.name, axis_words(one, flags.control_unit)) for one in result.axes),
+        Entry("Limits", "the largest of the record stand in the file: put the machine's own there"),
         *(Entry("Note", note) for note in result.notes),
     ]
-    if result.model is None:
-        answer.append(Entry("Load", "nothing: the model has an end effector, the data do not"))
-    else:
-        path = folder / result.model
-        answer.append(Entry("Load", str(path)))
-        answer.append(Entry("Next", f"jcontour tune --plant {shlex.quote(str(path))}"))
+    if any(one.friction is not None for one in result.axes):
+        acts = "the tables of tune have this friction in their runs; what it proves is for such a"
+        answer.append(Entry("Friction", f"{acts} force"))
+    answer += [Entry("Load", str(path)), Entry("Next", f"jcontour machine {quoted}")]
     return finished(folder, result, flags, show, answer)
 
 
-def records_of(flags: Identify) -> list[Record]:
-    """Records of the file, or of a simulated commissioning.
+def axis_words(one: LinearAxisResult, control_unit: str) -> str:
+    """Model of an axis in a line, with what is known of its gain and up to which frequency."""
+    gain = f"{1e3 * one.gain:.5g} mm{'/s' * bool(one.integrators)} per {control_unit}"
+    low, high = one.gain_interval
+    known = f" +- {50 * (high - low) / abs(one.gain):.2g} %" if one.gain else ""
+    return (
+        f"{words_of(one)}; gain {gain}{known}, delay {one.delay} samples, known to "
+        f"{one.shown_to:.3g} Hz, explains {100 * one.explained:.2f} %"
+    )
+
+
+def _fields(found: LinearMachineFound, name: str, control_unit: str) -> dict[str, Any]:
+    """Fields of the machine file; of one axis it has a copy, as a contour needs two."""
+    if len(found.axes) > 1:
+        return machine_fields(found, name, control_unit)
+    axis = found.axes[0].name
+    note = f"{_other(axis)} was not measured: it is a copy of {axis}"
+    fields = machine_fields(found.twice(_other(axis)), name, control_unit)
+    return fields | {"note": "; ".join([note, *filter(None, [fields.get("note")])])}
+
+
+def _other(axis: str) -> str:
+    """Name of the copy of a single axis."""
+    return "X" if axis == "Y" else "Y"
+
+
+def _check(flags: Identify) -> None:
+    if flags.demo == (flags.data is not None):
+        raise ValueError("identify: needs a log, or --demo for simulated data, and not both")
+    if len(set(flags.axes)) != len(flags.axes) or len(flags.axes) not in (1, 2, 3):
+        raise ValueError(
+            f"axes: needs one to three different names, received {' '.join(flags.axes)}"
+        )
+    if not 1 <= flags.most_order <= MOST_POLES:
+        raise ValueError(f"most-order: needs 1 to {MOST_POLES}, received {flags.most_order}")
+    if not 0 <= flags.most_delay <= MOST_DELAY:
+        raise ValueError(f"most-delay: needs 0 to {MOST_DELAY}, received {flags.most_delay}")
+    if flags.period_ms is not None and not (np.isfinite(flags.period_ms) and flags.period_ms > 0):
+        raise ValueError(f"period-ms: needs to be above zero, received {flags.period_ms}")
+    if flags.demo and flags.axes != tuple(DEMO):
+        raise ValueError("axes: the simulated data have X and Y")
+
+
+def _check_file(text: str, name: str, found: LinearMachineFound, doubt: str) -> None:
+    """What the other commands would refuse is not written, but said in the record's words.
+
+    With what is doubted of the record's unit.
 
     Raises:
-        ValueError: neither or both are asked for, or the file cannot be read.
+        ValueError: the file is one of those.
     """
-    if flags.demo == (flags.data is not None):
-        raise ValueError("identify: needs a CSV file, or --demo for simulated data, and not both")
-    if not (np.isfinite(flags.encoder_um) and flags.encoder_um > 0):
+    try:
+        machine_from(text.encode(), name)
+    except MachineError as error:
         raise ValueError(
-            f"encoder-um: needs to be finite and above zero, received {flags.encoder_um}"
+            f"no controller could be tuned for what fits the record ({error}): record a livelier "
+            f"program: jcontour identify --excite{doubt}"
+        ) from None
+
+
+def _log(flags: Identify) -> tuple[Log, str]:
+    """The record, and where it comes from."""
+    if flags.data is None:
+        return _simulated(flags.seed)
+    return log_of(flags), str(flags.data)
+
+
+def log_of(flags: Logged, asked: bool = False) -> Log:
+    """The log that the flags name; `asked` where its commands are positions."""
+    assert flags.data is not None
+    columns = LogColumns(
+        flags.time_column,
+        flags.command_columns,
+        flags.position_columns,
+        flags.length_unit,
+        None if flags.period_ms is None else 1e-3 * flags.period_ms,
+        asked,
+    )
+    return read_log(flags.data, flags.axes, columns)
+
+
+def _simulated(seed: int) -> tuple[Log, str]:
+    """A log of two drives that take a speed in V, while what `--excite` writes ran."""
+    random = np.random.default_rng(seed)
+    asked = program(Excited(tuple(DEMO), DEMO_DT, *(np.full(2, one) for one in DEMO_LIMITS)))
+    signals = []
+    for k, (gain, constant, delay) in enumerate(DEMO.values()):
+        axis = RecordedAxis(
+            speed_axis(gain, constant, delay), "speed", 1e-6, 0.3e-6, 2e-3, (60.0 / gain,)
         )
-    if flags.data is not None:
-        return load_records(flags.data)
-    return Commissioning(thesis_axis(), thesis_motor(), seed=flags.seed).thesis_tests()
-
-
-def summary_of(flags: Identify, records: Sequence[Record], found: IdentifiedAxis) -> IdentifyResult:
-    """The result of a fit to these records."""
-    used = Instruments()
-    simulated = (
-        "simulated: the axis of Yuan, section 3.3, "
-        f"encoders of {1e6 * used.resolution:g} um with {1e6 * used.encoder_noise:g} um of noise, "
-        f"currents with {1e3 * used.current_noise:g} mA of noise, seed {flags.seed}"
+        signals.append(recorded(axis, asked[:, k], DEMO_DT, random))
+    command, position = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
+    words = "simulated: " + "; ".join(
+        f"{name} {1e3 * gain:g} mm/s per V, {1e3 * constant:g} ms, {1e3 * delay:g} ms of delay"
+        for name, (gain, constant, delay) in DEMO.items()
     )
-    return IdentifyResult(
-        data=str(flags.data) if flags.data else simulated,
-        tests=[RecordedTest(one.name, one.rows, one.dt, one.duration) for one in records],
-        parameters=_parameters(found, simulated=flags.demo),
-        fastest=found.forces.fastest,
-        residuals=_residuals(found),
-        notes=list(found.notes),
-        model=None if found.parameters is None else AXIS,
+    return Log(DEMO_DT, command, position, ()), f"{words}; encoders of 1 um, seed {seed}"
+
+
+def _result(
+    flags: Identify, log: Log, source: str, found: LinearMachineFound
+) -> LinearMachineResult:
+    axes = [axis_result(one) for one in found.axes]
+    limits = largest(found)
+    encoders = f"Encoders: counts of {of_axes(counts(found), flags.axes)}"
+    if noise := noises(found):
+        encoders += f"; noise beside them of {of_axes(noise, flags.axes)} RMS"
+    coarse = coarse_counts(found.record.axes, np.array([one.resolution for one in found.axes]))
+    named = "If so, name the columns as x_position_um, or give --length-unit um"
+    lengths = _questions(flags, axes, limits)
+    lengths += [f"{line} {named}" for line in coarse]
+    lengths += _tiny(flags, found)
+    copied = []
+    if len(flags.axes) == 1:
+        (axis,), other = flags.axes, _other(flags.axes[0])
+        copied.append(
+            f"a contour needs two axes, so the machine file has {axis} twice: its {other} is a "
+            f"copy that nobody measured. Record {other} too, or put its own numbers in"
+        )
+    return LinearMachineResult(
+        data=source,
+        words=[*log.words, encoders],
+        samples=len(log.command),
+        dt=log.dt,
+        control_unit=flags.control_unit,
+        axes=axes,
+        limits=limits,
+        gain=found.gain,
+        delay=found.late,
+        notes=[
+            *_period(log.dt),
+            *([] if any(log.angles) else lengths),
+            *copied,
+            *found.notes,
+        ],
+        model=MODEL,
     )
 
 
-def _parameters(found: IdentifiedAxis, simulated: bool) -> list[FoundParameter]:
-    estimate, hidden = found.estimate, unseparated(found.estimate)
-    truth = _true_values(thesis_axis(), thesis_motor()) if simulated else {}
-    orders = range(1, found.forces.cogging.highest + 1)
-    units = UNITS | {f"{kind}_{j}": "N" for j in orders for kind in WAVES}
-    rows = []
-    for name, unit in units.items():
-        seen = name in estimate.names
-        if not (seen or name in hidden):
-            continue
-        value = estimate[name] if seen else None
-        interval = estimate.interval(name) if seen else None
-        told = interval is None or bool(np.isfinite(interval).all())
-        separated = told and name not in hidden
-        rows.append(FoundParameter(name, unit, separated, value, interval, truth.get(name)))
-    return rows
+def _period(dt: float) -> list[str]:
+    """A question where no drive has such a period."""
+    if SHORTEST <= dt <= LONGEST:
+        return []
+    return [
+        f"time: a sample every {1e3 * dt:g} ms is no usual period of a drive; is the unit of "
+        "its column right? Call it time_ms or time_us, or give --period-ms"
+    ]
 
 
-def _true_values(axis: AxisParameters, motor: LinearMotor) -> dict[str, float]:
-    """Values of a simulated axis, by the names of an estimate."""
-    values = {}
-    for source, names in (
-        (axis, ("motor_mass", "tool_mass", "stiffness", "damping", "pole_pitch")),
-        (axis.friction, ("coulomb", "stribeck", "stribeck_speed", "viscous")),
-        (motor, ("resistance", "inductance", "back_emf", "force_constant")),
-    ):
-        for name in names:
-            values[name] = float(getattr(source, name)[0])
-    values |= {
-        "total_mass": values["motor_mass"] + values["tool_mass"],
-        "break_away": values["coulomb"] + values["stribeck"],
-        "stiffness_per_mass": values["stiffness"] / values["tool_mass"],
-        "damping_per_mass": values["damping"] / values["tool_mass"],
-        "constant_force": 0.0,
-    }
-    waves = zip(axis.cogging_sine[0].tolist(), axis.cogging_cosine[0].tolist(), strict=True)
-    for j, (sine, cosine) in enumerate(waves, 1):
-        values[f"sine_{j}"] = sine
-        values[f"cosine_{j}"] = cosine
-        values[f"amplitude_{j}"] = float(np.hypot(sine, cosine))
-    return values
+def _questions(
+    flags: Identify, axes: list[LinearAxisResult], largest: dict[str, list[float]]
+) -> list[str]:
+    """One line for each number that no machine has; most likely a unit is wrong."""
+    lines = []
+    for one, speed, moved in zip(axes, largest["speed"], largest["acceleration"], strict=True):
+        if speed > FAST or moved > HARD or abs(one.gain) > GAIN_ASKED:
+            lines.append(
+                f"{one.name}: {speed:.3g} m/s and {moved / GRAVITY:.3g} g in the record, and "
+                f"{one.gain:.3g} m{'/s' if one.integrators else ''} per {flags.control_unit}, are "
+                "more than any drive has; is --length-unit right?"
+            )
+    return lines
 
 
-def _residuals(found: IdentifiedAxis) -> dict[str, float]:
-    """RMS of what every fit leaves unexplained."""
-
-    def rms(parts) -> float:
-        return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-
-    left = {"force_N": rms(found.forces.residuals)}
-    if found.winding is not None:
-        left["current_A"] = rms(found.winding.residuals)
-    if found.link is not None:
-        left["tool_position_m"] = rms(found.link.residuals)
-    return left
+def _tiny(flags: Identify, found: LinearMachineFound) -> list[str]:
+    """One line for each axis that hardly moves, on an encoder as fine as none: m taken for mm."""
+    moved = np.ptp(found.record.position, axis=0)
+    return [
+        f"{one.name}: moves by {1e3 * way:.3g} mm in all, by counts of "
+        f"{1e9 * one.resolution:.3g} nm; are the positions in {flags.length_unit}? If not, give "
+        "--length-unit"
+        for one, way in zip(found.axes, moved, strict=True)
+        if way < TINY and one.resolution < FINE
+    ]
 
 
-def _store(flags: Identify, records: list[Record], found: IdentifiedAxis, folder: Path) -> None:
-    from jcontour.app.reports.figures.identification import FIGURES
+def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, folder: Path) -> None:
+    from jcontour.app.reports.figures.identification import figures
     from jcontour.app.reports.figures.png import save_figures
 
+    run_folder.write(folder / MODEL, lambda temporary: temporary.write_text(text))
     if flags.demo:
-        save_records(records, folder / DATA)
-    if found.parameters is not None:
-        save_axis(_axis_file(flags, records, found, found.parameters), folder / AXIS)
-    save_figures(FIGURES, found, folder)
+        time = log.dt * np.arange(len(log.command))
+        heads = ["time_s"]
+        heads += [heading(f"{a.lower()}_command", flags.control_unit) for a in flags.axes]
+        heads += [f"{a.lower()}_position_m" for a in flags.axes]
+        rows = np.column_stack([time, log.command, log.position])
+        run_folder.write(
+            folder / DATA,
+            lambda temporary: np.savetxt(
+                temporary, rows, "%.10g", ",", header=",".join(heads), comments=""
+            ),
+        )
+    save_figures(figures(flags.control_unit), found, folder)
 
 
-def _axis_file(
-    flags: Identify, records: Sequence[Record], found: IdentifiedAxis, parameters: AxisParameters
-) -> FlexibleAxisFile:
-    optional = {}
-    if found.winding is not None:
-        names = ElectricalFields.model_fields
-        optional["electrical"] = dict(zip(names, found.winding.estimate.values, strict=True))
-    if found.notes:
-        optional["notes"] = list(found.notes)
-    return FlexibleAxisFile.of(
-        parameters,
-        name="identified-axis" if flags.data is None else flags.data.stem,
-        dt=mechanical(records)[0].dt,
-        axes=["X"],
-        encoder_resolution=1e-6 * flags.encoder_um,
-        **optional,
+def show(result: LinearMachineResult, console: Console) -> None:
+    """Print the axes, the family and the doubts."""
+    seconds = result.samples * result.dt
+    tables.say(
+        console,
+        f"Data: {result.data}",
+        f"Used: {result.samples} samples at {1 / result.dt:.5g} Hz, {seconds:.4g} s",
+        *result.words,
+    )
+    title = f"Identified machine; gains are per {result.control_unit}"
+
+    def spread(axis: LinearAxisResult) -> str:
+        low, high = axis.gain_interval
+        return f"{50 * (high - low) / abs(axis.gain) if axis.gain else float('nan'):.2g}"
+
+    def delay(axis: LinearAxisResult) -> str:
+        return str(axis.delay)
+
+    columns: dict[str, Callable[[LinearAxisResult], str | float]] = {
+        "axis": lambda axis: axis.name,
+        "model": words_of,
+        "gain at rest": lambda axis: f"{1e3 * axis.gain:.5g} mm{'/s' * bool(axis.integrators)}",
+        "+- %": spread,
+        "delay": delay,
+        "explains %": lambda axis: f"{100 * axis.explained:.3f}",
+        "left um": lambda axis: f"{1e6 * axis.innovation:.3g}",
+        "shown to Hz": lambda axis: axis.shown_to,
+        "family %": lambda axis: f"{100 * axis.uncertainty:.2g}",
+    }
+    console.print(tables.table_of(title, result.axes, columns, text_columns=2))
+    speeds = ", ".join(f"{1e3 * value:.4g}" for value in result.limits["speed"])
+    accelerations = ", ".join(f"{value:.3g}" for value in result.limits["acceleration"])
+    commands = ", ".join(f"{value:.4g}" for value in result.limits["control"])
+    late = f" and up to {result.delay} sample more of delay" if result.delay else ""
+    tables.say(
+        console,
+        f"Family: every gain to {100 * result.gain:.2g} %{late}",
+        f"Limits in the file, the largest of the record: {speeds} mm/s; {accelerations} m/s^2; "
+        f"{commands} {result.control_unit}. Change them to those of the machine.",
+        *(f"NOTE: {note}" for note in result.notes),
     )
 
 
-def show(result: IdentifyResult, console: Console) -> None:
-    """Print the parameters with their intervals, then what the data cannot tell."""
-    tests = []
-    for one in result.tests:
-        tests.append(f"{one.name} {one.duration:.3g} s at {1 / one.dt:.5g} Hz")
-    tables.say(console, f"Data: {result.data}", f"Tests: {', '.join(tests)}")
-    simulated = any(row.truth is not None for row in result.parameters)
-
-    def interval(row: FoundParameter) -> str:
-        if row.interval is None or not np.isfinite(row.interval).all():
-            return UNKNOWN
-        return " ... ".join(map(_number, row.interval))
-
-    def spread(row: FoundParameter) -> str:  # unknown where the interval holds zero
-        if not row.separated or not row.value or row.interval is None:
-            return UNKNOWN
-        low, high = row.interval
-        known = np.isfinite(high - low) and not low <= 0 <= high
-        return f"{100 * (high - low) / 2 / abs(row.value):.2g}" if known else UNKNOWN
-
-    def error(row: FoundParameter) -> str:
-        if not row.separated or row.value is None or row.interval is None or not row.truth:
-            return UNKNOWN
-        return f"{100 * (row.value / row.truth - 1):+.2f}"
-
-    columns: dict[str, Callable[[FoundParameter], str]] = {
-        "parameter": lambda row: row.parameter,
-        "unit": lambda row: row.unit,
-        "value": lambda row: _number(row.value) if row.separated else "not separated",
-        "95 % interval": interval,
-        "+- %": spread,
-    }
-    if simulated:
-        columns |= {"truth": lambda row: _number(row.truth), "off %": error}
-    console.print(tables.table_of("Identified axis", result.parameters, columns, text_columns=2))
-    left = [RESIDUALS[name].format(value) for name, value in result.residuals.items()]
-    notes = [f"NOTE: {note}" for note in result.notes]
-    tables.say(console, f"Left unexplained, RMS: {', '.join(left)}", *notes)
-
-
-def _number(value: float | None) -> str:
-    return UNKNOWN if value is None or not np.isfinite(value) else f"{value:.5g}"
+def words_of(one: LinearAxisResult) -> str:
+    """Poles of a model as an engineer says them."""
+    parts = ["integrator"] if one.integrators else []
+    parts += [f"{1e3 * value:.3g} ms" for value in one.time_constants]
+    parts += [f"{hertz:.3g} Hz (damping {z:.2g})" for hertz, z in one.resonances]
+    return ", ".join(parts) or "gain"

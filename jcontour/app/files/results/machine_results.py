@@ -1,4 +1,4 @@
-"""Results of `identify --machine linear` and `machine`."""
+"""Results of `identify` and `machine`."""
 
 from dataclasses import dataclass, field
 

@@ -1,109 +1,115 @@
 """`identify` from the command line."""
 
-import json
-
+import numpy as np
 import pytest
 
 from jcontour.app.cli import main
-from jcontour.app.commands.machines.identify import (
-    IdentifyResult,
-)
-from jcontour.app.files.axis_file import FlexibleAxisFile
+from jcontour.app.commands.machines import identify
+from jcontour.app.files.results.machine_results import LinearAxisResult, LinearMachineResult
 from jcontour.app.files.results.stored import read_result
-from jcontour.app.files.schema import read
-
-HEADER = "time,motor_position,current_q"
+from jcontour.app.flags.machines import Identify
+from jcontour.app.machines.from_file import load_machine
+from jcontour.linear.continuous_axes import speed_axis
+from tests.app.small_runs import partly
+from tuning.identification.linear.found import LinearAxis, LinearMachineFound, MachineRecord
+from tuning.identification.linear.recording import RecordedAxis, recorded
 
 
 @pytest.fixture
 def demo(tour):
-    return tour("identify").folder, tour("identify").stored()
+    return tour("identify").folder
 
 
 @pytest.mark.slow
 def test_the_demonstration(demo):
-    """What the numbers have to be is the business of the library's tests; here that they arrive."""
-    folder, summary = demo
-    assert {path.name for path in folder.iterdir()} == {
+    assert {path.name for path in demo.iterdir()} == {
         "settings.json",
         "result.json",
         "data.csv",
-        "axis.json",
+        "machine.json",
+        "prediction.png",
+        "bode.png",
         "residuals.png",
-        "model.png",
     }
-    rows = {row["parameter"]: row for row in summary["parameters"]}
-    axis = read(FlexibleAxisFile, json.loads((folder / "axis.json").read_text()))
-    p, electrical = axis.parameters, axis.electrical
-    assert electrical is not None and electrical.resistance == rows["resistance"]["value"]
-    assert float(p.force_constant[0]) == rows["force_constant"][
-        "value"
-    ] and p.cogging_sine.shape == (1, 3)
-    assert (
-        axis.dt == 1e-3
-        and axis.encoder_resolution == pytest.approx(5e-7)
-        and list(axis.notes) == summary["notes"]
-    )
-    for name in ("total_mass", "viscous", "break_away", "amplitude_1", "stiffness_per_mass"):
-        assert rows[name]["separated"] and rows[name]["value"] == pytest.approx(
-            rows[name]["truth"], rel=0.02
-        )
-    assert not rows["coulomb"]["separated"] and rows["coulomb"]["value"] is None
-
-
-def sliding_without_current():
-    """To and fro at four speeds, the current zero throughout: no force at all is seen."""
-    dt, place, rows = 1e-3, 0.0, [HEADER]
-    for speed in (0.05, 0.1, 0.2, 0.3):
-        for direction in (1, -1):
-            for k in range(1000):
-                rows.append(f"{dt * (len(rows) - 1):.6f},{place:.9f},0")
-                place += direction * dt * min(speed, 2 * dt * k, 2 * dt * (1000 - k))
-    return "\n".join(rows)
-
-
-def test_a_break_away_force_of_zero_is_an_answer(tmp_path, capsys):
-    data, folder = tmp_path / "free.csv", tmp_path / "run"
-    data.write_text(sliding_without_current())
-    flags = ["--force-constant", "80", "--out", str(folder), "--details"]
-    assert main(["identify", str(data), *flags]) == 0
-    printed = capsys.readouterr().out
-    assert "a sweep to 0.45 m/s or more would separate them" in printed
-    assert "Drawn: model.png, residuals.png" in printed
-    assert "Load     nothing: the model has an end effector" in printed
-    rows = {row.parameter: row for row in read_result(folder, IdentifyResult).parameters}
-    assert rows["break_away"].value == 0 and not rows["coulomb"].separated
+    head = "time_s,x_command_V,y_command_V,x_position_m,y_position_m\n"
+    assert (demo / "data.csv").read_text().startswith(head)
+    result = read_result(demo, LinearMachineResult)
+    for one, (gain, constant, delay) in zip(result.axes, identify.DEMO.values(), strict=True):
+        assert one.gain == pytest.approx(gain, rel=0.01)
+        assert one.delay * result.dt == pytest.approx(delay)
+        assert one.time_constants == pytest.approx([constant], rel=0.05)
+    assert load_machine(demo / "machine.json").model.axes == 2
 
 
 @pytest.mark.parametrize(
-    ("flags", "says"),
+    ("flags", "words"),
     [
-        ([], "identify: needs a CSV file, or --demo for simulated data, and not both"),
-        (["data.csv", "--demo"], "and not both"),
-        (["nowhere.csv"], "nowhere.csv: cannot be read"),
-        (
-            ["--demo", "--encoder-um", "0"],
-            "encoder-um: needs to be finite and above zero, received 0",
-        ),
-        (["still.csv"], "force_constant: needs an electrical test"),
-        (
-            ["still.csv", "--force-constant", "-3"],
-            "force_constant: needs to be finite and above zero, received -3",
-        ),
-        (["still.csv", "--force-constant", "80"], "motion: the motor needs to slide both ways"),
+        ([], "needs a log, or --demo"),
+        (["--demo", "--axes", "X", "X"], "one to three different names"),
+        (["--demo", "--most-order", "0"], "most-order: needs 1 to 8"),
+        (["--demo", "--most-delay", "-1"], "most-delay: needs 0 to 40"),
+        (["--demo", "--axes", "A", "B"], "simulated data have X and Y"),
+        (["none.csv"], "none.csv: cannot be read"),
+        (["none.csv", "--period-ms", "0"], "period-ms: needs to be above zero"),
     ],
 )
-def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, monkeypatch, capsys, flags, says):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "still.csv").write_text(
-        "\n".join([HEADER, *(f"{0.001 * k},0,1" for k in range(300))])
-    )
+def test_bad_input_is_told_in_one_line(flags, words, capsys):
     assert main(["identify", *flags]) == 2
-    captured = capsys.readouterr()
-    assert (
-        captured.err.startswith("jcontour: ")
-        and captured.err.count("\n") == 1
-        and says in captured.err
-        and not captured.out
-    )
-    assert {path.name for path in tmp_path.iterdir()} == {"still.csv"}
+    told = capsys.readouterr().err
+    assert words in told and len(told.strip().splitlines()) == 1
+
+
+def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(monkeypatch, capsys, tmp_path):
+    """A file without B."""
+    axes = [partly(LinearAxis, name=name, resolution=1e-9) for name in ("X", "Y")]
+    record = partly(MachineRecord, position=np.array([[0.0, 0.0], [1e-4, 1e-4]]))
+    found = partly(LinearMachineFound, axes=axes, record=record)
+    monkeypatch.setattr(identify, "identify_machine", lambda *_: found)
+    monkeypatch.setattr(identify, "machine_fields", lambda *_: {"A": [[1.0]]})
+    folder = tmp_path / "run"
+    assert main(["identify", "--demo", "--out", str(folder)]) == 2
+    told = capsys.readouterr().err
+    assert "B: missing" in told and "--excite" in told and len(told.strip().splitlines()) == 1
+    assert "Y: moves by 0.1 mm in all, by counts of 1 nm; are the positions in mm?" in told
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("dt", "gain", "speed", "words"),
+    [
+        (1e-3, 0.02, 0.1, []),
+        (0.05, 0.02, 0.1, ["time: a sample every 50 ms is no usual period of a drive"]),
+        (1e-3, 2.5e7, 1e8, ["X: 1e+08 m/s and 0.102 g in the record, and 2.5e+07 m/s per V"]),
+    ],
+)
+def test_wrong_units_are_questioned(dt, gain, speed, words):
+    axis = partly(LinearAxisResult, name="X", gain=gain, integrators=1)
+    largest = {"speed": [speed], "acceleration": [1.0]}
+    told = identify._period(dt)
+    told += identify._questions(Identify(control_unit="V"), [axis], largest)
+    assert len(told) == len(words)
+    assert all(line.startswith(one) for line, one in zip(told, words, strict=True))
+
+
+@pytest.mark.slow
+def test_a_log_of_one_axis(tmp_path, capsys):
+    """Only what was measured is told; the file says that its other axis was not."""
+    random, gain = np.random.default_rng(3), 40e-3
+    wanted = np.repeat(random.uniform(-5e-3, 5e-3, 80), 50)
+    drive = speed_axis(gain, 12e-3, 1e-3)
+    axis = RecordedAxis(drive, "speed", 1e-6, 0.4e-6, 2e-3, (15.0 / gain,))
+    columns = [1e-3 * np.arange(4000), *recorded(axis, wanted, 1e-3, random)]
+    log, folder = tmp_path / "log.csv", tmp_path / "run"
+    heads = "time_s,y_command,y_position_m"
+    np.savetxt(log, np.column_stack(columns), "%.10g", ",", header=heads, comments="")
+    flags = "--axes Y --most-order 1 --most-delay 4 --out".split()
+    assert main(["identify", str(log), *flags, str(folder)]) == 0
+    printed, result = capsys.readouterr().out, read_result(folder, LinearMachineResult)
+    (one,) = result.axes
+    assert one.name == "Y" and all(len(values) == 1 for values in result.limits.values())
+    assert one.gain == pytest.approx(gain, rel=0.02)
+    assert any("um" in line and "on X" not in line for line in result.words)
+    assert "its X is a copy that nobody measured" in " ".join(printed.split())
+    machine = load_machine(folder / "machine.json")
+    assert machine.axes == ("Y", "X")
+    assert machine.remarks == ["log: X was not measured: it is a copy of Y"]

@@ -1,1 +1,0 @@
-"""The gantry with an emulated head: two motors on one shaft move as the head would."""

@@ -1,1 +1,0 @@
-"""Masses, inertia, friction and stiffness of a gantry, from chirps on its drives."""
