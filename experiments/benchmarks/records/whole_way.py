@@ -291,6 +291,8 @@ def way_of(seed: int, place: Path) -> Way:
         fields = machine_fields(found, f"hidden-{seed}", "A" if axes[0].takes == "force" else "m")
         limits = {"speed": [SPEED] * 2, "acceleration": [ACCELERATION] * 2}
         fields["limits"] |= limits
+        if axes[0].takes == "force":  # the current of a drive is known
+            fields["limits"]["control"] = [one.largest for one in axes]
         (place / "machine.json").write_text(json.dumps(fields))
         plant = str(place / "machine.json")
         run = tuning_run(Tune(plant=plant, parts=PARTS, starts=1, scatter=0, steps=STEPS))

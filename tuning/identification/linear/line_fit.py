@@ -30,6 +30,7 @@ def fitted_to(
     most_poles: int,
     most_delay: int,
     integrators: tuple[int, ...] = (0, 1),
+    floor: float | Float[np.ndarray, " F"] = FLOOR,
 ) -> AxisModel:
     """The best model by Schwarz's criterion, behind the longest delay that is as good.
 
@@ -39,9 +40,10 @@ def fitted_to(
         most_poles: beside the integrator.
         most_delay: [samples].
         integrators: that are tried.
+        floor: of the response, nearer than which a model need not be.
     """
     w = 2 * np.pi * dt * lines.frequency
-    weight = 1 / (np.abs(lines.value) * np.hypot(lines.half_width / 2, FLOOR))
+    weight = 1 / (np.abs(lines.value) * np.hypot(lines.half_width / 2, floor))
     spacing = float(np.median(np.diff(w)))
     best, least = None, np.inf
     lefts: dict[tuple[int, int, int], tuple[AxisModel, float]] = {}
@@ -63,6 +65,12 @@ def fitted_to(
     while lefts.get((i, poles, delay + 1), (None, np.inf))[1] < allowed:
         delay += 1
     return lefts[i, poles, delay][0]
+
+
+def joined(slow: Response, lines: Response) -> Response:
+    """Both responses, the slow one first."""
+    pairs = zip(vars(slow).values(), vars(lines).values(), strict=True)
+    return Response(*(np.concatenate(pair) for pair in pairs))
 
 
 def _narrowest(model: AxisModel) -> float:

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import f as f_distribution
 
+from tuning.identification.estimates import Estimate
 from tuning.identification.linear import evidence
 from tuning.identification.linear.doubts import (
     POOR,
@@ -27,11 +28,18 @@ from tuning.identification.linear.encoder_noise import encoder_noise
 from tuning.identification.linear.evidence import Response
 from tuning.identification.linear.found import LinearAxis, LinearMachineFound, MachineRecord
 from tuning.identification.linear.limits import limits_of
-from tuning.identification.linear.line_fit import fitted_to
+from tuning.identification.linear.line_fit import FLOOR, fitted_to, joined
 from tuning.identification.linear.measured import measured, related
 from tuning.identification.linear.output_error import AxisFit, AxisRecord
 from tuning.identification.linear.periods import NO_LINES, periodic_lines, response_of_lines
-from tuning.identification.linear.simplest import Judged, Simple, judged, simplest
+from tuning.identification.linear.simplest import (
+    Judged,
+    Simple,
+    judged,
+    moves_of,
+    reversal_error,
+    simplest,
+)
 
 FEWEST = 500  # samples
 LINES = 12  # that show a response
@@ -108,20 +116,20 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         raise ValueError(f"{name}: {_why(one, simple)}")
     fit = found.fit
     stands = float(np.mean(evidence.speed_signs(one.position, resolution) == 0))
-    friction = None if simple is None or not fit.model.integrators else simple.friction
-    sure = friction if friction is not None and friction[0] > SURE * friction[1] else None
+    estimate = evidence.estimate_of(fit)
+    sure = _friction(simple.estimate if simple and fit.model.integrators else estimate)
     if why := doubt(found.explained, evidence.dispersion(fit), stands, sure is not None):
         shown = limits_of(one.command, one.position, one.dt) or follows(one.command, one.position)
         raise ValueError(f"{name}: {shown or why + beside(simple)}")
     if len(lines.frequency) >= LINES:
         response = response_of_lines(lines, fit.model)
     else:
-        own = evidence.response_of(fit, evidence.estimate_of(fit))
+        own = evidence.response_of(fit, estimate)
         response = evidence.as_excited(own, evidence.excited_to(own, one.position, fit.residual))
     return LinearAxis(
         name=name,
         fit=fit,
-        estimate=evidence.estimate_of(fit),
+        estimate=estimate,
         response=response,
         lines=excited,
         held_out=found.output,
@@ -136,6 +144,14 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         resolution=resolution,
         encoder_noise=encoder_noise(fit, resolution),
     )
+
+
+def _friction(estimate: Estimate) -> tuple[float, float] | None:
+    """Command that dry friction takes, and its standard deviation; None where it is not sure."""
+    if "friction" not in estimate.names:
+        return None
+    value, deviation = estimate["friction"], estimate.deviation("friction")
+    return (value, deviation) if value > SURE * deviation else None
 
 
 def _why(record: AxisRecord, simple: Simple | None) -> str:
@@ -173,16 +189,22 @@ def _fitted(
         models = (fitted_to(lines, record.dt, most_poles, latest, (i,)) for i in (0, 1))
         return max((judged(record, one) for one in models), key=lambda one: one.explained)
     integrators = simple.fit.model.integrators
+    below = lines.frequency[0] * SLOWER
     if integrators:
-        slow = evidence.response_of(simple.fit, simple.estimate, lines.frequency[0] * SLOWER)
-        pairs = zip(vars(slow).values(), vars(lines).values(), strict=True)
-        lines = Response(*(np.concatenate(pair) for pair in pairs))
-    model = fitted_to(lines, record.dt, most_poles, latest, (integrators,))
-    drag = simple.fit.drag if len(simple.fit.drag) else None
+        slow = evidence.response_of(simple.fit, simple.estimate, below)
+        model = fitted_to(joined(slow, lines), record.dt, most_poles, latest, (integrators,))
+        drag = simple.fit.drag
+    else:
+        model = fitted_to(lines, record.dt, most_poles, latest, (0,))
+        slow = moves_of(simple.record, model, below)
+        floor = np.repeat([0.0, FLOOR], [len(below), len(lines.frequency)])
+        model = fitted_to(joined(slow, lines), record.dt, most_poles, latest, (0,), floor)
+        drag = reversal_error(simple.record, model)
     found = judged(simple.record, model, drag)
-    if 1 - found.explained > worse * (1 - judged(simple.record, simple.fit.model, drag).explained):
+    alone = judged(simple.record, simple.fit.model, simple.fit.drag)
+    if 1 - found.explained > worse * (1 - alone.explained):
         return None
-    if drag is None:
+    if not integrators:
         return found
     # it sticks where a linear model does not
     return Judged(simple.record, found.fit, simple.held_out, simple.explained)

@@ -1,7 +1,8 @@
 """The simplest models of an axis, for records that show no more.
 
-A drive that follows its command y = b_1 q^-(d+1) u + b_2 q^-(d+2) u + p, with gains of one sign: a
-gain and a delay. And a mass with friction that slides,
+A drive that follows its command, y = (b_1 q^-1 + b_2 q^-2) (q^-d u - f sign(v)) + p, with gains of
+one sign: a gain and a delay, behind the reversal error of its friction. And a mass with friction
+that slides,
 
     m dv/dt + c v + f sign(v) + o = u(t - d dt),
 
@@ -27,6 +28,7 @@ from tuning.identification.linear.output_error import (
     AxisFit,
     AxisRecord,
     simulated,
+    solved,
     with_slopes,
 )
 
@@ -37,6 +39,7 @@ SETTLED = 1e-4  # relative change of the parameters
 BLOCKS = 20  # of the record, whose sums are taken for independent
 STILL = 0.1  # part of a kernel at rest: friction is then any force
 TELLS = 1.02  # ratio of what two delays leave that tells them apart
+MOVES = 1e-4  # of the response, to which long moves show it
 INERT = 10.0  # time constant over the length of a record that shows no viscous friction
 
 
@@ -57,13 +60,6 @@ class Simple:
     estimate: Estimate
     held_out: Float[np.ndarray, " R"]
     explained: float
-
-    @property
-    def friction(self) -> tuple[float, float] | None:
-        """Command that dry friction takes, and its standard deviation; None without a mass."""
-        if "friction" not in self.estimate.names:
-            return None
-        return self.estimate["friction"], self.estimate.deviation("friction")
 
 
 @dataclass(frozen=True)
@@ -91,20 +87,52 @@ def simplest(record: AxisRecord, resolution: float, most_delay: int) -> Simple |
         resolution: of its encoder [m].
         most_delay: largest delay [samples].
     """
-    found = [_follows(record, most_delay), _slides(record, resolution, most_delay)]
+    found = [_follows(record, resolution, most_delay), _slides(record, resolution, most_delay)]
     return max(
         (one for one in found if one is not None), key=lambda one: one.explained, default=None
     )
 
 
-def _follows(record: AxisRecord, most_delay: int) -> Simple | None:
+def _follows(record: AxisRecord, resolution: float, most_delay: int) -> Simple | None:
+    record = replace(record, drags=(evidence.speed_signs(record.position, resolution),))
     cut = int(TRAINING * len(record.position))
     model = _gain_and_delay(record.part(0, cut), most_delay)
     if model is None:
         return None
-    found = judged(record, model)
+    found = judged(record, model, reversal_error(record.part(0, cut), model))
     estimate = evidence.estimate_of(found.fit)
     return Simple(record, found.fit, estimate, found.output, found.explained)
+
+
+def reversal_error(record: AxisRecord, model: AxisModel) -> Float[np.ndarray, " 1"]:
+    """Friction of a drive that holds its place, by least squares of what a model leaves of it.
+
+    Zero where it would not brake. The record has the sign of the speed as its drag.
+    """
+    bare, moves = simulated(record, model), record.drags[0] != 0
+    moved = simulated(record, model, drag=np.ones(1)).output - bare.output
+    columns = np.stack([moved, np.ones(len(moved))], axis=1)[moves]
+    return np.maximum(solved(columns, bare.residual[moves])[:1], 0.0)
+
+
+def moves_of(
+    record: AxisRecord, model: AxisModel, frequency: Float[np.ndarray, " F"]
+) -> evidence.Response:
+    """What the moves show below the lowest line: the model with other gain, lag and inertia.
+
+        y = (1 + g + t d/dt + a d^2/dt^2) G u - f sign(v) + p
+    by least squares, where the axis moves. The record has the sign of the speed as its drag.
+    """
+    bare, moves = simulated(record, model), record.drags[0] != 0
+    moved = simulated(record, model, drag=np.ones(1)).output - bare.output
+    answer = bare.output - bare.output.mean()
+    speed = np.gradient(answer, record.dt)
+    columns = [answer, speed, np.gradient(speed, record.dt), moved, np.ones(len(moved))]
+    gain, lag, inertia, *_ = solved(np.stack(columns, axis=1)[moves], bare.residual[moves])
+    s = 2j * np.pi * frequency
+    factor = 1 + gain + lag * s + inertia * s**2
+    width = np.full(len(frequency), 2 * MOVES)
+    return evidence.Response(frequency, model.response(2 * np.pi * frequency) * factor, width)
 
 
 def judged(
@@ -131,11 +159,14 @@ def _gain_and_delay(record: AxisRecord, most_delay: int) -> AxisModel | None:
     """Gains of one sign behind the delay that leaves the least of the position."""
     u, y = record.command - record.command[0], record.position - record.position.mean()
     sign = float(np.sign(u @ y)) or 1.0
+    brakes = np.append(0.0, record.drags[0][:-1])
+    brakes -= brakes.mean()
     found = []
     for delay in range(most_delay + 1):
         columns = np.stack([np.append(np.zeros(k), u[:-k]) for k in (delay + 1, delay + 2)], axis=1)
-        gains, left = nnls(sign * (columns - columns.mean(axis=0)), y)
-        found.append((left, delay, sign * gains))
+        columns = np.column_stack([sign * (columns - columns.mean(axis=0)), brakes])
+        gains, left = nnls(columns, y)
+        found.append((left, delay, sign * gains[:2]))
     _, delay, gains = min(found, key=lambda one: one[0])
     return AxisModel(np.zeros(0), gains, 0, delay, record.dt) if gains.any() else None
 
@@ -188,10 +219,10 @@ def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | 
     output = _moved(rest, best)[0]
     explained = part_explained(rest.position, output)
     signs = evidence.speed_signs(record.position, resolution)
-    rubbed = replace(record, drags=(signs, np.ones(len(signs))))
+    dragged = replace(record, drags=(signs, np.ones(len(signs))))
     drag = np.array([whole.values[2], -whole.values[3]])
-    fit = with_slopes(rubbed, whole.model(record.dt), drag)
-    return Simple(rubbed, fit, whole.estimate(record.dt), output, explained)
+    fit = with_slopes(dragged, whole.model(record.dt), drag)
+    return Simple(dragged, fit, whole.estimate(record.dt), output, explained)
 
 
 def _slidings(

@@ -8,9 +8,10 @@ from scipy.io import loadmat
 
 from jcontour.plants import emps
 from tests.app.machines.test_emps_record import emps_record
-from tuning.identification.linear.evidence import resolution_of
+from tuning.identification.linear.axis_model import AxisModel
+from tuning.identification.linear.evidence import resolution_of, speed_signs
 from tuning.identification.linear.output_error import AxisRecord
-from tuning.identification.linear.simplest import simplest
+from tuning.identification.linear.simplest import moves_of, reversal_error, simplest
 
 RECORDS = Path(__file__).parents[5] / "shared" / "data" / "records"
 DT = emps.SAMPLE_PERIOD
@@ -55,9 +56,40 @@ def test_a_drive_that_follows_late_by_parts_of_a_sample():
     late = 2e-3 * (0.3 * np.roll(command, 3) + 0.7 * np.roll(command, 4))
     late[:4] = 2e-3 * command[0]
     found = found_of(AxisRecord(DT, command, late), 1e-6, 5)
-    assert found.fit.model.delay == 2 and not len(found.fit.drag)
+    assert found.fit.model.delay == 2 and found.fit.drag[0] < 1e-5 * np.ptp(command)
     assert found.fit.model.numerator == pytest.approx([6e-4, 1.4e-3], rel=1e-2)
     assert found.explained > 0.9999
+
+
+def servo(command, position_gain, velocity_gain, mass, friction):
+    """Motion of a cascade under dry friction, by steps of a twentieth of a sample."""
+    x, v, found, step = command[0], 0.0, [], DT / 20
+    for wanted in command:
+        found.append(x)
+        for _ in range(20):
+            force = velocity_gain * (position_gain * (wanted - x) - v)
+            way = np.sign(v) or np.sign(force) * (abs(force) > friction)
+            after = v + step * (force - friction * way) / mass if way else 0.0
+            v = 0.0 if after * way < 0 else after
+            x += step * v
+    return np.array(found)
+
+
+def test_the_reversal_error_of_a_drive_with_friction():
+    """F / (k_v k_p) in closed form; the moves show the static gain of 1, not that of the model."""
+    position_gain, velocity_gain, friction = 50.0, 2e4, 60.0
+    command = moves(10_000)
+    position = servo(command, position_gain, velocity_gain, 90.0, friction)
+    record = AxisRecord(DT, command, position, (speed_signs(position, 1e-6),))
+    pole = np.exp(-DT * position_gain)
+    model = AxisModel(np.array([-pole]), np.array([1.003 * (1 - pole)]), 0, 0, DT)
+    slow = moves_of(record, model, np.array([1e-3, 0.05]))
+    assert np.abs(slow.value) == pytest.approx([1.0, 1.0], abs=3e-4)
+    lag = 1 / position_gain + 0.5 * DT
+    assert -np.angle(slow.value[1]) == pytest.approx(2 * np.pi * 0.05 * lag, rel=0.05)
+    right = AxisModel(np.array([-pole]), np.array([1 - pole]), 0, 0, DT)
+    expected = friction / (velocity_gain * position_gain)
+    assert reversal_error(record, right) == pytest.approx([expected], rel=0.05)
 
 
 @pytest.mark.skipif(not (RECORDS / "emps").exists(), reason="the public records are not here")
