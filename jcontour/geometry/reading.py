@@ -5,7 +5,7 @@ from pathlib import Path
 
 from jcontour.geometry.drawings.drawing import GAP
 from jcontour.geometry.drawings.reading import SUFFIXES, read_drawing
-from jcontour.geometry.gcode.tool_table import Tool
+from jcontour.geometry.gcode.modes import Tool
 from jcontour.geometry.toolpath_rules import ToolpathError
 from jcontour.geometry.toolpaths import Axes, Toolpath, read_csv, read_gcode
 

@@ -26,7 +26,7 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
                with a tool table
     told       in `ignored`, as they move nothing here: G64 (P is kept), G96, G97,
                G4 without a time, M codes that neither stop nor lead elsewhere, and D, E, H, S, T;
-               G43 without a tool table; lines for grbl itself, as $H and ?
+               G43 without a tool table
     ends       M2, M30, M99 in the program itself, the second %
     layout     (comments (also nested)), ; comments, N line numbers; case and white space mean
                nothing; a line that begins with / is skipped, as with the block-delete switch on;
@@ -49,19 +49,19 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.csv_points import csv_points
-from jcontour.geometry.gcode.move import DWELL, Move, Stop
-from jcontour.geometry.gcode.program_notes import (
+from jcontour.geometry.gcode.machine_values import doubts_of
+from jcontour.geometry.gcode.modes import Tool
+from jcontour.geometry.gcode.moves import (
+    DWELL,
     EXACT,
     START,
-    doubts_of,
+    Move,
+    Stop,
     ignored_words,
-    plane_left_out,
     stops_in_cuts,
-    told_left_out,
     told_stops,
 )
 from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
-from jcontour.geometry.gcode.tool_table import Tool
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import FASTEST, SHORTEST, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
@@ -158,8 +158,8 @@ def parse_gcode(
     Args:
         text: the program.
         axes: "XYZ", or "XY" for its projection: the tool waits while Z moves alone, the other moves
-            last as long as they did (their feed is that of the projection), arcs in other planes
-            become lines to and fro; a helix in another plane is an error.
+            last as long as they did (their feed is that of the projection); an arc in another plane
+            than XY is an error.
         feed: speed along the contour [m/s] instead of every programmed feed.
         files: lines of the files that subprograms are in, by name.
         tools: of a tool table, by number, for G41, G42 and G43; None without one.
@@ -188,16 +188,8 @@ def parse_gcode(
     return path._replace(
         rest=_rest(stops, cutting[0], path.contour),
         z_alone=_z_alone(stops, cutting[0], path.contour),
-        doubts=(
-            *doubts_of(
-                interpreter.assumed_at,
-                stops,
-                interpreter.modes.unit_said,
-                tuple(interpreter.skipped.values()),
-            ),
-            *plane_left_out(traced, len(axes)),
-        ),
-        stops="; ".join(filter(None, [told_stops(stops), told_left_out(every, stops)])),
+        doubts=doubts_of(interpreter, stops),
+        stops=told_stops(stops),
         asks=_asks(stops, every, moves, cutting[0]),
         ramps=_ramps(traced) if len(axes) == 2 else (),
         tolerance=interpreter.tolerance,
@@ -256,11 +248,11 @@ def _asks(stops: list[Stop], every: list[Stop], moves: list[Move], first: int) -
 
 
 def _ramps(moves: list[Move]) -> tuple[int, ...]:
-    """Numbers of cuts that go up or down along the third axis, be it to and fro."""
+    """Numbers of cuts that go up or down along the third axis."""
     return tuple(
         number
         for number, move in enumerate(moves)
-        if not move.rapid and (move.lifted or abs(move.end[2] - move.start[2]) >= SHORTEST)
+        if not move.rapid and abs(move.end[2] - move.start[2]) >= SHORTEST
     )
 
 
@@ -286,7 +278,7 @@ def _toolpath(
     ignored: tuple[str, ...],
 ) -> Toolpath:
     """Toolpath of all moves at once, without stops: a Contour per move would take minutes."""
-    start, end, centre, angle, normal, feed, rapid, line, _ = (
+    start, end, centre, angle, normal, feed, rapid, line = (
         np.array(column) for column in zip(*moves, strict=True)
     )
     axis = np.eye(3)[normal]

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from jcontour.geometry.gcode.move import Move, Stop
+from jcontour.geometry.gcode.modes import read_tool_table
+from jcontour.geometry.gcode.moves import Move, Stop
 from jcontour.geometry.gcode.programs import interpreted
-from jcontour.geometry.gcode.tool_table import read_tool_table
 from jcontour.geometry.toolpath_rules import MM, ToolpathError
 from tests.linuxcnc.random_contours import compensated_contour
 from tests.linuxcnc.random_programs import Author
@@ -88,7 +88,6 @@ ACCEPTED_HERE = {  # what LinuxCNC refuses, and why it is read here
     "G4 X2": "the dwell of Fanuc's lathes; it is told",
     "G4": "a dwell without a time is no dwell; it is told",
     "G70;G0 X1": "inches of other controls (there a lathe's cycle)",
-    "G8 P1": "look-ahead of Fanuc, as G5.1 Q1, G187, G103",
     "G50": "cancelling scaling, as G69 and G15 cancel what is not there",
     "G2 X2 I1 K0": "a centre of 0 along the plane's normal says nothing",
     "G91 G53 G0 X1": "G53 is absolute whatever G91 says",
@@ -97,7 +96,6 @@ ACCEPTED_HERE = {  # what LinuxCNC refuses, and why it is read here
     "G81 X1 Z-1 R1;G85 X2": "another cycle keeps the words of the one before",
     "G86 X1 Z-1 R1 P0": "no spindle is needed to trace a hole",
     "G0 X1;%;G0 X2": "a % ends a program that began without one",
-    "$H": "lines for grbl itself move nothing known; they are told",
 }
 REFUSED_HERE = {  # what LinuxCNC accepts, and why it is not read
     "G5 X1 Y1 I1 J1 P1 Q1": "splines",

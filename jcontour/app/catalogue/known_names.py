@@ -158,8 +158,8 @@ def _check_lines(path: Path, flags: Any) -> None:
     if path.suffix.lower() in DRAWINGS:
         return
     from jcontour.geometry.csv_points import csv_points
+    from jcontour.geometry.gcode.modes import read_tool_table
     from jcontour.geometry.gcode.programs import files_beside, interpreted
-    from jcontour.geometry.gcode.tool_table import read_tool_table
     from jcontour.geometry.toolpath_rules import ToolpathError
     from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
 

@@ -9,18 +9,18 @@ from typing import NamedTuple
 import numpy as np
 
 from jcontour.app.flags.shared import MachineFlags
-from jcontour.geometry.gcode.move import DWELL, Move, Stop
-from jcontour.geometry.gcode.program_notes import (
+from jcontour.geometry.gcode.machine_values import doubts_of
+from jcontour.geometry.gcode.modes import read_tool_table
+from jcontour.geometry.gcode.moves import (
+    DWELL,
     EXACT,
-    doubts_of,
+    Move,
+    Stop,
     ignored_words,
-    plane_left_out,
     stops_in_cuts,
-    told_left_out,
     told_stops,
 )
 from jcontour.geometry.gcode.programs import files_beside, interpreted
-from jcontour.geometry.gcode.tool_table import read_tool_table
 from jcontour.geometry.toolpath_rules import MM, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program
 
@@ -79,20 +79,14 @@ def _programmed(path: Path, axes: int, flags: MachineFlags) -> Iterator[str]:
     yield from _table(rows, axes)
     yield _count(len(machine.moves), ignored_words(machine.ignored, stops))
     run = stops_in_cuts(stops, machine.moves)
-    yield from filter(None, [told_stops(stops), _left_out(stops, run), told_left_out(stops, run)])
+    left_out = sum(stop.why not in EXACT for stop in stops) - sum(s.why not in EXACT for s in run)
+    if stops:
+        yield told_stops(stops)
+    if left_out:
+        yield f"a run leaves out {left_out} of them, before the first cut or behind the last one"
     if machine.tolerance is not None:
         yield f"the program allows {machine.tolerance / UM:.4g} um from its path (P of G64)"
-    skipped = tuple(machine.skipped.values())
-    yield from doubts_of(machine.assumed_at, stops, machine.modes.unit_said, skipped)
-    yield from plane_left_out(machine.moves, axes)
-
-
-def _left_out(stops: Sequence[Stop], run: Sequence[Stop]) -> str | None:
-    """Stops that a run does not have, in words."""
-    count, in_run = (sum(stop.why not in EXACT for stop in some) for some in (stops, run))
-    if count == in_run:
-        return None
-    return f"a run leaves out {count - in_run} of them, before the first cut or behind the last one"
+    yield from doubts_of(machine, stops)
 
 
 def _move(move: Move, axes: int) -> _Row:

@@ -9,7 +9,7 @@ from jcontour.app.files.control_limits import read_control_limits
 from jcontour.app.flags.shared import FeedLaw, MachineFlags, Planner
 from jcontour.app.machines.machine import Machine
 from jcontour.geometry.drawings.drawing import GAP
-from jcontour.geometry.gcode.tool_table import Tool, read_tool_table
+from jcontour.geometry.gcode.modes import Tool, read_tool_table
 from jcontour.geometry.toolpath_rules import INCH, MM
 from jcontour.motion.other_controls import ControlLimits
 

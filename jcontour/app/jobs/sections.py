@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jcontour.app.jobs.job import Job, Task
-from jcontour.geometry.gcode.move import UP_OR_DOWN
-from jcontour.geometry.gcode.program_notes import START
+from jcontour.geometry.gcode.moves import START, UP_OR_DOWN
 from jcontour.geometry.toolpath_rules import SHORTEST
 from jcontour.geometry.toolpaths import Toolpath
 

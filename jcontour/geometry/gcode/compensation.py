@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 from jcontour.geometry.arcs import arcs_between
 from jcontour.geometry.gcode.expressions import whole
-from jcontour.geometry.gcode.modes import Modes
-from jcontour.geometry.gcode.move import Point, Tracer
-from jcontour.geometry.gcode.tool_table import Tool, tool_numbered
+from jcontour.geometry.gcode.modes import Modes, Point, Tool, tool_numbered
+from jcontour.geometry.gcode.moves import Tracer
 from jcontour.geometry.gcode.words import CYCLES, LineWords
 from jcontour.geometry.toolpath_rules import FARTHEST, MM, SHORTEST, ToolpathError
 

@@ -13,8 +13,8 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
-from jcontour.geometry.gcode.blocks import read_block
-from jcontour.geometry.gcode.parameters import Parameters
+from jcontour.geometry.gcode.expressions import Parameters
+from jcontour.geometry.gcode.words import read_block
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
 MAYBE_O_WORD = re.compile(r"\s*(?:\([^)]*\)\s*)*(?:[Nn][\s0-9.]*)?[Oo]")

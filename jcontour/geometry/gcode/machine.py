@@ -5,15 +5,29 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 
-from jcontour.geometry.gcode import cycles
 from jcontour.geometry.gcode import words as codes
-from jcontour.geometry.gcode.arc_words import MOST_TURNS, arcs_of
 from jcontour.geometry.gcode.compensation import Compensation, diameter_of
 from jcontour.geometry.gcode.expressions import whole
-from jcontour.geometry.gcode.modes import Modes, target
-from jcontour.geometry.gcode.move import PLANES, ZERO, Move, Point, Tracer, check_near
-from jcontour.geometry.gcode.offsets import SYSTEMS, Offsets, replaced
-from jcontour.geometry.gcode.tool_table import Tool, tool_numbered
+from jcontour.geometry.gcode.modes import (
+    SYSTEMS,
+    ZERO,
+    Modes,
+    Offsets,
+    Point,
+    Tool,
+    replaced,
+    tool_numbered,
+)
+from jcontour.geometry.gcode.moves import (
+    MOST_TURNS,
+    PLANES,
+    Move,
+    Tracer,
+    arcs_of,
+    check_near,
+    cycle_steps,
+    target,
+)
 from jcontour.geometry.gcode.words import LineWords, sorted_words
 from jcontour.geometry.toolpath_rules import FASTEST, MM, SHORTEST, SLOWEST, ToolpathError
 
@@ -86,7 +100,12 @@ class Machine:
             self._set_feed(values["F"])
         elif "F" in values and not values["F"] > 0:
             raise ToolpathError(f"G93 needs F above 0, received F{values['F']:g}")
-        self.ignored |= values.keys() & TOLD - self._meant(found)
+        told = set(TOLD)
+        if found.codes.get("compensation", 400) != 400:
+            told.discard("D")
+        if self.tools is not None and found.codes.get("tool length") == 430:
+            told.discard("H")
+        self.ignored |= values.keys() & told
         if not codes.FLOW.isdisjoint(found.m_codes):
             return found
         once = found.codes.get("once")
@@ -102,12 +121,6 @@ class Machine:
         if not codes.END.isdisjoint(found.m_codes):
             self.ended = True
         return found
-
-    def _meant(self, found: LineWords) -> set[str]:
-        """Letters that have a meaning beside these codes: D of compensation, H of a tool table."""
-        compensates = found.codes.get("compensation", 400) != 400
-        lengthens = self.tools is not None and found.codes.get("tool length") == 430
-        return {letter for letter, has in (("D", compensates), ("H", lengthens)) if has}
 
     def _stop(self, m_codes: list[int], stopping: frozenset[int]) -> None:
         """Come to rest once for all M codes of a line that ask for it."""
@@ -149,18 +162,16 @@ class Machine:
                 self.level_before_cycles = None
                 self.sticky = {}
         if "compensation" in switched:
-            self._compensate(switched["compensation"], found.values)
-
-    def _compensate(self, code: int, values: dict[str, float]) -> None:
-        """G40 to G42.1."""
-        if code != 400:
-            diameter = diameter_of(code, values, self.modes, self.tool, self.tools)
-            offset = (0.5j if code < 420 else -0.5j) * diameter
-            self.compensation = Compensation(self.tracer, offset, self.at, self.tracer.line, code)
-        elif self.compensation is None:
-            self.ignored.add("G40")
-        else:
-            self.compensation.leaving = True
+            code = switched["compensation"]
+            if code != 400:
+                diameter = diameter_of(code, found.values, self.modes, self.tool, self.tools)
+                offset = (0.5j if code < 420 else -0.5j) * diameter
+                line = self.tracer.line
+                self.compensation = Compensation(self.tracer, offset, self.at, line, code)
+            elif self.compensation is None:
+                self.ignored.add("G40")
+            else:
+                self.compensation.leaving = True
 
     def _set_feed(self, word: float) -> None:
         """F in units per minute; a given feed replaces what no machine can run."""
@@ -305,6 +316,11 @@ class Machine:
         arcs = arcs_of(values, here, there, self.modes, counter_clockwise=self.motion == 30)
         plane = self.modes.plane
         _, _, normal = PLANES[plane]
+        if normal < 2 and self.tracer.axes == 2:
+            raise ToolpathError(
+                f"an arc in the plane of G{plane // 10} needs a third axis: "
+                'a --plant of three axes, or axes "XYZ"'
+            )
         if normal < 2 and self.offsets.angle:
             raise ToolpathError(
                 f"an arc in the plane of G{plane // 10} in a rotated work system is not supported"
@@ -318,11 +334,7 @@ class Machine:
         for end, centre, angle in arcs:
             middle = self._on_machine(_in_space(plane, centre, level))
             level += slope * abs(angle)
-            end_point = self._on_machine(_in_space(plane, end, level))
-            if normal < 2 and self.tracer.axes == 2:
-                self.tracer.add_shadow(end_point, middle, angle, feed, plane)
-            else:
-                self._trace(end_point, middle, angle, feed)
+            self._trace(self._on_machine(_in_space(plane, end, level)), middle, angle, feed)
         self._joint()
 
     def _drill(self, code: int, values: dict[str, float]) -> None:
@@ -366,7 +378,7 @@ class Machine:
             level = here[normal] if above and index == 0 else clear
             self._trace_line(self._on_machine(replaced(place, {normal: level})), rapid=True)
             self._go_to_level(retract, rapid=True)
-            for step in cycles.steps(code, retract, clear, {**self.sticky, "bottom": bottom}):
+            for step in cycle_steps(code, retract, clear, {**self.sticky, "bottom": bottom}):
                 self._go_to_level(step.level, step.rapid)
                 if step.dwell:
                     self.tracer.dwell(step.dwell, "P")

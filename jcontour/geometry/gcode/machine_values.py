@@ -1,8 +1,10 @@
-"""Parameters that the machine sets: its position, its offsets and its modes."""
+"""What a machine says of itself: parameters that it sets, and what a program may mean otherwise."""
 
 import math
+from collections.abc import Sequence
 
 from jcontour.geometry.gcode.machine import Machine
+from jcontour.geometry.gcode.moves import Stop
 from jcontour.geometry.toolpath_rules import INCH, MM, ToolpathError
 
 AXES = 3
@@ -10,6 +12,7 @@ STANDING = frozenset(f"{kind}{axis}" for kind in ("_", "_abs_") for axis in "abc
 ROTATION = 9  # of a work system, behind the places of its nine axes
 PLASMA_FEED = "_hal[plasmac.cut-feed-rate]"  # of the material, on plasma tables of LinuxCNC
 VERSION, RELEASE = 2.0, 9.0  # of LinuxCNC, whose language this is
+LONG_DWELL = 60.0  # [s]: nobody lets a spindle come up to speed for longer
 
 
 def machine_values(machine: Machine, key: int | str, call_level: int) -> float | None:
@@ -86,3 +89,33 @@ def _named(machine: Machine, key: str, call_level: int) -> float | None:
         "_vminor": RELEASE,
     }
     return 0.0 if key in STANDING else values.get(key)
+
+
+def doubts_of(machine: Machine, stops: Sequence[Stop]) -> tuple[str, ...]:
+    """Questions about the program's unit, a first move without a code, dwells, skipped lines.
+
+    Args:
+        machine: that has carried out the program.
+        stops: those that matter.
+    """
+    doubts = []
+    if not machine.modes.unit_said:
+        doubts.append("the program has no G20 or G21: its lengths are read as mm")
+    if machine.assumed_at:
+        doubts.append(
+            f"line {machine.assumed_at}: a move before any of G0 to G3 is read as G0; "
+            "LinuxCNC refuses it"
+        )
+    long = [stop for stop in stops if stop.lasting > LONG_DWELL]
+    if long:
+        more = f" and {len(long) - 1} more" if len(long) > 1 else ""
+        doubts.append(
+            f"line {long[0].line}: a dwell of {long[0].lasting:.6g} s{more}; P is in seconds "
+            "here, some controls mean milliseconds"
+        )
+    if machine.skipped:
+        first, count = min(machine.skipped.values()), len(machine.skipped)
+        lines = "1 line that begins" if count == 1 else f"{count} lines that begin"
+        place = f"line {first}" if count == 1 else f"the first at line {first}"
+        doubts.append(f"{lines} with / skipped, as with block delete on: {place}")
+    return tuple(doubts)

@@ -1,10 +1,22 @@
-"""Modes of a machine control, and end points that words ask for under them."""
+"""What a control keeps between lines: modes, offsets of the program's origin, and its tool table.
+
+    machine = R(angle) (program + shift) + origin + tool
+
+with the rotation and the origin of the work system in force (G54 ...), the shift of G52 and G92,
+and the tool's offset (G43, G43.1), as LinuxCNC has it.
+"""
 
 import math
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, field
+from os import PathLike
+from typing import NamedTuple
 
-from jcontour.geometry.gcode.move import Point, check_near
-from jcontour.geometry.toolpath_rules import INCH, MM, ToolpathError
+from jcontour.geometry.toolpath_rules import INCH, MM, NUMBER, ToolpathError, shown
+from jcontour.geometry.toolpath_text import lines_of, read_program
+
+Point = tuple[float, float, float]  # [m]
+ZERO: Point = (0.0, 0.0, 0.0)
 
 
 @dataclass(slots=True)
@@ -49,35 +61,139 @@ class Modes:
         self.path = codes.get("path", self.path)
 
 
-def target(values: dict[str, float], here: Point, modes: Modes) -> Point:
-    """End point [m] that the letters X, Y, Z or @ and ^ say, seen from `here` [m].
+SYSTEMS = 9  # G54 to G59.3
 
-    >>> target({"X": 5.0, "Z": 1.0}, (1e-3, 2e-3, 0.0), Modes())
-    (0.005, 0.002, 0.001)
+
+@dataclass
+class Offsets:
+    """Offsets in force, and those of the work systems that are not [m].
+
+    Attributes:
+        system: number of the work system, 1 for G54.
+        origins: of all systems.
+        angles: by which each is rotated around Z [rad].
+        shift: of G52 and G92.
+        shifted: whether one of them is in force.
+        tool: offset of the tool.
+        kept_shift: what G92.3 brings back after G92.2.
+    """
+
+    system: int = 1
+    origins: list[Point] = field(default_factory=lambda: [ZERO] * SYSTEMS)
+    angles: list[float] = field(default_factory=lambda: [0.0] * SYSTEMS)
+    shift: Point = ZERO
+    shifted: bool = False
+    tool: Point = ZERO
+    kept_shift: Point = ZERO
+
+    @property
+    def origin(self) -> Point:
+        """Origin of the system in force."""
+        return self.origins[self.system - 1]
+
+    @property
+    def angle(self) -> float:
+        """Rotation of the system in force [rad]."""
+        return self.angles[self.system - 1]
+
+    @property
+    def none(self) -> bool:
+        """Whether program and machine have the same coordinates."""
+        return self.origin == self.shift == self.tool == ZERO and not self.angle
+
+    def on_machine(self, point: Point) -> Point:
+        """Place of a point of the program on the machine."""
+        x, y, z = _sum(point, self.shift)
+        x, y = _turned(x, y, self.angle)
+        return _sum(_sum((x, y, z), self.origin), self.tool)
+
+    def in_program(self, point: Point) -> Point:
+        """Coordinates in the program of a point of the machine."""
+        return _difference(self.in_system(point, self.system), self.shift)
+
+    def in_system(self, point: Point, system: int) -> Point:
+        """Coordinates in a work system of a point of the machine, without the shift."""
+        x, y, z = _difference(_difference(point, self.origins[system - 1]), self.tool)
+        x, y = _turned(x, y, -self.angles[system - 1])
+        return x, y, z
+
+    def set_here(self, system: int, values: dict[int, float], at: Point) -> None:
+        """Let the machine's place `at` have these coordinates in a system, by axis (G10 L20)."""
+        here = _difference(self.in_system(at, system), self.shift)
+        x, y, z = _difference(here, replaced(here, values))
+        x, y = _turned(x, y, self.angles[system - 1])
+        self.origins[system - 1] = _sum(self.origins[system - 1], (x, y, z))
+
+    def shift_to(self, values: dict[int, float], at: Point) -> None:
+        """Let the machine's place `at` have these coordinates from now on, by axis (G92)."""
+        here = self.in_program(at)
+        moved = _difference(here, replaced(here, values))
+        self.shift = self.kept_shift = _sum(self.shift, moved)
+        self.shifted = True
+
+
+def _sum(a: Point, b: Point) -> Point:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _difference(a: Point, b: Point) -> Point:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
+    if not angle:
+        return x, y
+    cos, sin = math.cos(angle), math.sin(angle)
+    return x * cos - y * sin, x * sin + y * cos
+
+
+def replaced(point: Point, values: dict[int, float]) -> Point:
+    """The point with some coordinates given anew, by axis."""
+    return values.get(0, point[0]), values.get(1, point[1]), values.get(2, point[2])
+
+
+TABLE_WORD = re.compile(rf"([A-Za-z])\s*({NUMBER})\s*")
+TABLE_LETTERS = frozenset("TPXYZABCUVWDIJQ")
+
+
+class Tool(NamedTuple):
+    """A tool: its diameter, and its offset along the axes (G43) [m]."""
+
+    diameter: float = 0.0
+    offset: Point = ZERO
+
+
+def read_tool_table(path: str | PathLike[str]) -> dict[int, Tool]:
+    """Tools of a file, by number.
 
     Raises:
-        ToolpathError: it is too far away, or @ or ^ comes with X or Y.
+        ToolpathError: it cannot be read, or a line is no tool.
     """
-    x, y, z = here
-    unit = modes.unit
-    if "@" in values or "^" in values:
-        if "X" in values or "Y" in values:
-            raise ToolpathError("@ and ^ beside X or Y")
-        radius, angle = math.hypot(x, y), math.atan2(y, x)
-        if "@" in values:
-            length = values["@"] * unit
-            radius = length + (radius if modes.incremental else 0.0)
-        if "^" in values:
-            turn = math.radians(values["^"])
-            angle = turn + (angle if modes.incremental else 0.0)
-        x, y = radius * math.cos(angle), radius * math.sin(angle)
-    elif modes.incremental:
-        x += values.get("X", 0.0) * unit
-        y += values.get("Y", 0.0) * unit
-    else:
-        x = values["X"] * unit if "X" in values else x
-        y = values["Y"] * unit if "Y" in values else y
-    if "Z" in values:
-        z = values["Z"] * unit + (z if modes.incremental else 0.0)
-    check_near((x, y, z))
-    return x, y, z
+    tools: dict[int, Tool] = {}
+    for number, line in enumerate(lines_of(read_program(path)), start=1):
+        text = line.split(";")[0].strip()
+        words = {letter.upper(): float(value) for letter, value in TABLE_WORD.findall(text)}
+        if not text:
+            continue
+        if TABLE_WORD.sub("", text) or not words.keys() <= TABLE_LETTERS or words.get("T", 0.5) % 1:
+            raise ToolpathError(f"{path}: line {number}: no tool as T1 P1 D6 Z25: {shown(text)}")
+        x, y, z, diameter = (words.get(letter, 0.0) * MM for letter in "XYZD")
+        tools[int(words["T"])] = Tool(diameter, (x, y, z))
+    return tools
+
+
+def tool_numbered(tools: dict[int, Tool] | None, number: int) -> Tool:
+    """Tool of a table.
+
+    Raises:
+        ToolpathError: there is no table, no tool or not this one.
+    """
+    if tools is None:
+        raise ToolpathError(
+            "cutter compensation needs the tool's diameter: --tool-table, or G41.1 and G42.1 with D"
+        )
+    if number == 0:
+        raise ToolpathError("no tool is in the spindle: T and M6 choose one")
+    if number not in tools:
+        raise ToolpathError(f"tool {number} is not in the tool table")
+    return tools[number]

@@ -7,15 +7,13 @@ from functools import cached_property
 from pathlib import Path
 
 from jcontour.geometry.gcode import words as codes
-from jcontour.geometry.gcode.blocks import NOTHING, SKIPPED, Block, OWord, read_block, sender_word
-from jcontour.geometry.gcode.expressions import evaluated, whole
+from jcontour.geometry.gcode.expressions import Locals, Parameters, evaluated, whole
 from jcontour.geometry.gcode.flow import Structure, structure, told_label
 from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.gcode.machine_values import machine_values
-from jcontour.geometry.gcode.modes import Modes
-from jcontour.geometry.gcode.move import Tracer
-from jcontour.geometry.gcode.parameters import Locals, Parameters
-from jcontour.geometry.gcode.tool_table import Tool
+from jcontour.geometry.gcode.modes import Modes, Tool
+from jcontour.geometry.gcode.moves import Tracer
+from jcontour.geometry.gcode.words import NOTHING, SKIPPED, Block, OWord, read_block
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 from jcontour.geometry.toolpath_text import lines_of, read_program
 
@@ -134,7 +132,14 @@ class Program:
             self.machine.tracer.line = index + 1
         block = source.blocks.get(index)
         if block is None:
-            block = self._block(source, index)
+            line = source.lines[index]
+            if "%" in line and line.lstrip().startswith("%"):
+                if self.begun or self.marked:  # the first one opens a program, the next one ends it
+                    self.machine.ended = True
+                self.marked = True
+                block = NOTHING
+            else:
+                block = read_block(line)
         if index > source.reached:
             source.reached = index
         else:
@@ -162,19 +167,6 @@ class Program:
             self._flow(frame, index, block.flow)
         else:
             self._execute(frame, block)
-
-    def _block(self, source: Source, index: int) -> Block:
-        line = source.lines[index]
-        if "%" in line and line.lstrip().startswith("%"):
-            if self.begun or self.marked:  # the first one opens a program, the next one ends it
-                self.machine.ended = True
-            self.marked = True
-            return NOTHING
-        word = sender_word(line)
-        if word is not None:
-            self.machine.ignored.add(word)
-            return NOTHING
-        return read_block(line)
 
     def _execute(self, frame: Frame, block: Block) -> None:
         parameters = self.parameters

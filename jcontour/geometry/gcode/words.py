@@ -1,13 +1,28 @@
-"""Codes that a program may contain, by group, and the words of a line sorted by them.
+"""Lines of a program as a control reads them: words, settings of parameters, or an O-word.
 
-G codes are ten times their number, so that G59.1 is whole. One of a group is in force at a time.
+White space outside comments means nothing, nor does the case of letters. A line that begins with /
+is skipped, as with the block-delete switch on. Comments are (in brackets), up to (three (deep)), or
+; to the end. G codes are ten times their number, so that G59.1 is whole. One of a group is in force
+at a time.
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from jcontour.geometry.gcode.expressions import whole
-from jcontour.geometry.toolpath_rules import ToolpathError, shown
+from jcontour.geometry.gcode.expressions import (
+    FUNCTIONS,
+    NAME,
+    Cursor,
+    Expression,
+    Parameters,
+    evaluated,
+    read_bracket,
+    read_key,
+    read_value,
+    whole,
+)
+from jcontour.geometry.toolpath_rules import NUMBER, ToolpathError, shown
 
 CYCLES = frozenset({730, 740, 810, 820, 830, 840, 850, 860, 880, 890})  # canned, expanded to moves
 NO_MOTION = 800
@@ -30,51 +45,21 @@ GROUP_OF = {code: group for group, codes in GROUPS.items() for code in codes}
 TAKING_AXES = frozenset({100, 280, 300, 520, 920})
 # of it, too; they shift the program's origin, for which LinuxCNC waits for the motion
 SHIFTING = frozenset({520, 920, 921, 922, 923})
-# nothing of what they ask for moves this machine: spindle speed modes,
-# radii of lathes, and cancelling what could not be switched on (scaling, mirrors, rotation, polar
-# coordinates, plane tilt); how controls look ahead and smooth (Fanuc's G8, Haas' G103 and G187)
-IGNORED = frozenset({80, 131, 150, 401, 500, 501, 690, 960, 970, 1030, 1870})
-LOOK_AHEAD = frozenset({5.0, 5.1})  # of Fanuc, as G5 P10000 and G5.1 Q1
-REFUSED = {
-    50: "a spline",
-    51: "a spline",
-    52: "a NURBS curve",
-    53: "a NURBS curve",
-    70: "a lathe's diameters",
-    310: "probing",
-    330: "motion synchronised with a spindle",
-    331: "motion synchronised with a spindle",
-    380: "probing",
-    382: "probing",
-    383: "probing",
-    384: "probing",
-    385: "probing",
-    510: "scaling",
-    680: "a rotated program; G10 L2 R rotates a work system",
-    760: "a lathe's thread",
-    870: "boring from behind",
-    950: "a feed per turn of a spindle",
-}
+# nothing of what they ask for moves this machine: spindle speed modes, and cancelling what could
+# not be switched on (scaling, mirrors, rotation, polar coordinates, plane tilt, radii of lathes)
+IGNORED = frozenset({131, 150, 401, 500, 501, 690, 960, 970})
 NO_PRINTERS = "programs of 3D printers are not read"
-REFUSED_M = {
-    96: "a jump on a signal",  # of Haas, as the next one
-    97: "a call of lines; M98 calls a subprogram",
-    **dict.fromkeys((104, 109, 140, 190), f"a heater: {NO_PRINTERS}"),
-}
+HEATERS = frozenset({104, 109, 140, 190})  # M codes of printers
+JUMPS = frozenset({96, 97})  # M codes of Haas
 LETTERS = {  # that belong to a code, besides those of motion
     20: "P",
     30: "P",
     40: "PXUS",
-    50: "P",
-    51: "Q",
-    80: "P",
     100: "LPR",
     430: "H",
     640: "PQ",
     960: "D$",
     970: "$",
-    1030: "P",
-    1870: "P",
     **dict.fromkeys(CYCLES, "LPQR$"),
 }
 END = frozenset({2, 30})  # M codes that end the program
@@ -128,13 +113,11 @@ def sorted_words(words: Sequence[tuple[str, float]], motion: int | None) -> Line
         if not abs(value) <= LARGEST:
             raise ToolpathError(f"the number in {shown(f'{letter}{value:.6g}')} is too large")
         if letter == "G":
-            # G5 and G5.1 without axes are Fanuc's look-ahead, with axes splines
-            looks = value in LOOK_AHEAD and not any(other in "XYZIJ" for other, _ in words)
-            _add_g_code(found, value, looks)
+            _add_g_code(found, value)
         elif letter == "M":
             code = whole(value, "an M code")
-            if not 0 <= code <= MOST_M or code in REFUSED_M:
-                reason = f" ({REFUSED_M[code]})" if code in REFUSED_M else ""
+            if not 0 <= code <= MOST_M or code in JUMPS | HEATERS:
+                reason = f" ({NO_PRINTERS})" if code in HEATERS else ""
                 raise ToolpathError(f"'M{code}' is not supported{reason}")
             found.m_codes.append(code)
         elif letter in OTHER_AXES and value:
@@ -165,16 +148,15 @@ def sorted_words(words: Sequence[tuple[str, float]], motion: int | None) -> Line
     return found
 
 
-def _add_g_code(found: LineWords, value: float, looks: bool) -> None:
+def _add_g_code(found: LineWords, value: float) -> None:
     """Add a code to its group; G80 beside a motion code only ends what was in force before."""
-    code = round(10 * value) if looks else whole(10 * value, "ten times a G code")
-    if looks or code in IGNORED:
+    code = whole(10 * value, "ten times a G code")
+    if code in IGNORED:
         found.without_motion.append(code)
         return
     group = GROUP_OF.get(code)
     if group is None:
-        reason = f" ({REFUSED[code]})" if code in REFUSED else ""
-        raise ToolpathError(f"'G{code / 10:g}' is not supported{reason}")
+        raise ToolpathError(f"'G{code / 10:g}' is not supported")
     other = found.codes.get(group)
     if other is None or other == code or (group == "motion" and other == NO_MOTION):
         found.codes[group] = code
@@ -184,3 +166,180 @@ def _add_g_code(found: LineWords, value: float, looks: bool) -> None:
         raise ToolpathError(
             f"'G{code / 10:g}' and another G code of its kind ({group}) in one line"
         )
+
+
+INNERMOST = r"\([^()]*\)"
+NESTED = rf"\((?:[^()]|\((?:[^()]|{INNERMOST})*\))*\)"
+COMMENT = re.compile(rf"{NESTED}|\([^)]*\)|(\().*|;.*")  # a ( without its ) is kept
+ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
+MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
+PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
+WORD = re.compile(rf"([A-Za-z])({NUMBER})")
+LETTER = re.compile(r"[A-Za-z@^$]")
+LINE_NUMBER = re.compile(r"[Nn][0-9.]+")
+DIGITS = re.compile(r"[0-9]+")
+VALUE = re.compile(rf"[+-]*(?:[\[#.0-9]|(?:{'|'.join(FUNCTIONS)}|ATAN|EXISTS)\[)", re.IGNORECASE)
+EXPONENT = re.compile(  # other languages write numbers so; right behind G it is the word E
+    r"(?<![Gg])(?<![Gg][0-9])[0-9.][eE][+-]?[0-9]+(?![0-9.])"
+)
+M66 = re.compile(r"[Mm]0*66(?![0-9.])")  # its E says which input it reads
+KEYWORD = re.compile(  # the longest first: "do" begins no other, but "else" does
+    "continue|endrepeat|endwhile|elseif|endsub|return|repeat|endif|break|while|call|else|sub|do|if",
+    re.IGNORECASE,
+)
+NO_EXPONENTS = ": controls know no exponents; the word E needs a space before it here"
+CONDITIONAL = frozenset({"if", "elseif", "while", "repeat"})  # these need a value
+RETURNING = frozenset({"return", "endsub"})  # these may have one
+
+Key = Callable[[Parameters], int | str]
+
+
+class OWord(NamedTuple):
+    """Flow of the program: `o100 while [#1 LT 5]`.
+
+    Attributes:
+        keyword: sub, call, if, ...; empty where the number of a program stands alone, O1000.
+        label: number or name.
+        values: in brackets behind: the condition, the count, the arguments.
+    """
+
+    keyword: str
+    label: Callable[[Parameters], str]
+    values: tuple[Expression, ...] = ()
+
+
+class Block(NamedTuple):
+    """Content of one line.
+
+    Attributes:
+        words: letters in upper case and their numbers, or what computes them.
+        settings: parameters and values, in force once all words have their numbers.
+        flow: O-word, which stands alone.
+        abort: message of (ABORT, ...), None without one.
+        shows_message: whether it has (MSG, ...), before which the motion stops.
+    """
+
+    words: tuple[tuple[str, float | Expression], ...] = ()
+    settings: tuple[tuple[Key, Expression], ...] = ()
+    flow: OWord | None = None
+    abort: str | None = None
+    shows_message: bool = False
+
+
+NOTHING = Block()
+SKIPPED = Block()  # it says something, but begins with /
+
+
+def read_block(line: str) -> Block:
+    """Read a line.
+
+    >>> read_block("n10 g1 x2.5 (to the right)").words
+    (('N', 10.0), ('G', 1.0), ('X', 2.5))
+
+    Args:
+        line: of a program.
+
+    Raises:
+        ToolpathError: it is no line of a program.
+    """
+    if "(" in line or ";" in line:
+        stripped = COMMENT.sub(r"\1 ", line)
+        text = "".join(stripped.split())
+        if text.startswith("/"):
+            return NOTHING if text == "/" else SKIPPED
+        if ")" in stripped and "(" in line:
+            raise ToolpathError(f"a ) too many: {shown(line.strip())}")
+        if "(" in stripped:
+            raise ToolpathError(f"a comment without its ): {shown(line.strip())}")
+        said = _said(line)
+    else:
+        stripped, said = line, NOTHING
+        text = "".join(stripped.split())
+    if text.startswith("/"):
+        return NOTHING if text == "/" else SKIPPED
+    if not text:
+        return said
+    exponents = bool(EXPONENT.search(stripped)) and not M66.search(text)
+    if PLAIN.fullmatch(text) and not ("o" in text or "O" in text or exponents):
+        words = [(letter.upper(), float(number)) for letter, number in WORD.findall(text)]
+        return said._replace(words=tuple(words))
+    try:
+        found = _read(Cursor(text), stripped, exponents)
+    except RecursionError:
+        raise ToolpathError("an expression is nested too deeply") from None
+    return found._replace(abort=said.abort, shows_message=said.shows_message)
+
+
+def _said(line: str) -> Block:
+    """What the last comment of a line asks for."""
+    comments = [found[0] for found in COMMENT.finditer(line)]
+    if not comments:
+        return NOTHING
+    match = ABORT.match(comments[-1])
+    shows_message = bool(MESSAGE.match(comments[-1]))
+    if match is None and not shows_message:
+        return NOTHING
+    return Block(abort=match[1].strip() if match else None, shows_message=shows_message)
+
+
+def _read(cursor: Cursor, line: str, exponents: bool) -> Block:
+    cursor.take(LINE_NUMBER)
+    if cursor.starts("o") or cursor.starts("O"):
+        return Block(flow=_read_o_word(cursor))
+    words: list[tuple[str, float | Expression]] = []
+    settings: list[tuple[Key, Expression]] = []
+    while not cursor.ended:
+        if cursor.starts("#"):
+            key = read_key(cursor)
+            cursor.expect("=")
+            settings.append((key, read_value(cursor)))
+            continue
+        before, letter = cursor.at, cursor.take(LETTER)
+        exponent = exponents and letter is not None and letter[0] in "eE"
+        if letter is None or exponent or not VALUE.match(cursor.text, cursor.at):
+            places = [place for place, character in enumerate(line) if not character.isspace()]
+            written = shown(line[places[before] :])  # with its white space
+            raise ToolpathError(f"cannot read {written}{NO_EXPONENTS if exponent else ''}")
+        number = WORD.match(cursor.text, before)
+        if number is None:
+            words.append((letter[0].upper(), read_value(cursor)))
+        else:
+            words.append((letter[0].upper(), float(number[2])))
+            cursor.at = number.end()
+    return Block(tuple(words), tuple(settings))
+
+
+def _read_o_word(cursor: Cursor) -> OWord:
+    cursor.at += 1
+    label = _read_label(cursor)
+    match = cursor.take(KEYWORD)
+    keyword = match[0].lower() if match else ""
+    values: list[Expression] = []
+    while cursor.starts("[") and keyword:
+        values.append(read_bracket(cursor))
+    if not cursor.ended:
+        raise ToolpathError(f"cannot read {shown(cursor.rest)} behind an O-word")
+    if keyword in CONDITIONAL:
+        fits = len(values) == 1
+    elif keyword in RETURNING:
+        fits = len(values) <= 1
+    else:
+        fits = keyword == "call" or not values
+    if not fits:
+        raise ToolpathError(f"O-word {keyword!r} with {len(values)} values in brackets")
+    return OWord(keyword, label, tuple(values))
+
+
+def _read_label(cursor: Cursor) -> Callable[[Parameters], str]:
+    digits = cursor.take(DIGITS)
+    if digits:
+        number = str(int(digits[0][:20]))
+        return lambda parameters: number
+    name = cursor.take(NAME)
+    if name:
+        key = f"<{name[1].lower()}>"
+        return lambda parameters: key
+    if not (cursor.starts("[") or cursor.starts("#")):
+        raise ToolpathError(f"an O-word needs a number or a name before {shown(cursor.rest)}")
+    value = read_value(cursor)
+    return lambda parameters: str(whole(evaluated(value, parameters), "the number of an O-word"))

@@ -27,8 +27,7 @@ def test_a_line_for_each_move(tmp_path):
         ["5", "line", "8.0000", "4.5000", "0.0000", "300"],
     ]
     assert last == "4 moves; ignored: M3"
-    *_, stop, _, told, left_out, z_alone = listed(path, 2)
-    assert z_alone.startswith("left out: 0.2 s of Z alone")
+    *_, stop, _, told, left_out = listed(path, 2)
     assert stop.split()[1:] == "stop 8.0000 4.5000 - for Z 0.2 s".split()
     assert told == "1 stop: Z at line 5; Z alone takes 0.2 s at its feed"
     assert left_out.startswith("a run leaves out 1 of them")

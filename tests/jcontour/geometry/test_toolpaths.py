@@ -99,7 +99,7 @@ def test_control_characters_around_a_program_mean_nothing(tmp_path, traced):
 
 
 def test_too_many_moves_and_bytes(tmp_path, monkeypatch):
-    monkeypatch.setattr("jcontour.geometry.gcode.move.MOST_MOVES", 3)
+    monkeypatch.setattr("jcontour.geometry.gcode.moves.MOST_MOVES", 3)
     with pytest.raises(ToolpathError, match="line 4: more than 3 moves"):
         parse_gcode("F1 G1 X1\nX2\nX3\nX4\nX5")
     monkeypatch.setattr("jcontour.geometry.toolpath_text.MOST_BYTES", 2**20)
@@ -209,11 +209,10 @@ def test_mutated_parts(traced, tmp_path_factory, data):
         traced.assert_valid(toolpath)
 
 
-def test_cuts_along_which_z_moves_too_are_numbered_be_it_to_and_fro():
-    hop = "G21 F600 G0 X0 Y0 Z0\nG1 X10\nG18 G2 X30 Z0 I10 K0\nG1 X40\nG1 X50 Z-1\nG2 X50 I5\nG1 Y5"
-    flat = parse_gcode(hop, "XY")  # a full turn in X and Z goes to and fro: two lines
-    assert flat.ramps == (1, 3, 4, 5)
-    assert parse_gcode(hop, "XYZ").ramps == ()
+def test_cuts_along_which_z_moves_too_are_numbered():
+    ramp = "G21 F600 G0 X0 Y0 Z0\nG1 X10\nG1 X30 Z-1\nG1 X40\nG2 X50 Z-2 I5"
+    assert parse_gcode(ramp, "XY").ramps == (1, 3)
+    assert parse_gcode(ramp, "XYZ").ramps == ()
     assert parse_gcode("F600 G1 X10\nG2 X30 I10\nG1 Z-1\nG1 X40", "XY").ramps == ()
 
 

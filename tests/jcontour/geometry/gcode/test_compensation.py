@@ -9,8 +9,8 @@ import re
 import numpy as np
 import pytest
 
+from jcontour.geometry.gcode.modes import Tool, read_tool_table
 from jcontour.geometry.gcode.programs import interpreted
-from jcontour.geometry.gcode.tool_table import Tool, read_tool_table
 from jcontour.geometry.toolpath_rules import ToolpathError
 
 MM = 1e-3

@@ -2,7 +2,7 @@
 
 import pytest
 
-from jcontour.geometry.gcode.blocks import read_block
+from jcontour.geometry.gcode.words import read_block
 from jcontour.geometry.toolpath_rules import ToolpathError
 
 LONG = 100_000  # a way of reading that grows with the square of it would not end in minutes

@@ -1,0 +1,334 @@
+"""Moves of the tool with stops between them, and what arcs, canned cycles and stops make of words.
+
+The steps of canned cycles (G73, G74, G81 to G86, G88, G89) are those of LinuxCNC: above the hole at
+the level of before, at traverse down to R, then into it. G74, G82, G84, G86, G88 and G89 dwell at
+the bottom for P seconds, where P is given. Stops and turns of the spindle move nothing; after G88,
+where an operator takes the tool out, it goes out at traverse.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from jcontour.geometry.arcs import ARC_SLACK, ARC_SLACK_INCH, arcs_between, centre_from_radius
+from jcontour.geometry.gcode.expressions import whole
+from jcontour.geometry.gcode.modes import ZERO, Modes, Point
+from jcontour.geometry.toolpath_rules import FARTHEST, INCH, MOST_MOVES, SHORTEST, ToolpathError
+
+DWELL, UP_OR_DOWN = "G4", "Z"  # why a stop is made
+# first and second axis of the plane, then its normal
+PLANES = {170: (0, 1, 2), 180: (2, 0, 1), 190: (1, 2, 0)}
+
+
+class Move(NamedTuple):
+    """A line, or an arc or helix where `angle` is not zero.
+
+    Attributes:
+        start: first point [m].
+        end: last point [m].
+        centre: of the arc, in the plane of its start [m].
+        angle: turned [rad], positive counter-clockwise around the plane's normal.
+        normal: axis number of the plane's normal.
+        feed: speed along the move [m/s], NaN for a rapid move.
+        rapid: whether it is one (G0).
+        line: of the program, from 1.
+    """
+
+    start: Point
+    end: Point
+    centre: Point
+    angle: float
+    normal: int
+    feed: float
+    rapid: bool
+    line: int
+
+
+class Stop(NamedTuple):
+    """A place between two moves where the tool comes to rest, for a time in a dwell.
+
+    Attributes:
+        after: how many moves come before it.
+        place: where it rests [m].
+        lasting: for how long [s], 0 for a stop alone.
+        line: of the program, from 1.
+        why: words of the program that ask for it, as G4 or M8 M3.
+        besides: how long an axis that is not traced moves meanwhile [s]; NaN at traverse.
+    """
+
+    after: int
+    place: Point
+    lasting: float
+    line: int
+    why: str
+    besides: float = 0.0
+
+
+def check_near(lengths: Iterable[float]) -> None:
+    """Raise ToolpathError if any of these lengths [m] is too large for a machine."""
+    for length in lengths:
+        if not abs(length) <= FARTHEST:
+            raise ToolpathError(f"a coordinate is farther than {FARTHEST:g} m away")
+
+
+@dataclass
+class Tracer:
+    """Place of a machine, and its moves so far.
+
+    Attributes:
+        axes: 3, or 2 where only X and Y are traced.
+        at: place on the machine [m].
+        line: of the program that is carried out.
+        moves: made so far.
+        stops: between them, so far.
+    """
+
+    axes: int
+    at: Point = ZERO
+    line: int = 0
+    moves: list[Move] = field(default_factory=list)
+    stops: list[Stop] = field(default_factory=list)
+
+    def add(self, end: Point, centre: Point, angle: float, feed: float, plane: int) -> None:
+        """Add a move; one too short to see only moves the axes that are not traced, and stops.
+
+        Raises:
+            ToolpathError: it ends too far away, or there are too many.
+        """
+        check_near(end)
+        if angle == 0.0 and math.dist(self.at[: self.axes], end[: self.axes]) < SHORTEST:
+            if self.axes == 2:
+                rise = abs(end[2] - self.at[2])
+                self.at = self.at[0], self.at[1], end[2]
+                if rise >= SHORTEST:  # X and Y stand still meanwhile
+                    self.stop(UP_OR_DOWN, besides=rise / feed)
+            return
+        rapid = math.isnan(feed)
+        normal = PLANES[plane][2]
+        self.moves.append(Move(self.at, end, centre, angle, normal, feed, rapid, self.line))
+        self.at = end
+        if len(self.moves) > MOST_MOVES:
+            raise ToolpathError(f"more than {MOST_MOVES} moves")
+
+    def add_line(self, end: Point, feed: float, plane: int) -> None:
+        """Add a straight move, rapid where it has no feed (NaN)."""
+        self.add(end, end, 0.0, feed, plane)
+
+    def dwell(self, lasting: float, word: str) -> None:
+        """Rest for a time [s], which `word` of the program gives.
+
+        Raises:
+            ToolpathError: the time is negative, or there are too many stops.
+        """
+        if not lasting >= 0:
+            raise ToolpathError(f"{word}{lasting:g}: a dwell needs seconds, not below 0")
+        self.stop(DWELL, lasting)
+
+    def stop(self, why: str, lasting: float = 0.0, besides: float = 0.0) -> None:
+        """Come to rest, for a time in a dwell [s]; see `Stop`.
+
+        Before the first move there is nothing to stop, but an axis that is not traced may move.
+
+        Raises:
+            ToolpathError: there are too many stops.
+        """
+        if not (self.moves or lasting or besides > 0):
+            return
+        self.stops.append(Stop(len(self.moves), self.at, lasting, self.line, why, besides))
+        if len(self.stops) > MOST_MOVES:
+            raise ToolpathError(f"more than {MOST_MOVES} stops")
+
+
+def target(values: dict[str, float], here: Point, modes: Modes) -> Point:
+    """End point [m] that the letters X, Y, Z or @ and ^ say, seen from `here` [m].
+
+    >>> target({"X": 5.0, "Z": 1.0}, (1e-3, 2e-3, 0.0), Modes())
+    (0.005, 0.002, 0.001)
+
+    Raises:
+        ToolpathError: it is too far away, or @ or ^ comes with X or Y.
+    """
+    x, y, z = here
+    unit = modes.unit
+    if "@" in values or "^" in values:
+        if "X" in values or "Y" in values:
+            raise ToolpathError("@ and ^ beside X or Y")
+        radius, angle = math.hypot(x, y), math.atan2(y, x)
+        if "@" in values:
+            length = values["@"] * unit
+            radius = length + (radius if modes.incremental else 0.0)
+        if "^" in values:
+            turn = math.radians(values["^"])
+            angle = turn + (angle if modes.incremental else 0.0)
+        x, y = radius * math.cos(angle), radius * math.sin(angle)
+    elif modes.incremental:
+        x += values.get("X", 0.0) * unit
+        y += values.get("Y", 0.0) * unit
+    else:
+        x = values["X"] * unit if "X" in values else x
+        y = values["Y"] * unit if "Y" in values else y
+    if "Z" in values:
+        z = values["Z"] * unit + (z if modes.incremental else 0.0)
+    check_near((x, y, z))
+    return x, y, z
+
+
+Arcs = list[tuple[complex, complex, float]]  # end, centre [m] and angle [rad] of one after another
+CENTRES = "IJK"
+FARTHEST_CENTRE = 1e4  # [m]: CAM systems write arcs that bend by less than a micrometre
+MOST_TURNS = 10_000  # of an arc, and holes of a cycle
+
+
+def arcs_of(
+    values: dict[str, float], here: Point, there: Point, modes: Modes, counter_clockwise: bool
+) -> Arcs:
+    """Arcs in the plane in force from one point to another, both of the program [m].
+
+    Raises:
+        ToolpathError: neither a centre nor a radius, or both; one that does not fit the points.
+    """
+    first, second, normal = PLANES[modes.plane]
+    letters = CENTRES[first], CENTRES[second]
+    if any(letter in values for letter in CENTRES) == ("R" in values):
+        raise ToolpathError("an arc needs either a centre (I, J, K) or a radius (R)")
+    if values.get(CENTRES[normal]):
+        raise ToolpathError(f"{CENTRES[normal]} is not in the plane of G{modes.plane // 10}")
+    if "R" not in values and modes.absolute_centres and not values.keys() >= set(letters):
+        raise ToolpathError(f"a centre under G90.1 needs {' and '.join(letters)}")
+    start, end = complex(here[first], here[second]), complex(there[first], there[second])
+    lengths = [values.get(letter, 0.0) * modes.unit for letter in ("R", *letters)]
+    if not all(abs(length) <= FARTHEST_CENTRE for length in lengths):
+        raise ToolpathError(f"the centre of an arc is farther than {FARTHEST_CENTRE:g} m away")
+    offset = complex(*lengths[1:])
+    if "R" in values:
+        centre = centre_from_radius(start, end, lengths[0], counter_clockwise)
+    else:
+        centre = offset if modes.absolute_centres else start + offset
+    slack = ARC_SLACK_INCH if modes.unit == INCH else ARC_SLACK
+    try:
+        arcs = list(arcs_between(start, end, centre, counter_clockwise, slack))
+    except ToolpathError as error:
+        if "R" in values or modes.absolute_centres:
+            raise
+        try:
+            list(arcs_between(start, end, offset, counter_clockwise, slack))
+        except ToolpathError:
+            raise error from None
+        text = "in absolute coordinates its centre fits: G90.1 says so"
+        raise ToolpathError(f"{error}; {text}") from None
+    turns = whole(values.get("P", 1.0), "P of an arc")
+    if not 1 <= turns <= MOST_TURNS:
+        raise ToolpathError(f"P of an arc needs to be 1 to {MOST_TURNS}, received {turns}")
+    if turns > 1:
+        whole_turn = math.copysign(math.tau, arcs[0][2])
+        arcs = [(start, arcs[0][1], whole_turn)] * (turns - 1) + arcs
+    return arcs
+
+
+PECK_CLEARANCE = 0.01 * INCH  # [m] above the bottom of before, where feeding begins again
+MOST_PECKS = 10_000  # of a hole
+DWELLING = frozenset({740, 820, 840, 860, 880, 890})  # at the bottom
+
+
+class Step(NamedTuple):
+    """A move along the normal of the plane to a level [m], and how long it rests there [s]."""
+
+    level: float
+    rapid: bool
+    dwell: float = 0.0
+
+
+def cycle_steps(
+    code: int, retract: float, clear: float, lengths: dict[str, float]
+) -> Iterator[Step]:
+    """Steps into and out of a hole, from the level `retract` of R.
+
+    >>> [step[:2] for step in cycle_steps(810, 2e-3, 2e-3, {"bottom": -5e-3})]
+    [(-0.005, False), (0.002, True)]
+
+    Args:
+        code: of the cycle, in tenths.
+        retract: level where feeding begins [m].
+        clear: level after the hole [m].
+        lengths: level of its `bottom` and, for pecks, depth Q at a time [m]; P is a time [s].
+
+    Raises:
+        ToolpathError: a peck that is not above zero, or thousands of them.
+    """
+    bottom, peck = lengths["bottom"], lengths.get("Q", 0.0)
+    if code in (730, 830):
+        if not peck > 0:
+            raise ToolpathError(f"G{code // 10} needs a depth Q above 0")
+        if (retract - bottom) / peck > MOST_PECKS:
+            raise ToolpathError(f"G{code // 10}: more than {MOST_PECKS} pecks in a hole")
+        depth = retract - peck
+        while depth > bottom:
+            yield Step(depth, rapid=False)
+            if code == 830:
+                yield Step(retract, rapid=True)
+            yield Step(depth + PECK_CLEARANCE, rapid=True)
+            depth -= peck
+    yield Step(bottom, rapid=False, dwell=lengths.get("P", 0.0) if code in DWELLING else 0.0)
+    if code == 850:
+        yield Step(retract, rapid=False)
+    yield Step(clear, rapid=code not in (740, 840, 890))
+
+
+MOST_TOLD = 6  # reasons to stop that are told
+START = "start"  # why, of what comes before the first cut
+EXACT = {"G61.1": "after every move", "G61": "in corners"}  # why, and where
+
+
+def stops_in_cuts(stops: Sequence[Stop], moves: Sequence[Move]) -> list[Stop]:
+    """Stops from the first cut on, to the end of the last one or until Z leaves it alone."""
+    cuts = [k for k, move in enumerate(moves) if not move.rapid]
+    if not cuts:
+        return []
+    found = [stop for stop in stops if cuts[0] < stop.after <= cuts[-1] + 1]
+    leaves = (cuts[-1] + 1, UP_OR_DOWN)
+    left = (k for k, stop in enumerate(found) if (stop.after, stop.why) == leaves)
+    return found[: next(left, len(found))]
+
+
+def told_stops(stops: Sequence[Stop]) -> str:
+    """Where and why a motion stops, in words; empty where it does not.
+
+    What Z alone takes while two axes wait is told apart.
+
+    >>> told_stops([Stop(1, (0.0, 0.0, 0.0), 0.0, 4, "M3"), Stop(2, (0.0, 0.0, 0.0), 0.5, 9, "G4")])
+    '2 stops: M3 at line 4, G4 at line 9 (0.5 s)'
+    """
+    by_reason: dict[str, list[Stop]] = {}
+    for stop in stops:
+        by_reason.setdefault(stop.why, []).append(stop)
+    others = {why: some for why, some in by_reason.items() if why not in EXACT}
+    reasons = []
+    for why, some in list(others.items())[:MOST_TOLD]:
+        first, lasting = f"line {some[0].line}", sum(stop.lasting for stop in some)
+        where = f"at {first}" if len(some) == 1 else f"{len(some)} times from {first}"
+        reasons.append(f"{why} {where}" + (f" ({lasting:.6g} s)" if lasting else ""))
+    if len(others) > MOST_TOLD:
+        reasons.append(f"{len(others) - MOST_TOLD} more reasons")
+    count = sum(map(len, others.values()))
+    told = [f"{count} stop{'' if count == 1 else 's'}: {', '.join(reasons)}"] if others else []
+    told += [
+        f"{why} from line {by_reason[why][0].line}: stops {where}"
+        for why, where in EXACT.items()
+        if why in by_reason
+    ]
+    waiting = [stop.besides for stop in by_reason.get(UP_OR_DOWN, [])]
+    at_feed = [lasting for lasting in waiting if not math.isnan(lasting)]
+    if at_feed:
+        told.append(f"Z alone takes {sum(at_feed):.4g} s at its feed")
+    rapid = len(waiting) - len(at_feed)
+    if rapid:
+        named = "1 rapid move of Z takes" if rapid == 1 else f"{rapid} rapid moves of Z take"
+        told.append(f"{named} no time")
+    return "; ".join(told)
+
+
+def ignored_words(words: Iterable[str], stops: Sequence[Stop]) -> tuple[str, ...]:
+    """Words without meaning for the path, sorted; those that stop it have one."""
+    stopping = {word for stop in stops for word in stop.why.split()}
+    return tuple(sorted(set(words) - stopping))
