@@ -35,19 +35,6 @@ POSITION_CROSSOVERS = np.geomspace(0.5, 3e-4, 32)  # [rad per sample] from fast 
 RINGS = 0.3  # damping below which a pair of poles is a resonance
 USUAL = 0.1  # of the sampling rate: where a notch begins on a machine without one
 DEPTH, DAMPING = 0.2, 0.2  # of a notch that bears a resonance 5 % off: it allows 3 times the gain
-TERMS = {  # weight -> its name at a drive, from SI, unit there
-    "position": ("position gain", 1.0, "1/s"),
-    "velocity": ("velocity gain", 1.0, "{control} s/m"),
-    "integral_time": ("integral time", 1e3, "ms"),
-    "feedforward": ("velocity feedforward", 100.0, "%"),
-    "level": ("position feedforward", 1.0, "{control}/m"),
-    "viscous": ("speed feedforward", 1.0, "{control} s/m"),
-    "inertia": ("acceleration feedforward", 1.0, "{control} s^2/m"),
-    "notch": ("notch", 0.5 / np.pi, "Hz"),
-    "depth": ("notch depth", 1.0, ""),
-    "notch_damping": ("notch damping", 1.0, ""),
-}
-PER_MINUTE = 60.0  # (mm/min)/mm in 1/s
 
 MOTION = (  # what the motion needs
     Weight("inertia", "{control} s^2/m"),
@@ -181,26 +168,6 @@ def simple_names(machine: LinearMachine) -> list[str]:
     names = [name for name, takes in suiting.items() if kinds <= takes]
     rings = resonance(machine.model) is not None
     return [one for name in names for one in ([name, NOTCHED[name]] if rings else [name])]
-
-
-def drive_gains(weights: Gains, control_unit: str) -> list[str]:
-    """Gains of a simple loop as drives name them; the position gain in (mm/min)/mm as well."""
-    lines = []
-    for name, value in weights.items():
-        words, factor, unit = TERMS[name]
-        numbers = np.ravel(value).astype(float)
-        numbers = numbers[:1] if np.all(numbers == numbers[0]) else numbers
-        if name == "feedforward" and np.all(numbers == 1.0):
-            continue
-        line = f"{words} {_each(factor * numbers)} {unit.format(control=control_unit)}".rstrip()
-        if name == "position":
-            line += f" ({_each(PER_MINUTE * numbers)} mm/min per mm)"
-        lines.append(line)
-    return lines
-
-
-def _each(numbers: np.ndarray) -> str:
-    return ", ".join(f"{one:.4g}" for one in numbers)
 
 
 def resonance(model: LinearPlant) -> float | None:

@@ -33,7 +33,7 @@ def screen(verdict: Verdict | None, entries: Sequence[Entry]) -> list[str]:
     """Lines of the screen: the verdict, its gravest reasons, the entries, the other findings.
 
     The remedy of the gravest reason is the next step where the entries name none. Findings that do
-    not fit are counted.
+    not fit are counted; entries give up a line each for the first of them.
 
     Args:
         verdict: on the result; None for a command without one.
@@ -49,7 +49,11 @@ def screen(verdict: Verdict | None, entries: Sequence[Entry]) -> list[str]:
     findings += [Entry("Warning", one.line) for one in messages if one.level == "warning"]
     findings += [one for one in entries if one.heading in FINDINGS]
     head = [] if verdict is None else textwrap.wrap(verdict.heading, WIDTH)
-    rest = [line for one in entries if one.heading not in FINDINGS for line in _lines(one)]
+    others = [one for one in entries if one.heading not in FINDINGS]
+    rest = [line for one in others for line in _lines(one)]
+    first = [*head, *(_lines(findings[0]) if findings else []), *findings[1:2]]
+    if len(first) + len(rest) > LINES:
+        rest = [line for one in others for line in _lines(one, EACH - 1)]
     shown: list[str] = []
     for count, one in enumerate(findings):
         more = _lines(one)
@@ -62,9 +66,9 @@ def screen(verdict: Verdict | None, entries: Sequence[Entry]) -> list[str]:
     return [*head, *shown, *rest]
 
 
-def _lines(entry: Entry) -> list[str]:
+def _lines(entry: Entry, each: int = EACH) -> list[str]:
     """The entry, its text beside its heading, within the columns; a command is never cut."""
     first, *more = broken(f"{entry.heading:<{INDENT}}{entry.text}", WIDTH, INDENT).split("\n")
-    if len(more) >= EACH and not entry.text.startswith("jcontour "):
-        more = [*more[: EACH - 2], f"{more[EACH - 2][: WIDTH - 4].rstrip()} ..."]
+    if len(more) >= each and not entry.text.startswith("jcontour "):
+        more = [*more[: each - 2], f"{more[each - 2][: WIDTH - 4].rstrip()} ..."]
     return [first, *more]

@@ -13,6 +13,7 @@ from jcontour.app.files.results.tuned_result import (
     TunedContour,
     TunedResult,
 )
+from jcontour.app.reports.drives import drive_gains
 from jcontour.app.reports.screen import Entry, read_notes
 from jcontour.app.reports.tables import digits, of_axes, peak_line, plain_table, position, say
 from tuning.objectives import COUNT_NOISE, LATE, RATIO
@@ -55,8 +56,9 @@ def tuned_answer(result: TunedResult) -> list[Entry]:
     """What changes, where the worst is, what it costs, the margins, the limit and the drive."""
     if not result.contours:
         return []
-    told = [change_words(result, True), change_words(result, False)]
-    entries = [Entry("Error", f"RMS, worst plant: {'; '.join(filter(None, told))}")]
+    changes = [change_words(result, True), change_words(result, False)]
+    compared = f"RMS, worst plant, {result.contours[0].compared} -> tuned"
+    entries = [Entry("Error", f"{compared}: {'; '.join(filter(None, changes))}")]
     peaks = [one for one in result.contours if one.peak is not None]
     if peaks:
         worst = max(peaks, key=lambda one: one.peak.error if one.peak else 0.0)
@@ -116,18 +118,19 @@ def _margin_words(tuned: PathMargins, start: PathMargins) -> str:
     late = f"{tuned.delay_samples}{'+' * (tuned.delay_samples >= tuned.delay_search)}"
     before = "unstable" if start.sensitivity is None else digits(start.sensitivity)
     return (
-        f"Ms {digits(tuned.sensitivity)} (start {before}), gain x {digits(max(low))} ... "
-        f"{digits(min(high))}, delay {late} samples"
+        f"Ms {digits(tuned.sensitivity)} (start {before}), gain x {max(low):.2g} ... "
+        f"{min(high):.2g}, {late} samples of delay"
     )
 
 
 def drive_words(drive: DriveLoop, result: TunedResult) -> str:
-    """Gains of the simple loop as a drive names them, and its error beside the tuned one's."""
+    """Gains of the simple loop in general terms, and its error beside the tuned one's."""
+    gains = ", ".join(drive_gains(drive.weights, result.machine.control_unit))
     if drive.controller == result.controller:
-        return ", ".join(drive.gains)
+        return gains
     beyond = "" if drive.kept else ", beyond a limit"
-    error = f"{digits(1e6 * drive.error)} um{beyond}, tuned {digits(1e6 * drive.tuned_error)}"
-    return f"{drive.controller} has {error}: {', '.join(drive.gains)}"
+    times = f"{drive.error / drive.tuned_error:.2g} times the error{beyond}"
+    return f"{drive.controller}, {times}: {gains}"
 
 
 def effort_table(result: TunedResult) -> Table:

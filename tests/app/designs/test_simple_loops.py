@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import design_for
-from jcontour.app.designs.simple_loops import drive_gains, resonance, simple_names
+from jcontour.app.designs.simple_loops import resonance, simple_names
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.machines.from_file import machine_from
 from jcontour.app.machines.linear import LinearMachine
@@ -105,15 +105,3 @@ def test_a_drive_that_takes_a_position_is_given_the_level():
     np.testing.assert_allclose(start["level"], 0.5, rtol=1e-6)
     # 1 / P = (1 + (T + delay + half a sample) s) / 2, the half sample is that of the hold
     np.testing.assert_allclose(start["viscous"], 0.5 * (0.02 + 1e-3 + 0.5e-3), rtol=1e-2)
-
-
-def test_gains_are_told_in_the_terms_of_drives():
-    """20 1/s is 1.2 m/min per mm; a full velocity feedforward is not told."""
-    weights = {"position": 20.0, "integral_time": 0.0125, "feedforward": 1.0}
-    weights |= {"velocity": np.array([3.0, 4.0]), "notch": np.full(2, 2 * np.pi * 45)}
-    assert drive_gains(weights, "V") == [
-        "position gain 20 1/s (1200 mm/min per mm)",
-        "integral time 12.5 ms",
-        "velocity gain 3, 4 V s/m",
-        "notch 45 Hz",
-    ]

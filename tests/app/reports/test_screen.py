@@ -34,3 +34,9 @@ def test_a_command_is_never_cut():
     lines = screen(None, [Entry("Next", f"jcontour tune {words}")])
     assert all(line.endswith(" \\") for line in lines[:-1])
     assert " ".join(" ".join(lines).replace("\\", "").split()) == f"Next jcontour tune {words}"
+
+
+def test_long_entries_make_room_for_the_first_finding():
+    entries = [Entry(f"Entry {k}", "words " * 40) for k in range(4)]  # three lines each
+    lines = screen(Verdict.of([], [warning("look"), warning("listen")]), [*entries, *ENTRIES])
+    assert "Warning  look" in lines and len(lines) <= LINES

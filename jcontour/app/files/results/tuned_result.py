@@ -106,7 +106,7 @@ class DriveLoop:
     """The nearest simple loop, with gains that a drive has."""
 
     controller: str  # its name
-    gains: list[str]  # one line each, in the terms and units of drives
+    weights: dict[str, Weight]  # its gains, SI
     error: float  # objective of the search with these gains [m]
     tuned_error: float  # that of the tuned controller [m]
     kept: bool  # whether it is within every limit of the search

@@ -216,7 +216,7 @@ def _alternatives(result: TunedResult, tried: Sequence[HistoryPoint]) -> list[di
         weights = " ".join(f"{name}={weight_digits(one)}" for name, one in point.weights.items())
         rows.append(
             {
-                "name": f"at most 1/{part} of the control's change",
+                "name": f"calmer: 1/{part} of the control's change or less",
                 "error": best["error"] * point.rms_error / chosen.rms_error,
                 "effort": best["effort"] * point.rms_increment / chosen.rms_increment,
                 "time": cycle,

@@ -14,11 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, names_controller
-from jcontour.app.designs.design import Design
-from jcontour.app.designs.simple_loops import NOTCHED, TERMS, drive_gains, simple_names
+from jcontour.app.designs.design import Design, plain_weights
+from jcontour.app.designs.simple_loops import NOTCHED, simple_names
 from jcontour.app.files.results.tuned_result import DriveLoop
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.reports.drives import TERMS
 from jcontour.app.runs.tuning.limits import lag_limit, named_limits
 from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.app.runs.tuning.searching import Searched
@@ -173,7 +174,7 @@ def _error(found: Searched) -> float:
 def drive_loop(found: Searched, loops: Sequence[SimpleLoop]) -> DriveLoop | None:
     """The controller itself where a drive has it, else the best of the simple loops."""
     design, best = found.run.design, best_simple(loops)
-    if set(design.start) <= set(TERMS):
+    if TERMS.issuperset(design.start):
         weights, error, kept = found.tuned.weights, _error(found), bool(found.tuned.feasible)
     elif best is not None:
         design, error, kept = best.run.design, best.error, best.kept
@@ -182,7 +183,7 @@ def drive_loop(found: Searched, loops: Sequence[SimpleLoop]) -> DriveLoop | None
         return None
     return DriveLoop(
         controller=design.name,
-        gains=drive_gains(weights, found.run.machine.control_unit),
+        weights=plain_weights(weights),
         error=error,
         tuned_error=_error(found),
         kept=kept,

@@ -102,7 +102,7 @@ def test_settings_are_those_that_differ_from_their_defaults():
 def test_alternatives_stand_side_by_side_and_one_is_recommended():
     metrics = {"start": small_runs.family_metrics(4e-6), "tuned": small_runs.family_metrics(1e-6)}
     one = TunedContour(name="part", training=True, samples=9, metrics=metrics)
-    drive = DriveLoop(controller="p", gains=[], error=3e-6, tuned_error=1e-6, kept=True)
+    drive = DriveLoop(controller="p", weights={}, error=3e-6, tuned_error=1e-6, kept=True)
     given = {"contours": [one], "drive": drive, "margins": small_runs.margins(sensitivity=1.6)}
     tried = [  # weights, objective, increment: less error with more change of the control
         HistoryPoint(0, {"rho": 1.0}, 1e-6, 0.0, False, 1e-6, 8.0),
