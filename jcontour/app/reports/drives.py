@@ -114,7 +114,7 @@ def drive_gains(
         control_unit: of the machine.
         drive: a product; the general terms give the position gain in (mm/min)/mm as well.
     """
-    known = {name: np.ravel(value).astype(float) for name, value in weights.items()}
+    known = {name: np.ravel(v).astype(float) for name, v in weights.items() if v is not None}
     if drive == "general" and np.all(known.get("feedforward", FULL) == FULL):
         known.pop("feedforward", None)  # the usual one
     lines, used, named = [], set[str](), set[str]()
