@@ -28,6 +28,7 @@ from experiments.benchmarks.records.true_machines import (
 )
 from experiments.tables import Table
 from jcontour.analysis.uncertain_loops import GRID, Doubt, Lines
+from jcontour.app.commands.tuning import tune
 from jcontour.app.files.results.tuned_result import TunedContour, TunedResult
 from jcontour.app.flags.others import Bench
 from jcontour.app.flags.tuning import Tune
@@ -36,10 +37,9 @@ from jcontour.app.machines.disturbance_bounds import linear_machine
 from jcontour.app.machines.identified import machine_fields
 from jcontour.app.reports.tables import console_of
 from jcontour.app.runs.settling import with_held_end
+from jcontour.app.runs.stored_loops import stored_tuning
 from jcontour.app.runs.tuning.family_loops import measured_peak
-from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
-from jcontour.app.runs.tuning.results import trial_of, tried, tuned_result
-from jcontour.app.runs.tuning.searching import searched
+from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import prepared
@@ -53,7 +53,6 @@ TRAVEL, SPEED, ACCELERATION = 0.4, 0.25, 4.0
 STEP_LAG = 50e-6  # [s] of a current loop that hardly lags
 PARTS = ("circle",)
 USE = "USE THESE VALUES"
-STEPS = 8  # of one descent: most end sooner, or are good enough
 NOISE = 0.3  # of a count
 REST = 1.0  # [s] behind a contour in which a loop may ring
 RINGS = 3.0  # counts, peak to peak half, at the end of it
@@ -295,14 +294,10 @@ def way_of(seed: int, place: Path) -> Way:
             fields["limits"]["control"] = [one.largest for one in axes]
         (place / "machine.json").write_text(json.dumps(fields))
         plant = str(place / "machine.json")
-        run = tuning_run(Tune(plant=plant, parts=PARTS, starts=1, scatter=0, steps=STEPS))
-        search = searched(run, place, lambda _: None, console_of(quiet=True))
+        flags = Tune(plant=plant, parts=PARTS, out=place / "tuned", json=True)
+        told, folder = tune.run(flags, console_of(quiet=True))
     except (ValueError, RuntimeError) as error:
         return replace(nothing, verdict="refused", reasons=str(error))
-    run, tuned = search.run, search.tuned
-    start = tried(run.before.build(run.before.start), run.machine, run.scenarios, run.design.fed)
-    trials = {"start": start, "tuned": trial_of(run, tuned)}
-    told = tuned_result(search, trials, None, [], None, [], 0.0)  # without random plants
     verdict = told.verdict
     reasons = " | ".join(one.text for one in verdict.messages if one.level != "warning")
     shown, printed = found.shown_to, _worst(told.contours, "rms_contour_error")
@@ -311,7 +306,8 @@ def way_of(seed: int, place: Path) -> Way:
     )
     if not verdict.usable:
         return nothing
-    return _on_the_machine(nothing, run, run.controller(tuned.weights), told, axes)
+    run, weights = stored_tuning(folder)
+    return _on_the_machine(nothing, run, run.controller(weights), told, axes)
 
 
 def _worst(contours: list[TunedContour], name: str) -> float:
