@@ -30,7 +30,7 @@ from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.plants.wrappers.backlash import Backlash
 from jcontour.plants.wrappers.delays import Delayed, LateSensors, PartlyDelayed
 from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.dry_friction import WithDryFriction, with_dry_friction
+from jcontour.plants.wrappers.dry_friction import LostMotion, WithDryFriction, with_dry_friction
 from jcontour.plants.wrappers.encoders import (
     CountingEncoders,
     Encoders,
@@ -159,6 +159,7 @@ WRAPPED = {
     PartlyDelayed: lambda: PartlyDelayed(lags(), 0.5, 1, 2),
     Disturbed: lambda: Disturbed(lags(), noise=jnp.ones((1, 2))),
     WithDryFriction: rubbed,
+    LostMotion: lambda: LostMotion(lags(), jnp.full(2, 1e-6)),
     Encoders: lambda: Encoders(lags()),
     Sensed: lambda: Sensed(lags(), Sensors([0, 1]).positions),
     Quantised: lambda: Quantised(lags(), 1e-6),

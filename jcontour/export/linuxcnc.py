@@ -16,7 +16,7 @@ from jcontour.export.rendering import Code
 from jcontour.export.streaming_law import Matrix, Vector
 from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.dry_friction import WithDryFriction
+from jcontour.plants.wrappers.dry_friction import LostMotion, WithDryFriction
 
 LETTERS = "XYZABCUVW"
 TOOLS = 99  # without length or diameter: programs that change tools run
@@ -159,24 +159,26 @@ def linuxcnc_files(
 
 def _model(machine: Plant, count: Vector) -> dict[str, Any]:
     """Matrices of the machine; friction of zero where it has none."""
-    model = machine.plant if isinstance(machine, WithDryFriction) else machine
+    model = machine.plant if isinstance(machine, WithDryFriction | LostMotion) else machine
     if not isinstance(model, LinearPlant):
         raise ValueError(f"linuxcnc: needs a linear machine, received {type(model).__name__}")
     A, B, C = (np.asarray(one, float) for one in (model.A, model.B, model.C))
     m, n = C.shape
-    entry, speed, led = np.zeros((n, m)), np.zeros((m, n)), np.zeros((m, B.shape[1]))
+    entry, speed, play = np.zeros((n, m)), np.zeros((m, n)), np.zeros(B.shape[1])
     sharpness, friction = np.zeros(m), np.zeros(m)
     if isinstance(machine, WithDryFriction):
-        parts = machine.entry, machine.speed, machine.led, machine.sharpness
-        entry, speed, led, sharpness = (np.asarray(one, float) for one in parts)
+        parts = machine.entry, machine.speed, machine.sharpness
+        entry, speed, sharpness = (np.asarray(one, float) for one in parts)
         friction = np.asarray(machine.friction.dry(jnp.ones(m)), float)
+    if isinstance(machine, LostMotion):
+        play = np.asarray(machine.force, float)
     matrices: list[tuple[str, Matrix | Float[np.ndarray, " m"]]] = [
         ("A", A),
         ("B", B),
         ("C", C),
         ("ENTRY", entry),
         ("SPEED", speed),
-        ("LED", led),
+        ("PLAY", play),
         ("SHARPNESS", sharpness),
         ("FRICTION", friction),
         ("COUNT", count),

@@ -10,7 +10,7 @@ from jcontour import contours, feed_laws, references, simulate
 from jcontour.controller import Controller
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
-from jcontour.plants.wrappers.dry_friction import SLOWEST, with_dry_friction
+from jcontour.plants.wrappers.dry_friction import SLOWEST, LostMotion, with_dry_friction
 from jcontour.plants.wrappers.encoders import Encoders
 
 DT, GAIN, FORCE = 1e-3, 0.8, 0.3  # s, (m/s^2) per control unit, control unit
@@ -137,3 +137,31 @@ def test_a_negative_force_is_refused():
     plant = slides()
     with pytest.raises(ValueError, match="coulomb"):
         with_dry_friction(plant, np.asarray(plant.B), np.array([-1.0]))
+
+
+def test_a_position_loop_with_friction_is_the_play_of_its_command():
+    """Against the cascade k_v (k_p (u - x) - v) on a mass with Coulomb friction, in fine steps."""
+    kp, kv, mass, friction, substeps = 50.0, 3e4, 30.0, 60.0, 40
+    time = DT * np.arange(1500)
+    command = 1e-3 * np.sin(2 * np.pi * 1.5 * np.minimum(time, 7 / 6))  # ends at an extreme
+    x, v, exact, h = 0.0, 0.0, [], DT / substeps
+    for wanted in command:
+        exact.append(x)
+        for _ in range(substeps):
+            needed = v * mass / h + kv * (kp * (wanted - x) - v)
+            v += h / mass * (kv * (kp * (wanted - x) - v) - np.clip(needed, -friction, friction))
+            x += h * v
+    pole = np.exp(-kp * DT)
+    servo = LinearPlant([[pole]], [[1 - pole]], [[1.0]], DT)
+    stuck = with_dry_friction(servo, np.asarray(servo.B), np.array([friction / (kv * kp)]))
+    assert isinstance(stuck, LostMotion)
+
+    def one(state, control):
+        return stuck.step(state, control[None]), stuck.output(state)[0]
+
+    start = stuck.initial_state(jnp.zeros(1), jnp.zeros(1))
+    _, ours = jax.lax.scan(one, start, jnp.asarray(command))
+    assert np.abs(np.asarray(ours) - exact).max() < 0.3 * friction / (kv * kp)
+    assert float(ours[-1]) == pytest.approx(exact[-1], abs=0.15 * friction / (kv * kp))
+    off = abs(exact[-1] - command[-1])  # it sticks away from its command
+    assert off > 0.5 * friction / (kv * kp)
