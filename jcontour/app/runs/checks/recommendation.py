@@ -33,6 +33,7 @@ OF_AXES = (
     "control increment of",
 )  # limits that a calmer motion keeps
 WORSE = 1.01  # ratio to the loop compared with: less is no change
+PAYS = 1.1  # from which on one contour pays for the others: what is as good keeps below it
 ASKED = {"increment": "change of its control"}  # limit that is called otherwise
 FLAGS = {  # limit on metrics: flag that allows more
     metric: f"--{name.replace('_', '-')}" for name, metric in LIMITS.items()
@@ -221,8 +222,8 @@ def _start(seen: Evidence) -> Iterator[Message]:
 def _comparison(seen: Evidence) -> Iterator[Message]:
     """Contours that the tuned weights make worse, held-out ones first, and restless controls.
 
-    What grows by no more than the encoders can tell is a warning. Weights that gain less than that
-    and make the control restless are not worth it.
+    What grows by no more than the encoders can tell, or by a tenth, is a warning. Weights that gain
+    less than the encoders can tell and make the control restless are not worth it.
     """
     if not seen.compared:
         return
@@ -234,7 +235,11 @@ def _comparison(seen: Evidence) -> Iterator[Message]:
             ratios[contour.name], grown[contour.name] = after / before, after - before
     counts = f"the rounding of the encoders, {1e6 * seen.finest:.2g} um"
     worse = [name for name, ratio in ratios.items() if ratio > WORSE]
-    clearly = [name for name in worse if grown[name] > seen.finest and seen.tuned.feasible]
+    clearly = [
+        name
+        for name in worse
+        if ratios[name] > PAYS and grown[name] > seen.finest and seen.tuned.feasible
+    ]
     for training, words in ((False, "held-out"), (True, "training")):
         shown = [one.name for one in seen.contours if one.training is training]
         named = [f"{name} x {ratios[name]:.2f}" for name in shown if name in clearly]
@@ -255,6 +260,9 @@ def _comparison(seen: Evidence) -> Iterator[Message]:
     hardly = [f"{n} x {ratios[n]:.2f}" for n in worse if grown[n] <= seen.finest]
     if hardly and not clearly and not in_all:
         yield warning(f"worse than the {seen.compared} by less than {counts}: {', '.join(hardly)}")
+    little = [f"{n} x {ratios[n]:.2f}" for n in worse if grown[n] > seen.finest]
+    if little and not clearly and not in_all:
+        yield warning(f"a little worse than the {seen.compared}: {', '.join(little)}")
     if len(ratios) < len(worst) or min(grown.values()) < -seen.finest:
         return  # one diverges, or gains what the encoders can tell
     start, tuned = max(worst, key=lambda pair: _times(*pair))

@@ -121,10 +121,10 @@ def test_a_plant_that_the_tuner_did_not_see_decides():
 
 
 def test_held_out_contours_that_became_worse_are_named_before_training_ones():
-    worse = [contour("cam", True, 1e-6, 1.1e-6), contour("ellipse", False, 2e-6, 3e-6)]
+    worse = [contour("cam", True, 1e-6, 1.2e-6), contour("ellipse", False, 2e-6, 3e-6)]
     first, second = reasons(contours=[*GOOD, *worse])
     assert "held-out contours: ellipse x 1.50:" in first
-    assert "training contours: cam x 1.10:" in second
+    assert "training contours: cam x 1.20:" in second
 
 
 def test_less_than_a_per_cent_is_not_worse():
@@ -138,6 +138,9 @@ def test_what_the_encoders_cannot_tell_is_told_and_no_reason():
     (told,) = warnings(contours=[*GOOD, worse[0]], finest=0.2e-6)
     assert told.endswith("less than the rounding of the encoders, 0.2 um: cam x 1.03")
     assert warnings(contours=[*GOOD, *worse], finest=0.2e-6) == warnings(contours=GOOD) == []
+    near = [*GOOD, contour("square", False, 20e-6, 21e-6)]
+    (told,) = warnings(contours=near, finest=0.2e-6)
+    assert told == "a little worse than the start: square x 1.05" and not reasons(contours=near)
 
 
 def test_weights_that_are_worse_in_all_are_not_used_however_little_it_is():
