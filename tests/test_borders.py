@@ -45,9 +45,9 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "experiments.doctest_blocks": {"griffe"},  # of the site
     "jcontour.export.rendering": {"jinja2"},
     "jcontour.app.runs.checks.in_linuxcnc": {"filelock"},
-    "experiments.benchmarks.speed.plain_loops": {"numba"},  # what `bench` compares with
+    "experiments.benchmarks.plain_loops": {"numba"},  # what `bench` compares with
     "experiments.benchmarks.records.true_machines": {"numba"},  # steps of 25 us
-    "experiments.benchmarks.searches.search_methods": {"cmaes", "optuna"},
+    "experiments.benchmarks.search_methods": {"cmaes", "optuna"},
 }
 
 FLOORS = {  # top to bottom: a room imports its own floor and those below

@@ -1,12 +1,13 @@
-"""Results of `jcontour bench` that are stored with the code, and what has changed since.
+"""Results of `jcontour bench` in files: those stored with the code, and rows of long runs.
 
 A part with a function `rates(result)`, names to quantities per second, is compared with the last
 results that were stored for the same device. `--keep results.json` adds the present ones.
 """
 
 import json
+from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.table import Table
 
@@ -14,6 +15,8 @@ from jcontour.app.reports import tables
 
 STORED = Path(__file__).with_name("results.json")
 SLOWER = 0.95  # of the stored rate: below, a row is marked
+
+Row = TypeVar("Row")  # a dataclass of numbers, words and lists of them
 
 
 def read(path: Path = STORED) -> dict[str, list[dict[str, Any]]]:
@@ -49,3 +52,41 @@ def changes(part: str, machine: dict[str, str], rates: dict[str, float]) -> Tabl
     for row, is_slower in zip(table.rows, slower, strict=True):
         row.style = "red" if is_slower else None
     return table
+
+
+def kept(
+    path: Path | None,
+    kind: type[Row],
+    keys: Iterable[Hashable],
+    run: Callable[..., list[Row]],
+) -> list[Row]:
+    """Rows of all keys, in their order; `run(*key)` makes those that no file holds.
+
+    Every line of the file is a key with its rows, as JSON: a second run goes on. A last line
+    without its end is dropped: the run before was ended while it was written.
+
+    Raises:
+        ValueError: the file cannot be read or written, or holds something else.
+    """
+    keys = [key if isinstance(key, tuple) else (key,) for key in keys]
+    done = _rows_in(path, kind) if path is not None else {}
+    for key in keys:
+        if key not in done:
+            done[key] = run(*key)
+            if path is not None:
+                with path.open("a") as file:
+                    line = [list(key), [vars(row) for row in done[key]]]
+                    file.write(json.dumps(line) + "\n")
+    return [row for key in keys for row in done[key]]
+
+
+def _rows_in(path: Path, kind: type[Row]) -> dict[tuple, list[Row]]:
+    try:
+        text = path.read_text() if path.exists() else ""
+        whole = text[: text.rfind("\n") + 1]
+        lines = [json.loads(line) for line in whole.splitlines()]
+        done = {tuple(key): [kind(**row) for row in rows] for key, rows in lines}
+        path.write_text(whole)
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise ValueError(f"keep: {path} is of no such benchmark: {error}") from None
+    return done

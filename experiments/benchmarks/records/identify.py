@@ -9,7 +9,6 @@ from statistics import fmean, median
 import numpy as np
 from jaxtyping import Complex, Float
 
-from experiments.benchmarks.kept_rows import kept
 from experiments.benchmarks.records.hidden_machines import (
     DT,
     PROGRAMS,
@@ -19,6 +18,7 @@ from experiments.benchmarks.records.hidden_machines import (
     late_by_a_part,
     true_model,
 )
+from experiments.benchmarks.stored_results import kept
 from experiments.tables import Column, Table
 from jcontour.app.flags.others import Bench
 from jcontour.linear.continuous_axes import sampled_axis

@@ -17,7 +17,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from experiments.benchmarks.kept_rows import kept
 from experiments.benchmarks.records.true_machines import (
     INNER,
     Law,
@@ -26,6 +25,7 @@ from experiments.benchmarks.records.true_machines import (
     response,
     stepped,
 )
+from experiments.benchmarks.stored_results import kept
 from experiments.tables import Table
 from jcontour.analysis.uncertain_loops import GRID, Doubt, Lines
 from jcontour.app.commands.tuning import tune

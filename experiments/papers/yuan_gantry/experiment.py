@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.benchmarks.speed.gantry import engine_differences
+from experiments.benchmarks.gantry import engine_differences
 from experiments.papers.yuan_gantry.motor_bench import (
     HardwareInLoop,
     MotorBench,

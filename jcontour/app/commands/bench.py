@@ -27,11 +27,7 @@ PACKAGES = (
     "mujoco-mjx",
 )
 UNKNOWN = "unknown"
-ROOMS = {  # of `experiments/benchmarks`: the parts in each
-    "speed": ("mpc", "qp", "lq", "gantry"),
-    "searches": ("tuners",),
-    "records": ("identify", "whole_way", "public"),
-}
+RECORDS = ("identify", "whole_way", "public")  # parts in a folder of `experiments/benchmarks`
 
 
 @dataclass(frozen=True)
@@ -85,8 +81,7 @@ def command(flags: Bench) -> int:
 
 def place_of(part: str) -> str:
     """Module of a part."""
-    room = next(room for room, parts in ROOMS.items() if part in parts)
-    return f"experiments.benchmarks.{room}.{part}"
+    return f"experiments.benchmarks.{'records.' if part in RECORDS else ''}{part}"
 
 
 def hardware() -> Hardware:

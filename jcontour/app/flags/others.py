@@ -89,5 +89,3 @@ class Bench(Common):
     LQ, QP: results that later ones are compared with."""
     records: Path | None = None
     """Public: folder with the records, a folder each."""
-    figure: Path | None = None
-    """Tuners: PNG file for the best value so far against evaluations."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from experiments.benchmarks.speed import qp
+from experiments.benchmarks import qp
 from experiments.tables import show
 from jcontour.qp.solvers import DAQP
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from experiments.benchmarks.speed import mpc
+from experiments.benchmarks import mpc
 from experiments.tables import show
 from jcontour.qp.solvers import DAQP
 

@@ -5,55 +5,84 @@ many evaluations a search needs to come within 2 % of the best value that anythi
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from itertools import groupby, product
-from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from experiments.benchmarks.kept_rows import kept
-from experiments.benchmarks.searches.search_methods import METHODS, PACKAGES, Spent
-from experiments.benchmarks.searches.tuner_problems import (
-    PROBLEMS,
-    looks_at,
-    measure_of,
-    problem_of,
-)
-from experiments.benchmarks.searches.tuners_figure import Curve, tuners_figure
+from experiments.benchmarks.search_methods import METHODS, PACKAGES, Spent
+from experiments.benchmarks.stored_results import kept
 from experiments.tables import Column, Table
 from jcontour.app.flags.others import Bench
-from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.flags.tuning import Tune
 from jcontour.app.reports.tables import digits
+from jcontour.app.runs.tuning.problem import tuning_run
+from jcontour.controller import Controller
+from jcontour.plant import Plant
 from tuning.effort import THOROUGH, Effort
 from tuning.history import FEASIBLE, Evaluated
+from tuning.loops import Looked, Loops
 from tuning.parameters import Chart, Weights
 from tuning.point import evaluate_point, evaluate_values
 from tuning.problem import Problem
 from tuning.tuner import TuneState, advance
 
+STATE = "contouring-lq-state"
+ALONE = {"nominal_only": True, "max_sensitivity": None}
+PROBLEMS: Mapping[str, Tune] = MappingProxyType(  # from cheap to dear
+    {
+        "square, increment limited": Tune(
+            parts=("square",), controller=STATE, max_rms_increment=0.18, **ALONE
+        ),
+        "circle, RMS control limited": Tune(
+            parts=("circle",), controller=STATE, max_rms_control=2.224, **ALONE
+        ),
+        "square, stage profile, increment limited": Tune(
+            parts=("square",),
+            controller=STATE,
+            free="alpha,beta,stage",
+            max_rms_increment=0.18,
+            **ALONE,
+        ),
+        "flexible axis, cascade": Tune(
+            parts=("task-a",),
+            plant="flexible-axis",
+            controller="cascade-feedforward",
+            **ALONE,
+        ),
+        "circle, stage profile, Ms limited": Tune(
+            parts=("circle",), free="alpha,beta,observer,stage", nominal_only=True
+        ),
+        "circle, family, Ms limited": Tune(parts=("circle",)),
+    }
+)
 OURS = "jcontour"
 WITH_SLOPES = 3  # evaluations that one with slopes counts as
 REACH = 7.0  # half width in ln(weight) of the box that others search: three decades up and down
 AWAY = 3.0  # half width of the box of first points
 CLOSE = 1.02  # of the best value known
-LARGEST_GRID = 2  # weights beyond which a grid is not tried
+EARLY = 100  # evaluations after which values are compared, and at the end
 REPEATED = 5  # evaluations that are timed
-EVALUATIONS = evaluate_values, evaluate_point
-COUNTS = np.unique(np.geomspace(1, 10_000, 200).astype(int))  # evaluations at which curves are kept
+LOST = 100.0  # merit of a point that diverges
+DEAR = 10.0  # price of a limit's excess in the merit of a search without limits of its own
 
 Search = tuple[list[float], list[float]]  # values, and evaluations so far
+Tried = tuple[float, float]  # merit, and objective: infinite beyond a limit
 
 
 @dataclass(frozen=True)
 class Trace:
     """Every better feasible value that one search found, in the order of its evaluations.
 
-    >>> one = Trace("p", "grid", 0, [3.0, 9.0], [5.0, 2.0])
-    >>> one.at(np.array([1, 3, 8, 9, 99])).tolist()
+    >>> one = Trace("p", "Sobol", 0, [3.0, 9.0], [5.0, 2.0])
+    >>> [one.at(count) for count in (1, 3, 8, 9, 99)]
     [inf, 5.0, 5.0, 2.0, 2.0]
     >>> one.until(2.5), one.until(1.0)
     (9.0, inf)
@@ -69,14 +98,10 @@ class Trace:
     spent: list[float]
     best: list[float]
 
-    @property
-    def least(self) -> float:
-        """The best value; infinite where there is none."""
-        return self.best[-1] if self.best else np.inf
-
-    def at(self, counts: np.ndarray) -> np.ndarray:
+    def at(self, count: float) -> float:
         """Best value within so many evaluations; infinite before the first."""
-        return np.append(np.inf, self.best)[np.searchsorted(self.spent, counts, side="right")]
+        pairs = zip(self.spent, self.best, strict=True)
+        return min((best for spent, best in pairs if spent <= count), default=np.inf)
 
     def until(self, value: float) -> float:
         """Evaluations to come to a value; infinite where it does not."""
@@ -86,36 +111,26 @@ class Trace:
 
 @dataclass(frozen=True)
 class TunerRow:
-    """One search on one problem, over all seeds.
-
-    Attributes:
-        weights: number of them.
-        reached: seeds that came within 2 % of the best value known.
-        evaluations: to come there, quartiles and median; None where that many seeds did not.
-        best: best value known [um, or a ratio].
-    """
+    """One search on one problem, over all seeds."""
 
     problem: str
     weights: int
     method: str
     seeds: int
-    reached: int
+    reached: int  # seeds that came within 2 % of the best value known
+    # to come there, quartiles and median; None where that many seeds did not
     evaluations: tuple[float | None, float | None, float | None]
-    best: float
+    medians: tuple[float, float]  # value over the best known: after `EARLY`, at the end
+    best: float  # value known [um, or a ratio]
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Processor time of a value, and of a value with slopes.
-
-    Attributes:
-        compiling: once [s].
-        evaluating: every time afterwards [s].
-    """
+    """Processor time of a value, and of a value with slopes."""
 
     problem: str
-    compiling: tuple[float, float]
-    evaluating: tuple[float, float]
+    compiling: tuple[float, float]  # once [s]
+    evaluating: tuple[float, float]  # every time afterwards [s]
 
 
 @dataclass(frozen=True)
@@ -146,58 +161,105 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
     prepared = {name: _prepared(name) for name in PROBLEMS}
 
     def run(seed: int, name: str, method: str, budget: int) -> list[Trace]:
-        found = _searched(prepared[name], method, seed, budget)
+        search = _searched(prepared[name], method, seed, budget)
         tell(f"start {seed + 1} of {flags.seeds}: {name}: {method}")
-        return [_better(name, method, seed, *found)]
+        return [_better(name, method, seed, *search)]
 
     keys = [
         (seed, name, method, flags.evaluations)
         for seed, name, method in product(range(flags.seeds), PROBLEMS, flags.searches or known)
-        if method != "grid" or prepared[name].first.size <= LARGEST_GRID
     ]
     traces = kept(flags.keep, Trace, keys, run)
-    rows, curves = [], {}
-    for name, one in prepared.items():
-        some = [trace for trace in traces if trace.problem == name]
-        several, curves[name] = _summed_up(one.first.size, some, flags.evaluations)
-        rows += several
-    if flags.figure is not None:
-        save_figure(tuners_figure(curves), Path(flags.figure))
+    rows = [
+        row
+        for name, one in prepared.items()
+        for row in _summed_up(
+            one.first.size, [t for t in traces if t.problem == name], flags.evaluations
+        )
+    ]
     return TunersBench(flags.evaluations, rows, [one.cost for one in prepared.values()])
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A problem with its programs compiled.
-
-    Attributes:
-        first: coordinates of its own start, the middle of the box that is searched.
-    """
+    """A problem with its programs compiled."""
 
     problem: Problem
     start: Weights
-    first: Float[np.ndarray, " d"]
+    first: Float[np.ndarray, " d"]  # coordinates of its start, the middle of the box
     cost: Cost
 
 
 def _prepared(name: str) -> Prepared:
     problem, start = problem_of(name)
     first = np.asarray(Chart(problem.space, start).coordinates())
-    costs = [_cost(lambda one=one: one(problem, start, first)) for one in EVALUATIONS]
+    compiling, evaluating = [], []
+    for evaluate in (evaluate_values, evaluate_point):
+        clock = time.process_time()
+        evaluate(problem, start, first)
+        compiled = time.process_time()
+        for _ in range(REPEATED):
+            evaluate(problem, start, first)
+        each = (time.process_time() - compiled) / REPEATED
+        compiling.append(max(0.0, compiled - clock - each))
+        evaluating.append(each)
     _ours(problem, start, first, 0, 2 * WITH_SLOPES)  # what is small
-    compiling, evaluating = zip(*costs, strict=True)
-    return Prepared(problem, start, first, Cost(name, compiling, evaluating))
+    cost = Cost(name, (compiling[0], compiling[1]), (evaluating[0], evaluating[1]))
+    return Prepared(problem, start, first, cost)
 
 
-def _cost(evaluate: Callable[[], object]) -> tuple[float, float]:
-    """Seconds of processor time to compile, and of one evaluation afterwards."""
-    clock = time.process_time()
-    evaluate()
-    compiled = time.process_time()
-    for _ in range(REPEATED):
-        evaluate()
-    each = (time.process_time() - compiled) / REPEATED
-    return max(0.0, compiled - clock - each), each
+class CountedLoops(Loops):
+    """Other loops, and a count of looks at them."""
+
+    loops: Loops
+    tally: list[None] = eqx.field(static=True)
+
+    def matrices(self, plants: Plant, controller: Controller) -> Any:
+        """Those of the loops."""
+        return self.loops.matrices(plants, controller)
+
+    def look(self, matrices: Any, slopes: Any) -> tuple[Looked, Looked]:
+        """What the loops show; counted."""
+        self.tally.append(None)
+        return self.loops.look(matrices, slopes)
+
+
+def with_counted_loops(problem: Problem) -> Problem:
+    """The same problem, whose looks at its loops are counted."""
+    if problem.loops is None:
+        return problem
+    return replace(problem, loops=CountedLoops(problem.loops, []))
+
+
+def looks_at(problem: Problem) -> int:
+    """Number of looks at its loops so far; 0 for a problem without."""
+    return len(problem.loops.tally) if isinstance(problem.loops, CountedLoops) else 0
+
+
+def problem_of(name: str) -> tuple[Problem, Weights]:
+    """Problem and start of a name; looks at its loops are counted."""
+    run = tuning_run(PROBLEMS[name])
+    return with_counted_loops(run.problem), run.start
+
+
+def measure_of(problem: Problem, start: Weights) -> Callable[[Float[np.ndarray, " d"]], Tried]:
+    """Function from coordinates to merit and objective of one point without slopes.
+
+    The merit is ln f + `DEAR` times the largest excess ln(value / limit). Where it diverges, `LOST`
+    and more the farther a run leaves its contour: what the tuner sees there, too.
+    """
+
+    def measure(z: Float[np.ndarray, " d"]) -> Tried:
+        point = evaluate_values(problem, start, z)
+        if point.diverged:
+            worst = float(np.max(point.departures))  # ln(error / size)
+            away = float(np.clip(worst, 0.0, LOST)) if np.isfinite(worst) else LOST
+            return LOST + away, np.inf
+        violation = float(np.max(point.limits, initial=-np.inf))
+        merit = np.log(point.objective) + DEAR * max(0.0, violation)
+        return float(merit), point.objective if violation <= FEASIBLE else np.inf
+
+    return measure
 
 
 def _searched(one: Prepared, method: str, seed: int, budget: int) -> Search:
@@ -212,9 +274,9 @@ def _searched(one: Prepared, method: str, seed: int, budget: int) -> Search:
     def counted(z: np.ndarray) -> float:
         if len(values) >= budget:
             raise Spent
-        tried = measure(np.asarray(z, float))
-        values.append(tried.objective)
-        return tried.merit
+        merit, objective = measure(np.asarray(z, float))
+        values.append(objective)
+        return merit
 
     try:
         METHODS[method](counted, begin, box, seed)
@@ -235,10 +297,17 @@ def _ours(problem: Problem, start, begin, seed: int, budget: int) -> Search:
         rows = state.history[len(values) :]
         alone = max(0, looks_at(problem) - looks - len(rows))  # at loops without runs
         before = (spent[-1] if spent else 0.0) + WITH_SLOPES * alone
-        values += [_value(row) for row in rows]
+        values += [
+            np.inf if one.diverged or one.violation > FEASIBLE else one.objective for one in rows
+        ]
         spent += (before + np.cumsum([_cost_of(row, effort) for row in rows])).tolist()
     within = sum(one <= budget for one in spent)
     return values[:within], spent[:within]
+
+
+def _cost_of(row: Evaluated, effort: Effort) -> int:
+    scattered = row.start < 0
+    return 1 if scattered and effort.values_alone else WITH_SLOPES
 
 
 def _better(
@@ -250,36 +319,28 @@ def _better(
     return Trace(name, method, seed, [spent[k] for k in better], [values[k] for k in better])
 
 
-def _cost_of(row: Evaluated, effort: Effort) -> int:
-    scattered = row.start < 0
-    return 1 if scattered and effort.values_alone else WITH_SLOPES
-
-
-def _value(row: Evaluated) -> float:
-    return np.inf if row.diverged or row.violation > FEASIBLE else row.objective
-
-
-def _summed_up(
-    weights: int, traces: list[Trace], budget: int
-) -> tuple[list[TunerRow], dict[str, Curve]]:
-    """Rows and curves of one problem by search, beside the best of all of them."""
-    best = min((trace.least for trace in traces), default=np.inf)
-    counts = COUNTS[COUNTS <= budget]
-    rows, curves = [], {}
+def _summed_up(weights: int, traces: list[Trace], budget: int) -> list[TunerRow]:
+    """Rows of one problem by search, beside the best of all of them."""
+    best = min((trace.at(np.inf) for trace in traces), default=np.inf)
+    rows = []
     for method in dict.fromkeys(trace.method for trace in traces):
         several = [trace for trace in traces if trace.method == method]
         until = np.full(len(several), np.inf)  # where no search has come within the limits
+        medians = np.inf, np.inf
         if np.isfinite(best):
             until = np.array([trace.until(CLOSE * best) for trace in several])
-            relative = np.stack([trace.at(counts) for trace in several]) / best
-            curves[method] = Curve(counts, *_quartiles(relative))
+            early, late = (
+                float(_quartiles(np.array([trace.at(count) for trace in several]))[1] / best)
+                for count in (EARLY, budget)
+            )
+            medians = early, late
         low, middle, high = (
             float(count) if np.isfinite(count) else None for count in _quartiles(until)
         )
         reached = int(np.isfinite(until).sum())
-        numbers = len(several), reached, (low, middle, high), best
+        numbers = len(several), reached, (low, middle, high), medians, best
         rows.append(TunerRow(several[0].problem, weights, method, *numbers))
-    return rows, curves
+    return rows
 
 
 def _quartiles(values: np.ndarray) -> np.ndarray:
@@ -297,6 +358,8 @@ def tables(result: TunersBench) -> Iterator[Table | str]:
         "starts that\narrive": lambda row: f"{row.reached} of {row.seeds}",
         "evaluations\nmedian": lambda row: digits(row.evaluations[1]),
         "quartiles": lambda row: f"{digits(row.evaluations[0])} to {digits(row.evaluations[2])}",
+        f"over the best\nafter {EARLY}": lambda row: digits(row.medians[0]),
+        "and at\nthe end": lambda row: digits(row.medians[1]),
     }
     for (problem, weights), rows in groupby(result.rows, lambda row: (row.problem, row.weights)):
         yield Table(f"{problem} ({weights} weights)", list(rows), columns)

@@ -7,7 +7,7 @@ highest corner.
 
 import warnings
 from collections.abc import Callable
-from itertools import count, product
+from itertools import count
 
 import numpy as np
 from jaxtyping import Float
@@ -87,18 +87,10 @@ def sobol(measure: Measure, z: Float[np.ndarray, " d"], box: Box, seed: int) -> 
             measure(box[0] + place * (box[1] - box[0]))
 
 
-def grid(measure: Measure, z: Float[np.ndarray, " d"], box: Box, seed: int) -> None:
-    """Grids over the box, each with twice the points per weight of the one before."""
-    for points in (2**k + 1 for k in count(2)):
-        for place in product(*np.linspace(*box, points).T):
-            measure(np.array(place))
-
-
 METHODS: dict[str, SearchMethod] = {
     "CMA-ES": cma_es,
     "TPE": tpe,
     "Nelder-Mead": nelder_mead,
     "Sobol": sobol,
-    "grid": grid,
 }
 PACKAGES = ("cmaes", "optuna")

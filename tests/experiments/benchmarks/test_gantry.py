@@ -2,7 +2,7 @@
 
 import pytest
 
-from experiments.benchmarks.speed.gantry import measured
+from experiments.benchmarks.gantry import measured
 from jcontour.app.flags.others import Bench
 
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.benchmarks.speed.timings import seconds
+from experiments.benchmarks.timings import seconds
 from experiments.tables import Table
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports.tables import digits
@@ -27,22 +27,13 @@ REPEATS = 3  # the best of them counts
 
 @dataclass(frozen=True)
 class EngineRate:
-    """Agreement and speed of one engine.
-
-    Attributes:
-        engine: its name.
-        difference: largest difference to our model after three steps, relative to the largest
-            value of each state.
-        single: steps per second of one machine.
-        batch: machines at once.
-        batched: steps per second of all of them together; None where the engine cannot batch.
-    """
+    """Agreement and speed of one engine."""
 
     engine: str
-    difference: float
-    single: float
-    batch: int
-    batched: float | None
+    difference: float  # to our model after three steps, over the largest value of each state
+    single: float  # steps per second of one machine
+    batch: int  # machines at once
+    batched: float | None  # steps per second of all together; None where it cannot batch
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.benchmarks.speed.timings import seconds, timed
+from experiments.benchmarks.timings import seconds, timed
 from experiments.tables import Table
 from jcontour.app.flags.others import Bench
 from jcontour.qp.interior_point import solve
@@ -31,37 +31,23 @@ AT_LIMIT = 1e-6  # of a limit: nearer to it is at it
 
 @dataclass(frozen=True)
 class BatchTime:
-    """Time of a batch of problems [ms].
-
-    Attributes:
-        solver: its name.
-        batch: problems.
-        solving: all of them.
-        with_slopes: the same with the derivative of a number with all numbers of the problems;
-            None where there is no derivative.
-        residual: largest scaled one of the batch.
-        unsolved: problems.
-    """
+    """Time of a batch of problems [ms]."""
 
     solver: str
-    batch: int
-    solving: float
+    batch: int  # problems
+    solving: float  # all of them
+    # the same with the derivative of a number with all numbers of the problems; None without one
     with_slopes: float | None
-    residual: float
-    unsolved: int
+    residual: float  # largest scaled one of the batch
+    unsolved: int  # problems
 
 
 @dataclass(frozen=True)
 class QPBench:
-    """One row for every solver and batch.
-
-    Attributes:
-        times: of them.
-        active: part of the controls that is at a limit.
-    """
+    """One row for every solver and batch."""
 
     times: list[BatchTime]
-    active: float
+    active: float  # part of the controls that is at a limit
 
 
 def tables(result: QPBench) -> Iterator[Table]:

@@ -6,17 +6,27 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.benchmarks.searches import tuners
-from experiments.benchmarks.searches.search_methods import METHODS
-from experiments.benchmarks.searches.tuner_problems import with_counted_loops
-from experiments.benchmarks.searches.tuners import Cost, TunersBench, measured
+from experiments.benchmarks import tuners
+from experiments.benchmarks.search_methods import METHODS, Spent
+from experiments.benchmarks.tuners import (
+    LOST,
+    PROBLEMS,
+    Cost,
+    TunersBench,
+    looks_at,
+    measure_of,
+    measured,
+    problem_of,
+    with_counted_loops,
+)
 from experiments.tables import show
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports.tables import console_of
 from tuning.history import Evaluated
 from tuning.loops import Looked, Loops
 from tuning.objectives import AtMost
-from tuning.parameters import Positive
+from tuning.parameters import Chart, Positive
+from tuning.point import evaluate_point
 
 
 def trace(method, values, each=1):
@@ -25,9 +35,9 @@ def trace(method, values, each=1):
 
 
 def test_a_trace_holds_the_best_so_far():
-    one = trace("grid", [np.inf, 5.0, 7.0, 2.0, 2.0])
+    one = trace("TPE", [np.inf, 5.0, 7.0, 2.0, 2.0])
     assert (one.spent, one.best) == ([2.0, 4.0], [5.0, 2.0])
-    assert trace("grid", [np.inf]).least == trace("grid", []).least == np.inf
+    assert trace("TPE", [np.inf]).at(9) == trace("TPE", []).at(9) == np.inf
 
 
 def test_searches_are_compared_with_the_best_of_all():
@@ -35,15 +45,17 @@ def test_searches_are_compared_with_the_best_of_all():
         *(trace("jcontour", values, each=3) for values in ([4.0, 2.0], [2.02])),
         *(trace("Sobol", values) for values in ([9.0, 8.0, 2.03], [7.0, 6.0])),
     ]
-    (ours, theirs), curves = tuners._summed_up(2, traces, 10)
+    ours, theirs = tuners._summed_up(2, traces, 10)
     assert (ours.best, ours.reached, ours.evaluations) == (2.0, 2, (3.0, 3.0, 6.0))
     assert (theirs.reached, theirs.evaluations) == (1, (3.0, 3.0, None))
-    assert curves["jcontour"].low[2] == pytest.approx(1.01)
+    assert ours.medians == pytest.approx((1.0, 1.0))
+    assert theirs.medians == pytest.approx((1.015, 1.015))
 
 
 def test_nobody_arrives_where_nothing_is_within_the_limits():
-    (row,), curves = tuners._summed_up(2, [trace("Sobol", [np.inf, np.inf])], 10)
-    assert (row.reached, row.evaluations, curves) == (0, (None, None, None), {})
+    (row,) = tuners._summed_up(2, [trace("Sobol", [np.inf, np.inf])], 10)
+    assert (row.reached, row.evaluations) == (0, (None, None, None))
+    assert row.medians == (np.inf, np.inf)
 
 
 @pytest.fixture
@@ -121,7 +133,7 @@ class Posed:
 
 def test_the_table_says_who_arrives(capsys):
     traces = [trace("jcontour", [2.0], each=3), trace("Sobol", [9.0])]
-    rows, _ = tuners._summed_up(2, traces, 10)
+    rows = tuners._summed_up(2, traces, 10)
     costs = [Cost("p", (1.5, 4.0), (0.002, 0.0075))]
     show(console_of(), tuners.tables(TunersBench(10, rows, costs)))
     printed = capsys.readouterr().out
@@ -140,3 +152,78 @@ def test_missing_libraries_are_named_with_what_installs_them(monkeypatch):
 def test_unknown_searches_are_named():
     with pytest.raises(ValueError, match="searches: needs names of jcontour, .*, received TPS"):
         measured(Bench(what="tuners", searches=("TPS",)), print)
+
+
+LOWEST = np.array([1.3, -0.4])
+ENOUGH = {"CMA-ES": 0.05, "TPE": 1.0, "Nelder-Mead": 0.05, "Sobol": 1.0}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_method_comes_near_the_lowest_point_of_a_bowl_and_stops_when_its_budget_is_spent(method):
+    tried = []
+
+    def measure(z):
+        if len(tried) == 300:
+            raise Spent
+        tried.append(z)
+        return float(np.sum((z - LOWEST) ** 2))
+
+    start, box = np.array([-2.0, 2.0]), np.array([[-7.0, -3.0], [3.0, 7.0]])
+    with pytest.raises(Spent):
+        METHODS[method](measure, start, box, 1)
+    assert np.min(np.linalg.norm(np.array(tried) - LOWEST, axis=1)) < ENOUGH[method]
+    np.testing.assert_allclose(tried[0], start, atol=4.0)
+    assert np.all(np.array(tried) >= box[0] - 1e-9) and np.all(np.array(tried) <= box[1] + 1e-9)
+
+
+@pytest.mark.slow
+def test_values_are_those_of_the_tuner():
+    problem, start = problem_of("square, increment limited")
+    z = np.asarray(Chart(problem.space, start).coordinates())
+    measure = measure_of(problem, start)
+    for away in (0.0, 0.5):
+        point, (merit, objective) = evaluate_point(problem, start, z + away), measure(z + away)
+        excess = max(0.0, float(point.limits.max()))
+        assert merit == pytest.approx(np.log(point.objective) + 10 * excess, rel=1e-9)
+        assert objective == (np.inf if excess > 1e-6 else pytest.approx(point.objective))
+    assert measure(z + 1000.0 * np.sign(z))[0] >= LOST  # nothing is finite there
+
+
+@dataclass(frozen=True)
+class Lost:
+    """A point that diverges, by how far its runs leave their contour."""
+
+    departures: np.ndarray
+    diverged: bool = True
+
+
+@pytest.mark.parametrize(
+    ("departures", "away"),
+    [([-3.0, 2.0], 2.0), ([-3.0, -1.0], 0.0), ([np.inf, 2.0], LOST), ([np.nan], LOST)],
+)
+def test_points_that_diverge_are_worse_the_farther_they_leave(monkeypatch, departures, away):
+    monkeypatch.setattr(tuners, "evaluate_values", lambda *_: Lost(np.array(departures)))
+    assert measure_of(None, None)(np.zeros(1)) == (LOST + away, np.inf)
+
+
+def test_there_are_six_problems_of_2_to_14_weights():
+    assert len(PROBLEMS) == 6
+
+
+class Doubled(Silent):
+    """Loops that show twice what they are given."""
+
+    def matrices(self, plants, controller):
+        return controller + plants
+
+    def look(self, matrices, slopes):
+        return 2 * matrices, 2 * slopes
+
+
+def test_every_look_counts_and_shows_the_same():
+    problem = with_counted_loops(Posed(Doubled(), {}))
+    assert looks_at(problem) == 0 and problem.loops.matrices(1, 2) == 3
+    for _ in range(2):
+        assert problem.loops.look(np.array(3.0), np.array(4.0)) == (6.0, 8.0)
+    assert looks_at(problem) == 2 and looks_at(with_counted_loops(Posed(Doubled(), {}))) == 0
+    assert looks_at(with_counted_loops(Posed(None, {}))) == 0

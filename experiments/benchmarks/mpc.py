@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.benchmarks.speed.timings import seconds
+from experiments.benchmarks.timings import seconds
 from experiments.tables import Table
 from jcontour.app.flags.others import Bench
 from jcontour.geometry.periodic_splines import polar_lobes
@@ -29,25 +29,15 @@ FAST_BLOCKS = growing_blocks(280, 9)  # 28 ms
 
 @dataclass(frozen=True)
 class StepTime:
-    """Time of one step of a controller, and of its parts [us].
+    """Time of one step of a controller, and of its parts [us]."""
 
-    Attributes:
-        controller: its horizon and, where it is not the paper's, its period.
-        solver: its name.
-        build: making the QP.
-        solve: solving and checking it.
-        step: the whole step, median.
-        step_99: likewise, 99th percentile.
-        ratio: step over NumPy's solution of linear equations of that size.
-    """
-
-    controller: str
+    controller: str  # its horizon and, where it is not the paper's, its period
     solver: str
-    build: float
-    solve: float
-    step: float
-    step_99: float
-    ratio: float
+    build: float  # making the QP
+    solve: float  # solving and checking it
+    step: float  # the whole step, median
+    step_99: float  # likewise, 99th percentile
+    ratio: float  # step over NumPy's solution of linear equations of that size
 
 
 @dataclass(frozen=True)

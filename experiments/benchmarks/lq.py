@@ -1,0 +1,354 @@
+"""`jcontour bench lq`: runs per second of the receding-horizon LQ contouring controller.
+
+A run is what `evaluate` does: gains of all steps, closed loop, metrics against the contour. Every
+member of a batch has weights of its own, so that nothing is computed once for all. The derivative
+is that of the RMS errors with respect to alpha, beta and rho, or to these and a profile over the
+horizon.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.benchmarks.plain_loops import compiled_loop, numpy_loop
+from experiments.benchmarks.timings import seconds, timed
+from experiments.tables import Column, Table
+from jcontour import _kernels as kernels
+from jcontour._devices import on_gpu
+from jcontour.app.flags.others import Bench
+from jcontour.app.reports.tables import digits
+from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.geometry.contours import circle, line
+from jcontour.linear.continuous_axes import (
+    ContinuousAxis,
+    sampled_machine,
+    speed_axis,
+    with_resonance,
+)
+from jcontour.linear.plant import LinearPlant, Pattern, steady_motion
+from jcontour.motion.references import Reference, along
+from jcontour.plants import bridgeport
+from jcontour.simulation.evaluation import (
+    evaluate,
+    member,
+    platform_batching,
+    stack_plants,
+    stack_references,
+)
+from jcontour.simulation.metrics import Metrics
+
+STEPS, PREVIEW = 500, 10  # a quarter of a second at the paper's 2 kHz, and its usual horizon
+RADIUS, ADVANCE = 0.02, 4e-5  # [m], [m per sample]: 80 mm/s
+RESONANCES, DAMPING = (250.0, 500.0, 900.0), 0.05  # [rad/s], of the structures of larger machines
+SIZES = ((2, 2), (4, 4), (3, 3, 3), (4, 4, 4), (8, 8), (5, 5, 6))  # states of every axis
+DOUBLE, SINGLE = np.dtype("float64"), np.dtype("float32")
+PREVIEWS = (10, 25, 200, 1000)
+BLOCKS = (200, 1000)  # previews of horizons that move on by blocks
+
+
+@dataclass(frozen=True)
+class RunRates:
+    """Speed and cost of a batch of runs on the paper's machine."""
+
+    type: str  # of all numbers
+    batch: int  # runs at once
+    forward: float  # runs per second
+    gradient: float  # runs per second with the gradient of three weights
+    gradient_ratio: float  # time with gradient over time without
+    profile_ratio: float  # likewise, with the gradient of the profile too
+    times_numpy: float  # runs per second over those of the NumPy loop
+    compiling: float  # [s]
+    compiling_gradient: float  # [s]
+    memory: int  # [bytes]
+    memory_gradient: int  # [bytes]
+    by: str  # formulation that is chosen, kernels or XLA
+
+
+@dataclass(frozen=True)
+class SizeRate:
+    """Runs per second, forward, on a machine of another size."""
+
+    states: str  # of the axes
+    inputs: int
+    batch: int  # runs at once
+    by: str  # formulation that is chosen
+    forward: float  # runs per second
+    compiling: float  # [s]
+
+
+@dataclass(frozen=True)
+class PreviewTime:
+    """Time of a batch with one preview, forward, and its ratio to the shortest preview."""
+
+    preview: int  # [samples]
+    horizon: str  # how it moves on, by samples or by blocks
+    steps: int  # of a run
+    batch: int  # runs at once
+    milliseconds: float  # of the batch
+    times_shortest: float  # over the first preview's
+
+
+@dataclass(frozen=True)
+class LQBench:
+    """All measurements."""
+
+    loops: dict[str, float]  # runs per second of the plain loops
+    runs: list[RunRates]
+    sizes: list[SizeRate]
+    previews: list[PreviewTime]
+
+
+class Case(NamedTuple):
+    """A machine and a run on it."""
+
+    plant: LinearPlant
+    plants: LinearPlant  # the same as a family of one
+    references: Reference  # one, stacked
+    preview: int
+    law: type[ContouringLQ] | type[BlockwiseLQ] = ContouringLQ
+
+    @classmethod
+    def of(cls, plant: LinearPlant, reference: Reference, preview: int, dtype: np.dtype) -> "Case":
+        """Case with all numbers of one type."""
+
+        def cast(leaf):
+            return leaf.astype(dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf
+
+        family, references = stack_plants([plant]), stack_references([reference])
+        return cls(*jax.tree.map(cast, (plant, family, references)), preview)
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Type of all numbers."""
+        return self.plant.A.dtype
+
+    @property
+    def formulation(self) -> str:
+        """Form that `evaluate` chooses here: algebra of decoupled axes or sweep, and where."""
+        controller = ContouringLQ(self.plant, LQWeights(1.0, 1.0, 1.0), self.preview)
+        problem = controller.decoupled_problem(member(self.references, 0))
+        form = "sweep" if problem is None else "algebra"
+        return f"{form}, {'kernel' if kernels.wanted() else 'XLA'}"
+
+    def metrics(self, weights) -> Metrics:
+        """Metrics under weights (alpha, beta, rho, then the entries of a profile, if any)."""
+        alpha, beta, rho, *profile = weights
+        stage = jnp.stack(profile) if profile else None
+        controller = self.law(self.plant, LQWeights(alpha, beta, rho, stage), self.preview)
+        evaluated = evaluate(self.plants, controller, self.references)
+        return jax.tree.map(lambda number: number[0, 0], evaluated)
+
+    def objective(self, weights):
+        """RMS contour error and RMS tracking error [m]."""
+        metrics = self.metrics(weights)
+        return metrics.rms_contour_error + metrics.rms_tracking_error
+
+    def weights(self, batch: int, profile: int = 0):
+        """Random weights (batch, 3 + profile)."""
+        random = np.random.default_rng(0)
+        ends = np.log([(0.1, 10.0), (0.1, 10.0), (1e-12, 1e-9)] + [(0.6, 1.6)] * profile)
+        return jnp.asarray(np.exp(random.uniform(*ends.T, (batch, len(ends)))), self.dtype)
+
+
+def paper_case(dtype: np.dtype, steps: int = STEPS, preview: int = PREVIEW) -> Case:
+    """The paper's machine on a circle."""
+    reference = along(
+        circle(RADIUS), ADVANCE * np.arange(steps), bridgeport().dt, preview, at_rest=False
+    )
+    return Case.of(bridgeport(), reference, preview, dtype)
+
+
+def sized_case(states: tuple[int, ...]) -> Case:
+    """A machine whose axes have these numbers of states, on a straight line."""
+    plant = machine(states)
+    path = line([0.0] * plant.axes, [1.0] * plant.axes)
+    reference = along(path, ADVANCE * np.arange(STEPS), plant.dt, PREVIEW, at_rest=True)
+    return Case.of(plant, reference, PREVIEW, DOUBLE)
+
+
+def coupled_case() -> Case:
+    """The paper's machine and run, where nothing says that its axes are decoupled."""
+    case, table = paper_case(DOUBLE), bridgeport()
+    every = Pattern(*(tuple((True,) * M.shape[1] for _ in M) for M in (table.A, table.B, table.C)))
+    plant = LinearPlant(table.A, table.B, table.C, table.dt, every, steady_motion(table))
+    return Case.of(plant, member(case.references, 0), PREVIEW, DOUBLE)
+
+
+def machine(states: tuple[int, ...]) -> LinearPlant:
+    """Speed drives in front of flexible structures, with these numbers of states in the axes.
+
+    An axis has two states, two for every resonance, and one for half a sample of delay where the
+    number is odd.
+    """
+    dt = 1e-3
+    axes: list[ContinuousAxis] = []
+    for k, count in enumerate(states):
+        faster = 1.0 + 0.1 * k
+        axis = speed_axis(gain=0.1, time_constant=0.02 / faster, delay=0.5 * dt * (count % 2))
+        for resonance in range(count // 2 - 1):
+            axis = with_resonance(axis, faster * RESONANCES[resonance], DAMPING)
+        axes.append(axis)
+    return sampled_machine(axes, dt)[0]
+
+
+def measured(flags: Bench, tell: Callable[[str], None]) -> LQBench:
+    """Measure everything; `tell` receives a line after each part."""
+    batches = flags.batch or ((1024, 65536) if on_gpu() else (1, 256))
+    loops = {}
+    for name, loop in (("NumPy loop", numpy_loop), ("compiled loop", compiled_loop)):
+        loops[name] = 1 / looped(loop, STEPS)
+        tell(f"{name}: {digits(loops[name])} runs per second")
+    runs = []
+    for dtype in (DOUBLE, SINGLE):
+        for batch in batches:
+            runs.append(rates_of(paper_case(dtype), batch, loops["NumPy loop"]))
+            tell(f"{dtype.name}, batch {batch}: {runs[-1].forward:,.5g} runs per second")
+    cases = {" + ".join(map(str, states)): sized_case(states) for states in SIZES}
+    sizes, batch = [], max(batches) // 16 or 1
+    for name, case in (cases | {"8 coupled": coupled_case()}).items():
+        timing = timed(
+            lambda w, case=case: platform_batching()(case.metrics, w), case.weights(batch)
+        )
+        rate = batch / timing.running
+        row = SizeRate(name, case.plant.inputs, batch, case.formulation, rate, timing.compiling)
+        sizes.append(row)
+        tell(f"states {name}: {rate:,.5g} runs per second")
+    return LQBench(loops=loops, runs=runs, sizes=sizes, previews=previews(tell))
+
+
+def rates_of(case: Case, batch: int, numpy_rate: float) -> RunRates:
+    """Speed forward, with gradient, and with gradient of the profile too.
+
+    Args:
+        case: machine and run.
+        batch: runs at once.
+        numpy_rate: runs per second of the NumPy loop.
+    """
+    batching, weights = platform_batching(), case.weights(batch)
+
+    def with_gradient(w):
+        return batching(jax.value_and_grad(case.objective), w)
+
+    forward = timed(lambda w: batching(case.metrics, w), weights)
+    gradient = timed(with_gradient, weights)
+    profile = timed(with_gradient, case.weights(batch, case.preview))
+    return RunRates(
+        type=case.dtype.name,
+        batch=batch,
+        forward=batch / forward.running,
+        gradient=batch / gradient.running,
+        gradient_ratio=gradient.running / forward.running,
+        profile_ratio=profile.running / forward.running,
+        times_numpy=batch / forward.running / numpy_rate,
+        compiling=forward.compiling,
+        compiling_gradient=gradient.compiling,
+        memory=forward.memory,
+        memory_gradient=gradient.memory,
+        by=case.formulation,
+    )
+
+
+def previews(tell: Callable[[str], None]) -> list[PreviewTime]:
+    """Long windows beside short ones, float64, uniform profile."""
+    steps, batch = (10_000, 1024) if on_gpu() else (10 * STEPS, 1)
+    by_sample = [(preview, "by samples", ContouringLQ) for preview in PREVIEWS]
+    by_block = [(preview, "by blocks", BlockwiseLQ) for preview in BLOCKS]
+    rows: list[PreviewTime] = []
+    for preview, horizon, law in by_sample + by_block:
+        case = paper_case(DOUBLE, steps, preview)._replace(law=law)
+        timing = timed(
+            lambda w, case=case: platform_batching()(case.metrics, w), case.weights(batch)
+        )
+        spent = 1e3 * timing.running
+        first = rows[0].milliseconds if rows else spent
+        rows.append(PreviewTime(preview, horizon, steps, batch, spent, spent / first))
+        tell(f"preview {preview}, {horizon}: {digits(spent)} ms")
+    return rows
+
+
+def looped(loop: Callable, steps: int) -> float:
+    """Time of one run by a plain loop [s], the best of three."""
+    case = paper_case(DOUBLE, steps)
+    plant, r = (jax.tree.map(np.asarray, part) for part in (case.plant, member(case.references, 0)))
+    start = np.asarray(case.plant.initial_state(r.position[0], r.start_increment)).reshape(-1, 1)
+    weights = (1.0, 5.0, 1e-10)
+    run = (plant.A, plant.B, plant.C, r.tangent, r.position, weights, steps, PREVIEW, start)
+    return min(seconds(lambda: loop(*run)) for _ in range(3))
+
+
+def rates(result: LQBench) -> dict[str, float]:
+    """Runs per second by name, for `stored_results`."""
+    named = {}
+    for run in result.runs:
+        name = f"{run.type}, batch {run.batch}"
+        named[f"{name}, forward"] = run.forward
+        named[f"{name}, value and gradient"] = run.gradient
+        named[f"{name}, with a profile"] = run.forward / run.profile_ratio
+    for size in result.sizes:
+        named[f"{size.states} states, batch {size.batch}, forward"] = size.forward
+    for row in result.previews:
+        name = f"preview {row.preview} {row.horizon}, {row.steps} steps, batch {row.batch}"
+        named[name] = 1e3 * row.batch / row.milliseconds
+    return named
+
+
+def tables(result: LQBench) -> Iterator[Table | str]:
+    """Rates and costs, and the loops that they are compared with."""
+    kind: dict[str, Column] = {"type": "type", "by": "by", "batch": "batch:,"}
+    yield Table(
+        f"Runs of {STEPS} steps, preview {PREVIEW}, X-Y table of 8 states, all metrics",
+        result.runs,
+        {
+            **kind,
+            "runs/s": "forward:,.5g",
+            "with\ngradient": "gradient:,.5g",
+            "gradient /\nforward": "gradient_ratio:.4g",
+            "with\nprofile": "profile_ratio:.4g",
+            "times\nNumPy": "times_numpy:.4g",
+        },
+        words=2,
+    )
+    yield Table(
+        "What they take",
+        result.runs,
+        {
+            **kind,
+            "compile\ns": "compiling:.4g",
+            "with\ngradient": "compiling_gradient:.4g",
+            "memory\nMB": lambda row: f"{1e-6 * row.memory:,.4g}",
+            "and with\ngradient": lambda row: f"{1e-6 * row.memory_gradient:,.4g}",
+        },
+        words=2,
+    )
+    yield Table(
+        "Other sizes, float64, machines of flexible axes on a straight line",
+        result.sizes,
+        {
+            "states of axes": "states",
+            "by": "by",
+            "inputs": "inputs",
+            "batch": "batch:,",
+            "runs/s": "forward:,.5g",
+            "compile\ns": "compiling:.4g",
+        },
+        words=2,
+    )
+    yield Table(
+        "Long previews, float64, uniform profile",
+        result.previews,
+        {
+            "horizon moves on": "horizon",
+            "preview": "preview",
+            "steps": "steps:,",
+            "batch": "batch:,",
+            "ms": "milliseconds:.4g",
+            "times\nshortest": "times_shortest:.4g",
+        },
+    )
+    for name, rate in result.loops.items():
+        yield f"{name:<14} {digits(rate)} runs/s, float64, tracking and projected error only"

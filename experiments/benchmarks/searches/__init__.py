@@ -1,1 +1,0 @@
-"""The tuner beside searches without slopes."""

@@ -1,1 +1,0 @@
-"""Speed of loops: rates and times beside what a user has otherwise."""
