@@ -1,9 +1,11 @@
 """How published statements and numbers fare here: the verdict on each."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+
+import numpy as np
 
 from experiments.tables import Table
 
@@ -21,19 +23,12 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Claim:
-    """Statement of a paper, and how it fares.
+    """Statement of a paper, and how it fares."""
 
-    Attributes:
-        item: where the paper says it.
-        claim: the statement.
-        finding: the same quantity in the simulation.
-        verdict: the comparison of the two.
-    """
-
-    item: str
-    claim: str
-    finding: str
-    verdict: Verdict
+    item: str  # where the paper says it
+    claim: str  # the statement
+    finding: str  # the same quantity in the simulation
+    verdict: Verdict  # the comparison of the two
 
 
 def verdict(holds: bool, partly: bool = False) -> Verdict:
@@ -41,6 +36,22 @@ def verdict(holds: bool, partly: bool = False) -> Verdict:
     if holds:
         return Verdict.REPRODUCED
     return Verdict.IN_PART if partly else Verdict.NOT_REPRODUCED
+
+
+def in_order(holds: bool) -> Verdict:
+    """Verdict on an order of numbers whose sizes are not compared."""
+    return Verdict.SAME_ORDERING if holds else Verdict.NOT_REPRODUCED
+
+
+def on_all(holds: Iterable[bool]) -> Verdict:
+    """Verdict on several cases: in part where it holds for some."""
+    cases = list(holds)
+    return verdict(all(cases), any(cases))
+
+
+def as_printed(values: Iterable[float], printed: Iterable[str]) -> Verdict:
+    """Verdict on numbers that should round to the printed digits, all or some of them."""
+    return on_all(rounds_to(value, digits) for value, digits in zip(values, printed, strict=True))
 
 
 def rounds_to(value: float, printed: str) -> bool:
@@ -56,6 +67,16 @@ def rounds_to(value: float, printed: str) -> bool:
     decimals = len(mantissa.partition(".")[2])
     scaled = value / 10.0 ** int(exponent if mark else 0)
     return abs(scaled - float(mantissa)) <= 0.5 * 10.0**-decimals * (1 + 1e-12)
+
+
+def falls(values: Sequence[float] | np.ndarray) -> bool:
+    """Whether each value is below the one before; a diverged run (infinite) does not fall."""
+    return bool(np.all(np.isfinite(values)) and np.all(np.diff(values) < 0))
+
+
+def listed(values: Iterable[float], digits: int = 3) -> str:
+    """Values to some digits, with commas."""
+    return ", ".join(f"{value:.{digits}g}" for value in values)
 
 
 def statements(claims: Sequence[Claim]) -> Table:

@@ -1,6 +1,6 @@
 """Statements of McNab & Tsao: findings, verdicts, tables and figures."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from itertools import product
 from typing import NamedTuple
 
@@ -13,22 +13,33 @@ from experiments.papers.mcnab_tsao.experiment import (
     FIGURE_2_ALPHA,
     FIGURE_9,
     FIGURE_10,
+    LINE_ALPHA,
+    LINE_SCALES,
     TERMINALS,
     THEOREM_HORIZON,
     TOO_HIGH_ALPHA,
     MachineRun,
-    Member,
+    RadiiOnLines,
     Result,
 )
 from experiments.papers.panels import Curve, Panel, drawn
-from experiments.papers.verdicts import Claim, Verdict
+from experiments.papers.verdicts import Claim, Verdict, falls, in_order, listed, verdict
 from experiments.tables import Table
+from jcontour.app.reports.tables import digits
 
 STEADY = 0.25  # relative spread that still counts as constant in Figs 9 and 10
 KNEE = 9  # [samples] the preview after which the paper sees no gain (its section 4)
 LITTLE = 1 / 3  # relative change that still counts as little effect
 EQUAL = 1e-9  # relative
 CIRCLE_UM = 1e3  # radius
+
+
+MEASURED = {
+    ("output", "te_um"): "Fig. 3",
+    ("output", "ce_um"): "Fig. 5",
+    ("dare", "te_um"): "Fig. 7",
+    ("dare", "ce_um"): "Fig. 8",
+}
 
 
 class Row(NamedTuple):
@@ -67,17 +78,26 @@ def claims(result: Result) -> Iterator[Claim]:
         "contour weight moves the points onto the circle",
         f"RMS contour error {listed(errors)} um at beta {listed(BETAS)} "
         f"(alpha {FIGURE_2_ALPHA:g}, output terminal)",
-        _if(falls(errors), Verdict.REPRODUCED),
+        verdict(falls(errors)),
     )
-    yield _measured_figure(result, "Fig. 3", "output", "te_um")
-    yield _measured_figure(result, "Fig. 5", "output", "ce_um")
-    yield _measured_figure(result, "Fig. 7", "dare", "te_um")
-    yield _measured_figure(result, "Fig. 8", "dare", "ce_um")
+    for (terminal, error), figure in MEASURED.items():
+        yield _measured_figure(result, figure, terminal, error)
     yield from _over_the_weights(result)
     yield from _over_the_preview(result)
     yield from _theorem_1(result)
     yield from _rows_of_table_1(result)
-    yield from _line(result)
+    for terminal, scale in product(TERMINALS, LINE_SCALES):
+        case = (terminal, scale * LINE_ALPHA)
+        runs = [run for run in result.line if (run.case.terminal, run.case.alpha) == case]
+        errors = [run.machines[0].ce_um for run in runs]
+        offset = "" if falls(errors) else "; a steady offset that the cost of a constant u leaves"
+        yield Claim(
+            f"line at 37 deg, {terminal}",
+            "contour error falls as contour weight grows",
+            f"alpha {case[1]:g}, beta {listed(run.case.beta for run in runs)}: "
+            f"{listed(errors)} um{offset}",
+            in_order(falls(errors)),
+        )
 
 
 def _measured_figure(result: Result, figure: str, terminal: str, error: str) -> Claim:
@@ -99,22 +119,19 @@ def _measured_figure(result: Result, figure: str, terminal: str, error: str) -> 
     if falls([getattr(machines[0], error) for machines in runs.values()]):
         finding += "; the nominal machine only improves"
     claim = "measured errors fall with the weight, then rise"
-    holds = alphas[0] < best < alphas[-1]
-    return Claim(figure, claim, finding, _if(holds, Verdict.SAME_ORDERING))
+    return Claim(figure, claim, finding, in_order(alphas[0] < best < alphas[-1]))
 
 
 def _over_the_weights(result: Result) -> Iterator[Claim]:
     """Figs 4 and 6 to 8, and section 4, on the nominal machine; arrays have axes (alpha, beta)."""
     tracking = {terminal: result.over_weights(terminal, "te_um") for terminal in TERMINALS}
     contour = {terminal: result.over_weights(terminal, "ce_um") for terminal in TERMINALS}
-    holds = all(map(falls, tracking["output"].T))
-    words = "falls" if holds else "does not always fall"
     first, last = tracking["output"][[0, -1], 0]
     yield Claim(
         "Fig. 4",
         "simulated tracking error falls as weights grow (no numbers given)",
-        f"{words} with alpha, {first:.4g} to {last:.4g} um at beta {BETAS[0]:g}",
-        _if(holds, Verdict.SAME_ORDERING),
+        f"over alpha {first:.4g} to {last:.4g} um at beta {BETAS[0]:g}",
+        in_order(all(map(falls, tracking["output"].T))),
     )
     for terminal, item in (("output", "Fig. 6"), ("dare", "as Fig. 6, H_s")):
         claim = "simulated contour error falls as contour weight grows (no numbers given)"
@@ -123,26 +140,32 @@ def _over_the_weights(result: Result) -> Iterator[Claim]:
         if good:
             last = good[-1]
             finding = f"at alpha {listed(good)}; at {last:g}: {listed(rows[last])} um over beta"
-            yield Claim(item, claim, finding, Verdict.SAME_ORDERING)
+            yield Claim(item, claim, finding, in_order(True))
         for alpha in ALPHAS:
-            if alpha not in good:
-                finding = f"alpha {alpha:g}: {listed(rows[alpha])} um"
-                finding += _lag_leaves_the_circle(result, terminal, alpha)
-                yield Claim(item, claim, finding, Verdict.NOT_REPRODUCED)
+            if alpha in good:
+                continue
+            runs = [result.on_family(terminal, alpha, beta)[0] for beta in BETAS]
+            finding = f"alpha {alpha:g}: {listed(rows[alpha])} um"
+            if falls([run.projected_um for run in runs]):
+                lag = runs[-1].te_um  # along the tangent it leaves the circle
+                finding += (
+                    f"; eq. 3's error does fall, but a lag of {lag:.3g} um lies "
+                    f"{lag**2 / (2 * CIRCLE_UM):.2g} um off a 1 mm circle"
+                )
+            yield Claim(item, claim, finding, in_order(False))
     for terminal in TERMINALS:
         claim = "tracking weight lowers the contour error too"
-        item = f"sec. 4, {terminal}"
         columns = dict(zip(BETAS, contour[terminal].T, strict=True))
         good = [beta for beta in BETAS if falls(columns[beta])]
         others = [beta for beta in BETAS if beta not in good]
         if good:
-            yield Claim(item, claim, f"at beta {listed(good)}", Verdict.SAME_ORDERING)
+            yield Claim(f"sec. 4, {terminal}", claim, f"at beta {listed(good)}", in_order(True))
         if others:
             finding = (
                 f"at beta {listed(others)}: the contour weight rules it, "
                 f"{listed(columns[others[-1]])} um over alpha at {others[-1]:g}"
             )
-            yield Claim(item, claim, finding, Verdict.NOT_REPRODUCED)
+            yield Claim(f"sec. 4, {terminal}", claim, finding, in_order(False))
     for terminal in TERMINALS:
         change = np.abs(tracking[terminal] / tracking[terminal][:, :1] - 1).max(axis=1)
         worst = int(np.argmax(change))
@@ -152,7 +175,7 @@ def _over_the_weights(result: Result) -> Iterator[Claim]:
         if terminal == "dare" and not little:
             finding += "; H_s(Q_max) grows with beta in all directions, along the path too"
         claim = "contour weight hardly changes the tracking error"
-        yield Claim(f"sec. 4, {terminal}", claim, finding, _if(little, Verdict.SAME_ORDERING))
+        yield Claim(f"sec. 4, {terminal}", claim, finding, in_order(little))
     better = [int(np.sum(error["output"] < error["dare"])) for error in (tracking, contour)]
     count = len(ALPHAS) * len(BETAS)
     yield Claim(
@@ -160,19 +183,7 @@ def _over_the_weights(result: Result) -> Iterator[Claim]:
         "H_s(Q_max) performs a little worse than the output terminal",
         f"output terminal better at {better[0]} of {count} weights in tracking, "
         f"{better[1]} in contour error; the paper compares measured errors, best against best",
-        _if(min(better) > count / 2, Verdict.SAME_ORDERING),
-    )
-
-
-def _lag_leaves_the_circle(result: Result, terminal: str, alpha: float) -> str:
-    """Remark where eq. 3's error does fall: a lag along the tangent leaves the circle."""
-    runs = [result.on_family(terminal, alpha, beta)[0] for beta in BETAS]
-    if not falls([run.projected_um for run in runs]):
-        return ""
-    lag = runs[-1].te_um
-    off = lag**2 / (2 * CIRCLE_UM)
-    return (
-        f"; eq. 3's error does fall, but a lag of {lag:.3g} um lies {off:.2g} um off a 1 mm circle"
+        in_order(min(better) > count / 2),
     )
 
 
@@ -188,8 +199,8 @@ def _over_the_preview(result: Result) -> Iterator[Claim]:
         if not falls(before):
             finding += "; level from fewer samples on"
         claim = f"tracking error falls up to {KNEE} samples of preview, then stays"
-        best = Verdict.REPRODUCED if falls(before) else Verdict.SAME_ORDERING
-        yield Claim(f"Fig. 9, {terminal}", claim, finding, _if(level, best))
+        fares = verdict(level) if falls(before) else in_order(level)
+        yield Claim(f"Fig. 9, {terminal}", claim, finding, fares)
     for terminal in TERMINALS:
         errors = result.over_previews(terminal, FIGURE_10, "ce_um").values()
         squares = [error**2 for error in errors]
@@ -207,7 +218,7 @@ def _over_the_preview(result: Result) -> Iterator[Claim]:
                 f"; it lags by {lag[first]:.4g} um at preview {first}, {lag[last]:.3g} um at {last}"
             )
         claim = "mean square contour error is the same at most preview lengths"
-        yield Claim(f"Fig. 10, {terminal}", claim, finding, _if(holds, Verdict.SAME_ORDERING))
+        yield Claim(f"Fig. 10, {terminal}", claim, finding, in_order(holds))
 
 
 def _theorem_1(result: Result) -> Iterator[Claim]:
@@ -217,16 +228,35 @@ def _theorem_1(result: Result) -> Iterator[Claim]:
         "H_s(Q_max) is stable on every line at every horizon",
         f"{len(result.sets)} weight sets x {result.directions} directions x "
         f"horizons 1 to {THEOREM_HORIZON}: largest radius {largest:.4f}",
-        _if(largest < 1, Verdict.REPRODUCED),
+        verdict(largest < 1),
     )
-    bad = [loop for loop in result.unstable if loop.terminal == "output"]
+    bad = [loop for loop in unstable(result) if loop.terminal == "output"]
     cases = len(result.sets) * THEOREM_HORIZON
     finding = f"unstable in {len(bad)} of {cases} cases"
     if bad:
-        horizons, rhos = {loop.preview for loop in bad}, {loop.rho for loop in bad}
+        horizons, rhos = {loop.horizon for loop in bad}, {loop.weights.rho for loop in bad}
         finding += f", horizon {listed(sorted(horizons))}, rho {listed(sorted(rhos))}"
     claim = "the output terminal carries no assurance, yet need not be unstable"
-    yield Claim("sec. 3", claim, finding, _if(len(bad) < cases, Verdict.REPRODUCED))
+    yield Claim("sec. 3", claim, finding, verdict(len(bad) < cases))
+
+
+class UnstableLoop(NamedTuple):
+    """Weights, terminal and horizon for which the loop is unstable in some direction."""
+
+    terminal: str
+    weights: RadiiOnLines
+    horizon: int
+    radius: float
+
+
+def unstable(result: Result) -> list[UnstableLoop]:
+    """Every unstable case of Theorem 1."""
+    return [
+        UnstableLoop(terminal, one, horizon, radius)
+        for one, terminal in product(result.sets, TERMINALS)
+        for horizon, radius in enumerate(getattr(one, terminal), 1)
+        if radius >= 1
+    ]
 
 
 def _rows_of_table_1(result: Result) -> Iterator[Claim]:
@@ -239,7 +269,7 @@ def _rows_of_table_1(result: Result) -> Iterator[Claim]:
             "less contour error for more tracking error",
             f"contour {one.ce_um:.3f} to {other.ce_um:.3f} um, "
             f"tracking {one.te_um:.3f} to {other.te_um:.3f} um",
-            _if(other.ce_um < one.ce_um and other.te_um > one.te_um, Verdict.SAME_ORDERING),
+            in_order(other.ce_um < one.ce_um and other.te_um > one.te_um),
         )
     runs = [result.finite_preview[name] for name in ("case III, path held", "case III")]
     held, kept = (f"{run.te_um:.3f}/{run.ce_um:.3f}" for run in runs)
@@ -249,50 +279,8 @@ def _rows_of_table_1(result: Result) -> Iterator[Claim]:
         "finite preview is case III",
         f"gains agree to {difference:.0e} with the Appendix continuation; "
         f"a path held at its end gives {held} um in place of {kept}",
-        _if(difference <= EQUAL, Verdict.REPRODUCED),
+        verdict(difference <= EQUAL),
     )
-
-
-def _line(result: Result) -> Iterator[Claim]:
-    """Contour error over beta on the line at 37 degrees."""
-    kinds = sorted({(TERMINALS.index(run.case.terminal), run.case.alpha) for run in result.line})
-    for index, alpha in kinds:
-        kind = (TERMINALS[index], alpha)
-        runs = [run for run in result.line if (run.case.terminal, run.case.alpha) == kind]
-        errors = [run.machines[0].ce_um for run in runs]
-        finding = f"alpha {alpha:g}, beta {listed(run.case.beta for run in runs)}: "
-        finding += f"{listed(errors)} um"
-        if not falls(errors):
-            finding += "; a steady offset that the cost of a constant u leaves"
-        claim = "contour error falls as contour weight grows"
-        verdict = _if(falls(errors), Verdict.SAME_ORDERING)
-        yield Claim(f"line at 37 deg, {kind[0]}", claim, finding, verdict)
-
-
-def listed(values: Iterable[float]) -> str:
-    """Values to three digits, with commas."""
-    return ", ".join(f"{value:.3g}" for value in values)
-
-
-def falls(values: Sequence[float]) -> bool:
-    """Whether each value is below the one before; a diverged run (infinite) does not fall."""
-    return bool(np.all(np.isfinite(values)) and np.all(np.diff(values) < 0))
-
-
-def _if(holds: bool, verdict: Verdict) -> Verdict:
-    return verdict if holds else Verdict.NOT_REPRODUCED
-
-
-class OnFamily(NamedTuple):
-    """One controller on the family; errors are infinite where a run diverges."""
-
-    name: str
-    terminal: str
-    nominal: MachineRun
-    ce_um: float  # on the worst machine, as the next two
-    te_um: float
-    radius: float
-    verdict: str
 
 
 def tables(result: Result) -> Iterator[Table]:
@@ -314,23 +302,27 @@ def tables(result: Result) -> Iterator[Table]:
         },
         words=2,
     )
-    rows = [_on_family(result, "Table 1", *row[1:4]) for row in PUBLISHED[:-1]]
+    rows = [("Table 1", case, result.on_family(*case)) for case in (row[1:4] for row in PUBLISHED)]
     for terminal in TERMINALS:
-        name = "best stable of the grid"
-        grid = [_on_family(result, name, terminal, a, b) for a in ALPHAS for b in BETAS]
-        stable = [row for row in grid if row.radius < 1]
-        rows += sorted(stable, key=lambda row: row.ce_um)[:1]
+        cases = [(terminal, *weights) for weights in product(ALPHAS, BETAS)]
+        grid = [("best stable of the grid", case, result.on_family(*case)) for case in cases]
+        stable = [row for row in grid if _worst(row, "spectral_radius") < 1]
+        rows += sorted(stable, key=lambda row: _worst(row, "ce_um"))[:1]
     yield Table(
         "Table 1's weights on the family of machines: unknown input gains and delays [um]",
         rows,
         {
-            "weights": "name",
-            "terminal": "terminal",
-            "ce\nnominal": "nominal.ce_um:.4g",
-            "ce\nworst": "ce_um:.4g",
-            "te\nworst": "te_um:.4g",
-            "largest\nradius": "radius:.4f",
-            "verdict": "verdict",
+            "weights": lambda row: f"{row[0]}: {row[1][1]:g}/{row[1][2]:g}",
+            "terminal": lambda row: row[1][0],
+            "ce\nnominal": lambda row: f"{row[2][0].ce_um:.4g}",
+            "ce\nworst": lambda row: digits(_worst(row, "ce_um")),
+            "te\nworst": lambda row: digits(_worst(row, "te_um")),
+            "largest\nradius": lambda row: f"{_worst(row, 'spectral_radius'):.4f}",
+            "verdict": lambda row: (
+                "stable on every machine"
+                if _worst(row, "spectral_radius") < 1
+                else "a frozen loop is unstable"
+            ),
         },
     )
     delay = result.family[-1].delay
@@ -353,29 +345,21 @@ def tables(result: Result) -> Iterator[Table]:
     )
     yield Table(
         "Theorem 1: every unstable case on straight lines",
-        result.unstable,
+        unstable(result),
         {
-            "alpha/beta/rho": lambda loop: f"{loop.alpha:g}/{loop.beta:g}/{loop.rho:.0e}",
+            "alpha": "weights.alpha:g",
+            "beta": "weights.beta:g",
+            "rho": "weights.rho:.0e",
             "terminal": "terminal",
-            "horizon": "preview",
-            "directions": lambda loop: f"{loop.unstable_directions} of {result.directions}",
-            "largest\nradius": "largest_radius:.4f",
+            "horizon": "horizon",
+            "largest\nradius": "radius:.4f",
         },
+        words=0,
     )
 
 
-def _on_family(result: Result, name: str, terminal: str, alpha: float, beta: float) -> OnFamily:
-    machines = result.on_family(terminal, alpha, beta)
-    pairs = zip(result.family, machines, strict=True)
-    unstable = [str(member.delay) for member, found in pairs if not found.stable]
-    verdict = "stable on every machine"
-    if unstable:
-        verdict = f"frozen loops unstable at delay {', '.join(unstable)}"
-    worst = (
-        max(getattr(machine, name) for machine in machines)
-        for name in ("ce_um", "te_um", "spectral_radius")
-    )
-    return OnFamily(f"{name}: {alpha:g}/{beta:g}", terminal, machines[0], *worst, verdict)
+def _worst(row: tuple, name: str) -> float:
+    return max(getattr(machine, name) for machine in row[2])
 
 
 NAMES = {"output": "output terminal C'QC", "dare": "terminal H_s(Q_max)"}
@@ -386,12 +370,6 @@ POINT_COLOURS = ("tab:red", "tab:orange", "tab:olive", "tab:green", "tab:blue")
 REACH = 60.0  # [um] of Fig. 2: five samples, the points of one sample stay apart
 CROSS = {"marker": "X", "markersize": 10, "linestyle": ""}
 LOG = {"xscale": "log", "yscale": "log"}
-MEASURED = {
-    ("output", "te_um"): "Fig. 3",
-    ("output", "ce_um"): "Fig. 5",
-    ("dare", "te_um"): "Fig. 7",
-    ("dare", "ce_um"): "Fig. 8",
-}
 SIMULATED = {("output", "te_um"): "Fig. 4: ", ("output", "ce_um"): "Fig. 6: "}
 
 
@@ -446,7 +424,7 @@ def errors_on_the_family(result: Result) -> Figure:
             values = np.array([getattr(machines[i], error) for machines in runs])
             lost = np.array([not machines[i].stable for machines in runs])
             curves += [
-                Curve(alphas, values, _machine_name(member), {"color": f"C{i}", "marker": "."}),
+                Curve(alphas, values, member.name, {"color": f"C{i}", "marker": "."}),
                 Curve(alphas[lost], values[lost], None, {"color": f"C{i}", **CROSS}),
             ]
         title = f"{MEASURED[terminal, error]}: RMS {ERRORS[error]} error, {NAMES[terminal]}, beta 0"
@@ -492,14 +470,6 @@ def radii_over_the_horizon(result: Result) -> Figure:
         panels.append(Panel(title, "horizon N_p", "largest spectral radius", curves, LOG))
     title = "Theorem 1: largest spectral radius over all directions"
     return drawn(panels, (11.0, 4.8), title, columns=2, legend=4, sharey=True)
-
-
-def _machine_name(machine: Member) -> str:
-    if machine.delay:
-        return f"delay {machine.delay}"
-    if machine.gain_x == machine.gain_y == 1:
-        return "nominal"
-    return f"gains x {machine.gain_x:g}, y {machine.gain_y:g}"
 
 
 FIGURES = {

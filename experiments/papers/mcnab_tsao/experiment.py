@@ -9,7 +9,6 @@ input delay and input gains that the controller does not know.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -79,13 +78,39 @@ class Member:
     gain_y: float
     delay: int
 
+    @property
+    def name(self) -> str:
+        """In a legend."""
+        if self.delay:
+            return f"delay {self.delay}"
+        gains = f"gains x {self.gain_x:g}, y {self.gain_y:g}"
+        return "nominal" if self.gain_x == self.gain_y == 1 else gains
 
-class FamilyRun(NamedTuple):
-    """One controller on the whole family, axis (member): metrics, frozen radius, output."""
 
-    metrics: Metrics
-    spectral_radius: Float[np.ndarray, " members"]
-    output: Float[np.ndarray, "members T m"]
+@dataclass(frozen=True)
+class MachineRun:
+    """One run on one machine; errors are not finite where it diverges. RMS over the scored lap."""
+
+    spectral_radius: float  # largest of the frozen loops
+    diverged: bool
+    te_um: float  # tracking error
+    ce_um: float  # contour error
+    projected_um: float  # contour error by the paper's eq. 3
+    control: float
+    increment: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether all frozen loops are."""
+        return self.spectral_radius < 1
+
+
+@dataclass(frozen=True)
+class CaseRun:
+    """One controller on the whole family, the nominal machine first."""
+
+    case: Case
+    machines: tuple[MachineRun, ...]
 
 
 class AnyHorizonLQ(Controller):
@@ -160,41 +185,51 @@ class Setup:
         delays = [member.delay for member in family]
         depth = max(1, *delays)
         pairs = zip(self.perturbed, delays, strict=True)
-        self.machines = stack_plants([_delayed(plant, delay, depth) for plant, delay in pairs])
+        self.machines = stack_plants(
+            [Delayed(plant, jnp.asarray(delay), depth, plant.inputs) for plant, delay in pairs]
+        )
         self.circle, self.line = _references(self.model.dt)
         # applies the gains of any plan
         self._player = ContouringLQ(self.model, LQWeights(1.0, 0.0, RHO), PREVIEW)
 
-    def plan(self, case: Case, reference: Reference) -> AffinePlan:
-        """Gain schedule of a receding-horizon controller."""
-        return self._planned(case, self.terminals[case.terminal], reference)
+    def plan(
+        self, case: Case, reference: Reference, terminal: Terminal | None = None
+    ) -> AffinePlan:
+        """Gain schedule of a receding-horizon controller, maybe with another terminal."""
+        weights = LQWeights(case.alpha, case.beta, RHO)
+        end = self.terminals[case.terminal] if terminal is None else terminal
+        return prepared(AnyHorizonLQ(self.model, weights, case.preview, end), reference)
 
-    def plan_holding(self, case: Case, reference: Reference) -> AffinePlan:
-        """Gain schedule with H_s, for a path that stops at the end of the preview.
-
-        The Appendix continues the path there.
-        """
-        standing = SteadyMotion(self.motion.Sy, jnp.zeros_like(self.motion.Sv))
-        return self._planned(case, RiccatiTerminal(standing), reference)
-
-    def plan_finite_preview(self, alpha: float, reference: Reference) -> AffinePlan:
-        """Gain schedule of Tomizuka & Whitney's controller."""
-        return prepared(PreviewLQ(self.model, alpha, RHO, PREVIEW, self.motion), reference)
-
-    def run(self, plan: AffinePlan, reference: Reference) -> FamilyRun:
-        """The plan on every machine of the family."""
+    def run(
+        self, plan: AffinePlan, reference: Reference
+    ) -> tuple[tuple[MachineRun, ...], Float[np.ndarray, "T m"]]:
+        """The plan on every machine of the family, and the output of the nominal one."""
         metrics, output = _play(self.machines, self._player, plan, reference)
-        radius = self.frozen_radius(np.asarray(plan.F)[slice(*WINDOW, RADIUS_STRIDE)])
-        return FamilyRun(metrics, radius, np.asarray(output))
+        radii = self.frozen_radius(np.asarray(plan.F)[slice(*WINDOW, RADIUS_STRIDE)])
+        lost = np.asarray(metrics.diverged)
+        columns = (
+            1e6 * np.asarray(metrics.rms_tracking_error),
+            1e6 * np.asarray(metrics.rms_contour_error),
+            1e6 * np.asarray(metrics.rms_projected_error),
+            np.asarray(metrics.rms_control),
+            np.asarray(metrics.rms_increment),
+        )
+        rows = np.where(lost, np.inf, columns).T.tolist()
+        machines = tuple(
+            MachineRun(float(radius), bool(diverged), *row)
+            for radius, diverged, row in zip(radii, lost, rows, strict=True)
+        )
+        return machines, np.asarray(output)[0]
 
     def frozen_radius(self, F: Float[np.ndarray, "T p n"]) -> Float[np.ndarray, " members"]:
         """Largest spectral radius of A - B F on each machine; a delay line is not fed back."""
-        pairs = zip(self.perturbed, self.family, strict=True)
-        return np.array([_frozen_radius(plant, member.delay, F) for plant, member in pairs])
-
-    def _planned(self, case: Case, terminal: Terminal, reference: Reference) -> AffinePlan:
-        weights = LQWeights(case.alpha, case.beta, RHO)
-        return prepared(AnyHorizonLQ(self.model, weights, case.preview, terminal), reference)
+        radii = []
+        for plant, one in zip(self.perturbed, self.family, strict=True):
+            delayed = with_input_delay(plant, one.delay)
+            gains = np.pad(F, [(0, 0), (0, 0), (0, delayed.states - plant.states)])
+            loops = np.asarray(delayed.A) - np.asarray(delayed.B) @ gains
+            radii.append(float(spectral_radius(loops).max()))
+        return np.array(radii)
 
 
 def family(gain_error: float, delay: int) -> tuple[Member, ...]:
@@ -258,16 +293,6 @@ def _references(dt: float) -> tuple[Reference, Reference]:
     return member(both, 0), member(both, 1)
 
 
-def _delayed(machine: LinearPlant, samples: int, depth: int) -> Plant:
-    return Delayed(machine, jnp.asarray(samples), depth, machine.inputs)
-
-
-def _frozen_radius(machine: LinearPlant, delay: int, F: Float[np.ndarray, "T p n"]) -> float:
-    delayed = with_input_delay(machine, delay)
-    F = np.pad(F, [(0, 0), (0, 0), (0, delayed.states - machine.states)])
-    return float(spectral_radius(np.asarray(delayed.A) - np.asarray(delayed.B) @ F).max())
-
-
 SOURCE = (
     "R. J. McNab, T.-C. Tsao: Receding Time Horizon Linear Quadratic Optimal Control for "
     "Multi-Axis Contour Tracking Motion Control. "
@@ -308,32 +333,6 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class MachineRun:
-    """One run on one machine; errors are not finite where it diverges. RMS over the scored lap."""
-
-    spectral_radius: float  # largest of the frozen loops
-    diverged: bool
-    te_um: float  # tracking error
-    ce_um: float  # contour error
-    projected_um: float  # contour error by the paper's eq. 3
-    control: float
-    increment: float
-
-    @property
-    def stable(self) -> bool:
-        """Whether all frozen loops are."""
-        return self.spectral_radius < 1
-
-
-@dataclass(frozen=True)
-class CaseRun:
-    """One controller on the whole family, the nominal machine first."""
-
-    case: Case
-    machines: tuple[MachineRun, ...]
-
-
-@dataclass(frozen=True)
 class RadiiOnLines:
     """Largest spectral radius over all directions, horizon by horizon, for one set of weights."""
 
@@ -342,19 +341,6 @@ class RadiiOnLines:
     rho: float
     output: Sequence[float]
     dare: Sequence[float]
-
-
-@dataclass(frozen=True)
-class UnstableLoop:
-    """Weights, terminal and horizon for which the loop is unstable in some direction."""
-
-    terminal: str
-    alpha: float
-    beta: float
-    rho: float
-    preview: int
-    unstable_directions: int
-    largest_radius: float
 
 
 @dataclass(frozen=True)
@@ -370,7 +356,6 @@ class Result:
     largest_gain_difference: float  # between the first two of them, relative
     directions: int  # of the straight lines
     sets: tuple[RadiiOnLines, ...]
-    unstable: tuple[UnstableLoop, ...]
 
     def on_family(self, *case) -> tuple[MachineRun, ...]:
         """Runs of one controller on the circle: terminal, alpha, beta and maybe preview."""
@@ -396,37 +381,39 @@ def run(settings: Settings) -> Result:
     setup = Setup(family(settings.gain_error, settings.delay))
     circle, outputs = [], {}
     for case in _cases():
-        found = setup.run(setup.plan(case, setup.circle), setup.circle)
-        circle.append(CaseRun(case, _machines(found)))
+        machines, output = setup.run(setup.plan(case, setup.circle), setup.circle)
+        circle.append(CaseRun(case, machines))
         if case == Case("output", FIGURE_2_ALPHA, case.beta):
-            outputs[f"{case.beta:g}"] = found.output[0, POINTS]
+            outputs[f"{case.beta:g}"] = output[POINTS]
     line = []
     for terminal, scale, beta in product(TERMINALS, LINE_SCALES, LINE_BETAS):
         case = Case(terminal, scale * LINE_ALPHA, scale * beta)
-        found = setup.run(setup.plan(case, setup.line), setup.line)
-        line.append(CaseRun(case, _machines(found)))
+        line.append(CaseRun(case, setup.run(setup.plan(case, setup.line), setup.line)[0]))
     case_iii = Case("dare", 3.0, 0.0)
+    # the Appendix continues the path at the end of the preview: here it stops there
+    standing = RiccatiTerminal(SteadyMotion(setup.motion.Sy, jnp.zeros_like(setup.motion.Sv)))
+    finite = PreviewLQ(setup.model, case_iii.alpha, RHO, PREVIEW, setup.motion)
     plans = {
-        "finite preview": setup.plan_finite_preview(case_iii.alpha, setup.circle),
+        "finite preview": prepared(finite, setup.circle),
         "case III": setup.plan(case_iii, setup.circle),
-        "case III, path held": setup.plan_holding(case_iii, setup.circle),
+        "case III, path held": setup.plan(case_iii, setup.circle, standing),
     }
     ours, theirs, _ = plans.values()
     directions = QUICK_DIRECTIONS if settings.quick else THEOREM_DIRECTIONS
-    sets, unstable = _theorem_1(setup, directions)
+    angles, sets = np.deg2rad(np.arange(directions) * 180.0 / directions), []
+    for weights in product(THEOREM_ALPHAS, THEOREM_BETAS, THEOREM_RHOS):
+        radii = radii_on_lines(setup.model, LQWeights(*weights), angles, THEOREM_HORIZON)
+        sets.append(RadiiOnLines(*weights, *radii.max(axis=2).T.tolist()))
     return Result(
         family=setup.family,
         circle=tuple(circle),
         line=tuple(line),
         desired_m=np.asarray(setup.circle.position[POINTS]),
         output_m=outputs,
-        finite_preview={
-            name: _machines(setup.run(plan, setup.circle))[0] for name, plan in plans.items()
-        },
+        finite_preview={name: setup.run(plan, setup.circle)[0][0] for name, plan in plans.items()},
         largest_gain_difference=max(_difference(ours.F, theirs.F), _difference(ours.f, theirs.f)),
         directions=directions,
         sets=tuple(sets),
-        unstable=tuple(unstable),
     )
 
 
@@ -439,42 +426,7 @@ def _cases() -> list[Case]:
     return list(dict.fromkeys(grid + scan))
 
 
-def _machines(found: FamilyRun) -> tuple[MachineRun, ...]:
-    """Errors [um] on every member of the family."""
-    metrics, lost = found.metrics, np.asarray(found.metrics.diverged)
-    columns = (
-        1e6 * np.asarray(metrics.rms_tracking_error),
-        1e6 * np.asarray(metrics.rms_contour_error),
-        1e6 * np.asarray(metrics.rms_projected_error),
-        np.asarray(metrics.rms_control),
-        np.asarray(metrics.rms_increment),
-    )
-    rows = np.where(lost, np.inf, columns).T.tolist()
-    radii = found.spectral_radius.tolist()
-    return tuple(
-        MachineRun(radius, bool(diverged), *row)
-        for radius, diverged, row in zip(radii, lost, rows, strict=True)
-    )
-
-
 def _difference(ours, theirs) -> float:
     """Largest difference over the largest entry."""
     a, b = np.asarray(ours), np.asarray(theirs)
     return float(np.max(np.abs(a - b)) / np.max(np.abs(b)))
-
-
-def _theorem_1(setup: Setup, directions: int) -> tuple[list[RadiiOnLines], list[UnstableLoop]]:
-    """Largest spectral radii over the directions; every unstable loop by name."""
-    angles = np.deg2rad(np.arange(directions) * 180.0 / directions)
-    sets: list[RadiiOnLines] = []
-    unstable: list[UnstableLoop] = []
-    for weights in product(THEOREM_ALPHAS, THEOREM_BETAS, THEOREM_RHOS):
-        # axes (horizon, terminal, direction)
-        radii = radii_on_lines(setup.model, LQWeights(*weights), angles, THEOREM_HORIZON)
-        output, dare = radii.max(axis=2).T.tolist()
-        sets.append(RadiiOnLines(*weights, output, dare))
-        for i, terminal in enumerate(TERMINALS):
-            for row in np.flatnonzero((radii[:, i] >= 1).any(axis=1)):
-                count, largest = int((radii[row, i] >= 1).sum()), float(radii[row, i].max())
-                unstable.append(UnstableLoop(terminal, *weights, int(row) + 1, count, largest))
-    return sets, unstable

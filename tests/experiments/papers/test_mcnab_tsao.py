@@ -5,13 +5,12 @@ from collections import defaultdict
 from dataclasses import astuple
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from experiments.papers.mcnab_tsao import experiment
-from experiments.papers.mcnab_tsao.claims import claims, table_1
+from experiments.papers.mcnab_tsao.claims import claims, table_1, unstable
 from experiments.papers.mcnab_tsao.experiment import (
     RHO,
     AnyHorizonLQ,
@@ -70,9 +69,8 @@ def test_family_of_the_reference_numbers():
     ],
 )
 def test_cases_of_table_1_in_steady_state(setup, case, te, ce):
-    run = setup.run(setup.plan(case, setup.circle), setup.circle)
-    assert 1e6 * np.asarray(run.metrics.rms_tracking_error)[0] == pytest.approx(te, abs=6e-4)
-    assert 1e6 * run.metrics.rms_contour_error[0] == pytest.approx(ce, abs=6e-4)
+    (nominal, *_), _ = setup.run(setup.plan(case, setup.circle), setup.circle)
+    assert (nominal.te_um, nominal.ce_um) == pytest.approx((te, ce), abs=6e-4)
 
 
 def test_u_shape_falls_then_rises_then_loses_stability(setup):
@@ -80,15 +78,13 @@ def test_u_shape_falls_then_rises_then_loses_stability(setup):
     runs = {}
     for alpha in [*wanted["alpha"], 20.0]:
         plan = setup.plan(Case("output", alpha, 0.0), setup.circle)
-        runs[alpha] = setup.run(plan, setup.circle)
+        runs[alpha] = setup.run(plan, setup.circle)[0][-1]  # the latest
     for alpha, te, ce in zip(wanted["alpha"], wanted["te_um"], wanted["ce_um"], strict=True):
-        late = jax.tree.map(lambda values: np.asarray(values)[-1], runs[alpha].metrics)
-        errors = (1e6 * late.rms_tracking_error, 1e6 * late.rms_contour_error)
-        assert errors == pytest.approx((te, ce), abs=0.00501)
-    assert [alpha for alpha, run in runs.items() if run.spectral_radius[-1] >= 1] == [8.0, 20.0]
-    assert runs[8.0].spectral_radius[-1] == pytest.approx(1.0023, abs=5e-5)
-    assert runs[20.0].spectral_radius[-1] == pytest.approx(1.07, abs=5e-4)
-    assert [alpha for alpha, run in runs.items() if run.metrics.diverged[-1]] == [20.0]
+        assert (runs[alpha].te_um, runs[alpha].ce_um) == pytest.approx((te, ce), abs=0.00501)
+    assert [alpha for alpha, run in runs.items() if not run.stable] == [8.0, 20.0]
+    assert runs[8.0].spectral_radius == pytest.approx(1.0023, abs=5e-5)
+    assert runs[20.0].spectral_radius == pytest.approx(1.07, abs=5e-4)
+    assert [alpha for alpha, run in runs.items() if run.diverged] == [20.0]
 
 
 @pytest.mark.parametrize(
@@ -146,9 +142,9 @@ def test_theorem_1(result):
     assert len(result.sets) == 36
     assert all(len(one.output) == len(one.dare) == 50 for one in result.sets)
     assert max(max(one.dare) for one in result.sets) < 0.89
-    assert {(loop.terminal, loop.preview) for loop in result.unstable} == {("output", 1)}
-    assert all(loop.rho < 1e-10 for loop in result.unstable)
-    assert len(result.unstable) == 22
+    loops = unstable(result)
+    assert {(loop.terminal, loop.horizon) for loop in loops} == {("output", 1)}
+    assert all(loop.weights.rho < 1e-10 for loop in loops) and len(loops) == 22
 
 
 @pytest.mark.slow
@@ -169,7 +165,7 @@ def test_verdicts(result):
 
 def test_a_diverged_machine_has_no_numbers(setup):
     case = Case("output", 20.0, 0.0)
-    machines = experiment._machines(setup.run(setup.plan(case, setup.circle), setup.circle))
+    machines, _ = setup.run(setup.plan(case, setup.circle), setup.circle)
     assert [machine.diverged for machine in machines] == [False, False, False, False, True]
     assert machines[-1].te_um == np.inf and not machines[-1].stable
     stored = to_json(machines)
