@@ -101,12 +101,30 @@ def test_feedbacks_are_the_reference():
 def test_loops_are_the_reference():
     wanted = WANTED["explicit_loop"]["runs"]
     found = {(r.controller, r.order, r.preview, r.constraint): r for r in loop_runs(-0.3075)}
-    assert len(found) == len(wanted) == 15
+    assert len(found) == len(wanted) + 3 == 18
     for row in wanted:
         one = found[row["controller"][0], row["m"], row["Np"], row["N"]]
         assert one.apart < 1e-11
         assert one.max_error == pytest.approx(row["max_err_m"], abs=1e-11)
         assert one.slowest_pole == pytest.approx(row["min_pole_modulus_lambda"], rel=1e-8)
+
+
+def test_our_h_infinity_feedback_keeps_the_errors_of_the_filters(result):
+    """Its loops are stable, and no feedback changes what the feedforward leaves."""
+    loops = [run_ for run_ in result.loops if run_.controller == "H-infinity"]
+    assert len(loops) == 3
+    assert all(run_.apart < 1e-11 and run_.slowest_pole > 1 for run_ in loops)
+    plant, one = linear_motor_drive(), feedbacks(linear_motor_drive())["H-infinity"]
+    lam = np.exp(-1j * np.linspace(1e-3, np.pi, 2001))
+    P = np.einsum(
+        "ij,kj->k",
+        np.asarray(plant.C),
+        np.linalg.solve(
+            lam[:, None, None] ** -1 * np.eye(3) - np.asarray(plant.A), np.asarray(plant.B)
+        )[..., 0],
+    )
+    C_fb = np.polyval(one.numerator[::-1], lam) / np.polyval(one.denominator[::-1], lam)
+    assert np.max(np.abs(1 / (1 + P * C_fb))) < 2 * 1.51 * 1.02  # M gamma, W_S is above 1 / M
 
 
 def test_the_attained_cost_is_below_the_printed_one(result):
