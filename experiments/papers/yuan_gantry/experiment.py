@@ -265,7 +265,7 @@ def _emulated(
     case: Case, gantry: Gantry, reference: Reference, wanted: Float[Array, "T 2"]
 ) -> HeadRun:
     """One condition; `wanted` is the tool of the gantry itself."""
-    plant = HardwareInLoop(gantry, MotorBench(case.dry), case.delay)
+    plant = HardwareInLoop(gantry=gantry, bench=MotorBench(case.dry), delay=case.delay)
     run = simulate(plant, _controller(gantry.parameters, case.damped), reference)
     row = _row(case.name, run, run.measurement, reference, _peak(run.output - wanted))
     return replace(
