@@ -1,10 +1,23 @@
 """Blends: corners of a path, and jumps of its curvature, replaced by curves within a tolerance.
 
-What a blend is: see `blends`; how far it reaches: see `reaches`. Blends are written as quintics in
-their own arc length, so that the blended path is a contour.
+A blend leaves the piece before a joint at a distance d and meets the piece after it at the same
+distance. Between two lines it is the cubic
+
+    r(u) = corner - d (1 - u)^3 t_0 + d u^3 t_1,        u from 0 to 1,
+
+with t_0 and t_1 the directions of the lines: one axis comes to rest at constant jerk while the
+other one leaves it, which is the quickest way around a slow corner. Between curves it is the
+quintic with the same derivatives at both ends, the curvature of the path added. Point u belongs to
+the point of the path at d (u^3 - (1 - u)^3) from the joint. Where the curvature jumps and the
+direction does not, the quintic has no second derivative along the path at its ends, and u belongs
+to d (2 u - 1). The greatest distance of two such points bounds the distance of the blend from the
+path and of the path from the blend: d |t_1 - t_0| / 8 between lines. A blend reaches as far as its
+tolerance allows, but no farther than a feed needs. Blends are written as quintics in their own arc
+length, so that the blended path is a contour.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -16,10 +29,8 @@ from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import fitted
-from jcontour.motion.blends import Blends
 from jcontour.motion.jerk_limited.joints import joints, unpadded
-from jcontour.motion.jerk_limited.limits import Asked
-from jcontour.motion.reaches import SHORTEST, as_needed, within, without_gaps
+from jcontour.motion.jerk_limited.limits import Asked, AxisLimits
 
 SHARE = 0.5  # of a piece, at most, that a blend takes at each of its ends
 SAFETY = 0.99  # of the tolerance: the deviation may peak between the places where it is measured
@@ -28,6 +39,168 @@ FINEST = 1e-12  # [m] of that
 SHARPEST = 2 * np.sin(np.radians(120.0) / 2)  # jump of the tangent: beyond it a stop is quicker
 ROUNDING = 1e-9  # jump of the tangent that is none
 CORNER = 1e-3  # jump of the tangent: a smaller one is rather a jump of the curvature
+STEPS = 32  # of a blend, at which it is looked at
+SEARCHES = 60  # halvings and secants for the length of a blend
+LEAST = 0.01  # of the reach that the tolerance allows
+APPROACHES = 7  # halvings of what is not known of the reach, which is then known to 4 %
+SWING = 1.1  # of the curvature that a blend meets: it goes 8 % beyond, however long it is
+SHORTEST = 1e-9  # [m] of what is left of a piece between two blends
+MEETING = 1e-13  # [m] what is left where two blends meet
+SHORTER = 0.99  # of a blend, where less than the shortest would be left: a gap, which turns
+
+
+class Blends(NamedTuple):
+    """Blends at joints `at` of pieces, each of a reach d [m] to both sides.
+
+    At a `corner` the direction jumps; elsewhere the curvature alone does.
+    """
+
+    pieces: Piece
+    at: Int[np.ndarray, " B"]
+    corner: Bool[np.ndarray, " B"]
+    reach: Float[np.ndarray, " B"]
+
+    def left(self) -> Float[np.ndarray, " P"]:
+        """What is left of every piece [m]."""
+        left = self.pieces.extent.copy()
+        left[self.at] -= self.reach
+        left[self.at + 1] -= self.reach
+        return left
+
+    def some(self, which: np.ndarray) -> "Blends":
+        """Some of the blends."""
+        return self._replace(at=self.at[which], corner=self.corner[which], reach=self.reach[which])
+
+    def ends(self) -> Float[np.ndarray, "2 3 B m"]:
+        """Point, tangent and curvature vector where the blends begin and end."""
+        piece = np.stack([self.at, self.at + 1])
+        place = np.stack([self.pieces.extent[self.at] - self.reach, self.reach])
+        return np.swapaxes(jet(self.pieces, piece, place)[:3], 0, 1)
+
+    def path(self, u: Float[np.ndarray, " n"]) -> Float[np.ndarray, "B n m"]:
+        """Points of the path beside the blends."""
+        beyond = self.reach[:, None] * self.beyond(u, self.corner[:, None])
+        piece = self.at[:, None] + (u >= 0.5)
+        place = beyond + np.where(u < 0.5, self.pieces.extent[piece], 0.0)
+        return jet(self.pieces, piece, place)[0]
+
+    def quintics(self) -> Piece:
+        """The blends as polynomials in u."""
+        (p, v, c), (p1, v1, c1) = self.ends()
+        scale = (np.where(self.corner, 3.0, 2.0) * self.reach)[:, None]  # |dr/du| at both ends
+        slowing = np.where(self.corner, 2.0, 0.0)[:, None]
+        v, v1 = v * scale, v1 * scale
+        c, c1 = c * scale**2 - slowing * v, c1 * scale**2 + slowing * v1
+        gap, turn, bend = p1 - p - v - c / 2, v1 - v - c, c1 - c
+        cubic, quartic = 10 * gap - 4 * turn + bend / 2, -15 * gap + 7 * turn - bend
+        quintic = 6 * gap - 3 * turn + bend / 2
+        none = np.zeros(self.reach.size)
+        polynomial = np.stack([p, v, c / 2, cubic, quartic, quintic], axis=1)
+        return Piece(polynomial, 0.0 * p, 0.0 * p, none, none, none + 1.0)
+
+    @staticmethod
+    def beyond(u: np.ndarray, corner: np.ndarray) -> np.ndarray:
+        """Place on the path beside a point of a blend: from -1, where it begins, to 1."""
+        return np.where(corner, u**3 - (1 - u) ** 3, 2 * u - 1)
+
+    def deviation(self) -> Float[np.ndarray, " B"]:
+        """Greatest distance of a blend from its path [m]."""
+        u = np.arange(1, STEPS) / STEPS
+        return np.linalg.norm(self._at(u)[0] - self.path(u), axis=-1).max(axis=1)
+
+    def along(self) -> Float[np.ndarray, "3 B n m"]:
+        """First, second and third derivative with respect to the arc length [1, 1/m, 1/m^2]."""
+        _, first, second, third = self._at(np.arange(STEPS + 1) / STEPS)
+        pace = np.linalg.norm(first, axis=-1, keepdims=True)  # ds/du
+        tangent = first / pace
+        hurry = np.sum(tangent * second, axis=-1, keepdims=True)
+        bend = (second - hurry * tangent) / pace**2
+        across = np.sum(second**2 + first * third, axis=-1, keepdims=True)
+        twist = third - 3 * pace * hurry * bend - (across - hurry**2) / pace * tangent
+        return np.stack([tangent, bend, twist / pace**3])
+
+    def _at(self, u: Float[np.ndarray, " n"]) -> Float[np.ndarray, "4 B n m"]:
+        """Points of the blends and their derivatives in u."""
+        every = np.broadcast_to(np.arange(self.at.size)[:, None], (self.at.size, u.size))
+        return jet(self.quintics(), every, np.broadcast_to(u, every.shape))
+
+
+def within(blends: Blends, tolerance: Float[np.ndarray, " B"]) -> Blends:
+    """The blends shortened until each is within its tolerance [m].
+
+    Near its end the search takes the deviation to grow with the reach at a corner, and with its
+    square where the curvature jumps.
+    """
+    for _ in range(SEARCHES):
+        deviation = blends.deviation()
+        over = np.flatnonzero(deviation > tolerance)
+        if over.size == 0:
+            break
+        fewer = blends.some(over)
+        nearby = fewer._replace(reach=0.9 * fewer.reach).deviation()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            power = np.log(deviation[over] / nearby) / np.log(1 / 0.9)
+        steep = np.clip(np.nan_to_num(power, nan=1.0), 0.5, 4.0)
+        factor = (0.999 * tolerance[over] / deviation[over]) ** (1 / steep)
+        reach = blends.reach.copy()
+        reach[over] *= np.clip(factor, 1e-3, 0.999)
+        blends = blends._replace(reach=reach)
+    return blends
+
+
+def as_needed(
+    blends: Blends,
+    tolerance: Float[np.ndarray, " B"],
+    feed: Float[np.ndarray, " B"],
+    limits: AxisLimits,
+) -> Blends:
+    """The blends shortened to what their feed needs: longer ones would be passed no faster.
+
+    At a speed v along a blend every axis has the acceleration v^2 r_ss and the jerk v^3 r_sss,
+    larger ones where it is shorter. They may be as large as `AxisLimits.at_ease`, the acceleration
+    also about as large as beside the blend. A blend that is not passed so stays as it is, and one
+    that would deviate more where it is shorter, as may be between curves.
+
+    Args:
+        blends: as long as the tolerance allows.
+        tolerance: of each [m].
+        feed: that is asked for in each [m/s]. Where the speed limit of an axis, or the curvature
+            and the acceleration limit, allow less beside the blend, v is that.
+        limits: of the axes.
+    """
+    _, tangent, bend = np.swapaxes(blends.ends(), 0, 1)
+    with np.errstate(divide="ignore"):
+        speed = (limits.speed / np.abs(tangent)).min(axis=(0, 2))
+        turning = np.sqrt((limits.acceleration / np.abs(bend)).min(axis=(0, 2)))
+    v = np.minimum(np.minimum(feed, speed), turning)[:, None]
+    beside = np.abs(bend).max(axis=0) * v**2
+    acceleration = np.maximum(limits.at_ease.acceleration, SWING * beside)
+    jerk = limits.at_ease.jerk
+    enough, short = np.ones(feed.size), np.full(feed.size, LEAST)
+    for _ in range(APPROACHES):
+        between = np.sqrt(enough * short)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a blend that has no reach at all
+            along = blends._replace(reach=between * blends.reach).along()
+        _, second, third = np.abs(along).max(axis=2)
+        easy = (second * v**2 <= acceleration) & (third * v**3 <= jerk)
+        passed = easy.all(axis=1)
+        enough, short = np.where(passed, between, enough), np.where(passed, short, between)
+    shorter = blends._replace(reach=enough * blends.reach)
+    near = shorter.deviation() <= tolerance
+    return shorter._replace(reach=np.where(near, shorter.reach, blends.reach))
+
+
+def without_gaps(blends: Blends) -> Blends:
+    """The blends, those a little shortened between which too little of a piece is left.
+
+    A blend that still leaves too little is none: its piece would be lost, and the path have a gap.
+    """
+    left = blends.left()[blends.at]
+    narrow = (left > MEETING) & (left <= SHORTEST)
+    blends = blends._replace(reach=np.where(narrow, SHORTER, 1.0) * blends.reach)
+    left = blends.left()
+    lost = (left > MEETING) & (left <= SHORTEST)
+    return blends.some(~(lost[blends.at] | lost[blends.at + 1]))
 
 
 @dataclass(frozen=True)

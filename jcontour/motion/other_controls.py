@@ -1,6 +1,6 @@
-"""Motions of LinuxCNC, grbl and Klipper along a path, by the rules that they document.
+"""Motions of LinuxCNC and grbl along a path, by the rules that they document.
 
-All three limit acceleration and not jerk. A path is a chain of legs, each with a greatest speed and
+Both limit acceleration and not jerk. A path is a chain of legs, each with a greatest speed and
 acceleration. The speeds at their joints follow from the control's rule for corners and from what
 lies within its look-ahead.
 
@@ -8,8 +8,6 @@ lies within its look-ahead.
               an arc within P, or, out of one plane, slowed down in while the next leg begins; a
               rapid move and a cut are never joined. Short lines within P become one.
     grbl      "Configuration": the speed in a corner is that on a circle at the junction deviation.
-    Klipper   "Kinematics": likewise, from the square corner velocity; rises of the speed that are
-              short are cut by the minimum cruise ratio.
 
 Where LinuxCNC's manual says no number, it was taken from samples of its servo thread (2.9): half of
 the acceleration is left along arcs, and along legs that are not joined by one.
@@ -26,15 +24,14 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited.joints import unpadded
 
-Control = Literal["linuxcnc", "grbl", "klipper"]
+Control = Literal["linuxcnc", "grbl"]
 
 ACROSS = math.sqrt(0.75)  # of the acceleration, on LinuxCNC's arcs, so that half is left along them
 KINK = 0.1  # of the acceleration: a joint that asks for less within a cycle is passed
 CYCLE = 1e-3  # [s] of LinuxCNC's servo thread
-AHEAD = {"linuxcnc": 50, "grbl": 15, "klipper": 10_000}  # legs that are known ahead
+AHEAD = {"linuxcnc": 50, "grbl": 15}  # legs that are known ahead
 MOST_CHAINED = 100  # lines that LinuxCNC makes one of
 ALIKE = 1e-6  # of a direction: one that turns less goes straight on
-KLIPPER_CHORD = 1e-3  # [m] of arcs, its `resolution`
 SHORT = 1e-9  # [m]
 
 
@@ -47,8 +44,6 @@ class ControlLimits(NamedTuple):
         path_speed, path_acceleration: greatest along the path.
         tolerance: P of G64, from the path [m]; None as G64 without P.
         junction_deviation: of grbl [m].
-        corner_speed: square corner velocity of Klipper [m/s].
-        cruise_ratio: least share of a leg at constant speed, of Klipper.
         arc_tolerance: of grbl's chords from an arc [m].
     """
 
@@ -59,8 +54,6 @@ class ControlLimits(NamedTuple):
     path_acceleration: float = math.inf
     tolerance: float | None = None
     junction_deviation: float = 10e-6
-    corner_speed: float = 5e-3
-    cruise_ratio: float = 0.5
     arc_tolerance: float = 2e-6
 
     def along(self, direction: np.ndarray) -> tuple[float, float]:
@@ -147,8 +140,6 @@ def as_planned_by(
             else corner_speed(last, leg, limits)
             for last, leg in zip(legs, legs[1:], strict=False)
         ]
-    if limits.control == "klipper":
-        legs = _calmed(legs, joints, 1.0 - limits.cruise_ratio)
     speeds = joint_speeds(legs, joints, AHEAD[limits.control])
     return _sampled(pieces, legs, speeds, np.nan_to_num(np.append(rest, 0.0)), dt)
 
@@ -183,27 +174,19 @@ def joint_speeds(
 def corner_speed(last: Leg, leg: Leg, limits: ControlLimits) -> float:
     """Speed on a circle that touches both lines: v^2 = a R, R = d sin(h) / (1 - sin(h)).
 
-    d is the junction deviation and h half of the angle between the lines. Klipper's d is
-    (sqrt(2) - 1) v_c^2 / a for the square corner velocity v_c; its circle touches the lines at
-    their middles at most: v^2 <= a L tan(h) / 2.
+    d is the junction deviation and h half of the angle between the lines.
     """
     cosine = float(-last.arrives @ leg.leaves)
     if abs(cosine) > 1 - ALIKE:
         return 0.0 if cosine > 0 else math.inf
     sine = math.sqrt(0.5 * (1 - cosine))
-    share = sine / (1 - sine)
-    if limits.control == "grbl":
-        across = leg.leaves - last.arrives
-        _, most = limits.along(across / np.linalg.norm(across))
-        return math.sqrt(most * limits.junction_deviation * share)
-    square = (math.sqrt(2.0) - 1) * limits.corner_speed**2 * share
-    tangent = sine / math.sqrt(0.5 * (1 + cosine))
-    halves = (0.5 * one.acceleration * one.length * tangent for one in (last, leg))
-    return math.sqrt(min(square, *halves))
+    across = leg.leaves - last.arrives
+    _, most = limits.along(across / np.linalg.norm(across))
+    return math.sqrt(most * limits.junction_deviation * (sine / (1 - sine)))
 
 
 def _legs(pieces: Piece, feed: np.ndarray, rapid: np.ndarray, limits: ControlLimits) -> list[Leg]:
-    """Legs of all pieces; grbl and Klipper run arcs as chords."""
+    """Legs of all pieces; grbl runs arcs as chords."""
     begins = np.append(0.0, np.cumsum(pieces.extent))
     bends = np.linalg.norm(pieces.jet(0.0 * pieces.extent)[2], axis=1)
     legs = []
@@ -213,7 +196,6 @@ def _legs(pieces: Piece, feed: np.ndarray, rapid: np.ndarray, limits: ControlLim
         if bend * extent > ALIKE and not bent:
             height = min(limits.arc_tolerance, 0.5 / bend)
             chord = 2 * math.sqrt(height * (2 / bend - height))
-            chord = KLIPPER_CHORD if limits.control == "klipper" else chord
             count = max(1, math.floor(extent / chord))
         marks = np.linspace(0.0, extent, count + 1)
         place, velocity, acceleration = pieces.taken(np.full(count + 1, k)).jet(marks)
@@ -334,20 +316,6 @@ def _rounded(
     )
     later = leg._replace(begin=begin, length=leg.length - back, start=leg.start + back * leg.leaves)
     return last._replace(end=end, length=last.length - back), arc, later
-
-
-def _calmed(legs: list[Leg], joints: Sequence[float], share: float) -> list[Leg]:
-    """Legs with the speeds that Klipper reaches with a share of its acceleration.
-
-    A rise of the speed lasts from one joint that is slower than its neighbours to the next one.
-    """
-    slow = [leg._replace(acceleration=share * leg.acceleration) for leg in legs]
-    speeds = joint_speeds(slow, joints, AHEAD["klipper"])
-    peaks = np.array([_peak(leg, *speeds[k : k + 2]) for k, leg in enumerate(slow)])
-    valley = (speeds[1:-1] < peaks[1:]) & (speeds[1:-1] < peaks[:-1])
-    rises = np.split(np.arange(len(legs)), np.flatnonzero(valley) + 1)
-    most = np.concatenate([np.full(rise.size, peaks[rise].max()) for rise in rises])
-    return [leg._replace(speed=min(leg.speed, most[k])) for k, leg in enumerate(legs)]
 
 
 def _peak(leg: Leg, begin: float, end: float) -> float:

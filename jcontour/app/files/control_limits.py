@@ -1,9 +1,8 @@
-"""Limits that a control is set to: LinuxCNC's INI, Klipper's printer.cfg, grbl's `$$` listing.
+"""Limits that a control is set to: LinuxCNC's INI, grbl's `$$` listing.
 
 LinuxCNC: [AXIS_X] MAX_VELOCITY and MAX_ACCELERATION in [TRAJ] LINEAR_UNITS a second, [TRAJ]
-MAX_LINEAR_VELOCITY, P of G64 in [RS274NGC] RS274NGC_STARTUP_CODE. Klipper: [printer] max_velocity,
-max_accel, max_z_velocity, max_z_accel, square_corner_velocity, minimum_cruise_ratio, in mm a
-second. grbl: $110 to $112 in mm a minute, $120 to $122 in mm/s^2, $11 and $12 in mm.
+MAX_LINEAR_VELOCITY, P of G64 in [RS274NGC] RS274NGC_STARTUP_CODE. grbl: $110 to $112 in mm a
+minute, $120 to $122 in mm/s^2, $11 and $12 in mm.
 """
 
 import configparser
@@ -22,14 +21,13 @@ BLENDED = re.compile(r"G64\s*P\s*([.\d]+)", re.IGNORECASE)
 LENGTHS = {"mm": MM, "metric": MM, "inch": INCH, "in": INCH, "imperial": INCH}
 FAST = 2.0  # [m/s]: faster axes are rare, and mm/min read as mm/s look so
 SLOW = 2e-3  # [m/s]: so slow a rapid move is none, and mm/s read as mm/min look so
-CARTESIAN = frozenset({"cartesian", "corexy", "corexz", "hybrid_corexy", "hybrid_corexz"})
 
 
 def read_control_limits(path: Path, axes: int) -> tuple[ControlLimits, tuple[str, ...]]:
     """Limits of the first axes of X, Y and Z, and questions about their units.
 
     Raises:
-        MachineError: the file is of none of the three, a limit is missing or no number, the axes
+        MachineError: the file is of neither, a limit is missing or no number, the axes
             are not the joints.
     """
     text, names = read_text(path), "XYZ"[:axes]
@@ -43,14 +41,10 @@ def read_control_limits(path: Path, axes: int) -> tuple[ControlLimits, tuple[str
         parser.read_string(re.sub(r"(?m)^#INCLUDE.*$", "", text))
     except configparser.Error as error:
         reason = str(error).splitlines()[0]
-        raise MachineError(f"{path}: no INI, printer.cfg or listing of grbl: {reason}") from None
-    if parser.has_section("printer"):
-        return _klipper(path, parser, names)
+        raise MachineError(f"{path}: no INI or listing of grbl: {reason}") from None
     if parser.has_section("TRAJ") or parser.has_section("KINS"):
         return _linuxcnc(path, parser, names)
-    raise MachineError(
-        f"{path}: no [TRAJ] of a LinuxCNC INI, no [printer] of Klipper, no $110=... of grbl"
-    )
+    raise MachineError(f"{path}: no [TRAJ] of a LinuxCNC INI, no $110=... of grbl")
 
 
 def _number(path: Path, key: str, text: str | None, default: float | None = None) -> float:
@@ -88,38 +82,6 @@ def _grbl(
         if MM / 60 * rate < SLOW
     ]
     return limits, tuple(slow)
-
-
-def _klipper(
-    path: Path, parser: configparser.ConfigParser, names: str
-) -> tuple[ControlLimits, tuple[str, ...]]:
-    printer = parser["printer"]
-    kinematics = printer.get("kinematics") or ""
-    if kinematics not in CARTESIAN:
-        raise MachineError(
-            f"{path}: kinematics {shown(kinematics)}: only machines with axes X, Y and Z of their "
-            "own are planned, as cartesian and corexy"
-        )
-
-    def setting(key: str, default: float | None = None) -> float:
-        return _number(path, f"[printer] {key}", printer.get(key), default)
-
-    speed, acceleration = setting("max_velocity"), setting("max_accel")
-    cruise = float(printer.get("minimum_cruise_ratio") or 0.5)
-    if printer.get("max_accel_to_decel"):
-        cruise = 1 - min(1.0, setting("max_accel_to_decel") / acceleration)
-    z = [setting("max_z_velocity", speed), setting("max_z_accel", acceleration)]
-    axes = np.array([[speed, acceleration], [speed, acceleration], z])[: len(names)] * MM
-    limits = ControlLimits(
-        "klipper",
-        axes[:, 0],
-        axes[:, 1],
-        path_speed=MM * speed,
-        path_acceleration=MM * acceleration,
-        corner_speed=MM * setting("square_corner_velocity", 5.0),
-        cruise_ratio=cruise,
-    )
-    return limits, _questioned({"max_velocity": MM * speed}, MM)
 
 
 def _linuxcnc(

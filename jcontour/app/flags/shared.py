@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 from jcontour.app.plain_numbers import Samples
 
 Terminal = Literal["output", "riccati"]
-Planner = Literal["jcontour", "linuxcnc", "klipper", "grbl"]
+Planner = Literal["jcontour", "linuxcnc", "grbl"]
 FeedLaw = Literal["trapezoidal", "jerk"]
 DrawingUnit = Literal["mm", "cm", "m", "inch", "px", "pt"]
 Objective = Literal["typical", "worst", "mean", "regret", "certified"]
@@ -57,14 +57,12 @@ class MachineFlags(RunsCode):
     """Jerk limit of every axis [m/s^3], for --feed-law jerk.
     When not given, that of the machine; without one the acceleration builds up in 20 ms."""
     machine_limits: str | None = None
-    """Speeds, accelerations and corner settings of a control, in full: LinuxCNC's INI, Klipper's
-    printer.cfg, or grbl's `$$` listing. When not given, those of the machine."""
+    """Speeds, accelerations and corner settings of a control, in full: LinuxCNC's INI or
+    grbl's `$$` listing. When not given, those of the machine."""
     planner: Planner = "jcontour"  # the others have no limit on the jerk
     """Control whose motion and cycle time are predicted for toolpath files."""
     junction_deviation_um: float | None = None
     """Junction deviation of grbl [um], for --planner grbl; 10 or that of --machine-limits."""
-    square_corner_velocity: float | None = None
-    """Square corner velocity [mm/s], for --planner klipper; 5 or that of --machine-limits."""
     drawing_unit: DrawingUnit | None = None
     """Unit of a drawing, whatever its file says. When not given, the file has to say.
     px: 1/96 inch, as browsers and Inkscape have it, 1/90 in Inkscape before 0.92.
@@ -116,7 +114,6 @@ class Limited(Controlled):
     RARE: ClassVar[tuple[str, ...]] = (  # flags that few runs need: help tells of them when asked
         *("trust_code", "feed_law", "jerk", "drawing_unit", "join_um", "terminal", "rho"),
         *("tool_table", "machine_limits", "planner", "junction_deviation_um"),
-        "square_corner_velocity",
         "model_delay",
         "backlash",
         *("min_delay_margin", "max_count_noise", "max_peak_tracking_error_um", "max_rms_control"),

@@ -136,8 +136,8 @@ def _of_control(contour: Contour, feed, rapid, pace: Pace, rest, words: str) -> 
     assert pace.control is not None
     motion = as_planned_by(pace.control, contour, feed, rapid, rest, pace.machine.model.dt)
     offset = motion.place - _on(contour, motion.arc)[0]
-    names = {"linuxcnc": "LinuxCNC", "klipper": "Klipper", "grbl": "grbl"}
-    law = f"as {names[pace.planner]} plans it, {words}"
+    name = "LinuxCNC" if pace.planner == "linuxcnc" else pace.planner
+    law = f"as {name} plans it, {words}"
     return AlongPath(motion.arc, law, Aside(offset, motion.tangent))
 
 

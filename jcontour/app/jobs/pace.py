@@ -122,7 +122,6 @@ class Pace(NamedTuple):
             ("acceleration", flags.acceleration),
             ("jerk", flags.jerk),
             ("junction-deviation-um", flags.junction_deviation_um),
-            ("square-corner-velocity", flags.square_corner_velocity),
         ):
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
@@ -163,12 +162,8 @@ def _control(flags: MachineFlags, machine: Machine) -> tuple[ControlLimits | Non
         ValueError: the file cannot be read, the machine states no limits, or a flag is another
             control's.
     """
-    for name, value, owner in (
-        ("junction-deviation-um", flags.junction_deviation_um, "grbl"),
-        ("square-corner-velocity", flags.square_corner_velocity, "klipper"),
-    ):
-        if value is not None and flags.planner != owner:
-            raise ValueError(f"{name}: --planner {owner} alone has one")
+    if flags.junction_deviation_um is not None and flags.planner != "grbl":
+        raise ValueError("junction-deviation-um: --planner grbl alone has one")
     doubts: tuple[str, ...] = ()
     if flags.machine_limits is not None:
         control, doubts = read_control_limits(Path(flags.machine_limits), machine.model.axes)
@@ -186,6 +181,4 @@ def _control(flags: MachineFlags, machine: Machine) -> tuple[ControlLimits | Non
         control = control._replace(control=flags.planner)
     if flags.junction_deviation_um is not None:
         control = control._replace(junction_deviation=1e-6 * flags.junction_deviation_um)
-    if flags.square_corner_velocity is not None:
-        control = control._replace(corner_speed=MM * flags.square_corner_velocity)
     return control, doubts

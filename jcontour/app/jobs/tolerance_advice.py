@@ -6,8 +6,7 @@ import numpy as np
 
 from jcontour.app.jobs.coarse import Coarse
 from jcontour.app.jobs.motion_laws import UM
-from jcontour.motion.acting_limits import limit_shares
-from jcontour.motion.cornering import Planned
+from jcontour.motion.cornering import Planned, limit_shares
 
 ENOUGH = 0.1  # of the cycle time under the limit of the tolerance: less is worth no other plan
 STEPS = (1.0, 2.0, 5.0, 10.0)  # of tolerances that are tried, in each decade

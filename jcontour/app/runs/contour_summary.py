@@ -19,8 +19,7 @@ from jcontour.app.jobs.replays import Replay, Scenarios, desired, scored
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports.figures.contours import NOMINAL, ContourRuns, DrawnRun
 from jcontour.geometry.outlines import outline
-from jcontour.motion.acting_limits import limit_shares
-from jcontour.motion.cornering import Planned
+from jcontour.motion.cornering import Planned, limit_shares
 from jcontour.motion.jerk_limited.joints import unpadded
 
 

@@ -1,23 +1,120 @@
-"""What limits mean for the unknowns of a warp, at three points of every cell.
+"""What limits mean for the unknowns of a warp, in cells of a mesh; eight cells are one value.
 
-A condition is linear in u, u' and u'' at a point, and so in the window of three unknowns of a cell:
-for the speed `speed @ c <= 1`, for the acceleration `|acceleration @ c| <= 1`, and for the jerk
-`|jerk @ c| <= 1 / sqrt(u)`.
+The rate's square u has one ordinate c_i for every cell; a node between two cells lies on the
+straight line between theirs. A condition is linear in u, u' and u'' at a point, and so in the
+window of three unknowns of a cell: for the speed `speed @ c <= 1`, for the acceleration
+`|acceleration @ c| <= 1`, and for the jerk `|jerk @ c| <= 1 / sqrt(u)`. The search looks at three
+points of every cell. What a motion exceeds between them is measured afterwards.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from jcontour._compiled import compiled
 from jcontour._native.lanes import WIDTH, fma, load, most, part, root, size_of, spread, store
-from jcontour.geometry.along_pieces import in_lanes, moved_axis, wave
+from jcontour.geometry.along_pieces import filling, in_lanes, moved_axis, wave
 from jcontour.geometry.pieces import Piece
-from jcontour.motion.jerk_limited.cells import LENGTH, NUMBERS, Cells, old_motion
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
 from jcontour.motion.jerk_limited.limits import AxisLimits
-from jcontour.motion.jerk_limited.warp import Ordinates
+
+# numbers of a cell: the old motion's cubic, where the piece begins, the cell's own begin and length
+PLACE, ELAPSED, LENGTH, NUMBERS = 4, 5, 6, 7
+
+
+class Cells(NamedTuple):
+    """Cells of a mesh: what they lie on.
+
+    Attributes:
+        piece: number of the path's piece.
+        place: arc length at which the piece begins [m].
+        elapsed: time of the old motion from its own node to the beginning of the cell [s].
+        cell: number of the old motion's cell.
+        length: of the cell in the old motion's time [s].
+    """
+
+    piece: Int[np.ndarray, " n"]
+    place: Float[np.ndarray, " n"]
+    elapsed: Float[np.ndarray, " n"]
+    cell: Int[np.ndarray, " n"]
+    length: Float[np.ndarray, " n"]
+
+    def taken(self, some: Bool[np.ndarray, " n"] | slice) -> "Cells":
+        """Some of the cells."""
+        return Cells(*(values[some] for values in self))
+
+    def in_rows(
+        self, old: CubicMotion, more: Float[np.ndarray, "n k"]
+    ) -> Float[np.ndarray, "n 7+k"]:
+        """The numbers of every cell, and others after them."""
+        found = np.empty((self.length.size, NUMBERS + more.shape[1]))
+        found[:, :PLACE] = old.coefficients[self.cell]
+        found[:, PLACE], found[:, ELAPSED], found[:, LENGTH] = (
+            self.place,
+            self.elapsed,
+            self.length,
+        )
+        found[:, NUMBERS:] = more
+        return found
+
+
+@part
+def old_motion(cells, at, x):
+    """Place on the piece, speed, acceleration and jerk of the old motion at fractions of cells."""
+    two, three, six = spread(2.0), spread(3.0), spread(6.0)
+    s, v = load(cells, at), load(cells, at + 1)
+    a, j = load(cells, at + 2), load(cells, at + 3)
+    t = fma(x, load(cells, at + LENGTH), load(cells, at + ELAPSED))
+    place = fma(t, fma(t, fma(t, j, a), v), s) - load(cells, at + PLACE)
+    return place, fma(t, fma(three * t, j, two * a), v), fma(six * t, j, two * a), six * j
+
+
+class Ordinates(NamedTuple):
+    """How the Bernstein ordinates of a cell follow from the unknowns: a window of three of them.
+
+    Attributes:
+        first: number of the first unknown of the window.
+        weights: (n, ordinate, unknown).
+    """
+
+    first: Int[np.ndarray, " n"]
+    weights: Float[np.ndarray, "n 3 3"]
+
+    def of(self, unknowns: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        """Ordinates of all cells."""
+        return np.einsum("nbk,nk->nb", self.weights, self.window(unknowns))
+
+    def window(self, unknowns: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+        """The three unknowns of every cell."""
+        return unknowns[self.first[:, None] + np.arange(3)]
+
+
+def ordinates(length: Float[np.ndarray, " n"], begins: Bool[np.ndarray, " n"]) -> Ordinates:
+    """Bernstein ordinates of cells [s]; `begins` says which come after a stop.
+
+    Raises:
+        ValueError: fewer than three cells between two stops.
+    """
+    n = length.size
+    stops = np.append(np.flatnonzero(begins), n)
+    count = np.diff(stops)
+    if count.min() < 3:
+        raise ValueError(f"cells: needs at least three between stops, received {count.min()}")
+    ends = np.append(begins[1:], True)
+    before, after = np.append(0.0, length[:-1]), np.append(length[1:], 0.0)
+    weights = np.zeros((n, 3, 5))  # unknowns i-2 .. i+2
+    share = np.where(begins, 0.0, length / (length + before))
+    weights[:, 0, 1], weights[:, 0, 2] = share, 1.0 - share
+    weights[:, 1, 2] = 1.0
+    share = np.where(ends, 0.0, length / (length + after))
+    weights[:, 2, 3], weights[:, 2, 2] = share, 1.0 - share
+    low, high = np.repeat(stops[:-1], count), np.repeat(stops[1:] - 3, count)
+    first = np.clip(np.arange(n) - 1, low, high)
+    shift = first - np.arange(n) + 2  # 1, but 2 after a stop and 0 before one
+    columns = shift[:, None] + np.arange(3)
+    return Ordinates(first, np.take_along_axis(weights, columns[:, None, :], axis=2))
+
 
 POINTS = 3  # of a cell: its beginning, its middle and its end
 SQUARE, SPEED, STILL = 1, 4, 7  # first rows: of u, of the speed, and of the axes
@@ -149,3 +246,104 @@ def _fill(cells, at, size, axes, over, scratch, blocks):
             store(blocks, out + k, load(cells, begin + NUMBERS + 3 + k))
         for p in range(POINTS):
             _fill_point(cells, begin, at, size, axes, over, p, blocks, out, scratch)
+
+
+STEPS = 12  # of a cell: the limits are checked at their ends
+MARGIN = 2e-4  # of every limit: what may pass between two of them
+THIRD = 1 / (9 * 3**0.5)  # most of |t (t - 1) (t - 2)| / 6 between two samples
+
+
+def slower(
+    pieces: Piece,
+    feed: Float[np.ndarray, " P"],
+    limits: AxisLimits,
+    old: CubicMotion,
+    cells: Cells,
+    square: Float[np.ndarray, "n 3"],
+) -> Float[np.ndarray, " n"]:
+    """Factor on the square of the rate of every cell that brings it within all limits."""
+    numbers = cells.in_rows(old, np.column_stack([square, 1 / feed[cells.piece]]))
+    count, axes, at = len(numbers), limits.jerk.size, numbers.shape[1]
+    lanes = in_lanes(numbers, pieces, cells.piece, filling(count))
+    over, seen = (1 / np.stack(limits)).ravel(), np.empty(4 * (1 + 3 * axes) * WIDTH)
+    peak, scratch = np.empty((len(lanes), 3, WIDTH)), np.empty(2 * WIDTH)
+    size = lanes.shape[1] - at
+    _fill_peaks(lanes.ravel(), at, size, axes, over, seen, scratch, peak.ravel())
+    speed, acceleration, jerk = peak.swapaxes(0, 1).reshape(3, -1)[:, :count]
+    largest = np.maximum(np.maximum(speed**2, acceleration), np.cbrt(jerk) ** 2)
+    return (1 - MARGIN) / np.maximum(largest, 1 - MARGIN)
+
+
+@part
+def _warped(cells, at, x):
+    """Place on the piece and derivatives of the warped motion at a fraction of cells."""
+    one, two, three = spread(1.0), spread(2.0), spread(3.0)
+    first, middle, end = (
+        load(cells, at + NUMBERS),
+        load(cells, at + NUMBERS + 1),
+        load(cells, at + NUMBERS + 2),
+    )
+    y, length = one - x, load(cells, at + LENGTH)
+    u = first * y * y + two * middle * x * y + end * x * x
+    half_slope = ((middle - first) * y + (end - middle) * x) / length
+    half_bend = (first - two * middle + end) / (length * length)
+    place, v, a, j = old_motion(cells, at, x)
+    rate = root(u)
+    jerk = fma(j, u, fma(three * a, half_slope, v * half_bend))
+    return place, v * rate, fma(a, u, v * half_slope), jerk * rate
+
+
+@part
+def _seen(seen, curve, value, x):
+    """Take a value of a curve: its last three, and the peak of what it has been.
+
+    A cubic through four samples exceeds the largest by an eighth of the second difference d and by
+    max |t (t - 1) (t - 2)| / 6 of the third at most:
+
+        peak <= max |f| + max |d2 f| / 8 + |d3 f| / (9 sqrt 3)
+    """
+    at = 4 * curve
+    last, before, oldest = load(seen, at), load(seen, at + 1), load(seen, at + 2)
+    store(seen, at, value)
+    store(seen, at + 1, last)
+    store(seen, at + 2, before)
+    if x > 2:
+        bend = value - spread(2.0) * last + before
+        earlier = last - spread(2.0) * before + oldest
+        largest = most(most(size_of(value), size_of(last)), most(size_of(before), size_of(oldest)))
+        peak = fma(spread(0.125), most(size_of(bend), size_of(earlier)), largest)
+        peak = fma(spread(THIRD), size_of(bend - earlier), peak)
+        store(seen, at + 3, most(load(seen, at + 3), peak))
+
+
+@part
+def _peak(seen, curve):
+    """Greatest magnitude of a curve, that between the samples included."""
+    return load(seen, 4 * curve + 3)
+
+
+@compiled
+def _fill_peaks(cells, at, size, axes, over, seen, scratch, peak):
+    """Write the peaks of speed, acceleration and jerk; `over` inverts the limits."""
+    entries = at + size
+    for block in range(cells.size // (WIDTH * entries)):
+        for k in range(4 * (1 + 3 * axes)):
+            store(seen, k, spread(0.0))
+        for x in range(STEPS + 1):
+            place, v, a, j = _warped(cells, block * entries, spread(x / STEPS))
+            cos, sin = wave(cells, block * entries + at, place, scratch)
+            fed = spread(0.0)
+            for axis in range(axes):
+                _, speed, push, jerk = moved_axis(
+                    cells, block * entries + at, size, axes, axis, place, v, a, j, cos, sin
+                )
+                fed = fma(speed, speed, fed)
+                _seen(seen, axis, speed * spread(over[axis]), x)
+                _seen(seen, axes + axis, push * spread(over[axes + axis]), x)
+                _seen(seen, 2 * axes + axis, jerk * spread(over[2 * axes + axis]), x)
+            _seen(seen, 3 * axes, root(fed) * load(cells, block * entries + NUMBERS + 3), x)
+        for kind in range(3):
+            largest = _peak(seen, 3 * axes) if kind < 1 else spread(0.0)
+            for axis in range(axes):
+                largest = most(largest, _peak(seen, kind * axes + axis))
+            store(peak, 3 * block + kind, largest)

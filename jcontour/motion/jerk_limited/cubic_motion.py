@@ -1,4 +1,7 @@
-"""Motions of piecewise constant jerk along a path: what a warp of time starts from."""
+"""Motions of piecewise constant jerk along a path: what a warp of time starts from; straight lines.
+
+Stretches between two stops that are one straight line at one feed have their motion in closed form.
+"""
 
 from typing import NamedTuple
 
@@ -7,6 +10,10 @@ from jaxtyping import Float, Int
 from scipy.linalg import solve_banded
 
 from jcontour._compiled import compiled
+from jcontour.geometry.pieces import Piece
+from jcontour.motion.jerk_limited.joints import curved
+from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.point_to_point import PointToPoint
 
 # of a stretch: where a ramp ends, and the two halves of it
 RAMP = 0.5
@@ -22,6 +29,20 @@ class MotionSamples(NamedTuple):
     speed: np.ndarray
     acceleration: np.ndarray
     jerk: np.ndarray
+
+
+Jet = tuple[np.ndarray, np.ndarray, np.ndarray]  # first, second and third derivative, axes last
+
+
+def composed(path: Float[np.ndarray, "3 ... m"], motion: MotionSamples) -> Jet:
+    """First, second and third derivative of p(sigma(tau)) with respect to tau, axes last."""
+    first, second, third = path
+    v, a, j = (values[..., None] for values in motion[1:])
+    return (
+        first * v,
+        second * v**2 + first * a,
+        third * v**3 + 3 * second * v * a + first * j,
+    )
 
 
 class CubicMotion(NamedTuple):
@@ -168,3 +189,57 @@ def joined(motions: list[CubicMotion]) -> CubicMotion:
     lasts = np.diff(time) > 0
     coefficients = np.concatenate([motion.coefficients for motion in motions])[lasts]
     return CubicMotion(time[np.append(lasts, True)], coefficients)
+
+
+SAME = 1e-9  # of the duration: places passed so near a change of the jerk begin no node
+
+
+def straight_motions(
+    pieces: Piece,
+    feed: Float[np.ndarray, " P"],
+    limits: AxisLimits,
+    stretch: Int[np.ndarray, " P"],
+) -> list[CubicMotion | None]:
+    """Quickest motion of every stretch from rest to rest; None where it bends or changes its feed.
+
+    An axis moves with its part t_i of the direction, so that along the line the limits are the
+    least ones of V_i / |t_i|, A_i / |t_i| and J_i / |t_i|; `PointToPoint` is the motion under them.
+    A node is where a piece begins.
+
+    Args:
+        pieces: of the path.
+        feed: greatest speed on every piece [m/s].
+        limits: of the axes.
+        stretch: number of the stretch of every piece.
+    """
+    begins = np.flatnonzero(np.diff(stretch, prepend=-1))
+    direction = np.abs(pieces.polynomial[:, 1])
+    with np.errstate(divide="ignore", over="ignore"):
+        speed, acceleration, jerk = (
+            np.minimum.reduceat((limit / direction).min(axis=1), begins) for limit in limits
+        )
+    speed = np.minimum(speed, np.minimum.reduceat(feed, begins))
+    even = np.maximum.reduceat(feed, begins) == np.minimum.reduceat(feed, begins)
+    flat = even & ~np.logical_or.reduceat(curved(pieces), begins)
+    starts = np.append(0.0, np.cumsum(pieces.extent))
+    ends = np.append(begins[1:], stretch.size)
+    found: list[CubicMotion | None] = [None] * begins.size
+    for k in np.flatnonzero(flat):
+        places = starts[begins[k] : ends[k] + 1]
+        law = PointToPoint(float(places[-1] - places[0]), speed[k], acceleration[k], jerk[k])
+        found[k] = _line(places, law)
+    return found
+
+
+def _line(places: Float[np.ndarray, " n"], law: PointToPoint) -> CubicMotion:
+    """A law from the first place [m] to the last, with a node at every place."""
+    start, arc, speed, acceleration, jerk = law.phases
+    powers = np.stack([places[0] + arc, speed, acceleration / 2, jerk / 6], axis=1)
+    whole = CubicMotion(np.append(start, law.duration), powers)
+    passed = whole.reached(places[1:-1])
+    after = np.searchsorted(whole.time, passed)
+    apart = np.minimum(passed - whole.time[after - 1], whole.time[after] - passed)
+    time = np.unique(np.concatenate([whole.time, passed[apart > SAME * law.duration]]))
+    cell = np.searchsorted(start, time[:-1], side="right") - 1
+    s, v, a, j = whole.on_cell(cell, time[:-1] - start[cell])
+    return CubicMotion(time, np.stack([s, v, a / 2, j / 6], axis=1))

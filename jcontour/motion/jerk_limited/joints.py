@@ -1,4 +1,4 @@
-"""Joints of a path: where a motion of limited jerk can go on, and where it has to stop."""
+"""Joints of a path, where a motion of limited jerk goes on or has to stop; and its derivatives."""
 
 from typing import NamedTuple
 
@@ -54,3 +54,17 @@ def joints(pieces: Piece) -> Joints:
     curvature = np.maximum(*(np.linalg.norm(side[2], axis=-1) for side in (before, after)))
     rounding = np.maximum(STRAIGHT, SHARP * curvature)
     return Joints(turn, np.where(bend < rounding, 0.0, bend))
+
+
+def curved(pieces: Piece) -> np.ndarray:
+    """Which pieces are no straight lines, (P,)."""
+    return (pieces.rate > 0) | pieces.polynomial[:, 2:].any(axis=(1, 2))
+
+
+SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]  # of a piece
+
+
+def everywhere(pieces: Piece) -> Float[np.ndarray, "3 9 P m"]:
+    """First, second and third derivative [1, 1/m, 1/m^2] at nine places of every piece."""
+    s = SAMPLES * pieces.extent
+    return jet(pieces, np.broadcast_to(np.arange(pieces.extent.size), s.shape), s)[1:]

@@ -9,18 +9,28 @@ tangents stay positive stays within the limits. Unknowns of neighbouring cells a
 the equations have two diagonals beside the main one.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from jcontour._compiled import compiled
 from jcontour._native import lanes
 from jcontour._native.lanes import WIDTH, drop_stale, part
 from jcontour.geometry import along_pieces
-from jcontour.motion.jerk_limited.conditions import POINTS
-from jcontour.motion.jerk_limited.equations import PER_UNKNOWN, SLOPE, solve_equations
-from jcontour.motion.jerk_limited.slacks import PER_SLACK, Going, go, nearest_bounds, slacks_of
+from jcontour.motion.jerk_limited.conditions import POINTS, SPEED, SQUARE, STILL, Conditions
+from jcontour.motion.jerk_limited.slacks import (
+    PER_SLACK,
+    PER_UNKNOWN,
+    SLOPE,
+    Going,
+    go,
+    nearest_bounds,
+    slacks_of,
+    solve_equations,
+)
 
 _HERE = Path(__file__).parent
 drop_stale(_HERE, *_HERE.glob("*.py"), Path(along_pieces.__file__), Path(lanes.__file__))
@@ -117,3 +127,64 @@ def _solved(cells, axes, c, steps, near, busy, point, equations, step, ahead, sc
             return gap
         mu = gap / count * _centring(moved, gain / duration)
     return gap
+
+
+STEPS = 150  # of Newton's method; forty are usual
+MANY = 10_000  # unknowns: fewer are solved sooner than threads have started
+
+
+def quickest(
+    parts: Conditions,
+    start: Float[np.ndarray, " n"],
+    stretch: Int[np.ndarray, " n"],
+    wanted: Bool[np.ndarray, " stretches"],
+    near: float,
+    busy: Float[np.ndarray, " stretches"],
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " stretches"]]:
+    """Unknowns of the quickest warp, from unknowns that are within every condition.
+
+    Beside them, for every stretch that is solved, about the time that is left to gain [s].
+
+    Args:
+        parts: conditions of the cells.
+        start: unknowns to begin with.
+        stretch: number of the stretch of every cell.
+        wanted: stretches that are solved; the others stay as they are.
+        near: share of its duration by which the warp may be longer than the quickest.
+        busy: time for which the share counts, of a longer duration [s].
+
+    Raises:
+        ValueError: the start breaks a condition.
+    """
+    c = start.copy()
+    ends = np.searchsorted(stretch, np.arange(wanted.size + 1))
+    gap = np.zeros(wanted.size)
+
+    def improve(k: int) -> None:
+        of_stretch = parts.blocks[parts.first[k] : parts.first[k + 1]]
+        gap[k] = solve(of_stretch, parts.axes, c[ends[k] : ends[k + 1]], STEPS, near, busy[k])
+
+    numbers = np.flatnonzero(wanted).tolist()
+    if c.size < MANY:
+        for k in numbers:
+            improve(k)
+        return c, gap
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        list(threads.map(improve, numbers))  # what is wrong is raised here
+    return c, gap
+
+
+def fullest(
+    parts: Conditions, unknowns: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " stretches"]:
+    """Factor on the unknowns of every stretch at which its first condition is met.
+
+    The speed and the acceleration grow with it, the jerk with its power 3/2.
+    """
+    values = np.abs(parts.values(unknowns))
+    acceleration, jerk = np.split(values[STILL:], 2)
+    rate = np.sqrt(values[SQUARE:SPEED])
+    jerk = (jerk.reshape(len(rate), parts.axes, *rate.shape[1:]).max(axis=1) * rate).max(axis=0)
+    linear = np.maximum(values[SPEED:STILL].max(axis=0), acceleration.max(axis=0))
+    most = np.maximum(linear, np.cbrt(jerk) ** 2).max(axis=1)
+    return 1.0 / np.maximum.reduceat(most, parts.first[:-1])

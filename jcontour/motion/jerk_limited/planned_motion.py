@@ -1,6 +1,13 @@
-"""A planned motion of limited jerk: its time, its samples, and the axes at any time."""
+"""A planned motion of limited jerk: a slow motion along the path, and a warp of its time.
+
+The warp is u(tau) = (d tau / dt)^2, quadratic between nodes, with a continuous slope: a quadratic
+spline in Bernstein form. Where the motion stops the spline is cut. Inside a cell u'' is constant,
+so that tau follows the linear equation d2 tau / dt2 = u'(tau) / 2, whose solution is a hyperbolic
+sine or a sine.
+"""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -8,12 +15,78 @@ from jaxtyping import Bool, Float
 from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
-from jcontour.motion.jerk_limited.cells import Cells
-from jcontour.motion.jerk_limited.cubic_motion import CubicMotion, MotionSamples
-from jcontour.motion.jerk_limited.derivatives import composed
+from jcontour.motion.jerk_limited.conditions import Cells
+from jcontour.motion.jerk_limited.cubic_motion import CubicMotion, MotionSamples, composed
 from jcontour.motion.jerk_limited.limits import AxisLimits
-from jcontour.motion.jerk_limited.warp import Warp
 from jcontour.motion.rests import NEVER, Rests
+
+SERIES = 1e-6  # of the argument: below, two terms are exact to rounding
+
+
+class Warp(NamedTuple):
+    """Times t of nodes tau, and how tau runs between them.
+
+    Attributes:
+        node: tau of the nodes [s].
+        time: t of the nodes [s].
+        square: (n, 3) Bernstein ordinates of u in every cell.
+    """
+
+    node: Float[np.ndarray, " nodes"]
+    time: Float[np.ndarray, " nodes"]
+    square: Float[np.ndarray, "n 3"]
+
+    @classmethod
+    def of(cls, node: Float[np.ndarray, " nodes"], square: Float[np.ndarray, "n 3"]) -> "Warp":
+        """Warp of the square of the rate: dt = d tau / sqrt(u), in closed form."""
+        length = np.diff(node)
+        rates = np.sqrt(square[:, 0]) + np.sqrt(square[:, 2])
+        bend = square[:, 0] - 2 * square[:, 1] + square[:, 2]
+        duration = 2 * length / rates * _area(bend / rates**2)
+        return cls(node, np.concatenate([[0.0], np.cumsum(duration)]), square)
+
+    def at(self, time: np.ndarray):
+        """Cell, tau since its beginning [s], d tau/dt [1], and the next two derivatives."""
+        last = len(self.square) - 1
+        cell = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, last)
+        t, length = time - self.time[cell], np.diff(self.node)[cell]
+        first, middle, end = self.square[cell].T
+        bend = (first - 2 * middle + end) / length**2  # half of u''
+        push = (middle - first) / length  # half of u' at the beginning
+        rate = np.sqrt(first)
+        whole, half = t * _swing(bend * t**2), 0.5 * t * _swing(0.25 * bend * t**2)
+        tau = rate * whole + 2 * push * half**2
+        # cosh(w t) = 1 + 2 sinh(w t / 2)^2
+        rising = 1 + 2 * bend * half**2
+        speed = rate * rising + push * whole
+        return cell, np.clip(tau, 0.0, length), speed, push + bend * tau, bend * speed
+
+    def reached(self, cell: np.ndarray, elapsed: np.ndarray) -> np.ndarray:
+        """Time t at which tau has run so far [s] into a cell."""
+        length = np.diff(self.node)[cell]
+        first, middle, end = self.square[cell].T
+        bend, push = (first - 2 * middle + end) / length**2, (middle - first) / length
+        there = first + elapsed * (2 * push + elapsed * bend)
+        rates = np.sqrt(first) + np.sqrt(there)
+        return self.time[cell] + 2 * elapsed / rates * _area(bend * (elapsed / rates) ** 2)
+
+
+def _area(z: np.ndarray) -> np.ndarray:
+    """Inverse hyperbolic tangent of sqrt(z) over sqrt(z); an arc tangent below zero."""
+    small = np.abs(z) < SERIES
+    root = np.sqrt(np.where(small, 1.0, np.abs(z)))
+    rounded = np.minimum(root, 1 - 1e-16)
+    value = np.where(z > 0, np.arctanh(rounded), np.arctan(root)) / root
+    return np.where(small, 1 + z / 3 + z**2 / 5, value)
+
+
+def _swing(z: np.ndarray) -> np.ndarray:
+    """Hyperbolic sine of sqrt(z) over sqrt(z); a sine below zero."""
+    small = np.abs(z) < SERIES
+    root = np.sqrt(np.where(small, 1.0, np.abs(z)))
+    value = np.where(z > 0, np.sinh(np.minimum(root, 700.0)), np.sin(root)) / root
+    return np.where(small, 1 + z / 6 + z**2 / 120, value)
+
 
 MOST_SAMPLES = 20_000_000
 AT_ONCE = 200_000  # samples, which take a few hundred bytes each on their way

@@ -10,22 +10,19 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited import mesh
-from jcontour.motion.jerk_limited.cells import Cells
-from jcontour.motion.jerk_limited.conditions import Conditions, conditions
+from jcontour.motion.jerk_limited.conditions import Cells, Conditions, conditions, ordinates, slower
 from jcontour.motion.jerk_limited.cubic_motion import (
     CubicMotion,
     joined,
     ramped,
+    straight_motions,
     through,
 )
-from jcontour.motion.jerk_limited.excess import slower
 from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
-from jcontour.motion.jerk_limited.optimum import fullest, quickest
-from jcontour.motion.jerk_limited.planned_motion import JerkLimitedMotion, begins_of
-from jcontour.motion.jerk_limited.shares import shares
-from jcontour.motion.jerk_limited.straight import straight_motions
-from jcontour.motion.jerk_limited.warp import Warp, ordinates
+from jcontour.motion.jerk_limited.mesh import shares
+from jcontour.motion.jerk_limited.newton import fullest, quickest
+from jcontour.motion.jerk_limited.planned_motion import JerkLimitedMotion, Warp, begins_of
 
 MARGIN = 0.02  # of every limit that is left at the start of a pass
 ROUGH, NEAR = 1e-3, 1e-4  # of the duration, what a pass leaves to gain: the first, the last

@@ -23,20 +23,6 @@ MAX_ACCELERATION = 3000
 MAX_VELOCITY = 100  # slower
 MAX_ACCELERATION = 2000
 """
-PRINTER = """[stepper_x]
-position_max: 200
-[printer]
-kinematics: corexy
-max_velocity: 300
-max_accel: 3000
-max_z_velocity: 5
-max_z_accel: 100
-square_corner_velocity: 8
-minimum_cruise_ratio: 0.25
-[gcode_macro A]
-gcode:
-    G28
-"""
 GRBL = """$10=1
 $11=0.020
 $12=0.003
@@ -64,15 +50,6 @@ def test_linuxcnc(tmp_path):
     assert "[AXIS_X] MAX_VELOCITY = 200 is read as inches a second, 305 m/min" in doubts[0]
 
 
-def test_klipper(tmp_path):
-    found, doubts = limits(tmp_path, PRINTER, 3)
-    np.testing.assert_allclose(found.speed, [0.3, 0.3, 0.005])
-    np.testing.assert_allclose(found.acceleration, [3.0, 3.0, 0.1])
-    assert (found.path_speed, found.path_acceleration) == pytest.approx((0.3, 3.0))
-    assert (found.control, found.corner_speed, found.cruise_ratio) == ("klipper", 8e-3, 0.25)
-    assert doubts == ()
-
-
 def test_grbl(tmp_path):
     found, doubts = limits(tmp_path, GRBL)
     np.testing.assert_allclose(found.speed, [5 / 60, 4 / 60])
@@ -96,12 +73,10 @@ def test_units_that_look_wrong_are_questioned(tmp_path):
         (INI.replace("= 2000", "= fast"), r"\[AXIS_Y\] MAX_ACCELERATION needs a number above 0"),
         (INI.replace("trivkins coordinates=XYZ", "maxkins"), r"'maxkins': its joints are not its"),
         (INI.replace("LINEAR_UNITS = mm\n", ""), r"\[TRAJ\] LINEAR_UNITS needs mm or inch"),
-        (PRINTER.replace("corexy", "delta"), r"kinematics 'delta': only machines with axes X, Y"),
-        (PRINTER.replace("max_accel: 3000\n", ""), r"\[printer\] max_accel is missing"),
         (GRBL.replace("$121=400.000\n", ""), r"\$121 is missing"),
         (GRBL.replace("$120=500.000", "$120=0"), r"\$120 needs a number above 0, received '0'"),
-        ("[other]\na = 1\n", r"no \[TRAJ\] of a LinuxCNC INI, no \[printer\] of Klipper"),
-        ("G1 X1\n", r"no INI, printer.cfg or listing of grbl"),
+        ("[other]\na = 1\n", r"no \[TRAJ\] of a LinuxCNC INI, no \$110"),
+        ("G1 X1\n", r"no INI or listing of grbl"),
     ],
 )
 def test_faults_are_told_in_one_line(tmp_path, text, message):

@@ -183,7 +183,7 @@ MAX_ACCELERATION = 2500
 """
 
 
-@pytest.mark.parametrize("planner", ["linuxcnc", "klipper", "grbl"])
+@pytest.mark.parametrize("planner", ["linuxcnc", "grbl"])
 def test_motion_of_another_control(tmp_path, planner):
     """From end to end on the path, or within P of G64, at its own limits."""
     (tmp_path / "sim.ini").write_text(INI)
@@ -218,7 +218,6 @@ def test_jerk_of_the_machine(tmp_path):
     ("given", "message"),
     [
         ({"junction_deviation_um": 5.0}, "junction-deviation-um: --planner grbl alone has one"),
-        ({"square_corner_velocity": 5.0}, "square-corner-velocity: --planner klipper alone"),
         ({"planner": "grbl", "junction_deviation_um": -1.0}, "needs to be finite and above zero"),
     ],
 )

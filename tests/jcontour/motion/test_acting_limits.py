@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.geometry import contours
-from jcontour.motion.acting_limits import limit_shares
-from jcontour.motion.cornering import cornered
+from jcontour.motion.cornering import cornered, limit_shares
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.point_to_point import PointToPoint
 

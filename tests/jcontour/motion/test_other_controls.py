@@ -47,16 +47,6 @@ def test_grbl_passes_a_right_angle_on_the_circle_of_its_deviation():
     assert speeds(motion).max() == pytest.approx(peak, rel=1e-2)
 
 
-def test_klipper_passes_a_right_angle_at_its_corner_velocity_and_cruises():
-    """Half of the acceleration decides the peak, all of it is used."""
-    asked = limits("klipper", 300, 3000, path_acceleration=3.0, corner_speed=5e-3)
-    _, motion = along(RIGHT_ANGLE, 300, asked)
-    peak = math.sqrt(1500 * 10 + 0.5 * 5**2)
-    ramps = (peak**2 + peak**2 - 5**2) / (2 * 3000)
-    leg = (2 * peak - 5) / 3000 + (10 - ramps) / peak
-    assert motion.duration == pytest.approx(2 * leg, rel=1e-9)
-
-
 def test_grbl_sees_fifteen_blocks_ahead():
     points = [(0.1 * k, 0) for k in range(300)]
     _, motion = along(points, 200, limits("grbl", 200, 500))

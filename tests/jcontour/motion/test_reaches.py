@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from jcontour.geometry import contours
-from jcontour.motion.blends import Blends
+from jcontour.motion.blending import LEAST, Blends, as_needed, within, without_gaps
 from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import EASE, AxisLimits
-from jcontour.motion.reaches import LEAST, as_needed, within, without_gaps
 
 RIGHT_ANGLE = unpadded(contours.polyline([[0.0, 0.0], [20e-3, 0.0], [20e-3, 20e-3]]))
 LIMITS = AxisLimits.of(2, acceleration=2.0, jerk=100.0, speed=0.5)

@@ -7,7 +7,7 @@ import pytest
 
 from jcontour.geometry import contours
 from jcontour.motion.blending import blended
-from jcontour.motion.jerk_limited import mesh, optimum
+from jcontour.motion.jerk_limited import mesh, newton
 from jcontour.motion.jerk_limited.cubic_motion import ramped
 from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
@@ -161,7 +161,7 @@ def test_stretches_side_by_side_are_those_one_after_the_other(monkeypatch):
     path = contours.chain([quarter, contours.arc([0.0, 10e-3], [0.0, 20e-3], -np.pi)])
     alone = jerk_limited(path, FEED, LIMITS)
     seen = set()
-    solve = optimum.solve
+    solve = newton.solve
 
     def watched(*arguments):
         seen.add(threading.current_thread())

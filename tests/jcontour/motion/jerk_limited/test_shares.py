@@ -5,8 +5,8 @@ import numpy as np
 from jcontour.geometry import contours
 from jcontour.motion.blending import blended
 from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.jerk_limited.mesh import shares
 from jcontour.motion.jerk_limited.planning import jerk_limited
-from jcontour.motion.jerk_limited.shares import shares
 
 LIMITS = AxisLimits.of(2, acceleration=3.0, jerk=150.0, speed=0.2)
 TICK = 2e-3  # [s]

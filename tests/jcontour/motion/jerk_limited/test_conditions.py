@@ -5,7 +5,7 @@ import numpy as np
 from jcontour.geometry import contours
 from jcontour.motion.blending import blended
 from jcontour.motion.jerk_limited import planning
-from jcontour.motion.jerk_limited.excess import MARGIN, slower
+from jcontour.motion.jerk_limited.conditions import MARGIN, slower
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
 SQUARE = contours.polygon([(0, 0), (20e-3, 0), (20e-3, 20e-3), (0, 20e-3)])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.motion.jerk_limited.equations import (
+from jcontour.motion.jerk_limited.slacks import (
     FAR,
     MAIN,
     NEAR,

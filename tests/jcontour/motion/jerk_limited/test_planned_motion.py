@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from jcontour.motion.jerk_limited.warp import Warp, ordinates
+from jcontour.motion.jerk_limited.conditions import ordinates
+from jcontour.motion.jerk_limited.planned_motion import Warp
 
 NODE = np.array([0.0, 0.3, 0.7, 1.5])  # [s]
 PLACE, WEIGHT = np.polynomial.legendre.leggauss(40)
