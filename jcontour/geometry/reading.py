@@ -4,10 +4,13 @@ from os import PathLike
 from pathlib import Path
 
 from jcontour.geometry.drawings.drawing import GAP
-from jcontour.geometry.drawings.reading import SUFFIXES, read_drawing
+from jcontour.geometry.drawings.dxf import read_dxf
+from jcontour.geometry.drawings.svg import read_svg
 from jcontour.geometry.gcode.modes import Tool
 from jcontour.geometry.toolpath_rules import ToolpathError
 from jcontour.geometry.toolpaths import Axes, Toolpath, read_csv, read_gcode
+
+SUFFIXES = (".dxf", ".svg")
 
 
 def read(
@@ -38,3 +41,29 @@ def read(
     if feed is None:
         raise ToolpathError(f"{suffix[1:]} files say no feed: give `feed` [m/s]")
     return read_csv(path, feed) if suffix == ".csv" else read_drawing(path, feed, unit, gap)
+
+
+def read_drawing(
+    path: str | PathLike[str], feed: float, unit: float | None = None, gap: float = GAP
+) -> Toolpath:
+    """Toolpath of a DXF or SVG file: contours at a feed [m/s], rapid moves between them.
+
+    Contours come in the order of the file, from where each was begun to be drawn. Lines and arcs
+    stay what they are. Ellipses, splines and Bezier curves become quintic pieces within 10 nm.
+
+    Args:
+        path: of the file.
+        feed: along the contours [m/s].
+        unit: of the drawing [m], whatever the file says; None for the file's own.
+        gap: ends within it are joined [m].
+
+    Raises:
+        ToolpathError: the file or a shape cannot be read; nothing is drawn; a file without
+            a unit where none is given.
+    """
+    try:
+        is_svg = Path(path).suffix.lower() == ".svg"
+        drawing = read_svg(path, unit) if is_svg else read_dxf(path, unit)
+        return drawing.toolpath(feed, gap)
+    except OverflowError:
+        raise ToolpathError("a number is too large to compute with") from None

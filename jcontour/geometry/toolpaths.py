@@ -48,7 +48,6 @@ from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.csv_points import csv_points
 from jcontour.geometry.gcode.machine_values import doubts_of
 from jcontour.geometry.gcode.modes import Tool
 from jcontour.geometry.gcode.moves import (
@@ -63,8 +62,15 @@ from jcontour.geometry.gcode.moves import (
 )
 from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
 from jcontour.geometry.pieces import Piece
-from jcontour.geometry.toolpath_rules import FASTEST, SHORTEST, ToolpathError
-from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
+from jcontour.geometry.toolpath_rules import (
+    FASTEST,
+    SHORTEST,
+    ToolpathError,
+    csv_points,
+    lines_of,
+    read_program,
+    read_text,
+)
 
 __all__ = [
     "Toolpath",

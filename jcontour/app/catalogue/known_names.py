@@ -157,11 +157,15 @@ def _check_lines(path: Path, flags: Any) -> None:
     """
     if path.suffix.lower() in DRAWINGS:
         return
-    from jcontour.geometry.csv_points import csv_points
     from jcontour.geometry.gcode.modes import read_tool_table
     from jcontour.geometry.gcode.programs import files_beside, interpreted
-    from jcontour.geometry.toolpath_rules import ToolpathError
-    from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
+    from jcontour.geometry.toolpath_rules import (
+        ToolpathError,
+        csv_points,
+        lines_of,
+        read_program,
+        read_text,
+    )
 
     feed = None if getattr(flags, "feed_mm_per_min", None) is None else 1.0
     table = getattr(flags, "tool_table", None)

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from jcontour.app.files.checks import MachineError, shown
-from jcontour.geometry.toolpath_rules import INCH, MM
-from jcontour.geometry.toolpath_text import read_text
+from jcontour.geometry.toolpath_rules import INCH, MM, read_text
 from jcontour.motion.other_controls import ControlLimits
 
 SETTING = re.compile(r"(?m)^\s*\$(\d+)\s*=\s*([-+.\d]+)")

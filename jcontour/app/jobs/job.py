@@ -20,7 +20,7 @@ from jcontour.app.jobs.pace import MM_PER_MIN, Pace
 from jcontour.app.jobs.tolerance_advice import tolerance_advice
 from jcontour.app.machines.machine import Machine
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
+from jcontour.geometry.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.reading import read
 from jcontour.geometry.toolpaths import Toolpath, ToolpathError
 from jcontour.motion.cornering import Planned

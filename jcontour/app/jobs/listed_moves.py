@@ -21,8 +21,7 @@ from jcontour.geometry.gcode.moves import (
     told_stops,
 )
 from jcontour.geometry.gcode.programs import files_beside, interpreted
-from jcontour.geometry.toolpath_rules import MM, ToolpathError
-from jcontour.geometry.toolpath_text import lines_of, read_program
+from jcontour.geometry.toolpath_rules import MM, ToolpathError, lines_of, read_program
 
 UM, MM_PER_MIN = 1e-6, 1e-3 / 60  # [m], [m/s]
 DRAWINGS = (".dxf", ".svg")
@@ -107,7 +106,7 @@ def _stop(stop: Stop, axes: int) -> _Row:
 def _drawn(path: Path, flags: MachineFlags) -> Iterator[str]:
     """Pieces of a drawing, whose curves are several pieces each; it takes a second to load."""
     from jcontour.app.jobs.pace import DRAWING_UNITS, FEED
-    from jcontour.geometry.drawings.reading import read_drawing
+    from jcontour.geometry.reading import read_drawing
 
     feed = FEED if flags.feed_mm_per_min is None else flags.feed_mm_per_min
     unit = None if flags.drawing_unit is None else DRAWING_UNITS[flags.drawing_unit]

@@ -11,9 +11,8 @@ from jcontour.app.catalogue.entries import CONTOURS
 from jcontour.app.files.log_file import Log
 from jcontour.app.jobs.job import Job, Pace, Program
 from jcontour.app.reports.tables import position
-from jcontour.geometry.contour import Contour
+from jcontour.geometry.contour import Contour, outline
 from jcontour.geometry.contours import polyline
-from jcontour.geometry.outlines import outline
 from jcontour.geometry.reading import read
 from jcontour.motion.references import Reference, from_samples
 from jcontour.simulation.metrics import contour_error

@@ -1,6 +1,14 @@
-"""Drawings as toolpaths: contours in the order of the file, with rapid moves between them."""
+"""Drawings as toolpaths: contours in the order of the file, with rapid moves between them.
 
-from collections import Counter
+A contour begins with the first stroke that is left, as it was drawn. It goes on with the stroke
+that begins or ends where it ends; where several do, with the one that bends least. Then it is
+carried on backwards from its start in the same way.
+"""
+
+import cmath
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -8,10 +16,191 @@ import numpy as np
 
 from jcontour.geometry import contours
 from jcontour.geometry.drawings.drawn_pieces import drawn_pieces
-from jcontour.geometry.drawings.joining import Stroke, joined, without_doubles
-from jcontour.geometry.drawings.segments import Drawn, Line, Segment, is_finite, vanishes
+from jcontour.geometry.drawings.segments import (
+    Drawn,
+    Line,
+    Planar,
+    Segment,
+    is_finite,
+    similarity,
+    vanishes,
+)
 from jcontour.geometry.toolpath_rules import FARTHEST, MOST_MOVES, SHORTEST, ToolpathError
 from jcontour.geometry.toolpaths import Toolpath
+
+Stroke = list[Drawn]  # segments that meet
+
+NEARLY = 0.1  # of the gap: ends at distances this close are equally near
+SAME = 1e-8  # [m] strokes whose points are this close are doubles
+# of a segment's chord, its size: beyond, moving its ends would deform it, and a line closes the gap
+MOST_CURLED = 10.0
+ROUNDING = 1e-12  # [m] gaps of it are left
+MOST_ENDS = 1000  # in a cell of the grid: more are no drawing, and take seconds
+UM = 1e-6  # [m]
+
+
+def joined(strokes: Iterable[Stroke], gap: float) -> list[Stroke]:
+    """Contours of strokes whose ends are within `gap` [m]; their segments meet exactly.
+
+    Raises:
+        ToolpathError: far too many ends are within the gap.
+    """
+    strokes = list(strokes)
+    ends = _Ends(strokes, gap)
+    return [_meeting(ends.contour(i), gap) for i in range(len(strokes)) if i in ends.left]
+
+
+def without_doubles(strokes: Iterable[Stroke]) -> tuple[list[Stroke], int]:
+    """Strokes without those drawn before, in either direction, and how many those were."""
+    found: dict[tuple, Stroke] = {}
+    count = 0
+    for stroke in strokes:
+        count += 1
+        forwards = tuple(_place(point) for point in _points(stroke))
+        found.setdefault(min(forwards, forwards[::-1]), stroke)
+    return list(found.values()), count - len(found)
+
+
+def is_closed(stroke: Stroke, gap: float) -> bool:
+    """Whether the end meets the start, after a way that is longer than the gap."""
+    start, end = stroke[0].segment.start, stroke[-1].segment.end
+    if abs(end - start) > gap:
+        return False
+    return _farthest(stroke, start) > 2 * gap
+
+
+def reversed_stroke(stroke: Stroke) -> Stroke:
+    """The stroke from its end to its start."""
+    return [Drawn(segment.backwards(), line) for segment, line in reversed(stroke)]
+
+
+class _Ends:
+    """Ends of the strokes that are left, in a grid of cells as wide as the gap."""
+
+    def __init__(self, strokes: list[Stroke], gap: float):
+        self.strokes = strokes
+        self.gap = max(gap, SHORTEST)
+        self.left = set(range(len(strokes)))
+        self.closed = {i for i, stroke in enumerate(strokes) if is_closed(stroke, gap)}
+        self.cells: dict[tuple[int, int], list[tuple[Planar, int, bool]]] = defaultdict(list)
+        for i, stroke in enumerate(strokes):
+            if i not in self.closed:
+                self._add(stroke[0].segment.start, i, False)
+                self._add(stroke[-1].segment.end, i, True)
+
+    def _add(self, point: Planar, stroke: int, last: bool) -> None:
+        cell = self.cells[self._cell(point)]
+        cell.append((point, stroke, last))
+        if len(cell) > MOST_ENDS:
+            raise ToolpathError(
+                f"line {self.strokes[stroke][0].line}: more than {MOST_ENDS} ends of lines within "
+                f"{self.gap / UM:g} um: give another drawing unit, or join less"
+            )
+
+    def contour(self, first: int) -> Stroke:
+        """Contour that begins with a stroke; its strokes are left no more."""
+        self.left.discard(first)
+        contour = self.strokes[first]
+        if first in self.closed:
+            return contour
+        for _ in range(2):  # onwards from the end, then from the start, and back again
+            contour = reversed_stroke(self._grown(contour))
+        return contour
+
+    def _grown(self, contour: Stroke) -> Stroke:
+        """The contour with all that follows, until it is closed."""
+        contour, start = list(contour), contour[0].segment.start
+        farthest = _farthest(contour, start)
+        while farthest <= 2 * self.gap or abs(contour[-1].segment.end - start) > self.gap:
+            following = self._following(contour)
+            if following is None:
+                break
+            contour += following
+            farthest = max(farthest, _farthest(following, start))
+        return contour
+
+    def _following(self, contour: Stroke) -> Stroke | None:
+        """Stroke that goes on where a contour ends, taken from those that are left."""
+        end = contour[-1].segment.end
+        candidates = [
+            (abs(point - end), i, last)
+            for point, i, last in self._near(end)
+            if i in self.left and abs(point - end) <= self.gap
+        ]
+        if not candidates:
+            return None
+        least = min(distance for distance, _, _ in candidates)
+        nearest = [c for c in candidates if c[0] <= least + NEARLY * self.gap]
+        if len(nearest) > 1:
+            back = contour[-1].segment.backwards().heading()
+            nearest.sort(key=lambda c: (self._bend(-back, c[1], c[2]), c[1]))
+        _, i, last = nearest[0]
+        self.left.discard(i)
+        return reversed_stroke(self.strokes[i]) if last else self.strokes[i]
+
+    def _bend(self, heading: Planar, stroke: int, last: bool) -> float:
+        """Angle by which the way bends into a stroke, rounded so that equal ones compare equal."""
+        segments = self.strokes[stroke]
+        into = segments[-1].segment.backwards() if last else segments[0].segment
+        return round(abs(cmath.phase(into.heading() * heading.conjugate())), 9)
+
+    def _near(self, point: Planar) -> list[tuple[Planar, int, bool]]:
+        x, y = self._cell(point)
+        around = [(x + i, y + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        return [end for cell in around if cell in self.cells for end in self.cells[cell]]
+
+    def _cell(self, point: Planar) -> tuple[int, int]:
+        return math.floor(point.real / self.gap), math.floor(point.imag / self.gap)
+
+
+def _meeting(contour: Stroke, gap: float) -> Stroke:
+    """The contour with its gaps closed.
+
+    Each segment is turned and scaled so that it begins where the one before ends. One that curls
+    is left as it is, and a line closes the gap.
+    """
+    found: Stroke = []
+    closes = is_closed(contour, gap)
+    first, last = contour[0].segment.start, len(contour) - 1
+    at = first
+    for i, (segment, line) in enumerate(contour):
+        end = first if closes and i == last else segment.end
+        moved = _moved(segment, at, end)
+        if moved is segment and abs(segment.start - at) >= SHORTEST:
+            found.append(Drawn(Line(at, segment.start), line))
+        if not vanishes(moved):
+            found.append(Drawn(moved, line))
+            at = moved.end
+    if closes and abs(at - first) >= SHORTEST:
+        found.append(Drawn(Line(at, first), contour[-1].line))
+    return found
+
+
+def _moved(segment: Segment, start: Planar, end: Planar) -> Segment:
+    """The segment between other ends; itself where these are its own, or where it curls."""
+    if max(abs(segment.start - start), abs(segment.end - end)) <= ROUNDING:
+        return segment
+    chord = abs(segment.end - segment.start)
+    size = max(chord, abs(segment.middle() - segment.start))
+    if size >= MOST_CURLED * min(chord, abs(end - start)):
+        return segment
+    return segment.placed(similarity((segment.start, segment.end), (start, end)))
+
+
+def _farthest(stroke: Stroke, start: Planar) -> float:
+    return max(abs(point - start) for point in _points(stroke))
+
+
+def _points(stroke: Stroke) -> Iterable[Planar]:
+    yield stroke[0].segment.start
+    for segment, _ in stroke:
+        yield segment.middle()
+        yield segment.end
+
+
+def _place(point: Planar) -> tuple[int, int]:
+    return round(point.real / SAME), round(point.imag / SAME)
+
 
 GAP = 10e-6  # [m] ends this close are joined: programs that draw snap to less
 

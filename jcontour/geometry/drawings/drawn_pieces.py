@@ -1,16 +1,189 @@
-"""Pieces of a contour from the segments of a drawing: lines and arcs as they are, others fitted."""
+"""Pieces of a contour from the segments of a drawing: lines and arcs as they are, others fitted.
+
+Many smooth curves are one function for the fit of quintic pieces: curve j has the parameters 2 j to
+2 j + 1. Each is therefore seen from its own side at both ends, where the curvature may jump to that
+of the next one.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from jcontour.geometry.drawings.segments import Arc, Curve, Line, Segment, vanishes
-from jcontour.geometry.drawings.smooth_curves import Ellipses, RationalCurves, pairs
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import fitted
 from jcontour.geometry.toolpath_rules import ToolpathError
+
+SEARCH = 33  # points of a curve at which a cusp is looked for
+SLOW = 0.05  # of the mean speed: where a curve may have a cusp
+CUSP = 1e-5  # of the mean speed: it has one, and is cut there
+ZOOMS = 12  # of the search for the slowest point, each eight times as fine
+QUARTER = 0.5 * np.pi
+
+Jet = tuple[np.ndarray, np.ndarray, np.ndarray]  # position, first and second derivative (..., 2)
+
+
+class Ellipses(NamedTuple):
+    """Parts of ellipses of a quarter of a turn at most."""
+
+    owner: Int[np.ndarray, " n"]
+    centre: Complex[np.ndarray, " n"]
+    first: Complex[np.ndarray, " n"]
+    second: Complex[np.ndarray, " n"]
+    begin: Float[np.ndarray, " n"]
+    sweep: Float[np.ndarray, " n"]
+
+    @classmethod
+    def of(cls, arcs: list[tuple[int, Arc]]) -> "Ellipses":
+        """Arcs with the number of their segment, cut into quarters of a turn."""
+        rows = []
+        for owner, arc in arcs:
+            count = max(1, int(np.ceil(abs(arc.sweep) / QUARTER - 1e-9)))
+            step = arc.sweep / count
+            rows += [
+                (owner, arc.centre, arc.first, arc.second, arc.begin + i * step, step)
+                for i in range(count)
+            ]
+        return cls(*map(np.array, zip(*rows, strict=True)))
+
+    def jet(self, t: np.ndarray) -> Jet:
+        """Points and derivatives."""
+        j, u = _place(t, self.owner.size)
+        sweep = self.sweep[j]
+        angle = self.begin[j] + u * sweep
+        cos, sin = np.cos(angle), np.sin(angle)
+        wave = self.first[j] * cos + self.second[j] * sin
+        slope = self.second[j] * cos - self.first[j] * sin
+        return pairs(self.centre[j] + wave), pairs(sweep * slope), pairs(-(sweep**2) * wave)
+
+
+class RationalCurves(NamedTuple):
+    """Parts of rational curves, without a cusp inside.
+
+    Attributes:
+        owner: number of the segment that each is from.
+        top: coefficients of the numerator.
+        bottom: coefficients of the denominator.
+        begin: parameter at which the part begins, of 0 to 1.
+        width: range of the parameter.
+        stands: whether the curve stands still at its beginning, and at its end.
+    """
+
+    owner: Int[np.ndarray, " n"]
+    top: Complex[np.ndarray, "n d"]
+    bottom: Float[np.ndarray, "n d"]
+    begin: Float[np.ndarray, " n"]
+    width: Float[np.ndarray, " n"]
+    stands: Bool[np.ndarray, "n 2"]
+
+    @classmethod
+    def of(cls, curves: list[tuple[int, Curve]]) -> "RationalCurves":
+        """Curves with the number of their segment, cut at their cusps."""
+        terms = max(len(curve.top) for _, curve in curves)
+        owner = np.array([owner for owner, _ in curves])
+        top = np.array([_padded(curve.top, terms) for _, curve in curves])
+        bottom = np.array([_padded(curve.bottom, terms) for _, curve in curves])
+        whole = np.ones(owner.size)
+        still = np.zeros((owner.size, 2), bool)
+        return cls(owner, top, bottom, 0 * whole, whole, still)._cut_at_cusps()
+
+    def jet(self, t: np.ndarray) -> Jet:
+        """Points and derivatives.
+
+        Where a curve stands still at an end it has the direction of its second derivative there,
+        and no curvature.
+        """
+        j, u = _place(t, self.owner.size)
+        point, first, second, third = self._derivatives(j, self.begin[j] + u * self.width[j])
+        ahead, behind = (u == 0) & self.stands[j, 0], (u == 1) & self.stands[j, 1]
+        still = ahead | behind
+        # of a curve whose second derivative is zero as well, the third one leads on
+        straight = np.abs(second) <= CUSP * np.abs(third)
+        along = np.where(straight, third, np.where(behind, -second, second))
+        first, second = np.where(still, along, first), np.where(still, 0.0, second)
+        width = self.width[j]
+        return pairs(point), pairs(width * first), pairs(width**2 * second)
+
+    def _derivatives(self, j, u):
+        """Point and three derivatives with respect to the whole curve's parameter."""
+        top, bottom = _taylor(self.top[j], u), _taylor(self.bottom[j], u)
+        point = top[0] / bottom[0]
+        first = (top[1] - point * bottom[1]) / bottom[0]
+        second = (top[2] - 2 * first * bottom[1] - point * bottom[2]) / bottom[0]
+        third = top[3] - 3 * second * bottom[1] - 3 * first * bottom[2] - point * bottom[3]
+        return point, first, second, third / bottom[0]
+
+    def _cut_at_cusps(self) -> "RationalCurves":
+        """Each curve in its parts between points where it stands still."""
+        with np.errstate(all="ignore"):
+            every = np.arange(self.owner.size)[:, None]
+            grid = np.linspace(0.0, 1.0, SEARCH)
+            speed = np.abs(self._derivatives(every, grid)[1])
+            mean = speed.mean(axis=1)
+            slow = (speed <= SLOW * mean[:, None]) & _valley(speed)
+            found: dict[int, list[float]] = {}
+            for j, i in zip(*np.nonzero(slow), strict=True):
+                low, high = grid[max(i - 1, 0)], grid[min(i + 1, SEARCH - 1)]
+                slowest = self._slowest(int(j), float(low), float(high))
+                if np.abs(self._derivatives(j, slowest)[1]) <= CUSP * mean[j]:
+                    found.setdefault(int(j), []).append(float(slowest))
+        if not found:
+            return self
+        parts = []
+        for j in range(self.owner.size):
+            stops = found.get(j, [])
+            knots = [0.0, *sorted(t for t in stops if CUSP < t < 1 - CUSP), 1.0]
+            still = [min(map(abs, (t - k for t in stops)), default=1.0) <= CUSP for k in knots]
+            for i in range(len(knots) - 1):
+                parts.append((j, knots[i], knots[i + 1] - knots[i], (still[i], still[i + 1])))
+        index, begin, width, stands = map(np.array, zip(*parts, strict=True))
+        return RationalCurves(
+            self.owner[index], self.top[index], self.bottom[index], begin, width, stands
+        )
+
+    def _slowest(self, j: int, low: float, high: float) -> float:
+        """Parameter of the least speed between two."""
+        best = low
+        for _ in range(ZOOMS):
+            grid = np.linspace(low, high, 17)
+            best = grid[np.argmin(np.abs(self._derivatives(j, grid)[1]))]
+            step = grid[1] - grid[0]
+            low, high = max(best - step, low), min(best + step, high)
+        return float(best)
+
+
+def _place(t: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Number of the curve, and its own parameter from 0 to 1."""
+    j = np.clip((0.5 * t).astype(int), 0, count - 1)
+    return j, t - 2 * j
+
+
+def pairs(points: np.ndarray) -> np.ndarray:
+    """Coordinates (..., 2) of points of the plane."""
+    return np.stack([np.real(points), np.imag(points)], axis=-1)
+
+
+def _padded(coefficients: tuple, terms: int) -> list:
+    return [*coefficients, *[0.0] * (terms - len(coefficients))]
+
+
+def _taylor(coefficients: np.ndarray, u: np.ndarray | float) -> list:
+    """Polynomial and its three derivatives by Horner's rule."""
+    value: list = [0.0 * u] * 4
+    for i in reversed(range(coefficients.shape[-1])):
+        for k in (3, 2, 1):
+            value[k] = value[k] * u + value[k - 1]
+        value[0] = value[0] * u + coefficients[..., i]
+    return [value[0], value[1], 2 * value[2], 6 * value[3]]
+
+
+def _valley(values: np.ndarray) -> np.ndarray:
+    """Where a row is not above its neighbours."""
+    around = np.pad(values, ((0, 0), (1, 1)), constant_values=np.inf)
+    return (values <= around[:, :-2]) & (values <= around[:, 2:])
+
 
 FIT_TOLERANCE = 1e-8  # [m] a tenth of what drawings are promised to be read to
 NM = 1e-9  # [m]

@@ -20,12 +20,18 @@ from dataclasses import dataclass, field
 from os import PathLike
 from typing import NamedTuple
 
-from jcontour.geometry.drawings.affine import Affine
 from jcontour.geometry.drawings.drawing import Drawing
-from jcontour.geometry.drawings.svg_shapes import PX, SHAPES, length, numbers, transform
-from jcontour.geometry.drawings.svg_tree import Element, svg_tree
-from jcontour.geometry.toolpath_rules import INCH, MOST_MOVES, ToolpathError, shown
-from jcontour.geometry.toolpath_text import read_program
+from jcontour.geometry.drawings.segments import Affine
+from jcontour.geometry.drawings.svg_shapes import (
+    PX,
+    SHAPES,
+    Element,
+    length,
+    numbers,
+    svg_tree,
+    transform,
+)
+from jcontour.geometry.toolpath_rules import INCH, MOST_MOVES, ToolpathError, read_program, shown
 
 VERSION = "inkscape:version"
 LANGUAGE = "en"

@@ -11,10 +11,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from jcontour.geometry.arcs import arcs_between
 from jcontour.geometry.gcode.expressions import whole
 from jcontour.geometry.gcode.modes import Modes, Point, Tool, tool_numbered
-from jcontour.geometry.gcode.moves import Tracer
+from jcontour.geometry.gcode.moves import Tracer, arcs_between
 from jcontour.geometry.gcode.words import CYCLES, LineWords
 from jcontour.geometry.toolpath_rules import FARTHEST, MM, SHORTEST, ToolpathError
 

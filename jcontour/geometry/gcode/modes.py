@@ -12,8 +12,15 @@ from dataclasses import dataclass, field
 from os import PathLike
 from typing import NamedTuple
 
-from jcontour.geometry.toolpath_rules import INCH, MM, NUMBER, ToolpathError, shown
-from jcontour.geometry.toolpath_text import lines_of, read_program
+from jcontour.geometry.toolpath_rules import (
+    INCH,
+    MM,
+    NUMBER,
+    ToolpathError,
+    lines_of,
+    read_program,
+    shown,
+)
 
 Point = tuple[float, float, float]  # [m]
 ZERO: Point = (0.0, 0.0, 0.0)

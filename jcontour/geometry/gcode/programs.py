@@ -14,8 +14,7 @@ from jcontour.geometry.gcode.machine_values import machine_values
 from jcontour.geometry.gcode.modes import Modes, Tool
 from jcontour.geometry.gcode.moves import Tracer
 from jcontour.geometry.gcode.words import NOTHING, SKIPPED, Block, OWord, read_block
-from jcontour.geometry.toolpath_rules import ToolpathError, shown
-from jcontour.geometry.toolpath_text import lines_of, read_program
+from jcontour.geometry.toolpath_rules import ToolpathError, lines_of, read_program, shown
 
 MOST_REPEATED = 400_000  # lines carried out again; each takes twenty microseconds
 MOST_STANDING = 100_000  # of them without a move

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from jcontour.geometry.gcode.programs import interpreted
-from jcontour.geometry.toolpath_text import lines_of
+from jcontour.geometry.toolpath_rules import lines_of
 from jcontour.geometry.toolpaths import ToolpathError, parse_gcode, read_csv, read_gcode
 
 HEAD = "G21 G90 G17 F3000\n"
@@ -102,7 +102,7 @@ def test_too_many_moves_and_bytes(tmp_path, monkeypatch):
     monkeypatch.setattr("jcontour.geometry.gcode.moves.MOST_MOVES", 3)
     with pytest.raises(ToolpathError, match="line 4: more than 3 moves"):
         parse_gcode("F1 G1 X1\nX2\nX3\nX4\nX5")
-    monkeypatch.setattr("jcontour.geometry.toolpath_text.MOST_BYTES", 2**20)
+    monkeypatch.setattr("jcontour.geometry.toolpath_rules.MOST_BYTES", 2**20)
     (tmp_path / "long.ngc").write_bytes(b"\n" * (2**20 + 1))
     with pytest.raises(ToolpathError, match="larger than 1 MiB"):
         read_gcode(tmp_path / "long.ngc")

@@ -9,7 +9,7 @@ import pytest
 
 from jcontour.geometry import contours, toolpaths
 from jcontour.geometry.gcode.programs import files_beside, interpreted
-from jcontour.geometry.toolpath_text import lines_of, read_program
+from jcontour.geometry.toolpath_rules import lines_of, read_program
 from jcontour.motion.other_controls import ControlLimits, as_planned_by
 
 MM = 1e-3

@@ -29,7 +29,7 @@ from jcontour.app.plain_numbers import named_numbers
 from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.contour_summary import Simulated, machine_summary, peak_place, read_of
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
+from jcontour.geometry.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.toolpaths import Toolpath
 from jcontour.host.loop import HostRun, Stopped, reported_loop
 from jcontour.motion.references import along

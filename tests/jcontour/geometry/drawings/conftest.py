@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jcontour.geometry.drawings.reading import read_drawing
+from jcontour.geometry.reading import read_drawing
 
 DATA = Path(__file__).parents[3] / "data" / "drawings"
 FEED = 0.05  # [m/s]

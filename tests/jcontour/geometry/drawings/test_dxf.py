@@ -1,12 +1,15 @@
 """DXF: closed forms of every kind of curve, blocks, units, layers, and files that are none."""
 
+import random
+import re
+
 import ezdxf
 import numpy as np
 import pytest
 from ezdxf.xclip import XClip
 from scipy.special import ellipe
 
-from jcontour.geometry.drawings.reading import read_drawing
+from jcontour.geometry.reading import read_drawing
 from jcontour.geometry.toolpath_rules import ToolpathError
 
 LINE = "LINE 10=0 20=0 11=3 21=4"
@@ -322,3 +325,37 @@ def test_a_clipped_block_is_drawn_whole_and_its_clipping_is_listed(drawn, tmp_pa
     toolpath = read_drawing(tmp_path / "clipped.dxf", drawn.FEED)
     assert drawn.length(toolpath) == pytest.approx(5)
     assert toolpath.ignored == ("1 INSERT (layer 0, its clipping)",)
+
+
+BYTES = [b"-", b"9", b".", b"\n", b"1e300", b"<g>", b"\xff", b"\0", b"\n0\nLINE\n"]
+WORDS = ["0", "-1", "1e-9", "1e-300", "1e300", "1e5", "180", "nan", "-7.5", "65536"]
+NUMBERS = re.compile(rb'(?<=[\n\s",(])-?[0-9]+\.?[0-9]*(?=[\s,",)])')
+
+
+def mutated(content: bytes, draw: random.Random) -> bytes:
+    for _ in range(draw.randint(1, 4)):
+        if draw.random() < 0.7:
+            found = draw.choice(list(NUMBERS.finditer(content)))
+            content = (
+                content[: found.start()] + draw.choice(WORDS).encode() + content[found.end() :]
+            )
+        else:
+            at = draw.randrange(len(content))
+            kept = at + draw.choice([0, 0, 1, 20])
+            content = content[:at] + draw.choice([*BYTES, b""]) + content[kept:]
+    return content
+
+
+@pytest.mark.parametrize("suffix", [".dxf", ".svg"])
+def test_mutated_drawings(drawn, suffix):
+    draw, taken = random.Random(1), 0
+    original = (drawn.DATA / f"plate{suffix}").read_bytes()
+    for _ in range(100):
+        content = mutated(original, draw)
+        try:
+            drawn.read(content, 1e-3, suffix=suffix)
+        except ToolpathError as error:
+            assert len(str(error).splitlines()) == 1
+        else:
+            taken += 1
+    assert 10 < taken < 90

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipe
 
-from jcontour.geometry.drawings.reading import read_drawing
+from jcontour.geometry.reading import read_drawing
 from jcontour.geometry.toolpath_rules import ToolpathError
 from jcontour.geometry.toolpaths import read_gcode
 

@@ -4,8 +4,14 @@ import math
 
 import pytest
 
-from jcontour.geometry.drawings.svg_shapes import PX, length, numbers, path_strokes, transform
-from jcontour.geometry.drawings.svg_tree import Element
+from jcontour.geometry.drawings.svg_shapes import (
+    PX,
+    Element,
+    length,
+    numbers,
+    path_strokes,
+    transform,
+)
 from jcontour.geometry.toolpath_rules import ToolpathError
 
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from jcontour.geometry.gcode.programs import files_beside, interpreted
-from jcontour.geometry.toolpath_rules import FARTHEST, FASTEST, ToolpathError
-from jcontour.geometry.toolpath_text import lines_of
+from jcontour.geometry.toolpath_rules import FARTHEST, FASTEST, ToolpathError, lines_of
 
 PROGRAMS = Path(__file__).parents[3] / "data" / "programs"
 MM = 1e-3

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.geometry.drawings.joining import joined, without_doubles
+from jcontour.geometry.drawings.drawing import joined, without_doubles
 from jcontour.geometry.drawings.segments import Arc, Curve, Drawn, Line
 from jcontour.geometry.toolpath_rules import ToolpathError
 
@@ -84,6 +84,6 @@ def test_what_is_drawn_twice_is_cut_once():
 
 
 def test_far_too_many_ends_in_one_place(monkeypatch):
-    monkeypatch.setattr("jcontour.geometry.drawings.joining.MOST_ENDS", 5)
+    monkeypatch.setattr("jcontour.geometry.drawings.drawing.MOST_ENDS", 5)
     with pytest.raises(ToolpathError, match="line 2: more than 5 ends of lines within 10 um"):
         joined(lines(*[(0, 1e-3 * k + 1e-4j) for k in range(1, 9)]), GAP)
