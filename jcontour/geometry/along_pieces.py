@@ -121,10 +121,11 @@ def moved(
     axes, count = pieces.cosine.shape[-1], piece.size
     if count == 0:
         return np.zeros((4, *piece.shape, axes))
+    low, high = int(piece.min()), int(piece.max()) + 1  # of long paths few pieces at a time
     whole = -(-count // WIDTH) * WIDTH
     number, along = np.zeros(whole, int), np.zeros((4, whole))
-    number[:count], along[:, :count] = np.ravel(piece), motion.reshape(4, -1)
-    rows, found = in_rows(pieces), np.empty((4, axes, whole))
+    number[:count], along[:, :count] = np.ravel(piece) - low, motion.reshape(4, -1)
+    rows, found = in_rows(pieces.taken(slice(low, high))), np.empty((4, axes, whole))
     size = rows.shape[1]
     row, scratch = np.empty(size * WIDTH), np.empty(2 * WIDTH)
     _fill(rows.ravel(), 0, size, number, axes, along.ravel(), found.ravel(), row, scratch)

@@ -15,6 +15,7 @@ Between two points that are h apart the difference of the two is at most h^2 / 8
 derivative farther than at both of them.
 """
 
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
@@ -146,7 +147,7 @@ def followed(runs: Runs, tolerance: Numbers, asked: Asked | None = None) -> Curv
     most, wanted = np.full(count.size, np.inf), tolerance
     room = count  # for knots
     splines = _first_splines(runs)
-    found: list[tuple[_Splines, np.ndarray]] = []
+    found: list[tuple[_Splines, Piece]] = []
     for _ in range(ROUNDS):
         few = np.bincount(splines.run, minlength=count.size) <= room
         splines = splines.only(few)
@@ -154,17 +155,20 @@ def followed(runs: Runs, tolerance: Numbers, asked: Asked | None = None) -> Curv
             break
         sampled = _sampled(runs, splines)
         of = splines.run[sampled.cell]
-        spline, open_ = _spline(runs, splines, sampled)
-        distance = _distance(spline, splines, sampled)
+        curves, open_ = _fitted(runs, splines, sampled)
+        cell = np.broadcast_to(sampled.cell[:, None], sampled.arc.shape)
+        along = jet(curves, cell, sampled.arc - splines.knots[cell])
+        distance = _distance(curves, along, splines, sampled)
         farthest = np.zeros(count.size)
         np.maximum.at(farthest, of, distance)
         near = open_ & (farthest <= wanted)
-        easy = near & _easy(runs, spline, sampled, of, near, asked)
+        easy = near & _easy(runs, along, sampled, of, near, asked)
         first = near & np.isinf(most)
         knots = np.bincount(splines.run, minlength=count.size)
         room = np.where(first, np.minimum(count, MANY * knots), room)
         most = np.where(first | easy, farthest, most)
-        found.append(_coefficients(spline, splines, first | easy))
+        done = first | easy
+        found.append((splines.only(done), curves.taken(done[splines.run])))
         closer = easy & (farthest > CLOSEST * tolerance)
         wanted = np.where(closer, 0.5 * farthest, wanted)
         far = np.unique(sampled.cell[~(distance <= wanted[of])])
@@ -174,7 +178,7 @@ def followed(runs: Runs, tolerance: Numbers, asked: Asked | None = None) -> Curv
 
 def _easy(
     runs: Runs,
-    spline,
+    along: Float[np.ndarray, "4 I p m"],
     sampled: _Sampled,
     of: Int[np.ndarray, " I"],
     near: Bool[np.ndarray, " R"],
@@ -185,7 +189,7 @@ def _easy(
         return np.zeros(near.size, bool)
     some, ease = near[of], asked.limits.at_ease
     arc, run = sampled.arc[some], of[some]
-    first, second, third = (np.abs(spline(arc, k)) for k in (1, 2, 3))
+    first, second, third = np.abs(along[1:, some])
     with np.errstate(divide="ignore"):
         speed = (ease.speed / first).min(axis=2)
     v = np.minimum(asked.feed[runs.piece(arc)], speed)[..., None]
@@ -222,8 +226,10 @@ def _sampled(runs: Runs, splines: _Splines) -> _Sampled:
     return _Sampled(cell, arc, place, bend, fourth[piece])
 
 
-def _spline(runs: Runs, splines: _Splines, sampled: _Sampled):
-    """Splines of all runs that have knots, and which of the runs have one.
+def _fitted(
+    runs: Runs, splines: _Splines, sampled: _Sampled
+) -> tuple[Piece, Bool[np.ndarray, " R"]]:
+    """Splines of all runs that have knots, a polynomial behind every knot; which runs have one.
 
     The mean square is one over the arc length, by the trapezoidal rule.
     """
@@ -240,69 +246,61 @@ def _spline(runs: Runs, splines: _Splines, sampled: _Sampled):
     )
     which = np.zeros(runs.tangents.shape[1], bool)
     which[numbers] = determined
-    return spline, which
+    powers = [spline(splines.knots, k) / factorial(k) for k in range(DEGREE + 1)]
+    still, none = np.zeros_like(powers[0]), np.zeros_like(splines.knots)
+    return Piece(np.stack(powers, axis=1), still, still, none, splines.knots, none), which
 
 
-def _distance(spline, splines: _Splines, sampled: _Sampled) -> Float[np.ndarray, " I"]:
+def _distance(
+    curves: Piece, along: Float[np.ndarray, "4 I p m"], splines: _Splines, sampled: _Sampled
+) -> Float[np.ndarray, " I"]:
     """Bound of the distance between a spline and a run, for every part [m].
 
     The second derivative of their difference is bounded by its ends and its own second derivative:
     the fourth one, which for a spline is linear in every cell.
     """
     cell, arc, points, bend, fourth = sampled
-    apart = np.linalg.norm(spline(arc) - points, axis=-1)
-    second = np.linalg.norm(spline(arc, 2) - bend, axis=-1)
-    ends = np.linalg.norm(spline(splines.within(), 4), axis=1)
-    begins = np.linalg.norm(spline(splines.knots, 4), axis=1)
-    fourth = fourth + np.maximum(begins[cell], ends[cell + 1])
+    apart = np.linalg.norm(along[0] - points, axis=-1)
+    second = np.linalg.norm(along[2] - bend, axis=-1)
+    begins, slope = 24 * curves.polynomial[:-1, 4], 120 * curves.polynomial[:-1, 5]
+    ends = begins + np.diff(splines.knots)[:, None] * slope
+    largest_fourth = np.maximum(*(np.linalg.norm(side, axis=1) for side in (begins, ends)))
+    fourth = fourth + largest_fourth[cell]
     between = np.diff(arc, axis=1) ** 2 / 8
     largest, bent = (np.maximum(of[:, 1:], of[:, :-1]) for of in (apart, second))
     return (largest + between * (bent + between * fourth[:, None])).max(axis=1)
 
 
-def _coefficients(spline, splines: _Splines, done: np.ndarray) -> tuple[_Splines, np.ndarray]:
-    """All knots of the splines of some runs, the sixfold ones too, and as many coefficients."""
-    repeats = np.where(splines.begins | splines.last, DEGREE + 1, 1)
-    run = np.repeat(splines.run, repeats)
-    rows = np.pad(spline.c, ((0, DEGREE + 1), (0, 0)))
-    return _Splines(spline.t, run).only(done), rows[done[run]]
-
-
 def _curves(
     runs: Runs,
-    found: list[tuple[_Splines, np.ndarray]],
+    found: list[tuple[_Splines, Piece]],
     most: Float[np.ndarray, " R"],
     near: float,
 ) -> Curves:
     """Quintic pieces near the splines [m] that were found round by round; the last of every run."""
-    from scipy.interpolate import BSpline
-
-    if not any(rows.size for _, rows in found):
-        none = np.zeros((0, 6, runs.pieces.cosine.shape[-1]))
-        return Curves(Fit(none, none[:, 0, 0], none[:, 0, 0], 0.0), np.zeros(0, int), most)
     last = np.full(most.size, -1)
     for number, (one, _) in enumerate(found):
         last[one.run] = number
-    found = [
-        (one.only(last == number), rows[last[one.run] == number])
-        for number, (one, rows) in enumerate(found)
-    ]
-    knots, run = (np.concatenate(rows) for rows in zip(*(one for one, _ in found), strict=True))
-    order = np.argsort(run, kind="stable")
-    rows = np.concatenate([rows for _, rows in found])[order]
-    spline = BSpline(knots[order], rows[: -DEGREE - 1], DEGREE)
-    single = (np.diff(knots[order], prepend=-1.0) > 0) | (np.diff(run[order], prepend=-1) > 0)
-    splines = _Splines(knots[order][single], run[order][single])
-    begin, end = splines.knots[~splines.last], splines.within()[~splines.begins]
-    frame = _frame(runs, splines)
-    fit = fitted(
-        "smoothing",
-        lambda s: (spline(s), spline(s, 1), spline(s, 2)),
-        frame,
-        begin,
-        end,
-        near,
+    kept = [last[one.run] == number for number, (one, _) in enumerate(found)]
+    if not any(some.any() for some in kept):
+        none = np.zeros((0, 6, runs.pieces.cosine.shape[-1]))
+        return Curves(Fit(none, none[:, 0, 0], none[:, 0, 0], 0.0), np.zeros(0, int), most)
+    knots, run, polynomial = (
+        np.concatenate([rows[some] for rows, some in zip(column, kept, strict=True)])
+        for column in zip(*((*one, curves.polynomial) for one, curves in found), strict=True)
     )
+    order = np.argsort(run, kind="stable")
+    splines = _Splines(knots[order], run[order])
+    still, none = np.zeros_like(polynomial[:, 0]), np.zeros_like(knots)
+    whole = Piece(polynomial[order], still, still, none, splines.knots, none)
+
+    def curve(s):
+        cell = np.searchsorted(splines.knots, s, side="right") - 1
+        place, first, second, _ = jet(whole, cell, s - splines.knots[cell])
+        return place, first, second
+
+    begin, end = splines.knots[~splines.last], splines.within()[~splines.begins]
+    fit = fitted("smoothing", curve, _frame(runs, splines), begin, end, near)
     return Curves(fit, runs.of[runs.piece(fit.begin)], most + fit.error)
 
 

@@ -115,7 +115,7 @@ def test_a_long_way_at_the_feed_does_not_hide_a_slow_start():
 
 def test_a_search_that_ends_early_says_how_much_is_left(monkeypatch):
     """With half of the steps."""
-    monkeypatch.setattr(optimum, "STEPS", 6)
+    monkeypatch.setattr(newton, "STEPS", 6)
     line = contours.polyline([[0.0, 0.0], [1e-3, 0.0], [2e-3, 0.0]])
     motion = jerk_limited(line, 0.12 * ONE_DIGIT_APART, LIMITS)
     best = stopping_time(np.array([[0.0, 0.0], [2e-3, 0.0]]), 12e-3, LIMITS)
@@ -167,8 +167,8 @@ def test_stretches_side_by_side_are_those_one_after_the_other(monkeypatch):
         seen.add(threading.current_thread())
         return solve(*arguments)
 
-    monkeypatch.setattr(optimum, "solve", watched)
-    monkeypatch.setattr(optimum, "MANY", 0)
+    monkeypatch.setattr(newton, "solve", watched)
+    monkeypatch.setattr(newton, "MANY", 0)
     beside = jerk_limited(path, FEED, LIMITS)
     assert beside.stops.size == 3 and threading.current_thread() not in seen
     for name in ("duration", "gap"):
@@ -180,8 +180,8 @@ def test_what_is_wrong_in_a_stretch_is_raised_side_by_side_too(monkeypatch):
     def wrong(*_):
         raise ValueError("start: needs to be within every condition")
 
-    monkeypatch.setattr(optimum, "solve", wrong)
-    monkeypatch.setattr(optimum, "MANY", 0)
+    monkeypatch.setattr(newton, "solve", wrong)
+    monkeypatch.setattr(newton, "MANY", 0)
     with pytest.raises(ValueError, match="within every condition"):
         jerk_limited(contours.circle(10e-3), FEED, LIMITS)
 
