@@ -48,7 +48,16 @@ class Metrics(eqx.Module):
     diverged: Bool[Array | np.ndarray, "*runs"]
 
     def __repr__(self) -> str:
-        lines = {
+        lines = [f"    {name:<16} {line}" for name, line in self._lines().items()]
+        return "\n".join(["Metrics", *lines])
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        cells = (f"<tr><th>{name}</th><td>{line}</td></tr>" for name, line in self._lines().items())
+        return f"<table>{''.join(cells)}</table>"
+
+    def _lines(self) -> dict[str, str]:
+        return {
             "contour error": _norms(self.rms_contour_error, self.peak_contour_error, "um", 1e6),
             "projected error": _norms(
                 self.rms_projected_error, self.peak_projected_error, "um", 1e6
@@ -59,7 +68,6 @@ class Metrics(eqx.Module):
             "duration": told(self.duration, "s"),
             "diverged": _whether(self.diverged),
         }
-        return "\n".join(["Metrics", *(f"    {name:<16} {line}" for name, line in lines.items())])
 
 
 def _norms(rms: Any, peak: Any, unit: str = "", scale: float = 1.0) -> str:

@@ -142,3 +142,35 @@ def test_gcode_part(run):
     arcs = 2 * np.pi * radius / slow
     stop = slow / (2 * acceleration)  # the last millimetre takes that much longer
     assert found["duration"] == pytest.approx(first + second + arcs + stop, abs=4e-3)
+
+
+@pytest.mark.slow
+def test_notebook_demo(run, tmp_path, monkeypatch):
+    """The tuned weights keep every limit, and follow the part better than the start or baseline."""
+    monkeypatch.chdir(tmp_path)
+    found, printed = run("notebook_demo")
+    (part,) = [one for one in found["tuned"].result.contours if one.training]
+    before, after = (part.metrics[name].worst for name in (part.compared, "tuned"))
+    assert after.rms_contour_error < before.rms_contour_error and "um" in printed
+    assert found["tuned"].result.verdict.heading in found["tuned"]._repr_html_()
+
+
+@pytest.mark.slow
+def test_notebook_my_machine(run, tmp_path, monkeypatch):
+    """The family holds gains of both signs around the nominal machine, and none diverges."""
+    monkeypatch.chdir(tmp_path)
+    found, _ = run("notebook_my_machine")
+    plants = found["part"].result.plants
+    assert len(plants) > 4 and not any(one.diverged for one in plants.values())
+
+
+def test_notebook_my_controller(run):
+    """The slope is that of central differences; the figure has the contour's axes."""
+    found, _ = run("notebook_my_controller")
+    error, weights = found["contour_error"], np.array([4000.0, 20.0])
+    for k, step in enumerate((1.0, 1e-2)):
+        moved = step * np.eye(2)[k]
+        difference = (error(weights + moved) - error(weights - moved)) / (2 * step)
+        assert float(found["slope"][k]) == pytest.approx(float(difference), rel=1e-4)
+    assert found["figure"].axes[0].get_xlabel() == "X [mm]"
+    assert "um" in score(found["rollout"], found["reference"])._repr_html_()
