@@ -1,7 +1,8 @@
 """Rollouts and sensitivity curves of a run as netCDF data sets, and how much of them is kept."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -77,19 +78,27 @@ def rollouts(
     training = np.array(scenarios.training).astype("i1")
     score = {"long_name": "1 where the sample counts in the metrics"}
     seen = {"long_name": "1 where the tuner has seen the contour"}
-    data = (
-        _signals(runs, kept, unit)
-        | {
-            "reference": (
-                ("contour", "time", "axis"),
-                wanted,
-                _words("m", "where the tool should be"),
-            ),
-            "scored": (("contour", "time"), counted, score),
-            "training": (("contour",), training, seen),
-        }
-        | _metrics(runs, unit)
+    signal = (*RUN, "time")
+    output, control, error = (
+        np.stack([values(run)[:, :, kept] for run in runs])
+        for values in map(attrgetter, ("output", "control", "contour_error"))
     )
+    data: Variables = {
+        "output": ((*signal, "axis"), output, _words("m", "tool point")),
+        "control": ((*signal, "input"), control, _words(unit, "control")),
+        "contour_error": ((*signal, "axis"), error, _words("m", ERROR)),
+        "reference": (
+            ("contour", "time", "axis"),
+            wanted,
+            _words("m", "where the tool should be"),
+        ),
+        "scored": (("contour", "time"), counted, score),
+        "training": (("contour",), training, seen),
+    }
+    for name in vars(runs[0].metrics):
+        values = np.stack([np.asarray(getattr(run.metrics, name)) for run in runs])
+        kind = values.astype("i1") if values.dtype == bool else values
+        data[name] = (RUN, kind, {"units": METRICS[name].si(unit)})
     time = np.arange(runs[0].output.shape[2])[kept] * scenarios.references.dt
     coordinates = {
         "design": list(replays),
@@ -100,33 +109,6 @@ def rollouts(
         "input": [f"u{k + 1}" for k in range(runs[0].control.shape[-1])],
     }
     return xr.Dataset(data, coordinates, attributes)
-
-
-def _signals(runs: Sequence[Replay], kept: slice, unit: str) -> Variables:
-    """What every run did, in the samples that are kept."""
-
-    def stacked(values: Callable[[Replay], np.ndarray]) -> np.ndarray:
-        return np.stack([values(run)[:, :, kept] for run in runs])
-
-    output = stacked(lambda run: run.output)
-    control = stacked(lambda run: run.control)
-    error = stacked(lambda run: run.contour_error)
-    signal = (*RUN, "time")
-    return {
-        "output": ((*signal, "axis"), output, _words("m", "tool point")),
-        "control": ((*signal, "input"), control, _words(unit, "control")),
-        "contour_error": ((*signal, "axis"), error, _words("m", ERROR)),
-    }
-
-
-def _metrics(runs: Sequence[Replay], unit: str) -> Variables:
-    """Metrics of every run."""
-    data: Variables = {}
-    for name in vars(runs[0].metrics):
-        values = np.stack([np.asarray(getattr(run.metrics, name)) for run in runs])
-        kind = values.astype("i1") if values.dtype == bool else values
-        data[name] = (RUN, kind, {"units": METRICS[name].si(unit)})
-    return data
 
 
 def _words(unit: str, name: str) -> dict[str, str]:

@@ -158,20 +158,15 @@ def draw_magnified(
     axes: Axes, runs: ContourRuns, run: DrawnRun, row: Sequence[DrawnRun], colour: str
 ) -> str:
     """Draw the tool; the magnification in words, the same for all runs of a row."""
-    factor = _magnification(runs, row)
+    desired = runs.shown(runs.reference)[:, :2]
+    errors = [runs.shown(one.contour_error)[:, :2] for one in row if not one.diverged]
+    factor = min((magnification(desired, error) for error in errors), default=1.0)
     # Nearest points of the contour to the tool [mm], in the plane (T, 2)
     tool = (1e3 * runs.shown(run.output - run.contour_error)[:, :2]) + factor * 1e3 * runs.shown(
         run.contour_error
     )[:, :2]
     axes.plot(*tool.T, color=colour, linewidth=1.0, label=run.label)
     return TRUE if factor == 1 else f"error x {factor:g}"
-
-
-def _magnification(runs: ContourRuns, compared: Sequence[DrawnRun]) -> float:
-    """The one at which every one of these runs stays near the contour."""
-    desired = runs.shown(runs.reference)[:, :2]
-    errors = [runs.shown(run.contour_error)[:, :2] for run in compared if not run.diverged]
-    return min((magnification(desired, error) for error in errors), default=1.0)
 
 
 def magnification(desired: np.ndarray, error: np.ndarray) -> float:
@@ -298,19 +293,29 @@ def contour_figure(runs: ContourRuns) -> Figure:
     its error instead.
     """
     panels = [[(run, row) for run in row] for row in runs.rows]
-    shape, wide = _height_to_width(runs), PANEL
+    # Height to width of a panel: that of the contour, within what a page can show
+    contour, wide = runs.shown(runs.reference)[:, :2], PANEL
+    across, along = np.nanmax(contour, axis=0) - np.nanmin(contour, axis=0)
+    shape = float(np.clip(along / across, *FLATTEST_AND_TALLEST)) if across > 0 else 1.0
     if shape < FLAT:
         panels, wide = [[one] for row in panels for one in row], 2 * PANEL
     elif all(len(row) == 1 for row in panels):
         panels = [[one for row in panels for one in row]]
     height, width = len(panels), len(panels[0])
-    size = ((wide + BAR * detailed(runs)) * width, (wide * shape + TITLE) * height + TITLES)
+    coloured = detailed(runs)
+    size = ((wide + BAR * coloured) * width, (wide * shape + TITLE) * height + TITLES)
     figure = Figure(figsize=size, layout="compressed")
     places = figure.subplots(height, width, sharex=True, sharey=True, squeeze=False)
     colours = colours_of([run.label for run in runs.rows[0]])
     words = []
+    draw = draw_coloured if coloured else draw_magnified
     for place, (run, row) in zip(places.ravel(), chain.from_iterable(panels), strict=True):
-        words.append(_draw_panel(place, runs, run, row, colours[run.label]))
+        draw_way(place, runs)
+        how = DIVERGED if run.diverged else draw(place, runs, run, row, colours[run.label])
+        words.append(how)
+        x, y = runs.axes[:2]
+        grid(place, f"{run.label}, {run.plant}\n{how}", f"{x} [mm]", f"{y} [mm]")
+        place.set_aspect("equal", adjustable="box")
         place.label_outer(remove_inner_ticks=True)
     # Room beside a tall contour, so that titles of panels side by side stay apart
     axes = places[0, 0]
@@ -321,33 +326,8 @@ def contour_figure(runs: ContourRuns) -> Figure:
     missing = FLATTEST_AND_TALLEST[0] * (right - left) - (high - low)
     if missing > 0:
         axes.set_ylim(low - missing / 2, high + missing / 2)
-    figure.suptitle(f"{short(runs.name)}: contour and tool{_how(runs, words)}")
+    how = ", contour error magnified" if {*words} - {TRUE, DIVERGED} else ""
+    how = ", coloured by its error" if coloured else how
+    figure.suptitle(f"{short(runs.name)}: contour and tool{how}")
     legend_below(figure, columns=4)
     return figure
-
-
-def _how(runs: ContourRuns, words: Sequence[str]) -> str:
-    """How the error is shown, for the title; `words` are those of the panels."""
-    if detailed(runs):
-        return ", coloured by its error"
-    return ", contour error magnified" if {*words} - {TRUE, DIVERGED} else ""
-
-
-def _height_to_width(runs: ContourRuns) -> float:
-    """Of a panel: that of the contour, within what a page can show."""
-    contour = runs.shown(runs.reference)[:, :2]
-    width, height = np.nanmax(contour, axis=0) - np.nanmin(contour, axis=0)
-    return float(np.clip(height / width, *FLATTEST_AND_TALLEST)) if width > 0 else 1.0
-
-
-def _draw_panel(
-    axes: Axes, runs: ContourRuns, run: DrawnRun, row: Sequence[DrawnRun], colour: str
-) -> str:
-    """Draw a run; how its error is shown, in words."""
-    draw_way(axes, runs)
-    draw = draw_coloured if detailed(runs) else draw_magnified
-    words = DIVERGED if run.diverged else draw(axes, runs, run, row, colour)
-    x, y = runs.axes[:2]
-    grid(axes, f"{run.label}, {run.plant}\n{words}", f"{x} [mm]", f"{y} [mm]")
-    axes.set_aspect("equal", adjustable="box")
-    return words

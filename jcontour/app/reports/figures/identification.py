@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jcontour.app.files.response_file import MeasuredResponse
@@ -67,7 +66,12 @@ def bode(found: LinearMachineFound, control_unit: str) -> Figure:
         for panel in (magnitude, phase):
             panel.set_xscale("log")
             plain_ticks(panel.xaxis)
-            _grey_out(panel, response)
+            first, last = response.frequency[0], response.frequency[-1]
+            panel.set_xlim(first, last)
+            low, high = response.band if np.isfinite(response.band[1]) else (last, last)
+            for begin, end in ((first, low), (high, last)):
+                if end > begin:
+                    panel.axvspan(begin, end, color="0.9", zorder=0)
     return figure
 
 
@@ -89,19 +93,6 @@ def _panels(found: LinearMachineFound, rows: int) -> tuple[Figure, list]:
     count = len(found.axes)
     figure = Figure(figsize=(WIDTH * count, HEIGHT * rows), layout="constrained")
     return figure, list(figure.subplots(rows, count, squeeze=False).T)
-
-
-def _grey_out(panel: Axes, response: evidence.Response) -> None:
-    low, high = response.band
-    first, last = response.frequency[0], response.frequency[-1]
-    panel.set_xlim(first, last)
-    if not np.isfinite(high):
-        panel.axvspan(first, last, color="0.9", zorder=0)
-        return
-    if low > first:
-        panel.axvspan(first, low, color="0.9", zorder=0)
-    if high < last:
-        panel.axvspan(high, last, color="0.9", zorder=0)
 
 
 def figures(control_unit: str) -> dict[str, Callable[[LinearMachineFound], Figure]]:

@@ -8,20 +8,25 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from jcontour.app.files.results.bound_results import LearnedResult
-from jcontour.app.files.results.loop_results import FeedResult
+from jcontour.app.files.results.loop_results import CauseShare, FeedResult
 from jcontour.app.reports.figures.axes import (
     CYCLE,
+    DESIRED,
     START,
     TUNED,
+    draw_curve,
     grid,
     legend_below,
     logarithmic,
     plain_ticks,
+    short,
 )
+from jcontour.app.reports.figures.contours import ContourRuns
 from jcontour.motion.references import Reference
+from tuning.identification.error_causes import Shares
 
 SHIFTS = tuple(colour for colour in CYCLE if colour not in (START, TUNED))  # of axes
-MAGNIFIED = 0.06  # of the path's size: how large the largest error is drawn
+SHOWN = 4  # causes, the largest
 
 
 def bent_figure(
@@ -163,4 +168,19 @@ def learning(result: LearnedResult) -> Figure:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     grid(axes, f"{result.law} on {result.contour}", "lap", f"RMS {result.error} error [um]")
     legend_below(figure, columns=2)
+    return figure
+
+
+def causes_figure(runs: ContourRuns, found: Shares, causes: Sequence[CauseShare]) -> Figure:
+    """The error, below it the part that each of the largest causes has, and what is unexplained."""
+    rows = [*range(min(SHOWN, len(causes) - 1)), len(causes) - 1]
+    figure = Figure(figsize=(9.0, 2.0 + 1.5 * len(rows)), layout="constrained")
+    above, *panels = figure.subplots(1 + len(rows), 1, sharex=True)
+    draw_curve(above, runs.time, runs.shown(1e6 * found.along.sum(axis=0)), DESIRED, 0.8, "error")
+    grid(above, f"{short(runs.name)}: measured error and its causes", "", "error [um]")
+    for row, axes, colour in zip(rows, panels, CYCLE, strict=False):
+        part = runs.shown(1e6 * found.along[row])
+        draw_curve(axes, runs.time, part, colour, 0.8, causes[row].text)
+        grid(axes, causes[row].text, "", "um")
+    panels[-1].set_xlabel("time [s]")
     return figure

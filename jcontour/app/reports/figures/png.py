@@ -26,11 +26,10 @@ def save_figures(
 
 def save_figure(figure: Figure, path: Path) -> Path:
     """Write one figure; the file appears whole."""
-    return save_image(image(figure), path)
+    return _save(image(figure), path)
 
 
-def save_image(content: bytes, path: Path) -> Path:
-    """Write the content of a PNG file; the file appears whole."""
+def _save(content: bytes, path: Path) -> Path:
     return write(path, lambda temporary: temporary.write_bytes(content))
 
 
@@ -62,4 +61,4 @@ def drawn_beside(figures: Mapping[Path, Figure]) -> Iterator[None]:
 def drawn_by(process: Beside, figure: Figure) -> Callable[[Path], Path]:
     """Let a process draw a figure; what is returned waits for it and writes the file."""
     drawn = process.submit(image, figure)
-    return lambda path: save_image(drawn(), path)
+    return lambda path: _save(drawn(), path)

@@ -18,8 +18,6 @@ TICKS = 8  # values of a weight that are all written at the axis
 LETTERS = 20  # of labels that fit side by side under a panel
 LEVELS = 5  # errors written at the colours
 MANY, CELLS = 5_000, 100  # designs, beyond which only the best of each cell of the map is drawn
-NARROW = 10  # ratio of the ends of a scale within which all its ticks are written
-MARK = 220  # area of a design [points^2]
 
 
 def worst_errors(
@@ -117,8 +115,14 @@ def _map(
     """One preview: every design a coloured mark, the best drawn over the others at its place."""
     x, y = (dataset[name].values for name in names[:2])
     star = x[best], y[best]
-    kept = _best_of_cells(x, y, worst)
-    x, y, worst, beyond = x[kept], y[kept], worst[kept], beyond[kept]
+    if worst.size > MANY:
+        cells = np.zeros(worst.size, int)
+        for values in (x, y):
+            edges = np.quantile(values, np.linspace(0, 1, CELLS + 1)[1:-1])
+            cells = CELLS * cells + np.searchsorted(edges, values)
+        order = np.lexsort((worst, cells))
+        best_of_cells = order[np.unique(cells[order], return_index=True)[1]]
+        x, y, worst, beyond = (one[best_of_cells] for one in (x, y, worst, beyond))
     lost = ~np.isfinite(worst)
     above = np.argsort(-worst[~lost], kind="stable")
     marks = axes.scatter(
@@ -132,19 +136,6 @@ def _map(
     axes.set(xlabel=named(dataset, names[0]), ylabel=named(dataset, names[1]))
     scaled(axes, x, y)
     return marks
-
-
-def _best_of_cells(x: np.ndarray, y: np.ndarray, worst: np.ndarray) -> np.ndarray:
-    """Indices of the designs to draw: all, or of very many the best in each cell of the map."""
-    if worst.size <= MANY:
-        return np.arange(worst.size)
-    cells = np.zeros(worst.size, int)
-    for values in (x, y):
-        edges = np.quantile(values, np.linspace(0, 1, CELLS + 1)[1:-1])
-        cells = CELLS * cells + np.searchsorted(edges, values)
-    order = np.lexsort((worst, cells))
-    _, first = np.unique(cells[order], return_index=True)
-    return order[first]
 
 
 def scaled(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:

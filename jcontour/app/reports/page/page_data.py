@@ -5,9 +5,9 @@ import html
 import json
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -30,17 +30,22 @@ from jcontour.app.reports.simulated_tables import simulated_answer
 from jcontour.app.reports.tables import weight_digits
 from jcontour.app.reports.tuned_tables import margin_rows, tuned_answer
 
-KINDS: dict[str, type[TunedResult | SimulatedResult | FrontResult]] = {
-    "tune": TunedResult,
-    "simulate": SimulatedResult,
-    "audit": AuditedResult,
-    "front": FrontResult,
-}
-FLAGS: dict[str, type[Tune | Simulate | Audit | Front]] = {
-    "tune": Tune,
-    "simulate": Simulate,
-    "audit": Audit,
-    "front": Front,
+Shown = TunedResult | SimulatedResult | FrontResult
+
+
+class Kind(NamedTuple):
+    """A command whose runs have a page."""
+
+    result: type[Shown]
+    flags: type[Any]
+    answer: Callable[[Any], list[Entry]]  # entries of its screen
+
+
+KINDS = {
+    "tune": Kind(TunedResult, Tune, tuned_answer),
+    "simulate": Kind(SimulatedResult, Simulate, simulated_answer),
+    "audit": Kind(AuditedResult, Audit, audit_answer),
+    "front": Kind(FrontResult, Front, lambda _: []),
 }
 BYTES = 3e6  # of the signals of a run on its page
 MOST_CONTOURS = 12
@@ -100,7 +105,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
             "name": folder.name,
             "command": command,
             "repeat": shlex.join(settings["command_line"]),
-            "settings": _changed(FLAGS[command], settings["flags"]),
+            "settings": _changed(KINDS[command].flags, settings["flags"]),
             "versions": settings["versions"],
             "machine": result.machine.name,
             "control_unit": unit,
@@ -112,7 +117,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
             "controller": result.controller,
             "error": result.error,
             "verdict": verdict and {"usable": verdict.usable, "lines": verdict.lines},
-            "answer": _answer(result),
+            "answer": KINDS[command].answer(result),
             "alternatives": [] if tuned is None else _alternatives(tuned, tried),
             "lines": [] if tuned is None else _lines(tuned),
             "sensitivity": _sensitivity(folder),
@@ -137,7 +142,7 @@ def _changed(kind: type[Any], flags: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def stored_result(folder: Path) -> TunedResult | SimulatedResult | FrontResult:
+def stored_result(folder: Path) -> Shown:
     """Result of a run that has a page.
 
     Raises:
@@ -149,7 +154,7 @@ def stored_result(folder: Path) -> TunedResult | SimulatedResult | FrontResult:
         raise run_folder.RunError(
             f"{folder}: holds a run of {command!r}; pages are made of {', '.join(KINDS)}"
         )
-    return read_result(folder, KINDS[command])
+    return read_result(folder, KINDS[command].result)
 
 
 class StoredRun:
@@ -169,17 +174,10 @@ class StoredRun:
         self.result = stored_result(Path(folder))
 
     def _repr_html_(self) -> str:
-        verdict = None if isinstance(self.result, FrontResult) else self.result.verdict
-        return f"<pre>{html.escape(chr(10).join(screen(verdict, _answer(self.result))))}</pre>"
-
-
-def _answer(result: TunedResult | SimulatedResult | FrontResult) -> list[Entry]:
-    """Entries of the screen of the command."""
-    if isinstance(result, TunedResult):
-        return tuned_answer(result)
-    if isinstance(result, AuditedResult):
-        return audit_answer(result)
-    return simulated_answer(result) if isinstance(result, SimulatedResult) else []
+        one = self.result
+        answer = next(kind.answer for kind in KINDS.values() if kind.result is type(one))
+        lines = screen(None if isinstance(one, FrontResult) else one.verdict, answer(one))
+        return f"<pre>{html.escape(chr(10).join(lines))}</pre>"
 
 
 def _alternatives(result: TunedResult, tried: Sequence[HistoryPoint]) -> list[dict[str, Any]]:
@@ -269,9 +267,7 @@ def _tried(folder: Path) -> list[HistoryPoint]:
     return from_json(json.loads(path.read_text()), list[HistoryPoint]) if path.exists() else []
 
 
-def _points(
-    result: TunedResult | SimulatedResult | FrontResult, tried: Sequence[HistoryPoint]
-) -> dict[str, Any] | None:
+def _points(result: Shown, tried: Sequence[HistoryPoint]) -> dict[str, Any] | None:
     """Points of a front, or those that tuning tried: error against what it costs."""
     chosen, sensitivity = None, False
     rows: list[tuple[float, float, str | None, BudgetPoint | HistoryPoint]]
