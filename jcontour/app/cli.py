@@ -123,8 +123,7 @@ def _answered(arguments: list[str]) -> int:
         _choose_platform(flags)
         import_module("jcontour.app.catalogue.known_names").check_flags(flags)
         import_module("jcontour.app.catalogue.own_classes").trust_named(flags)
-        _check_runs(flags)
-        _check_out(flags)
+        _check_folders(flags)
         if isinstance(flags, shared.Storage):
             import_module("jcontour.app.runs.spread.devices").set_up(flags)
         return run(flags)
@@ -192,24 +191,16 @@ def _missing_platform() -> str | None:
     return None
 
 
-def _check_runs(flags: Any) -> None:
-    """Tell that a run folder is needed before the work begins."""
-    if isinstance(flags, others.Report):
-        named = flags.runs
-    elif isinstance(flags, (loops.Check, loops.Export)):
-        named = (flags.run,)
-    else:
+def _check_folders(flags: Any) -> None:
+    """Refuse a run folder that is needed and missing, or taken, before the work begins."""
+    if not hasattr(flags, "out"):  # `list` and `bench` load as little as they can
         return
-    command, _ = COMMANDS[type(flags)]
-    import_module("jcontour.app.files.run_folder").check_named(command, named)
-
-
-def _check_out(flags: Any) -> None:
-    """Tell a run folder that is taken before the work begins."""
-    out = getattr(flags, "out", None)
-    if out is not None and not isinstance(flags, (machines.Machine, others.Report)):  # files
-        resumable = isinstance(flags, shared.Storage)
-        import_module("jcontour.app.files.run_folder").check_free(out, resumable)
+    run_folder = import_module("jcontour.app.files.run_folder")
+    if isinstance(flags, (loops.Check, loops.Export, others.Report)):
+        named = flags.runs if isinstance(flags, others.Report) else (flags.run,)
+        run_folder.check_named(COMMANDS[type(flags)][0], named)
+    if flags.out is not None and not isinstance(flags, (machines.Machine, others.Report)):  # files
+        run_folder.check_free(flags.out, resumable=isinstance(flags, shared.Storage))
 
 
 def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:

@@ -281,7 +281,13 @@ def margin_rows(*designs: PathMargins) -> list[tuple[str, ...]]:
     radii = (f"{one.spectral_radius:.6f} (stable < 1)" for one in designs)
     rows = [("spectral radius, nominal", *radii)]
     for k in range(len(designs[0].gain_range)):
-        rows.append((f"gain margin, input {k + 1}", *(_gain_range(one, k) for one in designs)))
+        cells = []
+        for one in designs:
+            (low, high), (least, most) = one.gain_range[k], one.gain_search
+            below = f"{least:.4g} or less" if low <= least else f"{low:.4g}"
+            above = f"{most:.4g} or more" if high >= most else f"{high:.4g}"
+            cells.append(f"x {below} ... {above}")
+        rows.append((f"gain margin, input {k + 1}", *cells))
     rows.append(("delay margin", *(_delay(one) for one in designs)))
     for name, words in (("sensitivity", "Ms"), ("complementary", "Mt")):
         values = [getattr(one, name) for one in designs]
@@ -295,16 +301,8 @@ def margin_rows(*designs: PathMargins) -> list[tuple[str, ...]]:
     return rows
 
 
-def _gain_range(margins: PathMargins, k: int) -> str:
-    (low, high), (least, most) = margins.gain_range[k], margins.gain_search
-    below = f"{least:.4g} or less" if low <= least else f"{low:.4g}"
-    above = f"{most:.4g} or more" if high >= most else f"{high:.4g}"
-    return f"x {below} ... {above}"
-
-
 def _delay(margins: PathMargins) -> str:
-    found = margins.delay_samples
-    if found < 0:
+    if margins.delay_samples < 0:
         return "none: unstable as it is"
-    more = " or more" if found >= margins.delay_search else ""
-    return f"{found}{more} extra samples"
+    more = " or more" if margins.delay_samples >= margins.delay_search else ""
+    return f"{margins.delay_samples}{more} extra samples"
