@@ -8,14 +8,12 @@ from jcontour.app.machines.flexible_axis import biaxial_axes
 from jcontour.app.machines.gantry import guide_ways
 from jcontour.app.machines.machine import Machine
 from jcontour.plant import Plant
-from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
+from jcontour.plants.delays import Delayed
 from jcontour.plants.emps import emps_table
+from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
-from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.wrappers.delays import Delayed
-from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 from jcontour.plants.xy_table import FrictionXYTable
 
 SAMPLE = 1e-3  # [s] of the thesis's controllers

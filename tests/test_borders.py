@@ -32,8 +32,7 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour._compiled": {"numba"},
     "jcontour._native": {"numba", "llvmlite"},
     "jcontour._kernels": {"warp"},  # where the user has installed it
-    "jcontour.plants.gantry.engines.mujoco_engine": {"mujoco"},
-    "jcontour.plants.gantry.engines.mjx_engine": {"mujoco"},
+    "jcontour.plants.gantry.mujoco_engine": {"mujoco"},
     "jcontour.app.files.results.stored": {"cattrs"},
     "jcontour.app.files.schema": {"pydantic"},
     "jcontour.app.files.machine_file": {"pydantic"},

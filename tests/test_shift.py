@@ -27,19 +27,21 @@ from jcontour.motion.references import along
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
-from jcontour.plants.wrappers.backlash import Backlash
-from jcontour.plants.wrappers.delays import Delayed, LateSensors, PartlyDelayed
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.dry_friction import LostMotion, WithDryFriction, with_dry_friction
-from jcontour.plants.wrappers.encoders import (
+from jcontour.plants.actuation import (
+    Backlash,
+    Disturbed,
+    LostMotion,
+    WithDryFriction,
+    with_dry_friction,
+)
+from jcontour.plants.delays import Delayed, LateSensors, PartlyDelayed
+from jcontour.plants.encoders import (
     CountingEncoders,
     Encoders,
     FineEncoders,
     Quantised,
     Sensed,
 )
-from jcontour.plants.wrappers.gains import Gained
-from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.numbered import Numbered

@@ -1,7 +1,7 @@
 from . import identification as identification
-from .effort import Effort as Effort
 from .exchange import exchanged as exchanged
 from .objectives import AtMost as AtMost
+from .objectives import Outcome as Outcome
 from .objectives import Regret as Regret
 from .objectives import certified_error as certified_error
 from .objectives import mean_contour_error as mean_contour_error
@@ -11,7 +11,6 @@ from .objectives import typical_tracking_error as typical_tracking_error
 from .objectives import worst_contour_error as worst_contour_error
 from .objectives import worst_increment as worst_increment
 from .objectives import worst_tracking_error as worst_tracking_error
-from .outcome import Outcome as Outcome
 from .parameters import Fixed as Fixed
 from .parameters import Free as Free
 from .parameters import Interval as Interval
@@ -21,6 +20,7 @@ from .parameters import Weight as Weight
 from .pareto import FrontPoint as FrontPoint
 from .pareto import trade_off_front as trade_off_front
 from .precompensation import precompensate as precompensate
+from .problem import Effort as Effort
 from .problem import Problem as Problem
 from .sweeps import design as design
 from .sweeps import grid as grid

@@ -1,8 +1,13 @@
-"""Exchange of probes: a search looks at few frozen loops; after it many are looked at.
+"""Around a search: few frozen loops are exchanged for worse ones, idle weights are put back.
+
+A search looks at few frozen loops; after it many are looked at.
 
 Where one of them is worse than all that the search has seen, its window is probed as well, and the
 search goes on from where it ended. Infinitely many limits are so kept by few (J. W. Blankenship,
 J. E. Falk, J. Optimization Theory and Applications 19, 1976).
+
+Weights may be without any effect, as a field of a controller that its step never reads. A search
+may end anywhere along them: they are put back where they started.
 """
 
 from dataclasses import replace
@@ -16,10 +21,11 @@ from jaxtyping import Array, Bool, Float
 
 from jcontour.analysis.probes import probe_windows
 from jcontour.motion.references import Reference
+from tuning.descents.descent import Descent
 from tuning.loops import Looked, ProbedLoops
 from tuning.objectives import COUNT_NOISE, LATE, LOOP_LIMITS, AtMost, Limits, no_limits
 from tuning.parameters import Chart, Weights
-from tuning.point import looked_at
+from tuning.point import evaluate_point, looked_at
 from tuning.problem import Problem
 from tuning.tuner import Tuned
 
@@ -148,3 +154,50 @@ def _limits(problem: Problem) -> Limits:
 
 def _joined(old: Array, new: Array) -> Array:
     return jnp.concatenate([old, new])
+
+
+def without_slope(descent: Descent | None) -> Bool[np.ndarray, " d"]:
+    """Coordinates in which no error and no limit has a slope where a descent has come to.
+
+    None of them where there is no descent.
+    """
+    if descent is None:
+        return np.zeros(0, bool)
+    model = descent.model
+    return _flat(model.error_slopes, model.limit_slopes)
+
+
+def put_back(
+    problem: Problem, start: Weights, weights: Weights, flat: Bool[np.ndarray, " d"]
+) -> tuple[Weights, Bool[np.ndarray, " d"]]:
+    """Weights with those without any effect where they started, and which coordinates these are.
+
+    They have no slope, neither at the start nor here, and putting them back changes no error and no
+    limit.
+
+    Args:
+        problem: the tuning problem.
+        start: where the search began.
+        weights: that it found.
+        flat: coordinates that may be without effect; the others are not looked at.
+    """
+    none = np.zeros(flat.shape, bool)
+    if not flat.any():
+        return weights, none
+    first = np.asarray(Chart(problem.space, start).coordinates())
+    z = np.asarray(Chart(problem.space, weights).coordinates())
+    begun, here = (evaluate_point(problem, start, there) for there in (first, z))
+    for point in (begun, here):
+        if not point.diverged:  # or its slopes mean nothing
+            flat = flat & _flat(point.slopes.errors, point.slopes.limits)
+    back = np.where(flat, first, z)
+    there = evaluate_point(problem, start, back)
+    same = np.array_equal(there.errors, here.errors) and np.array_equal(there.limits, here.limits)
+    if not (flat.any() and same):
+        return weights, none
+    return Chart(problem.space, start).weights(jnp.asarray(back)), flat
+
+
+def _flat(*slopes: Float[Array | np.ndarray, "... d"]) -> Bool[np.ndarray, " d"]:
+    """Coordinates in which every slope is zero, to the last bit."""
+    return np.all([np.all(np.reshape(one, (-1, one.shape[-1])) == 0, axis=0) for one in slopes], 0)

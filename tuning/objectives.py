@@ -19,6 +19,8 @@ One row is a worst case. A row per contour lets no contour in micrometres drown 
 
 Limits are a function of the Outcome. It returns a vector that must not be above zero,
 ln(value / limit), so that a per cent counts alike on every machine.
+
+Outcome of weights: what objectives and limits judge.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,15 +29,12 @@ from typing import Literal, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
+from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.bounds.worst_cases import PeakValues
 from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
-from tuning.outcome import Outcome
-
-Objective = Callable[[Outcome], Float[Array, "g v"]]
-Limits = Callable[[Outcome], Float[Array, " c"]]
 
 LEAST = 1e-30  # error [m], or ratio: nothing measurable is smaller, and ln 0 would have no slope
 LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
@@ -49,6 +48,41 @@ COUNT_NOISE = "count_noise"
 RATIO = "error_ratio"
 CERTIFIED_USE = "certified_control_use"
 USE_LIMITS = {f"{name}_use": name for name in LimitUse._fields}  # likewise of LimitUse
+
+
+class Outcome(NamedTuple):
+    """Metrics of all runs, and peaks of the frozen loops where the problem asks for them.
+
+    Attributes:
+        metrics: axes (contour, plant).
+        loops: axes (probe, plant); None for a problem without windows.
+        use: of the machine's limits, axes (contour, plant); None for a problem without them.
+        late: spectral radius of the loops with more delay, axes (probe, plant); None where the
+            problem does not ask for it.
+        certified: largest errors and controls under bounded disturbances, axes (contour, plant);
+            None for a problem that states no disturbances.
+        count_noise: RMS of the control by the counts of encoders [control unit], axes
+            (probe, plant); None where the problem does not ask for it.
+    """
+
+    metrics: Metrics
+    loops: LoopPeaks | None = None
+    use: LimitUse | None = None
+    late: Float[Array, "K P"] | None = None
+    certified: PeakValues | None = None
+    count_noise: Float[Array, "K P"] | None = None
+
+    @property
+    def diverged(self) -> Bool[Array, ""]:
+        """Whether any run diverges, or any frozen loop is unstable."""
+        lost = jnp.any(self.metrics.diverged)
+        if self.loops is None:
+            return lost
+        return lost | ~jnp.all(self.loops.spectral_radius < 1)
+
+
+Objective = Callable[[Outcome], Float[Array, "g v"]]
+Limits = Callable[[Outcome], Float[Array, " c"]]
 
 
 def worst_contour_error(outcome: Outcome) -> Float[Array, "1 v"]:

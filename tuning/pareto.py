@@ -15,12 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from tuning.effort import THOROUGH, Effort
-from tuning.history import FEASIBLE, Evaluated, sound
-from tuning.objectives import Limits
-from tuning.outcome import Outcome
+from tuning.objectives import Limits, Outcome
 from tuning.parameters import Chart, Weights
-from tuning.problem import Problem
+from tuning.point import FEASIBLE, Evaluated, sound
+from tuning.problem import THOROUGH, Effort, Problem
 from tuning.tuner import TuneState, advance
 
 

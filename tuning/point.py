@@ -1,9 +1,10 @@
-"""One evaluated point: errors, limits and their slopes.
+"""Evaluated points: errors, limits and their slopes, and the next start among them.
 
 Runs and frozen loops are two programs; the peaks of the loops are found on the host; a third, small
 program judges both.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -17,8 +18,7 @@ from jcontour._devices import on_cpu
 from jcontour.bounds.disturbed_loop import DisturbedLoop
 from jcontour.bounds.worst_cases import PeakValues, WorstCase
 from tuning.loops import Looked
-from tuning.objectives import LEAST, logarithm
-from tuning.outcome import Outcome
+from tuning.objectives import LEAST, Outcome, logarithm
 from tuning.parameters import Chart, Weights
 from tuning.problem import Problem
 
@@ -243,3 +243,81 @@ def _judged(problem: Problem, outcome: Outcome, slopes: Outcome) -> tuple[Judged
         return jax.jvp(judge, (moving,), (direction,))[1]
 
     return judge(moving), jax.vmap(slope, in_axes=-1, out_axes=-1)(slopes)
+
+
+FEASIBLE = 1e-6  # a limit may be exceeded by this relative amount
+# ln(objective) that an excess of one costs, where no multiplier is known yet
+PRICE = 5.0
+# distance in ln(error, error, increment) from every descent so far that makes a start worth while
+NEW_BEHAVIOUR = 0.5
+
+
+class Evaluated(NamedTuple):
+    """One row of the history: a point that was tried, and its outcome."""
+
+    start: int  # number of the descent; -1 for a scattered point
+    z: np.ndarray
+    objective: float
+    violation: float  # largest limit, ln(value / limit); -inf without limits
+    outcome: Outcome
+    diverged: bool
+
+
+def sound(history: Sequence[Evaluated]) -> list[Evaluated]:
+    """Points that did not diverge."""
+    return [row for row in history if not row.diverged]
+
+
+def rank(row: Evaluated) -> tuple[float, float]:
+    """Order of points: the least violation first, and of the feasible ones the least objective."""
+    return max(row.violation, FEASIBLE), row.objective
+
+
+def next_start(
+    history: Sequence[Evaluated], prices: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " d"] | None:
+    """The most promising scattered point whose loop behaves unlike all descents so far, or None.
+
+    Its promise is ln(objective) + price * violation. Where nothing is feasible yet, the least
+    violation comes first; where everything diverged, the least departure from the contours.
+
+    Args:
+        history: every point so far.
+        prices: sum of the multipliers at the end of every descent; the largest counts.
+    """
+    tried = {row.z.tobytes() for row in history if row.start >= 0}
+    left = [row for row in history if row.start < 0 and row.z.tobytes() not in tried]
+    rows = sound(history)
+    if not rows:
+        return min(left, key=_departure).z if left else None
+    seen = np.array([_behaviour(row) for row in rows if row.start >= 0])
+    new = [row for row in sound(left) if _apart(_behaviour(row), seen)]
+    if not new:
+        return None
+    if all(row.violation > FEASIBLE for row in rows):
+        return min(new, key=rank).z
+    price = float(np.max(prices, initial=PRICE))
+    return min(new, key=lambda row: _promise(row, price)).z
+
+
+def _behaviour(row: Evaluated) -> np.ndarray:
+    """Logarithms of the mean errors and increment of the loop.
+
+    Weights that look different may behave alike, as all tiny betas do.
+    """
+    metrics = row.outcome.metrics
+    measures = (metrics.rms_contour_error, metrics.rms_tracking_error, metrics.rms_increment)
+    return np.log([max(float(np.mean(measure)), 1e-300) for measure in measures])
+
+
+def _apart(behaviour: np.ndarray, seen: np.ndarray) -> bool:
+    return len(seen) == 0 or bool(np.min(np.linalg.norm(seen - behaviour, axis=1)) > NEW_BEHAVIOUR)
+
+
+def _promise(row: Evaluated, price: float) -> float:
+    return np.log(max(row.objective, 1e-300)) + price * max(row.violation, 0.0)
+
+
+def _departure(row: Evaluated) -> float:
+    largest = float(np.max(row.outcome.metrics.peak_tracking_error))
+    return largest if np.isfinite(largest) else np.inf

@@ -20,16 +20,21 @@ import jax.numpy as jnp
 import numpy as np
 
 from tuning.descents.descent import Descent, Evaluate, begin, descend
-from tuning.descents.landing import TRIES, landed, outside
 from tuning.descents.quadratic_step import Model
-from tuning.descents.stabilise import Measured, loop_radii, stabilised
-from tuning.effort import THOROUGH, Effort
-from tuning.history import FEASIBLE, Evaluated, next_start, rank, sound
-from tuning.objectives import AtMost
-from tuning.outcome import Outcome
+from tuning.descents.stabilise import TRIES, Measured, landed, loop_radii, outside, stabilised
+from tuning.objectives import AtMost, Outcome
 from tuning.parameters import Chart, Weights
-from tuning.point import Point, evaluate_point, evaluate_values
-from tuning.problem import Problem
+from tuning.point import (
+    FEASIBLE,
+    Evaluated,
+    Point,
+    evaluate_point,
+    evaluate_values,
+    next_start,
+    rank,
+    sound,
+)
+from tuning.problem import THOROUGH, Effort, Problem
 
 IN_ONE_STEP = 2  # evaluations, at most
 STILL = 1e-9  # from 1: a spectral radius that rounding alone sets apart from 1

@@ -12,10 +12,8 @@ from experiments.tables import Table
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports.tables import digits
 from jcontour.plant import Plant
-from jcontour.plants.gantry.engines.mjx_engine import GantryMJX
-from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo
-from jcontour.plants.gantry.gantry import SUBSTEP, Gantry
-from jcontour.plants.gantry.parameters import thesis_gantry
+from jcontour.plants.gantry.gantry import SUBSTEP, Gantry, thesis_gantry
+from jcontour.plants.gantry.mujoco_engine import GantryMJX, GantryMuJoCo
 
 BATCH = 1000  # machines at once where nothing else is asked for
 SECONDS = 2.0  # for each rate

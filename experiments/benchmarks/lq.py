@@ -21,8 +21,8 @@ from jcontour import _kernels as kernels
 from jcontour._devices import on_gpu
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports.tables import digits
-from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.controllers.lq.scheduled_lq import BlockwiseLQ
 from jcontour.geometry.contours import circle, line
 from jcontour.linear.continuous_axes import (
     ContinuousAxis,

@@ -26,12 +26,10 @@ from jcontour.app.reports.tables import digits
 from jcontour.app.runs.tuning.problem import tuning_run
 from jcontour.controller import Controller
 from jcontour.plant import Plant
-from tuning.effort import THOROUGH, Effort
-from tuning.history import FEASIBLE, Evaluated
 from tuning.loops import Looked, Loops
 from tuning.parameters import Chart, Weights
-from tuning.point import evaluate_point, evaluate_values
-from tuning.problem import Problem
+from tuning.point import FEASIBLE, Evaluated, evaluate_point, evaluate_values
+from tuning.problem import THOROUGH, Effort, Problem
 from tuning.tuner import TuneState, advance
 
 STATE = "contouring-lq-state"

@@ -44,8 +44,8 @@ from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
+from jcontour.plants.encoders import CountingEncoders, FineEncoders, Sensed
 from jcontour.plants.friction import without_dry_friction
-from jcontour.plants.wrappers.encoders import CountingEncoders, FineEncoders, Sensed
 from jcontour.sensors import row
 from jcontour.simulation.closed_loop import check_run, start_state
 from jcontour.simulation.evaluation import member

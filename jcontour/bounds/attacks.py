@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from jcontour.bounds.disturbed_loop import Box, DisturbedLoop
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.actuation import Disturbed
 
 
 class Attack(NamedTuple):

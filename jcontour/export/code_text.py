@@ -1,4 +1,8 @@
-"""Numbers, tables and comments as the text of a program."""
+"""Numbers, tables, comments and statements as the text of a program, in C and other languages.
+
+The step of a law has one statement a line: loops that count, conditions, assignments, `return`. Its
+functions are `absolute`, `least` and `most`.
+"""
 
 import re
 from collections.abc import Sequence
@@ -61,3 +65,106 @@ def plain(line: str) -> str:
     for mark in ("*/", "/*", "*)", "(*"):
         words = words.replace(mark, " ".join(mark))
     return words.rstrip("\\").replace("??/", "? ? /")
+
+
+LOOP = re.compile(r"for \((\w) = (.+); \w (<|>=) (.+); \w(\+\+|--)\) {")
+
+
+def in_c(text: str, precision: Precision) -> str:
+    """The statements as they are, their numbers in the precision of the code."""
+    text = text.replace("return;", "return (int)law->status;")
+    return re.sub(r"\b(\d+\.\d+)\b", r"\1f", text) if precision == "single" else text
+
+
+def in_python(text: str) -> str:
+    """The same for Python."""
+    lines, depth = [], 0
+    for line in _lines(text):
+        if line.startswith("/*"):
+            lines.append("    " * depth + "# " + line[3:-3])
+            continue
+        if line.startswith("}"):
+            depth -= 1
+        found = _python(line)
+        if found:
+            lines.append("    " * depth + found)
+        if line.endswith("{"):
+            depth += 1
+    return "\n".join(lines)
+
+
+def in_structured_text(text: str) -> str:
+    """The same for IEC 61131-3: arrays begin at 0."""
+    lines, ends = [], []
+    for line in _lines(text):
+        if line.startswith("/*"):
+            lines.append("    " * len(ends) + f"(* {line[3:-3]} *)")
+            continue
+        if line == "}":
+            end = ends.pop()
+            lines.append("    " * len(ends) + end)
+            continue
+        if line.startswith("}"):
+            ends.pop()
+        lines.append("    " * len(ends) + _structured(line))
+        if line.endswith("{"):
+            ends.append("END_FOR;" if line.startswith("for") else "END_IF;")
+    return "\n".join(lines)
+
+
+def _lines(text: str) -> list[str]:
+    return [line.strip() for line in text.splitlines() if line.strip()]
+
+
+def _python(line: str) -> str:
+    if loop := LOOP.fullmatch(line):
+        name, first, _, last, way = loop.groups()
+        if way == "++":
+            return f"for {name} in range({first}, {last}):"
+        return f"for {name} in range({first}, {last} - 1, -1):"
+    line = line.replace("law->", "law.").replace("&&", "and").replace("||", "or")
+    line = re.sub(r"!(?!=)", "not ", line)
+    if line == "}":
+        return ""
+    if condition := re.fullmatch(r"(} else )?if \((.+)\) {", line):
+        return f"{'elif' if condition[1] else 'if'} {condition[2]}:"
+    if line == "} else {":
+        return "else:"
+    return line.removesuffix(";")
+
+
+def _structured(line: str) -> str:
+    line = line.replace("law->", "")
+    if loop := LOOP.fullmatch(line):
+        name, first, _, last, way = loop.groups()
+        if way == "++":
+            return f"FOR {name} := {first} TO {last} - 1 DO"
+        return f"FOR {name} := {first} TO {last} BY -1 DO"
+    if condition := re.fullmatch(r"(} else )?if \((.+)\) {", line):
+        words = condition[2].replace("&&", "AND").replace("||", "OR").replace("!=", "<>")
+        words = _called(re.sub(r"!(?!=)", "NOT ", words).replace("==", "="))
+        return f"{'ELSIF' if condition[1] else 'IF'} {_grouped(words)} THEN"
+    if line == "} else {":
+        return "ELSE"
+    if line == "return;":
+        return "RETURN;"
+    assigned = re.fullmatch(r"([^=]+?) ([+-]?)= (.+);", line)
+    if assigned is None:
+        raise ValueError(f"no statement of a law: {line}")
+    target, sign, value = assigned.groups()
+    value = _called(value)
+    return f"{target} := {f'{target} {sign} ({value})' if sign else value};"
+
+
+def _called(words: str) -> str:
+    for name, function in (("absolute", "ABS"), ("least", "MIN"), ("most", "MAX")):
+        words = re.sub(rf"\b{name}\(", f"{function}(", words)
+    return words
+
+
+def _grouped(words: str) -> str:
+    """Comparisons in parentheses: AND binds as in C, but some compilers want them told."""
+    for name in ("AND", "OR"):
+        if f" {name} " in words:
+            return f" {name} ".join(f"({one})" for one in words.split(f" {name} "))
+    return words

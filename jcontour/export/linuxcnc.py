@@ -16,7 +16,7 @@ from jcontour.export.rendering import Code
 from jcontour.export.streaming_law import Matrix, Vector
 from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.dry_friction import LostMotion, WithDryFriction
+from jcontour.plants.actuation import LostMotion, WithDryFriction
 
 LETTERS = "XYZABCUVW"
 TOOLS = 99  # without length or diameter: programs that change tools run

@@ -13,8 +13,15 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from jcontour.export.code_text import Precision, literal, plain, table
-from jcontour.export.languages import in_c, in_python, in_structured_text
+from jcontour.export.code_text import (
+    Precision,
+    in_c,
+    in_python,
+    in_structured_text,
+    literal,
+    plain,
+    table,
+)
 from jcontour.export.safe_limits import SafeLimits
 from jcontour.export.streaming_law import StreamingLaw, Window
 

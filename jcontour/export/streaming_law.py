@@ -34,7 +34,7 @@ from jcontour.controllers.observers.kalman import (
     with_disturbance,
 )
 from jcontour.export.code_text import Precision
-from jcontour.export.memory_limits import memory_limits
+from jcontour.export.safe_limits import memory_limits
 from jcontour.geometry.contours import polyline
 from jcontour.linear.plant import operating_point, steady_motion
 from jcontour.motion.references import Reference, along

@@ -6,6 +6,9 @@ and compares with a force that omits spring and damper. Here a slider has an exp
 {-1, 0, 1}, as Karnopp had it, and the whole force decides.
 """
 
+from collections.abc import Callable
+from typing import TypeVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -97,3 +100,27 @@ def without_dry_friction(plant: Plant) -> Plant:
         return part.viscous_alone() if isinstance(part, Friction) else part
 
     return jax.tree.map(rest, plant, is_leaf=lambda part: isinstance(part, Friction))
+
+
+State = TypeVar("State")  # any pytree of arrays
+
+
+def runge_kutta(rates: Callable[[State], State], x: State, h: float | Float[Array, ""]) -> State:
+    """State after one classical Runge-Kutta step of fourth order over h seconds.
+
+    Args:
+        rates: any function from a state to its time derivative.
+        x: the state, any pytree.
+        h: step [s].
+    """
+
+    def ahead(slope: State, share: float) -> State:
+        return jax.tree.map(lambda a, b: a + share * h * b, x, slope)
+
+    k1 = rates(x)
+    k2 = rates(ahead(k1, 0.5))
+    k3 = rates(ahead(k2, 0.5))
+    k4 = rates(ahead(k3, 1.0))
+    return jax.tree.map(
+        lambda a, p, q, r, s: a + h / 6 * (p + 2 * q + 2 * r + s), x, k1, k2, k3, k4
+    )

@@ -22,7 +22,7 @@ from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference
 from jcontour.simulation.metrics import Metrics
 from tests import canonical
-from tuning.outcome import Outcome
+from tuning.objectives import Outcome
 from tuning.tuner import Tuned
 
 Kind = TypeVar("Kind")

@@ -3,8 +3,7 @@
 import jaxtyping
 import pytest
 
-from jcontour.plants.flexible_axis.axis import AxisParameters, thesis_axis
-from jcontour.plants.flexible_axis.models import zoh_model
+from jcontour.plants.flexible_axis.axis import AxisParameters, thesis_axis, zoh_model
 from jcontour.plants.friction import Friction
 
 

@@ -15,7 +15,11 @@ from jax.flatten_util import ravel_pytree
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain, moving_target
-from jcontour.controllers.observers.disturbance_observer import DisturbanceObserver
+from jcontour.controllers.observers.disturbance_observer import (
+    DisturbanceObserver,
+    ReducedObserver,
+    thesis_gain,
+)
 from jcontour.controllers.observers.extended_state_observers import (
     CurrentLESO,
     DisturbanceRejection,
@@ -23,13 +27,11 @@ from jcontour.controllers.observers.extended_state_observers import (
     EulerLESO,
     ExactLESO,
 )
-from jcontour.controllers.observers.reduced_observer import ReducedObserver, thesis_gain
 from jcontour.controllers.wrappers.filters import Filtered, low_pass, notch
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
-from jcontour.plants.flexible_axis.axis import thesis_axis
-from jcontour.plants.flexible_axis.models import zoh_model
-from jcontour.plants.wrappers.encoders import Sensed
+from jcontour.plants.encoders import Sensed
+from jcontour.plants.flexible_axis.axis import thesis_axis, zoh_model
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import prepared
 

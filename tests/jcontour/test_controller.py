@@ -5,15 +5,20 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.feedback.self_tuning import SelfTuning
-from jcontour.controllers.feedback.time_delay import TimeDelayControl
-from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
-from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
-from jcontour.controllers.feedforward.preview_filter import PreviewFilter
-from jcontour.controllers.feedforward.zpetc import ZeroPhaseTracking
+from jcontour.controllers.feedback.pole_placement import SelfTuning
+from jcontour.controllers.feedforward.adaptive_zpetc import (
+    AdaptiveZeroPhaseTracking,
+    NormalisedLeastSquares,
+)
+from jcontour.controllers.feedforward.zpetc import PreviewFilter, ZeroPhaseTracking
 from jcontour.controllers.learning.cartesian import CartesianControl
-from jcontour.controllers.learning.repetitive import Repetitive, RepetitiveFilter
-from jcontour.controllers.learning.runout import Canceller, RunoutCancelled
+from jcontour.controllers.learning.repetitive import (
+    Canceller,
+    Repetitive,
+    RepetitiveFilter,
+    RunoutCancelled,
+)
+from jcontour.controllers.observers.disturbance_observer import TimeDelayControl
 from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
     SynchronisedGains,

@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import pytest
 
 from tuning.loops import Looked, Loops
-from tuning.outcome import LoopPeaks
+from tuning.objectives import LoopPeaks
 
 
 class Gains(Loops):

@@ -8,8 +8,8 @@ from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along
-from jcontour.plants.wrappers.delays import Delayed
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.delays import Delayed
+from jcontour.plants.encoders import Encoders
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from tuning.loops import ProbedLoops, _different
 from tuning.objectives import mean_contour_error

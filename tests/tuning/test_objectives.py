@@ -10,6 +10,8 @@ from tuning.objectives import (
     AtMost,
     Before,
     Entry,
+    LoopPeaks,
+    Outcome,
     Regret,
     certified_error,
     mean_contour_error,
@@ -21,7 +23,6 @@ from tuning.objectives import (
     worst_increment,
     worst_tracking_error,
 )
-from tuning.outcome import LoopPeaks, Outcome
 
 NAMES = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
 ERRORS = np.array([[1e-6, 4e-6], [3e-6, 2e-6]])
@@ -179,3 +180,31 @@ def test_the_noise_of_counts_is_limited_for_every_probe_and_plant():
     np.testing.assert_allclose(found, [0.0, -np.log(2.0)], atol=1e-12)
     with pytest.raises(ValueError, match="count_noise: needs a problem that looks at the noise"):
         limits(Outcome(metrics()))
+
+
+def outcome_outcome(lost, radii):
+    metrics = Metrics(
+        **{name: jnp.ones((1, 2)) for name in Metrics.__dataclass_fields__ if name != "diverged"},
+        diverged=np.asarray([[False, lost]]),
+    )
+    loops = (
+        None
+        if radii is None
+        else LoopPeaks(jnp.ones(2), jnp.ones(2), jnp.asarray(radii), jnp.zeros(2))
+    )
+    return Outcome(metrics, loops)
+
+
+@pytest.mark.parametrize(
+    ("lost", "radii", "wanted"),
+    [
+        (False, None, False),
+        (True, None, True),
+        (False, [0.5, 0.999], False),
+        (False, [0.5, 1.0], True),
+        (False, [0.5, np.nan], True),
+        (True, [0.5, 0.5], True),
+    ],
+)
+def test_a_run_that_leaves_or_an_unstable_loop_is_divergence(lost, radii, wanted):
+    assert bool(outcome_outcome(lost, radii).diverged) is wanted

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tuning import pareto
-from tuning.effort import THOROUGH
 from tuning.objectives import AtMost
 from tuning.parameters import Positive
 from tuning.pareto import FrontState, advance_front, done, front_points, trade_off_front
+from tuning.problem import THOROUGH
 
 START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
 SETTINGS = replace(THOROUGH, starts=4, scatter=8, spread=1.0, steps=20)

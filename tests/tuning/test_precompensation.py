@@ -9,7 +9,7 @@ from jcontour.geometry.contours import circle
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.encoders import Encoders
 from jcontour.simulation.evaluation import stack_plants
 from tuning.bends import INSIDE, Bounds
 from tuning.precompensation import precompensate

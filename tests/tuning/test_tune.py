@@ -13,23 +13,21 @@ from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, polyline
 from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along, from_samples
-from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.delays import Delayed
+from jcontour.plants.linear_machines import bridgeport
 from jcontour.simulation.evaluation import stack_plants, stack_references
-from tuning.descents.landing import TRIES
-from tuning.effort import THOROUGH
-from tuning.history import rank
+from tuning.descents.stabilise import TRIES
 from tuning.objectives import (
     AtMost,
+    Outcome,
     mean_contour_error,
     mean_tracking_error,
     typical_contour_error,
     worst_contour_error,
 )
-from tuning.outcome import Outcome
 from tuning.parameters import Chart, LQSpace, Positive
-from tuning.point import evaluate_point
-from tuning.problem import Problem
+from tuning.point import evaluate_point, rank
+from tuning.problem import THOROUGH, Problem
 from tuning.tuner import FEASIBLE, IN_ONE_STEP, TuneState, _scattered_point, advance, result, tune
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "mcnab" / "tuning.json").read_text())

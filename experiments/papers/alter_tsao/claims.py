@@ -24,7 +24,7 @@ from experiments.papers.verdicts import (
     verdict,
 )
 from experiments.tables import Column, Table
-from jcontour.plants.linear_motor_drive import PERIOD
+from jcontour.plants.linear_machines import PERIOD
 
 SAME = 1e-9  # relative
 APART = 1e-11  # [m] between the loop and the filter

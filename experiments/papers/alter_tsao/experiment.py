@@ -19,22 +19,27 @@ from scipy.signal import bilinear, lfilter, ss2tf
 from experiments.papers.verdicts import Verdict, rounds_to, verdict
 from jcontour.controllers.feedback.hinf_feedback import (
     MixedWeights,
+    central_controller,
     gain_at,
+    least_gamma,
     mixed_sensitivity,
 )
-from jcontour.controllers.feedback.hinf_synthesis import central_controller, least_gamma
-from jcontour.controllers.feedforward.hinf import hinf_optimum
 from jcontour.controllers.feedforward.l1 import l1_optimum
 from jcontour.controllers.feedforward.model_following import (
     ModelFollowing,
     parallel_feedforward,
     shortest_error,
 )
-from jcontour.controllers.feedforward.model_matching import ModelMatching
-from jcontour.controllers.feedforward.unit_circle import corollary_1, l1_norm, perturbed_error
+from jcontour.controllers.feedforward.model_matching import (
+    ModelMatching,
+    corollary_1,
+    hinf_optimum,
+    l1_norm,
+    perturbed_error,
+)
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transfer_functions import transfer_function
-from jcontour.plants.linear_motor_drive import PERIOD, ZERO, bandwidth_of_zero, linear_motor_drive
+from jcontour.plants.linear_machines import PERIOD, ZERO, bandwidth_of_zero, linear_motor_drive
 
 SOURCE = (
     "D. M. Alter, T.-C. Tsao: Control of Linear Motors for Machine Tool Feed Drives: Experimental "

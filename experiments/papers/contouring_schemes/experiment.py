@@ -31,15 +31,14 @@ from jcontour.geometry.contours import circle, ellipse, lemniscate, polygon, spl
 from jcontour.motion.feed_laws import trapezoidal
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
+from jcontour.plants.delays import Delayed
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis
-from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.closed_loop import follow
 from jcontour.simulation.evaluation import one_by_one, stack_plants, stack_references
 from jcontour.simulation.metrics import Metrics, score_signals
-from tuning.effort import THOROUGH
 from tuning.objectives import AtMost, mean_contour_error
 from tuning.parameters import Fixed, Interval, Parameter, Positive
-from tuning.problem import Problem
+from tuning.problem import THOROUGH, Problem
 from tuning.tuner import Evaluated, Tuned, TuneState, advance, result
 
 FEED = 0.05  # [m/s]; the thesis asks 0.1 of its axis

@@ -38,8 +38,8 @@ from jcontour.linear.plant import (
 from jcontour.linear.transformations import with_input_delay, with_input_gains
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
-from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.delays import Delayed
+from jcontour.plants.linear_machines import bridgeport
 from jcontour.riccati.receding_horizon import CostToGo, first_control, one_stage_back
 from jcontour.simulation.closed_loop import follow, prepared
 from jcontour.simulation.evaluation import member, stack_plants, stack_references

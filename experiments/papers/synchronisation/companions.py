@@ -16,10 +16,9 @@ from experiments.papers.panels import Curve, Panel
 from jcontour.analysis.scheduling import admissible_rate, turning
 from jcontour.app.reports.figures.axes import CYCLE
 from jcontour.controllers.learning.cartesian import CartesianControl, cartesian_cycles
-from jcontour.controllers.learning.laps import learn
-from jcontour.controllers.learning.p_type import PType
+from jcontour.controllers.learning.laps import PType, learn
 from jcontour.motion.references import from_samples
-from jcontour.plants.two_link import TwoLinkArm
+from jcontour.plants.arms import TwoLinkArm
 
 GRID = np.linspace(0, 2 * np.pi, 37)  # parameters at which the loop is frozen
 FAST, TIME = 1.0, 20.0  # [rad/s] at which the loop grows as exp(t/2), and how long it is run [s]

@@ -17,21 +17,20 @@ from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
     SynchronisedGains,
 )
-from jcontour.controllers.synchronisation.continuous import (
+from jcontour.controllers.synchronisation.speed_axes import (
     ContinuousGains,
     Motion,
-    continuous_response,
-)
-from jcontour.controllers.synchronisation.limits import (
+    SpeedAxes,
     continuous_bound,
+    continuous_response,
     exact_bound,
     positive_real_bound,
     sampled_loop,
+    speed_axes,
 )
-from jcontour.controllers.synchronisation.speed_axes import SpeedAxes, speed_axes
 from jcontour.motion.references import from_samples
-from jcontour.plants.servo_axes import servo_axes
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.actuation import Disturbed
+from jcontour.plants.linear_machines import servo_axes
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 

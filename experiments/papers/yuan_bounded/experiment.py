@@ -29,8 +29,7 @@ from jcontour.mpc.bounded.bounded_mpc import BoundedLimits, BoundedMPC, bounded_
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.plants import thesis_axis
-from jcontour.plants.flexible_axis.axis import FlexibleAxis
-from jcontour.plants.flexible_axis.models import euler_model
+from jcontour.plants.flexible_axis.axis import FlexibleAxis, euler_model
 from jcontour.sensors import motors
 from jcontour.sets.disturbed_model import DisturbedModel, Signal
 from jcontour.sets.least_peaks import NoResponse, least_peak

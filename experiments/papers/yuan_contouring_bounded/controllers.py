@@ -20,7 +20,7 @@ from experiments.papers.yuan_gantry.experiment import RADIUS
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
 from jcontour.mpc.bounded.bounded_along import BoundedAlong, KeptRows
-from jcontour.plants.gantry.parameters import thesis_gantry
+from jcontour.plants.gantry.gantry import thesis_gantry
 from jcontour.sets.varying_responses import VaryingResponse
 
 CURRENT = 10.0  # [A] limit of every motor: ours, as in the library's gantry

@@ -23,13 +23,12 @@ from experiments.papers.yuan_gantry.experiment import RADIUS, SAMPLE
 from jcontour.app.machines.gantry import guide_ways
 from jcontour.host.loop import reported_loop
 from jcontour.plant import Plant
-from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo
+from jcontour.plants.actuation import Disturbed
+from jcontour.plants.delays import Delayed
 from jcontour.plants.gantry.friction_gantry import StickSlipGantry
-from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import control_oriented, tangent
-from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.wrappers.delays import Delayed
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
 from jcontour.sets.ring_polygons import ring_polygons
 from jcontour.simulation.metrics import contour_error, score, tracking_error
 

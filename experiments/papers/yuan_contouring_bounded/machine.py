@@ -13,10 +13,8 @@ from experiments.papers.yuan_gantry.experiment import SAMPLE, reference_path
 from jcontour.bounds.gantry.gantry_bending import Bending
 from jcontour.motion.references import Reference
 from jcontour.mpc.bounded.machine_runs import MachineRun, machine_run
-from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.linear_models import Linearisation
-from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.gantry.straight_beam import currents_along
+from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
+from jcontour.plants.gantry.linear_models import Linearisation, currents_along
 from jcontour.sets.varying_responses import VaryingModel
 
 POINTS = (-0.075, -0.025, 0.025, 0.075)  # [m], of linearisation, section 5.5.1

@@ -24,13 +24,12 @@ from experiments.papers.yuan_gantry.motor_bench import (
     twist_damping,
 )
 from jcontour.controller import Controller
-from jcontour.controllers.wrappers.compensated import Compensated
+from jcontour.controllers.wrappers.filters import Compensated
 from jcontour.geometry.contours import chain, circle, line
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import Reference, in_time
-from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.gantry import Gantry, GantryParameters, Scalar, thesis_gantry
 from jcontour.plants.gantry.linear_models import drive_response
-from jcontour.plants.gantry.parameters import GantryParameters, Scalar, thesis_gantry
 from jcontour.simulation.closed_loop import Rollout, simulate
 from jcontour.simulation.metrics import contour_error, score, tracking_error
 

@@ -24,11 +24,9 @@ from jaxtyping import Array, Float, Int
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay, zoh
 from jcontour.plant import Plant
-from jcontour.plants.friction import Friction, caught
-from jcontour.plants.gantry.disturbances import disturbances
-from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry
-from jcontour.plants.gantry.parameters import GantryParameters, Scalar
-from jcontour.plants.integrators import runge_kutta
+from jcontour.plants.friction import Friction, caught, runge_kutta
+from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry, GantryParameters, Scalar
+from jcontour.plants.gantry.linear_models import disturbances
 
 
 class MotorBench(eqx.Module):

@@ -24,7 +24,7 @@ from experiments.papers.zpetc.experiment import (
     Result,
 )
 from experiments.tables import Column, Table
-from jcontour.plants.three_link import PATH_DURATION
+from jcontour.plants.arms import PATH_DURATION
 
 KEPT = 0.5  # share of the trace that counts as kept
 ROUNDING = 1e-9  # [rad], of a phase

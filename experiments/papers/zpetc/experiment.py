@@ -19,10 +19,12 @@ from numpy.polynomial import polynomial
 from scipy.signal import lfilter
 
 from jcontour.controller import Controller
-from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
-from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
-from jcontour.controllers.feedforward.preview_filter import PreviewFilter
+from jcontour.controllers.feedforward.adaptive_zpetc import (
+    AdaptiveZeroPhaseTracking,
+    NormalisedLeastSquares,
+)
 from jcontour.controllers.feedforward.zpetc import (
+    PreviewFilter,
     ZeroPhaseTracking,
     gain_error,
     zero_phase_filter,
@@ -34,8 +36,7 @@ from jcontour.linear.transfer_functions import (
 )
 from jcontour.motion.references import Reference, from_samples
 from jcontour.plant import Plant
-from jcontour.plants.servo_axes import servo_axes
-from jcontour.plants.three_link import (
+from jcontour.plants.arms import (
     LVDT_QUANTUM,
     PATH_DURATION,
     SERVO_GAIN,
@@ -43,7 +44,8 @@ from jcontour.plants.three_link import (
     ThreeLink,
     manipulator_path,
 )
-from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.plants.encoders import Encoders, Quantised
+from jcontour.plants.linear_machines import servo_axes
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import Rollout, simulate
 

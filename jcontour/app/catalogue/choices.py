@@ -26,7 +26,7 @@ from jcontour.app.machines.from_file import load_machine
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import WholePath
-from jcontour.controllers.wrappers.backlash_compensation import BacklashCompensation
+from jcontour.controllers.wrappers.adapters import BacklashCompensation
 
 Flags = TypeVar("Flags", bound=Controlled)
 

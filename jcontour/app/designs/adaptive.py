@@ -16,10 +16,16 @@ from jcontour.app.designs.feedforward import CROSSOVERS, LinearCascade, axes_of
 from jcontour.app.designs.lq.first_loop import fastest
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.controller import Controller
-from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
-from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
-from jcontour.controllers.learning.repetitive import Repetitive, RepetitiveFilter
-from jcontour.controllers.learning.runout import Canceller, RunoutCancelled
+from jcontour.controllers.feedforward.adaptive_zpetc import (
+    AdaptiveZeroPhaseTracking,
+    NormalisedLeastSquares,
+)
+from jcontour.controllers.learning.repetitive import (
+    Canceller,
+    Repetitive,
+    RepetitiveFilter,
+    RunoutCancelled,
+)
 from jcontour.linear.transformations import with_input_delay
 from jcontour.sensors import Sensors
 from tuning.parameters import Fixed, Interval, Weight

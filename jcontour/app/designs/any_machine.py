@@ -28,9 +28,11 @@ from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade
-from jcontour.controllers.wrappers.motor_kinematics import OfMotors
-from jcontour.controllers.wrappers.shared_controls import SharedControls
-from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
+from jcontour.controllers.wrappers.adapters import (
+    OfMotors,
+    SharedControls,
+    SpeedByDifference,
+)
 from jcontour.linear.plant import LinearPlant
 from tuning.parameters import Weights
 

@@ -8,17 +8,17 @@ from jcontour.app.designs.design import Gains, Needs, picked
 from jcontour.app.designs.flexible_axis import AxisCascade
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.controller import Controller
-from jcontour.controllers.contouring.command_shaping import CommandShaped
-from jcontour.controllers.contouring.cross_coupled import (
+from jcontour.controllers.contouring.polar import Polar
+from jcontour.controllers.contouring.schemes import (
+    CommandShaped,
     ConstantCoupling,
     Coupling,
     CrossCoupled,
     CrossGains,
+    Precompensated,
+    TaskFrame,
     VariableCoupling,
 )
-from jcontour.controllers.contouring.polar import Polar
-from jcontour.controllers.contouring.precompensation import Precompensated
-from jcontour.controllers.contouring.task_frame import TaskFrame
 from tuning.parameters import Weight
 
 

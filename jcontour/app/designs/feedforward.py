@@ -21,21 +21,20 @@ from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.steady_response import steady_response
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.feedforward.causal_inverse import causal_filter
 from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward
 from jcontour.controllers.feedforward.model_following import ModelFollowing
-from jcontour.controllers.feedforward.preview_filter import PreviewFilter
 from jcontour.controllers.feedforward.tuned_inverse import (
     OptimalInverse,
     optimal_filter,
     smoothed_inverse,
     zero_phase_inverse,
 )
-from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
+from jcontour.controllers.feedforward.zpetc import PreviewFilter, causal_filter
+from jcontour.controllers.wrappers.adapters import SpeedByDifference
 from jcontour.linear.plant import LinearPlant, decoupled_axes
 from jcontour.linear.transfer_functions import TransferFunction, transfer_function
 from jcontour.linear.transformations import with_input_delay
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.encoders import Encoders
 from jcontour.sensors import Sensors, motors
 from tuning.parameters import Interval, Weight
 

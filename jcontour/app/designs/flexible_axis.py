@@ -14,17 +14,23 @@ from jcontour.app.designs.design import Design, Gains, Needs, picked
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.feedback.integral_lqg import IntegralLQG, integral_lq_gains, positions_of
 from jcontour.controllers.feedback.pole_placement import damped_poles, placed_gain
 from jcontour.controllers.feedback.state_feedback import (
+    IntegralLQG,
     StateFeedback,
     SteadyTarget,
+    integral_lq_gains,
     lq_gain,
     moving_target,
+    positions_of,
     quasi_steady_target,
 )
-from jcontour.controllers.feedback.time_delay import TimeDelayControl
-from jcontour.controllers.observers.disturbance_observer import DisturbanceObserver
+from jcontour.controllers.observers.disturbance_observer import (
+    DisturbanceObserver,
+    ReducedObserver,
+    TimeDelayControl,
+    thesis_gain,
+)
 from jcontour.controllers.observers.extended_state_observers import (
     NLESO,
     CurrentLESO,
@@ -34,9 +40,7 @@ from jcontour.controllers.observers.extended_state_observers import (
     ExtendedStateObserver,
 )
 from jcontour.controllers.observers.kalman import OffsetFreeObserver, kalman_gain, offset_free_gain
-from jcontour.controllers.observers.reduced_observer import ReducedObserver, thesis_gain
-from jcontour.controllers.wrappers.filters import Filtered, low_pass, notch
-from jcontour.controllers.wrappers.shaped import Shaped
+from jcontour.controllers.wrappers.filters import Filtered, Shaped, low_pass, notch
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.input_shaping import zv
 from jcontour.plants.flexible_axis.axis import thesis_axis

@@ -9,11 +9,11 @@ from jcontour.app.designs.design import Design, Gains, Needs, picked
 from jcontour.app.machines.gantry import GantryMachine
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.feedback.self_tuning import SelfTuning, placed_gains
+from jcontour.controllers.feedback.pole_placement import SelfTuning, placed_gains
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, RiccatiTerminal, balanced
 from jcontour.controllers.lq.scheduled_lq import ScheduledLQ
-from jcontour.controllers.wrappers.compensated import Compensated
-from jcontour.controllers.wrappers.motor_kinematics import OfMotors
+from jcontour.controllers.wrappers.adapters import OfMotors
+from jcontour.controllers.wrappers.filters import Compensated
 from jcontour.plants.gantry.feedback_linearisation import EncoderLinearisation
 from jcontour.sensors import motors
 from tuning.parameters import Weight

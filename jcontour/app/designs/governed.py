@@ -9,8 +9,13 @@ from jcontour.app.designs.any_machine import ANY, Quadratic, StateDesign
 from jcontour.app.designs.design import Gains, Needs
 from jcontour.app.machines.machine import Machine
 from jcontour.controller import Controller
-from jcontour.controllers.feedback.admissible import LoopLimits, enough_steps, governed_loop
-from jcontour.controllers.feedback.governor import ScalarGovernor, VectorGovernor
+from jcontour.controllers.feedback.governor import (
+    LoopLimits,
+    ScalarGovernor,
+    VectorGovernor,
+    enough_steps,
+    governed_loop,
+)
 from jcontour.controllers.feedback.state_feedback import lq_gain
 
 SHARE = 0.9  # of the limits for the law, the rest for the load that its observer cancels

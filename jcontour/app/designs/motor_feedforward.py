@@ -22,26 +22,25 @@ from jcontour.app.designs.flexible_axis import DRY_FRICTION, AxisCascade
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.app.machines.gantry import GantryMachine
 from jcontour.controller import Controller
-from jcontour.controllers.feedforward.causal_inverse import causal_filter
-from jcontour.controllers.feedforward.friction_feedforward import FrictionFeedforward
-from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward
+from jcontour.controllers.feedforward.inverse_feedforward import (
+    FrictionFeedforward,
+    InverseFeedforward,
+)
 from jcontour.controllers.feedforward.model_following import ModelFollowing
-from jcontour.controllers.feedforward.preview_filter import PreviewFilter
 from jcontour.controllers.feedforward.tuned_inverse import (
     OptimalInverse,
     optimal_filter,
     smoothed_inverse,
     zero_phase_inverse,
 )
-from jcontour.controllers.feedforward.zpetc import RINGING
-from jcontour.controllers.wrappers.motor_kinematics import OfMotors
+from jcontour.controllers.feedforward.zpetc import RINGING, PreviewFilter, causal_filter
+from jcontour.controllers.wrappers.adapters import OfMotors
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.linear.transfer_functions import TransferFunction, transfer_function
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plant import Plant
-from jcontour.plants.gantry.linear_models import control_oriented
-from jcontour.plants.gantry.motor_coordinates import motor_model
-from jcontour.plants.wrappers.encoders import FineEncoders
+from jcontour.plants.encoders import FineEncoders
+from jcontour.plants.gantry.linear_models import control_oriented, motor_model
 from jcontour.sensors import Sensors, motors
 
 ORDER = 16  # of the model: at 1 ms it is down 3 dB at 50 Hz for q = 1/4, links ring at 10 to 40 Hz

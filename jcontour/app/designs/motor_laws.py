@@ -5,10 +5,9 @@ import numpy as np
 from jcontour.app.designs.any_machine import CascadeDesign
 from jcontour.app.designs.design import Gains
 from jcontour.controller import Controller
-from jcontour.controllers.feedback.adaptive_robust import AdaptiveRobust
 from jcontour.controllers.feedback.cascade import Cascade
-from jcontour.controllers.feedback.dynamic_surface import DynamicSurface
-from jcontour.controllers.feedback.predictive_cascade import PredictiveCascade
+from jcontour.controllers.feedback.predictive import PredictiveCascade
+from jcontour.controllers.feedback.sliding_mode import AdaptiveRobust, DynamicSurface
 from tuning.parameters import Fixed, Interval, Weight
 
 FILTER = 5.0  # samples of the filter in a dynamic surface

@@ -12,15 +12,13 @@ from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.hinf_feedback import (
+    Generalised,
     HInfinityFeedback,
     MixedWeights,
-    gain_at,
-    mixed_sensitivity,
-)
-from jcontour.controllers.feedback.hinf_synthesis import (
-    Generalised,
     central_controller,
+    gain_at,
     least_gamma,
+    mixed_sensitivity,
 )
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay

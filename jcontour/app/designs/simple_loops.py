@@ -22,7 +22,7 @@ from jcontour.app.designs.lq.first_loop import fastest
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.steady_response import steady_response
 from jcontour.controller import Controller
-from jcontour.controllers.feedback.position_loop import PositionLoop
+from jcontour.controllers.feedback.cascade import PositionLoop
 from jcontour.controllers.wrappers.filters import Filtered, notch
 from jcontour.linear.plant import LinearPlant
 from jcontour.sensors import Sensors

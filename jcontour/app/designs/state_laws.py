@@ -8,6 +8,7 @@ from jcontour.app.designs.design import Gains, picked
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine
 from jcontour.controller import Controller
+from jcontour.controllers.feedback.predictive import PredictiveRepetitive
 from jcontour.controllers.feedback.sliding_mode import (
     BoundaryLayer,
     Reaching,
@@ -15,7 +16,6 @@ from jcontour.controllers.feedback.sliding_mode import (
     SuperTwisting,
     riccati_surface,
 )
-from jcontour.controllers.learning.predictive_repetitive import PredictiveRepetitive
 from tuning.parameters import Fixed, Interval, Weight
 
 PERIOD = 0.1  # [s] of a table at 600 rpm, as in repetitive control

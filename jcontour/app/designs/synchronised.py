@@ -19,12 +19,16 @@ from jcontour.app.machines.machine import Machine
 from jcontour.controller import Controller
 from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
+    MasterSlave,
     SynchronisedGains,
 )
-from jcontour.controllers.synchronisation.limits import check_coupling, sampled_loop
-from jcontour.controllers.synchronisation.master_slave import MasterSlave
-from jcontour.controllers.synchronisation.speed_axes import SpeedAxes, speed_axes
-from jcontour.controllers.wrappers.motor_kinematics import OfMotors
+from jcontour.controllers.synchronisation.speed_axes import (
+    SpeedAxes,
+    check_coupling,
+    sampled_loop,
+    speed_axes,
+)
+from jcontour.controllers.wrappers.adapters import OfMotors
 from jcontour.sensors import motors
 from tuning.parameters import Interval, Weight
 

@@ -17,8 +17,8 @@ from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
 from tuning.descents.descent import begin
 from tuning.descents.quadratic_step import Model
-from tuning.history import Evaluated
-from tuning.outcome import LoopPeaks, Outcome
+from tuning.objectives import LoopPeaks, Outcome
+from tuning.point import Evaluated
 from tuning.tuner import TuneState
 
 STATE = "state.npz"

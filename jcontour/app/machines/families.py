@@ -18,9 +18,9 @@ from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.machines.uncertainty import with_corners
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.encoders import FineEncoders
+from jcontour.plants.actuation import Disturbed
+from jcontour.plants.delays import Delayed, PartlyDelayed
+from jcontour.plants.encoders import FineEncoders
 from jcontour.sensors import Sensors
 from jcontour.simulation.evaluation import stack_plants
 

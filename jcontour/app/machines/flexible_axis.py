@@ -21,16 +21,16 @@ from jcontour.app.machines.families import Member, MotorMeasuredMachine, late
 from jcontour.app.machines.machine import Fed, MachineLimits, Usual
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
+from jcontour.plants.actuation import Disturbed
+from jcontour.plants.encoders import CountingEncoders, FineEncoders
 from jcontour.plants.flexible_axis.axis import (
     AxisParameters,
     FlexibleAxis,
     SmoothFlexibleAxis,
     thesis_axis,
+    zoh_model,
 )
-from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.encoders import CountingEncoders, FineEncoders
 from jcontour.sensors import Sensors, motors
 
 SAMPLE = 1e-3  # [s] of the thesis's controller

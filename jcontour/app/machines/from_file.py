@@ -28,7 +28,7 @@ from jcontour.app.machines.uncertainty import (
 )
 from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.linear.transformations import with_input_delay
-from jcontour.plants.bridgeport import ENCODER_RESOLUTION
+from jcontour.plants.linear_machines import ENCODER_RESOLUTION
 
 MOST_BYTES = 16 * 2**20  # of a file, unpacked
 MOST_STATES = 200

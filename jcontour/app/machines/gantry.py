@@ -20,15 +20,19 @@ from jcontour.app.machines.machine import Fed, MachineLimits, Usual
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
+from jcontour.plants.actuation import Disturbed, Saturated
+from jcontour.plants.encoders import CountingEncoders, FineEncoders, Sensed
 from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
-from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.linear_models import Linearisation, control_oriented, tangent
-from jcontour.plants.gantry.motor_coordinates import MotorEncoders, motor_model, motor_schedule
-from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.encoders import CountingEncoders, FineEncoders, Sensed
-from jcontour.plants.wrappers.saturation import Saturated
+from jcontour.plants.gantry.gantry import Gantry, GantryParameters, thesis_gantry
+from jcontour.plants.gantry.linear_models import (
+    Linearisation,
+    MotorEncoders,
+    control_oriented,
+    motor_model,
+    motor_schedule,
+    tangent,
+)
 from jcontour.sensors import motors, row
 
 SAMPLE = 1e-3  # [s] twenty-two to the period of the anti-resonance
@@ -138,7 +142,7 @@ class GantryMachine(MotorMeasuredMachine):
         """
         if self.friction is not None:
             return None
-        from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo
+        from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
 
         plant = self._limited(GantryMuJoCo(self.parameters, self.model.dt), 0)
         return "MuJoCo", _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))

@@ -20,13 +20,10 @@ from jcontour.app.machines.machine import Fed, Hosted, Machine, MachineLimits, U
 from jcontour.app.machines.uncertainty import Member, assumed, family_members, random_members
 from jcontour.linear.between_samples import hidden_acceleration
 from jcontour.plant import Plant
-from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
-from jcontour.plants.wrappers.backlash import Backlash
-from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.dry_friction import with_dry_friction
-from jcontour.plants.wrappers.encoders import Encoders, Quantised
-from jcontour.plants.wrappers.gains import Gained
+from jcontour.plants.actuation import Backlash, Disturbed, Gained, with_dry_friction
+from jcontour.plants.delays import Delayed, PartlyDelayed
+from jcontour.plants.encoders import Encoders, Quantised
+from jcontour.plants.linear_machines import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.simulation.evaluation import stack_plants
 
 DRIVE_RANGE = 10.0  # control units, read as volts: analogue drives take +-10 V; not in the paper

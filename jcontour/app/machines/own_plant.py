@@ -23,8 +23,8 @@ from jcontour.app.machines.uncertainty import (
 )
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
-from jcontour.plants.wrappers.gains import Gained
+from jcontour.plants.actuation import Gained
+from jcontour.plants.delays import Delayed, PartlyDelayed
 from jcontour.simulation.evaluation import stack_plants
 
 AXES = 2  # of a plant that does not say how many it has

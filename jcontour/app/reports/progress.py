@@ -14,8 +14,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from tuning.effort import Effort
-from tuning.history import FEASIBLE, rank, sound
+from tuning.point import FEASIBLE, rank, sound
+from tuning.problem import Effort
 from tuning.tuner import TuneState
 
 COMPILING = "compiling"

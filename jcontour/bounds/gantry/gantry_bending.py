@@ -20,8 +20,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.bounds.gantry.second_derivatives import Enclosure, enclosures
+from jcontour.plants.friction import runge_kutta
 from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry
-from jcontour.plants.integrators import runge_kutta
 
 Sensors = Callable[[Float[Array, "6"]], Float[Array, " r"]]
 STATES = 6

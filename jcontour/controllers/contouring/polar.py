@@ -18,7 +18,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jcontour._tracing import is_concrete
 from jcontour.controller import checked_gain
-from jcontour.controllers.contouring.path_frame import OnPath, PathPlan
+from jcontour.controllers.contouring.schemes import OnPath, PathPlan
 from jcontour.controllers.feedback.cascade import Cascade
 from jcontour.motion.references import Reference
 

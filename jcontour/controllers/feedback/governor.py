@@ -2,27 +2,167 @@
 
     scalar:  v = v(k-1) + kappa (r - v(k-1)), the largest kappa in [0, 1]
     vector:  v = arg min |v - r|
-with (x, v) admissible: see `admissible`. With v(k-1) admissible at x(k-1) it stays so on the model,
+with (x, v) admissible, as below. With v(k-1) admissible at x(k-1) it stays so on the model,
 so that an answer is always there and no limit is ever left. A scalar governor keeps the command on
 the line to the reference, a vector one brings every axis as near as it can come. The wanted command
 r + L dr leads by what the loop lags behind a steady motion.
+
+Commands that a linear loop may be given for ever without leaving its limits.
+
+    u = U v - K (x - X v),   x(k+1) = (A - B K) x + B (U + K X) v,   z = (y, u)
+with X, U the state and the control at rest in v. A pair (x, v) is admissible where z_t stays within
+its limits for all t with v held (Gilbert & Tan 1991). t = 0..s are rows; the resting z stays a
+percent of the limits' width inside them, so that some s says the same as all later ones.
 """
 
 import abc
+from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
+from scipy.optimize import linprog
 
 from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, check_preview
-from jcontour.controllers.feedback.admissible import GovernedLoop
+from jcontour.controllers.feedback.state_feedback import moving_target
+from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.qp.interior_point import solve
 from jcontour.qp.staged import StagedQP
 
 Place = Float[Array, " m"]
+INSIDE = 0.01  # of the half width: how far a resting loop stays within its limits
+LONGEST = 2000  # samples that are looked ahead at most
+SAID = 1e-7  # of the half width, by which a later row may be exceeded
+
+
+class LoopLimits(NamedTuple):
+    """Greatest magnitudes: of outputs from a centre [m], of controls; infinite ones are none."""
+
+    output: tuple[float, ...]
+    control: tuple[float, ...]
+    centre: tuple[float, ...]
+
+    @classmethod
+    def of(cls, model: LinearPlant, control: ArrayLike, output: ArrayLike = np.inf, centre=0.0):
+        """The limits, one number for all or one for each.
+
+        Raises:
+            ValueError: a limit is not above zero, or all of them are infinite.
+        """
+        sizes = {"output": (output, model.axes), "control": (control, model.inputs)}
+        found = {key: np.broadcast_to(np.asarray(one, float), n) for key, (one, n) in sizes.items()}
+        for name, value in found.items():
+            if not np.all(value > 0):
+                raise ValueError(f"{name}: needs limits above zero, received {value}")
+        if not any(np.isfinite(value).any() for value in found.values()):
+            raise ValueError("limits: a governor needs a limit to keep, all of them are infinite")
+        middle = np.broadcast_to(np.asarray(centre, float), model.axes)
+        return cls(*(tuple(value.tolist()) for value in (*found.values(), middle)))
+
+
+class GovernedLoop(eqx.Module):
+    """A loop and its admissible pairs: |state x + command v - centre| <= 1, row by row.
+
+    Attributes:
+        gain: K.
+        feed: U + K X, of the command in the control.
+        lag: of the outputs behind a steady motion of the command [samples].
+        state, command, centre: rows, over their limits; those of z_t first, the resting ones last.
+    """
+
+    gain: Float[Array, "p n"]
+    feed: Float[Array, "p m"]
+    lag: Float[Array, "m m"]
+    state: Float[Array, "r n"]
+    command: Float[Array, "r m"]
+    centre: Float[Array, " r"]
+
+    def control(self, state: Float[Array, " n"], command: Float[Array, " m"]) -> Float[Array, " p"]:
+        """Control of the loop at a command."""
+        return self.feed @ command - self.gain @ state
+
+
+def governed_loop(
+    model: LinearPlant, gain: Float[ArrayLike, "p n"], limits: LoopLimits, steps: int
+) -> GovernedLoop:
+    """The loop of a gain K with the rows of `steps` samples ahead.
+
+    Raises:
+        ValueError: as `moving_target`.
+    """
+    K, target = jnp.asarray(gain, float), moving_target(model)
+    loop, feed = model.A - model.B @ K, target.control + K @ target.state
+    limit = np.array([*limits.output, *limits.control])
+    kept = np.isfinite(limit)
+    scale = jnp.asarray(limit[kept])[:, None]
+    n, m, p = model.states, model.axes, model.inputs
+    H = jnp.concatenate([model.C, -K])[kept] / scale
+    L = jnp.concatenate([jnp.zeros((m, m)), feed])[kept] / scale
+    middle = np.concatenate([limits.centre, np.zeros(p)])[kept] / limit[kept]
+
+    def sample_on(carry, _):
+        state, moved = carry  # x(t) = state x + moved v
+        later = loop @ state, loop @ moved + model.B @ feed
+        return later, (H @ state, H @ moved + L)
+
+    start = jnp.eye(n), jnp.zeros((n, m))
+    _, rows = jax.lax.scan(sample_on, start, length=steps + 1)
+    by_state, by_command = (one.reshape(-1, one.shape[2]) for one in rows)
+    rest = (H @ target.state + L) / (1 - INSIDE)
+    settled = jnp.linalg.inv(jnp.eye(n) - loop)
+    return GovernedLoop(
+        K,
+        feed,
+        model.C @ settled @ settled @ model.B @ feed,
+        jnp.concatenate([by_state, jnp.zeros((len(middle), n))]),
+        jnp.concatenate([by_command, rest]),
+        jnp.concatenate([jnp.tile(middle, steps + 1), middle / (1 - INSIDE)]),
+    )
+
+
+def enough_steps(model: LinearPlant, gain: Float[ArrayLike, "p n"], limits: LoopLimits) -> int:
+    """Least steps, of a series that grows by a half, whose rows say what all later ones do.
+
+    Raises:
+        ValueError: the loop is not stable, or takes more than 2000 samples.
+    """
+    steps = 8
+    while steps <= LONGEST:
+        if says_all(governed_loop(model, gain, limits, steps), limits):
+            return steps
+        steps += steps // 2
+    raise ValueError(
+        f"gain: the loop is not stable, or does not settle within {LONGEST} samples; "
+        "no command is admissible for ever"
+    )
+
+
+def says_all(loop: GovernedLoop, limits: LoopLimits) -> bool:
+    """Whether the rows of the last sample follow from those before: linear programs, one each.
+
+    Then those of all later samples follow, too.
+    """
+    if not is_concrete(loop.state):
+        return True
+    each = int(np.isfinite([*limits.output, *limits.control]).sum())
+    rows = np.concatenate([np.asarray(loop.state), np.asarray(loop.command)], axis=1)
+    centre = np.asarray(loop.centre)
+    last = np.arange(len(rows) - 2 * each, len(rows) - each)
+    before = np.setdiff1d(np.arange(len(rows)), last)
+    # coordinates of one size, in which the rows before are about as long as one another
+    unit = np.maximum(np.abs(rows[before]).max(axis=0), 1e-300)
+    A = np.concatenate([rows[before], -rows[before]]) / unit
+    b = np.concatenate([1 + centre[before], 1 - centre[before]])
+    for row in last:
+        for sign in (1.0, -1.0):
+            found = linprog(-sign * rows[row] / unit, A, b, bounds=(None, None), method="highs")
+            if found.status != 0 or -found.fun > 1 + sign * centre[row] + SAID:
+                return False
+    return True
 
 
 class Governor(Controller):

@@ -1,6 +1,7 @@
-"""Sliding mode control of a sampled linear machine, with its equivalent control.
+"""Laws that hold a machine on a surface of its error.
 
-The surface is s = S (x - x_d), scaled so that S B = I: s has the unit of the control. With
+Sliding mode control is that of a sampled linear machine. The surface is s = S (x - x_d), scaled so
+that S B = I: s has the unit of the control. With
 
     u = S (x_d(k+1) - A x) + n(s)
 the model moves to s(k+1) = n(s(k)) in one sample. n is the reaching law, and n = 0 leaves the
@@ -12,6 +13,25 @@ The integral surface (Utkin & Shi 1996) counts what the model with the gain K do
     u = S (x_d(k+1) - A x_d) - K e + n(sigma) - sigma
 so that it holds from the first sample on, with the poles of A - B K. The surface S = B'P with P of
 a Riccati equation is stable: what is left of x'P x on it falls as fast as under the best control.
+
+Dynamic surface control of the axes of a cascade (Swaroop, Hedrick, Yip & Gerdes 2000) is
+backstepping whose virtual control passes a lag, so that it needs no derivative:
+
+    v* = r' + k_1 (r - y)
+    tau alpha' + alpha = v*
+    u = k_a alpha' + k_v r' + k_c sgn r' + k_2 (alpha - v),   alpha' = (v* - alpha) / tau
+k_1, k_2, k_a, k_v, k_c are the position gain, the velocity gain and the feedforward gains of the
+cascade; its integral time is not used. The lag is exact for a v* that is held over the sample.
+
+Adaptive robust control of the axes of a cascade (Yao & Tomizuka 1996) has desired compensation:
+
+    p = v - r' + k_1 (y - r),   psi = (r'', r', sgn r', 1)
+    u = theta . psi - k_a k_1 (v - r') - k_2 p
+    theta' = Proj(-gamma psi p)
+theta = (k_a, k_v, k_c, load) begins at the feedforward gains of the cascade, k_1 and k_2 are its
+position and velocity gains. The projection keeps every estimate within its bounds, so that the
+error keeps its robust bound whether they converge or not. The regressors are those of the reference
+alone: noise of the encoders teaches nothing. At a limit of the control nothing is learned.
 """
 
 import abc
@@ -24,6 +44,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, checked_gain
+from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.controllers.feedback.state_feedback import TargetPlan, moving_target
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
@@ -188,3 +209,136 @@ def riccati_surface(
     check_dare(model.A, model.B, Q, R)
     P = dare(model.A, model.B, Q, R)
     return model.B.T @ P, lqr_gain(model.A, model.B, P, R)
+
+
+Axes = Float[Array, " m"]
+
+
+class DynamicSurface(Controller):
+    """Dynamic surface control of every axis, on measured positions and speeds.
+
+    Args:
+        cascade: gains, sensors and limits of the axes.
+        lag: tau [s], one number or one for each axis.
+
+    Raises:
+        ValueError: the lag is not above zero.
+    """
+
+    cascade: Cascade
+    lag: Float[Array, ""] | Float[Array, " m"]
+    preview: int = eqx.field(static=True, default=1)
+
+    def __init__(self, cascade: Cascade, lag: ArrayLike):
+        if is_concrete(lag) and not np.all(np.isfinite(lag) & (np.asarray(lag) > 0)):
+            raise ValueError(f"lag: needs to be finite and above zero, received {lag}")
+        self.cascade, self.lag, self.preview = cascade, jnp.asarray(lag, float), 1
+
+    def prepare(self, reference: Reference) -> CascadePlan:
+        """Commands of the axes; the control holds no inertia, alpha' has it."""
+        plan, gains = self.cascade.prepare(reference), self.cascade.gains
+        control = jnp.atleast_2d(gains.viscous) * plan.velocity
+        control = control + jnp.atleast_2d(gains.coulomb) * jnp.sign(plan.velocity)
+        return CascadePlan(plan.position, plan.velocity, control)
+
+    def initial_memory(self, reference: Reference) -> Axes:
+        """Filtered speed: that with which the machine enters [m/s]."""
+        return reference.start_increment / self.cascade.dt
+
+    def step(self, memory: Axes, plan: CascadePlan, measurement) -> tuple[Axes, Axes]:
+        """Next filtered speed, and the control within its limit."""
+        gains, cascade = self.cascade.gains, self.cascade
+        position, velocity = cascade.sensors.read(measurement)
+        wanted = plan.velocity + gains.position * (plan.position - position)
+        slope = (wanted - memory) / self.lag
+        control = gains.inertia * slope + plan.control + gains.velocity * (memory - velocity)
+        filtered = wanted + jnp.exp(-cascade.dt / self.lag) * (memory - wanted)
+        hold = cascade.holding * plan.position
+        return filtered, jnp.clip(control + hold, -cascade.limit, cascade.limit)
+
+
+ACCELERATION, SPEED = 1.0, 0.1  # [m/s^2], [m/s] at which each estimate learns as fast as the load
+
+
+class RobustPlan(eqx.Module):
+    """Commands of the axes, and the regressors of every step."""
+
+    command: CascadePlan
+    regressors: Float[Array, "*T m 4"]
+
+
+class Bounds(NamedTuple):
+    """Bounds of the estimates (m, 4)."""
+
+    low: Float[Array, "m 4"]
+    high: Float[Array, "m 4"]
+
+
+class AdaptiveRobust(Controller):
+    """Adaptive robust control of every axis, on measured positions and speeds.
+
+    Args:
+        cascade: gains, sensors and limits of the axes.
+        adaptation: 1/T_i [1/s]: the estimate of a load grows as the integral of a PI with T_i.
+        share: part of inertia and viscous friction by which their estimates may be off.
+        load: bound of the estimated load, and of dry friction beside its first estimate.
+
+    Raises:
+        ValueError: a number is negative or not finite.
+    """
+
+    cascade: Cascade
+    adaptation: Float[Array, ""]
+    share: Float[Array, ""]
+    load: Float[Array, ""]
+    preview: int = eqx.field(static=True, default=1)
+
+    def __init__(self, cascade: Cascade, adaptation: ArrayLike, share: ArrayLike, load: ArrayLike):
+        self.cascade, self.preview = cascade, 1
+        self.adaptation = checked_gain("adaptation", adaptation)
+        self.share, self.load = checked_gain("share", share), checked_gain("load", load)
+
+    def prepare(self, reference: Reference) -> RobustPlan:
+        """Commands, and accelerations, speeds and their signs."""
+        plan, dt = self.cascade.prepare(reference), self.cascade.dt
+        before = reference.start_increment[None] / dt
+        acceleration = jnp.diff(plan.velocity, axis=0, prepend=before) / dt
+        ones = jnp.ones_like(acceleration)
+        columns = acceleration, plan.velocity, jnp.sign(plan.velocity), ones
+        return RobustPlan(plan, jnp.stack(columns, axis=-1))
+
+    def bounds(self) -> Bounds:
+        """Bounds of the estimates around the first ones."""
+        first, reach = self._first(), self.load * jnp.ones(self.cascade.sensors.axes)
+        off = jnp.stack([*(self.share * first[:, i] for i in (0, 1)), reach, reach], axis=1)
+        return Bounds(first - off, first + off)
+
+    def initial_memory(self, reference: Reference) -> Float[Array, "m 4"]:
+        """First estimates; a load that holds the axes where the reference begins."""
+        held = self.cascade.holding * reference.position[0]
+        return self._first().at[:, 3].add(held)
+
+    def step(
+        self, memory: Float[Array, "m 4"], plan: RobustPlan, measurement
+    ) -> tuple[Float[Array, "m 4"], Axes]:
+        """Next estimates, and the control within its limit."""
+        gains, cascade, psi = self.cascade.gains, self.cascade, plan.regressors
+        position, velocity = cascade.sensors.read(measurement)
+        faster = velocity - plan.command.velocity
+        p = faster + gains.position * (position - plan.command.position)
+        free = jnp.sum(memory * psi, axis=1) - gains.velocity * p
+        free = free - gains.inertia * gains.position * faster
+        control = jnp.clip(free, -cascade.limit, cascade.limit)
+        rates = np.array([ACCELERATION**-2, SPEED**-2, 1.0, 1.0])
+        learning = (
+            self.adaptation * gains.velocity * p * (control == free).astype(float) * cascade.dt
+        )
+        bounds, held = self.bounds(), (cascade.holding * plan.command.position)[:, None]
+        centre = held * np.array([[0.0, 0.0, 0.0, 1.0]])
+        moved = memory - learning[:, None] * rates[None] * psi
+        return jnp.clip(moved, bounds.low + centre, bounds.high + centre), control
+
+    def _first(self) -> Float[Array, "m 4"]:
+        gains, axes = self.cascade.gains, self.cascade.sensors.axes
+        values = gains.inertia, gains.viscous, gains.coulomb, jnp.zeros(())
+        return jnp.stack([jnp.broadcast_to(one, (axes,)) for one in values], axis=1)

@@ -11,15 +11,39 @@ The conditions are written in the orthonormal basis of Takenaka and Malmquist,
     phi_i = sqrt(1 - |z_i|^2) / (1 - z_i* lambda) prod_{j<i} (lambda - z_j) / (1 - z_j* lambda),
 where they are well conditioned, near and repeated zeros included: the space is shifted by the
 lower triangular S, and the conditions read E(S) = M(S).
+
+H-infinity optimal error filters (Nehari, Nevanlinna-Pick), with a certificate.
+
+    minimise max |E| on the unit circle  over all filters that meet a `ModelMatching`
+
+The least value is the largest singular value of M(S) (Sarason): M(S) v = J w. The optimum is the
+all-pass filter
+
+    E = J (sum w_i phi_i) / (sum v_i phi_i),   |E| = J on the unit circle.
+Alter & Tsao, eq. 3: the norm is the largest ratio of RMS error to RMS reference.
+
+Suboptimal feedforward for a loop whose plant has a zero on the unit circle (Alter & Tsao, 3).
+
+Integral action in the feedback gives G the zero lambda = 1. An l1 optimum need not exist then. The
+paper moves the zero to 1 + eps and lets eps go to zero:
+
+    E_eps = [eps M + (1 - lambda) E_0] / (1 + eps - lambda),   M(1) = 0
+
+E_0 is the optimum without this zero. The cost tends to |E_0|_1 + |E_0(1)| (Vidyasagar, lemma 4.3).
+The least cost that a filter attains is smaller: `l1_optimum` with `on_circle=[1.0]`. For one
+unstable zero b < 0 they are 2 |M(b)| and 2 |M(b)| / (1 - b) (Corollary 1; the errata's
+denominators).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
 from numpy.polynomial import polynomial
+from scipy.signal import lfilter
 
 from jcontour.linear.transfer_functions import ON_CIRCLE
 
@@ -147,3 +171,162 @@ def check_pairs(name: str, zeros: Zeros) -> None:
         if partner is None or abs(partner - zero.conjugate()) > PAIRED:
             raise ValueError(f"{name}: the complex zero {zero:.6g} comes without its conjugate")
         left.remove(partner)
+
+
+SHARED = 1e-6  # largest distance of a zero and a pole that cancel
+
+
+@dataclass(frozen=True, eq=False)
+class HinfOptimum:
+    """An H-infinity optimal error filter and its certificate.
+
+    Attributes:
+        numerator: of E, ascending in lambda.
+        denominator: of E; all roots are outside the unit circle.
+        cost: J.
+        margin: smallest eigenvalue of J^2 I - M(S) M(S)*, Pick's matrix in orthonormal
+            coordinates: filters below J exist only if it stays above zero for a smaller J.
+    """
+
+    numerator: Polynomial
+    denominator: Polynomial
+    cost: float
+    margin: float
+
+    def response(self, points) -> Complex[np.ndarray, "*f"]:
+        """E at points lambda."""
+        points = np.asarray(points, complex)
+        return polynomial.polyval(points, self.numerator) / polynomial.polyval(
+            points, self.denominator
+        )
+
+    def samples(self, count: int) -> Float[np.ndarray, " count"]:
+        """First samples of the impulse response."""
+        pulse = np.zeros(count)
+        pulse[0] = 1.0
+        return np.asarray(lfilter(self.numerator, self.denominator, pulse))
+
+
+def hinf_optimum(problem: ModelMatching) -> HinfOptimum:
+    """The filter of least H-infinity norm.
+
+    >>> found = hinf_optimum(ModelMatching([0.0, -0.3], numerator=[0.0, 0.0, 1.0]))
+    >>> round(found.cost, 12), abs(found.samples(3)).round(12).tolist()
+    (0.3, [0.0, 0.3, 0.0])
+    """
+    if problem.zeros.size == 0:
+        return HinfOptimum(np.zeros(1), np.ones(1), 0.0, 0.0)
+    X = problem.model
+    left, sizes, right = np.linalg.svd(X)
+    cost = float(sizes[0])
+    if cost == 0:
+        return HinfOptimum(np.zeros(1), np.ones(1), 0.0, 0.0)
+    eigenvalues = np.linalg.eigvalsh(cost**2 * np.eye(len(X)) - X @ X.conj().T)
+    basis = _basis_polynomials(problem.zeros)
+    top, below = left[:, 0] @ basis, right[0].conj() @ basis
+    phase = below[np.argmax(np.abs(below))]
+    top, below = cost * np.real(top / phase), np.real(below / phase)
+    top, below = _all_pass(cost, *_without_shared_roots(top, below))
+    return HinfOptimum(top / below[0], below / below[0], cost, float(eigenvalues[0]))
+
+
+def _basis_polynomials(zeros: Zeros) -> Complex[np.ndarray, "n n"]:
+    """phi_i times prod_j (1 - z_j* lambda), row by row, ascending."""
+    rows = []
+    for i, zero in enumerate(zeros):
+        row = np.array([np.sqrt(1 - abs(zero) ** 2)], complex)
+        for before in zeros[:i]:
+            row = np.convolve(row, [-before, 1.0])
+        for after in zeros[i + 1 :]:
+            row = np.convolve(row, [1.0, -after.conjugate()])
+        rows.append(row)
+    return np.array(rows)
+
+
+def _all_pass(cost: float, top: Polynomial, below: Polynomial) -> tuple[Polynomial, Polynomial]:
+    """The same quotient with |E| = J to the last digit: the numerator mirrors the denominator."""
+    mirrored = cost * np.sign(top @ below[::-1]) * below[::-1]
+    alike = np.max(np.abs(top - mirrored)) <= SHARED * np.max(np.abs(top))
+    return (mirrored if alike else top), below
+
+
+def _without_shared_roots(top: Polynomial, below: Polynomial) -> tuple[Polynomial, Polynomial]:
+    """The same quotient without the unstable poles, which zeros cancel."""
+    for root in np.roots(below[::-1]):
+        if abs(root) > 1 + SHARED or root.imag < 0:
+            continue
+        factor = np.array([-root.real, 1.0])
+        if root.imag > 0:
+            factor = np.array([abs(root) ** 2, -2 * root.real, 1.0])
+        quotients = [polynomial.polydiv(one, factor) for one in (top, below)]
+        for (_, remainder), one in zip(quotients, (top, below), strict=True):
+            assert np.max(np.abs(remainder)) <= SHARED * np.max(np.abs(one)), "a pole is unstable"
+        top, below = (quotient for quotient, _ in quotients)
+    return top, below
+
+
+TRUNCATION = 1e-20  # share of a geometric tail that is left out of the sum
+MOST_SAMPLES = 10_000_000
+
+
+class CircleCosts(NamedTuple):
+    """Costs of a loop with one unstable zero and one zero at lambda = 1."""
+
+    attainable: float  # 2 |M(b)| / (1 - b)
+    limit: float  # 2 |M(b)|, of the paper's suboptimal filters
+
+
+def corollary_1(value: float, zero: float) -> CircleCosts:
+    """Costs where M(1) = 0 and M(b) = `value`.
+
+    >>> [f"{cost:.3g}" for cost in corollary_1(0.3075**8, -0.3075)]
+    ['0.000122', '0.00016']
+
+    Raises:
+        ValueError: the zero is not between -1 and 0: the corollary holds for b < 0.
+    """
+    if not -1 < zero < 0:
+        raise ValueError(f"zero: the corollary needs one between -1 and 0, received {zero}")
+    return CircleCosts(2 * abs(value) / (1 - zero), 2 * abs(value))
+
+
+def perturbed_error(
+    model: tuple[Polynomial, Polynomial], error: Polynomial, eps: float
+) -> tuple[Polynomial, Polynomial]:
+    """E_eps: numerator and denominator.
+
+    Args:
+        model: numerator and denominator of M.
+        error: taps of E_0.
+        eps: how far the zero is moved.
+
+    Raises:
+        ValueError: `eps` is not above zero.
+    """
+    if not eps > 0:
+        raise ValueError(f"eps: needs to be above zero, received {eps}")
+    top, below = model
+    kept = np.convolve(np.convolve([1.0, -1.0], error), below)
+    return (
+        polynomial.polyadd(eps * np.asarray(top), kept),
+        np.convolve([1 + eps, -1.0], below),
+    )
+
+
+def l1_norm(numerator: Polynomial, denominator: Polynomial) -> float:
+    """Sum of the absolute impulse response of a stable filter, to its convergence.
+
+    Raises:
+        ValueError: the filter is not stable, or decays too slowly to be summed.
+    """
+    poles = np.abs(np.roots(denominator))  # in z
+    slowest = float(np.max(poles, initial=0.0))
+    if slowest >= 1:
+        raise ValueError(f"filter: is not stable, a pole has the modulus {slowest:.6g} in z")
+    decay = np.log(TRUNCATION) / np.log(max(slowest, 1e-3))
+    count = len(numerator) + len(denominator) + int(np.ceil(decay))
+    if count > MOST_SAMPLES:
+        raise ValueError(f"filter: decays over {count} samples, too many to be summed")
+    pulse = np.zeros(count)
+    pulse[0] = 1.0
+    return float(np.abs(lfilter(numerator, denominator, pulse)).sum())

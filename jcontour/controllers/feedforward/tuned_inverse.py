@@ -28,8 +28,7 @@ from jcontour._tracing import is_concrete
 from jcontour.controllers.feedforward.l1 import l1_optimum
 from jcontour.controllers.feedforward.model_following import ModelFollowing
 from jcontour.controllers.feedforward.model_matching import ModelMatching, Polynomial
-from jcontour.controllers.feedforward.preview_filter import PreviewFilter
-from jcontour.controllers.feedforward.zpetc import RINGING, zero_phase_filter
+from jcontour.controllers.feedforward.zpetc import RINGING, PreviewFilter, zero_phase_filter
 from jcontour.linear.transfer_functions import (
     ON_CIRCLE,
     Roots,

@@ -76,7 +76,7 @@ class Answers(NamedTuple):
     invariant: bool
 
     def convergence(self, smoothing: int = 0) -> Convergence:
-        """Convergence with the filter of `p_type` behind the law; what is not finite is infinite.
+        """Convergence with the filter of `PType` behind the law; what is not finite is infinite.
 
         Args:
             smoothing: n of the filter, at most what the answers were made for.

@@ -6,7 +6,7 @@ measured positions follow the correction, the next correction minimises
     sum_k e' W e + effort |c_{j+1} - c_j|^2 + size |c_{j+1}|^2,    e = e_j - G (c_{j+1} - c_j)
     W = alpha I + beta (I - t t')                                 t: unit tangent of the reference
     (G' W G + effort + size) d = G' W e_j - size c_j,             c_{j+1} = Q (c_j + d)
-with the filter Q of `p_type`. alpha + beta is one, so that the prices are relative. `effort` slows
+with the filter Q of `PType`. alpha + beta is one, so that the prices are relative. `effort` slows
 learning, and averages noise. `size` forgets what costs more correction than it saves. Q forgets
 what is too fast to be known: a machine that is later than its model needs it. G is a linearised
 run, its transpose the derivative backwards. Of a short lap G is kept as a matrix, and the equation
@@ -26,8 +26,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jcontour._tracing import is_concrete
 from jcontour.controller import checked_gain
-from jcontour.controllers.learning.laps import LearningLaw, RunLap
-from jcontour.controllers.learning.p_type import smoothed
+from jcontour.controllers.learning.laps import LearningLaw, RunLap, smoothed
 from jcontour.motion.references import Reference
 
 TOLERANCE = 1e-9  # of the conjugate gradients, relative

@@ -1,13 +1,24 @@
-"""Plug-in repetitive control: what repeats with a known period is learned while it runs.
+"""What repeats with a known period is learned while it runs, around any controller.
 
-Tomizuka, Tsao & Chew (1989). With the period N, the error e and a correction c, at sample k
+Plug-in repetitive control, Tomizuka, Tsao & Chew (1989). With the period N, the error e and a
+correction c, at sample k
 
     c(k) = sum_i q_i w(k - N + i),      w(j) = c(j) + sum_i l_i e(j + i)
 q is a smoothing filter without phase. l is a learning filter: an inverse of the loop, or a gain
 with a lead. c is zero until all samples that it needs have been seen. As a plug-in, c is added to
 the error that the wrapped controller sees: it reads y - c.
+
+Run-out is cancelled by sinusoids of known frequency, adapted in phase and size. Adaptive
+feedforward cancellation (Bodson, Sacks & Khosla 1994; Sidman's subject in the volume of 1990, which
+has no text of it here). To the control of sample k is added
+
+    sum over h of a_h cos(w_h k) + s_h sin(w_h k),
+    a_h += gain e cos(w_h k + phase_h),     s_h += gain e sin(w_h k + phase_h)
+with the error e = r - y and the phase of the plant's response at w_h. The adaptation is stable
+while the phase is right within 90 degrees; the closer to that, the slower.
 """
 
+import abc
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -18,15 +29,55 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from jcontour._arrays import ranked
-from jcontour.controller import Controller
-from jcontour.controllers.learning.error_driven import (
-    ErrorDriven,
-    ErrorDrivenMemory,
-    ErrorDrivenPlan,
-)
+from jcontour._tracing import is_concrete
+from jcontour.controller import Controller, Wrapper, check_axes, checked_gain
+from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 
 SMOOTH = (0.25, 0.5, 0.25)  # forgets what is faster than a quarter of the sampling frequency
+
+
+class ErrorDrivenPlan(NamedTuple):
+    """Plan of the wrapped controller, and the positions of the reference [m]."""
+
+    inner: Any
+    wanted: Float[Array, "*T m"]
+
+
+class ErrorDrivenMemory(NamedTuple):
+    """What has been learned, and the memory of the wrapped controller."""
+
+    learned: Any
+    inner: Any
+
+
+class ErrorDriven(Wrapper):
+    """What repetitive control and cancellation of run-out share: both read e = r - y."""
+
+    sensors: eqx.AbstractVar[Sensors]
+
+    @abc.abstractmethod
+    def untaught(self, axes: int) -> Any:
+        """What is known before the first sample."""
+
+    def prepare(self, reference: Reference) -> ErrorDrivenPlan:
+        """Plan of the wrapped controller, and the positions of the reference.
+
+        Raises:
+            ValueError: the reference has another number of axes.
+        """
+        check_axes(self.sensors.axes, reference)
+        wanted = reference.position[: reference.steps]
+        return ErrorDrivenPlan(self.controller.prepare(reference), wanted)
+
+    def initial_memory(self, reference: Reference) -> ErrorDrivenMemory:
+        """Nothing learned yet."""
+        inner = self.controller.initial_memory(reference)
+        return ErrorDrivenMemory(self.untaught(self.sensors.axes), inner)
+
+    def error(self, plan: ErrorDrivenPlan, measurement: Any) -> Float[Array, " m"]:
+        """Position error e of this sample [m]."""
+        return plan.wanted - self.sensors.positions(measurement)
 
 
 class Period(NamedTuple):
@@ -160,3 +211,104 @@ def _whole(name: str, samples: int | float) -> int:
     if not (np.isfinite(samples) and samples == int(samples)):
         raise ValueError(f"{name}: needs a whole number of samples, received {samples}")
     return int(samples)
+
+
+class Waves(NamedTuple):
+    """Coefficients of every axis and frequency, and the number of the next sample."""
+
+    cosine: Float[Array, "m h"]
+    sine: Float[Array, "m h"]
+    sample: Int[Array, ""]
+
+
+class Canceller(eqx.Module):
+    """The adaptation of the sinusoids.
+
+    Args:
+        frequency: w of every harmonic [rad per sample].
+        phase: of the plant's response at each of them [rad]; one number stands for all.
+        gain: of the adaptation.
+
+    Raises:
+        ValueError: a frequency is not between zero and pi, there are other phases than one or one
+            for each frequency, a phase is not finite, or the gain is negative or not one number.
+    """
+
+    frequency: Float[Array, " h"]
+    phase: Float[Array, "*h"]
+    gain: Float[Array, ""]
+
+    def __init__(
+        self,
+        frequency: ArrayLike | Sequence[float],
+        phase: ArrayLike | Sequence[float],
+        gain: ArrayLike | Sequence[float],
+    ):
+        self.frequency = ranked(frequency, 1)
+        self.phase, self.gain = jnp.asarray(phase, float), checked_gain("gain", gain)
+        count = self.frequency.size
+        if self.frequency.ndim != 1 or self.phase.shape not in ((), (count,)):
+            raise ValueError(
+                f"phase: needs one number, or one for each of {count} frequencies, "
+                f"received shape {self.phase.shape}"
+            )
+        if self.gain.ndim:
+            raise ValueError(f"gain: needs one number, received shape {self.gain.shape}")
+        if is_concrete(self.phase) and not np.isfinite(np.asarray(self.phase)).all():
+            raise ValueError(f"phase: needs to be finite, received {phase}")
+        if is_concrete(self.frequency):
+            w = np.asarray(self.frequency)
+            if not np.all((w > 0) & (w < np.pi)):
+                raise ValueError(
+                    f"frequency: needs to be above zero and below pi rad per sample, received {w}"
+                )
+
+    def start(self, axes: int) -> Waves:
+        """Nothing learned yet."""
+        nothing = jnp.zeros((axes, self.frequency.size))
+        return Waves(nothing, nothing, jnp.zeros((), int))
+
+    def step(self, memory: Waves, error: Float[Array, " m"]) -> tuple[Waves, Float[Array, " m"]]:
+        """Next coefficients, and what is added to the control."""
+        turn = self.frequency * memory.sample.astype(error.dtype)
+        seen = turn + self.phase
+        share = self.gain * error[:, None]
+        cosine = memory.cosine + share * jnp.cos(seen)[None]
+        sine = memory.sine + share * jnp.sin(seen)[None]
+        added = cosine @ jnp.cos(turn) + sine @ jnp.sin(turn)
+        return Waves(cosine, sine, memory.sample + 1), added
+
+
+class RunoutCancelled(ErrorDriven):
+    """A controller with sinusoids added to its control, one set for every axis.
+
+    The wrapped controller has as many controls as the sensors have axes.
+
+    >>> from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+    >>> from jcontour.sensors import motors
+    >>> cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), dt=1e-3)
+    >>> cancelled = RunoutCancelled(cascade, motors(1), Canceller(0.1, phase=-0.2, gain=5.0))
+    >>> cancelled.preview
+    1
+
+    Args:
+        controller: the wrapped controller.
+        sensors: where the positions stand in the measurement.
+        canceller: frequencies, phases and gain.
+    """
+
+    controller: Controller
+    sensors: Sensors
+    canceller: Canceller
+
+    def untaught(self, axes: int) -> Waves:
+        """Nothing learned yet."""
+        return self.canceller.start(axes)
+
+    def step(
+        self, memory: ErrorDrivenMemory, plan: ErrorDrivenPlan, measurement: Any
+    ) -> tuple[ErrorDrivenMemory, Float[Array, " p"]]:
+        """Control of the wrapped controller, and the sinusoids."""
+        waves, added = self.canceller.step(memory.learned, self.error(plan, measurement))
+        inner, control = self.controller.step(memory.inner, plan.inner, measurement)
+        return ErrorDrivenMemory(waves, inner), control + added

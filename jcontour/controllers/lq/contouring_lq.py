@@ -5,10 +5,19 @@ Over the next N_p samples, with e = y - y_d, minimise
     sum_j  stage_j (alpha |e_j|^2 + beta |(I - r r') e_j|^2) + rho |u_{j-1}|^2   + terminal
 and apply the first control (eqs. 4-8, index j throughout). Lag along the path is forgiven, distance
 from it is not.
+
+The gains are planned ahead, u = f - F x without a memory. A drive that takes a position needs a
+control u_0 to stand where a run begins, in the state x_0. The control costs what it differs from
+that: the law is planned for the run moved to the origin,
+
+    u = u_0 + f - F (x - x_0).
+u_0 and x_0 are zero where a drive takes a speed or a force.
 """
 
 import abc
+from dataclasses import replace
 from functools import partial
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -19,13 +28,56 @@ from jaxtyping import Array, ArrayLike, Float
 from jcontour import _kernels as kernels
 from jcontour._arrays import floating
 from jcontour._tracing import is_concrete
-from jcontour.controller import whole_preview
-from jcontour.controllers.lq.planned_feedback import ModelFeedback
-from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
+from jcontour.controller import Controller, check_preview, whole_preview
+from jcontour.linear.plant import (
+    AffinePlan,
+    LinearPlant,
+    SteadyMotion,
+    operating_point,
+    steady_motion,
+)
+from jcontour.linear.small_products import small_product
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare
 from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan, suits_decoupled
 from jcontour.riccati.receding_horizon import CostToGo, output_cost, receding_horizon_plan
+
+
+class PlannedFeedback(Controller):
+    """Base of the LQ controllers: `prepare` makes F and f of every step, the rest is here."""
+
+    follows_its_plan: ClassVar[bool] = True  # a kernel may compute the run
+
+    def initial_memory(self, reference: Reference) -> None:
+        """None: the controller has no memory."""
+        return None
+
+    def step(
+        self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
+    ) -> tuple[None, Float[Array, " p"]]:
+        """Control u = f - F x."""
+        return None, plan.f - small_product(plan.F, measurement)
+
+
+class ModelFeedback(PlannedFeedback):
+    """Base of those with one model: their law is planned as if the run began at the origin."""
+
+    model: eqx.AbstractVar[LinearPlant]
+
+    @abc.abstractmethod
+    def gain_schedule(self, reference: Reference) -> AffinePlan:
+        """F and f of every step, for a reference that counts from the operating point."""
+
+    def prepare(self, reference: Reference) -> AffinePlan:
+        """Gain schedule of every step of the reference.
+
+        Raises:
+            ValueError: the reference looks less far ahead than the controller.
+        """
+        check_preview(self, reference)
+        at = operating_point(self.model, reference.position[0])
+        moved = replace(reference, position=reference.position - at.position[None])
+        return self.gain_schedule(moved).at(at)
 
 
 class LQWeights(eqx.Module):
@@ -126,7 +178,7 @@ class ContouringLQ(ModelFeedback):
 
     >>> from jcontour.geometry.contours import circle
     >>> from jcontour.motion.references import along
-    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> from jcontour.plants.linear_machines import bridgeport
     >>> table = bridgeport()
     >>> controller = ContouringLQ(table, LQWeights(alpha=1e8, beta=1e9, rho=1e-2), preview=10)
     >>> path = along(circle(0.01), 2.5e-5 * np.arange(20), table.dt, preview=10, at_rest=False)

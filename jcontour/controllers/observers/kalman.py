@@ -5,7 +5,7 @@ With innovation v = y - C xh and steady-state gain L:
     xf = xh + L v,    xh(k+1) = A xf + B u.
 The filter form feeds xf to the controller: it needs the current measurement in time. The predictor
 form feeds xh and does not need it. The offset-free form estimates a constant disturbance d of the
-controls beside the state, and cancels it; `integral_lqg` has an integral instead.
+controls beside the state, and cancels it; `IntegralLQG` has an integral instead.
 """
 
 import abc
@@ -94,7 +94,7 @@ class FilterObserver(_Observer):
     """A controller fed the estimate that includes the current measurement.
 
     >>> from jcontour.controllers.lq.preview_lq import PreviewLQ
-    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> from jcontour.plants.linear_machines import bridgeport
     >>> table = bridgeport()
     >>> gain = kalman_gain(table, control_noise=1.0, measurement_noise=1e-6)
     >>> FilterObserver(PreviewLQ(table, 1e8, 1e-2, 10), table, gain).gain.shape
@@ -242,7 +242,7 @@ def kalman_gain(
     W = B diag(control_noise^2) B', V = diag(measurement_noise^2). Lengths are rescaled to one
     measurement deviation before solving: in metres the equation is too badly scaled to trust.
 
-    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> from jcontour.plants.linear_machines import bridgeport
     >>> kalman_gain(bridgeport(), control_noise=1.0, measurement_noise=1e-6).shape
     (8, 2)
 

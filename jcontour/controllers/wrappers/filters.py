@@ -1,21 +1,36 @@
-"""Filters on the control of any controller: notches against a resonance, low passes against noise.
+"""Filters of the control and of the reference, and compensation, around any controller.
+
+Notches work against a resonance, low passes against noise.
 
 A section H(s) of second order becomes, by Tustin's rule s = c (z - 1) / (z + 1),
 
     y(k) = b0 x(k) + b1 x(k-1) + b2 x(k-2) - a1 y(k-1) - a2 y(k-2)
 with c = 2 / dt, or c = w / tan(w dt / 2), which keeps the gain exact at w (prewarped). It runs in
 the transposed direct form.
+
+An input shaper makes the reference a weighted sum of delayed copies. The score is still taken
+against the reference itself, so that the shaper's delay counts as an error. The reference is known
+at its samples only; between them copies are interpolated linearly. So a mode w keeps up to (w dt)^2
+/ 8 of its vibration in spite of the shaper. Where the reference is given as a function of time, use
+`input_shaping`: it has every impulse exactly, and keeps the tool on a contour, which this does not.
+
+A compensation of the machine's nonlinear terms adds to the control, u = u' + f(measurement, u').
+Under feedback linearisation (Yuan, eq. 5.44) the wrapped controller is designed for the linear
+machine that f leaves.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jcontour._tracing import is_concrete
-from jcontour.controller import Controller, Wrapper
+from jcontour.controller import Controller, Memory, Plan, Wrapper
+from jcontour.motion.input_shaping import Shaper
 from jcontour.motion.references import Reference
 
 
@@ -156,3 +171,89 @@ class Filtered(Wrapper):
         inner, control = self.controller.step(memory.inner, plan, measurement)
         filtered, control = self.filter.step(memory.filter, control)
         return FilterMemory(filtered, inner), control
+
+
+class Shaped(Wrapper):
+    """A controller behind an input shaper.
+
+    >>> from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+    >>> from jcontour.motion.input_shaping import zv
+    >>> from jcontour.sensors import motors
+    >>> cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), dt=1e-3)
+    >>> Shaped(cascade, zv(frequency=87.0, damping=0.0)).shaper.amplitudes.tolist()
+    [0.5, 0.5]
+
+    Args:
+        controller: the wrapped controller.
+        shaper: shaper of `input_shaping`.
+    """
+
+    laws_not_kept = {"restart": "the shaper reads samples before the one at which a run begins"}
+    controller: Controller
+    shaper: Shaper
+
+    def prepare(self, reference: Reference) -> Plan:
+        """Plan of the wrapped controller for the shaped positions.
+
+        Tangents and arc lengths stay those of the reference.
+        """
+        positions = shaped_positions(reference, self.shaper)
+        return self.controller.prepare(eqx.tree_at(lambda r: r.position, reference, positions))
+
+    def initial_memory(self, reference: Reference) -> Any:
+        """Memory of the wrapped controller: the machine starts where the reference does."""
+        return self.controller.initial_memory(reference)
+
+    def step(self, memory: Any, plan: Any, measurement: Any) -> tuple[Any, Float[Array, " p"]]:
+        """Step of the wrapped controller."""
+        return self.controller.step(memory, plan, measurement)
+
+
+@jax.jit
+def shaped_positions(reference: Reference, shaper: Shaper) -> Float[Array, "S m"]:
+    """Weighted sum of delayed copies [m].
+
+    Before its first sample the reference was in the steady motion of its start.
+    """
+    samples = reference.position
+    count = samples.shape[0]
+    at = jnp.arange(count, dtype=samples.dtype)[:, None] - (shaper.times / reference.dt)[None]
+    below = jnp.clip(jnp.floor(at).astype(int), 0, count - 2)
+    share = (at - below.astype(at.dtype))[..., None]
+    between = samples[below] + share * (samples[below + 1] - samples[below])
+    before = samples[:1, None] + at[..., None] * reference.start_increment[None, None]
+    copies = jnp.where(at[..., None] < 0, before, between)
+    return jnp.einsum("kim,i->km", copies, shaper.amplitudes)
+
+
+class Compensated(Wrapper):
+    """A controller with a compensation that sees the same measurement.
+
+    Args:
+        controller: gives u'.
+        compensation: f, traceable; if it is a pytree with numbers, they are tuned with those of
+            the controller.
+    """
+
+    controller: Controller
+    compensation: Callable[[Any, Array], Array]
+
+    def initial_memory(self, reference: Reference) -> Memory:
+        """Memory of the wrapped controller."""
+        return self.controller.initial_memory(reference)
+
+    def step(
+        self, memory: Memory, plan: Plan, measurement: Any
+    ) -> tuple[Memory, Float[Array, " p"]]:
+        """Next memory and u' + f(measurement, u').
+
+        Raises:
+            ValueError: the compensation is not of the control's shape.
+        """
+        memory, control = self.controller.step(memory, plan, measurement)
+        added = self.compensation(measurement, control)
+        if added.shape != control.shape:
+            raise ValueError(
+                f"compensation: needs the control's shape {control.shape}, received {added.shape}"
+            )
+        return memory, control + added

@@ -8,7 +8,7 @@ the sample before, minimise
 within the limits of outputs and controls. (x_s, u_s) is the steady motion through theta_j with the
 increment w_j: theirs is one point at rest, this one moves with the reference as far as the limits
 let it. P and K are those of the regulator. The horizon ends where theta_N is admissible for it for
-ever (`admissible`): so the last plan, moved on by a sample, keeps all limits, whatever r is.
+ever (`governor`): so the last plan, moved on by a sample, keeps all limits, whatever r is.
 """
 
 from typing import NamedTuple
@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from jcontour.controller import Controller, check_preview, whole_preview
-from jcontour.controllers.feedback.admissible import (
+from jcontour.controllers.feedback.governor import (
     GovernedLoop,
     LoopLimits,
     governed_loop,

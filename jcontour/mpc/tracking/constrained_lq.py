@@ -112,7 +112,7 @@ class ConstrainedLQ(Controller):
     control: metrics then tell of a diverged run, and the memory counts it.
 
     >>> from jcontour.mpc.tracking.limits import Limits
-    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> from jcontour.plants.linear_machines import bridgeport
     >>> limits = Limits.within(control=5.0)
     >>> ConstrainedLQ(bridgeport(), LQWeights(3.0, 5.0, 2e-9), 10, limits).preview
     10

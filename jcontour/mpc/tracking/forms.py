@@ -143,7 +143,7 @@ class OffsetFreeForm(_WholeState):
     >>> from jcontour.host.observed import OffsetFreeHost
     >>> from jcontour.mpc.tracking.limits import Limits
     >>> from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
-    >>> from jcontour.plants.bridgeport import exact_bridgeport
+    >>> from jcontour.plants.linear_machines import exact_bridgeport
     >>> table, limits = exact_bridgeport(), Limits.within(control=5.0)
     >>> weights = TrackingWeights(output=3.0, contour=5.0, control=2e-9)
     >>> mpc = TrackingMPC(table, weights, 10, limits, form=OffsetFreeForm())

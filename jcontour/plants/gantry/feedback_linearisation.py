@@ -25,13 +25,10 @@ theta or of first order in M_d theta.
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Shaped
+from jaxtyping import Array, Float
 
-from jcontour.plants.gantry.disturbances import disturbances, largest_over_box
-from jcontour.plants.gantry.gantry import EquationOfMotion, Triple
-from jcontour.plants.gantry.motor_coordinates import MotorEncoders
-from jcontour.plants.gantry.parameters import Coordinates, GantryParameters
+from jcontour.plants.gantry.gantry import Coordinates, EquationOfMotion, GantryParameters, Triple
+from jcontour.plants.gantry.linear_models import MotorEncoders
 
 
 def coupling_currents(
@@ -96,57 +93,3 @@ class EncoderLinearisation(eqx.Module):
         """Currents that are added to i' [A]."""
         state = MotorEncoders(self.nominal).state(reading)
         return linearising_currents(self.nominal, state, control)
-
-
-def residuals(
-    parameters: GantryParameters,
-    nominal: GantryParameters,
-    head,
-    state: Float[Array, "6"],
-    control: Float[Array, "3"],
-) -> Float[Array, "3"]:
-    """Terms (eta_x [N], eta_1 [N], eta_2 [N m]) that (5.31), (5.33), (5.35) leave out.
-
-    They are the left sides less the forces of i', with the accelerations and parameters of the
-    plant under i' and the linearising currents, and with m and J at xbar. With c_x the bracket of
-    (5.30), the thesis has eta_x = (k_x M_e' / k_x' - M_e) c_x(q''): it uses the measured
-    acceleration q'' in both terms. We use the model's acceleration a in the first,
-    eta_x = k_x M_e' / k_x' c_x(a) - M_e c_x(q''). The two agree for equal parameters. The same
-    holds for eta_1 and eta_2.
-
-    Args:
-        parameters: those of the plant.
-        nominal: those of the compensation.
-        head: xbar [m].
-        state: state of `Gantry`.
-        control: i' [A].
-
-    Raises:
-        ValueError: the point of linearisation is outside the beam.
-    """
-    added = linearising_currents(nominal, state, control)
-    d_x, d_1, d_2 = disturbances(parameters, head, state, control + added)
-    (i_x, i_1, i_2), p = added, parameters
-    eta_x = p.head_mass * d_x + p.head_constant * i_x
-    eta_1 = d_1 + p.drive_constant * (i_1 + i_2)
-    eta_2 = d_2 + p.drive_constant * p.half_span * (i_2 - i_1)
-    return jnp.stack([eta_x, eta_1, eta_2])
-
-
-def residual_bounds(
-    parameters: GantryParameters,
-    nominal: GantryParameters,
-    head,
-    low: Shaped[ArrayLike, "..."],
-    high: Shaped[ArrayLike, "..."],
-) -> Float[np.ndarray, "3"]:
-    """Largest |eta_x|, |eta_1|, |eta_2| over a box of states and currents i'.
-
-    Raises:
-        ValueError: as `disturbance_bounds`.
-    """
-
-    def terms(state, control):
-        return residuals(parameters, nominal, head, state, control)
-
-    return largest_over_box(terms, parameters, low, high)

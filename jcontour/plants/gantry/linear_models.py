@@ -7,19 +7,39 @@ with m = M_e xbar - M_d L at the head position xbar, J = J(xbar). The thesis has
 it. Its d_1, d_2 lack the terms in x_h - xbar and print "-d theta''" for "-d theta theta''";
 `disturbances` has them complete. States are in the order of `Gantry`. `motor_schedule` has the
 models over several head positions.
+
+The readings of the three motor encoders are z = (x_h, y_1 - d, y_2 - d, rates). All are zero where
+the tool is at the origin. For small angles z = T (x_h, y_N - d, theta), y_1,2 = y_N -+ L theta. So
+the motors' positions and speeds are the whole state, and no observer is needed. A controller of the
+motors uses these models in their coordinates.
+
+With a straight beam (5.7)-(5.9) are inverted at theta = 0. The tool is then at (x_h, y_N - d). The
+turning moment of the head, M_e (d x_h'' + x_h y_N''), is held by the difference of the two drives.
+
+The terms that the model leaves out are its disturbances:
+
+    d_x = x_h'' + b_x / M_e x_h' - k_x / M_e i_x                                   [m/s^2]
+    d_1 = M_t y_N'' + 2 b_y y_N' + m theta'' - k_y (i_1 + i_2)                     [N]
+    d_2 = m y_N'' + J theta'' + 2 b_y L^2 theta' + 2 k_r theta - k_y L (i_2 - i_1)   [N m]
+with the accelerations of (5.7)-(5.9), and m and J at the point of linearisation. Under them
+(5.13)-(5.15) hold exactly. The thesis writes them out term by term, without the terms in
+x_h - xbar and with a misprint.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.linear.plant import LinearPlant
+from jcontour.linear.model_schedule import ModelSchedule
+from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.linear.transformations import zoh
-from jcontour.plants.gantry.gantry import EquationOfMotion
-from jcontour.plants.gantry.parameters import GantryParameters, Scalar, check_on_beam
+from jcontour.plants.gantry.gantry import EquationOfMotion, GantryParameters, Scalar, check_on_beam
 
 X = (0, 3)  # where the thesis's states (x_h, x_h') stand
 Y = (1, 4, 2, 5)  # where its states (y_N, y_N', theta, theta') stand
@@ -131,3 +151,150 @@ def _solved(
     columns = jnp.concatenate([-jnp.diag(springs), -jnp.diag(friction), currents, push], axis=1)
     rates = jnp.concatenate([jnp.eye(3, 12, 3), jnp.linalg.solve(mass, columns)])
     return LinearGantry(rates[:, :6], rates[:, 6:9], rates[:, 9:])
+
+
+HOMED = np.array(
+    [0.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+)  # readings that are zero where the tool is at y = 0
+
+
+class MotorEncoders(eqx.Module):
+    """Encoder readings of a `Gantry`, the Y axes homed where the tool is at y = 0."""
+
+    parameters: GantryParameters
+
+    def __call__(self, state: Float[Array, "6"]) -> Float[Array, "6"]:
+        """Readings (x_h, y_1 - d, y_2 - d) [m] and their speeds [m/s] in a state."""
+        return self.parameters.motors(state) - HOMED * self.parameters.tool_offset
+
+    def state(self, reading: Float[Array, "6"]) -> Float[Array, "6"]:
+        """State with these readings."""
+        return self.parameters.coordinates(reading.at[1:3].add(self.parameters.tool_offset))
+
+
+def motor_model(
+    parameters: GantryParameters, head: Scalar | float, dt: float, linear: Linearisation = tangent
+) -> LinearPlant:
+    """Linear model at a head position [m], its state the encoder readings, its outputs the tool.
+
+    Raises:
+        ValueError: the head is outside the beam, or `dt` is not above zero.
+    """
+    check_on_beam("head", head, parameters)
+    matrices = _matrices(parameters, jnp.asarray(head, float), dt, linear)
+    return LinearPlant(*matrices, dt, motion=straight_motion(dt))
+
+
+@eqx.filter_jit
+def _matrices(parameters: GantryParameters, head: Scalar | float, dt: float, linear: Linearisation):
+    """Matrices A, B, C of `motor_model`."""
+    model, L = tool_plant(parameters, head, dt, linear), parameters.half_span
+    none, one = jnp.zeros(()), jnp.ones(())
+    rows = [[one, none, none], [none, one, -L], [none, one, L]]
+    positions = jnp.stack([jnp.stack(row) for row in rows])
+    T = jnp.kron(jnp.eye(2), positions)
+    back = jnp.kron(jnp.eye(2), jnp.linalg.inv(positions))
+    return T @ model.A @ back, T @ model.B, model.C @ back
+
+
+def motor_schedule(
+    parameters: GantryParameters, points, dt: float, linear: Linearisation = tangent
+) -> ModelSchedule:
+    """Models at several head positions.
+
+    Raises:
+        ValueError: a point is outside the beam or out of order, or `dt` is not above zero.
+    """
+    points = jnp.asarray(points, float)
+    check_on_beam("points", points, parameters)
+    models = jax.vmap(lambda head: motor_model(parameters, head, dt, linear))(points)
+    return ModelSchedule(models, points, output=0)
+
+
+def straight_motion(dt: float) -> SteadyMotion:
+    """Readings of a straight beam whose tool moves steadily."""
+    motors = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+    none = np.zeros_like(motors)
+    maps = np.concatenate([motors, none]), np.concatenate([none, motors / dt])
+    return SteadyMotion(*(jnp.asarray(each, float) for each in maps))
+
+
+def straight_beam_currents(
+    parameters: GantryParameters,
+    position: Float[Array, "S 2"],
+    speed: Float[Array, "S 2"],
+    acceleration: Float[Array, "S 2"],
+) -> Float[Array, "S 3"]:
+    """Currents (i_x, i_1, i_2) [A] under which the tool has these accelerations.
+
+    Args:
+        parameters: of the machine.
+        position: of the tool [m].
+        speed: [m/s].
+        acceleration: [m/s^2].
+
+    Raises:
+        ValueError: the head would be outside the beam.
+    """
+    check_on_beam("position", position[:, 0], parameters)
+    return _currents(EquationOfMotion.of(parameters), position, speed, acceleration)
+
+
+@jax.jit
+@partial(jax.vmap, in_axes=(None, 0, 0, 0))
+def _currents(
+    motion: EquationOfMotion, position: Array, speed: Array, acceleration: Array
+) -> Float[Array, "3"]:
+    """Currents of every sample."""
+    none = jnp.zeros(())
+    q, v = jnp.stack([position[0], none, none]), jnp.append(speed, none)
+    driven = jnp.stack(motion.bias(q, v)) - jnp.stack(motion.forces(q, v, jnp.zeros(3)))
+    along, across, turning = motion.mass_matrix(q) @ jnp.append(acceleration, none) + driven
+    both, apart = across / motion.beam_constant, turning / motion.turning_constant
+    return jnp.stack([along / motion.head_constant, (both - apart) / 2, (both + apart) / 2])
+
+
+def currents_along(
+    parameters: GantryParameters, position: Float[Array, "S 2"], dt: float
+) -> Float[Array, "S 3"]:
+    """Currents held for a sample each, along samples of the tool that begin and end at rest.
+
+    Args:
+        parameters: of the machine.
+        position: of the tool [m].
+        dt: sample period [s].
+
+    Raises:
+        ValueError: the head would be outside the beam.
+    """
+    wide = jnp.concatenate([position[:1], position, position[-1:], position[-1:]])
+    speed = jnp.diff(wide, axis=0) / dt
+    # the mean acceleration in a sample is that between the samples before and after it
+    acceleration = (speed[2:] - speed[:-2]) / (2 * dt)
+    return straight_beam_currents(parameters, position, speed[1:-1], acceleration)
+
+
+def disturbances(
+    parameters: GantryParameters, head, state: Float[Array, "6"], control: Float[Array, "3"]
+) -> Float[Array, "3"]:
+    """Disturbances (d_x, d_1, d_2) of the linear model at a head position.
+
+    Args:
+        parameters: of the machine.
+        head: xbar [m].
+        state: state of `Gantry`.
+        control: currents (i_x, i_1, i_2) [A].
+
+    Raises:
+        ValueError: the point of linearisation is outside the beam.
+    """
+    check_on_beam("head", head, parameters)
+    motion, p = EquationOfMotion.of(parameters), parameters
+    q, (x, y, turn), (i_x, i_1, i_2) = state[:3], state[3:], control
+    ddx, ddy, ddturn = motion.acceleration(q, state[3:], control)
+    m, J, L = p.head_mass * head - motion.imbalance, p.inertia(head), p.half_span
+    d_x = ddx + (p.head_viscous * x - p.head_constant * i_x) / p.head_mass
+    d_1 = p.total_mass * ddy + 2 * p.drive_viscous * y + m * ddturn - p.drive_constant * (i_1 + i_2)
+    resisting = 2 * p.drive_viscous * L**2 * turn + 2 * p.joint_stiffness * q[2]
+    d_2 = m * ddy + J * ddturn + resisting - p.drive_constant * L * (i_2 - i_1)
+    return jnp.stack([d_x, d_1, d_2])

@@ -16,7 +16,7 @@ from jcontour.app.machines.flexible_axis import biaxial_machine, thesis_machine
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples
-from jcontour.plants.wrappers.saturation import Saturated
+from jcontour.plants.actuation import Saturated
 from jcontour.simulation.closed_loop import simulate
 
 

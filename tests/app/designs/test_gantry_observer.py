@@ -12,7 +12,7 @@ from jcontour.app.machines.gantry import gantry_machine
 from jcontour.app.runs.tuning.family_loops import probed_peaks
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.actuation import Disturbed
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import stack_plants, stack_references
 

@@ -19,9 +19,9 @@ from jcontour.app.machines.gantry import (
 )
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
-from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import stack_plants
 

@@ -5,9 +5,9 @@ import pytest
 
 from jcontour.app.reports.progress import progress_words
 from tests.app import small_runs
-from tuning.effort import QUICK
-from tuning.history import Evaluated
-from tuning.outcome import Outcome
+from tuning.objectives import Outcome
+from tuning.point import Evaluated
+from tuning.problem import QUICK
 from tuning.tuner import TuneState
 
 

@@ -9,7 +9,7 @@ from jcontour.app.jobs.motion_laws import Aside
 from jcontour.app.runs.settling import MOST, STILL, settling, with_held_end
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.encoders import Encoders
 from jcontour.simulation.evaluation import stack_plants
 
 DT, STEPS = 2e-3, 50

@@ -22,7 +22,6 @@ from experiments.benchmarks.tuners import (
 from experiments.tables import show
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports.tables import console_of
-from tuning.history import Evaluated
 from tuning.loops import Looked, Loops
 from tuning.objectives import AtMost
 from tuning.parameters import Chart, Positive

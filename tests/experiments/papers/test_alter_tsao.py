@@ -28,7 +28,7 @@ from experiments.papers.alter_tsao.experiment import (
 from experiments.papers.verdicts import Verdict, rounds_to
 from experiments.site import stored as stored_run
 from experiments.tables import stored
-from jcontour.plants.linear_motor_drive import linear_motor_drive
+from jcontour.plants.linear_machines import linear_motor_drive
 
 DATA = Path(__file__).parents[2] / "data" / "feedforward" / "alter_tsao.json"
 WANTED = json.loads(DATA.read_text())

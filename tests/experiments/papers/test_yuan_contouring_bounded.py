@@ -35,9 +35,8 @@ from experiments.papers.yuan_contouring_bounded.experiment import (
 )
 from experiments.papers.yuan_contouring_bounded.machine import POINTS, driven
 from experiments.papers.yuan_gantry.experiment import SAMPLE
-from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import tangent
-from jcontour.plants.gantry.parameters import thesis_gantry
 
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 

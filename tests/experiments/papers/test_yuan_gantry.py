@@ -31,9 +31,8 @@ from experiments.papers.yuan_gantry.motor_bench import (
     delayed_head_model,
     twist_damping,
 )
-from jcontour.controllers.wrappers.compensated import Compensated
-from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry
-from jcontour.plants.gantry.parameters import thesis_gantry
+from jcontour.controllers.wrappers.filters import Compensated
+from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry, thesis_gantry
 
 YES, NO, SHOWN = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED, Verdict.EXPERIMENTAL
 

@@ -34,10 +34,9 @@ from experiments.papers.zpetc.experiment import (
     tracking_phase,
     units,
 )
-from jcontour.controllers.feedforward.preview_filter import PreviewFilter
-from jcontour.controllers.feedforward.zpetc import zero_phase_filter
-from jcontour.plants.servo_axes import servo_axes
-from jcontour.plants.three_link import SERVO_GAIN, SERVO_POLE
+from jcontour.controllers.feedforward.zpetc import PreviewFilter, zero_phase_filter
+from jcontour.plants.arms import SERVO_GAIN, SERVO_POLE
+from jcontour.plants.linear_machines import servo_axes
 
 WANTED = json.loads((Path(__file__).parents[2] / "data" / "feedforward" / "zpetc.json").read_text())
 YES, NEAR, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED

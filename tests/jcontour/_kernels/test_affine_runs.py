@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jcontour import _kernels as kernels
-from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.controllers.lq.scheduled_lq import BlockwiseLQ
 from jcontour.geometry.contours import circle, polyline
 from jcontour.linear.plant import LinearPlant, Pattern, steady_motion
 from jcontour.linear.transformations import with_input_gains

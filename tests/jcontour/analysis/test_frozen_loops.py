@@ -7,9 +7,9 @@ from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import LQWeights
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
-from jcontour.plants.wrappers.delays import Delayed
-from jcontour.plants.wrappers.encoders import Encoders
-from jcontour.plants.wrappers.saturation import Saturated
+from jcontour.plants.actuation import Saturated
+from jcontour.plants.delays import Delayed
+from jcontour.plants.encoders import Encoders
 from jcontour.sensors import motors
 
 

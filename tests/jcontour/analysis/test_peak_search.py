@@ -12,8 +12,8 @@ from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
 from jcontour.analysis.peak_search import loop_measures
 from jcontour.analysis.sensitivity import loop_peaks
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.plants.wrappers.delays import Delayed
-from jcontour.plants.wrappers.encoders import Encoders, FineEncoders
+from jcontour.plants.delays import Delayed
+from jcontour.plants.encoders import Encoders, FineEncoders
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.evaluation import stack_plants
 

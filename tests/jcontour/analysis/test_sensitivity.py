@@ -22,11 +22,10 @@ from jcontour.controllers.observers.kalman import (
 from jcontour.geometry.contours import circle, line, polygon
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import along
-from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
-from jcontour.plants.flexible_axis.models import zoh_model
-from jcontour.plants.wrappers.delays import Delayed
-from jcontour.plants.wrappers.encoders import Encoders, FineEncoders
+from jcontour.plants.delays import Delayed
+from jcontour.plants.encoders import Encoders, FineEncoders
+from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis, zoh_model
+from jcontour.plants.linear_machines import bridgeport
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import stack_plants, stack_references

@@ -12,8 +12,8 @@ from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along
-from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.encoders import Encoders
+from jcontour.plants.linear_machines import bridgeport
 
 DATA = Path(__file__).parents[2] / "data/guarantees/circle.json"
 

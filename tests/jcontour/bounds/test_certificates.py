@@ -19,9 +19,9 @@ from jcontour.controllers.observers.kalman import (
 )
 from jcontour.geometry.contours import line, polygon
 from jcontour.motion.references import along
-from jcontour.plants.servo_axes import servo_axes
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.plants.actuation import Disturbed
+from jcontour.plants.encoders import Encoders, Quantised
+from jcontour.plants.linear_machines import servo_axes
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import contour_error

@@ -14,9 +14,9 @@ from jcontour.geometry.contours import polygon
 from jcontour.motion.references import along
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
-from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.plants.actuation import Disturbed
+from jcontour.plants.delays import Delayed, PartlyDelayed
+from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.simulation.closed_loop import simulate
 
 slow = pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 from jcontour.bounds.attacks import worst_attack
 from jcontour.bounds.disturbed_loop import disturbed_loop
 from jcontour.bounds.peak_bounds import peak_bounds, state_tubes
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.actuation import Disturbed
 from jcontour.simulation.closed_loop import simulate
 
 SIZE = np.array([0.3, 1.0, 2.0])

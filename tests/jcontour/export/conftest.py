@@ -18,7 +18,7 @@ from jcontour.controllers.observers.kalman import (
     PredictorObserver,
     offset_free_gain,
 )
-from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
+from jcontour.controllers.wrappers.adapters import SpeedByDifference
 from jcontour.export import Code, Stated, safe_limits, streaming_law
 from jcontour.linear.plant import LinearPlant
 from jcontour.plants import Encoders, exact_bridgeport

@@ -10,7 +10,7 @@ import pytest
 from jcontour.export.linuxcnc import DRIVE, linuxcnc_files, stock_pids
 from jcontour.linear.plant import LinearPlant
 from jcontour.plants import exact_bridgeport
-from jcontour.plants.wrappers.dry_friction import with_dry_friction
+from jcontour.plants.actuation import with_dry_friction
 
 from .conftest import code_of
 

@@ -9,9 +9,9 @@ from jcontour import contours, feed_laws, references, simulate
 from jcontour.bounds.affine import NotAffine
 from jcontour.controllers import FilterObserver, kalman_gain
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import LQWeights
-from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
+from jcontour.controllers.lq.scheduled_lq import BlockwiseLQ
+from jcontour.controllers.wrappers.adapters import SpeedByDifference
 from jcontour.export import streaming_law
 from jcontour.plants import Encoders, exact_bridgeport
 from jcontour.sensors import Sensors, motors, row

@@ -24,9 +24,9 @@ from jcontour.motion.references import along, from_samples
 from jcontour.mpc.tracking.forms import OffsetFreeForm
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
-from jcontour.plants.bridgeport import exact_bridgeport
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.plants.actuation import Disturbed
+from jcontour.plants.encoders import Encoders, Quantised
+from jcontour.plants.linear_machines import exact_bridgeport
 from jcontour.simulation.closed_loop import simulate
 
 WEIGHTS, N = LQWeights(3.0, 50.0, 2e-8), 4

@@ -14,7 +14,7 @@ from jcontour.linear.plant import (
     steady_motion,
 )
 from jcontour.linear.transformations import with_input_delay
-from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.linear_machines import bridgeport
 
 
 def block(*blocks):

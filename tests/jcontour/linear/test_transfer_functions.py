@@ -13,8 +13,7 @@ from jcontour.linear.transfer_functions import (
     transfer_function,
 )
 from jcontour.linear.transformations import with_input_delay
-from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.linear_motor_drive import linear_motor_drive
+from jcontour.plants.linear_machines import bridgeport, linear_motor_drive
 from jcontour.plants.xy_table import xy_table
 
 MACHINES = {

@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import cont2discrete
 
 from jcontour.linear.transformations import with_input_delay, with_input_gains, zoh
-from jcontour.plants.gantry.motor_coordinates import motor_model
-from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.delays import Delayed
+from jcontour.plants.gantry.gantry import thesis_gantry
+from jcontour.plants.gantry.linear_models import motor_model
 
 
 def test_zoh_is_that_of_scipy():

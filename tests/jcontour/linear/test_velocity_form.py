@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jcontour.linear.velocity_form import velocity_form
-from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.linear_machines import bridgeport
 from jcontour.plants.xy_table import xy_table
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "mpcc" / "reference.json").read_text())

@@ -8,7 +8,7 @@ from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line
 from jcontour.motion.references import along
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.encoders import Encoders
 from jcontour.simulation.closed_loop import check_run, follow, prepared, simulate, start_state
 from jcontour.simulation.evaluation import stack_plants, stack_references
 

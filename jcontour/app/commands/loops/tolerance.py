@@ -48,7 +48,7 @@ from jcontour.app.runs.lifecycle import created, finished
 from jcontour.bounds.attacks import Attack
 from jcontour.host.loop import HostRun, reported_loop
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.encoders import Encoders
 from jcontour.qp.solvers import solver_named
 from jcontour.simulation.metrics import contour_error, tracking_error
 

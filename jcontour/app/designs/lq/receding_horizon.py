@@ -24,7 +24,6 @@ from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.controller import Controller
-from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
     LQWeights,
@@ -32,8 +31,8 @@ from jcontour.controllers.lq.contouring_lq import (
     RiccatiTerminal,
     Terminal,
 )
-from jcontour.controllers.lq.cross_coupled_lq import CrossCoupledLQ
-from jcontour.controllers.lq.preview_lq import PreviewLQ
+from jcontour.controllers.lq.preview_lq import CrossCoupledLQ, PreviewLQ
+from jcontour.controllers.lq.scheduled_lq import BlockwiseLQ
 from jcontour.controllers.lq.zero_terminal import ZeroTerminal
 from jcontour.controllers.observers.kalman import (
     FilterObserver,

@@ -30,8 +30,8 @@ from jcontour.bounds.gains.gain_certificates import gain_certificate
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.encoders import Quantised
+from jcontour.plants.actuation import Disturbed
+from jcontour.plants.encoders import Quantised
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import member, stack_plants
 from jcontour.simulation.metrics import contour_error, tracking_error

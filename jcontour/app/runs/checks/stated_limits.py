@@ -18,8 +18,7 @@ from jcontour.app.reports.tuned_tables import limit_words
 from jcontour.app.runs.checks.machine_limits import OVERSHOOT, machine_limits
 from jcontour.app.runs.tuning.limits import AT_REST, LIMITS
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
-from tuning.objectives import COUNT_NOISE, LATE
-from tuning.outcome import Outcome
+from tuning.objectives import COUNT_NOISE, LATE, Outcome
 from tuning.parameters import Chart, Weights
 from tuning.point import evaluate_values
 

@@ -20,13 +20,13 @@ from jcontour.controller import Controller
 from jcontour.controllers.learning.convergence import Convergence, answers, frequency_response
 from jcontour.controllers.learning.laps import (
     LearningLaw,
+    PType,
     RunLap,
     diverged_lap,
     laps_of,
     paying_laps,
 )
 from jcontour.controllers.learning.norm_optimal import NormOptimal, norm_optimal
-from jcontour.controllers.learning.p_type import PType
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import family_batching, stack_plants

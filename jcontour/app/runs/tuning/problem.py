@@ -36,7 +36,6 @@ from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from jcontour.simulation.limit_use import AxisLimits, LimitUse
-from tuning.effort import Effort
 from tuning.objectives import (
     CERTIFIED_USE,
     AtMost,
@@ -51,7 +50,7 @@ from tuning.objectives import (
     worst_tracking_error,
 )
 from tuning.parameters import Weights
-from tuning.problem import Problem
+from tuning.problem import Effort, Problem
 
 OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on the machine
     ("worst", "contour"): worst_contour_error,

@@ -42,7 +42,7 @@ from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.tuning.limits import loop_limits
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.app.runs.tuning.searching import with_regret
-from tuning.effort import QUICK
+from tuning.problem import QUICK
 from tuning.tuner import Tuned, advance, result
 
 # as much as the evaluations allow: several descents, each to its end

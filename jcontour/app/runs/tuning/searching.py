@@ -22,8 +22,7 @@ from jcontour.app.reports.tables import say
 from jcontour.app.runs.tuning.family_loops import WINDOWS
 from jcontour.app.runs.tuning.limits import counted, probed_loops
 from jcontour.app.runs.tuning.problem import OBJECTIVES, TuningRun
-from tuning.exchange import STABLE, Exchanged, exchanged
-from tuning.idle import put_back, without_slope
+from tuning.exchange import STABLE, Exchanged, exchanged, put_back, without_slope
 from tuning.objectives import AtMost, Regret
 from tuning.parameters import Chart
 from tuning.problem import Problem

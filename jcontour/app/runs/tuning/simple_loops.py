@@ -23,10 +23,9 @@ from jcontour.app.reports.drives import TERMS
 from jcontour.app.runs.tuning.limits import lag_limit, named_limits
 from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.app.runs.tuning.searching import Searched
-from tuning.history import FEASIBLE
 from tuning.objectives import AtMost
 from tuning.parameters import Chart
-from tuning.point import evaluate_values, objective_value
+from tuning.point import FEASIBLE, evaluate_values, objective_value
 
 AS_GOOD = 1.1  # times the error of the best: what is simpler is then recommended
 PAYS = 1.5  # times the gain of the position loop: less is not worth a notch

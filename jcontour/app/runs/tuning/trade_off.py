@@ -34,13 +34,11 @@ from jcontour.app.runs.tuning.family_loops import WINDOWS, probed_peaks
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.app.runs.tuning.searching import with_regret
 from jcontour.simulation.metrics import Metrics
-from tuning.effort import QUICK
-from tuning.history import FEASIBLE, Evaluated, sound
 from tuning.objectives import AtMost, worst_increment
 from tuning.parameters import Chart
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
-from tuning.point import evaluate_values, objective_value
-from tuning.problem import Problem
+from tuning.point import FEASIBLE, Evaluated, evaluate_values, objective_value, sound
+from tuning.problem import QUICK, Problem
 from tuning.tuner import TuneState, advance
 
 # a budget begins where the one before ended, which may be a local optimum: several others help

@@ -17,7 +17,7 @@ from jcontour.app.reports.tables import console_of
 from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.app.runs.tuning.searching import NothingSound
 from tests.app.small_runs import partly
-from tuning.effort import QUICK
+from tuning.problem import QUICK
 
 FILES = {
     "result.json", "settings.json", "history.json", "state.npz", "rollouts.nc", "gains.csv",

@@ -23,8 +23,7 @@ from jcontour.app.runs.tuning.family_loops import LeastKnown
 from jcontour.simulation.limit_use import LimitUse
 from tests.app import small_runs
 from tests.app.small_runs import family_metrics, margins, partly
-from tuning.objectives import COUNT_NOISE, AtMost
-from tuning.outcome import LoopPeaks, Outcome
+from tuning.objectives import COUNT_NOISE, AtMost, LoopPeaks, Outcome
 from tuning.problem import Problem
 from tuning.tuner import Price
 

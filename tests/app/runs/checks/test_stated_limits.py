@@ -22,8 +22,7 @@ from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.simulation.evaluation import evaluate, stack_plants
 from tests.app import small_runs
 from tests.app.small_runs import partly
-from tuning.objectives import COUNT_NOISE, Entry
-from tuning.outcome import Outcome
+from tuning.objectives import COUNT_NOISE, Entry, Outcome
 from tuning.problem import Problem
 
 MARGINS = small_runs.margins(sensitivity=1.9, doubt=0.4)

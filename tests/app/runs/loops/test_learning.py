@@ -33,15 +33,13 @@ from jcontour.app.runs.loops.learning import (
 )
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.learning.convergence import convergence
-from jcontour.controllers.learning.laps import diverged_lap, laps_of, learn
+from jcontour.controllers.learning.laps import PType, diverged_lap, laps_of, learn
 from jcontour.controllers.learning.norm_optimal import linearised
-from jcontour.controllers.learning.p_type import PType
 from jcontour.geometry.contours import circle, line
 from jcontour.motion.references import along, from_samples, in_time
-from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
-from jcontour.plants.flexible_axis.models import zoh_model
-from jcontour.plants.gantry.motor_coordinates import MotorEncoders
-from jcontour.plants.wrappers.encoders import FineEncoders
+from jcontour.plants.encoders import FineEncoders
+from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis, zoh_model
+from jcontour.plants.gantry.linear_models import MotorEncoders
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 

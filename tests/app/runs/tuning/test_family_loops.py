@@ -17,7 +17,7 @@ from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.motion.references import along
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.encoders import Encoders
 from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import stack_references
 from tests.app.small_runs import partly

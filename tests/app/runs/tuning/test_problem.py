@@ -19,12 +19,10 @@ from jcontour.bounds.worst_cases import PeakValues
 from jcontour.simulation.evaluation import evaluate, stack_plants
 from jcontour.simulation.metrics import Metrics
 from tests.app.small_runs import partly
-from tuning.effort import QUICK
-from tuning.history import Evaluated
-from tuning.objectives import AtMost
-from tuning.outcome import Outcome
+from tuning.objectives import AtMost, Outcome
 from tuning.parameters import Chart
-from tuning.point import evaluate_point
+from tuning.point import Evaluated, evaluate_point
+from tuning.problem import QUICK
 from tuning.tuner import TuneState, advance
 
 

@@ -23,11 +23,11 @@ from jcontour.simulation.metrics import Metrics
 from tests.app import small_runs
 from tests.app.small_runs import partly
 from tests.tuning.bumped import HIGH, REFERENCE, problem_of
-from tuning.effort import THOROUGH
 from tuning.exchange import STABLE
-from tuning.outcome import Outcome
+from tuning.objectives import Outcome
 from tuning.parameters import Chart, Positive
 from tuning.point import evaluate_point
+from tuning.problem import THOROUGH
 from tuning.tuner import TuneState
 
 SAMPLES = (27, 28)

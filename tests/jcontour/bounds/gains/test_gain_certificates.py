@@ -10,9 +10,9 @@ from jcontour.bounds.gains import gain_certificates
 from jcontour.bounds.gains.gain_cells import CellPeaks, GainCell
 from jcontour.bounds.gains.gain_certificates import ENOUGH, gain_certificate
 from jcontour.motion.references import along
-from jcontour.plants.wrappers.delays import Delayed
-from jcontour.plants.wrappers.encoders import Encoders
-from jcontour.plants.wrappers.gains import Gained
+from jcontour.plants.actuation import Gained
+from jcontour.plants.delays import Delayed
+from jcontour.plants.encoders import Encoders
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import contour_error
 

@@ -11,9 +11,9 @@ from jcontour.controllers.lq.preview_lq import PreviewLQ
 from jcontour.geometry.contours import circle, line
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
-from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers.delays import Delayed
-from jcontour.plants.wrappers.gains import Gained
+from jcontour.plants.actuation import Gained
+from jcontour.plants.delays import Delayed
+from jcontour.plants.linear_machines import bridgeport
 from jcontour.simulation.closed_loop import simulate
 
 

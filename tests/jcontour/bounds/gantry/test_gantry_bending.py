@@ -7,8 +7,7 @@ import pytest
 from jcontour.bounds.gantry.gantry_bending import Bending
 from jcontour.bounds.gantry.intervals import Interval
 from jcontour.bounds.gantry.second_derivatives import Enclosure
-from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.parameters import thesis_gantry
+from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 
 STATES = np.array([2e-4, 2e-4, 1e-4, 2e-2, 2e-2, 1e-2])  # [m, rad, m/s, rad/s]
 CURRENTS = np.array([2.0, 2.0, 2.0])  # [A]

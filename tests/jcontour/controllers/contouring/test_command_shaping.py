@@ -3,8 +3,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from jcontour.controllers.contouring.command_shaping import CommandShaped
-from jcontour.controllers.contouring.cross_coupled import CrossCoupled, CrossGains, VariableCoupling
+from jcontour.controllers.contouring.schemes import (
+    CommandShaped,
+    CrossCoupled,
+    CrossGains,
+    VariableCoupling,
+)
 from jcontour.simulation.closed_loop import simulate
 
 GAIN = 1.5

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from jcontour.controllers.contouring.cross_coupled import (
+from jcontour.controllers.contouring.schemes import (
     ConstantCoupling,
     CrossCoupled,
     CrossGains,

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from jcontour._arrays import placed
-from jcontour.controllers.contouring.command_shaping import CommandShaped
-from jcontour.controllers.contouring.cross_coupled import (
+from jcontour.controllers.contouring.schemes import (
+    CommandShaped,
     ConstantCoupling,
     CrossCoupled,
     CrossGains,
+    PathFrame,
+    Precompensated,
+    TaskFrame,
     VariableCoupling,
 )
-from jcontour.controllers.contouring.path_frame import PathFrame
-from jcontour.controllers.contouring.precompensation import Precompensated
-from jcontour.controllers.contouring.task_frame import TaskFrame
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along, from_samples

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jcontour.controllers.contouring.precompensation import Precompensated
+from jcontour.controllers.contouring.schemes import Precompensated
 from jcontour.simulation.closed_loop import prepared, simulate
 
 

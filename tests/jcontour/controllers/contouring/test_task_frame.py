@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jcontour.controllers.contouring.task_frame import TaskFrame
+from jcontour.controllers.contouring.schemes import TaskFrame
 from jcontour.geometry.contours import spline
 from jcontour.motion.references import along
 from jcontour.simulation.closed_loop import simulate

@@ -7,9 +7,9 @@ from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contours import line
 from jcontour.motion.point_to_point import PointToPoint, thesis_task_b
 from jcontour.motion.references import from_samples, in_time
+from jcontour.plants.actuation import Saturated
 from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.plants.xy_table import xy_table
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import prepared, simulate

@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from jcontour.controllers.feedback.admissible import LoopLimits, enough_steps, governed_loop
-from jcontour.controllers.feedback.governor import ScalarGovernor, VectorGovernor
+from jcontour.controllers.feedback.governor import (
+    LoopLimits,
+    ScalarGovernor,
+    VectorGovernor,
+    enough_steps,
+    governed_loop,
+)
 from jcontour.controllers.feedback.state_feedback import lq_gain
 from tests.canonical import plant, reference, round_path
 

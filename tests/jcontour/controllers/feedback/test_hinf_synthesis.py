@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.feedback.hinf_feedback import (
+    Generalised,
     HInfinityFeedback,
     MixedWeights,
-    gain_at,
-    mixed_sensitivity,
-)
-from jcontour.controllers.feedback.hinf_synthesis import (
-    Generalised,
     central_controller,
+    gain_at,
     least_gamma,
+    mixed_sensitivity,
 )
 from tests.canonical import plant, reference, round_path
 

@@ -6,13 +6,15 @@ from scipy.linalg import solve_discrete_are
 
 from jcontour._arrays import placed
 from jcontour.analysis.stability import frozen_spectral_radii
-from jcontour.controllers.feedback.integral_lqg import (
+from jcontour.controllers.feedback.state_feedback import (
     IntegralLQG,
+    StateFeedback,
     integral_lq_gains,
+    lq_gain,
+    moving_target,
     positions_of,
     with_integrals,
 )
-from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain, moving_target
 from jcontour.controllers.observers.kalman import (
     FilterObserver,
     OffsetFreeObserver,
@@ -23,10 +25,9 @@ from jcontour.geometry.contours import line
 from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import along, in_time
-from jcontour.plants.flexible_axis.models import zoh_model
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.encoders import Sensed
-from jcontour.plants.wrappers.saturation import Saturated
+from jcontour.plants.actuation import Disturbed, Saturated
+from jcontour.plants.encoders import Sensed
+from jcontour.plants.flexible_axis.axis import zoh_model
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import simulate
 

@@ -7,7 +7,7 @@ import pytest
 
 from jcontour.controllers.feedback.pole_placement import damped_poles, placed_gain
 from jcontour.linear.plant import LinearPlant
-from jcontour.plants.flexible_axis.models import zoh_model
+from jcontour.plants.flexible_axis.axis import zoh_model
 
 DT = 1e-3
 pairs = jax.jit(damped_poles, static_argnums=2)

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedback.position_loop import PositionLoop
+from jcontour.controllers.feedback.cascade import PositionLoop
 from jcontour.linear.continuous_axes import position_axis, sampled_machine, speed_axis
 from jcontour.motion.references import from_samples
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.encoders import Encoders
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 

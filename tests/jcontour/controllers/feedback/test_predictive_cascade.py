@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.feedback.predictive_cascade import MOVES, PredictiveCascade
+from jcontour.controllers.feedback.predictive import MOVES, PredictiveCascade
 from jcontour.sensors import motors
 from tests.canonical import DT, reference, round_path
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedback.self_tuning import Estimate, SelfTuning, placed_gains
+from jcontour.controllers.feedback.pole_placement import Estimate, SelfTuning, placed_gains
 from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples
 from jcontour.plant import Plant

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedback.adaptive_robust import AdaptiveRobust
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.feedback.dynamic_surface import DynamicSurface
-from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.controllers.feedback.sliding_mode import AdaptiveRobust, DynamicSurface
+from jcontour.controllers.wrappers.adapters import SpeedByDifference
+from jcontour.plants.encoders import Encoders
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 from tests.canonical import DT, STEPS, plant, reference, round_path

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from jcontour._arrays import placed
-from jcontour.controllers.feedback.time_delay import Motion, Past, TimeDelayControl
+from jcontour.controllers.observers.disturbance_observer import Motion, Past, TimeDelayControl
 from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.saturation import Saturated
+from jcontour.plants.actuation import Saturated
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 

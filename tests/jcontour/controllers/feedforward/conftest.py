@@ -9,7 +9,7 @@ import pytest
 
 from jcontour.controllers.feedforward.model_matching import ModelMatching
 from jcontour.motion.references import from_samples
-from jcontour.plants.three_link import ThreeLink, manipulator_path
+from jcontour.plants.arms import ThreeLink, manipulator_path
 
 DATA = Path(__file__).parents[3] / "data" / "feedforward"
 LEGS = jax.jit(ThreeLink.legs)

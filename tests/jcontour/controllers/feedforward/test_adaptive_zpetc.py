@@ -8,10 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
-from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
-from jcontour.plants.servo_axes import servo_axes
-from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.controllers.feedforward.adaptive_zpetc import (
+    AdaptiveZeroPhaseTracking,
+    NormalisedLeastSquares,
+)
+from jcontour.plants.encoders import Encoders, Quantised
+from jcontour.plants.linear_machines import servo_axes
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 

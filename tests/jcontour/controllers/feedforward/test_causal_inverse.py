@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedforward.causal_inverse import causal_filter
+from jcontour.controllers.feedforward.zpetc import causal_filter
 from jcontour.linear.transfer_functions import from_polynomials
 
 

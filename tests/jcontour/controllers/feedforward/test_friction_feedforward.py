@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.feedforward.friction_feedforward import FrictionFeedforward
+from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
 from jcontour.motion.references import from_samples
-from jcontour.plants.wrappers.encoders import Encoders, FineEncoders
+from jcontour.plants.encoders import Encoders, FineEncoders
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from jcontour.controllers.feedforward.hinf import hinf_optimum
-from jcontour.controllers.feedforward.model_matching import ModelMatching
+from jcontour.controllers.feedforward.model_matching import ModelMatching, hinf_optimum
 
 CIRCLE = np.exp(1j * np.linspace(0, np.pi, 721))
 

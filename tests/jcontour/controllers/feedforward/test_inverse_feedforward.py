@@ -10,11 +10,11 @@ from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforw
 from jcontour.controllers.feedforward.l1 import l1_optimum
 from jcontour.controllers.feedforward.model_following import ModelFollowing
 from jcontour.controllers.feedforward.tuned_inverse import OptimalInverse, optimal_filter
-from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
+from jcontour.controllers.wrappers.adapters import SpeedByDifference
 from jcontour.linear.transfer_functions import transfer_function
 from jcontour.motion.references import from_samples
-from jcontour.plants.linear_motor_drive import linear_motor_drive
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.encoders import Encoders
+from jcontour.plants.linear_machines import linear_motor_drive
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 

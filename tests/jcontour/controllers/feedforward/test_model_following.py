@@ -5,7 +5,6 @@ import pytest
 from numpy.polynomial import polynomial
 from scipy.signal import lfilter
 
-from jcontour.controllers.feedforward.hinf import hinf_optimum
 from jcontour.controllers.feedforward.l1 import l1_optimum
 from jcontour.controllers.feedforward.model_following import (
     ModelFollowing,
@@ -14,8 +13,9 @@ from jcontour.controllers.feedforward.model_following import (
     parallel_feedforward,
     shortest_error,
 )
+from jcontour.controllers.feedforward.model_matching import hinf_optimum
 from jcontour.linear.transfer_functions import from_polynomials, transfer_function
-from jcontour.plants.linear_motor_drive import linear_motor_drive
+from jcontour.plants.linear_machines import linear_motor_drive
 
 DT = 5e-4
 

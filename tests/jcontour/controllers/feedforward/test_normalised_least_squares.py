@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
+from jcontour.controllers.feedforward.adaptive_zpetc import NormalisedLeastSquares
 
 start, update = map(eqx.filter_jit, (NormalisedLeastSquares.start, NormalisedLeastSquares.update))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from jcontour.controllers.feedforward.preview_filter import PreviewFilter, causal
+from jcontour.controllers.feedforward.zpetc import PreviewFilter, causal
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
 

@@ -15,8 +15,7 @@ from jcontour.controllers.feedforward.tuned_inverse import (
 from jcontour.controllers.feedforward.zpetc import zero_phase_filter
 from jcontour.linear.transfer_functions import from_polynomials, transfer_function
 from jcontour.linear.transformations import with_input_delay
-from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.linear_motor_drive import linear_motor_drive
+from jcontour.plants.linear_machines import bridgeport, linear_motor_drive
 
 DT = 1e-3
 POINTS = np.exp(-1j * np.linspace(0.05, 3.1, 40))

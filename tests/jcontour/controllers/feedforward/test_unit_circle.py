@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial
 
-from jcontour.controllers.feedforward.unit_circle import corollary_1, l1_norm, perturbed_error
+from jcontour.controllers.feedforward.model_matching import corollary_1, l1_norm, perturbed_error
 
 
 def test_corollary_1_is_table_2(alter_tsao):

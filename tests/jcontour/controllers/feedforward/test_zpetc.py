@@ -11,8 +11,8 @@ from jcontour.controllers.feedforward.zpetc import (
     zero_phase_filter,
 )
 from jcontour.linear.transfer_functions import from_polynomials
-from jcontour.plants.servo_axes import servo_axes
-from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.plants.encoders import Encoders, Quantised
+from jcontour.plants.linear_machines import servo_axes
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 

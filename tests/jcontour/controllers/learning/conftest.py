@@ -22,7 +22,7 @@ def small_loop():
     # imported here: conftest files are read before the number of devices is set
     from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
     from jcontour.motion.references import from_samples
-    from jcontour.plants.servo_axes import servo_axes
+    from jcontour.plants.linear_machines import servo_axes
     from jcontour.sensors import Sensors
 
     def of(steps=120, gains=None):

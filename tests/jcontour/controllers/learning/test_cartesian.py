@@ -7,10 +7,9 @@ import pytest
 
 from jcontour._arrays import placed
 from jcontour.controllers.learning.cartesian import CartesianControl, cartesian_cycles
-from jcontour.controllers.learning.laps import learn
-from jcontour.controllers.learning.p_type import PType
+from jcontour.controllers.learning.laps import PType, learn
 from jcontour.motion.references import from_samples
-from jcontour.plants.two_link import TwoLinkArm
+from jcontour.plants.arms import TwoLinkArm
 
 DT, STEPS, CYCLES = 2e-3, 800, 12
 GAINS = (6000.0, 300.0)  # [N/m], [N s/m]

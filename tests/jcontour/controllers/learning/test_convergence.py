@@ -15,9 +15,8 @@ from jcontour.controllers.learning.convergence import (
     convergence,
     frequency_response,
 )
-from jcontour.controllers.learning.laps import Lap, diverged_lap, learn
+from jcontour.controllers.learning.laps import Lap, PType, diverged_lap, learn
 from jcontour.controllers.learning.norm_optimal import NormOptimal
-from jcontour.controllers.learning.p_type import PType
 
 STEPS = 400
 ABOVE = 1.0013  # of the maximum, at most, where a bound may be

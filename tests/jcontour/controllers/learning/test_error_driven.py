@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jcontour.controller import Controller
-from jcontour.controllers.learning.error_driven import ErrorDriven, ErrorDrivenMemory
+from jcontour.controllers.learning.repetitive import ErrorDriven, ErrorDrivenMemory
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 

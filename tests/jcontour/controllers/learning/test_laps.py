@@ -8,13 +8,13 @@ from jcontour._arrays import placed
 from jcontour.controllers.feedback.cascade import Cascade
 from jcontour.controllers.learning.laps import (
     Learned,
+    PType,
     diverged_lap,
     laps_of,
     learn,
     paying_laps,
 )
-from jcontour.controllers.learning.p_type import PType
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.actuation import Disturbed
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 

@@ -7,8 +7,14 @@ import pytest
 from scipy.ndimage import convolve1d
 
 from jcontour._arrays import placed
-from jcontour.controllers.learning.laps import Lap, diverged_lap, learn
-from jcontour.controllers.learning.p_type import PType, smoothed, smoothing_of
+from jcontour.controllers.learning.laps import (
+    Lap,
+    PType,
+    diverged_lap,
+    learn,
+    smoothed,
+    smoothing_of,
+)
 
 
 def first_order(u, lap):

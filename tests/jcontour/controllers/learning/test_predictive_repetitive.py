@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from jcontour.controllers.feedback.predictive import PredictiveRepetitive
 from jcontour.controllers.feedback.state_feedback import accelerated_targets
-from jcontour.controllers.learning.predictive_repetitive import PredictiveRepetitive
 from jcontour.simulation.closed_loop import simulate
 from tests.canonical import STEPS, plant, reference, round_path
 

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.controllers.learning.runout import Canceller, RunoutCancelled
+from jcontour.controllers.learning.repetitive import Canceller, RunoutCancelled
 from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.actuation import Disturbed
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 

@@ -2,8 +2,8 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, RiccatiTerminal
+from jcontour.controllers.lq.scheduled_lq import BlockwiseLQ
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along
 from jcontour.simulation.closed_loop import simulate

@@ -4,7 +4,7 @@ import numpy as np
 import scipy.linalg
 
 from jcontour.controllers.lq.contouring_lq import LQWeights
-from jcontour.controllers.lq.cross_coupled_lq import CrossCoupledLQ
+from jcontour.controllers.lq.preview_lq import CrossCoupledLQ
 from tests.canonical import STEPS, plant, reference, round_path
 
 

@@ -5,7 +5,7 @@ import jax
 import numpy as np
 
 from jcontour._arrays import placed
-from jcontour.controllers.lq.planned_feedback import ModelFeedback
+from jcontour.controllers.lq.contouring_lq import ModelFeedback
 from jcontour.geometry.contours import circle
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import along

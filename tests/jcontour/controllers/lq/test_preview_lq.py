@@ -6,7 +6,7 @@ from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, Ricca
 from jcontour.controllers.lq.preview_lq import PreviewLQ
 from jcontour.linear.plant import SteadyMotion
 from jcontour.motion.references import from_samples
-from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.linear_machines import bridgeport
 from jcontour.simulation.closed_loop import prepared
 
 ALPHA, RHO = 3.0, 2e-9

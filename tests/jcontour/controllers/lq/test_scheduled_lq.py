@@ -11,8 +11,8 @@ from jcontour.controllers.lq.contouring_lq import LQWeights, balanced
 from jcontour.controllers.lq.scheduled_lq import ScheduledLQ
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along
-from jcontour.plants.gantry.motor_coordinates import motor_schedule
-from jcontour.plants.gantry.parameters import thesis_gantry
+from jcontour.plants.gantry.gantry import thesis_gantry
+from jcontour.plants.gantry.linear_models import motor_schedule
 from jcontour.simulation.closed_loop import prepared
 
 DT, PREVIEW, T = 2e-3, 6, 9

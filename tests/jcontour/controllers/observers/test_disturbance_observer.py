@@ -8,7 +8,7 @@ from jcontour.controllers.observers.disturbance_observer import DisturbanceObser
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import zoh
 from jcontour.motion.point_to_point import thesis_task_a
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.actuation import Disturbed
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 

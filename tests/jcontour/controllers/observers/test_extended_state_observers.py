@@ -19,9 +19,9 @@ from jcontour.controllers.observers.extended_state_observers import (
     ExactLESO,
 )
 from jcontour.motion.point_to_point import thesis_task_a, thesis_task_b
+from jcontour.plants.actuation import Disturbed
 from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 

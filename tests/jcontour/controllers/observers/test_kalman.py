@@ -20,10 +20,9 @@ from jcontour.geometry.contours import line
 from jcontour.linear.plant import spectral_radius
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import along, in_time
-from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.encoders import Encoders, Sensed
-from jcontour.plants.wrappers.saturation import Saturated
+from jcontour.plants.actuation import Disturbed, Saturated
+from jcontour.plants.encoders import Encoders, Sensed
+from jcontour.plants.linear_machines import bridgeport
 from jcontour.simulation.closed_loop import prepared, simulate
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jcontour.controller import Controller
-from jcontour.controllers.observers.reduced_observer import (
+from jcontour.controllers.observers.disturbance_observer import (
     ReducedObserver,
     augmented_model,
     error_matrix,
@@ -15,9 +15,8 @@ from jcontour.controllers.observers.reduced_observer import (
 )
 from jcontour.linear.plant import AffinePlan
 from jcontour.motion.point_to_point import thesis_task_a
-from jcontour.plants.flexible_axis.axis import thesis_axis
-from jcontour.plants.flexible_axis.models import euler_model, zoh_model
-from jcontour.plants.wrappers.encoders import Sensed
+from jcontour.plants.encoders import Sensed
+from jcontour.plants.flexible_axis.axis import euler_model, thesis_axis, zoh_model
 from jcontour.simulation.closed_loop import simulate
 
 DATA = json.loads((Path(__file__).parents[3] / "data" / "single_axis" / "models.json").read_text())

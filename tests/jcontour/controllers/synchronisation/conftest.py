@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jcontour.controllers.synchronisation.continuous import Motion
+from jcontour.controllers.synchronisation.speed_axes import Motion
 
 DATA = Path(__file__).parents[3] / "data" / "adaptive" / "synchronisation.json"
 

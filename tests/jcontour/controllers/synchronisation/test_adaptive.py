@@ -12,8 +12,8 @@ from jcontour.controllers.synchronisation.adaptive import (
 )
 from jcontour.controllers.synchronisation.speed_axes import speed_axes
 from jcontour.motion.references import from_samples
-from jcontour.plants.servo_axes import servo_axes
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.actuation import Disturbed
+from jcontour.plants.linear_machines import servo_axes
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from jcontour.controllers.synchronisation.continuous import (
+from jcontour.controllers.synchronisation.speed_axes import (
     ContinuousGains,
     Motion,
     continuous_response,
     coupling_matrix,
+    speed_axes,
 )
-from jcontour.controllers.synchronisation.speed_axes import speed_axes
 
 
 def gains_of(p, beta):

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from jcontour.controllers.synchronisation.limits import (
+from jcontour.controllers.synchronisation.speed_axes import (
     SampledLoop,
     bound_of_equal_axes,
     check_coupling,
@@ -16,8 +16,8 @@ from jcontour.controllers.synchronisation.limits import (
     positive_real_bound,
     positive_real_margin,
     sampled_loop,
+    speed_axes,
 )
-from jcontour.controllers.synchronisation.speed_axes import speed_axes
 
 NAMES = ("sync_nominal", "sync_low_kc")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.synchronisation.master_slave import MasterSlave
+from jcontour.controllers.synchronisation.adaptive import MasterSlave
 from jcontour.sensors import motors
 from tests.canonical import DT, reference, round_path
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.wrappers.compensated import Compensated
+from jcontour.controllers.wrappers.filters import Compensated
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
 from jcontour.plant import Plant

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.wrappers.motor_kinematics import OfMotors
+from jcontour.controllers.wrappers.adapters import OfMotors
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along, from_samples
 from jcontour.sensors import motors

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.wrappers.shaped import Shaped, shaped_positions
+from jcontour.controllers.wrappers.filters import Shaped, shaped_positions
 from jcontour.geometry.contours import line
 from jcontour.motion.input_shaping import Shaper, shaped_law, zv, zvd
 from jcontour.motion.point_to_point import PointToPoint

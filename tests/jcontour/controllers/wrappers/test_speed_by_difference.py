@@ -3,10 +3,10 @@
 import numpy as np
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
+from jcontour.controllers.wrappers.adapters import SpeedByDifference
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.encoders import Encoders
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 

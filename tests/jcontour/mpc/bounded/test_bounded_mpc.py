@@ -23,7 +23,7 @@ from jcontour.mpc.bounded.bounded_mpc import (
 )
 from jcontour.mpc.bounded.knowledge import state_known
 from jcontour.plants import bridgeport
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.actuation import Disturbed
 from jcontour.sets.disturbed_model import DisturbedModel
 from jcontour.simulation.metrics import contour_error
 

@@ -10,9 +10,8 @@ from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import in_time
 from jcontour.mpc.bounded.machine_runs import machine_run
 from jcontour.plant import Plant
-from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.gantry.straight_beam import currents_along
+from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
+from jcontour.plants.gantry.linear_models import currents_along
 
 DT = 1e-2
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedback.admissible import LoopLimits, enough_steps
+from jcontour.controllers.feedback.governor import LoopLimits, enough_steps
 from jcontour.controllers.feedback.state_feedback import lq_gain
 from jcontour.mpc.tracking.artificial_reference import ArtificialMemory, ArtificialReferenceMPC
 from jcontour.qp.problem import QP

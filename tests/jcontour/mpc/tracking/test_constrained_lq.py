@@ -24,8 +24,8 @@ from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.forms import OffsetFreeForm
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.actuation import Disturbed
+from jcontour.plants.encoders import Encoders
 from jcontour.simulation.closed_loop import simulate
 
 N = 6

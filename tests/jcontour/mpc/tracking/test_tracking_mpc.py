@@ -19,7 +19,7 @@ from jcontour.motion.references import along, from_samples
 from jcontour.mpc.tracking.forms import AbsoluteForm, VelocityForm
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
-from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.linear_machines import bridgeport
 from jcontour.qp.problem import check_qp
 from jcontour.simulation.closed_loop import simulate
 

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.wrappers.filters import Filtered, notch
 from jcontour.geometry.contours import line
+from jcontour.linear.plant import decoupled_axes
 from jcontour.motion.point_to_point import PointToPoint, ToAndFro, thesis_task_a, thesis_task_b
 from jcontour.motion.references import in_time
 from jcontour.plants.flexible_axis.axis import (
@@ -19,7 +20,9 @@ from jcontour.plants.flexible_axis.axis import (
     FlexibleAxis,
     Motion,
     SmoothFlexibleAxis,
+    euler_model,
     thesis_axis,
+    zoh_model,
 )
 from jcontour.plants.friction import Friction
 from jcontour.sensors import motors
@@ -264,3 +267,49 @@ def test_bad_axes_are_named(ideal):
             FlexibleAxis(ideal(), DT, count)
     with pytest.raises(ValueError, match="dt"):
         SmoothFlexibleAxis(ideal(), 0.0)
+
+
+MODELS_DATA = json.loads(
+    (Path(__file__).parents[3] / "data" / "single_axis" / "models.json").read_text()
+)
+
+
+@pytest.mark.parametrize(("name", "make"), [("euler", euler_model), ("zoh", zoh_model)])
+def test_thesis_models(name, make):
+    model, wanted = make(thesis_axis(), DT), MODELS_DATA[name]
+    np.testing.assert_allclose(model.A, wanted["A"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.asarray(model.B)[:, 0], wanted["B"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        np.sort(np.abs(np.linalg.eigvals(model.A))), wanted["abs_eig_A"], rtol=0, atol=1e-12
+    )
+    np.testing.assert_array_equal(model.C, [[0, 0, 1, 0]])
+
+
+def test_two_axes_are_the_plant_without_dry_friction(two_flexible_axes):
+    model, axis = (
+        zoh_model(two_flexible_axes, DT),
+        FlexibleAxis(two_flexible_axes, DT, substeps=200),
+    )
+    state, control = (
+        axis.initial_state(np.array([0.01, 0.02]), np.array([1e-4, -2e-4])),
+        jnp.array([0.7, -0.3]),
+    )
+    after = axis.step(state, control)
+    np.testing.assert_allclose(
+        model.step(jnp.concatenate(state.motion), control),
+        np.concatenate(after.motion),
+        rtol=1e-9,
+        atol=1e-12,
+    )
+    np.testing.assert_allclose(
+        model.initial_state(np.array([0.01, 0.02]), np.array([1e-4, -2e-4])),
+        np.concatenate(state.motion),
+        atol=1e-9,
+    )
+
+
+def test_axes_stay_decoupled_under_traced_parameters(two_flexible_axes):
+    seen = []
+    jax.jit(lambda parameters: seen.append(zoh_model(parameters, DT).pattern))(two_flexible_axes)
+    axes = decoupled_axes(seen[0])
+    assert [axis.states for axis in axes] == [(0, 2, 4, 6), (1, 3, 5, 7)] and axes[1].inputs == (1,)

@@ -1,8 +1,5 @@
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from jcontour._arrays import placed
 from jcontour.plants.gantry.feedback_linearisation import (
@@ -10,14 +7,10 @@ from jcontour.plants.gantry.feedback_linearisation import (
     coupling_currents,
     linearising_currents,
     motor_currents,
-    residual_bounds,
-    residuals,
     uncoupled_acceleration,
 )
 from jcontour.plants.gantry.gantry import EquationOfMotion
-from jcontour.plants.gantry.linear_models import control_oriented
-from jcontour.plants.gantry.motor_coordinates import MotorEncoders
-from jcontour.plants.gantry.parameters import thesis_gantry
+from jcontour.plants.gantry.linear_models import MotorEncoders, control_oriented
 
 HEAD = 0.25
 LOW = np.array([0.15, -0.1, -0.05, -0.5, -0.5, -0.6, -10, -10, -10])
@@ -130,71 +123,9 @@ def test_a_plant_of_the_nominal_parameters_moves_as_the_model_but_for_what_is_dr
         np.testing.assert_allclose(off, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("head", [HEAD, 0.3])
-def test_residuals_are_the_thesiss_sums(odd_gantry, head):
-    """Under Delta M_e, Delta k_x, Delta k_y: three sums.
-
-    The printed ones, what the model's accelerations add, and what is dropped.
-    """
-    factors = {"head_mass": 1.07, "head_constant": 0.96, "drive_constant": 1.03}
-    plant = eqx.tree_at(
-        lambda p: [getattr(p, n) for n in factors],
-        odd_gantry,
-        [f * getattr(odd_gantry, n) for n, f in factors.items()],
-    )
-    n, own = numbers(odd_gantry), numbers(plant)
-    M, share = (
-        own["head_mass"],
-        np.array(
-            [
-                own["head_constant"] / n["head_constant"],
-                *2 * [own["drive_constant"] / n["drive_constant"]],
-            ]
-        ),
-    )
-    for seed in range(10):
-        state, control = drawn(seed)
-        whole = control + linearising(odd_gantry, state, control)
-        real, model = (
-            moved(plant, state, whole),
-            uncoupled(odd_gantry, state[:3], state[3:], control),
-        )
-        off = float(state[0]) - head
-        wanted = (share * n["head_mass"] - M) * brackets(plant, state, real)
-        wanted -= M * np.array(
-            [0.0, off * real[2], off * real[1] + (2 * head * off + off**2) * real[2]]
-        )
-        wanted += (
-            share * n["head_mass"] * (brackets(plant, state, model) - brackets(plant, state, real))
-        )
-        wanted += dropped(plant, state, np.asarray(whole), real)
-        found = jax.jit(residuals)(plant, odd_gantry, head, state, control)
-        np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
-
-
 def test_encoders_tell_as_much_as_the_state(odd_gantry):
     state, control = drawn(0)
     encoders = MotorEncoders(odd_gantry)
     np.testing.assert_allclose(encoders.state(encoders(placed(state))), state, rtol=1e-12)
     found = EncoderLinearisation(odd_gantry)(encoders(placed(state)), placed(control))
     np.testing.assert_allclose(found, linearising(odd_gantry, state, control), rtol=1e-10)
-
-
-def test_bounds_over_a_point_are_the_residuals_there(odd_gantry):
-    """The search over larger boxes is tested with the disturbances."""
-    plant, z = (
-        eqx.tree_at(lambda p: p.head_mass, odd_gantry, 1.1 * odd_gantry.head_mass),
-        np.concatenate(drawn(3)),
-    )
-    wanted = np.abs(residuals(plant, odd_gantry, HEAD, jnp.asarray(z[:6]), jnp.asarray(z[6:])))
-    np.testing.assert_allclose(residual_bounds(plant, odd_gantry, HEAD, z, z), wanted, rtol=1e-9)
-
-
-def test_bad_input_is_named():
-    p = thesis_gantry()
-    with pytest.raises(
-        ValueError, match="head: the head runs from -0.9 to 0.9 m along the beam, received 1 m"
-    ):
-        residuals(p, p, 1.0, jnp.zeros(6), jnp.zeros(3))
-    with pytest.raises(ValueError, match="low <= high"):
-        residual_bounds(p, p, HEAD, HIGH, LOW)

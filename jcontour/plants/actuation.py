@@ -1,0 +1,263 @@
+"""What stands between a control and an ideal machine: gains, limits, backlash, friction, loads."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float, Int
+
+from jcontour._tracing import is_concrete
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.small_products import small_product
+from jcontour.plant import State
+from jcontour.plants.friction import Friction
+from jcontour.wrapper import Remembering, Wrapper
+
+
+class Gained(Remembering):
+    """A plant on which changes of control i act `gains[i]` times as much.
+
+        u_acts(k) = u_0 + gains (u(k) - u_0)
+    u_0 holds the plant at rest where the run begins. It is zero where a drive takes a speed or a
+    force. A drive that takes a position needs more the farther it is from zero. A machine waits
+    where a part begins, and a load observer has found by then what the gain is wrong by there. A
+    gain that acts on u_0 as well would begin every run with a jump of (gains - 1) times the place
+    of the part. It stands outside of a delay, whose line then holds the controls that act.
+
+    The state keeps u_0 as whole numbers, its bits: it is no part of the loop, and frozen loops
+    leave whole numbers as they are. No derivative goes through it.
+
+    >>> from jcontour.linear.plant import LinearPlant
+    >>> drive = LinearPlant([[0.9]], [[0.1]], [[1.0]], dt=1e-3)  # takes a position
+    >>> plant = Gained(drive, jnp.array([1.5]))
+    >>> rest = plant.initial_state(jnp.array([2.0]), jnp.zeros(1))
+    >>> for control in (2.0, 3.0):
+    ...     print(plant.output(plant.step(rest, jnp.array([control]))).round(9))
+    [2.]
+    [2.15]
+
+    Args:
+        plant: the machine.
+        gains: relative, (p,) or one for all.
+
+    Raises:
+        ValueError: a gain is not finite and above zero.
+    """
+
+    gains: Float[Array, ""] | Float[Array, " p"] = eqx.field(converter=jnp.asarray)
+
+    def __check_init__(self):
+        if is_concrete(self.gains):
+            gains = np.asarray(self.gains)
+            if not np.all(np.isfinite(gains) & (gains > 0)):
+                raise ValueError(f"gains: needs to be finite and above zero, received {gains}")
+
+    def initial_state(self, position, increment) -> State:
+        """State of the wrapped plant, and the bits of u_0."""
+        held = jnp.asarray(self.plant.holding_control(position))
+        bits = lax.bitcast_convert_type(held, f"int{8 * held.dtype.itemsize}")
+        return self.plant.initial_state(position, increment), bits
+
+    def step(self, state, control) -> State:
+        """Step of the wrapped plant under the control that acts."""
+        inner, bits = state
+        held = lax.bitcast_convert_type(bits, control.dtype)
+        return self.plant.step(inner, held + self.gains * (control - held)), bits
+
+
+class Saturated(Wrapper):
+    """A plant whose control is limited to +-limit (p,) before it acts.
+
+    >>> from jcontour.plants.linear_machines import bridgeport
+    >>> table = Saturated(bridgeport(), jnp.array([10.0, 10.0]))
+    >>> rest = table.initial_state(jnp.zeros(2), jnp.zeros(2))
+    >>> pushed, limit = (table.step(rest, jnp.array([u, 0.0])) for u in (50.0, 10.0))
+    >>> bool((pushed == limit).all())
+    True
+
+    Raises:
+        ValueError: a limit is negative or not a number.
+    """
+
+    limit: Float[Array, " p"] = eqx.field(converter=jnp.asarray)
+
+    def __check_init__(self):
+        if is_concrete(self.limit) and not np.all(np.asarray(self.limit) >= 0):
+            raise ValueError(f"limit: needs to be at least zero, received {self.limit}")
+
+    def step(self, state, control) -> State:
+        """Step of the wrapped plant under clip(u, -limit, limit)."""
+        return self.plant.step(state, jnp.clip(control, -self.limit, self.limit))
+
+
+class Backlash(Remembering):
+    """A plant whose tool rests inside a gap until the motor pushes it.
+
+        tool(k+1) = clip(tool(k), q(k+1) - gap / 2, q(k+1) + gap / 2)
+    with the outputs q of the wrapped plant: the play operator, of a tool that friction holds. The
+    measurement is that of the wrapped plant, at the motor. The tool starts behind the motion.
+
+    >>> from jcontour.plants.linear_machines import bridgeport
+    >>> loose = Backlash(bridgeport(), jnp.array([4e-6, 0.0]))
+    >>> start = loose.initial_state(jnp.zeros(2), jnp.zeros(2))
+    >>> loose.output(start).tolist()
+    [0.0, 0.0]
+
+    Args:
+        plant: the machine with its encoders.
+        gap: of every axis [m].
+    """
+
+    gap: Float[Array, " m"]
+
+    def initial_state(self, position, increment) -> tuple:
+        """The plant half a gap ahead of the tool, where it moves."""
+        ahead = position + self.gap / 2 * jnp.sign(increment)
+        return self.plant.initial_state(ahead, increment), jnp.asarray(position, float)
+
+    def step(self, state, control) -> tuple:
+        """Step of the plant, and of the tool that it pushes."""
+        inner = self.plant.step(state[0], control)
+        motor = self.plant.output(inner)
+        return inner, jnp.clip(state[1], motor - self.gap / 2, motor + self.gap / 2)
+
+    def output(self, state) -> Float[Array, " m"]:
+        """The tool [m]."""
+        return state[1]
+
+
+SLOWEST = 2e-4  # [m/s] within which friction turns, at least
+SAMPLES = 4.0  # times what it changes the speed in a sample
+RESPONSE = 20  # samples of which the quickest counts
+
+
+class WithDryFriction(Wrapper):
+    """A linear plant whose axes feel Coulomb friction.
+
+        x(k+1) = A x + B u - E f,     f = F tanh(v / v_0),     v = C (A - I) x / dt
+    E is how a force enters, past a delay of the control; v is the speed of the coming sample. The
+    friction turns within v_0, four times what F changes the speed in a sample, so that the sampled
+    loop of speed and friction is calm; below it the axis creeps where a true one sticks.
+
+    A slide of 10 kg that is pushed with less than its friction hardly moves:
+
+    >>> slide = LinearPlant([[1.0, 1e-3], [0.0, 1.0]], [[5e-8], [1e-4]], [[1.0, 0.0]], dt=1e-3)
+    >>> rubbed = with_dry_friction(slide, np.asarray(slide.B), np.array([2.0]))
+    >>> state = rubbed.initial_state(jnp.zeros(1), jnp.zeros(1))
+    >>> for _ in range(1000):  # a second
+    ...     state = rubbed.step(state, jnp.array([1.0]))
+    >>> bool(rubbed.output(state)[0] < 0.5e-3)  # [m]
+    True
+    """
+
+    entry: Float[Array, "n m"]
+    speed: Float[Array, "m n"]
+    sharpness: Float[Array, " m"]
+    friction: Friction
+
+    def step(self, state, control) -> Float[Array, " n"]:
+        """A x + B u - E f."""
+        speed = small_product(self.speed, state)
+        force = jnp.tanh(self.sharpness * speed) * self.friction.dry(speed)
+        return self.plant.step(state, control) - small_product(self.entry, force)
+
+
+class LostMotion(Remembering):
+    """A plant whose drives hold their place against dry friction: commands act through a play.
+
+        w(k) = clip(w(k-1), u(k) - F, u(k) + F)
+    A proportional position loop moves while its command is more than F ahead, F being the friction
+    over the gains of its loops, and sticks where it is less. The place at rest keeps the reversal
+    error, as no friction does that turns smoothly. The plant starts behind the motion.
+
+    Args:
+        plant: a machine whose controls are positions.
+        force: F of every control [control unit].
+    """
+
+    force: Float[Array, " p"]
+
+    def initial_state(self, position, increment) -> tuple:
+        """Command that held the plant, behind by the friction where it moves."""
+        held = self.plant.holding_control(position) - self.force * jnp.sign(increment)
+        return self.plant.initial_state(position, increment), held
+
+    def step(self, state, control) -> tuple:
+        """Step of the plant under what comes through the play."""
+        acts = jnp.clip(state[1], control - self.force, control + self.force)
+        return self.plant.step(state[0], acts), acts
+
+
+def with_dry_friction(
+    plant: LinearPlant,
+    entry: Float[np.ndarray, "n m"],
+    force: Float[np.ndarray, " m"],
+) -> WithDryFriction | LostMotion:
+    """The plant with friction of every axis; as lost motion where its drives take positions.
+
+    Args:
+        plant: without friction.
+        entry: how a force on each axis enters, of one control unit: B where nothing is late.
+        force: of each axis [control unit], at least zero.
+
+    Raises:
+        ValueError: a force is negative or not finite, or some axes take positions and others none.
+    """
+    A, C = np.asarray(plant.A), np.asarray(plant.C)
+    friction = Friction(np.asarray(force), 0.0, 1.0, 0.0)
+    takes_position = np.asarray(plant.holding_control(jnp.ones(len(C)))) != 0.0
+    if takes_position.any():
+        if not takes_position.all():
+            raise ValueError("friction: some axes take positions and others do not")
+        return LostMotion(plant, jnp.asarray(force))
+    speed = (C @ A - C) / plant.dt
+    responses, state = [np.zeros(speed.shape[0])], np.asarray(entry)
+    for _ in range(RESPONSE):
+        responses.append(np.diagonal(speed @ state))
+        state = A @ state
+    quickest = np.abs(np.diff(responses, axis=0)).max(axis=0)
+    turning = np.maximum(SLOWEST, SAMPLES * np.asarray(force) * quickest)
+    parts = (jnp.asarray(part) for part in (entry, speed, 1.0 / turning))
+    return WithDryFriction(plant, *parts, friction)
+
+
+class Disturbed(Remembering):
+    """A plant with sequences from outside: `force` adds to the control, `noise` to the measurement.
+
+    The noise has one column for each number of the measurement, all its leaves in one row. The
+    state carries a counter; beyond the end of a sequence its last row holds.
+
+    >>> from jcontour.plants.linear_machines import bridgeport
+    >>> noisy = Disturbed(bridgeport(), noise=1e-6 * jnp.ones((1, 8)))
+    >>> noisy.measure(noisy.initial_state(jnp.zeros(2), jnp.zeros(2))).tolist()[:2]
+    [1e-06, 1e-06]
+    """
+
+    force: Float[Array, "T p"] | None = None
+    noise: Float[Array, "S q"] | None = None
+
+    def initial_state(self, position, increment) -> State:
+        """State of the wrapped plant, and the counter at zero."""
+        return self.plant.initial_state(position, increment), jnp.zeros((), int)
+
+    def step(self, state, control) -> State:
+        """Step of the wrapped plant under u + force; the counter goes on."""
+        inner, k = state
+        if self.force is not None:
+            control = control + _row(self.force, k)
+        return self.plant.step(inner, control), k + 1
+
+    def measure(self, state) -> Any:
+        """Measurement of the wrapped plant, plus noise."""
+        measurement = self.plant.measure(state[0])
+        if self.noise is None:
+            return measurement
+        flat, shaped = ravel_pytree(measurement)
+        return shaped(flat + _row(self.noise, state[1]))
+
+
+def _row(sequence: Float[Array, "T d"], k: Int[Array, ""]) -> Float[Array, " d"]:
+    return sequence[jnp.minimum(k, sequence.shape[0] - 1)]

@@ -1,0 +1,157 @@
+"""Delay lines in front of a plant and behind it."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jcontour._tracing import is_concrete
+from jcontour.plant import State
+from jcontour.wrapper import Remembering
+
+
+class LateSensors(Remembering):
+    """A plant whose measurement is `samples` old: bus and filter times of the sensors.
+
+    Before the start the plant was in steady motion. The line has a fixed `depth` and a traced tap,
+    so that plants of delay 0..depth batch.
+
+    Raises:
+        ValueError: the depth is below one, or the delay is not between zero and the depth.
+    """
+
+    samples: Int[Array, ""] = eqx.field(converter=jnp.asarray)
+    depth: int = eqx.field(static=True)
+
+    def __check_init__(self):
+        _check_line(self.samples, self.depth)
+
+    def initial_state(self, position, increment) -> State:
+        """State of the wrapped plant, and its earlier measurements, the last first."""
+        before = [
+            self.plant.initial_state(position - k * increment, increment)
+            for k in range(1, self.depth + 1)
+        ]
+        line = jax.tree.map(lambda *m: jnp.stack(m), *map(self.plant.measure, before))
+        return self.plant.initial_state(position, increment), line
+
+    def step(self, state, control) -> State:
+        """Step of the wrapped plant; the line moves on."""
+        line = jax.tree.map(lambda line: line[:-1], self._line(state))
+        return self.plant.step(state[0], control), line
+
+    def measure(self, state) -> Any:
+        """Measurement of the wrapped plant, `samples` ago."""
+        return jax.tree.map(lambda line: line[self.samples], self._line(state))
+
+    def _line(self, state: State) -> Any:
+        inner, line = state
+        return jax.tree.map(
+            lambda now, before: jnp.concatenate([now[None], before]),
+            self.plant.measure(inner),
+            line,
+        )
+
+
+class _LateControl(Remembering):
+    """A plant whose control waits in a line of fixed `depth`, so that plants of any delay batch.
+
+    The controller does not know it: it is fed the measurement of the undelayed part. The line
+    starts with the control that holds the plant at rest, zero where drives take a speed or a force.
+    So a run that starts in motion is pushed for the first samples, as the reference numbers of
+    McNab and Tsao's late machines are.
+
+    Raises:
+        ValueError: the depth is below one, or the delay is not between zero and the depth.
+    """
+
+    samples: eqx.AbstractVar[Any]
+    depth: eqx.AbstractVar[int]
+    inputs: eqx.AbstractVar[int]
+
+    def __check_init__(self):
+        _check_line(self.samples, self.depth)
+
+    def initial_state(self, position, increment) -> State:
+        """State of the wrapped plant, and the control that holds it at rest in all of the line."""
+        held = self.plant.holding_control(position)
+        line = jnp.broadcast_to(held, (self.depth, self.inputs))
+        return self.plant.initial_state(position, increment), line
+
+    def step(self, state, control) -> State:
+        """Step of the wrapped plant under the control that acts; the line moves on."""
+        inner, line = state
+        after = self.plant.step(inner, self.acting(line, control))
+        return after, jnp.concatenate([control[None], line])[:-1]
+
+    @abc.abstractmethod
+    def acting(
+        self, line: Float[Array, "depth p"], control: Float[Array, " p"]
+    ) -> Float[Array, " p"]:
+        """Control that acts now (p,)."""
+
+
+class Delayed(_LateControl):
+    """A plant on which the control acts `samples` late, a whole number with a traced tap.
+
+    >>> from jcontour.plants.linear_machines import bridgeport
+    >>> late = Delayed(bridgeport(), 1, depth=2, inputs=2)
+    >>> rest = late.initial_state(jnp.zeros(2), jnp.zeros(2))
+    >>> plant_state, line = late.step(rest, jnp.array([10.0, 0.0]))
+    >>> plant_state.tolist() == rest[0].tolist(), line.tolist()
+    (True, [[10.0, 0.0], [0.0, 0.0]])
+
+    Raises:
+        ValueError: the depth is below one, or the delay is not between zero and the depth.
+    """
+
+    samples: Int[Array, ""] = eqx.field(converter=jnp.asarray)
+    depth: int = eqx.field(static=True)
+    inputs: int = eqx.field(static=True)
+
+    def acting(self, line, control) -> Float[Array, " p"]:
+        """u(k - samples)."""
+        return jnp.concatenate([control[None], line])[self.samples]
+
+
+class PartlyDelayed(_LateControl):
+    """A plant on which the control acts a part of a sample late, or several samples and a part.
+
+        u_acts(k) = (1 - f) u(k - n) + f u(k - n - 1),   delay = n + f samples
+    It is the mean over the sample of a control that is held and changes f of a sample late.
+
+    >>> from jcontour.plants.linear_machines import bridgeport
+    >>> late = PartlyDelayed(bridgeport(), 0.25, depth=1, inputs=2)
+    >>> rest = late.initial_state(jnp.zeros(2), jnp.zeros(2))
+    >>> late.acting(rest[1], jnp.array([1.0, 0.0])).tolist()
+    [0.75, 0.0]
+
+    Raises:
+        ValueError: the depth is below one, or the delay is not between zero and the depth.
+    """
+
+    samples: Float[Array, ""] = eqx.field(converter=jnp.asarray)
+    depth: int = eqx.field(static=True)
+    inputs: int = eqx.field(static=True)
+
+    def acting(self, line, control) -> Float[Array, " p"]:
+        """The mean of the two that act within the sample."""
+        line = jnp.concatenate([control[None], line])
+        whole = jnp.minimum(jnp.floor(self.samples), self.depth - 1)
+        part, index = self.samples - whole, whole.astype(int)
+        return (1 - part) * line[index] + part * line[index + 1]
+
+
+def _check_line(samples: Int[Array, ""] | Float[Array, ""], depth: int) -> None:
+    if depth < 1:
+        raise ValueError(f"depth: the delay line needs at least one place, received {depth}")
+    if is_concrete(samples):
+        delays = np.asarray(samples)
+        if not np.all((delays >= 0) & (delays <= depth)):
+            raise ValueError(
+                f"samples: needs a delay from 0 to the depth {depth}, received {samples}"
+            )

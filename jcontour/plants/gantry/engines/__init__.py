@@ -1,1 +1,0 @@
-"""The gantry in MuJoCo: the same machine in an engine of another make."""

@@ -1,1 +1,0 @@
-"""Wrappers around any plant: encoders, delays, gains, saturation, disturbances."""

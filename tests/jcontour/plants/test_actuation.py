@@ -1,0 +1,346 @@
+"""Other input gains: B times the gains, but for what holds the plant where a run begins.
+
+Backlash in a plant, its compensation, and what an audit finds of it.
+
+Dry friction against closed forms, and against sticking and slipping in fine steps.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour import contours, feed_laws, references, simulate
+from jcontour._arrays import placed
+from jcontour.analysis.frozen_loops import linear_machine
+from jcontour.controller import Controller
+from jcontour.controllers import BacklashCompensation, ContouringLQ, LQWeights
+from jcontour.linear.plant import LinearPlant, spectral_radius
+from jcontour.linear.transformations import with_input_delay, with_input_gains
+from jcontour.plants import bridgeport
+from jcontour.plants.actuation import (
+    SLOWEST,
+    Backlash,
+    Disturbed,
+    Gained,
+    LostMotion,
+    Saturated,
+    with_dry_friction,
+)
+from jcontour.plants.delays import Delayed, LateSensors, PartlyDelayed
+from jcontour.plants.encoders import CountingEncoders, Encoders
+from jcontour.sensors import Sensors
+from jcontour.simulation.metrics import contour_error
+from jcontour.wrapper import unwrapped
+from tuning.identification.error_causes import shares
+
+GAINS = np.array([1.2, 0.7])
+PLACE = jnp.array([0.03, -0.05])  # [m]
+
+
+@pytest.fixture(scope="module")
+def position_drives():
+    """Drives that take a position, y = u at rest, one of them a sample late."""
+    A, B, C = np.diag([0.9, 0.8]), np.diag([0.1, 0.2]), np.eye(2)
+    return with_input_delay(LinearPlant(A, B, C, 1e-3), 1)
+
+
+def test_integrating_axes_answer_as_with_other_input_gains(two_axes, start, controls, run):
+    plant = Gained(two_axes, GAINS)
+    state = plant.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
+    found = run(plant, state, controls)
+    wanted = run(with_input_gains(two_axes, GAINS), start, controls)
+    np.testing.assert_allclose(found[0], wanted[0], rtol=1e-13)
+
+
+def test_a_position_drive_stands_where_the_run_begins(position_drives, run):
+    """Held by the control of the nominal plant; a step from there is `gains` times as high."""
+    plant, step = Gained(position_drives, GAINS), np.array([1e-3, 2e-3])
+    rest = plant.initial_state(PLACE, np.zeros(2))
+    still, _, _ = run(plant, rest, np.tile(PLACE, (5, 1)))
+    np.testing.assert_allclose(still, np.tile(PLACE, (5, 1)), rtol=1e-14)
+    stepped, _, _ = run(plant, rest, np.tile(PLACE + step, (300, 1)))
+    np.testing.assert_allclose(stepped[-1], PLACE + GAINS * step, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("late", "kind"), [(Delayed, int), (PartlyDelayed, float)])
+def test_a_late_drive_stands_still_too(late, kind, position_drives, run):
+    """Its line holds the control that holds it, whatever its gains."""
+    plant = Gained(late(position_drives, np.asarray(2.0).astype(kind), 2, 2), GAINS)
+    still, _, _ = run(plant, plant.initial_state(PLACE, np.zeros(2)), np.tile(PLACE, (6, 1)))
+    np.testing.assert_allclose(still, np.tile(PLACE, (6, 1)), rtol=1e-14)
+
+
+def test_the_kept_control_is_no_part_of_a_frozen_loop(position_drives):
+    plant = Gained(position_drives, GAINS)
+    state = plant.initial_state(PLACE, np.zeros(2))
+    A, B, _ = jax.jit(lambda state: linear_machine(plant, state, PLACE))(state)
+    np.testing.assert_allclose(A, position_drives.A, atol=1e-15)
+    np.testing.assert_allclose(B, position_drives.B * GAINS[None], atol=1e-15)
+    assert spectral_radius(A) < 1
+
+
+@pytest.mark.parametrize("gain", [0.0, -1.0, np.inf])
+def test_a_gain_that_is_none_is_refused(gain, two_axes):
+    with pytest.raises(ValueError, match="gains"):
+        Gained(two_axes, gain)
+
+
+def test_saturated_clips_each_control(two_axes, start, controls, run):
+    limit = np.array([5e-3, 1.0])
+    found = run(Saturated(two_axes, limit), start, controls)
+    wanted = run(two_axes, start, np.clip(controls, -limit, limit))
+    np.testing.assert_array_equal(found[0], wanted[0])
+    assert np.abs(controls[:, 0]).max() > limit[0]
+
+
+@pytest.mark.parametrize("limit", [[1.0, -1.0], [np.nan, 1.0]])
+def test_a_limit_below_zero_is_refused(limit, two_axes):
+    with pytest.raises(ValueError, match="limit"):
+        Saturated(two_axes, jnp.array(limit))
+
+
+GAP = np.array([0.0, 12e-6])
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """Reference, and rollouts of the loose machine without and with compensation."""
+    machine, path = bridgeport(), contours.lemniscate(3e-3)
+    controller = ContouringLQ(machine, LQWeights(1.2, 20.0, 2e-9), preview=5)
+    arc = feed_laws.constant_feed(path, 0.02, machine.dt)
+    reference = references.along(path, arc, machine.dt, preview=5, at_rest=False)
+    loose = Backlash(machine, jnp.asarray(GAP))
+    both = controller, BacklashCompensation(controller, jnp.asarray(GAP))
+    return reference, [simulate(loose, one, reference) for one in both]
+
+
+def test_the_tool_follows_the_motor_through_the_gap():
+    """To and fro by hand: half a gap behind, and at rest while the motor crosses the gap."""
+    machine = bridgeport()
+    loose = Backlash(machine, jnp.asarray(GAP))
+    state, motor, tool = loose.initial_state(jnp.zeros(2), jnp.zeros(2)), [], []
+    for k in range(80):
+        state = loose.step(state, jnp.array([1.0, 2.0 if k % 40 < 20 else -2.0]))
+        motor.append(np.asarray(machine.output(state[0])))
+        tool.append(np.asarray(loose.output(state)))
+    wanted, here = [], np.zeros(2)
+    for place in motor:
+        behind, ahead = place - GAP / 2, place + GAP / 2
+        here = np.where(here < behind, behind, np.where(here > ahead, ahead, here))
+        wanted.append(here)
+    np.testing.assert_allclose(tool, wanted, atol=1e-15)
+    assert np.ptp(np.array(motor)[:, 1]) > 2 * GAP[1]  # it turns through the gap
+
+
+def test_compensation_takes_most_of_the_error_away(runs):
+    reference, rollouts = runs
+    errors = [np.linalg.norm(contour_error(one.output, reference), axis=1) for one in rollouts]
+    before, after = (np.sqrt(np.mean(one[200:] ** 2)) for one in errors)
+    assert before > 3e-6 and after < 0.25 * before
+
+
+def test_an_audit_finds_the_gap(runs):
+    reference, (free, _) = runs
+    steps = reference.steps
+    asked, tool = np.asarray(reference.position)[:steps], np.asarray(free.output)
+
+    def error_of(places):
+        error = np.asarray(contour_error(jnp.asarray(places), reference))
+        return error, np.asarray(reference.tangent)[:steps]
+
+    found = shares(asked, tool, reference.dt, np.full(2, 1e-9), error_of, np.arange(steps) > 200)
+    first = found.causes[0]
+    assert (first.kind, first.axis) == ("backlash", 1)
+    assert first.size == pytest.approx(GAP[1], rel=0.3)
+
+
+def test_disturbed_adds_rows_and_holds_the_last(two_axes, start, controls, run):
+    random = np.random.default_rng(1)
+    force, noise = 1e-3 * random.standard_normal((3, 2)), 1e-6 * random.standard_normal((8, 2))
+    plant = Disturbed(Encoders(two_axes), placed(force), placed(noise))
+    state = plant.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
+    outputs, measurements, last = run(plant, state, controls)
+    wanted = run(two_axes, start, controls + force[np.minimum(np.arange(8), 2)])
+    np.testing.assert_allclose(outputs, wanted[0], rtol=1e-14)
+    np.testing.assert_allclose(measurements, wanted[0] + noise, rtol=1e-14)
+    assert int(last[1]) == 8
+
+
+def test_wrappers_nest(two_axes, start, controls, run):
+    limit = jnp.array([5e-3, 5e-3])
+    plant = Encoders(Saturated(Delayed(two_axes, jnp.asarray(1), 2, 2), limit))
+    state = plant.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
+    outputs, measurements, _ = run(plant, state, controls)
+    late = np.concatenate([np.zeros((1, 2)), np.clip(controls, -limit, limit)])[:8]
+    np.testing.assert_allclose(measurements, run(two_axes, start, late)[0], rtol=1e-14)
+    np.testing.assert_array_equal(outputs, measurements)
+    assert plant.dt == two_axes.dt
+
+
+def test_unwrapped_is_the_machine_and_its_own_state(two_axes, start):
+    delayed = Delayed(Saturated(two_axes, jnp.ones(2)), jnp.asarray(1), 2, 2)
+    wrapped = LateSensors(
+        CountingEncoders(Disturbed(delayed), Sensors(range(2)), 1e-6), jnp.asarray(1), 2
+    )
+    state = wrapped.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
+    machine, own = unwrapped(wrapped, state)
+    assert machine is two_axes
+    np.testing.assert_array_equal(own, start)
+    np.testing.assert_array_equal(wrapped.output(state), two_axes.output(start))
+    assert unwrapped(two_axes, start)[1] is start
+
+
+DT, GAIN, FORCE = 1e-3, 0.8, 0.3  # s, (m/s^2) per control unit, control unit
+
+
+def slides(axes: int = 1) -> LinearPlant:
+    """Masses that a force pushes."""
+    A = np.kron(np.eye(axes), [[1.0, DT], [0.0, 1.0]])
+    B = np.kron(np.eye(axes), [[GAIN * DT**2 / 2], [GAIN * DT]])
+    return LinearPlant(A, B, np.kron(np.eye(axes), [[1.0, 0.0]]), DT)
+
+
+def rubbed(axes: int = 1):
+    plant = slides(axes)
+    return with_dry_friction(plant, np.asarray(plant.B), np.full(axes, FORCE))
+
+
+@jax.jit
+def pushed(plant, speed, push):
+    """State and place after a second under one push, begun at a speed."""
+    state = plant.initial_state(jnp.zeros(1), jnp.full(1, speed * DT))
+    state = jax.lax.fori_loop(0, 1000, lambda _, one: plant.step(one, jnp.full(1, push)), state)
+    return state, plant.output(state)[0]
+
+
+def test_it_comes_to_rest_after_the_way_of_a_constant_deceleration():
+    state, place = pushed(rubbed(), speed := 0.05, 0.0)
+    assert float(place) == pytest.approx(speed**2 / (2 * GAIN * FORCE), rel=0.03)
+    assert abs(float(state[1])) < 1e-6
+
+
+@pytest.mark.parametrize("push", [-0.9, 0.5])
+def test_less_than_the_friction_hardly_moves_it(push):
+    state, _ = pushed(rubbed(), 0.0, push * FORCE)
+    creeping = max(SLOWEST, 4 * FORCE * GAIN * DT) * np.arctanh(abs(push))
+    assert abs(float(state[1])) == pytest.approx(creeping, rel=1e-3)
+
+
+def test_more_than_the_friction_accelerates_it_by_the_rest():
+    state, _ = pushed(rubbed(), 0.0, 1.5 * FORCE)
+    assert float(state[1]) == pytest.approx(GAIN * 0.5 * FORCE, rel=0.05)
+
+
+def test_a_delay_of_the_control_does_not_delay_it():
+    late = with_input_delay(slides(), 2)
+    entry = np.asarray(late.A)[:, -1:]
+    delayed = with_dry_friction(late, entry, np.array([FORCE]))
+    ways = [float(pushed(plant, 0.05, 0.0)[1]) for plant in (rubbed(), delayed)]
+    assert ways[0] == pytest.approx(ways[1], rel=1e-12)
+
+
+class Feedback(Controller):
+    """u = k (y_d - y) + d (v_d - v) + v_d' / gain, its speed from the last two positions."""
+
+    preview: int = 1
+
+    def prepare(self, reference):
+        position = reference.position[: reference.steps + 1]
+        speed = jnp.diff(position, axis=0, append=position[-1:]) / reference.dt
+        push = jnp.diff(speed, axis=0) / reference.dt / GAIN
+        return position[:-1], speed[:-1], push
+
+    def initial_memory(self, reference):
+        return reference.position[0]
+
+    def step(self, memory, plan, measurement):
+        position, speed, push = plan
+        measured = (measurement - memory) / DT
+        control = 2e4 * (position - measurement) + 250 * (speed - measured) + push
+        return measurement, control
+
+
+def circle():
+    path = contours.circle(2e-3)
+    return references.along(path, feed_laws.constant_feed(path, 0.02, DT), DT, 1, at_rest=False)
+
+
+def stick_slip(reference, substeps: int = 50) -> np.ndarray:
+    """The same loop in fine steps; friction is what stops a slide, within its force."""
+    position = np.asarray(reference.position)
+    speed = np.diff(position, axis=0) / DT
+    push = np.diff(speed, axis=0) / DT / GAIN
+    y, v, before, found = position[0].copy(), speed[0].copy(), position[0], []
+    for k in range(reference.steps):
+        found.append(y.copy())
+        u = 2e4 * (position[k] - y) + 250 * (speed[k] - (y - before) / DT)
+        u, before, h = u + (push[k] if k < len(push) else 0.0), y.copy(), DT / substeps
+        for _ in range(substeps):
+            needed = (v + GAIN * h * u) / (GAIN * h)
+            v = v + GAIN * h * (u - np.clip(needed, -FORCE, FORCE))
+            y = y + h * v
+    return np.array(found)
+
+
+def test_errors_on_a_circle_are_those_of_sticking_and_slipping():
+    reference = circle()
+    run = simulate(Encoders(rubbed(2)), Feedback(), reference)
+    exact = stick_slip(reference)
+    target = np.asarray(reference.position)[: reference.steps]
+    ours, theirs = np.asarray(run.output) - target, exact - target
+    settled = slice(reference.steps // 8, None)
+    peak = np.abs(theirs[settled]).max()
+    assert np.abs(ours[settled] - theirs[settled]).max() < 0.25 * peak
+    sizes = [np.sqrt(np.mean(error[settled] ** 2)) for error in (ours, theirs)]
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.1)
+    free = np.asarray(simulate(Encoders(slides(2)), Feedback(), reference).output) - target
+    assert np.abs(free[settled]).max() < 0.5 * peak
+
+
+def test_a_run_has_a_slope_by_its_friction():
+    plant, reference = rubbed(2), circle()
+
+    def error(share):
+        rough = eqx.tree_at(lambda one: one.entry, plant, share * plant.entry)
+        run = simulate(Encoders(rough), Feedback(), reference)
+        return jnp.sqrt(jnp.mean((run.output - reference.position[: reference.steps]) ** 2))
+
+    both = jax.jit(jax.vmap(jax.value_and_grad(error)))(np.array([1.0, 1.001, 0.999]))
+    (_, ahead, behind), (slope, *_) = np.asarray(both)
+    assert slope == pytest.approx((ahead - behind) / 2e-3, rel=1e-2)
+
+
+def test_a_negative_force_is_refused():
+    plant = slides()
+    with pytest.raises(ValueError, match="coulomb"):
+        with_dry_friction(plant, np.asarray(plant.B), np.array([-1.0]))
+
+
+def test_a_position_loop_with_friction_is_the_play_of_its_command():
+    """Against the cascade k_v (k_p (u - x) - v) on a mass with Coulomb friction, in fine steps."""
+    kp, kv, mass, friction, substeps = 50.0, 3e4, 30.0, 60.0, 40
+    time = DT * np.arange(1500)
+    command = 1e-3 * np.sin(2 * np.pi * 1.5 * np.minimum(time, 7 / 6))  # ends at an extreme
+    x, v, exact, h = 0.0, 0.0, [], DT / substeps
+    for wanted in command:
+        exact.append(x)
+        for _ in range(substeps):
+            needed = v * mass / h + kv * (kp * (wanted - x) - v)
+            v += h / mass * (kv * (kp * (wanted - x) - v) - np.clip(needed, -friction, friction))
+            x += h * v
+    pole = np.exp(-kp * DT)
+    servo = LinearPlant([[pole]], [[1 - pole]], [[1.0]], DT)
+    stuck = with_dry_friction(servo, np.asarray(servo.B), np.array([friction / (kv * kp)]))
+    assert isinstance(stuck, LostMotion)
+
+    def one(state, control):
+        return stuck.step(state, control[None]), stuck.output(state)[0]
+
+    start = stuck.initial_state(jnp.zeros(1), jnp.zeros(1))
+    _, ours = jax.lax.scan(one, start, jnp.asarray(command))
+    assert np.abs(np.asarray(ours) - exact).max() < 0.3 * friction / (kv * kp)
+    assert float(ours[-1]) == pytest.approx(exact[-1], abs=0.15 * friction / (kv * kp))
+    off = abs(exact[-1] - command[-1])  # it sticks away from its command
+    assert off > 0.5 * friction / (kv * kp)
