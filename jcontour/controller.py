@@ -1,7 +1,7 @@
 """The contract of a controller: a plan made from the future, a memory and a step."""
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -68,7 +68,10 @@ class Controller(eqx.Module):
 
 
 class Wrapper(Controller):
-    """A controller around another one: it changes what goes into it or what comes out of it."""
+    """A controller around another one: it changes what goes into it or what comes out of it.
+
+    It implements all of `Controller`, so that each wrapper states its one difference.
+    """
 
     controller: eqx.AbstractVar[Controller]
 
@@ -80,6 +83,16 @@ class Wrapper(Controller):
     def prepare(self, reference: Reference) -> Plan:
         """Plan of the wrapped controller."""
         return self.controller.prepare(reference)
+
+    def initial_memory(self, reference: Reference) -> Memory:
+        """Memory of the wrapped controller."""
+        return self.controller.initial_memory(reference)
+
+    def step(
+        self, memory: Memory, plan: Plan, measurement: Any
+    ) -> tuple[Memory, Float[Array, " p"]]:
+        """Step of the wrapped controller."""
+        return self.controller.step(memory, plan, measurement)
 
     def without_planned_limits(self) -> Controller:
         """Wrapper around the controller without them."""
@@ -131,6 +144,11 @@ def checked_period(dt: float) -> float:
     return float(dt)
 
 
+def numbers(value) -> Any:
+    """Converter of a field: one number, or an array of them, as floats; none stays none."""
+    return None if value is None else jnp.asarray(value, float)
+
+
 def checked_gain(name: str, value) -> Array:
     """The gain as an array.
 
@@ -139,7 +157,17 @@ def checked_gain(name: str, value) -> Array:
     """
     if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) >= 0)):
         raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
-    return jnp.asarray(value, float)
+    return numbers(value)
+
+
+def check_gains(module: eqx.Module, *names: str, above_zero: Sequence[str] = ()) -> None:
+    """Raise ValueError unless fields are finite and at least zero, and others above zero."""
+    for name in names:
+        checked_gain(name, getattr(module, name))
+    for name in above_zero:
+        value = getattr(module, name)
+        if is_concrete(value) and not np.all(np.asarray(value) > 0):
+            raise ValueError(f"{name}: needs to be above zero, received {value}")
 
 
 def check_limit(limit) -> None:

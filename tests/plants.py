@@ -14,6 +14,7 @@ from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
+from jcontour.plants.linear_machines import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.plants.xy_table import FrictionXYTable
 
 SAMPLE = 1e-3  # [s] of the thesis's controllers

@@ -30,7 +30,9 @@ from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.plants.actuation import (
     Backlash,
     Disturbed,
+    Gained,
     LostMotion,
+    Saturated,
     WithDryFriction,
     with_dry_friction,
 )

@@ -62,7 +62,6 @@ class Gained(Remembering):
         return self.plant.initial_state(position, increment), bits
 
     def step(self, state, control) -> State:
-        """Step of the wrapped plant under the control that acts."""
         inner, bits = state
         held = lax.bitcast_convert_type(bits, control.dtype)
         return self.plant.step(inner, held + self.gains * (control - held)), bits
@@ -119,13 +118,11 @@ class Backlash(Remembering):
         return self.plant.initial_state(ahead, increment), jnp.asarray(position, float)
 
     def step(self, state, control) -> tuple:
-        """Step of the plant, and of the tool that it pushes."""
         inner = self.plant.step(state[0], control)
         motor = self.plant.output(inner)
         return inner, jnp.clip(state[1], motor - self.gap / 2, motor + self.gap / 2)
 
     def output(self, state) -> Float[Array, " m"]:
-        """The tool [m]."""
         return state[1]
 
 
@@ -240,7 +237,6 @@ class Disturbed(Remembering):
     noise: Float[Array, "S q"] | None = None
 
     def initial_state(self, position, increment) -> State:
-        """State of the wrapped plant, and the counter at zero."""
         return self.plant.initial_state(position, increment), jnp.zeros((), int)
 
     def step(self, state, control) -> State:
@@ -251,7 +247,6 @@ class Disturbed(Remembering):
         return self.plant.step(inner, control), k + 1
 
     def measure(self, state) -> Any:
-        """Measurement of the wrapped plant, plus noise."""
         measurement = self.plant.measure(state[0])
         if self.noise is None:
             return measurement

@@ -263,7 +263,6 @@ class TwoLinkArm(Plant):
         return state
 
     def output(self, state: tuple[Angles, Angles]) -> Angles:
-        """Tool [m]."""
         return self.tool(state[0])
 
     def tool(self, angle: Angles) -> Angles:

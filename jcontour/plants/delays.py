@@ -83,7 +83,6 @@ class _LateControl(Remembering):
         return self.plant.initial_state(position, increment), line
 
     def step(self, state, control) -> State:
-        """Step of the wrapped plant under the control that acts; the line moves on."""
         inner, line = state
         after = self.plant.step(inner, self.acting(line, control))
         return after, jnp.concatenate([control[None], line])[:-1]

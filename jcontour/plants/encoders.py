@@ -24,7 +24,6 @@ class Encoders(Wrapper):
     """A plant measured by its outputs, without counts: the smooth twin of `Quantised`."""
 
     def measure(self, state) -> Float[Array, " m"]:
-        """Outputs y [m]."""
         return self.plant.output(state)
 
 
@@ -37,7 +36,6 @@ class Sensed(Wrapper):
     sensors: Callable[[Any], PyTree[Array]]
 
     def measure(self, state) -> PyTree[Array]:
-        """sensors(measurement)."""
         return self.sensors(self.plant.measure(state))
 
 

@@ -156,13 +156,11 @@ class FrictionXYTable(Plant):
         self.load = jnp.stack([jnp.zeros_like(loads), loads], axis=1).reshape(-1)
 
     def initial_state(self, position, increment) -> Float[Array, " n"]:
-        """State without twist, at rest or at a steady speed."""
         pitch = jnp.diagonal(self.C[:, 2::4])
         angle, speed = jnp.asarray(position) / pitch, jnp.asarray(increment) / self.dt / pitch
         return jnp.stack([angle, speed, angle, speed], axis=-1).reshape(-1)
 
     def step(self, state, control) -> Float[Array, " n"]:
-        """State after exact substeps of the linear part under held current and friction torque."""
         pushed = self.B @ control - self.T @ self.load
 
         def substep(_, x):
@@ -171,7 +169,6 @@ class FrictionXYTable(Plant):
         return jax.lax.fori_loop(0, self.substeps, substep, state)
 
     def output(self, state) -> Float[Array, " m"]:
-        """Tool point [m]."""
         return self.C @ state
 
 

@@ -12,12 +12,16 @@ where it is not given: the mean of points that are evenly spread along it.
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from jcontour._tracing import is_concrete
-from jcontour.controller import checked_gain
+from jcontour.controller import (
+    check_gains,
+    numbers,
+)
 from jcontour.controllers.contouring.schemes import OnPath, PathPlan
 from jcontour.controllers.feedback.cascade import Cascade
 from jcontour.motion.references import Reference
@@ -54,20 +58,12 @@ class Polar(OnPath):
     """
 
     cascade: Cascade
-    radial: Float[Array, ""]
-    integral: Float[Array, ""]
-    centre: Float[Array, " 2"] | None
+    radial: Float[Array, ""] = eqx.field(converter=numbers)
+    integral: Float[Array, ""] = eqx.field(converter=numbers, default=0.0)
+    centre: Float[Array, " 2"] | None = eqx.field(converter=numbers, default=None)
 
-    def __init__(
-        self,
-        cascade: Cascade,
-        radial: ArrayLike,
-        integral: ArrayLike = 0.0,
-        centre: Float[ArrayLike, " 2"] | None = None,
-    ):
-        self.cascade, self.centre = cascade, None if centre is None else jnp.asarray(centre, float)
-        self.radial = checked_gain("radial", radial)
-        self.integral = checked_gain("integral", integral)
+    def __check_init__(self):
+        check_gains(self, "radial", "integral")
 
     def prepare(self, reference: Reference) -> PolarPlan:
         """Commands, frames and slopes of all steps.
@@ -97,13 +93,11 @@ class Polar(OnPath):
         return PolarPlan(path.command, path.frame, around_it, slope)
 
     def initial_memory(self, reference: Reference) -> PolarMemory:
-        """Integrators of the cascade, and no radial error yet."""
         return PolarMemory(self.cascade.initial_memory(reference), jnp.zeros(()))
 
     def step(
         self, memory: PolarMemory, plan: PolarPlan, measurement
     ) -> tuple[PolarMemory, Float[Array, " 2"]]:
-        """Next memory and the control."""
         command, cascade = plan.command, self.cascade
         position, velocity = cascade.sensors.read(measurement)
         arm, wanted = position - plan.centre, command.position - plan.centre

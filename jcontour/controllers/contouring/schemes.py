@@ -45,7 +45,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, checked_gain
+from jcontour.controller import (
+    Controller,
+    check_gains,
+    numbers,
+)
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.motion.references import Reference
 
@@ -88,7 +92,6 @@ class OnPath(Controller):
 
     @property
     def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Samples of the future that the cascade needs."""
         return self.cascade.preview
 
     def prepare(self, reference: Reference) -> PathPlan:
@@ -118,19 +121,17 @@ class CommandShaped(OnPath):
     """
 
     cascade: Cascade
-    gain: Float[Array, ""]
+    gain: Float[Array, ""] = eqx.field(converter=numbers)
 
-    def __init__(self, cascade: Cascade, gain):
-        self.cascade, self.gain = cascade, checked_gain("gain", gain)
+    def __check_init__(self):
+        check_gains(self, "gain")
 
     def initial_memory(self, reference: Reference) -> Float[Array, " 2"]:
-        """Integrators of the cascade at zero."""
         return self.cascade.initial_memory(reference)
 
     def step(
         self, memory, plan: PathPlan, measurement
     ) -> tuple[Float[Array, " 2"], Float[Array, " 2"]]:
-        """Next integrators and the control."""
         command, frame = plan.command, plan.frame
         position, _ = self.cascade.sensors.read(measurement)
         error = frame.contour_error(command.position - position)
@@ -160,20 +161,18 @@ class Precompensated(OnPath):
     """
 
     cascade: Cascade
-    gain: Float[Array, ""]
+    gain: Float[Array, ""] = eqx.field(converter=numbers)
 
-    def __init__(self, cascade: Cascade, gain):
-        self.cascade, self.gain = cascade, checked_gain("gain", gain)
+    def __check_init__(self):
+        check_gains(self, "gain")
 
     def initial_memory(self, reference: Reference) -> PrecompensationMemory:
-        """Integrators and offset at zero."""
         zero = jnp.zeros((), reference.position.dtype)
         return PrecompensationMemory(self.cascade.initial_memory(reference), zero)
 
     def step(
         self, memory: PrecompensationMemory, plan: PathPlan, measurement
     ) -> tuple[PrecompensationMemory, Float[Array, " 2"]]:
-        """Next memory and the control; the offset is updated before it is used."""
         command, frame = plan.command, plan.frame
         position, _ = self.cascade.sensors.read(measurement)
         rate = self.gain * frame.contour_error(command.position - position)
@@ -199,13 +198,11 @@ class TaskFrame(OnPath):
     cascade: Cascade
 
     def initial_memory(self, reference: Reference) -> Float[Array, " 2"]:
-        """Integrators of the cascade at zero."""
         return self.cascade.initial_memory(reference)
 
     def step(
         self, memory, plan: PathPlan, measurement
     ) -> tuple[Float[Array, " 2"], Float[Array, " 2"]]:
-        """Next integrators and the control, both within the limit."""
         position, velocity = self.cascade.sensors.read(measurement)
         gains, frame = self.cascade.gains, jnp.stack([plan.frame.tangent, plan.frame.normal])
         error = frame @ (plan.command.position - position)
@@ -231,14 +228,12 @@ class CrossGains(eqx.Module):
         ValueError: a gain is negative or not finite.
     """
 
-    proportional: Float[Array, ""]
-    integral: Float[Array, ""]
-    derivative: Float[Array, ""]
+    proportional: Float[Array, ""] = eqx.field(converter=numbers)
+    integral: Float[Array, ""] = eqx.field(converter=numbers, default=0.0)
+    derivative: Float[Array, ""] = eqx.field(converter=numbers, default=0.0)
 
-    def __init__(self, proportional, integral=0.0, derivative=0.0):
-        self.proportional = checked_gain("proportional", proportional)
-        self.integral = checked_gain("integral", integral)
-        self.derivative = checked_gain("derivative", derivative)
+    def __check_init__(self):
+        check_gains(self, "proportional", "integral", "derivative")
 
 
 class Coupling(eqx.Module):
@@ -292,12 +287,10 @@ class CrossCoupled(OnPath):
     coupling: Coupling
 
     def initial_memory(self, reference: Reference) -> CrossMemory:
-        """Integrators and contour error at zero."""
         zero = jnp.zeros((), reference.position.dtype)
         return CrossMemory(self.cascade.initial_memory(reference), zero, zero)
 
     def step(self, memory: CrossMemory, plan: PathPlan, measurement) -> tuple[CrossMemory, Axes]:
-        """Next memory and the control."""
         position, velocity = self.cascade.sensors.read(measurement)
         error = plan.command.position - position
         K, C = self.coupling.vectors(plan.frame, error)

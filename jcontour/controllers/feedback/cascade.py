@@ -28,14 +28,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour._tracing import is_concrete
 from jcontour.controller import (
     Controller,
     check_axes,
+    check_gains,
     check_limit,
     check_period,
-    checked_gain,
     checked_period,
+    numbers,
 )
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
@@ -62,37 +62,17 @@ class CascadeGains(eqx.Module):
         ValueError: a gain is not finite or negative, or the integral time is not above zero.
     """
 
-    position: PerAxis
-    velocity: PerAxis
-    integral_time: PerAxis
-    feedforward: PerAxis
-    inertia: PerAxis
-    viscous: PerAxis
-    coulomb: PerAxis
+    position: PerAxis = eqx.field(converter=numbers)
+    velocity: PerAxis = eqx.field(converter=numbers)
+    integral_time: PerAxis = eqx.field(converter=numbers)
+    feedforward: PerAxis = eqx.field(converter=numbers, default=0.0)
+    inertia: PerAxis = eqx.field(converter=numbers, default=0.0)
+    viscous: PerAxis = eqx.field(converter=numbers, default=0.0)
+    coulomb: PerAxis = eqx.field(converter=numbers, default=0.0)
 
-    def __init__(
-        self,
-        position,
-        velocity,
-        integral_time,
-        feedforward: ArrayLike = 0.0,
-        inertia: ArrayLike = 0.0,
-        viscous: ArrayLike = 0.0,
-        coulomb: ArrayLike = 0.0,
-    ):
-        named = {
-            "position": position,
-            "velocity": velocity,
-            "integral_time": integral_time,
-            "feedforward": feedforward,
-            "inertia": inertia,
-            "viscous": viscous,
-            "coulomb": coulomb,
-        }
-        for name, value in named.items():
-            setattr(self, name, checked_gain(name, value))
-        if is_concrete(integral_time) and not np.all(np.asarray(integral_time) > 0):
-            raise ValueError(f"integral_time: needs to be above zero, received {integral_time}")
+    def __check_init__(self):
+        check_gains(self, "position", "velocity", "feedforward", "inertia", "viscous", "coulomb")
+        check_gains(self, "integral_time", above_zero=("integral_time",))
 
 
 class CascadePlan(eqx.Module):
@@ -128,27 +108,17 @@ class Cascade(Controller):
 
     gains: CascadeGains
     sensors: Sensors
-    limit: PerAxis
-    holding: PerAxis
-    dt: float = eqx.field(static=True)
-    preview: int = eqx.field(static=True, default=1)
+    dt: float = eqx.field(static=True, converter=checked_period)
+    limit: PerAxis = eqx.field(converter=numbers, default=np.inf)
+    holding: PerAxis = eqx.field(converter=numbers, default=0.0)
+    preview: int = eqx.field(static=True, init=False, default=1)
 
-    def __init__(
-        self,
-        gains: CascadeGains,
-        sensors: Sensors,
-        dt: float,
-        limit: ArrayLike = np.inf,
-        holding: ArrayLike = 0.0,
-    ):
-        check_limit(limit)
-        if not sensors.velocity:
+    def __check_init__(self):
+        check_limit(self.limit)
+        if not self.sensors.velocity:
             raise ValueError(
                 "sensors: the velocity loop needs the velocities measured, received positions only"
             )
-        self.gains, self.sensors, self.dt = gains, sensors, checked_period(dt)
-        self.limit, self.holding = jnp.asarray(limit, float), jnp.asarray(holding, float)
-        self.preview = 1
 
     def prepare(self, reference: Reference) -> CascadePlan:
         """Positions, velocities by the next difference, and the feedforward of the control.
@@ -174,7 +144,6 @@ class Cascade(Controller):
         return jnp.clip(self.holding * reference.position[0], -self.limit, self.limit)
 
     def step(self, memory: Axes, plan: CascadePlan, measurement) -> tuple[Axes, Axes]:
-        """Next integrators and the control, both within the limit."""
         position, velocity = self.sensors.read(measurement)
         return self.drive(memory, self.speed_command(plan, position) - velocity, plan.control)
 
@@ -225,28 +194,16 @@ class PositionLoop(Controller):
         ValueError: a gain is not finite or negative, or `dt` is not above zero.
     """
 
-    position: PerAxis
-    viscous: PerAxis
-    inertia: PerAxis
-    level: PerAxis
+    position: PerAxis = eqx.field(converter=numbers)
+    viscous: PerAxis = eqx.field(converter=numbers)
+    inertia: PerAxis = eqx.field(converter=numbers)
     sensors: Sensors
-    dt: float = eqx.field(static=True)
-    preview: int = eqx.field(static=True, default=1)
+    dt: float = eqx.field(static=True, converter=checked_period)
+    level: PerAxis = eqx.field(converter=numbers, default=0.0)
+    preview: int = eqx.field(static=True, init=False, default=1)
 
-    def __init__(
-        self,
-        position: ArrayLike,
-        viscous: ArrayLike,
-        inertia: ArrayLike,
-        sensors: Sensors,
-        dt: float,
-        level: ArrayLike = 0.0,
-    ):
-        self.position = checked_gain("position", position)
-        self.viscous = checked_gain("viscous", viscous)
-        self.inertia = checked_gain("inertia", inertia)
-        self.level = checked_gain("level", level)
-        self.sensors, self.dt, self.preview = sensors, checked_period(dt), 1
+    def __check_init__(self):
+        check_gains(self, "position", "viscous", "inertia", "level")
 
     def prepare(self, reference: Reference) -> PositionLoopPlan:
         """Positions, and the feedforward of the control.
@@ -268,12 +225,10 @@ class PositionLoop(Controller):
         return PositionLoopPlan(position, control)
 
     def initial_memory(self, reference: Reference) -> None:
-        """None: the law keeps nothing."""
         return None
 
     def step(
         self, memory: None, plan: PositionLoopPlan, measurement: Array
     ) -> tuple[None, Float[Array, " m"]]:
-        """Control of the sample."""
         error = plan.position - self.sensors.positions(measurement)
         return None, self.viscous * self.position * error + plan.control

@@ -206,7 +206,6 @@ class Governor(Controller):
     def step(
         self, memory: Place, plan: Place, measurement: Float[Array, " n"]
     ) -> tuple[Place, Float[Array, " p"]]:
-        """Next command, and the control of the loop."""
         command = self.governed(measurement, memory, plan)
         return command, self.loop.control(measurement, command)
 

@@ -30,7 +30,11 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import Controller, check_limit
+from jcontour.controller import (
+    Controller,
+    check_limit,
+    numbers,
+)
 from jcontour.controllers.feedback.state_feedback import TargetPlan, accelerated_targets
 from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.motion.references import Reference
@@ -243,27 +247,15 @@ class HInfinityFeedback(Controller):
     """
 
     model: LinearPlant
-    read: Float[Array, "q r"]
-    measured: Float[Array, "q n"]
+    read: Float[Array, "q r"] = eqx.field(converter=numbers)
+    measured: Float[Array, "q n"] = eqx.field(converter=numbers)
     law: Central
-    gain: Float[Array, ""]
-    limit: Float[Array, "*p"]
-    preview: int = eqx.field(static=True, default=2)  # the acceleration needs r(k+2)
+    gain: Float[Array, ""] = eqx.field(converter=numbers)
+    limit: Float[Array, "*p"] = eqx.field(converter=numbers, default=np.inf)
+    preview: int = eqx.field(static=True, init=False, default=2)  # the acceleration needs r(k+2)
 
-    def __init__(
-        self,
-        model: LinearPlant,
-        read: Float[ArrayLike, "q r"],
-        measured: Float[ArrayLike, "q n"],
-        law: Central,
-        gain: float,
-        limit: ArrayLike = np.inf,
-    ):
-        check_limit(limit)
-        self.model, self.law, self.preview = model, law, 2
-        self.gain = jnp.asarray(gain, float)
-        self.read, self.measured = jnp.asarray(read, float), jnp.asarray(measured, float)
-        self.limit = jnp.asarray(limit, float)
+    def __check_init__(self):
+        check_limit(self.limit)
 
     def prepare(self, reference: Reference) -> TargetPlan:
         """Measurements C x_d and controls u_d of the motion at every step."""
@@ -271,13 +263,11 @@ class HInfinityFeedback(Controller):
         return TargetPlan(plan.state @ self.measured.T, plan.control)
 
     def initial_memory(self, reference: Reference) -> Float[Array, " n"]:
-        """State of the law: the machine starts as the reference says."""
         return jnp.zeros(self.law.A.shape[0], self.law.A.dtype)
 
     def step(
         self, memory: Float[Array, " n"], plan: TargetPlan, measurement
     ) -> tuple[Float[Array, " n"], Float[Array, " p"]]:
-        """Next state of the law and the control within its limit."""
         law, off = self.law, self.read @ row(measurement) - plan.state
         innovation = off - law.C @ memory
         free = (law.F @ memory + law.D @ innovation) / self.gain

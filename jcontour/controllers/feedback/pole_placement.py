@@ -34,7 +34,12 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, Num
 
 from jcontour._arrays import ranked
 from jcontour._tracing import is_concrete
-from jcontour.controller import Controller, check_axes, checked_gain
+from jcontour.controller import (
+    Controller,
+    check_axes,
+    check_gains,
+    numbers,
+)
 from jcontour.linear.plant import Axis, LinearPlant, decoupled_axes
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
@@ -169,41 +174,30 @@ class SelfTuning(Controller):
             zero, the factor is not above zero and at most one, or `growth` is below one.
     """
 
-    position: Float[Array, ""]
-    rate: Float[Array, ""]
-    gain: Float[Array, ""]
-    variance: Float[Array, ""]
-    forgetting: Float[Array, ""]
-    least: Float[Array, ""]
-    growth: Float[Array, ""]
+    position: Float[Array, ""] = eqx.field(converter=numbers)
+    rate: Float[Array, ""] = eqx.field(converter=numbers)
     sensors: Sensors
-    preview: int = eqx.field(static=True, default=0)
+    gain: Float[Array, ""] = eqx.field(converter=numbers)
+    # hardly anything is known at first, for controls about one
+    variance: Float[Array, ""] = eqx.field(converter=numbers, default=1e4)
+    # of the last twenty samples
+    forgetting: Float[Array, ""] = eqx.field(converter=numbers, default=0.95)
+    # a wrong sample makes no control more than ten times as large
+    least: Float[Array, ""] = eqx.field(converter=numbers, default=0.1)
+    growth: Float[Array, ""] = eqx.field(
+        converter=numbers, default=100.0
+    )  # without excitation P would grow for ever
+    preview: int = eqx.field(static=True, init=False, default=0)
 
-    def __init__(
-        self,
-        position: ArrayLike,
-        rate: ArrayLike,
-        sensors: Sensors,
-        gain: ArrayLike,
-        variance: ArrayLike = 1e4,  # hardly anything is known at first, for controls about one
-        forgetting: ArrayLike = 0.95,  # of the last twenty samples
-        least: ArrayLike = 0.1,  # a wrong sample makes no control more than ten times as large
-        growth: ArrayLike = 100.0,  # without excitation P would grow for ever
-    ):
-        self.position, self.rate = checked_gain("position", position), checked_gain("rate", rate)
-        self.gain, self.variance = checked_gain("gain", gain), checked_gain("variance", variance)
-        self.least, self.growth = checked_gain("least", least), checked_gain("growth", growth)
-        for name, value in (("gain", gain), ("least", least)):
-            if is_concrete(value) and not np.asarray(value) > 0:
-                raise ValueError(f"{name}: needs to be above zero, received {value}")
-        if is_concrete(growth) and not np.asarray(growth) >= 1:
-            raise ValueError(f"growth: needs to be at least one, received {growth}")
-        if is_concrete(forgetting) and not 0 < np.asarray(forgetting) <= 1:
+    def __check_init__(self):
+        check_gains(self, "position", "rate", "variance", "growth")
+        check_gains(self, "gain", "least", above_zero=("gain", "least"))
+        if is_concrete(self.growth) and not self.growth >= 1:
+            raise ValueError(f"growth: needs to be at least one, received {self.growth}")
+        if is_concrete(self.forgetting) and not 0 < self.forgetting <= 1:
             raise ValueError(
-                f"forgetting: needs to be above zero and at most one, received {forgetting}"
+                f"forgetting: needs to be above zero and at most one, received {self.forgetting}"
             )
-        self.forgetting, self.sensors = jnp.asarray(forgetting, float), sensors
-        self.preview = 0
 
     def prepare(self, reference: Reference) -> Float[Array, "T m"]:
         """Positions of the reference.
@@ -215,7 +209,6 @@ class SelfTuning(Controller):
         return reference.position[: reference.steps]
 
     def initial_memory(self, reference: Reference) -> Estimate:
-        """Nothing seen and no control yet."""
         axes = self.sensors.axes
         past = jnp.zeros((2, axes), reference.position.dtype)
         known = (jnp.full(axes, self.gain), jnp.full(axes, self.variance))

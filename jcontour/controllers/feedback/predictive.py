@@ -133,7 +133,6 @@ class PredictiveCascade(Controller):
         return PredictivePlan(self.cascade.prepare(reference), wanted)
 
     def initial_memory(self, reference: Reference) -> Past:
-        """The machine has moved as the reference says."""
         speed = reference.start_increment / self.cascade.dt
         before = reference.position[0] - reference.start_increment
         state = jnp.stack([before, speed], axis=-1)
@@ -142,7 +141,6 @@ class PredictiveCascade(Controller):
     def step(
         self, memory: Past, plan: PredictivePlan, measurement
     ) -> tuple[Past, Float[Array, " m"]]:
-        """Next memory and the control within its limit."""
         position, velocity = self.cascade.sensors.read(measurement)
         state = jnp.stack([position, velocity], axis=-1)
         known = jnp.concatenate([state - memory.state, position[:, None]], axis=1)
@@ -219,17 +217,14 @@ class PredictiveRepetitive(Controller):
         self.gain = lqr_gain(A, B, dare(A, B, weight, R), R)
 
     def prepare(self, reference: Reference) -> TargetPlan:
-        """Targets of every step."""
         return accelerated_targets(self.model, reference)
 
     def initial_memory(self, reference: Reference) -> Float[Array, " z"]:
-        """Resonators at rest."""
         return jnp.zeros(self.internal.A.shape[0], self.gain.dtype)
 
     def step(
         self, memory: Float[Array, " z"], plan: TargetPlan, measurement: Float[Array, " n"]
     ) -> tuple[Float[Array, " z"], Float[Array, " p"]]:
-        """Next resonators, and the control."""
         off = measurement - plan.state
         control = plan.control - self.gain @ jnp.concatenate([off, memory])
         return self.internal.A @ memory + self.internal.B @ (self.model.C @ off), control

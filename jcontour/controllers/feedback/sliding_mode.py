@@ -43,7 +43,11 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jcontour._tracing import is_concrete
-from jcontour.controller import Controller, checked_gain
+from jcontour.controller import (
+    Controller,
+    check_gains,
+    numbers,
+)
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.controllers.feedback.state_feedback import TargetPlan, moving_target
 from jcontour.linear.plant import LinearPlant
@@ -73,15 +77,12 @@ class BoundaryLayer(Reaching):
         ValueError: a number is negative or not finite, or the width is zero.
     """
 
-    rate: Float[Array, ""]
-    size: Float[Array, ""]
-    width: Float[Array, ""]
+    rate: Float[Array, ""] = eqx.field(converter=numbers)
+    size: Float[Array, ""] = eqx.field(converter=numbers)
+    width: Float[Array, ""] = eqx.field(converter=numbers)
 
-    def __init__(self, rate, size, width):
-        self.rate, self.size = checked_gain("rate", rate), checked_gain("size", size)
-        self.width = checked_gain("width", width)
-        if is_concrete(width) and not width > 0:
-            raise ValueError(f"width: needs to be above zero, received {width}")
+    def __check_init__(self):
+        check_gains(self, "rate", "size", "width", above_zero=("width",))
 
     def next(self, integral: Controls, surface: Controls) -> tuple[Controls, Controls]:
         """No integral."""
@@ -103,11 +104,11 @@ class SuperTwisting(Reaching):
         ValueError: a number is negative or not finite.
     """
 
-    root: Float[Array, ""]
-    twist: Float[Array, ""]
+    root: Float[Array, ""] = eqx.field(converter=numbers)
+    twist: Float[Array, ""] = eqx.field(converter=numbers)
 
-    def __init__(self, root, twist):
-        self.root, self.twist = checked_gain("root", root), checked_gain("twist", twist)
+    def __check_init__(self):
+        check_gains(self, "root", "twist")
 
     def next(self, integral: Controls, surface: Controls) -> tuple[Controls, Controls]:
         """Solution of the quadratic equation for |n|^(1/2)."""
@@ -183,7 +184,6 @@ class SlidingMode(Controller):
     def step(
         self, memory: SlidingMemory, plan: TargetPlan, measurement: Float[Array, " n"]
     ) -> tuple[SlidingMemory, Controls]:
-        """Next memory and the control."""
         S, A, B = self.surface, self.model.A, self.model.B
         error = measurement - plan.state
         sigma = S @ error + memory.gathered
@@ -246,7 +246,6 @@ class DynamicSurface(Controller):
         return reference.start_increment / self.cascade.dt
 
     def step(self, memory: Axes, plan: CascadePlan, measurement) -> tuple[Axes, Axes]:
-        """Next filtered speed, and the control within its limit."""
         gains, cascade = self.cascade.gains, self.cascade
         position, velocity = cascade.sensors.read(measurement)
         wanted = plan.velocity + gains.position * (plan.position - position)
@@ -288,15 +287,13 @@ class AdaptiveRobust(Controller):
     """
 
     cascade: Cascade
-    adaptation: Float[Array, ""]
-    share: Float[Array, ""]
-    load: Float[Array, ""]
-    preview: int = eqx.field(static=True, default=1)
+    adaptation: Float[Array, ""] = eqx.field(converter=numbers)
+    share: Float[Array, ""] = eqx.field(converter=numbers)
+    load: Float[Array, ""] = eqx.field(converter=numbers)
+    preview: int = eqx.field(static=True, init=False, default=1)
 
-    def __init__(self, cascade: Cascade, adaptation: ArrayLike, share: ArrayLike, load: ArrayLike):
-        self.cascade, self.preview = cascade, 1
-        self.adaptation = checked_gain("adaptation", adaptation)
-        self.share, self.load = checked_gain("share", share), checked_gain("load", load)
+    def __check_init__(self):
+        check_gains(self, "adaptation", "share", "load")
 
     def prepare(self, reference: Reference) -> RobustPlan:
         """Commands, and accelerations, speeds and their signs."""
@@ -321,7 +318,6 @@ class AdaptiveRobust(Controller):
     def step(
         self, memory: Float[Array, "m 4"], plan: RobustPlan, measurement
     ) -> tuple[Float[Array, "m 4"], Axes]:
-        """Next estimates, and the control within its limit."""
         gains, cascade, psi = self.cascade.gains, self.cascade, plan.regressors
         position, velocity = cascade.sensors.read(measurement)
         faster = velocity - plan.command.velocity

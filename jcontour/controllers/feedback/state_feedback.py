@@ -89,7 +89,6 @@ class StateFeedback(Controller):
             raise ValueError("gain: every entry needs to be finite, received NaN or inf")
 
     def prepare(self, reference: Reference) -> TargetPlan:
-        """Targets of every step."""
         steps, target = reference.steps, self.target
         y, later = reference.position[:steps], reference.position[1 : steps + 1]
         dy = later - y
@@ -97,7 +96,6 @@ class StateFeedback(Controller):
         return TargetPlan(state, y @ target.control.T + dy @ target.control_moving.T)
 
     def initial_memory(self, reference: Reference) -> None:
-        """None: the controller has no memory."""
         return None
 
     def step(
@@ -254,11 +252,9 @@ class IntegralLQG(Controller):
 
     @property
     def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Samples of the future that the state feedback needs."""
         return self.feedback.preview
 
     def prepare(self, reference: Reference) -> IntegralPlan:
-        """Targets of every step."""
         plan = self.feedback.prepare(reference)
         position = plan.state @ positions_of(self.sensors, self.measured).T
         return IntegralPlan(plan.state, plan.control, position)
@@ -276,7 +272,6 @@ class IntegralLQG(Controller):
     def step(
         self, memory: IntegralMemory, plan: IntegralPlan, measurement: Any
     ) -> tuple[IntegralMemory, Float[Array, " p"]]:
-        """Correction, control, integration, prediction."""
         innovation = row(measurement) - self.measured @ memory.estimate
         filtered = memory.estimate + self.filter_gain @ innovation
         wanted = plan.control - self.feedback.gain @ (filtered - plan.state) - memory.share

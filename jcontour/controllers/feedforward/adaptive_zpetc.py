@@ -27,7 +27,14 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jcontour._tracing import is_concrete
-from jcontour.controller import Controller, check_axes, check_period, checked_period
+from jcontour.controller import (
+    Controller,
+    check_axes,
+    check_gains,
+    check_period,
+    checked_period,
+    numbers,
+)
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 
@@ -135,37 +142,21 @@ class AdaptiveZeroPhaseTracking(Controller):
     """
 
     laws_not_kept = {"restart": "positions are those from the point at which a run begins"}
-    gain: Float[Array, "*m"]
-    theta: Float[Array, "*m 2"]
+    gain: Float[Array, "*m"] = eqx.field(converter=numbers)
+    theta: Float[Array, "*m 2"] = eqx.field(converter=numbers)
     estimator: NormalisedLeastSquares
     sensors: Sensors
-    smallest: Float[Array, ""]
-    holding: Float[Array, "*m"]
-    dt: float = eqx.field(static=True)
-    preview: int = eqx.field(static=True, default=1)
+    dt: float = eqx.field(static=True, converter=checked_period)
+    # a closed loop of 1 rad/s at 20 ms has b_0 = 0.02
+    smallest: Float[Array, ""] = eqx.field(converter=numbers, default=0.02)
+    holding: Float[Array, "*m"] = eqx.field(converter=numbers, default=0.0)
+    preview: int = eqx.field(static=True, init=False, default=1)
 
-    def __init__(
-        self,
-        gain: ArrayLike,
-        theta,
-        estimator: NormalisedLeastSquares,
-        sensors: Sensors,
-        dt: float,
-        smallest: ArrayLike = 0.02,  # a closed loop of 1 rad/s at 20 ms has b_0 = 0.02
-        holding: ArrayLike = 0.0,
-    ):
-        self.gain, self.theta, self.smallest, self.holding = (
-            jnp.asarray(x, float) for x in (gain, theta, smallest, holding)
-        )
-        for name, value in (("gain", gain), ("smallest", smallest)):
-            if is_concrete(value) and not np.all(np.asarray(value) > 0):
-                raise ValueError(f"{name}: needs to be above zero, received {value}")
-        if is_concrete(self.theta, self.smallest) and not np.all(
-            np.asarray(self.theta)[..., 1] >= np.asarray(self.smallest)
-        ):
+    def __check_init__(self):
+        check_gains(self, above_zero=("gain", "smallest"))
+        theta, smallest = self.theta, self.smallest
+        if is_concrete(theta, smallest) and not np.all(theta[..., 1] >= smallest):
             raise ValueError(f"theta: b_0 needs to be at least {smallest}, received {theta}")
-        self.estimator, self.sensors, self.dt = estimator, sensors, checked_period(dt)
-        self.preview = 1
 
     def prepare(self, reference: Reference) -> _Plan:
         """Desired positions from the start of the run.
@@ -188,7 +179,6 @@ class AdaptiveZeroPhaseTracking(Controller):
     def step(
         self, memory: AdaptiveMemory, plan: _Plan, measurement
     ) -> tuple[AdaptiveMemory, Float[Array, " m"]]:
-        """Learn from the last sample, then invert the model."""
         position = self.sensors.positions(measurement) - plan.start
         estimate = self.estimator.update(memory.estimate, memory.phi, position)
         estimate = estimate._replace(theta=self._invertible(estimate.theta))

@@ -20,15 +20,23 @@ with speed (Stribeck), no cogging, no sample by which the drive is late. That is
 feedback.
 """
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, Plan, Wrapper, check_limit, check_preview, checked_gain
+from jcontour.controller import (
+    Controller,
+    Plan,
+    Wrapper,
+    check_gains,
+    check_limit,
+    check_preview,
+    numbers,
+)
 from jcontour.controllers.feedforward.zpetc import PreviewFilter
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -58,18 +66,10 @@ class InverseFeedforward(Wrapper):
     controller: Controller
     ahead: PreviewFilter
     machine: Plant
-    limit: Float[Array, "*p"]
+    limit: Float[Array, "*p"] = eqx.field(converter=numbers, default=np.inf)
 
-    def __init__(
-        self,
-        controller: Controller,
-        ahead: PreviewFilter,
-        machine: Plant,
-        limit: ArrayLike = np.inf,
-    ):
-        check_limit(limit)
-        self.controller, self.ahead, self.machine = controller, ahead, machine
-        self.limit = jnp.asarray(limit, float)
+    def __check_init__(self):
+        check_limit(self.limit)
 
     @property
     def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -88,14 +88,9 @@ class InverseFeedforward(Wrapper):
         fed_back = self._feedback(reference, inner, nominal)
         return InversePlan(inner, nominal[self.ahead.preview :] - fed_back)
 
-    def initial_memory(self, reference: Reference) -> Any:
-        """Memory of the feedback."""
-        return self.controller.initial_memory(reference)
-
     def step(
         self, memory: Any, plan: InversePlan, measurement: Any
     ) -> tuple[Any, Float[Array, " p"]]:
-        """Next memory, and the control within its limit."""
         memory, control = self.controller.step(memory, plan.inner, measurement)
         return memory, jnp.clip(control + plan.ahead, -self.limit, self.limit)
 
@@ -152,38 +147,25 @@ class FrictionFeedforward(Wrapper):
     """
 
     controller: Controller
-    coulomb: Float[Array, "*p"]
-    limit: Float[Array, "*p"]
+    coulomb: Float[Array, "*p"] = eqx.field(converter=numbers)
+    limit: Float[Array, "*p"] = eqx.field(converter=numbers, default=np.inf)
 
-    def __init__(
-        self,
-        controller: Controller,
-        coulomb: ArrayLike | Sequence[float],
-        limit: ArrayLike | Sequence[float] = np.inf,
-    ):
-        check_limit(limit)
-        self.controller, self.coulomb = controller, checked_gain("coulomb", coulomb)
-        self.limit = jnp.asarray(limit, float)
+    def __check_init__(self):
+        check_limit(self.limit)
+        check_gains(self, "coulomb")
 
     @property
     def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """That of the wrapped controller, at least the next sample."""
         return max(self.controller.preview, 1)
 
     def prepare(self, reference: Reference) -> FrictionPlan:
-        """Plan of the wrapped controller, and the control against friction."""
         steps = reference.steps
         ahead = jnp.diff(reference.position[: steps + 1], axis=0)
         friction = jnp.atleast_1d(self.coulomb)[None] * jnp.sign(ahead)
         return FrictionPlan(self.controller.prepare(reference), friction)
 
-    def initial_memory(self, reference: Reference) -> Any:
-        """Memory of the wrapped controller."""
-        return self.controller.initial_memory(reference)
-
     def step(
         self, memory: Any, plan: FrictionPlan, measurement: Any
     ) -> tuple[Any, Float[Array, " p"]]:
-        """Next memory, and the whole control within its limit."""
         memory, control = self.controller.step(memory, plan.inner, measurement)
         return memory, jnp.clip(control + plan.friction, -self.limit, self.limit)

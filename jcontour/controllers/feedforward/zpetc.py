@@ -31,11 +31,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 from numpy.polynomial import polynomial
 
 from jcontour._tracing import is_concrete
-from jcontour.controller import Controller, check_axes, check_period, checked_period
+from jcontour.controller import (
+    Controller,
+    check_axes,
+    check_gains,
+    check_period,
+    checked_period,
+    numbers,
+)
 from jcontour.linear.transfer_functions import (
     TransferFunction,
     polynomial_from_zeros,
@@ -259,28 +266,16 @@ class ZeroPhaseTracking(Controller):
 
     laws_not_kept = {"restart": "the filter reads samples before the one at which a run begins"}
     ahead: PreviewFilter
-    gain: Float[Array, "*m"]
-    integral_time: Float[Array, "*m"]
+    gain: Float[Array, "*m"] = eqx.field(converter=numbers)
     sensors: Sensors
-    dt: float = eqx.field(static=True)
+    dt: float = eqx.field(static=True, converter=checked_period)
+    integral_time: Float[Array, "*m"] = eqx.field(converter=numbers, default=np.inf)
 
-    def __init__(
-        self,
-        ahead: PreviewFilter,
-        gain: ArrayLike,
-        sensors: Sensors,
-        dt: float,
-        integral_time: ArrayLike = np.inf,
-    ):
-        for name, value in (("gain", gain), ("integral_time", integral_time)):
-            if is_concrete(value) and not np.all(np.asarray(value) > 0):
-                raise ValueError(f"{name}: needs to be above zero, received {value}")
-        self.ahead, self.sensors, self.dt = ahead, sensors, checked_period(dt)
-        self.gain, self.integral_time = (jnp.asarray(x, float) for x in (gain, integral_time))
+    def __check_init__(self):
+        check_gains(self, above_zero=("gain", "integral_time"))
 
     @property
     def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """That of the filter [samples]."""
         return self.ahead.preview
 
     def prepare(self, reference: Reference) -> _Plan:
@@ -295,11 +290,9 @@ class ZeroPhaseTracking(Controller):
         return _Plan(self.ahead.of(reference), reference.position[: reference.steps])
 
     def initial_memory(self, reference: Reference) -> Float[Array, " m"]:
-        """No error yet [m]."""
         return jnp.zeros(reference.position.shape[1], reference.position.dtype)
 
     def step(self, memory, plan: _Plan, measurement) -> tuple[Float[Array, " m"], Array]:
-        """Next sum of errors, and the control."""
         position = self.sensors.positions(measurement)
         total = memory + plan.desired - position
         wanted = plan.filtered + self.dt / self.integral_time * total

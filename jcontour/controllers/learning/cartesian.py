@@ -14,14 +14,15 @@ from typing import Any, Protocol, runtime_checkable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from jcontour.controller import (
     Controller,
     check_axes,
+    check_gains,
     check_period,
-    checked_gain,
     checked_period,
+    numbers,
 )
 from jcontour.controllers.learning.laps import Lap, RunLap
 from jcontour.motion.references import Reference
@@ -65,17 +66,14 @@ class CartesianControl(Controller):
     """
 
     arm: Arm
-    stiffness: Float[Array, ""]
-    damping: Float[Array, ""]
-    force: Float[Array, "T 2"]
-    dt: float = eqx.field(static=True)
-    preview: int = eqx.field(static=True, default=1)
+    stiffness: Float[Array, ""] = eqx.field(converter=numbers)
+    damping: Float[Array, ""] = eqx.field(converter=numbers)
+    force: Float[Array, "T 2"] = eqx.field(converter=jnp.asarray)
+    dt: float = eqx.field(static=True, converter=checked_period)
+    preview: int = eqx.field(static=True, init=False, default=1)
 
-    def __init__(self, arm: Arm, stiffness: ArrayLike, damping: ArrayLike, force, dt: float):
-        self.arm, self.force = arm, jnp.asarray(force)
-        self.stiffness = checked_gain("stiffness", stiffness)
-        self.damping = checked_gain("damping", damping)
-        self.dt, self.preview = checked_period(dt), 1
+    def __check_init__(self):
+        check_gains(self, "stiffness", "damping")
 
     def prepare(self, reference: Reference) -> Wanted:
         """Positions, speeds by differences about each sample, and the force.
@@ -94,11 +92,9 @@ class CartesianControl(Controller):
         return Wanted(reference.position[:steps], speed, self.force)
 
     def initial_memory(self, reference: Reference) -> None:
-        """Nothing is remembered within a cycle."""
         return None
 
     def step(self, memory: None, plan: Wanted, measurement) -> tuple[None, Float[Array, "2"]]:
-        """Torques of the joints."""
         force = self.feedback(plan, measurement) + plan.force
         return None, self.arm.jacobian(measurement[0]).T @ force
 

@@ -103,14 +103,6 @@ class Learned(Wrapper):
         moved = eqx.tree_at(lambda r: r.position, reference, reference.position + shift)
         return self.controller.prepare(moved)
 
-    def initial_memory(self, reference: Reference) -> Any:
-        """Memory of the wrapped controller: the machine starts where the reference does."""
-        return self.controller.initial_memory(reference)
-
-    def step(self, memory: Any, plan: Any, measurement: Any) -> tuple[Any, Float[Array, " p"]]:
-        """Step of the wrapped controller."""
-        return self.controller.step(memory, plan, measurement)
-
 
 # (correction, number of the lap) -> the lap
 RunLap = Callable[[Float[Array, "T m"], Int[Array, ""]], Lap]

@@ -71,7 +71,6 @@ class ErrorDriven(Wrapper):
         return ErrorDrivenPlan(self.controller.prepare(reference), wanted)
 
     def initial_memory(self, reference: Reference) -> ErrorDrivenMemory:
-        """Nothing learned yet."""
         inner = self.controller.initial_memory(reference)
         return ErrorDrivenMemory(self.untaught(self.sensors.axes), inner)
 
@@ -193,7 +192,6 @@ class Repetitive(ErrorDriven):
     def step(
         self, memory: ErrorDrivenMemory, plan: ErrorDrivenPlan, measurement: Any
     ) -> tuple[ErrorDrivenMemory, Float[Array, " p"]]:
-        """Step of the wrapped controller, which sees the positions less the correction."""
         correction = self.filter.correction(memory.learned)
         seen = self.filter.seen(memory.learned, correction, self.error(plan, measurement))
         shifted = moved_positions(measurement, self.sensors, -correction)
@@ -269,7 +267,6 @@ class Canceller(eqx.Module):
         return Waves(nothing, nothing, jnp.zeros((), int))
 
     def step(self, memory: Waves, error: Float[Array, " m"]) -> tuple[Waves, Float[Array, " m"]]:
-        """Next coefficients, and what is added to the control."""
         turn = self.frequency * memory.sample.astype(error.dtype)
         seen = turn + self.phase
         share = self.gain * error[:, None]
@@ -308,7 +305,6 @@ class RunoutCancelled(ErrorDriven):
     def step(
         self, memory: ErrorDrivenMemory, plan: ErrorDrivenPlan, measurement: Any
     ) -> tuple[ErrorDrivenMemory, Float[Array, " p"]]:
-        """Control of the wrapped controller, and the sinusoids."""
         waves, added = self.canceller.step(memory.learned, self.error(plan, measurement))
         inner, control = self.controller.step(memory.inner, plan.inner, measurement)
         return ErrorDrivenMemory(waves, inner), control + added

@@ -49,7 +49,6 @@ class PlannedFeedback(Controller):
     follows_its_plan: ClassVar[bool] = True  # a kernel may compute the run
 
     def initial_memory(self, reference: Reference) -> None:
-        """None: the controller has no memory."""
         return None
 
     def step(
@@ -222,7 +221,6 @@ class ContouringLQ(ModelFeedback):
             check_dare(model.A, model.B, (weights.alpha + weights.beta) * model.C.T @ model.C, R)
 
     def gain_schedule(self, reference: Reference) -> AffinePlan:
-        """F and f of every step."""
         problem = self.decoupled_problem(reference)
         if problem is not None:
             return decoupled_plan(problem)

@@ -74,7 +74,6 @@ class PreviewLQ(ModelFeedback):
         check_dare(model.A, model.B, *self._cost())
 
     def gain_schedule(self, reference: Reference) -> AffinePlan:
-        """Constant gain, and feedforward of every step."""
         A, B, C = self.model.A, self.model.B, self.model.C
         Q, R = self._cost()
         H = dare(A, B, Q, R)

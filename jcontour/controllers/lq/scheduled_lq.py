@@ -132,7 +132,6 @@ class BlockwiseLQ(ModelFeedback):
         control_weight(model, weights)
 
     def gain_schedule(self, reference: Reference) -> AffinePlan:
-        """F and f of every step."""
         weights, model, steps = self.weights, self.model, reference.steps
         seen = steps + self.preview
         Q = contour_weight(weights.alpha, weights.beta, reference.tangent[:seen])

@@ -45,10 +45,11 @@ from jcontour.controller import (
     Controller,
     Wrapper,
     check_axes,
+    check_gains,
     check_limit,
     check_period,
-    checked_gain,
     checked_period,
+    numbers,
 )
 from jcontour.linear.plant import LinearPlant, check_stable
 from jcontour.motion.references import Reference
@@ -263,33 +264,19 @@ class TimeDelayControl(Controller):
             not above zero, or the sensors give no speeds.
     """
 
-    stiffness: PerAxis
-    damping: PerAxis
-    input_gain: PerAxis
+    stiffness: PerAxis = eqx.field(converter=numbers)
+    damping: PerAxis = eqx.field(converter=numbers)
+    input_gain: PerAxis = eqx.field(converter=numbers)
     sensors: Sensors
-    limit: PerAxis
-    dt: float = eqx.field(static=True)
-    preview: int = eqx.field(static=True, default=1)
+    dt: float = eqx.field(static=True, converter=checked_period)
+    limit: PerAxis = eqx.field(converter=numbers, default=np.inf)  # a plant without a limit
+    preview: int = eqx.field(static=True, init=False, default=1)
 
-    def __init__(
-        self,
-        stiffness: ArrayLike,
-        damping: ArrayLike,
-        input_gain: ArrayLike,
-        sensors: Sensors,
-        dt: float,
-        limit: ArrayLike = np.inf,  # a plant without a limit
-    ):
-        self.stiffness = checked_gain("stiffness", stiffness)
-        self.damping = checked_gain("damping", damping)
-        self.input_gain = checked_gain("input_gain", input_gain)
-        if is_concrete(input_gain) and not np.all(np.asarray(input_gain) > 0):
-            raise ValueError(f"input_gain: needs to be above zero, received {input_gain}")
-        check_limit(limit)
-        if not sensors.velocity:
+    def __check_init__(self):
+        check_gains(self, "stiffness", "damping", "input_gain", above_zero=("input_gain",))
+        check_limit(self.limit)
+        if not self.sensors.velocity:
             raise ValueError("sensors: time-delay control needs speeds, received positions only")
-        self.limit = jnp.asarray(limit, float)
-        self.sensors, self.dt, self.preview = sensors, checked_period(dt), 1
 
     def prepare(self, reference: Reference) -> Motion:
         """Positions, speeds and accelerations by differences.
@@ -306,7 +293,6 @@ class TimeDelayControl(Controller):
         return Motion(reference.position[:steps], speed, acceleration)
 
     def initial_memory(self, reference: Reference) -> Past:
-        """No control yet, at the speed with which the reference begins."""
         nothing = jnp.zeros(self.sensors.axes, reference.position.dtype)
         return Past(nothing, reference.start_increment / self.dt)
 

@@ -24,16 +24,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour._tracing import is_concrete
-from jcontour.controller import Controller, Wrapper, check_period
+from jcontour.controller import Controller, Wrapper, check_period, numbers
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 
 Axes = Float[Array, " m"]
 PerAxis = Float[Array, ""] | Float[Array, " m"]  # one number, or one for each axis
-
-
-def _numbers(value) -> Float[Array, "*m"]:
-    return jnp.asarray(value, float)
 
 
 class Estimate(NamedTuple):
@@ -56,8 +52,8 @@ class ExtendedStateObserver(eqx.Module):
         ValueError: a value is not finite and above zero.
     """
 
-    bandwidth: PerAxis = eqx.field(converter=_numbers)
-    input_gain: PerAxis = eqx.field(converter=_numbers)
+    bandwidth: PerAxis = eqx.field(converter=numbers)
+    input_gain: PerAxis = eqx.field(converter=numbers)
     dt: float = eqx.field(static=True)
 
     @abc.abstractmethod
@@ -151,9 +147,9 @@ class NLESO(ExtendedStateObserver):
         ValueError: `delta` is not above zero or an exponent not from 0 to 1; or as every observer.
     """
 
-    delta: PerAxis = eqx.field(converter=_numbers)
+    delta: PerAxis = eqx.field(converter=numbers)
     # Han's choice for three states
-    exponents: Float[Array, "3"] = eqx.field(converter=_numbers, default=(1.0, 0.5, 0.25))
+    exponents: Float[Array, "3"] = eqx.field(converter=numbers, default=(1.0, 0.5, 0.25))
 
     def __check_init__(self):
         if is_concrete(self.delta) and not np.all(np.asarray(self.delta) > 0):
@@ -220,7 +216,6 @@ class DisturbanceRejection(Wrapper):
     def step(
         self, memory: RejectionMemory, plan: Any, measurement: Any
     ) -> tuple[RejectionMemory, Axes]:
-        """Update of the estimate, then subtraction."""
         measured = self.sensors.positions(measurement)
         estimate = self.observer.update(memory.estimate, memory.control, memory.measured, measured)
         inner, control = self.controller.step(memory.inner, plan, measurement)

@@ -104,7 +104,6 @@ class FilterObserver(_Observer):
     def step(
         self, memory: ObserverMemory, plan: Any, measurement: Any
     ) -> tuple[ObserverMemory, Float[Array, " p"]]:
-        """Correction, control, prediction."""
         filtered = self._update(memory, measurement)
         inner, control = self.controller.step(memory.inner, plan, filtered)
         return ObserverMemory(self.model.step(filtered, control), inner), control
@@ -116,7 +115,6 @@ class PredictorObserver(_Observer):
     def step(
         self, memory: ObserverMemory, plan: Any, measurement: Any
     ) -> tuple[ObserverMemory, Float[Array, " p"]]:
-        """Control, correction, prediction."""
         inner, control = self.controller.step(memory.inner, plan, memory.estimate)
         predicted = self.model.step(self._update(memory, measurement), control)
         return ObserverMemory(predicted, inner), control
@@ -176,7 +174,6 @@ class _LoadObserver(Wrapper):
     def step(
         self, memory: OffsetFreeMemory, plan: Any, measurement: Any
     ) -> tuple[OffsetFreeMemory, Float[Array, " p"]]:
-        """Correction, control, prediction: the model is driven by u + d."""
         n = self.model.states
         correction = self.gain @ (row(measurement) - self.measured @ memory.estimate)
         filtered = memory.estimate + correction[:n]

@@ -19,21 +19,19 @@ errors are the slave's, those of the slave are its own. beta = 0 leaves the axes
 Tomizuka et al. (1990) compare their coupling with it: there both axes see each other's errors.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour._tracing import is_concrete
 from jcontour.controller import (
     Controller,
     check_axes,
+    check_gains,
     check_period,
-    checked_gain,
     checked_period,
+    numbers,
 )
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.motion.references import Reference
@@ -56,27 +54,15 @@ class SynchronisedGains(eqx.Module):
         ValueError: a gain is not finite or negative, or the bias is not above zero.
     """
 
-    proportional: PerAxis
-    adaptation: PerAxis
-    coupling: Float[Array, ""]
-    position: PerAxis
-    bias: Float[Array, ""]
+    proportional: PerAxis = eqx.field(converter=numbers)
+    adaptation: PerAxis = eqx.field(converter=numbers)
+    coupling: Float[Array, ""] = eqx.field(converter=numbers)
+    position: PerAxis = eqx.field(converter=numbers, default=0.0)
+    bias: Float[Array, ""] = eqx.field(converter=numbers, default=1.0)
 
-    def __init__(
-        self,
-        proportional,
-        adaptation,
-        coupling,
-        position: ArrayLike | Sequence[float] = 0.0,
-        bias: ArrayLike = 1.0,
-    ):
-        self.proportional = checked_gain("proportional", proportional)
-        self.adaptation = checked_gain("adaptation", adaptation)
-        self.coupling = checked_gain("coupling", coupling)
-        self.position = checked_gain("position", position)
-        self.bias = checked_gain("bias", bias)
-        if is_concrete(bias) and not np.asarray(bias) > 0:
-            raise ValueError(f"bias: needs to be above zero, received {bias}")
+    def __check_init__(self):
+        check_gains(self, "proportional", "adaptation", "coupling", "position")
+        check_gains(self, "bias", above_zero=("bias",))
 
 
 class SynchronisedPlan(eqx.Module):
@@ -159,13 +145,11 @@ class AdaptiveSynchronisation(Controller):
         return SynchronisedPlan(reference.position[:steps], speed[:-1], speed[1:])
 
     def initial_memory(self, reference: Reference) -> Adaptation:
-        """First estimates; nothing has acted on them."""
         return Adaptation(self.start, jnp.zeros_like(self.start))
 
     def step(
         self, memory: Adaptation, plan: SynchronisedPlan, measurement
     ) -> tuple[Adaptation, Float[Array, " m"]]:
-        """Next estimates and the control."""
         gains = self.gains
         position, speed = self.sensors.read(measurement)
         command = plan.speed + gains.position * (plan.position - position)
@@ -202,29 +186,25 @@ class MasterSlave(Controller):
     """
 
     cascade: Cascade
-    coupling: Float[Array, ""]
-    pair: tuple[int, int] = eqx.field(static=True)
-    preview: int = eqx.field(static=True, default=1)
+    pair: tuple[int, int] = eqx.field(static=True, default=(0, 1))
+    coupling: Float[Array, ""] = eqx.field(converter=numbers, default=1.0)
+    preview: int = eqx.field(static=True, init=False, default=1)
 
-    def __init__(self, cascade: Cascade, pair: tuple[int, int] = (0, 1), coupling: ArrayLike = 1.0):
-        axes = cascade.sensors.axes
+    def __check_init__(self):
+        axes, pair = self.cascade.sensors.axes, self.pair
         if len(set(pair)) != 2 or not all(0 <= axis < axes for axis in pair):
             raise ValueError(f"pair: needs two of the {axes} axes, received {pair}")
-        self.cascade, self.pair, self.preview = cascade, pair, 1
-        self.coupling = checked_gain("coupling", coupling)
+        check_gains(self, "coupling")
 
     def prepare(self, reference: Reference) -> CascadePlan:
-        """Commands of the axes."""
         return self.cascade.prepare(reference)
 
     def initial_memory(self, reference: Reference) -> Float[Array, " m"]:
-        """Integrators of the cascade."""
         return self.cascade.initial_memory(reference)
 
     def step(
         self, memory: Float[Array, " m"], plan: CascadePlan, measurement
     ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-        """Next integrators and the control, both within the limit."""
         (master, slave), cascade = self.pair, self.cascade
         position, velocity = cascade.sensors.read(measurement)
         off = position[master] - plan.position[master]

@@ -31,16 +31,10 @@ class OfMotors(Wrapper):
     kinematics: Float[Array, "q m"] = eqx.field(converter=jnp.asarray)
 
     def prepare(self, reference: Reference) -> Plan:
-        """Plan of the wrapped controller along the path of the motors."""
         return self.controller.prepare(self._of_motors(reference))
 
     def initial_memory(self, reference: Reference) -> Memory:
-        """Memory of the wrapped controller at the start of the motors' path."""
         return self.controller.initial_memory(self._of_motors(reference))
-
-    def step(self, memory: Memory, plan: Plan, measurement) -> tuple[Memory, Float[Array, " q"]]:
-        """Step of the wrapped controller."""
-        return self.controller.step(memory, plan, measurement)
 
     def _of_motors(self, reference: Reference) -> Reference:
         return eqx.tree_at(
@@ -61,12 +55,7 @@ class SharedControls(Wrapper):
     controller: Controller
     shares: Float[Array, "p q"] = eqx.field(converter=jnp.asarray)
 
-    def initial_memory(self, reference: Reference) -> Memory:
-        """Memory of the wrapped controller."""
-        return self.controller.initial_memory(reference)
-
     def step(self, memory: Memory, plan: Plan, measurement) -> tuple[Memory, Float[Array, " p"]]:
-        """Step of the wrapped controller, shared out."""
         memory, control = self.controller.step(memory, plan, measurement)
         return memory, self.shares @ control
 
@@ -97,14 +86,12 @@ class SpeedByDifference(Wrapper):
     dt: float = eqx.field(static=True)
 
     def initial_memory(self, reference: Reference) -> DifferenceMemory:
-        """The machine entered its first sample as the reference says."""
         before = reference.position[0] - reference.start_increment
         return DifferenceMemory(before, self.controller.initial_memory(reference))
 
     def step(
         self, memory: DifferenceMemory, plan: Any, measurement: Any
     ) -> tuple[DifferenceMemory, Float[Array, " p"]]:
-        """Step of the wrapped controller on positions and speeds."""
         position = self.sensors.positions(measurement)
         speed = (position - memory.position) / self.dt
         inner, control = self.controller.step(
@@ -132,17 +119,8 @@ class BacklashCompensation(Wrapper):
     gap: Float[Array, " m"]
 
     def prepare(self, reference: Reference) -> Plan:
-        """Plan of the wrapped controller for the leading positions."""
         ahead = reference.position + self.gap[None] / 2 * directions(reference)
         return self.controller.prepare(eqx.tree_at(lambda one: one.position, reference, ahead))
-
-    def initial_memory(self, reference: Reference) -> Any:
-        """Memory of the wrapped controller."""
-        return self.controller.initial_memory(reference)
-
-    def step(self, memory: Any, plan: Any, measurement: Any) -> tuple[Any, Float[Array, " p"]]:
-        """Step of the wrapped controller."""
-        return self.controller.step(memory, plan, measurement)
 
 
 @jax.jit

@@ -61,7 +61,6 @@ class Biquad(eqx.Module):
     def step(
         self, memory: Float[Array, "2 *p"], x: Float[Array, "*p"]
     ) -> tuple[Float[Array, "2 *p"], Float[Array, "*p"]]:
-        """Next memory and the filtered sample of each signal."""
         (b0, b1, b2), (a1, a2) = self.numerator, self.denominator
         y = b0 * x + memory[0]
         return jnp.stack([b1 * x - a1 * y + memory[1], b2 * x - a2 * y]), y
@@ -167,7 +166,6 @@ class Filtered(Wrapper):
     def step(
         self, memory: FilterMemory, plan: Any, measurement: Any
     ) -> tuple[FilterMemory, Float[Array, " p"]]:
-        """Control of the wrapped controller, filtered."""
         inner, control = self.controller.step(memory.inner, plan, measurement)
         filtered, control = self.filter.step(memory.filter, control)
         return FilterMemory(filtered, inner), control
@@ -200,14 +198,6 @@ class Shaped(Wrapper):
         positions = shaped_positions(reference, self.shaper)
         return self.controller.prepare(eqx.tree_at(lambda r: r.position, reference, positions))
 
-    def initial_memory(self, reference: Reference) -> Any:
-        """Memory of the wrapped controller: the machine starts where the reference does."""
-        return self.controller.initial_memory(reference)
-
-    def step(self, memory: Any, plan: Any, measurement: Any) -> tuple[Any, Float[Array, " p"]]:
-        """Step of the wrapped controller."""
-        return self.controller.step(memory, plan, measurement)
-
 
 @jax.jit
 def shaped_positions(reference: Reference, shaper: Shaper) -> Float[Array, "S m"]:
@@ -237,10 +227,6 @@ class Compensated(Wrapper):
 
     controller: Controller
     compensation: Callable[[Any, Array], Array]
-
-    def initial_memory(self, reference: Reference) -> Memory:
-        """Memory of the wrapped controller."""
-        return self.controller.initial_memory(reference)
 
     def step(
         self, memory: Memory, plan: Plan, measurement: Any

@@ -236,12 +236,10 @@ class FlexibleAxis(_Axis):
     """
 
     def initial_state(self, position, increment) -> SlidingMotion:
-        """State without deformation: at rest and stuck, or at a steady speed."""
         motion = self._motion(position, increment)
         return SlidingMotion(motion, jnp.sign(motion.motor_speed).astype(jnp.int32))
 
     def step(self, state: SlidingMotion, control: Axes) -> SlidingMotion:
-        """State after the substeps of one sample, with the mode frozen in each."""
         p, h = self.parameters, self.dt / self.substeps
 
         def substep(_, state: SlidingMotion) -> SlidingMotion:
@@ -265,7 +263,6 @@ class FlexibleAxis(_Axis):
         return jax.lax.fori_loop(0, self.substeps, substep, state, unroll=UNROLLED)
 
     def output(self, state: SlidingMotion) -> Axes:
-        """The end effector [m]."""
         return state.motion.tool
 
     def measure(self, state: SlidingMotion) -> tuple[Axes, Axes]:
@@ -300,11 +297,9 @@ class SmoothFlexibleAxis(_Axis):
         self.sharpness = jnp.asarray(sharpness, float)
 
     def initial_state(self, position, increment) -> Motion:
-        """State without deformation, at rest or at a steady speed."""
         return self._motion(position, increment)
 
     def step(self, state: Motion, control: Axes) -> Motion:
-        """State after the substeps of one sample."""
         p, h = self.parameters, self.dt / self.substeps
 
         def rates(x: Motion) -> Motion:
@@ -320,11 +315,9 @@ class SmoothFlexibleAxis(_Axis):
         return jax.lax.fori_loop(0, self.substeps, substep, state)
 
     def output(self, state: Motion) -> Axes:
-        """The end effector [m]."""
         return state.tool
 
     def measure(self, state: Motion) -> tuple[Axes, Axes]:
-        """Position and speed of the motors."""
         return state.motor, state.motor_speed
 
 

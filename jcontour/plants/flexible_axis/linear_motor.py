@@ -165,15 +165,12 @@ class DrivenAxis(Plant):
         return DrivenState(axis, none, none, none)
 
     def step(self, state: DrivenState, control: Axes) -> DrivenState:
-        """State after all periods of the drive in one sample."""
         return jax.lax.fori_loop(0, self.periods, lambda _, s: self._period(s, control), state)
 
     def output(self, state: DrivenState) -> Axes:
-        """The end effector [m]."""
         return self.axis.output(state.axis)
 
     def measure(self, state: DrivenState) -> Any:
-        """Position and speed of the motors."""
         return self.axis.measure(state.axis)
 
     def _period(self, state: DrivenState, command: Axes) -> DrivenState:

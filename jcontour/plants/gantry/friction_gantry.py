@@ -165,7 +165,6 @@ class _FrictionGantry(Plant):
         return self.parameters.motors(untwisted(self.parameters, position, speed))
 
     def output(self, state) -> Float[Array, "2"]:
-        """The tool [m]."""
         return self.parameters.tool(self.measure(state)[:3])
 
 
@@ -199,7 +198,6 @@ class StickSlipGantry(_FrictionGantry):
         return SlidingMotion(sliders, jnp.sign(sliders[3:]).astype(jnp.int32))
 
     def step(self, state: SlidingMotion, control) -> SlidingMotion:
-        """State after the substeps of one sample, with the modes frozen in each."""
         equation, guides = SliderEquation.of(self.parameters), each(self.friction)
 
         def substep(_, state: SlidingMotion) -> SlidingMotion:
@@ -285,7 +283,6 @@ class SmoothFrictionGantry(_FrictionGantry):
         return self._start(position, increment)
 
     def step(self, state, control) -> Float[Array, "6"]:
-        """State after the substeps of one sample."""
         equation, guides = SliderEquation.of(self.parameters), each(self.friction)
 
         @jax.checkpoint  # reverse mode computes a stage again instead of storing it

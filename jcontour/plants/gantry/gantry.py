@@ -347,7 +347,6 @@ class Gantry(Plant):
         return untwisted(self.parameters, position, jnp.asarray(increment) / self.dt)
 
     def step(self, state, control) -> Float[Array, "6"]:
-        """State after the substeps of one sample."""
         h = self.dt / self.substeps
         # one vector: a third faster than thirteen scalars
         coefficients = jnp.stack(EquationOfMotion.of(self.parameters))
@@ -364,7 +363,6 @@ class Gantry(Plant):
         return jax.lax.fori_loop(0, self.substeps, substep, state)
 
     def output(self, state) -> Float[Array, "2"]:
-        """The tool [m]."""
         return self.parameters.tool(state[:3])
 
 

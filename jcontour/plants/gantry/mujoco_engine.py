@@ -88,7 +88,6 @@ class EngineGantry(Plant):
         return state[ENGINE_ORDER], state[3 + ENGINE_ORDER]
 
     def output(self, state: EngineState) -> Float[Array, "2"]:
-        """The tool [m]."""
         return self.parameters.tool(state[0][OUR_ORDER])
 
     def measure(self, state: EngineState) -> Float[Array, "6"]:
@@ -174,7 +173,6 @@ class GantryMuJoCo(EngineGantry):
         self.model = mjcf(parameters, self.dt / self.substeps)
 
     def step(self, state: EngineState, control) -> EngineState:
-        """State after one `mj_step` for each substep."""
         shapes = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), state)
         return jax.pure_callback(
             partial(_stepped, self.model, self.substeps),
@@ -226,7 +224,6 @@ class GantryMJX(EngineGantry):
         self.model = _mjx().put_model(loaded(mjcf(parameters, self.dt / self.substeps)))
 
     def step(self, state: EngineState, control) -> EngineState:
-        """State after one `mjx.step` for each substep."""
         mjx = _mjx()
         blank = mjx.make_data(self.model)
         controls = blank.ctrl.at[:3].set(control)

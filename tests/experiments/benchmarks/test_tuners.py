@@ -25,7 +25,7 @@ from jcontour.app.reports.tables import console_of
 from tuning.loops import Looked, Loops
 from tuning.objectives import AtMost
 from tuning.parameters import Chart, Positive
-from tuning.point import evaluate_point
+from tuning.point import Evaluated, evaluate_point
 
 
 def trace(method, values, each=1):
