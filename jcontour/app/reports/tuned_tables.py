@@ -1,7 +1,7 @@
 """Tables that `jcontour tune` prints."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 
 from rich.console import Console
 from rich.table import Table
@@ -10,7 +10,6 @@ from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.results.tuned_result import (
     DriveLoop,
     PathMargins,
-    TunedContour,
     TunedResult,
 )
 from jcontour.app.reports.drives import drive_gains
@@ -25,17 +24,14 @@ EFFORT = ("peak_{error}_error", "rms_tracking_error", "rms_control", "rms_increm
 
 def show_tuned(result: TunedResult, console: Console) -> None:
     """Everything a tuning run found, and one sentence."""
-    # RMS error of start, or baseline, and tuned weights: nominal plant, worst of the family
-    headings = [
-        f"{plant}\n{words}"
-        for plant in ("nominal", "worst")
-        for words in (result.contours[0].compared, "tuned", "change %")
-    ]
-    rows = _by_training(result, _error_cells)
-    effects = result.machine.nonsmooth_effects
+    rms, effects = f"rms_{result.error}_error", result.machine.nonsmooth_effects
     title = f"RMS {result.error} error in um, machine with {effects}"
-    for table in (plain_table(title, ["contour", *headings], rows), effort_table(result)):
-        console.print(table)
+    errors = {plant: (plant, rms) for plant in ("nominal", "worst")}
+    console.print(_compared_table(result, title, errors, change=True))
+    title = f"What it costs, worst of the family; controls in {result.machine.control_unit}"
+    names = [name.replace("{error}", result.error) for name in EFFORT]
+    efforts = {METRICS[name].heading: ("worst", name) for name in names if name != rms}
+    console.print(_compared_table(result, title, efforts))
     say(
         console,
         *(  # where the tuned weights leave the largest error
@@ -68,10 +64,26 @@ def tuned_answer(result: TunedResult) -> list[Entry]:
                 "Worst", f"{worst.name}: {peak_line(worst.peak, result.error, result.machine.axes)}"
             )
         )
+    # Controls, and the margins of the tuned loops beside the peak sensitivity of the start
+    sizes = []
+    for name in ("rms_control", "rms_increment"):
+        pairs = [(one.metrics[one.compared], one.metrics["tuned"]) for one in result.contours]
+        largest = (
+            max(getattr(run.worst, name) for run in runs) for runs in zip(*pairs, strict=True)
+        )
+        sizes.append(" -> ".join(map(digits, largest)))
+    effort = f"RMS {sizes[0]} {result.machine.control_unit}, change per sample {sizes[1]}"
+    margin, start = "none: a loop is open or unstable", result.start_margins.sensitivity
+    if (tuned := result.margins).stable:
+        low, high = zip(*tuned.gain_range, strict=True)
+        before = "unstable" if start is None else digits(start)
+        late = f"{tuned.delay_samples}{'+' * (tuned.delay_samples >= tuned.delay_search)}"
+        gain = f"gain x {max(low):.2g} ... {min(high):.2g}"
+        margin = f"Ms {digits(tuned.sensitivity)} (start {before}), {gain}, {late} samples of delay"
     return [
         *entries,
-        Entry("Effort", _effort_words(result)),
-        Entry("Margin", _margin_words(result.margins, result.start_margins)),
+        Entry("Effort", effort),
+        Entry("Margin", margin),
         Entry("Limit", "; ".join(limit_lines(result)[:1]) or "none is reached"),
         *([] if result.drive is None else [Entry("Drive", drive_words(result.drive, result))]),
         *(note for one in result.contours for note in read_notes(one.name, one.read)),
@@ -97,32 +109,6 @@ def change_words(result: TunedResult, training: bool) -> str:
     return f"{len(pairs)} {words} contours {sizes} ({change} in the mean)"
 
 
-def _effort_words(result: TunedResult) -> str:
-    """Controls from start, or baseline, to tuned, and the cycle time that stays."""
-    sizes = []
-    for name in ("rms_control", "rms_increment"):
-        pair = (
-            max(getattr(one.metrics[which(one)].worst, name) for one in result.contours)
-            for which in (lambda one: one.compared, lambda _: "tuned")
-        )
-        sizes.append(" -> ".join(map(digits, pair)))
-    unit = result.machine.control_unit
-    return f"RMS {sizes[0]} {unit}, change per sample {sizes[1]}"
-
-
-def _margin_words(tuned: PathMargins, start: PathMargins) -> str:
-    """Margins of the tuned loops, and the peak sensitivity of the start."""
-    if not tuned.stable:
-        return "none: a loop is open or unstable"
-    low, high = zip(*tuned.gain_range, strict=True)
-    late = f"{tuned.delay_samples}{'+' * (tuned.delay_samples >= tuned.delay_search)}"
-    before = "unstable" if start.sensitivity is None else digits(start.sensitivity)
-    return (
-        f"Ms {digits(tuned.sensitivity)} (start {before}), gain x {max(low):.2g} ... "
-        f"{min(high):.2g}, {late} samples of delay"
-    )
-
-
 def drive_words(drive: DriveLoop, result: TunedResult) -> str:
     """Gains of the simple loop in general terms, and its error beside the tuned one's."""
     gains = ", ".join(drive_gains(drive.weights, result.machine.control_unit))
@@ -133,60 +119,34 @@ def drive_words(drive: DriveLoop, result: TunedResult) -> str:
     return f"{drive.controller}, {times}: {gains}"
 
 
-def effort_table(result: TunedResult) -> Table:
-    """Peak error, lag and effort of start, or baseline, and tuned weights, worst of the family."""
-    columns = [name.replace("{error}", result.error) for name in EFFORT]
-    columns = [name for name in columns if name != f"rms_{result.error}_error"]
-    headings = [
-        f"{METRICS[name].heading}\n{design}"
-        for name in columns
-        for design in (result.contours[0].compared, "tuned")
-    ]
-
-    def cells(contour: TunedContour, error: str) -> list[str]:
-        pairs = [contour.metrics[design].worst for design in (contour.compared, "tuned")]
-        return [
-            _number(METRICS[name].factor * getattr(one, name), one.diverged)
-            for name in columns
-            for one in pairs
-        ]
-
-    unit = result.machine.control_unit
-    title = f"What it costs, worst of the family; controls in {unit}"
-    return plain_table(title, ["contour", *headings], _by_training(result, cells))
-
-
-def _by_training(
-    result: TunedResult, cells: Callable[[TunedContour, str], list[str]]
-) -> list[list[str]]:
+def _compared_table(
+    result: TunedResult,
+    title: str,
+    columns: Mapping[str, tuple[str, str]],
+    change: bool = False,
+) -> Table:
+    """Start, or baseline, beside tuned weights on every contour: a plant's metric by heading."""
+    designs = [result.contours[0].compared, "tuned", *(["change %"] if change else [])]
     rows = []
     for training, words in ((True, SEEN), (False, HELD_OUT)):
         contours = [one for one in result.contours if one.training is training]
         if contours:
             rows.append([words])
         shown = [one for one in contours if one.shown]
-        rows += [[f"  {one.name}", *cells(one, result.error)] for one in shown]
+        for one in shown:
+            rows.append([f"  {one.name}"])
+            for plant, name in columns.values():
+                runs = [getattr(one.metrics[each], plant) for each in (one.compared, "tuned")]
+                before, after = (METRICS[name].factor * getattr(run, name) for run in runs)
+                lost = [run.diverged for run in runs]
+                for value, diverged in zip((before, after), lost, strict=True):
+                    rows[-1].append("diverged" if diverged else digits(value))
+                if change:
+                    rows[-1].append("" if any(lost) else f"{100 * (after / before - 1):+.0f}")
         if len(shown) < len(contours):
             rows.append([f"  {len(contours) - len(shown)} fared better"])
-    return rows
-
-
-def _error_cells(contour: TunedContour, error: str) -> list[str]:
-    cells = []
-    for plant in ("nominal", "worst"):
-        start, tuned = (
-            getattr(contour.metrics[name], plant) for name in (contour.compared, "tuned")
-        )
-        before, after = start.rms(error), tuned.rms(error)
-        lost = start.diverged or tuned.diverged
-        change = "" if lost else f"{100 * (after / before - 1):+.0f}"
-        cells += [_number(1e6 * before, start.diverged), _number(1e6 * after, tuned.diverged)]
-        cells.append(change)
-    return cells
-
-
-def _number(value: float, diverged: bool) -> str:
-    return "diverged" if diverged else digits(value)
+    headings = [f"{words}\n{each}" for words in columns for each in designs]
+    return plain_table(title, ["contour", *headings], rows)
 
 
 def margin_lines(result: TunedResult) -> Iterator[str]:
