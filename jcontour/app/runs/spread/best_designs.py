@@ -1,12 +1,12 @@
-"""The best design of a sweep that keeps the limits of its flags.
+"""The best design of every preview of a sweep, within the limits of its flags.
 
 Limits on metrics are looked at in the runs of all designs. Limits on loops take an analysis of each
-design: they are looked at in the best designs alone, one after the other, until one keeps them.
+design: the best designs alone are looked at, one after the other, until one keeps them.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,43 +14,29 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float
 
-from jcontour.analysis.frozen_loops import FrozenLoop
 from jcontour.analysis.late_loops import delay_margins
 from jcontour.analysis.sensitivity import LoopPeaks, frozen_family
 from jcontour.analysis.stability import DELAY_SEARCH
 from jcontour.app.designs.design import Design, with_values
-from jcontour.app.files.results.tuned_result import PathMargins
+from jcontour.app.files.results.search_results import BestDesign
 from jcontour.app.flags.shared import Limited
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import Machine
-from jcontour.app.runs.checks.trials import path_margins
-from jcontour.app.runs.tuning.family_loops import WINDOWS
-from jcontour.app.runs.tuning.limits import counted, loop_limits, noise_limit
+from jcontour.app.reports.figures.sweeps import worst_errors
+from jcontour.app.runs.spread.sweep_runs import DIMENSIONS, Swept
+from jcontour.app.runs.tuning.limits import WINDOWS, counted, loop_limits, named_limits, noise_limit
 from jcontour.simulation.evaluation import stack_plants
 from tuning.loops import Looked, ProbedLoops
 from tuning.objectives import COUNT_NOISE, LATE
 
 ALIKE = 0.01  # of the least error: what counts of encoders and the places of a grid decide
-LOOKED_AT = 100  # designs whose loops are looked at: at most ten seconds for each preview
+LOOPS = 100  # designs of a preview whose loops are looked at: at most ten seconds
 AT_ONCE = 20  # designs whose loops are made in one program
 UNSTABLE = "spectral_radius"
-
-Beyond = dict[str, float]  # limit that is broken -> largest value, SI
-
-
-class Chosen(NamedTuple):
-    """A design of one preview.
-
-    Attributes:
-        sample: its index.
-        looked: designs whose loops were looked at.
-        beyond: limits on loops that it breaks, with what it has; empty unless all that were looked
-            at break some.
-    """
-
-    sample: int
-    looked: int
-    beyond: Beyond
+KNOWN = {
+    "comment": f"NaN: the design is not one of the {LOOPS} best of its preview; an unstable loop "
+    "has the sensitivity inf and the delay margin -1"
+}
 
 
 def largest_of(dataset: xr.Dataset, metric: str) -> Float[np.ndarray, "P D"]:
@@ -83,131 +69,156 @@ def best_design(worst: Float[np.ndarray, " D"], increments: Float[np.ndarray, " 
     return int(np.argmin(np.where(alike, increments, np.inf)))
 
 
-def chosen(
-    worst: Float[np.ndarray, " D"],
+def best_first(
+    errors: Float[np.ndarray, " D"],
+    kept: Bool[np.ndarray, " D"],
     increments: Float[np.ndarray, " D"],
-    look: Callable[[int], Beyond],
-) -> Chosen | None:
-    """The best design whose loops keep their limits; None where no design is left.
-
-    Where none of the `LOOKED_AT` best ones keeps them, the best one and what it breaks.
-
-    Args:
-        worst: errors; infinite for designs that diverge or break a limit on metrics.
-        increments: RMS changes of the control.
-        look: sample -> limits on loops that it breaks.
-    """
-    first, left = None, worst.copy()
-    for looked in range(1, LOOKED_AT + 1):
-        if not np.isfinite(left).any():
-            break
-        sample = best_design(left, increments)
-        beyond = look(sample)
-        if not beyond:
-            return Chosen(sample, looked, {})
-        first = Chosen(sample, 1, beyond) if first is None else first._replace(looked=looked)
-        left[sample] = np.inf
-    return first
-
-
-class DesignMargins(NamedTuple):
-    """Margins of the frozen loops of many designs, the worst of the probes of each contour.
-
-    Attributes:
-        sensitivity: peak Ms; infinite of an unstable loop.
-        delay: samples of extra delay that all loops bear; -1 where one is unstable as it is.
-    """
-
-    sensitivity: Float[np.ndarray, "D C P"]
-    delay: Float[np.ndarray, "D C P"]
+) -> list[int]:
+    """At most `LOOPS` designs: the best within the limits, then others by their error."""
+    order, left = [], np.where(kept, errors, np.inf)
+    while len(order) < LOOPS and np.isfinite(left).any():
+        order.append(best_design(left, increments))
+        left[order[-1]] = np.inf
+    others = [sample for sample in np.argsort(errors, kind="stable").tolist() if not kept[sample]]
+    return order + others[: LOOPS - len(order)]
 
 
 class DesignLoops:
-    """Frozen loops of the designs with one preview, along the contours of a sweep.
+    """Frozen loops of designs with one preview, along the contours of a sweep.
 
     Args:
         flags: whose limits on loops count.
         design: the controller, its weights open.
         machine: whose smooth family the loops are closed with.
         scenarios: the contours of the sweep, all of them training contours.
+        varied: the weights that vary, by name, an entry for each design (D,).
     """
 
-    def __init__(self, flags: Limited, design: Design, machine: Machine, scenarios: Scenarios):
+    def __init__(
+        self,
+        flags: Limited,
+        design: Design,
+        machine: Machine,
+        scenarios: Scenarios,
+        varied: Mapping[str, Float[np.ndarray, " D"]],
+    ):
         self.limits = loop_limits(flags) | noise_limit(flags, machine, design)
-        self._design, self._machine, self._scenarios = design, machine, scenarios
-        self._family = stack_plants(machine.smooth_family(design.fed))
+        family = stack_plants(machine.smooth_family(design.fed))
         references = jax.device_get(scenarios.references)
-        count = counted(self.limits, machine)
-        more = flags.min_delay_margin
-        self._loops = ProbedLoops.of(self._family, references, WINDOWS, more, count=count)
-        self._frozen = eqx.filter_jit(self._matrices)
-        self._many = eqx.filter_jit(jax.vmap(self._matrices))
+        count, more = counted(self.limits, machine), flags.min_delay_margin
+        self._loops = ProbedLoops.of(family, references, WINDOWS, more, count=count)
+        self._shape = len(scenarios.jobs), WINDOWS, len(machine.family_names)
 
-    def beyond(self, varied: dict[str, float]) -> Beyond:
-        """Limits that the loops of a design break, with what it has; a radius from 1 on always.
+        def matrices(weights: dict[str, Any]):
+            controller = design.build(with_values(design.start, weights))
+            return frozen_family(family, controller, self._loops.windows)
+
+        several, chunks = eqx.filter_jit(jax.vmap(matrices)), []
+        designs = len(next(iter(varied.values())))
+        for first in range(0, designs, AT_ONCE):
+            # always as many, the last one again and again: one program
+            rows = np.minimum(np.arange(first, first + AT_ONCE), designs - 1)
+            weights = {name: np.asarray(column, float)[rows] for name, column in varied.items()}
+            chunks.append(jax.device_get(several(weights)))
+        self._matrices = jax.tree.map(lambda *parts: np.concatenate(parts)[:designs], *chunks)
+
+    def beyond(self, place: int) -> dict[str, float]:
+        """Limits that the loops of a design break, with what it has, SI; a radius from 1 on always.
 
         Args:
-            varied: the weights that vary, by name.
+            place: of the design.
         """
-        found, peaks = self._look(varied)
+        matrices = jax.tree.map(lambda leaf: leaf[place], self._matrices)
+        looked, peaks = _looked(self._loops, matrices)
         largest = {
             UNSTABLE: float(np.max(peaks.spectral_radius)),
             "peak_sensitivity": float(np.max(peaks.sensitivity)),
         }
-        if found.late is not None:
-            largest[LATE] = float(np.max(found.late))
-        if found.count_noise is not None:
-            largest[COUNT_NOISE] = float(np.max(found.count_noise))
+        if looked.late is not None:
+            largest[LATE] = float(np.max(looked.late))
+        if looked.count_noise is not None:
+            largest[COUNT_NOISE] = float(np.max(looked.count_noise))
         if not largest[UNSTABLE] < 1:
             return {UNSTABLE: largest[UNSTABLE]}
         return {
             name: largest[name] for name, bound in self.limits.items() if not largest[name] <= bound
         }
 
-    def margins(self, varied: dict[str, float]) -> PathMargins:
-        """Margins of a design, as `jcontour tune` tells them."""
-        design, (_, peaks) = self._design, self._look(varied)
-        controller = design.build(with_values(design.start, varied))
-        return path_margins(controller, self._machine, self._scenarios, design.fed, peaks)
+    def margins(self) -> tuple[Float[np.ndarray, "D C P"], Float[np.ndarray, "D C P"]]:
+        """Peak sensitivities and delay margins of all designs, the worst probe of each contour.
 
-    def of_all(self, varied: dict[str, Float[np.ndarray, " D"]]) -> DesignMargins:
-        """Ms and delay margins of many designs, of which `AT_ONCE` are looked at together."""
-        count, plants = len(next(iter(varied.values()))), len(self._machine.family_names)
-        contours = len(self._scenarios.jobs)
-        found = []
-        for first in range(0, count, AT_ONCE):
-            # always as many, the last one again and again: one program
-            rows = np.minimum(np.arange(first, first + AT_ONCE), count - 1)
-            designs = {name: np.asarray(column, float)[rows] for name, column in varied.items()}
-            matrices = jax.device_get(self._many(designs))
-            kept = min(AT_ONCE, count - first)
-            loops = jax.tree.map(
-                lambda leaf, kept=kept: leaf[:kept].reshape(-1, *leaf.shape[2:]), matrices
-            )
-            peaks = _looked(replace(self._loops, more=0, count=None), loops).peaks
-            assert peaks is not None  # they always are
-            margins = delay_margins(loops, DELAY_SEARCH)
-            shape = (kept, contours, WINDOWS, plants)
-            found.append(
-                (peaks.sensitivity.reshape(shape).max(axis=2), margins.reshape(shape).min(axis=2))
-            )
-        return DesignMargins(
-            *(np.concatenate(parts).astype(float) for parts in zip(*found, strict=True))
+        The sensitivity of an unstable loop is infinite, its margin -1 samples.
+        """
+        loops = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), self._matrices)
+        _, peaks = _looked(replace(self._loops, more=0, count=None), loops)
+        shape = (-1, *self._shape)
+        delays = delay_margins(loops, DELAY_SEARCH)
+        return (
+            np.asarray(peaks.sensitivity, float).reshape(shape).max(axis=2),
+            np.asarray(delays, float).reshape(shape).min(axis=2),
         )
 
-    def _look(self, varied: dict[str, float]) -> tuple[Looked, LoopPeaks]:
-        numbers = {name: np.asarray(value, float) for name, value in varied.items()}
-        matrices = jax.device_get(self._frozen(numbers))
-        looked = _looked(self._loops, matrices)
-        assert looked.peaks is not None  # they always are
-        return looked, looked.peaks
 
-    def _matrices(self, varied: dict[str, Any]):
-        controller = self._design.build(with_values(self._design.start, varied))
-        return frozen_family(self._family, controller, self._loops.windows)
-
-
-def _looked(loops: ProbedLoops, matrices: FrozenLoop) -> Looked:
-    """What is seen of frozen loops, without slopes."""
+def _looked(loops: ProbedLoops, matrices: Any) -> tuple[Looked, LoopPeaks]:
+    """Frozen loops as the tuner sees them, without slopes, and their peaks."""
     still = jax.tree.map(lambda leaf: np.zeros((*leaf.shape, 0)), matrices)
-    return loops.look(matrices, still)[0]
+    looked = loops.look(matrices, still)[0]
+    assert looked.peaks is not None  # they always are
+    return looked, looked.peaks
+
+
+def judged(asked: Swept, dataset: xr.Dataset) -> tuple[xr.Dataset, list[BestDesign]]:
+    """The metrics with margins and limits, and the best design of every preview that has one."""
+    error = asked.machine.error
+    kept, errors = (
+        within_limits(dataset, named_limits(asked.flags)),
+        worst_errors(dataset, error)[0],
+    )
+    increments = largest_of(dataset, "rms_increment")
+    samples, best = np.full(len(dataset.preview), -1), []
+    sensitivity, delay = (np.full(dataset.diverged.shape, np.nan) for _ in range(2))
+    for p, preview in enumerate(asked.flags.previews):
+        design, order = asked.design(preview), best_first(errors[p], kept[p], increments[p])
+        varied = {name: dataset[name].values[order] for name in asked.values}
+        loops = DesignLoops(asked.flags, design, asked.machine, asked.scenarios(design), varied)
+        sensitivity[p, order], delay[p, order] = loops.margins()
+        place, looked, beyond = chosen(loops, int(kept[p][order].sum()))
+        if not looked:
+            continue
+        samples[p] = order[place]
+        here = dataset.isel(preview=p, sample=order[place])
+        each = 1e6 * here[f"rms_{error}_error"].values
+        peak = float(sensitivity[p, order[place]].max())
+        best.append(
+            BestDesign(
+                preview=int(preview),
+                weights={name: float(here[name]) for name in asked.values},
+                worst_um=float(each.max()),
+                nominal_um=float(each[:, 0].max()),
+                sensitivity=peak if np.isfinite(peak) else None,
+                delay_samples=int(delay[p, order[place], :, 0].min()),
+                looked=looked,
+                beyond=beyond,
+            )
+        )
+    more = {
+        "peak_sensitivity": (DIMENSIONS, sensitivity, {"units": "1", "long_name": "Ms", **KNOWN}),
+        "delay_margin": (DIMENSIONS, delay, {"units": "samples", **KNOWN}),
+        "within_limits": (("preview", "sample"), kept.astype("i1")),
+        "best": ("preview", samples, {"long_name": "best sample within the limits; -1: none"}),
+    }
+    return dataset.assign(more), best
+
+
+def chosen(loops: DesignLoops, count: int) -> tuple[int, int, dict[str, float]]:
+    """The first of so many designs whose loops keep their limits, or the first one.
+
+    Its place, the designs that were looked at, and the limits on loops that it breaks.
+    """
+    first: dict[str, float] = {}
+    for place in range(count):
+        beyond = loops.beyond(place)
+        if not beyond:
+            return place, place + 1, {}
+        first = first or beyond
+    return 0, count, first

@@ -12,9 +12,8 @@ from jcontour.app.files.results.search_results import BestDesign, SweepResult
 from jcontour.app.flags.shared import Controlled, Limited
 from jcontour.app.reports.figures.sweeps import worst_errors
 from jcontour.app.runs.lifecycle import task_words
-from jcontour.app.runs.spread.best_designs import ALIKE, largest_of
-from jcontour.app.runs.spread.sweep_asked import Swept
-from jcontour.app.runs.spread.sweep_runs import kept_weights
+from jcontour.app.runs.spread.best_designs import ALIKE, LOOPS, largest_of
+from jcontour.app.runs.spread.sweep_runs import Swept, kept_weights
 from jcontour.app.runs.tuning.limits import named_limits
 from tuning.objectives import COUNT_NOISE, LATE
 
@@ -79,6 +78,16 @@ def _none_within(asked: Swept, one: xr.Dataset) -> list[str]:
 def _leading(best: Sequence[BestDesign]) -> BestDesign:
     """The design with the least error, of those that break no limit if there are any."""
     return min(best, key=lambda row: (bool(row.beyond), row.worst_um))
+
+
+def margin_lines(asked: Swept) -> list[str]:
+    """Designs whose margins are those of the loop they begin with, or are not stored."""
+    lines = []
+    if any(asked.design(preview).learns for preview in asked.flags.previews):
+        lines.append("The controller learns: Ms and delay margin are of the loop it begins with")
+    if asked.count > LOOPS:
+        lines.append(f"Ms and delay margin are stored of the {LOOPS} best designs of every preview")
+    return lines
 
 
 def next_steps(asked: Swept, result: SweepResult) -> list[str]:

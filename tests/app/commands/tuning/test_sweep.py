@@ -57,7 +57,7 @@ def test_the_summary_is_that_of_the_metrics(swept, dataset):
 
 
 def test_margins_of_every_design_are_stored(swept, dataset):
-    """Those of the best design are those of the table, which are found in other runs."""
+    """Those of the best design are those of the table."""
     (best,) = read_result(swept, SweepResult).best
     row = dataset.isel(preview=0, sample=int(dataset.best[0]))
     assert float(row.peak_sensitivity.max()) == pytest.approx(best.sensitivity, rel=1e-9)

@@ -10,13 +10,14 @@ from jcontour.app.flags.tuning import Sweep
 from jcontour.app.jobs.job import Pace
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.runs.spread.best_designs import (
-    LOOKED_AT,
+    LOOPS,
     DesignLoops,
     best_design,
+    best_first,
     chosen,
     within_limits,
 )
-from jcontour.app.runs.tuning.family_loops import family_peaks
+from jcontour.app.runs.tuning.limits import family_peaks
 from jcontour.app.runs.tuning.problem import TuningRun
 from tests.app.small_runs import partly
 
@@ -39,23 +40,27 @@ def test_one_run_beyond_a_limit_is_enough():
     assert within_limits(dataset, {}).tolist() == [[True, True, False, True]]
 
 
+def test_designs_are_looked_at_the_best_first_then_others_by_their_error():
+    errors, calm = np.array([4.0, 2.0, 3.0, 1.0, np.inf, 2.5]), np.ones(6)
+    kept = np.array([True, True, True, False, False, False])
+    assert best_first(errors, kept, calm) == [1, 2, 0, 3, 5, 4]
+    many = np.arange(1.0, 2 * LOOPS)
+    order = best_first(many, many > 10, np.ones(many.size))
+    assert order == list(range(10, 10 + LOOPS))
+
+
+class Loops:
+    """Loops of designs that break these limits."""
+
+    def __init__(self, *beyond):
+        self.beyond = beyond.__getitem__
+
+
 def test_the_best_design_whose_loops_keep_their_limits_is_chosen():
-    worst, calm = np.array([4.0, 2.0, 3.0, np.inf]), np.ones(4)
-    asked = []
-
-    def look(sample):
-        asked.append(sample)
-        return {} if sample in (0, 3) else {"peak_sensitivity": 10.0 + sample}
-
-    assert chosen(worst, calm, look) == (0, 3, {})
-    assert asked == [1, 2, 0]
-
-
-def test_where_none_keeps_them_the_best_is_told_with_what_it_breaks():
-    count = LOOKED_AT + 5
-    found = chosen(2.0 ** -np.arange(count), np.ones(count), lambda k: {"peak_sensitivity": k})
-    assert found == (count - 1, LOOKED_AT, {"peak_sensitivity": count - 1})
-    assert chosen(np.full(3, np.inf), np.ones(3), lambda k: {}) is None
+    first, second = {"peak_sensitivity": 11.0}, {"peak_sensitivity": 12.0}
+    assert chosen(Loops(first, second, {}, {}), 4) == (2, 3, {})
+    assert chosen(Loops(first, second, {}), 2) == (0, 2, first)  # none within the limits on runs
+    assert chosen(Loops(), 0) == (0, 0, {})
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +72,8 @@ def looked():
     jobs = [job_named("circle", Pace.of(flags, machine))]
     scenarios = Scenarios.of(jobs, [True], machine, design.fed, design.preview)
     made = partly(TuningRun, machine=machine, design=design, scenarios=scenarios)
-    return DesignLoops(flags, design, machine, scenarios), made
+    alpha, beta = np.array([0.093, 93.0, 0.093]), np.array([9300.0, 9300.0, 93000.0])
+    return DesignLoops(flags, design, machine, scenarios, {"alpha": alpha, "beta": beta}), made
 
 
 @pytest.mark.slow
@@ -79,7 +85,8 @@ def test_loops_are_those_of_the_family(looked):
     peaks = family_peaks(controller, made.machine, made.scenarios, made.design.fed)
     assert float(np.max(peaks.sensitivity)) > 2.0
     expected = {"peak_sensitivity": pytest.approx(float(np.max(peaks.sensitivity)), rel=1e-6)}
-    assert loops.beyond(sharp) == expected
-    assert loops.margins(sharp).sensitivity == expected["peak_sensitivity"]
-    assert loops.beyond({"alpha": 93.0, "beta": 9300.0}) == {}
-    assert list(loops.beyond({"alpha": 0.093, "beta": 93000.0})) == ["spectral_radius"]
+    assert loops.beyond(0) == expected and loops.beyond(1) == {}
+    assert list(loops.beyond(2)) == ["spectral_radius"]
+    sensitivity, delay = loops.margins()
+    assert sensitivity[0].max() == expected["peak_sensitivity"]
+    assert np.isinf(sensitivity[2]).any() and delay[2].min() == -1 and delay[1].min() >= 0

@@ -12,7 +12,7 @@ from jcontour.app.files.trusted_code import trust
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Sweep, Tune
 from jcontour.app.runs.spread.sweep_advice import edge_lines, next_steps, repeated
-from jcontour.app.runs.spread.sweep_asked import Swept
+from jcontour.app.runs.spread.sweep_runs import Swept
 
 OWN = """
 import jax.numpy as jnp

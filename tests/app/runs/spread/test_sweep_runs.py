@@ -5,22 +5,12 @@ import pytest
 
 from jcontour.app.catalogue.choices import design_for, machine_named
 from jcontour.app.flags.tuning import Sweep
-from jcontour.app.runs.spread.sweep_asked import (
+from jcontour.app.runs.spread.sweep_runs import (
     Swept,
-    horizons,
-    listed_values,
     sampled_designs,
     sampled_values,
     swept_of,
 )
-
-
-def test_words_are_values_by_name():
-    assert listed_values(["a=1,2e3", "b=0"]) == {"a": (1.0, 2000.0), "b": (0.0,)}
-    with pytest.raises(
-        ValueError, match="vary: needs NAME=VALUE or NAME=VALUE,VALUE,... with finite numbers"
-    ):
-        listed_values(["a=1,two"])
 
 
 def test_a_grid_has_all_pairs_and_a_random_sample_lies_between():
@@ -72,13 +62,8 @@ def test_the_design_of_a_preview_is_found_once():
     ],
 )
 def test_previews_that_differ_are_swept(plant, controller, found):
-    assert (
-        horizons(
-            Sweep(plant=plant, controller=controller, previews=(5, 10, 20, 10)),
-            machine_named(plant),
-        )
-        == found
-    )
+    flags = Sweep(plant=plant, controller=controller, previews=(5, 10, 20, 10))
+    assert swept_of(flags).flags.previews == found
 
 
 @pytest.mark.parametrize(
