@@ -14,7 +14,6 @@ One row is a worst case. A row per contour lets no contour in micrometres drown 
 | worst | one | the largest error of all |
 | mean | one | the mean error |
 | typical | one per contour | the geometric mean of the family's worst of every contour |
-| regret | one | the largest ratio to each contour's own best |
 | certified | one per contour | the same mean of the largest errors under bounded disturbances |
 
 Limits are a function of the Outcome. It returns a vector that must not be above zero,
@@ -23,13 +22,13 @@ ln(value / limit), so that a per cent counts alike on every machine.
 Outcome of weights: what objectives and limits judge.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, Bool, Float
 
 from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.bounds.worst_cases import PeakValues
@@ -132,46 +131,6 @@ def certified_error(outcome: Outcome) -> Float[Array, "c p"]:
     return jnp.asarray(_certified(outcome, "certified").error)
 
 
-class Regret(eqx.Module):
-    """Largest ratio of an error to the best that its contour allows: f = max over c, p of e / b_c.
-
-    >>> regret = Regret([2e-6, 5e-6])
-    >>> regret.best.shape
-    (2,)
-
-    Args:
-        best: smallest error of the family's worst, contour by contour [m]; each is found by tuning
-            for that contour alone.
-        error: which RMS error counts.
-
-    Raises:
-        ValueError: a best error is not finite and above zero.
-    """
-
-    best: Float[Array, " c"]
-    error: Literal["contour", "tracking"] = eqx.field(static=True)
-
-    def __init__(
-        self, best: ArrayLike | Sequence[float], error: Literal["contour", "tracking"] = "contour"
-    ):
-        values = np.asarray(best, float)
-        if values.ndim != 1 or not np.all(np.isfinite(values) & (values > 0)):
-            raise ValueError(
-                f"best: needs one finite error above zero for every contour, received {best}"
-            )
-        self.best, self.error = jnp.asarray(values), error
-
-    def __call__(self, outcome: Outcome) -> Float[Array, "1 v"]:
-        """Ratios in one row."""
-        errors = getattr(outcome.metrics, f"rms_{self.error}_error")
-        if len(errors) != self.best.size:
-            raise ValueError(
-                f"best: needs one error for each of {len(errors)} contours, "
-                f"received {self.best.size}"
-            )
-        return jnp.ravel(errors / self.best[:, None])[None]
-
-
 class Before(eqx.Module):
     """Errors before the tuning, which a limit on `error_ratio` compares with.
 
@@ -268,13 +227,6 @@ class AtMost(eqx.Module):
             for name in self.names
             for row, plant in np.ndindex(*self._values(outcome, name).shape)
         ]
-
-    def of_contour(self, index: int) -> "AtMost":
-        """The same limits for a problem of one of the contours."""
-        if self.before is None:
-            return self
-        one = eqx.tree_at(lambda b: b.errors, self.before, self.before.errors[index : index + 1])
-        return eqx.tree_at(lambda limits: limits.before, self, one)
 
     def _values(self, outcome: Outcome, name: str) -> Float[Array | np.ndarray, "rows plants"]:
         if name != RATIO:

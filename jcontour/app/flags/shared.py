@@ -10,7 +10,7 @@ Terminal = Literal["output", "riccati"]
 Planner = Literal["jcontour", "linuxcnc", "grbl"]
 FeedLaw = Literal["trapezoidal", "jerk"]
 DrawingUnit = Literal["mm", "cm", "m", "inch", "px", "pt"]
-Objective = Literal["typical", "worst", "mean", "regret", "certified"]
+Objective = Literal["typical", "worst", "mean", "certified"]
 Rollouts = Literal["auto", "full", "thinned", "none"]
 
 ROLLOUTS: Rollouts = "auto"  # all that fits into 100 MB
@@ -179,7 +179,6 @@ class Aimed(Bounded, Storage):
     """Objective, of RMS contour errors; on a single axis, of tracking errors.
     typical: the geometric mean over contours of the family's worst.
     worst: the largest error of all. mean: the mean over contours and plants.
-    regret: the largest ratio to the best that each contour allows alone, which is found first.
     certified: typical, of the largest error under every force and encoder error within bounds."""
     max_effort: float | None = None
     """Limit on the RMS of the control vector as a multiple of what the start weights need.

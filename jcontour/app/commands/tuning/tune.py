@@ -41,7 +41,7 @@ from jcontour.app.runs.tuning.results import (
     trial_of,
     tuned_result,
 )
-from jcontour.app.runs.tuning.searching import NothingSound, Searched, searched, with_regret
+from jcontour.app.runs.tuning.searching import NothingSound, Searched, searched
 from jcontour.app.runs.tuning.simple_loops import (
     SimpleLoop,
     best_simple,
@@ -152,8 +152,6 @@ def _chosen(
 def _descended(run: TuningRun, folder: Path, console: Console) -> Searched:
     bar = tables.console_of(stderr=True, quiet=run.flags.json)
     with progress_of(bar, run.settings, run.machine.error) as show:
-        if run.flags.objective == "regret":
-            run = with_regret(run, folder, show)
         try:
             return searched(run, folder, show, console)
         except NothingSound as error:

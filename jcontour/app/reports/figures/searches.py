@@ -24,7 +24,6 @@ MEASURES = {  # objective -> what is made small
     "typical": "geometric mean over contours\nof the worst RMS {error} error [um]",
     "worst": "worst RMS {error} error [um]",
     "mean": "mean RMS {error} error [um]",
-    "regret": "largest RMS {error} error\nover the best of its contour",
     "certified": "geometric mean over contours\nof the largest certified {error} error [um]",
 }
 ROW = 0.32  # [inch]
@@ -41,12 +40,11 @@ def history_figure(points: Sequence[HistoryPoint], objective: str, error: str) -
         objective: its name among the flags.
         error: that counts, "contour" or "tracking".
     """
-    factor = 1.0 if objective == "regret" else 1e6  # a ratio, or [m]
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.subplots()
     index = np.arange(1, len(points) + 1)
     lost = np.array([point.diverged for point in points])
-    height = factor * np.array([point.objective for point in points], float)
+    height = 1e6 * np.array([point.objective for point in points], float)
     height = np.where(lost | ~np.isfinite(height), np.nan, height)
     feasible = np.array([point.feasible for point in points], bool)
     for number, descent in enumerate(sorted({point.descent for point in points})):

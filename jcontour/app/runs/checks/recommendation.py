@@ -17,8 +17,7 @@ from jcontour.app.files.results.verdict import LimitCheck, Message, Verdict, rea
 from jcontour.app.flags.shared import Aimed
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.runs.checks.run_checks import lost_numbers, machine_warnings
-from jcontour.app.runs.tuning.family_loops import LeastKnown
-from jcontour.app.runs.tuning.limits import LIMITS
+from jcontour.app.runs.tuning.limits import LIMITS, LeastKnown
 from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.simulation.evaluation import stack_plants
 from tuning.objectives import COUNT_NOISE, LATE, RATIO, USE_LIMITS
@@ -247,7 +246,7 @@ def _comparison(seen: Evidence) -> Iterator[Message]:
             yield reason(
                 f"worse than the {seen.compared} on {words} contours: {', '.join(named)}",
                 "train on contours like them, or so that none pays for the others, "
-                "--max-error-ratio 1 or --objective regret",
+                "--max-error-ratio 1",
             )
     typical = float(np.exp(np.mean(np.log(list(ratios.values()))))) if ratios else 0.0
     in_all = seen.tuned.feasible and typical > WORSE and not clearly

@@ -141,7 +141,7 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
         design.build,
         stack_plants(family[:1] if flags.nominal_only else family),
         references,
-        _objective(flags, machine),
+        OBJECTIVES[flags.objective, machine.error],
         design.space,
         batching=batching_of(flags),
     )
@@ -194,12 +194,6 @@ def tuner_settings(flags: Any) -> Effort:
         seed=flags.seed,
         every_start=flags.every_start,
     )
-
-
-def _objective(flags: Tune, machine: Machine) -> Objective:
-    """Objective of the flags; `regret` begins as `typical`, see `runs.regret`."""
-    name = "typical" if flags.objective == "regret" else flags.objective
-    return OBJECTIVES[name, machine.error]
 
 
 def stated_axis_limits(machine: Machine) -> AxisLimits:

@@ -30,9 +30,8 @@ from jcontour.app.flags.shared import Aimed
 from jcontour.app.flags.tuning import Front, Tune
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.runs.contour_summary import machine_summary
-from jcontour.app.runs.tuning.family_loops import WINDOWS, probed_peaks
+from jcontour.app.runs.tuning.limits import WINDOWS, probed_peaks
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
-from jcontour.app.runs.tuning.searching import with_regret
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import AtMost, worst_increment
 from tuning.parameters import Chart
@@ -113,9 +112,6 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
     places: list[Path] = []
     needed, least, state = None, None, FrontState()
     with progress_of(console, run.settings, run.machine.error) as show_progress:
-        if flags.objective == "regret":
-            run = with_regret(run, folder, show_progress)
-            search = replace(search, run=run)
         searched = flags.against == "increment"  # budgets that are not given come from searches
         if searched and flags.most is None:
             z = np.asarray(Chart(run.problem.space, run.start).coordinates())

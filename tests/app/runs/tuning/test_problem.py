@@ -45,13 +45,8 @@ def test_state_comes_back_to_the_last_bit_at_every_step(proportional_problem, tm
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("objective", ["typical", "regret"])
-def test_errors_are_limited_by_those_of_the_start_on_the_smooth_machine(
-    machine_file, part_file, objective
-):
-    flags = Tune(
-        parts=(str(part_file), "circle"), plant=str(machine_file), preview=4, objective=objective
-    )
+def test_errors_are_limited_by_those_of_the_start_on_the_smooth_machine(machine_file, part_file):
+    flags = Tune(parts=(str(part_file), "circle"), plant=str(machine_file), preview=4)
     run = tuning_run(replace(flags, max_error_ratio=0.9))
     assert run.limits == {**tuning_run(flags).limits, "error_ratio": 0.9}
     family = stack_plants(run.machine.smooth_family())
