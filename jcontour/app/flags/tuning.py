@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from jcontour.app.flags.shared import ROLLOUTS, Aimed, Rollouts, Storage, Terminal
+from jcontour.app.flags.shared import ROLLOUTS, Aimed, Rollouts, Storage
 
 Against = Literal["increment", "sensitivity"]
 
@@ -87,12 +87,6 @@ class Rank(Aimed):
     """Names from `jcontour list`, or FILE.py:NAME.
     When not given, every one that suits the machine, reads its sensors and does not learn while it
     runs."""
-    previews: tuple[int, ...] = ()
-    """LQ: horizons that are tried beside each other [samples]; that of --preview when not given."""
-    terminals: tuple[Terminal, ...] = ()
-    """LQ: ends of the horizon that are tried beside each other; likewise."""
-    model_delays: tuple[int, ...] = ()
-    """LQ: delays of the model that are tried beside each other [samples]; likewise."""
     evaluations: int = 40  # most descents have ended before
     """Points that each controller may evaluate, with slopes."""
 

@@ -1,10 +1,11 @@
 """`jcontour rank`: every controller for a machine, tuned alike, ranked on held-out contours."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from rich.console import Console
 
-from jcontour.app.catalogue.own_classes import own_name
+from jcontour.app.files import run_folder
 from jcontour.app.files.results.search_results import Ranked, RankedResult
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.tuning import Rank
@@ -12,7 +13,7 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.figures.searches import ranking_figure
 from jcontour.app.reports.screen import Entry
-from jcontour.app.runs.lifecycle import finished, opened, same_task
+from jcontour.app.runs.lifecycle import finished, opened, tuning_words
 from jcontour.app.runs.tuning.ranking import ranked, ranking_of
 
 BEGINS = "*"  # marks the Ms of a controller that learns
@@ -24,7 +25,7 @@ def command(flags: Rank) -> int:
         result = ranked(ranking, folder, tables.console_of(stderr=True, quiet=flags.json))
         save_figure(ranking_figure(result), folder / "ranking.png")
         write_result(folder, result)
-    answer = answer_of(result, same_task(folder, "rank"))
+    answer = answer_of(result, run_folder.opened(folder, "rank")["flags"])
     return finished(folder, result, flags, show, answer, result.verdict)
 
 
@@ -72,13 +73,13 @@ def show(result: RankedResult, console: Console) -> None:
     tables.say(console, "Computing: processor time of the same runs, over that of the first row.")
 
 
-def answer_of(result: RankedResult, task: str) -> list[Entry]:
+def answer_of(result: RankedResult, task: Mapping[str, Any]) -> list[Entry]:
     """The best controller, how far the others are, and the next step on the same parts."""
     placed = [row for row in result.rows if row.failure is None and row.feasible]
     if not placed and all(row.failure for row in result.rows):
         return [Entry("Next", "another machine or part: no controller could be tried")]
     if not placed:
-        blind = "--nominal-only" in task.split()
+        blind = task.get("nominal_only")
         other = "leave out --nominal-only" if blind else "allow more, as --max-sensitivity 3"
         return [Entry("Next", f"no controller keeps every limit; {other}")]
     first = placed[0]
@@ -100,10 +101,5 @@ def answer_of(result: RankedResult, task: str) -> list[Entry]:
         entries.append(
             Entry("Limit", "a search that has not ended may find more with --evaluations")
         )
-    best = first.candidate
-    words = f"--controller {best.controller}"
-    if own_name(best.controller) is None:  # one of the user's has its own preview
-        words += f" --preview {best.preview} --terminal {best.terminal}"
-        if best.model_delay is not None:
-            words += f" --model-delay {best.model_delay}"
-    return [*entries, Entry("Next", f"jcontour tune{task} {words}")]
+    words = tuning_words(task["parts"], {**task, "controller": first.label})
+    return [*entries, Entry("Next", f"jcontour tune{words}")]

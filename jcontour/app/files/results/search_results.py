@@ -17,21 +17,10 @@ SHOWN = ("rms_contour_error", "rms_tracking_error", "rms_increment", "peak_sensi
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """A controller that is tuned alike, with the numbers that are chosen and not tuned."""
-
-    controller: str  # name in the catalogue, or FILE.py:NAME
-    preview: int  # horizon [samples]
-    terminal: str  # cost at its end
-    model_delay: int | None = None  # samples of unknown delay in its model; None for its own choice
-
-
-@dataclass(frozen=True, kw_only=True)
 class Ranked:
     """One tuned controller, on the machine with all effects; errors are RMS [m]."""
 
-    candidate: Candidate
-    label: str  # name in the table
+    label: str  # name in the catalogue, or FILE.py:NAME
     failure: str | None = None  # why it has no place, in one line; the numbers are None then
     # geometric mean over held-out contours of the family's worst error
     held_out: float | None = None

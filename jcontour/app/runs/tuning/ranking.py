@@ -8,7 +8,6 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from jcontour.app.catalogue.choices import (
 from jcontour.app.designs.design import Design, given, plain_weights
 from jcontour.app.files import run_folder
 from jcontour.app.files.checkpoints import load_state, save_state
-from jcontour.app.files.results.search_results import Candidate, Ranked, RankedResult
+from jcontour.app.files.results.search_results import Ranked, RankedResult
 from jcontour.app.files.results.stored import from_json, to_json
 from jcontour.app.files.results.verdict import Verdict, exceeded, reason, warning
 from jcontour.app.flags.shared import Aimed
@@ -41,7 +40,6 @@ from jcontour.app.runs.checks.stated_limits import over_family
 from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.tuning.limits import loop_limits
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
-from jcontour.app.runs.tuning.searching import with_regret
 from tuning.problem import QUICK
 from tuning.tuner import Tuned, advance, result
 
@@ -58,16 +56,14 @@ class Ranking:
     Attributes:
         flags: as they are given.
         machine: what the controllers are for.
-        candidates: in the order in which they are tuned.
-        designs: of those whose numbers are as given; a first loop takes a while to find.
+        designs: by name, in the order in which they are tuned; None of one that cannot be made.
         begun: the first run that can be, made already.
     """
 
     flags: Rank
     machine: Machine
-    candidates: tuple[Candidate, ...]
-    designs: Mapping[Candidate, Design] = field(default_factory=dict)
-    begun: Mapping[Candidate, TuningRun] = field(default_factory=dict)
+    designs: Mapping[str, Design | None]
+    begun: Mapping[str, TuningRun] = field(default_factory=dict)
 
     @property
     def learning(self) -> list[str]:
@@ -76,21 +72,17 @@ class Ranking:
             return []
         return [name for name in controllers_for(self.machine) if learns(name)]
 
-    def run_of(self, candidate: Candidate) -> TuningRun:
+    def run_of(self, name: str) -> TuningRun:
         """Tuning run of one controller.
 
         Raises:
             ValueError: as `tuning_run`.
         """
-        made = self.begun.get(candidate)
-        if made is not None:
-            return made
-        return tuning_run(self.flags_of(candidate), self.designs.get(candidate))
-
-    def flags_of(self, candidate: Candidate) -> Tune:
-        """Flags of the tuning run of one controller."""
+        if name in self.begun:
+            return self.begun[name]
         shared: dict[str, Any] = {one.name: getattr(self.flags, one.name) for one in fields(Aimed)}
-        return Tune(**{**shared, **vars(candidate), "parts": self.flags.parts})
+        flags = Tune(**{**shared, "controller": name, "parts": self.flags.parts})
+        return tuning_run(flags, self.designs.get(name))
 
 
 def ranking_of(flags: Rank) -> Ranking:
@@ -109,80 +101,46 @@ def ranking_of(flags: Rank) -> Ranking:
     machine = machine_named(flags.plant)
     for part in flags.parts:  # a fault in one is told before any first loop is searched
         job_named(part, Pace.of(flags, machine))
-    candidates, designs = _candidates(flags, machine)
-    if not candidates:
+    designs = _designs(flags, machine)
+    if not designs:
         raise ValueError(f"controllers: none of the catalogue suits {machine.name}")
-    ranking, reasons = Ranking(flags, machine, tuple(candidates), designs), []
-    for candidate in candidates:  # the first run that can be made
+    ranking, reasons = Ranking(flags, machine, designs), []
+    for name in designs:  # the first run that can be made
         try:
-            return replace(ranking, begun={candidate: ranking.run_of(candidate)})
+            return replace(ranking, begun={name: ranking.run_of(name)})
         except ValueError as error:
             reasons.append(error)
     raise reasons[0]  # parts, limits or names are wrong
 
 
-def _candidates(flags: Rank, machine: Machine) -> tuple[list[Candidate], dict[Candidate, Design]]:
-    """Every controller, with every choice of numbers that it reads, and designs made on the way."""
-    found, designs = [], {}
+def _designs(flags: Rank, machine: Machine) -> dict[str, Design | None]:
+    """Controllers by name; a first loop takes a while to find."""
+    designs: dict[str, Design | None] = {}
     suiting = [name for name in controllers_for(machine) if not learns(name)]
     for name in flags.controllers or suiting:
-        asked = replace(flags, controller=name)
-        plain = Candidate(
-            controller=name,
-            preview=flags.preview,
-            terminal=flags.terminal,
-            model_delay=flags.model_delay,
-        )
         try:
             with warnings.catch_warnings():  # the flags are for those that read them
                 warnings.simplefilter("ignore", UnreadFlagWarning)
-                design = design_for(machine, asked)
+                design = design_for(machine, replace(flags, controller=name))
         except ValueError:  # told as its row
-            found.append(plain)
+            designs[name] = None
             continue
-        if design.fed == "state" and not flags.controllers:
-            continue  # it sees more than the others
-        designs[plain] = design
-        has = design.settings()
-        # a controller whose name says its terminal keeps it
-        named = has.get("terminal", flags.terminal) == flags.terminal
-        previews = flags.previews if has.get("preview") == flags.preview else ()
-        terminals = flags.terminals if "terminal" in has and named else ()
-        delays = flags.model_delays if "model_delay" in has else ()
-        found += [
-            replace(plain, preview=preview, terminal=terminal, model_delay=delay)
-            for preview, terminal, delay in product(
-                previews or (flags.preview,),
-                terminals or (flags.terminal,),
-                delays or (flags.model_delay,),
-            )
-        ]
-    return found, designs
-
-
-def label_of(candidate: Candidate, flags: Rank) -> str:
-    """Name of a controller, with the numbers that set it apart from others."""
-    words = [candidate.controller]
-    if len(flags.previews) > 1 and candidate.preview in flags.previews:
-        words.append(f"preview {candidate.preview}")
-    if len(flags.terminals) > 1:
-        words.append(candidate.terminal)
-    if len(flags.model_delays) > 1:
-        words.append(f"delay {candidate.model_delay}")
-    return ", ".join(words)
+        if design.fed == "outputs" or flags.controllers:  # the state is more than the others see
+            designs[name] = design
+    return designs
 
 
 def ranked(ranking: Ranking, folder: Path, console: Console) -> RankedResult:
     """Tune and rank; what is stored in the run folder counts."""
     rows = []
-    for index, candidate in enumerate(ranking.candidates):
-        place = folder / f"{index:02d}-{Path(candidate.controller.replace(':', '-')).name}"
+    for index, name in enumerate(ranking.designs):
+        place = folder / f"{index:02d}-{Path(name.replace(':', '-')).name}"
         place.mkdir(exist_ok=True)
         if (place / ROW).exists():
             rows.append(from_json(run_folder.read_json(place, ROW), Ranked))
         else:
-            console.print(f"{index + 1} of {len(ranking.candidates)}: {candidate.controller}")
-            rows.append(_row(ranking, candidate, place, console))
+            console.print(f"{index + 1} of {len(ranking.designs)}: {name}")
+            rows.append(_row(ranking, name, place, console))
             run_folder.write_json(place / ROW, to_json(rows[-1]))
     machine, rows = ranking.machine, sorted(rows, key=_place)
     return RankedResult(
@@ -211,24 +169,21 @@ def verdict_on(rows: Sequence[Ranked], warnings: Sequence[str]) -> Verdict:
     return Verdict.of([], messages, passed="USE ANY OF THEM")
 
 
-def _row(ranking: Ranking, candidate: Candidate, place: Path, console: Console) -> Ranked:
+def _row(ranking: Ranking, name: str, place: Path, console: Console) -> Ranked:
     """One controller, tuned and tried; a controller that cannot be is a row with the reason."""
-    label = label_of(candidate, ranking.flags)
     try:
-        run = ranking.run_of(candidate)
+        run = ranking.run_of(name)
         run = replace(run, settings=replace(EFFORT, seed=ranking.flags.seed))
         with progress_of(console, run.settings, run.machine.error) as show:
-            if run.flags.objective == "regret":
-                run = with_regret(run, place, show)
             state = load_state(place)
             while not state.done and len(state.history) < ranking.flags.evaluations:
                 state = advance(run.problem, run.start, run.settings, state)
                 save_state(place, state)
                 show(state)
         tuned = result(run.problem, run.start, state)  # raises where every point diverged
-        return _tried(run, tuned, Ranked(candidate=candidate, label=label))
+        return _tried(run, tuned, Ranked(label=name))
     except ValueError as error:
-        return Ranked(candidate=candidate, label=label, failure=str(error))
+        return Ranked(label=name, failure=str(error))
 
 
 def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:

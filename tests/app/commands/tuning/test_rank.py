@@ -9,7 +9,7 @@ import pytest
 from jcontour.app.cli import main
 from jcontour.app.commands.tuning.rank import show
 from jcontour.app.files.results.run_metrics import MachineSummary
-from jcontour.app.files.results.search_results import Candidate, Ranked, RankedResult
+from jcontour.app.files.results.search_results import Ranked, RankedResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.flags.tuning import Tune
@@ -23,8 +23,7 @@ MACHINE = MachineSummary("table", "A", ("X", "Y"), "encoders")
 
 
 def row(label, held_out, feasible=True, **others):
-    candidate = Candidate(controller=label, preview=5, terminal="output")
-    return Ranked(candidate=candidate, label=label, held_out=held_out, feasible=feasible, **others)
+    return Ranked(label=label, held_out=held_out, feasible=feasible, **others)
 
 
 RESULT = RankedResult(
@@ -69,7 +68,7 @@ def test_errors_are_those_of_the_true_family_on_contours_that_were_not_trained_o
     folder, machine_file, part_file
 ):
     row = read_result(folder, RankedResult).rows[0]
-    flags = Tune(parts=(str(part_file),), plant=str(machine_file), **vars(row.candidate))
+    flags = Tune(parts=(str(part_file),), plant=str(machine_file), controller=row.label, preview=4)
     run = tuning_run(flags)
     controller = run.controller(type(run.start)(**row.weights))
     family = stack_plants(run.machine.true_family(run.design.fed))

@@ -7,7 +7,6 @@ import numpy as np
 from jcontour.app.files.results.run_metrics import MachineSummary
 from jcontour.app.files.results.search_results import (
     BudgetPoint,
-    Candidate,
     FrontResult,
     Ranked,
     dataset_of,
@@ -21,9 +20,8 @@ POINTS = [
 
 
 def test_a_failed_row_is_stored_without_numbers():
-    candidate = Candidate(controller="lq", preview=5, terminal="output")
-    written = to_json(Ranked(candidate=candidate, label="lq", failure="why"))
-    assert set(written) == {"candidate", "label", "failure"}
+    written = to_json(Ranked(label="lq", failure="why"))
+    assert set(written) == {"label", "failure"}
 
 
 def result(against):

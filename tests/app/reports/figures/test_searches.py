@@ -9,7 +9,6 @@ import pytest
 from jcontour.app.files.results.run_metrics import MachineSummary
 from jcontour.app.files.results.search_results import (
     BudgetPoint,
-    Candidate,
     FrontResult,
     Ranked,
     RankedResult,
@@ -100,11 +99,8 @@ def test_sensitivities_of_stable_loops():
 
 
 def row(label, held_out, **others):
-    candidate = Candidate(controller=label, preview=5, terminal="output")
     errors = {"a": held_out / 2, "b": held_out * 2}
-    return Ranked(
-        candidate=candidate, label=label, held_out=held_out, held_out_errors=errors, **others
-    )
+    return Ranked(label=label, held_out=held_out, held_out_errors=errors, **others)
 
 
 def drawn(rows):
@@ -127,7 +123,7 @@ def test_bars_are_geometric_means_and_dots_are_contours():
 
 
 def test_failures_have_no_bar():
-    failed = Ranked(candidate=row("x", 1.0).candidate, label="failed", failure="why")
+    failed = Ranked(label="failed", failure="why")
     assert not drawn([failed]).patches
 
 

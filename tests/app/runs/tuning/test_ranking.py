@@ -6,7 +6,7 @@ import pytest
 
 from jcontour.app.catalogue.choices import design_for, machine_named
 from jcontour.app.designs.lq import receding_horizon
-from jcontour.app.files.results.search_results import Candidate, Ranked
+from jcontour.app.files.results.search_results import Ranked
 from jcontour.app.files.trusted_code import trust
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Rank
@@ -20,7 +20,7 @@ from jcontour.app.runs.tuning.ranking import ranked, ranking_of
 def test_every_controller_that_reads_the_sensors_is_tried_and_one_that_learns_if_named():
     asked = ranking_of(Rank())
     assert asked.learning == ["repetitive", "run-out", "adaptive-zpetc", "adaptive-robust"]
-    assert [one.controller for one in asked.candidates] == [
+    assert list(asked.designs) == [
         "contouring-lq",
         "contouring-lq-riccati",
         "contouring-lq-zero",
@@ -43,29 +43,15 @@ def test_every_controller_that_reads_the_sensors_is_tried_and_one_that_learns_if
         "integral-sliding-mode",
         "reference-governor",
         "command-governor",
+        "artificial-reference-mpc",
         "dynamic-surface",
         "predictive-cascade",
         "predictive-repetitive",
         "h-infinity",
     ]
     named = ranking_of(Rank(controllers=("linear-cascade", "run-out")))
-    assert [one.controller for one in named.candidates] == ["linear-cascade", "run-out"]
+    assert list(named.designs) == ["linear-cascade", "run-out"]
     assert named.learning == []
-
-
-@pytest.mark.slow
-def test_choices_are_tried_beside_each_other_where_a_controller_has_them():
-    flags = Rank(
-        controllers=("contouring-lq", "contouring-lq-riccati"),
-        previews=(3, 5),
-        terminals=("output", "riccati"),
-    )
-    found = [(one.controller, one.preview, one.terminal) for one in ranking_of(flags).candidates]
-    lq, riccati = "contouring-lq", "contouring-lq-riccati"
-    assert found[:4] == [(lq, n, end) for n in (3, 5) for end in ("output", "riccati")]
-    assert [one[:2] for one in found[4:]] == [(riccati, 3), (riccati, 5)]
-    label = ranking.label_of(ranking_of(flags).candidates[1], flags)
-    assert label == "contouring-lq, preview 3, riccati"
 
 
 @pytest.mark.slow
@@ -78,10 +64,9 @@ def test_the_first_loop_of_a_controller_is_searched_once(machine_file, part_file
         parts=(str(part_file),), plant=str(machine_file), preview=4, controllers=("contouring-lq",)
     )
     asked = ranking_of(flags)
-    (candidate,) = asked.candidates
-    run = asked.run_of(candidate)
+    run = asked.run_of("contouring-lq")
     assert len(searched) == 1
-    alone = tuning_run(asked.flags_of(candidate))
+    alone = tuning_run(run.flags)
     assert run.start == alone.start and run.limits == alone.limits
     assert len(searched) == 2
 
@@ -120,7 +105,8 @@ def test_a_controller_that_cannot_be_tuned_has_a_reason(machine_file, part_file,
         evaluations=1,
     )
     asked = ranking_of(flags)  # one that can be tuned is enough
-    rows = ranked(replace(asked, candidates=asked.candidates[:1]), tmp_path, console_of(quiet=True))
+    first = dict([next(iter(asked.designs.items()))])
+    rows = ranked(replace(asked, designs=first), tmp_path, console_of(quiet=True))
     (row,) = rows.rows
     assert row.label.endswith("Nothing")
     assert "no free weights" in row.failure and row.held_out is None
@@ -143,12 +129,11 @@ def test_bad_flags_are_named(flags, says):
 
 
 def test_rows_without_numbers_come_last():
-    candidate = Candidate(controller="a", preview=1, terminal="output")
     rows = [
-        Ranked(candidate=candidate, label="failed", failure="why"),
-        Ranked(candidate=candidate, label="beyond", held_out=1.0),
-        Ranked(candidate=candidate, label="second", held_out=3.0, feasible=True),
-        Ranked(candidate=candidate, label="first", held_out=2.0, feasible=True),
+        Ranked(label="failed", failure="why"),
+        Ranked(label="beyond", held_out=1.0),
+        Ranked(label="second", held_out=3.0, feasible=True),
+        Ranked(label="first", held_out=2.0, feasible=True),
     ]
     order = [row.label for row in sorted(rows, key=ranking._place)]
     assert order == ["first", "second", "beyond", "failed"]
