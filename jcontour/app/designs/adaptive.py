@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Array, Complex
 
 from jcontour.app.designs.design import Gains, LinearDesign
-from jcontour.app.designs.feedforward import CROSSOVERS, LinearCascade, axes_of
 from jcontour.app.designs.lq.first_loop import fastest
+from jcontour.app.designs.simple_loops import CROSSOVERS, LinearCascade, axes_of
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.controller import Controller
 from jcontour.controllers.feedforward.adaptive_zpetc import (

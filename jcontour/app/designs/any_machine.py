@@ -15,10 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.app.designs.design import Design, Gains, Needs
+from jcontour.app.designs.design import Design, Gains, Needs, picked
 from jcontour.app.designs.flexible_axis import AxisFeedforward, AxisOffsetFreeLQG, state_weight
-from jcontour.app.designs.gantry import MOTORS, GantryCascade
-from jcontour.app.designs.gantry_observer import GantryOffsetFreeLQ
+from jcontour.app.designs.gantry import MOTORS, GantryCascade, GantryOffsetFreeLQ
 from jcontour.app.designs.lq.receding_horizon import RiccatiLQ
 from jcontour.app.designs.simple_loops import ProportionalIntegralLoop
 from jcontour.app.flags.shared import Controlled
@@ -28,13 +27,19 @@ from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade
-from jcontour.controllers.wrappers.adapters import (
-    OfMotors,
-    SharedControls,
-    SpeedByDifference,
+from jcontour.controllers.feedback.predictive import PredictiveCascade, PredictiveRepetitive
+from jcontour.controllers.feedback.sliding_mode import (
+    AdaptiveRobust,
+    BoundaryLayer,
+    DynamicSurface,
+    Reaching,
+    SlidingMode,
+    SuperTwisting,
+    riccati_surface,
 )
+from jcontour.controllers.wrappers.adapters import OfMotors, SharedControls, SpeedByDifference
 from jcontour.linear.plant import LinearPlant
-from tuning.parameters import Weights
+from tuning.parameters import Fixed, Interval, Weight, Weights
 
 Matrix = Float[Array, "n n"]
 
@@ -184,3 +189,123 @@ class CascadeDesign(Design[Machine]):
         assert isinstance(loops, SpeedByDifference | OfMotors)
         assert isinstance(loops.controller, Cascade)
         return eqx.tree_at(lambda one: one.controller, loops, self.law(loops.controller, weights))
+
+
+PERIOD = 0.1  # [s] of a table at 600 rpm, as in repetitive control
+MEMORY = 50.0  # samples after which what repeats is as heavy as the error itself
+RATE = 0.05  # part of s that goes in a sample: 50 rad/s at 1 ms
+
+
+def _load(machine: Machine) -> float:
+    """Load that the switched part is as large as: what the observer takes for usual."""
+    return machine.control_noise if isinstance(machine, LinearMachine) else 0.1
+
+
+REACHING = (
+    Weight("rate", range=Interval(1e-3, 0.9), start=RATE),
+    Weight("size", "{control}", start=_load),
+    Weight("width", "{control}", start=lambda machine: _load(machine) / RATE),
+)
+
+
+class BoundaryLayerSliding(StateDesign):
+    """Sliding mode control with a boundary layer, observer of state and load."""
+
+    weights = REACHING
+
+    def law(self, quadratic: Quadratic, gains: Gains) -> Controller:
+        surface, _ = riccati_surface(*quadratic)
+        return SlidingMode(quadratic.model, surface, self.reaching(gains))
+
+    def reaching(self, gains: Gains) -> Reaching:
+        """Law by which the surface is reached."""
+        return BoundaryLayer(*picked("rate size width", gains))
+
+
+class IntegralSliding(BoundaryLayerSliding):
+    """Sliding mode control on an integral surface, poles of the LQ regulator, same observer."""
+
+    def law(self, quadratic: Quadratic, gains: Gains) -> Controller:
+        surface, gain = riccati_surface(*quadratic)
+        return SlidingMode(quadratic.model, surface, self.reaching(gains), gain)
+
+
+class SuperTwistingSliding(BoundaryLayerSliding):
+    """Super-twisting sliding mode control, observer of state and load."""
+
+    weights = (
+        Weight("root", "({control})^0.5", start=lambda machine: RATE * jnp.sqrt(_load(machine))),
+        Weight("twist", "{control} per sample", start=lambda machine: RATE**2 * _load(machine)),
+    )
+
+    def reaching(self, gains: Gains) -> Reaching:
+        return SuperTwisting(*picked("root twist", gains))
+
+
+class RepeatedRegulator(StateDesign):
+    """Predictive repetitive control, observer of state and load: a period leaves no error."""
+
+    weights = (
+        Weight("repetition", cost=True),
+        Weight("period", "s", Fixed(), PERIOD),
+    )
+
+    def starts(self) -> Gains:
+        start = super().starts()
+        heaviest = np.max(np.diag(np.asarray(self.quadratic(start).Q)))
+        return {**start, "repetition": heaviest / MEMORY**2}
+
+    def law(self, quadratic: Quadratic, gains: Gains) -> Controller:
+        turn = 2 * np.pi * quadratic.model.dt / jnp.asarray(gains["period"], float)
+        return PredictiveRepetitive(*quadratic, gains["repetition"], turn)
+
+
+FILTER = 5.0  # samples of the filter in a dynamic surface
+HORIZON = 100  # [samples] some lags of a velocity loop: a shorter one is not stable behind a PI
+
+
+class DynamicSurfaceLoops(CascadeDesign):
+    """Dynamic surface control of each motor, gains and feedforward of the cascade."""
+
+    weights = (Weight("lag", "s", start=lambda machine: FILTER * machine.model.dt),)
+
+    def law(self, cascade: Cascade, gains: Gains) -> Controller:
+        return DynamicSurface(cascade, gains["lag"])
+
+
+class AdaptiveRobustLoops(CascadeDesign):
+    """Adaptive robust control of each motor (Yao & Tomizuka), desired compensation."""
+
+    weights = (
+        Weight("adaptation", "1/s", start=5.0),
+        Weight("share", range=Interval(1e-3, 1.0), start=0.3),
+        Weight("load", "{control}", Fixed()),
+    )
+    learns = True
+
+    def starts(self) -> Gains:
+        limit = self.machine.limits.control
+        return {**super().starts(), "load": 0.3 * (10.0 if limit is None else np.min(limit))}
+
+    def law(self, cascade: Cascade, gains: Gains) -> Controller:
+        return AdaptiveRobust(cascade, gains["adaptation"], gains["share"], gains["load"])
+
+
+class GeneralisedPredictiveCascade(CascadeDesign):
+    """Generalised predictive position loops around the velocity loops of the cascade.
+
+    The lag begins as inertia over what slows the speed. A change of the command by 1 m/s weighs as
+    much as ten times what it moves within the horizon.
+    """
+
+    weights = (Weight("lag", "s"), Weight("effort", "s^2", cost=True))
+
+    def starts(self) -> Gains:
+        loops = super().starts()
+        slowed = np.asarray(loops["velocity"]) + np.asarray(loops["viscous"])
+        lag = float(np.mean(np.asarray(loops["inertia"]) / slowed))
+        dt = self.machine.model.dt
+        return {**loops, "lag": lag, "effort": 10 * HORIZON**3 * dt**2 / 3}
+
+    def law(self, cascade: Cascade, gains: Gains) -> Controller:
+        return PredictiveCascade(cascade, gains["lag"], gains["effort"], HORIZON)

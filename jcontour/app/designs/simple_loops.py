@@ -1,33 +1,38 @@
-"""Simple loops of a drive: proportional or P-PI, fed what the motion needs, a notch or none.
+"""Loops of drives on linear machines: cascades and position loops, with feedforward and notch.
 
-A proportional loop suits a drive that takes a speed or a position, P-PI one that takes a speed or a
+A loop begins as the fastest of a series that keeps a margin on the whole family. Velocity loops of
+a cascade cross over at w, position loops at a quarter of it:
+
+    k_pv = 1 / (|1 + 1/(j c)| |G_v(w)|),   T_iv = c / w,   k_pp = w / 4
+
+G_v is the response of an axis from control to speed. The series goes through w and c. A
+proportional loop suits a drive that takes a speed or a position, P-PI one that takes a speed or a
 force. A notch stands at the lowest resonance of the machine, the same on all axes: axes that are
 filtered alike stay together.
 """
 
 import abc
+from itertools import product
+from typing import Any
 
+import equinox as eqx
 import numpy as np
 
 from jcontour.app.designs.design import Gains, LinearDesign, picked
-from jcontour.app.designs.feedforward import (
-    LinearCascade,
-    axes_of,
-    cascade,
-    cascades,
-    level_gains,
-    motion_gains,
-)
 from jcontour.app.designs.lq.first_loop import fastest
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.steady_response import steady_response
 from jcontour.controller import Controller
-from jcontour.controllers.feedback.cascade import PositionLoop
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains, PositionLoop
+from jcontour.controllers.wrappers.adapters import SpeedByDifference
 from jcontour.controllers.wrappers.filters import Filtered, notch
-from jcontour.linear.plant import LinearPlant
-from jcontour.sensors import Sensors
+from jcontour.linear.plant import LinearPlant, decoupled_axes
+from jcontour.linear.transfer_functions import TransferFunction, transfer_function
+from jcontour.sensors import Sensors, motors
 from tuning.parameters import Fixed, Interval, Weight
 
+CROSSOVERS = np.geomspace(0.5, 3e-3, 16)  # w [rad per sample] from fast to slow
+CORNERS = (0.2, 1.0, 3.0)  # c: the first for drives that take a speed, the last for currents
 PROPORTIONAL, CASCADE = "position-loop", "linear-cascade-feedforward"  # without a notch
 NOTCHED = {PROPORTIONAL: "position-loop-notch", CASCADE: "linear-cascade-notch"}
 ORDERS = ("level", "viscous", "inertia")  # control per position, speed, acceleration
@@ -35,6 +40,113 @@ POSITION_CROSSOVERS = np.geomspace(0.5, 3e-4, 32)  # [rad per sample] from fast 
 RINGS = 0.3  # damping below which a pair of poles is a resonance
 USUAL = 0.1  # of the sampling rate: where a notch begins on a machine without one
 DEPTH, DAMPING = 0.2, 0.2  # of a notch that bears a resonance 5 % off: it allows 3 times the gain
+
+
+class Drives(eqx.Module):
+    """Drives of a linear machine, a pytree: loops of the same shapes share programs.
+
+    Args:
+        dt: sample period [s].
+        limit: of the controls; infinite where none is stated.
+        holding: control per m that holds each axis at rest.
+    """
+
+    limit: Any
+    holding: np.ndarray
+    dt: float = eqx.field(static=True)
+
+    def cascade(self, gains: Gains) -> Controller:
+        """P-PI on the encoders, speeds by difference; of the gains those that it knows."""
+        known = {name: gains[name] for name in CascadeGains.__dataclass_fields__ if name in gains}
+        axes, dt = len(self.holding), self.dt
+        loops = Cascade(CascadeGains(**known), motors(axes), dt, self.limit, self.holding)
+        return SpeedByDifference(loops, Sensors(range(axes)), dt)
+
+
+class LinearCascade(LinearDesign):
+    """P-PI cascade on encoders, speeds by difference.
+
+    It is the fastest of the series that keeps the margin on the family.
+    """
+
+    weights = (
+        Weight("position", "1/s"),
+        Weight("velocity", "{control} s/m"),
+        Weight("integral_time", "s"),
+    )
+
+    def starts(self) -> Gains:
+        machine, series = self.machine, cascades(self.machine)
+        return series[fastest(machine, series, drives_of(machine).cascade)]
+
+    def build(self, weights: Gains) -> Controller:
+        return drives_of(self.machine).cascade(weights)
+
+
+def drives_of(machine: LinearMachine) -> Drives:
+    """Drives of a machine."""
+    limit = machine.limits.control
+    return Drives(np.inf if limit is None else limit, machine.holding, machine.model.dt)
+
+
+def cascades(machine: LinearMachine) -> list[Gains]:
+    """Gains of the series, from fast to slow."""
+    axes = axes_of(machine.model)
+    return [_loops(axes, w, c) for w, c in product(CROSSOVERS, CORNERS)]
+
+
+def _loops(axes: list[TransferFunction], crossover: float, corner: float) -> dict[str, Any]:
+    """Gains of one cascade of the series."""
+    point, dt = np.exp(-1j * crossover), axes[0].dt
+    speeds = [abs(axis.response(point) * (1 - point)) / dt for axis in axes]
+    share = abs(1 + 1 / (1j * corner))
+    return {
+        "position": float(crossover / dt / 4),
+        "velocity": 1 / (share * np.array(speeds)),
+        "integral_time": float(corner * dt / crossover),
+    }
+
+
+def motion_gains(machine: LinearMachine) -> Gains:
+    """Control that holds a speed, and that of the speed's lag."""
+    axes, levels = axes_of(machine.model), level_gains(machine)
+    viscous, inertia = zip(*map(_steady_control, axes, levels), strict=True)
+    return {"inertia": np.maximum(inertia, 1e-9), "viscous": np.maximum(viscous, 1e-9)}
+
+
+def level_gains(machine: LinearMachine) -> np.ndarray:
+    """(m,) control that holds a position, per metre; 0 of axes that stay where they are."""
+    steady = [steady_response(machine.model, axis) for axis in range(machine.model.axes)]
+    return np.array([1 / one.gain if one.kind == "position" else 0.0 for one in steady])
+
+
+def _steady_control(axis: TransferFunction, level: float) -> tuple[float, float]:
+    """Control per speed and per acceleration of a slow motion: P^-1 = k_0 + k_v s + k_a s^2 + ...
+
+    The cascade's speed is that of half a sample later, which is a share of k_a.
+    """
+    w = np.array([1e-3, 2e-3]) / axis.dt  # [rad/s]
+    s = 1j * w
+    inverse = (1 / axis.response(np.exp(-s * axis.dt)) - level) / s  # k_v + k_a s
+    viscous = float(np.real(inverse[0]))
+    inertia = float(np.imag(inverse[1] - inverse[0]) / (w[1] - w[0]))
+    return viscous, inertia - viscous * axis.dt / 2
+
+
+def axes_of(model: LinearPlant) -> list[TransferFunction]:
+    """Transfer function of every axis from its own control.
+
+    Raises:
+        ValueError: the axes are coupled, or axis i is not driven by control i.
+    """
+    for axis in decoupled_axes(model.pattern):
+        if axis.inputs != axis.outputs or len(axis.inputs) != 1:
+            raise ValueError(
+                "feedforward needs axes with one control each: outputs "
+                f"{list(axis.outputs)} depend on controls {list(axis.inputs)}"
+            )
+    return [transfer_function(model, axis, axis) for axis in range(model.axes)]
+
 
 MOTION = (  # what the motion needs
     Weight("inertia", "{control} s^2/m"),
@@ -53,10 +165,19 @@ class SimpleLoop(LinearDesign):
         """Gains that all loops of the series have in common."""
         return motion_gains(self.machine)
 
+    @staticmethod
+    @abc.abstractmethod
+    def loop(drives: Drives, gains: Gains) -> Controller:
+        """The loop on these drives."""
+
     def starts(self) -> Gains:
-        fixed, series = self.fixed(), self.series()
-        found = fastest(self.machine, series, lambda gains: self.build({**fixed, **gains}))
-        return {**series[found], **fixed}
+        fixed = self.fixed()
+        series = [{**gains, **fixed} for gains in self.series()]
+        loop = eqx.Partial(self.loop, drives_of(self.machine))
+        return series[fastest(self.machine, series, loop)]
+
+    def build(self, weights: Gains) -> Controller:
+        return self.loop(drives_of(self.machine), weights)
 
 
 class ProportionalLoop(SimpleLoop):
@@ -79,11 +200,11 @@ class ProportionalLoop(SimpleLoop):
         levels = level_gains(self.machine)
         return super().fixed() | ({"level": levels} if levels.any() else {})
 
-    def build(self, weights: Gains) -> Controller:
+    @staticmethod
+    def loop(drives: Drives, gains: Gains) -> Controller:
         names = ("position", "viscous", "inertia", "level")
-        known = {name: weights[name] for name in names if name in weights}
-        model = self.machine.model
-        return PositionLoop(**known, sensors=Sensors(range(model.axes)), dt=model.dt)
+        known = {name: gains[name] for name in names if name in gains}
+        return PositionLoop(**known, sensors=Sensors(range(len(drives.holding))), dt=drives.dt)
 
 
 class ProportionalIntegralLoop(SimpleLoop):
@@ -97,8 +218,9 @@ class ProportionalIntegralLoop(SimpleLoop):
     def fixed(self) -> Gains:
         return {"feedforward": 1.0, **super().fixed()}
 
-    def build(self, weights: Gains) -> Controller:
-        return cascade(self.machine, weights)
+    @staticmethod
+    def loop(drives: Drives, gains: Gains) -> Controller:
+        return drives.cascade(gains)
 
 
 def _place(machine: LinearMachine) -> float:
@@ -117,6 +239,13 @@ NOTCH = (
 )
 
 
+def notched(drives: Drives, gains: Gains, loop: Controller) -> Controller:
+    """The loop through a notch."""
+    shape = picked("notch depth notch_damping", gains)
+    inputs, holding = len(drives.holding), drives.holding
+    return Filtered(loop, notch(*shape, drives.dt, prewarp=True), inputs, holding=holding)
+
+
 class Notched(SimpleLoop):
     """A loop through a notch, its feedforward ahead of what the notch is late by."""
 
@@ -129,26 +258,25 @@ class Notched(SimpleLoop):
         k_0, k_v, k_a = (fed.get(name, 0.0) for name in ORDERS)
         return (fed | {"viscous": k_v + late * k_0, "inertia": k_a + late * k_v}) | section
 
-    def build(self, weights: Gains) -> Controller:
-        shape, machine = picked("notch depth notch_damping", weights), self.machine
-        return Filtered(
-            controller=super().build(weights),
-            filter=notch(*shape, machine.model.dt, prewarp=True),
-            inputs=machine.model.inputs,
-            holding=machine.holding,
-        )
-
 
 class NotchedProportionalLoop(Notched, ProportionalLoop):
     """Proportional position loop through a notch at the lowest resonance."""
 
     weights = (*ProportionalLoop.weights, *NOTCH)
 
+    @staticmethod
+    def loop(drives: Drives, gains: Gains) -> Controller:
+        return notched(drives, gains, ProportionalLoop.loop(drives, gains))
+
 
 class NotchedProportionalIntegralLoop(Notched, ProportionalIntegralLoop):
     """P-PI cascade with feedforward through a notch at the lowest resonance."""
 
     weights = (*ProportionalIntegralLoop.weights, *NOTCH)
+
+    @staticmethod
+    def loop(drives: Drives, gains: Gains) -> Controller:
+        return notched(drives, gains, drives.cascade(gains))
 
 
 def simple_names(machine: LinearMachine) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from jcontour._tracing import is_concrete
 from jcontour.app.designs.contouring_schemes import ContouringScheme
 from jcontour.app.designs.design import Design, Gains
-from jcontour.app.designs.gantry import GANTRY, GantryCascade
+from jcontour.app.designs.gantry import GANTRY, MOTORS, GantryCascade
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.app.machines.gantry import GantryMachine
 from jcontour.app.machines.machine import Machine
@@ -53,7 +53,6 @@ class Loops(NamedTuple):
 AXES_LOOPS = Loops(100.0, 30.0, 0.5, 0.05)  # as fast as the gantry's cascade
 DRIVES_LOOPS = Loops(60.0, 20.0, 0.2, 0.1)  # faster ones ring where the gantry is a sample late
 BIAS = 0.1  # [m/s] that a load is estimated by: a usual speed
-DRIVES = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])  # both drives of the gantry follow y
 
 
 WEIGHTS = (
@@ -107,11 +106,10 @@ class SynchronisedDrives(Design[GantryMachine]):
 
     def build(self, weights: Gains) -> Controller:
         each = {
-            name: jnp.asarray(DRIVES) @ value if jnp.ndim(value) else value
-            for name, value in weights.items()
+            name: MOTORS @ value if jnp.ndim(value) else value for name, value in weights.items()
         }
         drives = drives_of(self.machine)
-        return OfMotors(_synchronised(self.machine, drives, each, (1, 2)), DRIVES)
+        return OfMotors(_synchronised(self.machine, drives, each, (1, 2)), MOTORS)
 
 
 class MasterSlaveDrives(GantryCascade):
@@ -122,7 +120,7 @@ class MasterSlaveDrives(GantryCascade):
     def build(self, weights: Gains) -> Controller:
         loops = {name: value for name, value in weights.items() if name != "following"}
         law = MasterSlave(self.cascade(loops), (1, 2), weights["following"])
-        return OfMotors(law, DRIVES)
+        return OfMotors(law, MOTORS)
 
 
 def axes_of(machine: FlexibleMachine) -> SpeedAxes:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import design_for, machine_named
-from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
+from jcontour.app.catalogue.entries import CONTROLLERS, design_class
 from jcontour.app.designs.any_machine import ANY
 from jcontour.app.flags.loops import Simulate
 from jcontour.geometry.contours import circle, line

@@ -5,8 +5,7 @@ import warnings
 import pytest
 
 from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, first_machine
-from jcontour.app.catalogue.controllers import CONTROLLERS
-from jcontour.app.catalogue.entries import MACHINES
+from jcontour.app.catalogue.entries import CONTROLLERS, MACHINES
 from jcontour.app.flags.loops import Simulate
 
 FIXED = {  # chosen, not tuned

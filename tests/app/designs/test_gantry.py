@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import design_for, job_named
-from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
+from jcontour.app.catalogue.entries import CONTROLLERS, design_class
 from jcontour.app.designs.gantry import GANTRY
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Pace

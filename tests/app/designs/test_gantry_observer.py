@@ -9,7 +9,7 @@ from jcontour.app.catalogue.choices import design_for, job_named
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Pace
 from jcontour.app.machines.gantry import gantry_machine
-from jcontour.app.runs.tuning.family_loops import probed_peaks
+from jcontour.app.runs.tuning.limits import probed_peaks
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
 from jcontour.plants.actuation import Disturbed

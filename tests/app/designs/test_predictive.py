@@ -69,7 +69,9 @@ def test_a_path_is_no_faster_than_what_every_axis_may_run_at():
 
 
 def test_a_controller_that_chooses_its_speed_is_not_tuned():
-    with pytest.raises(ValueError, match="mpcc chooses its own speed.*jcontour simulate"):
+    with pytest.raises(
+        ValueError, match="mpcc, .*chooses its own speed: nothing.*jcontour simulate"
+    ):
         design_for(machine_named("xy-table"), Simulate(controller="mpcc"))
 
 

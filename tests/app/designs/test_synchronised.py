@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import design_for
-from jcontour.app.designs.synchronised import DRIVES, axes_of, drives_of
+from jcontour.app.designs.gantry import MOTORS
+from jcontour.app.designs.synchronised import axes_of, drives_of
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.machines.flexible_axis import biaxial_machine
 from jcontour.app.machines.gantry import gantry_machine
@@ -39,7 +40,7 @@ def test_a_gantry_has_its_y_drives_as_the_pair(axes, gantry):
     assert design.name == "gantry-synchronised"
     controller = design.build(design.start)
     assert controller.controller.pair == (1, 2)
-    np.testing.assert_array_equal(controller.kinematics, DRIVES)
+    np.testing.assert_array_equal(controller.kinematics, MOTORS)
     gains = controller.controller.gains.proportional
     assert gains[1] == gains[2] != gains[0]
     two = design_for(axes, ASKED)

@@ -62,8 +62,9 @@ class ConstrainedLQDesign(LQDesign):
             control=kept.control,
             increment=kept.increment,
         )
-        inner = ConstrainedLQ(model, self.cost(weights), self.preview, limits, terminal)
-        return OffsetFreeTold(inner, model, self.gain(weights), model.C)
+        loop = self.loop
+        inner = ConstrainedLQ(model, loop.cost(weights), self.preview, limits, terminal)
+        return OffsetFreeTold(inner, model, loop.gain(weights), model.C)
 
     @property
     def files(self) -> dict[str, str]:

@@ -5,12 +5,13 @@ model predicts over the middle of the machine's unknown delay: a machine of 0 to
 at most one sample away from it. Gain schedule and observer are stored.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -54,6 +55,66 @@ TERMINALS: dict[str, Terminal] = {
     "zero": ZeroTerminal(),
 }
 ObserverForm = Literal["offset-free", "filter", "predictor"]
+LAWS: dict[str, Callable[[LinearPlant, LQWeights, int, Terminal], Controller]] = {
+    "receding-horizon LQ contouring": ContouringLQ,
+    "receding-horizon LQ contouring under limits": ContouringLQ,  # begins as without them
+    "LQ contouring, its horizon in blocks": lambda model, cost, preview, _: BlockwiseLQ(
+        model, cost, preview
+    ),
+    "optimal cross-coupled control": lambda model, cost, *_: CrossCoupledLQ(model, cost),
+    "finite-preview LQ tracking": lambda model, cost, preview, _: PreviewLQ(
+        model, cost.alpha, cost.rho, preview
+    ),
+}
+
+
+class LQLoop(eqx.Module):
+    """Weights -> controller behind its observer, a pytree: loops of the same shapes share programs.
+
+    Args:
+        model: with its delay.
+        rounding: measurement noise [m], of all positions or of each.
+        limit: of the controls; infinite without one.
+        law: name of the law of the state.
+        preview: samples.
+        terminal: name of the cost at the end of the horizon.
+        observer: form of the observer; None where the law is fed the state.
+    """
+
+    model: LinearPlant
+    rounding: Any
+    limit: Any
+    law: str = eqx.field(static=True)
+    preview: int = eqx.field(static=True)
+    terminal: str = eqx.field(static=True)
+    observer: ObserverForm | None = eqx.field(static=True)
+
+    def cost(self, weights: Gains) -> LQWeights:
+        """Weights of the cost."""
+        return LQWeights(*picked("alpha beta rho", weights), weights.get("stage"))
+
+    def gain(self, weights: Gains) -> Float[Array, "both q"]:
+        """Gain of the observer; the encoders' rounding is its measurement noise."""
+        model = self.model
+        if self.observer == "offset-free":
+            noises = weights["control_noise"], weights["drift"]
+            return offset_free_gain(model, model.C, *noises, self.rounding)
+        return kalman_gain(model, weights["control_noise"], self.rounding)
+
+    def __call__(self, weights: Gains) -> Controller:
+        model = self.model
+        terminal = TERMINALS[self.terminal]
+        inner = LAWS[self.law](model, self.cost(weights), self.preview, terminal)
+        if self.observer is None:
+            return inner
+        gain = self.gain(weights)
+        if self.observer == "predictor":
+            return PredictorObserver(inner, model, gain=gain)
+        if self.observer == "filter":
+            return FilterObserver(inner, model, gain=gain)
+        return OffsetFreeObserver(
+            controller=inner, model=model, gain=gain, measured=model.C, limit=self.limit
+        )
 
 
 class LQDesign(LinearDesign):
@@ -63,8 +124,8 @@ class LQDesign(LinearDesign):
     has set stays.
 
     Attributes:
-        law: description of the controller that the observer feeds.
-        observer: form of the observer.
+        law: name of the law that the observer feeds.
+        observer: form of the observer; None where the law is fed the state.
         ends: name of the cost at the end of the horizon; None where the flags choose.
         at_first_loop: it starts at its first loop.
 
@@ -86,7 +147,7 @@ class LQDesign(LinearDesign):
         {"observer": ("control_noise", "drift")}
     )
     law: ClassVar[str] = "receding-horizon LQ contouring"
-    observer: ClassVar[ObserverForm] = "offset-free"
+    observer: ClassVar[ObserverForm | None] = "offset-free"
     ends: ClassVar[str | None] = None
 
     def __init__(self, name: str, machine: LinearMachine, flags: Controlled):
@@ -100,7 +161,7 @@ class LQDesign(LinearDesign):
     def starts(self) -> dict[str, float]:
         machine = self.machine
         found = {"alpha": 1.0, "beta": 10.0, "rho": 1 / machine.largest_control**2}
-        if self.fed == "outputs":
+        if self.observer is not None:
             found["control_noise"] = machine.control_noise
             if self.observer == "offset-free":
                 found["drift"] = 1.0
@@ -120,29 +181,23 @@ class LQDesign(LinearDesign):
         """Model of the machine with its known delay and `late` samples more."""
         return self._delayed(self.late)
 
-    def law_of(self, weights: LQWeights) -> Controller:
-        """The controller, fed the state of the model."""
-        return ContouringLQ(self.model, weights, self.preview, TERMINALS[self.terminal])
-
-    def cost(self, weights: Gains) -> LQWeights:
-        """Weights of the cost."""
-        return LQWeights(*picked("alpha beta rho", weights), weights.get("stage"))
+    @property
+    def loop(self) -> LQLoop:
+        """The loop, its weights open."""
+        limit = self.machine.limits.control
+        return LQLoop(
+            self.model,
+            self.machine.measurement_noise,
+            jnp.asarray(jnp.inf if limit is None else limit),
+            self.law,
+            self.preview,
+            self.terminal,
+            self.observer,
+        )
 
     def build(self, weights: Gains) -> Controller:
         """Controller behind its observer."""
-        inner = self.law_of(self.cost(weights))
-        if self.fed == "state":
-            return inner
-        model, gain = self.model, self.gain(weights)
-        if self.observer == "predictor":
-            return PredictorObserver(inner, model, gain=gain)
-        if self.observer == "filter":
-            return FilterObserver(inner, model, gain=gain)
-        limit = self.machine.limits.control
-        bound = jnp.inf if limit is None else limit
-        return OffsetFreeObserver(
-            controller=inner, model=model, gain=gain, measured=model.C, limit=jnp.asarray(bound)
-        )
+        return self.loop(weights)
 
     def _delayed(self, late: int) -> LinearPlant:
         """Never traced: its zeros say which states belong to which axis."""
@@ -167,20 +222,8 @@ class LQDesign(LinearDesign):
 
     def _first_loop(self) -> Gains:
         """Weights of the first loop without limits, but for those that the user has set."""
-
-        def build(weights: Gains) -> Controller:
-            return LQDesign.build(self, weights)
-
-        found = first_loop(self.machine, build, self.start, self.preview, self.fed)
+        found = first_loop(self.machine, self.loop, self.start, self.preview, self.fed)
         return changed(found, given(self.flags))
-
-    def gain(self, weights: Gains) -> Float[Array, "both q"]:
-        """Gain of the observer; the encoders' rounding is its measurement noise."""
-        model, rounding = self.model, self.machine.measurement_noise
-        if self.observer == "offset-free":
-            noises = weights["control_noise"], weights["drift"]
-            return offset_free_gain(model, model.C, *noises, rounding)
-        return kalman_gain(model, weights["control_noise"], rounding)
 
     def constrained(self, weights, limits, solver):
         """The MPC of the same cost; None for preview LQ and for the predictor form."""
@@ -189,13 +232,13 @@ class LQDesign(LinearDesign):
         from jcontour.app.designs.predictive import limited_lq  # the solvers take a second
         from jcontour.host.observed import FilterGain, OffsetFreeGain
 
-        terminal, observer = TERMINALS[self.terminal], None
-        if self.fed == "outputs":
-            gain = np.asarray(self.gain(weights))
+        terminal, observer, loop = TERMINALS[self.terminal], None, self.loop
+        if self.observer is not None:
+            gain = np.asarray(loop.gain(weights))
             offset_free = self.observer == "offset-free"
             observer = OffsetFreeGain(gain, self.model.C) if offset_free else FilterGain(gain)
         return limited_lq(
-            self.model, self.cost(weights), self.preview, terminal, observer, limits, solver
+            self.model, loop.cost(weights), self.preview, terminal, observer, limits, solver
         )
 
     def freed(self, names: Sequence[str]) -> "LQDesign":
@@ -330,13 +373,13 @@ class PredictorLQ(LQDesign):
 class StateLQ(LQDesign):
     """The same fed the true state."""
 
-    fed = "state"
+    observer, fed = None, "state"
 
 
 class RiccatiStateLQ(RiccatiLQ):
     """Receding-horizon LQ contouring with the Riccati terminal, fed the true state."""
 
-    fed = "state"
+    observer, fed = None, "state"
 
 
 class ZeroLQ(RiccatiLQ):
@@ -362,9 +405,6 @@ class CrossCoupledLQDesign(RiccatiLQ):
     def first_preview(self, first: Gains) -> int:
         return 2
 
-    def law_of(self, weights: LQWeights) -> Controller:
-        return CrossCoupledLQ(self.model, weights)
-
 
 class BlocksLQ(LQDesign):
     """LQ contouring that sees 200 samples or more; its horizon moves on in blocks."""
@@ -377,9 +417,6 @@ class BlocksLQ(LQDesign):
     def first_preview(self, first: Gains) -> int:
         return max(self.flags.preview, LEAST_BLOCK)
 
-    def law_of(self, weights: LQWeights) -> Controller:
-        return BlockwiseLQ(self.model, weights, self.preview)
-
 
 class PreviewLQDesign(LQDesign):
     """Finite-preview LQ tracking (Tomizuka & Whitney), offset-free observer; beta unused."""
@@ -390,11 +427,8 @@ class PreviewLQDesign(LQDesign):
     ends = "riccati"
     limitable = False
 
-    def law_of(self, weights: LQWeights) -> Controller:
-        return PreviewLQ(self.model, weights.alpha, weights.rho, self.preview)
-
 
 class PreviewStateLQ(PreviewLQDesign):
     """Finite-preview LQ tracking, fed the true state."""
 
-    fed = "state"
+    observer, fed = None, "state"

@@ -75,7 +75,9 @@ def test_the_search_ends_where_dearer_errors_change_the_gains_no_more(name):
         start = design.start
         weights = start | {name: more * start[name] for name in ("alpha", "beta")}
         return np.asarray(
-            ContouringLQ(design.model, design.cost(weights), design.preview).prepare(reference).F[0]
+            ContouringLQ(design.model, design.loop.cost(weights), design.preview)
+            .prepare(reference)
+            .F[0]
         )
 
     def change(more):

@@ -99,7 +99,7 @@ def test_the_filter_of_each_axis_has_the_noise_of_its_own_encoder(name):
 
     def gain(resolution):
         machine = replace(table, encoder_resolution=resolution)
-        return np.asarray(design_for(machine, flags).gain(start))
+        return np.asarray(design_for(machine, flags).loop.gain(start))
 
     mixed = gain(np.array([1e-6, 5e-6]))
     for axis, count in enumerate((1e-6, 5e-6)):

@@ -1,15 +1,15 @@
-"""Inverse feedforward of machines whose motors are measured: flexible axes and gantries.
+"""Inverse feedforward in front of cascades, of linear machines, flexible axes and gantries.
 
-The cascade reads the motors, the inverse is that of a linear machine from each motor's control to
-the tool. It is the nominal machine without dry friction and without cogging; a gantry's is that
-with its head at the beam's centre and the coupling of head and twist left out
-(`control_oriented`), both drives of Y alike. Dry friction has a term of its own. What is left,
-the beam's twist included, is the feedback's.
+On a flexible axis or a gantry the cascade reads the motors, the inverse is that of a linear machine
+from each motor's control to the tool. It is the nominal machine without dry friction and without
+cogging; a gantry's is that with its head at the beam's centre and the coupling of head and twist
+left out (`control_oriented`), both drives of Y alike. Dry friction has a term of its own. What is
+left, the beam's twist included, is the feedback's.
 """
 
 import abc
 from functools import cached_property
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,8 +17,8 @@ import numpy as np
 
 from jcontour.app.designs import gantry
 from jcontour.app.designs.design import Design, Gains
-from jcontour.app.designs.feedforward import CONSTRAINT, SMOOTHING, WEIGHT
 from jcontour.app.designs.flexible_axis import DRY_FRICTION, AxisCascade
+from jcontour.app.designs.simple_loops import LinearCascade, axes_of, drives_of
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.app.machines.gantry import GantryMachine
 from jcontour.controller import Controller
@@ -39,16 +39,21 @@ from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.linear.transfer_functions import TransferFunction, transfer_function
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plant import Plant
-from jcontour.plants.encoders import FineEncoders
+from jcontour.plants.encoders import Encoders, FineEncoders
 from jcontour.plants.gantry.linear_models import control_oriented, motor_model
 from jcontour.sensors import Sensors, motors
+from tuning.parameters import Interval, Weight
 
-ORDER = 16  # of the model: at 1 ms it is down 3 dB at 50 Hz for q = 1/4, links ring at 10 to 40 Hz
+LINKS = 16  # order of the model of links: down 3 dB at 50 Hz for 1 ms, q = 1/4; they ring below 40
+CONSTRAINT = 2  # order of the weight: bounded acceleration
+# 1/4 is Alter & Tsao's model; their weight is 1: no error on a steady motion
+SMOOTHING = Weight("smoothing", range=Interval(1e-3, 0.3), start=0.05)
+WEIGHT = Weight("weight", range=Interval(0.8, 1.2), start=1.0)
 INVERSE = SMOOTHING._replace(start=0.2)  # the inverse of a link takes the fourth difference
 
 
 class Inverted(NamedTuple):
-    """What an inverse knows of a machine.
+    """Nominal machine that is inverted.
 
     Attributes:
         transfers: from the control of each motor to the tool along its axis.
@@ -60,7 +65,15 @@ class Inverted(NamedTuple):
 
 
 class ZeroPhase(Design):
-    """Zero phase error tracking of what a machine's motors do; it takes the preview it needs."""
+    """Zero phase error tracking; it takes the preview it needs.
+
+    Attributes:
+        order: of the model that is followed.
+        ringing: zeros that ring more are left to the optimum, see `sorted_zeros`.
+    """
+
+    order: ClassVar[int] = LINKS
+    ringing: ClassVar[float] = RINGING
 
     @cached_property
     @abc.abstractmethod
@@ -69,22 +82,72 @@ class ZeroPhase(Design):
 
     def inverse(self, gains: Gains) -> PreviewFilter:
         """The inverse."""
-        return zero_phase_inverse(self.inverted.transfers, gains["smoothing"], RINGING, ORDER)
+        transfers, smoothing = self.inverted.transfers, gains["smoothing"]
+        return zero_phase_inverse(transfers, smoothing, RINGING, self.order)
+
+
+class Causal(ZeroPhase):
+    """Causal inversion; the model's smoothing looks ahead."""
+
+    def inverse(self, gains: Gains) -> PreviewFilter:
+        filters = [causal_filter(one, RINGING) for one in self.inverted.transfers]
+        return smoothed_inverse(filters, gains["smoothing"], self.order)
 
 
 class Optimal(ZeroPhase):
-    """Feedforward optimal in l1; the preview of the flags is beyond that of the model."""
+    """Feedforward optimal in l1; on links the preview of the flags is beyond that of the model."""
+
+    reads = ("preview", "model_delay")
 
     @cached_property
     def inverses(self) -> list[OptimalInverse]:
         """Inverse of every motor; its taps are those of the first numbers."""
-        following = ModelFollowing(ORDER, ORDER + self.flags.preview, CONSTRAINT)
+        preview = self.flags.preview + (self.order if self.order > 1 else 0)
+        following = ModelFollowing(self.order, preview, CONSTRAINT)
         first = {name: float(self.start[name]) for name in ("smoothing", "weight")}
-        transfers = self.inverted.transfers
-        return [OptimalInverse(one, following, **first, ringing=RINGING) for one in transfers]
+        return [
+            OptimalInverse(one, following, **first, ringing=self.ringing)
+            for one in self.inverted.transfers
+        ]
 
     def inverse(self, gains: Gains) -> PreviewFilter:
         return optimal_filter(self.inverses, gains["smoothing"], gains["weight"])
+
+
+class ZeroPhaseCascade(ZeroPhase, LinearCascade):
+    """Zero phase error tracking (Tomizuka) in front of the cascade."""
+
+    weights = (*LinearCascade.weights, SMOOTHING)
+    reads = ("model_delay",)
+    order, ringing = 1, 1.0
+
+    @cached_property
+    def inverted(self) -> Inverted:
+        with jax.ensure_compile_time_eval():
+            nominal = with_input_delay(self.machine.model, self.late)
+        return Inverted(axes_of(nominal), Encoders(nominal))
+
+    def build(self, weights: Gains) -> Controller:
+        return InverseFeedforward(
+            super().build({**weights, "feedforward": 1.0}),  # fed the speed
+            self.inverse(weights),
+            self.inverted.nominal,
+            drives_of(self.machine).limit,
+        )
+
+
+class CausalCascade(Causal, ZeroPhaseCascade):
+    """Causal inversion of the model in front of the cascade, no preview but its delay."""
+
+
+class OptimalCascade(Optimal, ZeroPhaseCascade):
+    """Feedforward optimal in l1 with preview (Alter & Tsao) in front of the cascade.
+
+    Raises:
+        ValueError: the preview is shorter than the delay, or an axis has a zero on the unit circle.
+    """
+
+    weights = (*ZeroPhaseCascade.weights, WEIGHT)
 
 
 class AxisZeroPhase(ZeroPhase, AxisCascade):
@@ -111,14 +174,6 @@ class AxisZeroPhase(ZeroPhase, AxisCascade):
         return FrictionFeedforward(behind, weights["coulomb"], cascade.limit)
 
 
-class Causal(ZeroPhase):
-    """Causal inversion of what a machine's motors do; the model's smoothing looks ahead."""
-
-    def inverse(self, gains: Gains) -> PreviewFilter:
-        filters = [causal_filter(one, RINGING) for one in self.inverted.transfers]
-        return smoothed_inverse(filters, gains["smoothing"], ORDER)
-
-
 class AxisCausal(Causal, AxisZeroPhase):
     """Causal inversion of the axes in front of the cascade, dry friction fed forward."""
 
@@ -127,7 +182,6 @@ class AxisOptimal(Optimal, AxisZeroPhase):
     """Feedforward optimal in l1 with preview in front of the cascade, dry friction fed forward."""
 
     weights = (*AxisZeroPhase.weights, WEIGHT)
-    reads = ("preview", "model_delay")
 
 
 class GantryZeroPhase(ZeroPhase, gantry.GantryCascade):
@@ -157,7 +211,6 @@ class GantryOptimal(Optimal, GantryZeroPhase):
     """Feedforward optimal in l1 with preview in front of the cascades, the same model."""
 
     weights = (*GantryZeroPhase.weights, WEIGHT)
-    reads = ("preview", "model_delay")
 
 
 def of_axes(machine: FlexibleMachine, late: int) -> Inverted:
