@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import first_machine
-from jcontour.app.catalogue.controllers import CONTROLLERS
-from jcontour.app.catalogue.entries import MACHINES
+from jcontour.app.catalogue.entries import CONTROLLERS, MACHINES
 from jcontour.controller import Controller, Memory, Wrapper
 from jcontour.host.loop import loop as loop_on_the_host
 from jcontour.motion.references import Reference, from_samples

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for
-from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
+from jcontour.app.catalogue.entries import CONTROLLERS, design_class
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import MachineLimits

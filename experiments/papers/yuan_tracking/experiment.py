@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from experiments.papers.yuan_tracking.beam import BeamStudy, beam_study
 from jcontour.app.catalogue.choices import design_for, first_machine, job_named
-from jcontour.app.catalogue.controllers import CONTROLLERS, design_class
+from jcontour.app.catalogue.entries import CONTROLLERS, design_class
 from jcontour.app.designs.flexible_axis import AxisDesign
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Tune

@@ -9,8 +9,14 @@ from typing import TypeVar
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.app.catalogue.controllers import ALIASES, CONSTRAINED, CONTROLLERS, design_class
-from jcontour.app.catalogue.entries import CONTOURS, MACHINES
+from jcontour.app.catalogue.entries import (
+    ALIASES,
+    CONSTRAINED,
+    CONTOURS,
+    CONTROLLERS,
+    MACHINES,
+    design_class,
+)
 from jcontour.app.catalogue.known_names import check_contour, check_plant
 from jcontour.app.catalogue.own_classes import (
     FILE,
@@ -18,8 +24,7 @@ from jcontour.app.catalogue.own_classes import (
     own_machine,
     own_name,
 )
-from jcontour.app.designs.design import SETTINGS, Design, Needs, given
-from jcontour.app.designs.own import OwnDesign, own_design
+from jcontour.app.designs.design import SETTINGS, Design, Needs, OwnDesign, given, own_design
 from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.job import Pace, Task, from_file
 from jcontour.app.machines.from_file import load_machine
@@ -155,7 +160,10 @@ def _listed_name(asked: str, machine: Machine) -> str:
             return name
     if asked in CONSTRAINED:
         entry = CONSTRAINED[asked]
-        raise ValueError(f"controller: {asked} {entry.why}; run it with `jcontour {entry.command}`")
+        raise ValueError(
+            f"controller: {asked}, {entry.line}: nothing is tuned of it, run it with "
+            f"`jcontour {entry.command}`"
+        )
     if asked not in CONTROLLERS:
         raise ValueError(
             f"controller: there is none named {asked!r}; "

@@ -7,9 +7,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from jcontour.app.catalogue.controllers import ALIASES, CONSTRAINED, CONTROLLERS
-from jcontour.app.catalogue.entries import CONTOURS, MACHINES
-from jcontour.app.catalogue.own_classes import FILE, check_ending, check_own, own_name, perhaps
+from jcontour.app.catalogue.entries import ALIASES, CONSTRAINED, CONTOURS, CONTROLLERS, MACHINES
+from jcontour.app.catalogue.own_classes import FILE, check_ending, own_name, perhaps
 from jcontour.app.files.checks import EXAMPLE, MachineError
 from jcontour.app.plain_numbers import named_numbers
 
@@ -37,31 +36,15 @@ def check_plant(name: str) -> None:
 def check_contour(name: str) -> None:
     """Raise ValueError unless a contour has this name, or it is that of a file."""
     if name not in CONTOURS and Path(name).is_dir():
-        raise ValueError(f"contour: {name} is a folder, no contour; {_what_takes(Path(name))}")
+        raise ValueError(
+            f"contour: {name} is a folder, no contour; `jcontour check`, `export` and `report` "
+            f"take the folder of a run; give one of {', '.join(CONTOURS)}, or a toolpath file"
+        )
     if name not in CONTOURS and not Path(name).suffix:
         raise ValueError(
             f"contour: there is none named {name!r}; {perhaps(name, CONTOURS)}"
             f"give one of {', '.join(CONTOURS)}, or a toolpath file"
         )
-
-
-def _what_takes(folder: Path) -> str:
-    """What may be done with a folder, a run or not."""
-    from jcontour.app.files.run_folder import RESULT, read_json
-
-    try:
-        weights = read_json(folder, RESULT)["weights"]
-        words = [f"{name}={_value(value)}" for name, value in weights.items() if value is not None]
-    except (ValueError, KeyError, AttributeError, TypeError):
-        return f"give one of {', '.join(CONTOURS)}, or a toolpath file"
-    return (
-        "`jcontour feed`, `precompensate`, `check`, `export` and `report` take the "
-        f"folder of a run; `simulate PART --weights {' '.join(words)}` runs its weights on a part"
-    )
-
-
-def _value(weight: float | list[float]) -> str:
-    return ",".join(map(repr, weight)) if isinstance(weight, list) else repr(weight)
 
 
 def check_controller(name: str) -> None:
@@ -143,8 +126,6 @@ def _check_file(name: str, known: dict[str, Any], where_missing: str = "") -> No
     except OSError as error:
         help = where_missing if own is None and isinstance(error, FileNotFoundError) else ""
         raise MachineError(f"{path}: cannot be read ({error.strerror or error}){help}") from None
-    if own is not None:
-        check_own(own)
 
 
 def _check_lines(path: Path, flags: Any) -> None:

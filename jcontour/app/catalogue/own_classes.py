@@ -46,7 +46,6 @@ REMEDIES = {  # error of JAX -> what to write in the place of what caused it
     "ConcretizationTypeError": "float, int and bool cannot take a number of the run; leave them "
     "out, or use jnp.asarray",
 }
-MAKE_NAMES = {"*", "globals", "vars", "locals", "exec", "setattr"}  # while a file runs
 
 
 class OwnName(NamedTuple):
@@ -104,35 +103,13 @@ def _dotted(name: str) -> bool:
     return all(part.isidentifier() for part in name.split("."))
 
 
-def check_own(own: OwnName) -> None:
-    """Raise ValueError where a file clearly holds no such name; it is read, and not run.
-
-    A file that cannot be parsed, or makes names while it runs, is told when it is run.
-    """
-    try:
-        tree = ast.parse(content_of(own.path, MOST_BYTES))
-    except (OSError, SyntaxError, ValueError):
-        return
-    first, known = own.name.split(".")[0], set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Name):
-            known.add(node.id)
-        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            known.add(node.name)
-        elif isinstance(node, ast.Import | ast.ImportFrom):
-            known |= {(one.asname or one.name).split(".")[0] for one in node.names}
-    if first not in known and not known & MAKE_NAMES:
-        raise _missing(own)
-
-
 def own_controller(own: OwnName, machine: "Machine", flags: "Controlled") -> "Design":
     """Design of a controller from a file; its weights are its own fields that are floats.
 
     Raises:
         ValueError: file or name is missing, it makes no controller, or it fails on this machine.
     """
-    from jcontour.app.designs.design import Design
-    from jcontour.app.designs.own import OwnDesign, made
+    from jcontour.app.designs.design import Design, OwnDesign, made
     from jcontour.controller import Controller
 
     found = _found(own)

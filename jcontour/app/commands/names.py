@@ -1,7 +1,6 @@
 """`jcontour list`: everything that has a name."""
 
-from jcontour.app.catalogue.controllers import CONSTRAINED, CONTROLLERS, line_of
-from jcontour.app.catalogue.entries import CONTOURS, MACHINES
+from jcontour.app.catalogue.entries import CONSTRAINED, CONTOURS, CONTROLLERS, MACHINES, line_of
 from jcontour.app.commands.reproduce import experiments_found
 from jcontour.app.files import run_folder
 from jcontour.app.files.checks import EXAMPLE

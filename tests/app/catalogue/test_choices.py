@@ -9,7 +9,6 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.app.catalogue import controllers
 from jcontour.app.catalogue.choices import (
     controllers_for,
     design_for,
@@ -18,8 +17,14 @@ from jcontour.app.catalogue.choices import (
     machine_named,
     seeing_all,
 )
-from jcontour.app.catalogue.controllers import ALIASES, CONTROLLERS, design_class, line_of
-from jcontour.app.catalogue.entries import CONTOURS, MACHINES
+from jcontour.app.catalogue.entries import (
+    ALIASES,
+    CONTOURS,
+    CONTROLLERS,
+    MACHINES,
+    design_class,
+    line_of,
+)
 from jcontour.app.designs.design import Needs
 from jcontour.app.designs.flexible_axis import AxisCascade
 from jcontour.app.flags.loops import Simulate

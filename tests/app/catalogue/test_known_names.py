@@ -8,7 +8,6 @@ import pytest
 from jcontour.app.catalogue.known_names import FIRST_LINES, check_flags
 from jcontour.app.flags.loops import Feed, Learn, Precompensate, Simulate
 from jcontour.app.flags.tuning import Front, Sweep, Tune
-from jcontour.app.plain_numbers import named_numbers
 
 SCRIPT = """
 import sys
@@ -136,22 +135,9 @@ def test_a_name_far_from_all_is_told_without_a_guess():
         check_flags(Simulate(plant="lathe"))
 
 
-def test_the_folder_of_a_run_in_place_of_a_part_is_told_with_its_weights(tmp_path):
-    run, other = tmp_path / "run", tmp_path / "other.d"
-    for folder, text in (
-        (run, '{"weights": {"alpha": 2e12, "stage": null, "drift": [0.1, 3]}}'),
-        (other, "[]"),
-    ):
-        folder.mkdir()
-        (folder / "result.json").write_text(text)
-    with pytest.raises(ValueError, match="is a folder, .*`jcontour feed`, .*") as raised:
-        check_flags(Simulate(contour=str(run)))
-    words = str(raised.value).partition("--weights ")[2].partition("` runs")[0].split()
-    assert [one.partition("=")[0] for one in words] == ["alpha", "drift"]
-    assert named_numbers("weights", words[0]) == ("alpha", (2e12,))
-    assert named_numbers("weights", words[1]) == ("drift", (0.1, 3.0))
-    with pytest.raises(ValueError, match="other.d is a folder, no contour; give one of circle"):
-        check_flags(Tune(parts=(str(other),)))
+def test_a_folder_in_place_of_a_part_is_told(tmp_path):
+    with pytest.raises(ValueError, match="is a folder, no contour; .* take the folder of a run"):
+        check_flags(Tune(parts=(str(tmp_path),)))
 
 
 @pytest.mark.parametrize("flag", ["plant", "controller"])

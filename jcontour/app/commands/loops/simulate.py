@@ -7,7 +7,7 @@ from rich.status import Status
 
 from jcontour.app.beside import Beside
 from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
-from jcontour.app.catalogue.controllers import PREDICTIVE
+from jcontour.app.catalogue.entries import PREDICTIVE
 from jcontour.app.designs.design import Design, plain_weights
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.run_metrics import RunMetrics
