@@ -38,7 +38,7 @@ from jcontour.app.machines.identified import machine_fields
 from jcontour.app.reports.tables import console_of
 from jcontour.app.runs.settling import with_held_end
 from jcontour.app.runs.stored_loops import stored_tuning
-from jcontour.app.runs.tuning.family_loops import measured_peak
+from jcontour.app.runs.tuning.limits import measured_peak
 from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference

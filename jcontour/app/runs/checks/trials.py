@@ -13,7 +13,7 @@ from jcontour.analysis.stability import DELAY_SEARCH, GAIN_SEARCH, Margins, marg
 from jcontour.app.files.results.tuned_result import LostFirst, PathMargins, RobustTest, Standstill
 from jcontour.app.jobs.replays import Scenarios, prepared_plans
 from jcontour.app.machines.machine import Fed, Machine
-from jcontour.app.runs.tuning.family_loops import measured_peak
+from jcontour.app.runs.tuning.limits import measured_peak
 from jcontour.app.runs.tuning.problem import stated_axis_limits
 from jcontour.controller import Controller, Plan
 from jcontour.geometry.contours import line

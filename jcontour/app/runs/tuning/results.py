@@ -48,7 +48,7 @@ from jcontour.app.runs.contour_summary import (
     peak_place,
     read_of,
 )
-from jcontour.app.runs.tuning.family_loops import (
+from jcontour.app.runs.tuning.limits import (
     LeastKnown,
     family_curves,
     family_peaks,
@@ -322,19 +322,21 @@ def gap(run: TuningRun, tuned: Tuned, found: Replay) -> list[GapRow]:
     rows = []
     for c, job in enumerate(run.scenarios.jobs_seen(True)):
         members = replayed[c, : smooth.shape[1]]
-        rows.append(_gap_row(job.name, "nominal", smooth[c, 0], members[0]))
-        rows.append(_gap_row(job.name, "worst", smooth[c].max(), members.max()))
+        pairs = {
+            "nominal": (smooth[c, 0], members[0]),
+            "worst": (smooth[c].max(), members.max()),
+        }
+        for plant, (seen, there) in pairs.items():
+            rows.append(
+                GapRow(
+                    contour=job.name,
+                    plant=plant,
+                    smooth=float(seen),
+                    nonsmooth=float(there),
+                    relative=float(there / seen - 1),
+                )
+            )
     return rows
-
-
-def _gap_row(contour: str, plant: str, smooth: float, nonsmooth: float) -> GapRow:
-    return GapRow(
-        contour=contour,
-        plant=plant,
-        smooth=float(smooth),
-        nonsmooth=float(nonsmooth),
-        relative=float(nonsmooth / smooth - 1),
-    )
 
 
 def confirmed(run: TuningRun, tuned: Tuned, found: Replay) -> list[EngineRow]:

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from jcontour.app.files.checkpoints import load_state, save_state
 from jcontour.app.reports.tables import say
-from jcontour.app.runs.tuning.family_loops import WINDOWS
+from jcontour.app.runs.tuning.limits import WINDOWS
 from jcontour.app.runs.tuning.problem import TuningRun
 from tuning.exchange import STABLE, Exchanged, exchanged, put_back, without_slope
 from tuning.parameters import Chart

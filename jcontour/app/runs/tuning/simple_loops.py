@@ -32,7 +32,6 @@ PAYS = 1.5  # times the gain of the position loop: less is not worth a notch
 REACH = 1.5  # times the error of the tuned controller: what a short descent may gain
 STEPS = 6  # iterations of that descent
 HALVINGS = 5  # of a gain that breaks a limit: at 1/32 it hardly follows
-SEVERAL = ("regret", "certified")
 Search = Callable[[TuningRun], Searched | None]
 
 
@@ -62,7 +61,7 @@ def simple_loops(run: TuningRun) -> list[SimpleLoop]:
     """
     flags, machine = run.flags, run.machine
     linear = machine.form(LinearMachine)
-    other = flags.objective in SEVERAL or run.design.fed != "outputs"
+    other = flags.objective == "certified" or run.design.fed != "outputs"
     if other or linear is None:
         return []
     try:

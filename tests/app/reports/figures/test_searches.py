@@ -17,12 +17,12 @@ from jcontour.app.files.results.tuned_result import HistoryPoint
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.reports.figures.searches import (
     DIVERGED,
+    FamilyCurves,
     front,
     history_figure,
     ranking_figure,
     sensitivity_figure,
 )
-from jcontour.app.runs.tuning.family_loops import FamilyCurves
 
 BUDGETS = [
     BudgetPoint(0.1, {"alpha": 2.0}, 5e-6, 9e-6, 0.1, 5e-6, True, False, 1.5),

@@ -19,7 +19,7 @@ from jcontour.app.runs.checks.recommendation import (
     may_drift,
     verdict_on,
 )
-from jcontour.app.runs.tuning.family_loops import LeastKnown
+from jcontour.app.runs.tuning.limits import LeastKnown
 from jcontour.simulation.limit_use import LimitUse
 from tests.app import small_runs
 from tests.app.small_runs import family_metrics, margins, partly

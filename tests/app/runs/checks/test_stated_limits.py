@@ -16,8 +16,7 @@ from jcontour.app.runs.checks.stated_limits import (
     over_family,
     stated_limits,
 )
-from jcontour.app.runs.tuning.family_loops import family_peaks
-from jcontour.app.runs.tuning.limits import AT_REST
+from jcontour.app.runs.tuning.limits import AT_REST, family_peaks
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.simulation.evaluation import evaluate, stack_plants
 from tests.app import small_runs

@@ -28,7 +28,7 @@ from jcontour.app.runs.checks.trials import (
     path_margins,
     standstill,
 )
-from jcontour.app.runs.tuning.family_loops import family_peaks
+from jcontour.app.runs.tuning.limits import family_peaks
 from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line

@@ -7,7 +7,7 @@ from jcontour._arrays import placed
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import Machine
-from jcontour.app.runs.tuning.family_loops import (
+from jcontour.app.runs.tuning.limits import (
     FREQUENCIES,
     family_curves,
     family_peaks,

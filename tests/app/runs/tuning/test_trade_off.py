@@ -11,7 +11,7 @@ from jcontour.app.designs.design import with_values
 from jcontour.app.flags.tuning import Front
 from jcontour.app.reports.tables import console_of
 from jcontour.app.runs.tuning import trade_off
-from jcontour.app.runs.tuning.family_loops import WINDOWS
+from jcontour.app.runs.tuning.limits import WINDOWS
 from jcontour.app.runs.tuning.trade_off import search_of, traced
 
 
