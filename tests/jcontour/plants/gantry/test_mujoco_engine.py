@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
-from jcontour.plants.gantry.engines import mujoco_engine
 
+from jcontour.plants.gantry import mujoco_engine
 from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry, thesis_gantry
 from jcontour.plants.gantry.mujoco_engine import ENGINE_ORDER, GantryMJX, GantryMuJoCo, mjcf
 
