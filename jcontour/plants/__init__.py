@@ -12,7 +12,6 @@ from jcontour.plants.flexible_axis.axis import (
     zoh_model,
 )
 from jcontour.plants.flexible_axis.cantilever import Beam, beam_modes, cantilever, thesis_beam
-from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, LinearMotor, thesis_motor
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry.gantry import Gantry, GantryParameters, thesis_gantry
 from jcontour.plants.gantry.linear_models import MotorEncoders
@@ -30,7 +29,6 @@ __all__ = [
     "Delayed",
     "Disturbed",
     "DriveParameters",
-    "DrivenAxis",
     "Encoders",
     "FlexibleAxis",
     "FrictionXYTable",
@@ -38,7 +36,6 @@ __all__ = [
     "Gantry",
     "GantryParameters",
     "LateSensors",
-    "LinearMotor",
     "MotorEncoders",
     "Quantised",
     "Saturated",
@@ -59,7 +56,6 @@ __all__ = [
     "thesis_axis",
     "thesis_beam",
     "thesis_gantry",
-    "thesis_motor",
     "three_servos",
     "xy_table",
     "zoh_model",

@@ -2,7 +2,7 @@
 
     x(k+1) = A x(k) + B (u_0 + g (u(k) - u_0 + force(k)))
 u_0 holds the plant at rest where the run begins: zero where drives take a speed or a force, see
-`plants.wrappers.gains`. With b_i the column of force i, and k_i, d_i the rows of control i in state
+`plants.actuation`. With b_i the column of force i, and k_i, d_i the rows of control i in state
 and disturbance:
 
     M(g) = M + sum_i (g_i - 1) b_i k_i',   E(g) = E + sum_i (g_i - 1) b_i (d_i + 1 at force i)'

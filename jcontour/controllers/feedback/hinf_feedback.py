@@ -159,23 +159,23 @@ def central_controller(plant: Generalised, gamma: Float[Array, ""]) -> tuple[Cen
     return law, Conditions((X, Y), loops, (M_uu, pivot, S_yy, missed))
 
 
-def least_gamma(plant: Generalised, most: float = MOST) -> float:
+def least_gamma(plant: Generalised) -> float:
     """Least level that a controller meets, by bisection: at most 1e-7 of it too large.
 
     Raises:
-        ValueError: no level below `most` is met.
+        ValueError: no level below 100 is met.
     """
     synthesis = partial(central_controller, plant)
 
     def meets(level):
         return synthesis(jnp.asarray(float(level)))[1].met()
 
-    if not meets(most):
+    if not meets(MOST):
         raise ValueError(
-            f"weights: no controller meets them at a level below {most:g}; ask for less bandwidth, "
+            f"weights: no controller meets them at a level below {MOST:g}; ask for less bandwidth, "
             "a larger peak or more effort, and see that every mode is reached and seen"
         )
-    low, high = np.log(1e-6), np.log(most)
+    low, high = np.log(1e-6), np.log(MOST)
     while high - low > CLOSE:
         middle = (low + high) / 2
         low, high = (low, middle) if meets(np.exp(middle)) else (middle, high)

@@ -181,9 +181,7 @@ def _check_stable(denominator: np.ndarray) -> None:
         )
 
 
-def zero_phase_filter(
-    transfer: TransferFunction, ringing: float = RINGING, preview: int | None = None
-) -> PreviewFilter:
+def zero_phase_filter(transfer: TransferFunction, ringing: float = RINGING) -> PreviewFilter:
     """The filter of (4): in front of a closed loop, or of a plant for the control it needs.
 
     >>> from jcontour.linear.transfer_functions import from_polynomials
@@ -195,28 +193,21 @@ def zero_phase_filter(
     Args:
         transfer: G.
         ringing: modulus in z above which a stable zero in the left half plane is not cancelled.
-        preview: samples that may be looked ahead; as many as the filter needs when not given.
 
     Raises:
-        ValueError: the preview is shorter than the filter needs, or B^u(1) = 0.
+        ValueError: B^u(1) = 0.
     """
     uncancelled = uncancelled_zeros(transfer, ringing)
     zeros = sorted_zeros(transfer, ringing)
-    needed = transfer.delay + uncancelled.size - 1
-    if preview is not None and preview < needed:
-        raise ValueError(
-            f"preview: zero phase tracking needs {needed} samples, {transfer.delay} of delay and "
-            f"{needed - transfer.delay} of uncancelled zeros, received {preview}"
-        )
     cancelled = transfer.gain * polynomial_from_zeros(zeros.cancellable)
     return PreviewFilter(
         np.convolve(transfer.denominator, uncancelled[::-1]),
         cancelled * np.sum(uncancelled) ** 2,
-        needed,
+        transfer.delay + uncancelled.size - 1,
     )
 
 
-def gain_error(transfer: TransferFunction, frequency, ringing: float = RINGING) -> np.ndarray:
+def gain_error(transfer: TransferFunction, frequency) -> np.ndarray:
     """Gain |B^u|^2 / B^u(1)^2 - 1 that is left at frequencies [rad/s]; there is no phase.
 
     >>> from jcontour.linear.transfer_functions import from_polynomials
@@ -227,7 +218,7 @@ def gain_error(transfer: TransferFunction, frequency, ringing: float = RINGING) 
     Raises:
         ValueError: B^u(1) = 0.
     """
-    uncancelled = uncancelled_zeros(transfer, ringing)
+    uncancelled = uncancelled_zeros(transfer, RINGING)
     points = np.exp(-1j * np.asarray(frequency, float) * transfer.dt)
     return np.abs(polynomial.polyval(points, uncancelled) / np.sum(uncancelled)) ** 2 - 1
 

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from jcontour._tracing import is_concrete
 from jcontour.controllers.lq.contouring_lq import LQWeights, Terminal, control_weight
-from jcontour.linear.plant import LinearPlant, SteadyMotion, decoupled_axes, steady_motion
+from jcontour.linear.plant import LinearPlant, decoupled_axes, steady_motion
 from jcontour.riccati.receding_horizon import CostToGo
 
 UNREACHED = "model: the controls do not reach every state, no horizon ends in rest"
@@ -22,13 +22,7 @@ REACHED = 1e-12  # least singular value of what the controls reach, over the lar
 
 
 class ZeroTerminal(Terminal):
-    """The horizon ends in the steady motion of the path.
-
-    Args:
-        motion: maps from steady motion to the state; derived per decoupled axis when not given.
-    """
-
-    motion: SteadyMotion | None = None
+    """The horizon ends in the steady motion of the path, derived per decoupled axis."""
 
     def settled(self, model: LinearPlant) -> int:
         """Controls d that reach every state: of a part, as many as it has states for an input.
@@ -77,9 +71,8 @@ class ZeroTerminal(Terminal):
         first = ends.start - d
         windows = np.arange(first, first + count)[:, None] + np.arange(d)
         Q_d, y_d = Q[windows], position[windows]
-        motion = steady_motion(model) if self.motion is None else self.motion
         before = position[ends.start - 1 : ends.start - 1 + count]
-        wanted = motion.state(position[ends], position[ends] - before)
+        wanted = steady_motion(model).state(position[ends], position[ends] - before)
         # U = K x + k, stationary under the condition at the end; its rows are scaled to one
         unit = jnp.max(jnp.abs(forced[d]), axis=1, keepdims=True)
         end, size = forced[d] / unit, n + d * p

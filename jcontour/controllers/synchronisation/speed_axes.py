@@ -311,18 +311,6 @@ def exact_bound(loop: SampledLoop) -> float:
     return _first_crossing(lambda beta: 1 - loop_radius(loop, beta))
 
 
-def bound_of_equal_axes(loop: SampledLoop) -> float:
-    """Bound of two equal axes: 1 + 2 beta = (1 + a_d) / (b_d (K + k_c)).
-
-    Raises:
-        ValueError: the axes or their gains differ.
-    """
-    if any(np.ptp(values) for values in loop[:3]):
-        raise ValueError("loop: this bound is for equal axes, received different ones")
-    strength = loop.b_d[0] * (loop.adaptation + loop.proportional[0])
-    return float(((1 + loop.a_d[0]) / strength - 1) / 2) if strength > 0 else np.inf
-
-
 def check_coupling(loop: SampledLoop, coupling: float) -> None:
     """Warn, with the bound, where beta is above it.
 
