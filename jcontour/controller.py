@@ -46,7 +46,12 @@ class Controller(eqx.Module):
 
     @abc.abstractmethod
     def prepare(self, reference: Reference) -> Plan:
-        """Everything that depends on the future only, for all T steps at once (leading axis T)."""
+        """Everything that depends on the future only, for all T steps at once (leading axis T).
+
+        Raises:
+            ValueError: the reference has another sample period or number of axes, or looks less
+                far ahead than the controller, here or in `initial_memory`.
+        """
 
     @abc.abstractmethod
     def initial_memory(self, reference: Reference) -> Memory:

@@ -121,11 +121,6 @@ class Cascade(Controller):
             )
 
     def prepare(self, reference: Reference) -> CascadePlan:
-        """Positions, velocities by the next difference, and the feedforward of the control.
-
-        Raises:
-            ValueError: the reference has another sample period or number of axes.
-        """
         check_axes(self.sensors.axes, reference)
         check_period(self.dt, reference)
         gains, steps, start = self.gains, reference.steps, reference.start_increment
@@ -206,11 +201,6 @@ class PositionLoop(Controller):
         check_gains(self, "position", "viscous", "inertia", "level")
 
     def prepare(self, reference: Reference) -> PositionLoopPlan:
-        """Positions, and the feedforward of the control.
-
-        Raises:
-            ValueError: the reference has another sample period or number of axes.
-        """
         check_axes(self.sensors.axes, reference)
         check_period(self.dt, reference)
         steps, start = reference.steps, reference.start_increment

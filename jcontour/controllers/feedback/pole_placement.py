@@ -200,11 +200,6 @@ class SelfTuning(Controller):
             )
 
     def prepare(self, reference: Reference) -> Float[Array, "T m"]:
-        """Positions of the reference.
-
-        Raises:
-            ValueError: the reference has another number of axes.
-        """
         check_axes(self.sensors.axes, reference)
         return reference.position[: reference.steps]
 

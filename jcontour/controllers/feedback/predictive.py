@@ -121,11 +121,6 @@ class PredictiveCascade(Controller):
         self.gains = Predictive(*gains(*each))
 
     def prepare(self, reference: Reference) -> PredictivePlan:
-        """Commands of the cascade, and the weighted reference ahead.
-
-        Raises:
-            ValueError: as `Cascade.prepare`, or the reference looks less far ahead.
-        """
         check_preview(self, reference)
         steps, ahead = reference.steps, self.gains.ahead
         seen = [reference.position[j : steps + j] for j in range(1, self.preview + 1)]

@@ -260,11 +260,7 @@ class IntegralLQG(Controller):
         return IntegralPlan(plan.state, plan.control, position)
 
     def initial_memory(self, reference: Reference) -> IntegralMemory:
-        """The estimate starts where the reference says the run begins, the integral at zero.
-
-        Raises:
-            ValueError: the reference has another sample period.
-        """
+        """The estimate starts where the reference says the run begins, the integral at zero."""
         check_period(self.model.dt, reference)
         start = self.model.initial_state(reference.position[0], reference.start_increment)
         return IntegralMemory(start, jnp.zeros(self.model.inputs, start.dtype))

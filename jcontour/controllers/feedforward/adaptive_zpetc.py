@@ -159,11 +159,6 @@ class AdaptiveZeroPhaseTracking(Controller):
             raise ValueError(f"theta: b_0 needs to be at least {smallest}, received {theta}")
 
     def prepare(self, reference: Reference) -> _Plan:
-        """Desired positions from the start of the run.
-
-        Raises:
-            ValueError: the reference has another sample period or number of axes.
-        """
         check_axes(self.sensors.axes, reference)
         check_period(self.dt, reference)
         steps, start = reference.steps, reference.position[:1]

@@ -77,11 +77,6 @@ class InverseFeedforward(Wrapper):
         return max(self.controller.preview, self.ahead.preview)
 
     def prepare(self, reference: Reference) -> InversePlan:
-        """Plan of the feedback, and the nominal motion.
-
-        Raises:
-            ValueError: the reference has too little preview.
-        """
         check_preview(self, reference)
         inner = self.controller.prepare(reference)
         nominal = self.ahead.before_and_of(reference)

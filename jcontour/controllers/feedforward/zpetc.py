@@ -270,12 +270,6 @@ class ZeroPhaseTracking(Controller):
         return self.ahead.preview
 
     def prepare(self, reference: Reference) -> _Plan:
-        """Filtered references.
-
-        Raises:
-            ValueError: the reference has another sample period or number of axes, or too little
-                preview.
-        """
         check_axes(self.sensors.axes, reference)
         check_period(self.dt, reference)
         return _Plan(self.ahead.of(reference), reference.position[: reference.steps])

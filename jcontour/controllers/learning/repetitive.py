@@ -61,11 +61,6 @@ class ErrorDriven(Wrapper):
         """What is known before the first sample."""
 
     def prepare(self, reference: Reference) -> ErrorDrivenPlan:
-        """Plan of the wrapped controller, and the positions of the reference.
-
-        Raises:
-            ValueError: the reference has another number of axes.
-        """
         check_axes(self.sensors.axes, reference)
         wanted = reference.position[: reference.steps]
         return ErrorDrivenPlan(self.controller.prepare(reference), wanted)

@@ -68,11 +68,6 @@ class ModelFeedback(PlannedFeedback):
         """F and f of every step, for a reference that counts from the operating point."""
 
     def prepare(self, reference: Reference) -> AffinePlan:
-        """Gain schedule of every step of the reference.
-
-        Raises:
-            ValueError: the reference looks less far ahead than the controller.
-        """
         check_preview(self, reference)
         at = operating_point(self.model, reference.position[0])
         moved = replace(reference, position=reference.position - at.position[None])

@@ -122,11 +122,6 @@ class CrossCoupledLQ(PlannedFeedback):
             check_dare(model.A, model.B, Q, control_weight(model, weights))
 
     def prepare(self, reference: Reference) -> AffinePlan:
-        """Gain and feedforward of every step.
-
-        Raises:
-            ValueError: the reference looks less far ahead than the controller.
-        """
         check_preview(self, reference)
         model, weights = self.model, self.weights
         R = control_weight(model, weights)

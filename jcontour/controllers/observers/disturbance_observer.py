@@ -111,11 +111,7 @@ class DisturbanceObserver(Wrapper):
         )
 
     def initial_memory(self, reference: Reference) -> DisturbanceMemory:
-        """Filters in the steady motion of the start, without disturbance.
-
-        Raises:
-            ValueError: the reference has another sample period or number of axes.
-        """
+        """Filters in the steady motion of the start, without disturbance."""
         check_period(self.dt, reference)
         axes, found = self.sensors.axes, reference.position.shape[-1]
         if found != axes:
@@ -178,11 +174,7 @@ class ReducedObserver(Wrapper):
         check_stable("gain: the observer", error_matrix(self.model, self.gain))
 
     def initial_memory(self, reference: Reference) -> ReducedMemory:
-        """Memory in the state in which the reference begins.
-
-        Raises:
-            ValueError: the reference has another sample period.
-        """
+        """Memory in the state in which the reference begins."""
         check_period(self.model.dt, reference)
         start = self.model.initial_state(reference.position[0], reference.start_increment)
         measured, rest = jnp.split(start, [self.gain.shape[1]])
@@ -279,11 +271,6 @@ class TimeDelayControl(Controller):
             raise ValueError("sensors: time-delay control needs speeds, received positions only")
 
     def prepare(self, reference: Reference) -> Motion:
-        """Positions, speeds and accelerations by differences.
-
-        Raises:
-            ValueError: the reference has another sample period or number of axes.
-        """
         check_axes(self.sensors.axes, reference)
         check_period(self.dt, reference)
         steps = reference.steps

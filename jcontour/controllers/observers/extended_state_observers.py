@@ -199,11 +199,7 @@ class DisturbanceRejection(Wrapper):
     sensors: Sensors
 
     def initial_memory(self, reference: Reference) -> RejectionMemory:
-        """Estimate one sample before the first, in the steady motion of the start, undisturbed.
-
-        Raises:
-            ValueError: the reference has another sample period or number of axes.
-        """
+        """Estimate one sample before the first, in the steady motion of the start, undisturbed."""
         check_period(self.observer.dt, reference)
         increment = reference.start_increment
         axes, found = self.sensors.axes, increment.shape[-1]

@@ -74,11 +74,7 @@ class _Observer(Wrapper):
         return self.model.C if self.measured is None else self.measured
 
     def initial_memory(self, reference: Reference) -> ObserverMemory:
-        """The estimate starts where the reference says the run begins.
-
-        Raises:
-            ValueError: the reference has another sample period.
-        """
+        """The estimate starts where the reference says the run begins."""
         check_period(self.model.dt, reference)
         start = self.start
         if start is None:
@@ -161,11 +157,7 @@ class _LoadObserver(Wrapper):
         check_gain(A, C, self.gain)
 
     def initial_memory(self, reference: Reference) -> OffsetFreeMemory:
-        """The estimate starts where the reference says the run begins, undisturbed.
-
-        Raises:
-            ValueError: the reference has another sample period.
-        """
+        """The estimate starts where the reference says the run begins, undisturbed."""
         check_period(self.model.dt, reference)
         start = self.model.initial_state(reference.position[0], reference.start_increment)
         undisturbed = jnp.zeros(self.model.inputs, start.dtype)

@@ -133,11 +133,6 @@ class AdaptiveSynchronisation(Controller):
         self.dt, self.pair, self.preview = checked_period(dt), pair, 2
 
     def prepare(self, reference: Reference) -> SynchronisedPlan:
-        """Positions, and speeds by the next difference.
-
-        Raises:
-            ValueError: the reference has another sample period or number of axes.
-        """
         check_axes(self.sensors.axes, reference)
         check_period(self.dt, reference)
         steps = reference.steps
