@@ -10,6 +10,7 @@ from typing import Literal
 NOT_TO_USE = 3  # exit code of a command whose verdict is against its values
 ROUNDING = 1e-5  # relative: a search ends at its limits to within rounding
 NEAR = 0.9  # of a limit, from which on there is a warning
+MM_PER_MIN = 60e3  # of a metre per second
 RINGING = 0.1  # of a limit, from which on a part between samples is printed
 
 
@@ -66,7 +67,9 @@ class LimitCheck:
 
     @property
     def size(self) -> str:
-        """Value and limit with their unit."""
+        """Value and limit with their unit; a speed in mm/min, as programs have it."""
+        if self.unit == "m/s":
+            return f"{MM_PER_MIN * self.value:.5g} of {MM_PER_MIN * self.allowed:.5g} mm/min"
         return f"{self.value:.4g} of {self.allowed:.4g} {self.unit}".rstrip()
 
     @property

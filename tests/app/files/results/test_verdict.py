@@ -36,7 +36,7 @@ def test_an_overshoot_within_the_slack_is_kept_and_named():
     speed = LimitCheck(name="speed of X", value=0.2009, allowed=0.2, unit="m/s", slack=0.05)
     assert speed.kept and not replace(speed, value=0.2101).kept
     (line,) = Verdict.of([speed]).warnings
-    assert line == "speed of X overshoots its limit, by less than 5 %: 0.2009 of 0.2 m/s"
+    assert line == "speed of X overshoots its limit, by less than 5 %: 12054 of 12000 mm/min"
 
 
 def test_it_comes_back_from_its_file():

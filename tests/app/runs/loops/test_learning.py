@@ -326,7 +326,7 @@ def test_a_shift_is_added_and_its_speed_and_acceleration_are_those_of_a_parabola
     tight = MachineLimits(speed=np.full(2, 0.3), acceleration=np.array([5.0, 1.0]))
     late = stored_lap(position, PERIOD, best, tight, "XY")
     assert late is not None and exceeded(late.limits) == [
-        "speed of X that the reference asks for EXCEEDS its limit: 0.398 of 0.3 m/s"
+        "speed of X that the reference asks for EXCEEDS its limit: 23880 of 18000 mm/min"
     ]
     assert found.speed == pytest.approx(4 * 0.0995) and found.acceleration == pytest.approx(4.0)
 
