@@ -262,8 +262,15 @@ function tellRun() {
       row.note])], true);
   $("lines").textContent = one.lines.join("\n");
   $("lines-section").hidden = !one.lines.length;
+  $("drives-section").hidden = !Object.keys(one.drives).length;
+  options($("product"), Object.keys(one.drives), 0);
+  tellDrive(0);
   fill($("settings"), [...Object.entries(one.settings), ...Object.entries(one.versions)]);
   if (one.points) $("front-title").textContent = `Points: worst RMS ${one.error} error [um] over ${one.points.x}`;
+}
+
+function tellDrive(index) {
+  $("drive-gains").textContent = (Object.values(run().drives)[index] || []).join("\n");
 }
 
 // --- choices
@@ -411,6 +418,7 @@ const whole = (id, choose) => $(id).addEventListener("change", () => { choose(Nu
 whole("run", chooseRun);
 whole("contour", chooseContour);
 whole("point", choosePoint);
+whole("product", tellDrive);
 whole("plant", (index) => { state.plant = index; draw(); });
 $("along").addEventListener("change", () => { state.along = $("along").value; draw(); });
 $("factor").addEventListener("input", () => { state.factor = 10 ** (Number($("factor").value) / 20); draw(); });

@@ -24,6 +24,7 @@ from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.machines import Audit
 from jcontour.app.flags.tuning import Front, Tune
 from jcontour.app.reports.causes import audit_answer
+from jcontour.app.reports.drives import PRODUCTS, drive_gains
 from jcontour.app.reports.rollouts import ROLLOUTS, SENSITIVITY
 from jcontour.app.reports.screen import Entry, screen
 from jcontour.app.reports.simulated_tables import simulated_answer
@@ -120,6 +121,9 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
             "answer": KINDS[command].answer(result),
             "alternatives": [] if tuned is None else _alternatives(tuned, tried),
             "lines": [] if tuned is None else _lines(tuned),
+            "drives": {}
+            if tuned is None or tuned.drive is None
+            else {product: drive_gains(tuned.drive.weights, unit, product) for product in PRODUCTS},
             "sensitivity": _sensitivity(folder),
             "limit": None if tuned is None else tuned.limits.get("peak_sensitivity"),
             "points": _points(result, tried),

@@ -52,7 +52,7 @@ def test_the_page_is_whole_and_loads_nothing(page):
     text = page.read_text()
     found = Structure()
     found.feed(text)
-    assert found.open == [] and found.loaded == [] and found.labelled == 8
+    assert found.open == [] and found.loaded == [] and found.labelled == 9
     assert {"part", "error", "control", "feed", "sensitivity", "front"} <= found.ids
     called = set(re.findall(r'\$\("([\w-]+)"\)', text))
     assert called <= found.ids, called - found.ids
