@@ -190,6 +190,7 @@ CONTROLLERS = {  # name -> module and class
     "integral-sliding-mode": "jcontour.app.designs.any_machine:IntegralSliding",
     "reference-governor": "jcontour.app.designs.governed:ScalarGoverned",
     "command-governor": "jcontour.app.designs.governed:VectorGoverned",
+    "artificial-reference-mpc": "jcontour.app.designs.governed:ArtificialReferenceDesign",
     "dynamic-surface": "jcontour.app.designs.any_machine:DynamicSurfaceLoops",
     "adaptive-robust": "jcontour.app.designs.any_machine:AdaptiveRobustLoops",
     "predictive-cascade": "jcontour.app.designs.any_machine:GeneralisedPredictiveCascade",
