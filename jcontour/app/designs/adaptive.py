@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Complex
 
 from jcontour.app.designs.design import Gains, LinearDesign
-from jcontour.app.designs.lq.first_loop import fastest
+from jcontour.app.designs.first_loop import fastest
 from jcontour.app.designs.simple_loops import CROSSOVERS, LinearCascade, axes_of
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.controller import Controller

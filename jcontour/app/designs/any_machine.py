@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from jcontour.app.designs.design import Design, Gains, Needs, picked
 from jcontour.app.designs.flexible_axis import AxisFeedforward, AxisOffsetFreeLQG, state_weight
 from jcontour.app.designs.gantry import MOTORS, GantryCascade, GantryOffsetFreeLQ
-from jcontour.app.designs.lq.receding_horizon import RiccatiLQ
+from jcontour.app.designs.receding_horizon import RiccatiLQ
 from jcontour.app.designs.simple_loops import ProportionalIntegralLoop
 from jcontour.app.flags.shared import Controlled
 from jcontour.app.machines.flexible_axis import FlexibleMachine

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jcontour.app.designs.design import Design, Gains, Needs, picked
-from jcontour.app.designs.lq.first_loop import STATES, Drift
+from jcontour.app.designs.first_loop import STATES, Drift
 from jcontour.app.machines.gantry import GantryMachine
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains

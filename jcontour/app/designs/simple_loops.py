@@ -19,7 +19,7 @@ import equinox as eqx
 import numpy as np
 
 from jcontour.app.designs.design import Gains, LinearDesign, picked
-from jcontour.app.designs.lq.first_loop import fastest
+from jcontour.app.designs.first_loop import fastest
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.steady_response import steady_response
 from jcontour.controller import Controller

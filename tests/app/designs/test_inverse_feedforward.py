@@ -9,8 +9,8 @@ from scipy.signal import cont2discrete, lfilter
 
 from jcontour.app.catalogue.choices import design_for
 from jcontour.app.catalogue.entries import MACHINES
+from jcontour.app.designs.first_loop import sensitivity_peaks, straight_windows
 from jcontour.app.designs.inverse_feedforward import LINKS, of_axes, of_drives
-from jcontour.app.designs.lq.first_loop import sensitivity_peaks, straight_windows
 from jcontour.app.designs.simple_loops import axes_of
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.machines.flexible_axis import biaxial_machine, thesis_machine

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.app.designs.design import Gains, LinearDesign, changed, given, picked
-from jcontour.app.designs.lq.first_loop import Drift, first_loop
+from jcontour.app.designs.first_loop import Drift, first_loop
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_gains
 from jcontour.app.flags.shared import Controlled

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import design_for, machine_named
-from jcontour.app.designs.lq import first_loop as module
-from jcontour.app.designs.lq.first_loop import BANDWIDTHS, SENSITIVITY, Drift
+from jcontour.app.designs import first_loop as module
+from jcontour.app.designs.first_loop import BANDWIDTHS, SENSITIVITY, Drift
 from jcontour.app.files.run_folder import json_text
 from jcontour.app.flags import machines as flags
 from jcontour.app.flags.loops import Simulate
@@ -19,7 +19,7 @@ from jcontour.app.machines.built import built_machine
 from jcontour.app.machines.from_file import linear_machine, machine_from
 from jcontour.linear.plant import LinearPlant
 
-EXAMPLE = str(Path(__file__).parents[4] / "jcontour/app/machines/example.json")
+EXAMPLE = str(Path(__file__).parents[3] / "jcontour/app/machines/example.json")
 
 
 def frequency_response(A, B, C, w):

@@ -1,1 +1,0 @@
-"""LQ contouring with an observer: weights, first loop, limits."""
