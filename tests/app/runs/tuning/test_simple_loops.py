@@ -125,7 +125,7 @@ def test_the_gains_of_a_drive_are_its_own_loop_s_or_those_of_the_best_simple_one
     drive = drive_loop(found, [simple])
     assert drive is not None and drive.controller == name
     assert drive.tuned_error == pytest.approx(10e-6)
-    gain, error = {"p": ("20 1/s (1200", 14e-6), "own": ("5 1/s (300", 10e-6)}[name]
-    assert drive.gains == [f"position gain {gain} mm/min per mm)"]
+    gain, error = {"p": (20.0, 14e-6), "own": (5.0, 10e-6)}[name]
+    assert drive.weights == {"position": gain}
     assert drive.error == pytest.approx(error)
     assert (drive_loop(found, []) is None) is (name == "p")
