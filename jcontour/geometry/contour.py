@@ -196,6 +196,18 @@ class Contour(eqx.Module):
         return piece.foot(point, low, high)
 
 
+def unpadded(contour: Contour) -> Piece:
+    """Pieces of one contour in NumPy, without padding.
+
+    Raises:
+        ValueError: a stack of contours.
+    """
+    mask = np.asarray(contour.mask)
+    if mask.ndim != 1:
+        raise ValueError(f"contour: needs one contour, received a stack of shape {mask.shape[:-1]}")
+    return jax.tree.map(lambda rows: np.asarray(rows)[mask], contour.pieces)
+
+
 def _nearest(contour: Contour, point, arc, reach):
     """Nearest points for `Contour.nearest`, all points in step.
 

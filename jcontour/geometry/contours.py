@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.geometry.contour import Contour
+from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.coordinates import (
     ANY_AXES,
     SMALLEST,
@@ -259,7 +259,7 @@ def chain(contours: Sequence[Contour]) -> Contour:
             1e-9 of the size of the whole.
     """
     _check_alike("chain", contours)
-    members = [_unpadded(contour) for contour in contours]
+    members = [unpadded(contour) for contour in contours]
     whole = from_pieces(
         jax.tree.map(lambda *rows: np.concatenate(rows), *members),
         fit_error=max(float(contour.fit_error) for contour in contours),
@@ -276,11 +276,6 @@ def chain(contours: Sequence[Contour]) -> Contour:
                 f"{gap:.3g} m apart; they need to meet within {widest:.1g} m"
             )
     return whole
-
-
-def _unpadded(contour: Contour) -> Piece:
-    mask = np.asarray(contour.mask)
-    return jax.tree.map(lambda rows: np.asarray(rows)[mask], contour.pieces)
 
 
 def stack(contours: Sequence[Contour]) -> Contour:

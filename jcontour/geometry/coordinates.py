@@ -73,3 +73,34 @@ def finite(name: str, value: Numbers) -> Float[np.ndarray, "..."]:
             f"{name}: every entry needs to be finite (below {LARGEST:g}), received NaN, inf or more"
         )
     return value
+
+
+def per_axis(
+    name: str, value: Numbers, axes: int, infinite: bool = False
+) -> Float[np.ndarray, " m"]:
+    """One number above zero, or one for each axis; infinite ones where that is allowed."""
+    value = np.asarray(value, float)
+    good = (value > 0) & (np.isfinite(value) | infinite)
+    if value.shape not in ((), (axes,)) or not good.all():
+        raise ValueError(
+            f"{name}: needs one number or one for each of the {axes} axes, finite and above zero, "
+            f"received {value.tolist()}"
+        )
+    return np.broadcast_to(value, (axes,))
+
+
+def per_piece(name: str, value: Numbers, count: int) -> Float[np.ndarray, " P"]:
+    """One number above zero, or one for each of so many pieces."""
+    value = np.asarray(value, float)
+    if value.shape not in ((), (count,)):
+        raise ValueError(
+            f"{name}: needs one number or one for each of the {count} pieces, "
+            f"received shape {value.shape}"
+        )
+    good = np.isfinite(value) & (value > 0)
+    if not good.all():
+        raise ValueError(
+            f"{name}: needs to be finite and above zero on every piece, "
+            f"received {value[~good].ravel()[0]} (rapid moves have none: give them one)"
+        )
+    return np.broadcast_to(value, (count,))

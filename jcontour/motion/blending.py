@@ -24,12 +24,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry.along_pieces import jet
-from jcontour.geometry.contour import Contour
+from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import fitted
-from jcontour.motion.jerk_limited.joints import joints, unpadded
+from jcontour.motion.jerk_limited.joints import joints
 from jcontour.motion.jerk_limited.limits import Asked, AxisLimits
 
 SHARE = 0.5  # of a piece, at most, that a blend takes at each of its ends

@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jcontour.geometry.contour import Contour
+from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.blending import BlendedPath
 from jcontour.motion.feed_laws import SharpTurnError
-from jcontour.motion.jerk_limited.joints import everywhere, joints, unpadded
+from jcontour.motion.jerk_limited.joints import everywhere, joints
 from jcontour.motion.jerk_limited.limits import Asked, AxisLimits
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
 from jcontour.motion.point_to_point import PointToPoint

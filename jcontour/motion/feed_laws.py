@@ -10,12 +10,11 @@ machine's acceleration is t a + c q, linear in both: every limit is a straight l
 
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from jcontour.geometry.contour import Contour
-from jcontour.geometry.coordinates import Numbers
+from jcontour.geometry.contour import Contour, unpadded
+from jcontour.geometry.coordinates import Numbers, per_axis, per_piece, positive
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.rests import Rests, rest_of_pieces
 
@@ -72,8 +71,8 @@ def constant_feed(contour: Contour, feed: Numbers, dt: float) -> Float[np.ndarra
         ValueError: a feed or `dt` is not finite and above zero, wrong shape, less than one sample
             or more than 20 million.
     """
-    extent = np.asarray(contour.extent)[_used(contour)]
-    feed, dt = _piece_feed(contour, feed), _positive("dt", dt)
+    extent = unpadded(contour).extent
+    feed, dt = per_piece("feed", feed, extent.size), positive("dt", dt)
     length, times = float(contour.length), _cumulated(extent / feed)
     steps = _check_samples(times[-1] / dt + SAMPLE_ROUNDING)
     if steps < 1:
@@ -142,21 +141,22 @@ def trapezoidal(
             or more than 20 million samples.
     """
     axes = contour.axes
-    speed_limit = None if axis_speed is None else _per_axis("axis_speed", axis_speed, axes)
+    speed_limit = None if axis_speed is None else per_axis("axis_speed", axis_speed, axes)
     acceleration_limit = np.full(axes, np.inf)
     if axis_acceleration is not None:
-        acceleration_limit = _per_axis("axis_acceleration", axis_acceleration, axes)
-    acceleration, dt = _positive("acceleration", acceleration), _positive("dt", dt)
+        acceleration_limit = per_axis("axis_acceleration", axis_acceleration, axes)
+    acceleration, dt = positive("acceleration", acceleration), positive("dt", dt)
     if not (np.isfinite(junction_deviation) and junction_deviation >= 0):
         raise ValueError(
             "junction_deviation: needs to be finite and not negative, "
             f"received {junction_deviation}"
         )
-    feed = _piece_feed(contour, feed)
+    pieces = unpadded(contour)
+    feed = per_piece("feed", feed, pieces.extent.size)
     rest = rest_of_pieces(rest, feed.size)
     stops = np.flatnonzero(~np.isnan(rest))
 
-    steps = _steps(contour)
+    steps = _steps(pieces)
     ceiling = _ceiling(steps, feed, acceleration, speed_limit, acceleration_limit)
     corners = _corner_ceiling(steps, acceleration, acceleration_limit, junction_deviation)
     inner = np.minimum(np.minimum(ceiling[:-1], ceiling[1:]), corners)
@@ -165,7 +165,7 @@ def trapezoidal(
     rows = _rows(steps, acceleration, acceleration_limit)
     nodes = _quickest(steps, rows, nodes)
     profile = _profile(steps, ceiling, nodes, rows)
-    places = _cumulated(np.asarray(contour.extent)[_used(contour)])
+    places = _cumulated(pieces.extent)
     return _sampled(*profile, float(places[-1]), dt, places[stops + 1], rest[stops])
 
 
@@ -204,10 +204,8 @@ class _Rows(NamedTuple):
     limit: Float[np.ndarray, "n R"]
 
 
-def _steps(contour: Contour) -> _Steps:
+def _steps(pieces: Piece) -> _Steps:
     """Steps of a contour: one for a line, several for a curve."""
-    used = _used(contour)
-    pieces = jax.tree.map(lambda rows: np.asarray(rows)[used], contour.pieces)
     places = np.linspace(0.0, 1.0, 17)[:, None] * pieces.extent
     every = np.broadcast_to(np.arange(pieces.extent.size), places.shape)
     _, curvature = _frame(pieces, every, places)
@@ -347,46 +345,6 @@ def _sampled(length, first, last, end: float, dt: float, stops, rest) -> Float[n
     arc = np.minimum(ends[i] + np.clip(travelled, 0.0, length[i]), end)
     arc[-1] = end
     return arc
-
-
-def _used(contour: Contour):
-    mask = np.asarray(contour.mask)
-    if mask.ndim != 1:
-        raise ValueError(f"contour: needs one contour, received a stack of shape {mask.shape[:-1]}")
-    return mask
-
-
-def _piece_feed(contour: Contour, feed: Numbers) -> Float[np.ndarray, " P"]:
-    used, feed = _used(contour), np.asarray(feed, float)
-    if feed.shape not in ((), used.shape):
-        raise ValueError(
-            f"feed: needs one number or one for each of the {used.size} pieces, "
-            f"received shape {feed.shape}"
-        )
-    feed = np.broadcast_to(feed, used.shape)[used]
-    good = np.isfinite(feed) & (feed > 0)
-    if not good.all():
-        raise ValueError(
-            "feed: needs to be finite and above zero on every piece, "
-            f"received {feed[~good][0]} (rapid moves have none: give them one)"
-        )
-    return feed
-
-
-def _per_axis(name: str, limit: Numbers, axes: int) -> Float[np.ndarray, " m"]:
-    limit = np.asarray(limit, float)
-    if limit.shape not in ((), (axes,)) or not (np.isfinite(limit).all() and (limit > 0).all()):
-        raise ValueError(
-            f"{name}: needs one number or one for each of the {axes} axes, finite and above zero, "
-            f"received {limit.tolist()}"
-        )
-    return np.broadcast_to(limit, (axes,))
-
-
-def _positive(name: str, value: float) -> float:
-    if np.ndim(value) or not (np.isfinite(value) and value > 0):
-        raise ValueError(f"{name}: needs one number, finite and above zero, received {value}")
-    return float(value)
 
 
 def _cumulated(values) -> np.ndarray:

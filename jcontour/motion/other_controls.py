@@ -20,9 +20,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jcontour.geometry.contour import Contour
+from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.pieces import Piece
-from jcontour.motion.jerk_limited.joints import unpadded
 
 Control = Literal["linuxcnc", "grbl"]
 

@@ -16,9 +16,8 @@ from jaxtyping import Bool, Float
 
 from jcontour.app.jobs.motion_laws import axis_limits
 from jcontour.app.jobs.pace import Pace
-from jcontour.geometry.contour import Contour
+from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.toolpath_rules import INCH, MM
-from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.smoothing import SHARPEST
 
 # [m] of the last digit of coordinates in inches and millimetres, the coarsest first

@@ -19,13 +19,12 @@ from jcontour.app.jobs.motion_laws import Aside, along_path, planned_motion
 from jcontour.app.jobs.pace import MM_PER_MIN, Pace
 from jcontour.app.jobs.tolerance_advice import tolerance_advice
 from jcontour.app.machines.machine import Machine
-from jcontour.geometry.contour import Contour
+from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.reading import read
 from jcontour.geometry.toolpaths import Toolpath, ToolpathError
 from jcontour.motion.cornering import Planned
 from jcontour.motion.feed_laws import SharpTurnError, constant_feed
-from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.references import Reference, TimeLaw, along, in_time
 
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored

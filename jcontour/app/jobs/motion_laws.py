@@ -6,10 +6,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jcontour.app.jobs.pace import MM_PER_MIN, Pace
-from jcontour.geometry.contour import Contour
+from jcontour.geometry.contour import Contour, unpadded
 from jcontour.motion.cornering import Planned, cornered
 from jcontour.motion.feed_laws import trapezoidal
-from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.other_controls import as_planned_by
 

@@ -18,9 +18,8 @@ from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.replays import Replay, Scenarios, desired, scored
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports.figures.contours import NOMINAL, ContourRuns, DrawnRun
-from jcontour.geometry.contour import outline
+from jcontour.geometry.contour import outline, unpadded
 from jcontour.motion.cornering import Planned, limit_shares
-from jcontour.motion.jerk_limited.joints import unpadded
 
 
 class Simulated(NamedTuple):

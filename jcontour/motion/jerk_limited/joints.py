@@ -2,12 +2,10 @@
 
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
 from jcontour.geometry.along_pieces import jet
-from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
 
 TURN = 1e-8  # of the speed: a smaller jump of p' is rounding of a file
@@ -31,18 +29,6 @@ class Joints(NamedTuple):
         """Which joints can be passed at the feed [m/s] without a jump of the acceleration."""
         passed = np.minimum(feed[:-1], feed[1:])
         return (self.turn < TURN) & (self.bend * passed**2 < BEND * acceleration)
-
-
-def unpadded(contour: Contour) -> Piece:
-    """Pieces of one contour in NumPy, without padding.
-
-    Raises:
-        ValueError: a stack of contours.
-    """
-    mask = np.asarray(contour.mask)
-    if mask.ndim != 1:
-        raise ValueError(f"contour: needs one contour, received a stack of shape {mask.shape[:-1]}")
-    return jax.tree.map(lambda rows: np.asarray(rows)[mask], contour.pieces)
 
 
 def joints(pieces: Piece) -> Joints:

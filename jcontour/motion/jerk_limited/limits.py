@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.geometry.coordinates import Numbers
+from jcontour.geometry.coordinates import Numbers, per_axis, per_piece
 
 EASE = 0.5  # of the limits
 
@@ -43,8 +43,11 @@ class AxisLimits(NamedTuple):
         Raises:
             ValueError: wrong shape, not above zero, or not finite (the speed may be infinite).
         """
-        given = {"speed": speed, "acceleration": acceleration, "jerk": jerk}
-        return cls(**{name: _per_axis(name, value, axes) for name, value in given.items()})
+        return cls(
+            per_axis("speed", speed, axes, infinite=True),
+            per_axis("acceleration", acceleration, axes),
+            per_axis("jerk", jerk, axes),
+        )
 
 
 class Asked(NamedTuple):
@@ -64,25 +67,9 @@ class Asked(NamedTuple):
         Raises:
             ValueError: the feed is not of so many pieces, or not finite and above zero.
         """
-        feed = np.asarray(self.feed, float)
-        if feed.shape != (pieces,) or not (np.isfinite(feed) & (feed > 0)).all():
-            raise ValueError(
-                f"feed: needs one for each of the {pieces} pieces, finite and above zero"
-            )
-        return Asked(feed, self.limits)
+        return Asked(per_piece("feed", self.feed, pieces), self.limits)
 
     @property
     def lower(self) -> Float[np.ndarray, " joints"]:
         """Lower feed of both pieces at every joint [m/s]."""
         return np.minimum(self.feed[:-1], self.feed[1:])
-
-
-def _per_axis(name: str, value: Numbers, axes: int) -> Float[np.ndarray, " m"]:
-    value = np.asarray(value, float)
-    finite = np.isfinite(value).all() or name == "speed"
-    if value.shape not in ((), (axes,)) or not finite or not (value > 0).all():
-        raise ValueError(
-            f"{name}: needs one number or one for each of the {axes} axes, finite and above zero, "
-            f"received {value.tolist()}"
-        )
-    return np.broadcast_to(value, (axes,))

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 
 from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
+from jcontour.geometry.coordinates import positive
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited.conditions import Cells
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion, MotionSamples, composed
@@ -160,9 +161,7 @@ class JerkLimitedMotion:
         Raises:
             ValueError: `dt` is not above zero, or there are more than 20 million samples.
         """
-        if not (np.isfinite(dt) and dt > 0):
-            raise ValueError(f"dt: needs one number, finite and above zero, received {dt}")
-        steps = np.ceil((self.duration + rests.total) / dt - ROUNDING)
+        steps = np.ceil((self.duration + rests.total) / positive("dt", dt) - ROUNDING)
         if not steps < MOST_SAMPLES:
             raise ValueError(
                 f"feed, dt: the run would have {steps:.3g} samples, more than {MOST_SAMPLES}"

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jcontour.geometry.contour import Contour
-from jcontour.geometry.coordinates import Numbers
+from jcontour.geometry.contour import Contour, unpadded
+from jcontour.geometry.coordinates import Numbers, per_piece
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited import mesh
 from jcontour.motion.jerk_limited.conditions import Cells, Conditions, conditions, ordinates, slower
@@ -18,7 +18,7 @@ from jcontour.motion.jerk_limited.cubic_motion import (
     straight_motions,
     through,
 )
-from jcontour.motion.jerk_limited.joints import joints, unpadded
+from jcontour.motion.jerk_limited.joints import joints
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.mesh import shares
 from jcontour.motion.jerk_limited.newton import fullest, quickest
@@ -53,14 +53,7 @@ def jerk_limited(
         ValueError: a feed that is not above zero, or a wrong shape.
     """
     pieces = unpadded(contour)
-    feed = np.asarray(feed, float)
-    fit = feed.shape in ((), pieces.extent.shape)
-    if not (fit and np.isfinite(feed).all() and (feed > 0).all()):
-        raise ValueError(
-            f"feed: needs one number or one for each of the {pieces.extent.size} pieces, finite "
-            f"and above zero, received shape {feed.shape}, least {np.min(feed, initial=np.inf)}"
-        )
-    feed = feed * np.ones(pieces.extent.size)
+    feed = per_piece("feed", feed, pieces.extent.size)
     starts = np.append(0.0, np.cumsum(pieces.extent))
     smooth = joints(pieces).smooth(feed, float(limits.acceleration.min()))
     if stopping is not None:

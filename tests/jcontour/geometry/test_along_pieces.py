@@ -6,8 +6,8 @@ import pytest
 
 from jcontour.geometry import contours
 from jcontour.geometry.along_pieces import jet, moved
+from jcontour.geometry.contour import unpadded
 from jcontour.motion.blending import blended
-from jcontour.motion.jerk_limited.joints import unpadded
 
 SQUARE = contours.polygon([(0, 0), (20e-3, 0), (20e-3, 20e-3), (0, 20e-3)])
 PATHS = {

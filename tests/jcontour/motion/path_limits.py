@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour._compiled import compiled
+from jcontour.geometry.contour import unpadded
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.cornering import Planned, cornered
-from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.point_to_point import PointToPoint
 from tests.jcontour.motion.random_paths import random_path

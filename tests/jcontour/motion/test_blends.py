@@ -3,8 +3,8 @@
 import numpy as np
 
 from jcontour.geometry import contours
+from jcontour.geometry.contour import unpadded
 from jcontour.motion.blending import STEPS, Blends
-from jcontour.motion.jerk_limited.joints import unpadded
 
 RIGHT_ANGLE = contours.polyline([[0.0, 0.0], [20e-3, 0.0], [20e-3, 20e-3]])
 LINE_AND_ARC = contours.chain(

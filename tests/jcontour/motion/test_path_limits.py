@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jcontour.geometry import contours
+from jcontour.geometry.contour import unpadded
 from jcontour.motion.cornering import cornered
-from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from tests.jcontour.motion import path_limits
 from tests.jcontour.motion.path_limits import ratios_of, stopping_time

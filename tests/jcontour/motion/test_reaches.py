@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jcontour.geometry import contours
+from jcontour.geometry.contour import unpadded
 from jcontour.motion.blending import LEAST, Blends, as_needed, within, without_gaps
-from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import EASE, AxisLimits
 
 RIGHT_ANGLE = unpadded(contours.polyline([[0.0, 0.0], [20e-3, 0.0], [20e-3, 20e-3]]))

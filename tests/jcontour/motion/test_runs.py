@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from jcontour.geometry import contours
-from jcontour.motion.jerk_limited.joints import everywhere, unpadded
+from jcontour.geometry.contour import unpadded
+from jcontour.motion.jerk_limited.joints import everywhere
 from jcontour.motion.jerk_limited.limits import EASE, Asked, AxisLimits
 from jcontour.motion.runs import CLOSEST, PER_CELL, Runs, followed
 

@@ -20,8 +20,8 @@ from jcontour.app.reports.figures.axes import (
     legend_below,
     long,
 )
+from jcontour.geometry.contour import unpadded
 from jcontour.motion.cornering import Planned
-from jcontour.motion.jerk_limited.joints import unpadded
 
 MM_PER_MIN = 60e3  # of a metre per second
 POINTS = 4000  # evenly in time, beside the ends of smooth parts

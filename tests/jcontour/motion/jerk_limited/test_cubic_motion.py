@@ -5,8 +5,8 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from jcontour.geometry import contours
+from jcontour.geometry.contour import unpadded
 from jcontour.motion.jerk_limited.cubic_motion import straight_motions, through
-from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.point_to_point import PointToPoint
 

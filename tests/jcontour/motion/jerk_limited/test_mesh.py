@@ -3,8 +3,8 @@
 import numpy as np
 
 from jcontour.geometry import contours
+from jcontour.geometry.contour import unpadded
 from jcontour.motion.jerk_limited import mesh
-from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
 LIMITS = AxisLimits.of(2, acceleration=3.0, jerk=150.0, speed=0.2)

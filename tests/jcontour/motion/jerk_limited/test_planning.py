@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from jcontour.geometry import contours
+from jcontour.geometry.contour import unpadded
 from jcontour.motion.blending import blended
 from jcontour.motion.jerk_limited import mesh, newton
 from jcontour.motion.jerk_limited.cubic_motion import ramped
-from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
 from jcontour.motion.point_to_point import PointToPoint
