@@ -345,13 +345,13 @@ def _corners(pieces: Piece, count: int) -> Float[np.ndarray, "n m"]:
 
 
 def _samples(pieces: Piece, count: int) -> Float[np.ndarray, "n m"]:
-    points = pieces.place(np.linspace(0.0, 1.0, count)[:, None] * pieces.extent)
+    points = pieces.jet(np.linspace(0.0, 1.0, count)[:, None] * pieces.extent)[0]
     return points.reshape(-1, points.shape[-1])
 
 
 def _ends(pieces: Piece) -> Float[np.ndarray, "2 m"]:
     first, last = (jax.tree.map(lambda rows, i=i: rows[i], pieces) for i in (0, -1))
-    return np.stack([first.place(np.zeros(())), last.place(np.asarray(last.extent))])
+    return np.stack([first.jet(np.zeros(()))[0], last.jet(np.asarray(last.extent))[0]])
 
 
 def _polynomial_pieces(polynomial, extent) -> Piece:

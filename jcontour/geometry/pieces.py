@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Float
 
 Some = Any  # NumPy or JAX array
@@ -63,31 +62,6 @@ class Piece(NamedTuple):
         wave = self.cosine * cos + self.sine * sin
         slope = self.sine * cos - self.cosine * sin
         return position + wave, velocity + rate * slope, acceleration - rate**2 * wave
-
-    def place(self, s: Float[np.ndarray, "..."]) -> Float[np.ndarray, "... m"]:
-        """Position [m] at the arc length s [m], of NumPy arrays."""
-        t = s[..., None]
-        position = 0.0 * t
-        for i in reversed(range(self.polynomial.shape[-2])):
-            position = position * t + self.polynomial[..., i, :]
-        if self.rate is None or not self.rate.any():
-            return position
-        turned = self.rate[..., None] * t
-        return position + self.cosine * np.cos(turned) + self.sine * np.sin(turned)
-
-    def third(self, s: Float[Some, "..."]) -> Float[Some, "... m"]:
-        """Third derivative d3p/ds3 [1/m^2] at the arc length s [m]."""
-        t = s[..., None]
-        powers = range(3, self.polynomial.shape[-2])
-        jerk = sum(
-            i * (i - 1) * (i - 2) * self.polynomial[..., i, :] * t ** (i - 3) for i in powers
-        )
-        if self.rate is None:
-            return jerk + 0.0 * t
-        xp = s.__array_namespace__()  # numpy or jax.numpy
-        rate = self.rate[..., None]
-        slope = self.sine * xp.cos(rate * t) - self.cosine * xp.sin(rate * t)
-        return jerk - rate**3 * slope
 
     def foot(
         self, point: Float[Some, "... m"], low: Float[Some, "..."], high: Float[Some, "..."]

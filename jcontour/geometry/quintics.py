@@ -155,4 +155,4 @@ def _deviation(curve, a, b, polynomial, extent):
     still = np.zeros((extent.size, 1, polynomial.shape[-1]))
     none = np.zeros((extent.size, 1))
     pieces = Piece(polynomial[:, None], still, still, none, none, extent[:, None])
-    return np.linalg.norm(pieces.place(s) - curve(t)[0], axis=-1).max(axis=-1)
+    return np.linalg.norm(pieces.jet(s)[0] - curve(t)[0], axis=-1).max(axis=-1)

@@ -35,12 +35,9 @@ def shown(text: str, most: int = 40) -> str:
 
 
 # control characters that are no white space: tape marks, padding, the end of a DOS file (Ctrl-Z)
-MARKS = "".join(map(chr, (*range(9), *range(14, 32), 127)))
-WITHOUT_MARKS = str.maketrans("", "", MARKS)
+WITHOUT_MARKS = str.maketrans("", "", "".join(map(chr, (*range(9), *range(14, 32), 127))))
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # with this mark ahead, as Windows' "Unicode" text has it
 UTF_8_MARK = b"\xef\xbb\xbf"
-LOOK = 64  # bytes by which UTF-16 without a mark is known
-BLANK = " \t\r\n\f\v"
 MOST_BYTES = 64 * 2**20  # of a file; longer than any program with as many moves as may be
 
 
@@ -62,56 +59,29 @@ def read_text(path: str | PathLike[str]) -> str:
 def read_program(path: str | PathLike[str]) -> str:
     """Text of a program, in UTF-8, marked UTF-16, or else one byte a letter (Latin-1).
 
-    Words are ASCII, so that UTF-8 and Latin-1 differ in comments only. Control characters around
-    the program are left out.
+    Words are ASCII, so that UTF-8 and Latin-1 differ in comments only. Control characters are left
+    out, the zeros of UTF-16 without its mark, too.
 
     Raises:
-        ToolpathError: the file is missing, larger than 64 MiB, or UTF-16 without its mark.
+        ToolpathError: the file is missing, or larger than 64 MiB.
     """
-    return _without_marks(_decoded(_content(Path(path))))
-
-
-def _decoded(content: bytes) -> str:
+    content = _content(Path(path))
     if content.startswith(UTF_16):
-        return content.decode("utf-16", "replace")
+        return content.decode("utf-16", "replace").translate(WITHOUT_MARKS)
     try:
-        return content.decode("utf-8-sig")
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return content.removeprefix(UTF_8_MARK).decode("latin-1")
-
-
-def _without_marks(text: str) -> str:
-    r"""Text without control characters before its first and after its last printed one.
-
-    >>> _without_marks("\x00\n\x12%\nG0 X1\n%\n\x14\x1a")
-    '\n%\nG0 X1\n%\n'
-    """
-    begun = text.lstrip(MARKS + BLANK)
-    body = begun.rstrip(MARKS + BLANK)
-    before, after = text[: len(text) - len(begun)], begun[len(body) :]
-    return before.translate(WITHOUT_MARKS) + body + after.translate(WITHOUT_MARKS)
+        text = content.removeprefix(UTF_8_MARK).decode("latin-1")
+    return text.translate(WITHOUT_MARKS)
 
 
 def _content(path: Path) -> bytes:
     try:
-        content = content_of(path, MOST_BYTES)
+        return content_of(path, MOST_BYTES)
     except FileNotFoundError:
         raise ToolpathError(f"{shown(str(path), 200)}: no such file") from None
     except OSError as error:
         raise ToolpathError(f"{shown(str(path), 200)}: {error.strerror}") from None
-    if _is_unmarked_utf_16(content):
-        raise ToolpathError("it is UTF-16 without a byte-order mark: save it as UTF-8")
-    return content
-
-
-def _is_unmarked_utf_16(content: bytes) -> bool:
-    r"""Whether every other byte is 0, as in UTF-16 of ASCII.
-
-    >>> _is_unmarked_utf_16("G21 G90".encode("utf-16-be")), _is_unmarked_utf_16(b"\0\0\0%\0\nG21")
-    (True, False)
-    """
-    begin = content[: 2 * LOOK].lstrip(b"\0")[:LOOK]
-    return len(begin) > 4 and not any(begin[1::2]) and 0 not in begin[::2]
 
 
 def lines_of(text: str) -> list[str]:

@@ -90,7 +90,13 @@ def cornered(
     given = np.full(feed.size - 1, float(tolerance))
     open_ = np.ones(given.size, bool)
     for _ in range(TRIES):
-        open_ &= _far(best.around) & (given > FINEST)
+        around = best.around
+        begin, end = around.piece, np.append(around.piece[1:], given.size)
+        far = around.apart > FINEST
+        change = np.zeros(given.size + 3, int)  # of the ranges of joints beside far pieces
+        np.add.at(change, begin[far], 1)
+        np.add.at(change, end[far] + 2, -1)
+        open_ &= (np.cumsum(change)[1:-2] > 0) & (given > FINEST)
         if not open_.any():
             break
         less = np.where(open_, np.maximum(FINEST, given / LESS), given)
@@ -99,33 +105,18 @@ def cornered(
         if nearer and latest.motion.duration <= most:
             best, given = latest, less
             continue
-        later = _later(_elapsed(latest) - before, WORTH / 2 * best.motion.duration)
+        # the fewest pieces without which the excess of all times sums to what is allowed
+        excess = np.maximum(_elapsed(latest) - before, 0.0)
+        order = np.argsort(-excess)
+        left = excess.sum() - np.cumsum(excess[order])
+        later = np.zeros(excess.size, bool)
+        beyond = np.count_nonzero(left > WORTH / 2 * best.motion.duration)
+        later[order[: 1 + beyond]] = True
         still = open_ & ~(later[1:] | later[:-1])
         if (still == open_).all():
             break
         open_ = still
     return best
-
-
-def _later(excess: Float[np.ndarray, " P"], allowed: float) -> Bool[np.ndarray, " P"]:
-    """Fewest pieces without which the excess of their times [s] sums to what is allowed."""
-    excess = np.maximum(excess, 0.0)
-    order = np.argsort(-excess)
-    left = excess.sum() - np.cumsum(excess[order])
-    later = np.zeros(excess.size, bool)
-    later[order[: 1 + np.count_nonzero(left > allowed)]] = True
-    return later
-
-
-def _far(around: BlendedPath) -> Bool[np.ndarray, " joints"]:
-    """Joints of the contour beside which a path leaves it by more than the finest deviation."""
-    count = int(np.asarray(around.contour.mask).sum())
-    begin, end = around.piece, np.append(around.piece[1:], count - 1)
-    far = around.apart > FINEST
-    change = np.zeros(count + 2, int)  # of the ranges of pieces beside these, from joint to joint
-    np.add.at(change, begin[far], 1)
-    np.add.at(change, end[far] + 2, -1)
-    return np.cumsum(change)[1:-2] > 0
 
 
 def _elapsed(planned: Planned) -> Float[np.ndarray, " P"]:
@@ -192,14 +183,9 @@ def _planned(
         motion = jerk_limited(around.path, around.feed(feed), limits, stopping)
     except SharpTurnError as error:  # told of the piece of the contour
         raise SharpTurnError(int(around.piece[error.piece]), error.steps) from None
-    return Planned(around, motion, _rests(around, motion, rest), passed)
-
-
-def _rests(around: BlendedPath, motion: JerkLimitedMotion, rest: Float[np.ndarray, " P"]) -> Rests:
-    """Rests at the ends of pieces of the contour, each of which is a stop of the motion."""
-    pieces = np.flatnonzero(~np.isnan(rest))
+    pieces = np.flatnonzero(~np.isnan(rest))  # each ends in a stop of the motion
     ends = np.cumsum(unpadded(around.path).extent)[around.joint(pieces)]
-    return Rests(motion.reached(ends), rest[pieces])
+    return Planned(around, motion, Rests(motion.reached(ends), rest[pieces]), passed)
 
 
 def _better_stopped(

@@ -234,7 +234,13 @@ def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=
     if arc.ndim != 1 or arc.size < 2:
         raise ValueError(f"arc: needs shape (T,) with at least two samples, received {arc.shape}")
     _check_finite(arc=arc)
-    _check_forward(arc, contour)
+    moves = np.diff(arc)
+    back = int(np.argmin(moves))
+    if moves[back] < -1e-9 * float(contour.size):
+        raise ValueError(
+            f"arc: may not go back, as it does after sample {back} by {-moves[back]:.4g} m; "
+            "laps of a closed contour go on beyond its length"
+        )
     last = 0.0 if at_rest else arc[-1] - arc[-2]
     arc = np.concatenate([arc, arc[-1] + last * np.arange(1, preview + 1)])
     position, tangent = _sampled(contour, arc)
@@ -413,17 +419,6 @@ def _whole(preview: float | int) -> int:
             f"preview: needs a whole number of samples, at least zero, received {preview}"
         )
     return int(preview)
-
-
-def _check_forward(arc: np.ndarray, contour: Contour) -> None:
-    """Raise ValueError where an arc length goes back by more than rounding."""
-    moves = np.diff(arc)
-    back = int(np.argmin(moves))
-    if moves[back] < -1e-9 * float(contour.size):
-        raise ValueError(
-            f"arc: may not go back, as it does after sample {back} by {-moves[back]:.4g} m; "
-            "laps of a closed contour go on beyond its length"
-        )
 
 
 def _check_finite(**named) -> None:

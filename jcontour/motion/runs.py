@@ -146,7 +146,10 @@ def followed(runs: Runs, tolerance: Numbers, asked: Asked | None = None) -> Curv
     tolerance = np.broadcast_to(np.asarray(tolerance, float), count.shape)
     most, wanted = np.full(count.size, np.inf), tolerance
     room = count  # for knots
-    splines = _first_splines(runs)
+    size = np.maximum(1, count // PER_CELL) + 1  # knots at first
+    run = np.repeat(np.arange(size.size), size)
+    number = np.arange(run.size) - (np.cumsum(size) - size)[run]
+    splines = _Splines(runs.ends[runs.edges[run] + (number * count[run]) // (size - 1)[run]], run)
     found: list[tuple[_Splines, Piece]] = []
     for _ in range(ROUNDS):
         few = np.bincount(splines.run, minlength=count.size) <= room
@@ -197,16 +200,6 @@ def _easy(
     easy = np.ones(near.size, bool)
     easy[run[~passed.all(axis=(1, 2))]] = False
     return easy
-
-
-def _first_splines(runs: Runs) -> _Splines:
-    edges = runs.edges
-    count = np.diff(edges)
-    size = np.maximum(1, count // PER_CELL) + 1
-    run = np.repeat(np.arange(size.size), size)
-    number = np.arange(run.size) - (np.cumsum(size) - size)[run]
-    at = edges[run] + (number * count[run]) // (size - 1)[run]
-    return _Splines(runs.ends[at], run)
 
 
 def _sampled(runs: Runs, splines: _Splines) -> _Sampled:

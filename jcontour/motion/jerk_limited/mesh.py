@@ -76,16 +76,6 @@ def launch_lengths(
     return limits.jerk.min() * ramp**3 / 6
 
 
-def passing_speed(
-    pieces: Piece, feed: Float[np.ndarray, " P"], limits: AxisLimits
-) -> Float[np.ndarray, " P"]:
-    """Greatest constant speed [m/s] on every piece under the feed and the jerk."""
-    _, _, third = everywhere(pieces)
-    with np.errstate(divide="ignore"):
-        turning = np.cbrt((limits.jerk / np.abs(third)).min(axis=(0, 2)))
-    return np.minimum(feed, turning)
-
-
 def calm(
     pieces: Piece, speed: Float[np.ndarray, " P"], limits: AxisLimits
 ) -> Bool[np.ndarray, " P"]:
@@ -126,7 +116,9 @@ def nodes(
     cell.
     """
     starts = np.append(0.0, np.cumsum(pieces.extent))
-    speed = passing_speed(pieces, feed, limits)
+    with np.errstate(divide="ignore"):  # the greatest constant speed under the feed and the jerk
+        speed = np.cbrt((limits.jerk / np.abs(everywhere(pieces)[2])).min(axis=(0, 2)))
+    speed = np.minimum(feed, speed)
     sample = max(build_up(limits) / PER_RAMP, float(np.sum(pieces.extent / speed)) / MOST_SAMPLES)
     axis_speed = np.minimum(limits.speed, np.max(speed))  # no axis is faster than the path
     rest = np.where(np.isin(starts[1:], stops), 0.0, np.nan)

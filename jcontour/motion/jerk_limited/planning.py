@@ -77,8 +77,14 @@ def jerk_limited(
     kept = bends[stretch[piece]] | (place == starts[piece])
     cells, node = mesh.cells_between(place[kept], piece[kept], pieces, old)
     motion = _planned(task, old, cells, node, bends, tightenings=0)
-    again = _again(task, motion, lines, bends)
-    return motion if again is None else min(motion, again, key=lambda one: one.duration)
+    time, ends = shares(motion, tick, bends)
+    splines = through(time, motion.at(time).arc, ends)
+    if splines is None:
+        return motion
+    bent = iter(splines)
+    old = joined([line or next(bent) for line in lines])  # planned again, as a warp of itself
+    again = _planned(task, old, *_own_cells(task, old), bends, TIGHTENINGS)
+    return min(motion, again, key=lambda one: one.duration)
 
 
 class _Task(NamedTuple):
@@ -145,22 +151,6 @@ def _quickest(
 def _fitted(parts: Conditions, stretch, shape) -> Float[np.ndarray, " n"]:
     """Unknowns of a shape, stretch by stretch as fast as leaves a margin in every condition."""
     return (1 - MARGIN) * fullest(parts, shape)[stretch] * shape
-
-
-def _again(
-    task: _Task,
-    motion: JerkLimitedMotion,
-    lines: list[CubicMotion | None],
-    bends: Bool[np.ndarray, " stretches"],
-) -> JerkLimitedMotion | None:
-    """The motion planned again, as a warp of itself on cells of equal times; None if it cannot."""
-    time, ends = shares(motion, task.tick, bends)
-    splines = through(time, motion.at(time).arc, ends)
-    if splines is None:
-        return None
-    bent = iter(splines)
-    old = joined([line or next(bent) for line in lines])
-    return _planned(task, old, *_own_cells(task, old), bends, TIGHTENINGS)
 
 
 def _own_cells(task: _Task, old: CubicMotion) -> tuple[Cells, Float[np.ndarray, " nodes"]]:

@@ -48,7 +48,7 @@ def test_places_in_numpy_are_the_positions(name, shapes):
     pieces = jax.tree.map(lambda rows: np.asarray(rows)[mask], contour.pieces)
     middle = 0.5 * pieces.extent
     expected = shapes.along(contour.position, pieces.start + middle)
-    np.testing.assert_allclose(pieces.place(middle), expected, atol=1e-15)
+    np.testing.assert_allclose(pieces.jet(middle)[0], expected, atol=1e-15)
 
 
 @pytest.mark.parametrize("name", NAMES)
