@@ -9,6 +9,7 @@ import jax
 import numpy as np
 import pytest
 
+from jcontour.app.catalogue import entries
 from jcontour.app.catalogue.choices import (
     controllers_for,
     design_for,
@@ -95,7 +96,7 @@ def test_every_name_of_a_contour_has_its_maker():
 
 def test_a_plain_controller_may_be_in_the_list(monkeypatch):
     monkeypatch.setitem(CONTROLLERS, "seen", f"{__name__}:Seen")
-    monkeypatch.setattr(controllers, "loaded", lambda place: Seen)
+    monkeypatch.setattr(entries, "loaded", lambda place: Seen)
     machine = machine_named("bridgeport")
     assert "seen" in controllers_for(machine) and "seen" not in controllers_for(
         machine_named("gantry")
