@@ -174,7 +174,7 @@ class Code:
         """Numbers that are remembered: name, size, meaning."""
         found = [("control", "LAW_INPUTS", "that acts until the next sample")]
         if self.law.states:
-            found.append(("state", "LAW_STATES", _entries(self.law.names)))
+            found.append(("state", "LAW_STATES", ", ".join(plain(name) for name in self.law.names)))
         found += [
             ("base", "LAW_AXES", "what positions count from"),
             ("command", "LAW_AXES", "where the axes were meant to be"),
@@ -291,7 +291,3 @@ def _window_constants(window: Window) -> list[tuple[str, np.ndarray | None, str]
         ("LAW_AT", window.at, "state of a steady motion per position"),
         ("LAW_PER", window.per, "likewise, per increment"),
     ]
-
-
-def _entries(names: Sequence[str]) -> str:
-    return ", ".join(plain(name) for name in names)

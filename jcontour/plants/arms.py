@@ -97,8 +97,12 @@ class ThreeLink(eqx.Module):
         """Ball joints, (leg, coordinate) [m]."""
         pose = jnp.asarray(pose)
         turned = _tilt(pose[..., 1:]) @ jnp.asarray(_legs().T, pose.dtype)
-        centre = self._centre(pose)[..., None, :]
-        return centre + self.platform_radius * jnp.swapaxes(turned, -1, -2)
+        # Centre of the platform; it shifts sideways with the tilt [m]
+        x, y = pose[..., 1], pose[..., 2]
+        # (1 - cos beta) / beta^2 = sinc(beta/2)^2 / 2, with beta^2 (cos, sin)(2 alpha) beside it
+        share = self.platform_radius / 4 * _sinc(jnp.sqrt(_square(x, y)) / 2) ** 2
+        centre = jnp.stack([-share * (x**2 - y**2), share * 2 * x * y, pose[..., 0]], axis=-1)
+        return centre[..., None, :] + self.platform_radius * jnp.swapaxes(turned, -1, -2)
 
     def legs(self, pose: Float[Array | np.ndarray, "*batch 3"]) -> Float[Array, "*batch 3"]:
         """Lengths of the legs at a pose: the inverse kinematics [m].
@@ -128,13 +132,6 @@ class ThreeLink(eqx.Module):
             if not missed <= ROUNDING:
                 raise ValueError(f"legs: no pose has these lengths, the nearest misses {missed} m")
         return poses
-
-    def _centre(self, pose: Array) -> Array:
-        """Centre of the platform; it shifts sideways with the tilt [m]."""
-        x, y = pose[..., 1], pose[..., 2]
-        # (1 - cos beta) / beta^2 = sinc(beta/2)^2 / 2, with beta^2 (cos, sin)(2 alpha) beside it
-        share = self.platform_radius / 4 * _sinc(jnp.sqrt(_square(x, y)) / 2) ** 2
-        return jnp.stack([-share * (x**2 - y**2), share * 2 * x * y, pose[..., 0]], axis=-1)
 
     @jax.jit
     def _lengths(self, pose: Array) -> Array:

@@ -176,13 +176,9 @@ class AdaptiveZeroPhaseTracking(Controller):
     ) -> tuple[AdaptiveMemory, Float[Array, " m"]]:
         position = self.sensors.positions(measurement) - plan.start
         estimate = self.estimator.update(memory.estimate, memory.phi, position)
-        estimate = estimate._replace(theta=self._invertible(estimate.theta))
-        a, b = estimate.theta[:, 0], estimate.theta[:, 1]
+        a, b = estimate.theta[:, 0], jnp.maximum(estimate.theta[:, 1], self.smallest)
+        estimate = estimate._replace(theta=estimate.theta.at[:, 1].set(b))
         filtered = (plan.later + a * plan.now) / b
         phi = jnp.stack([-position, filtered], axis=-1)
         control = self.gain * (filtered - position) + self.holding * plan.start
         return AdaptiveMemory(estimate, phi), control
-
-    def _invertible(self, theta: Float[Array, "m 2"]) -> Float[Array, "m 2"]:
-        """Nearest parameters whose b_0 is large enough."""
-        return theta.at[:, 1].set(jnp.maximum(theta[:, 1], self.smallest))

@@ -222,25 +222,21 @@ def hinf_optimum(problem: ModelMatching) -> HinfOptimum:
     if cost == 0:
         return HinfOptimum(np.zeros(1), np.ones(1), 0.0, 0.0)
     eigenvalues = np.linalg.eigvalsh(cost**2 * np.eye(len(X)) - X @ X.conj().T)
-    basis = _basis_polynomials(problem.zeros)
+    # phi_i times prod_j (1 - z_j* lambda), row by row, ascending
+    rows = []
+    for i, zero in enumerate(problem.zeros):
+        row = np.array([np.sqrt(1 - abs(zero) ** 2)], complex)
+        for before in problem.zeros[:i]:
+            row = np.convolve(row, [-before, 1.0])
+        for after in problem.zeros[i + 1 :]:
+            row = np.convolve(row, [1.0, -after.conjugate()])
+        rows.append(row)
+    basis = np.array(rows)
     top, below = left[:, 0] @ basis, right[0].conj() @ basis
     phase = below[np.argmax(np.abs(below))]
     top, below = cost * np.real(top / phase), np.real(below / phase)
     top, below = _all_pass(cost, *_without_shared_roots(top, below))
     return HinfOptimum(top / below[0], below / below[0], cost, float(eigenvalues[0]))
-
-
-def _basis_polynomials(zeros: Zeros) -> Complex[np.ndarray, "n n"]:
-    """phi_i times prod_j (1 - z_j* lambda), row by row, ascending."""
-    rows = []
-    for i, zero in enumerate(zeros):
-        row = np.array([np.sqrt(1 - abs(zero) ** 2)], complex)
-        for before in zeros[:i]:
-            row = np.convolve(row, [-before, 1.0])
-        for after in zeros[i + 1 :]:
-            row = np.convolve(row, [1.0, -after.conjugate()])
-        rows.append(row)
-    return np.array(rows)
 
 
 def _all_pass(cost: float, top: Polynomial, below: Polynomial) -> tuple[Polynomial, Polynomial]:

@@ -83,7 +83,12 @@ class PreviewFilter(eqx.Module):
             raise ValueError(f"preview: cannot be negative, received {preview}")
         if is_concrete(self.numerator, self.denominator):
             for row in np.atleast_2d(np.asarray(self.denominator)):
-                _check_stable(row)
+                poles = np.abs(np.roots(row)) if row[0] else np.array([np.inf])
+                if not (np.isfinite(row).all() and np.all(poles < 1)):
+                    raise ValueError(
+                        "denominator: the filter is not stable, its poles in z are "
+                        f"{np.round(poles, 6)}"
+                    )
             if not np.isfinite(np.asarray(self.numerator)).all():
                 raise ValueError("numerator: every coefficient needs to be finite")
 
@@ -120,7 +125,16 @@ class PreviewFilter(eqx.Module):
         top, below = self._rows(samples.shape[1])
         count = jnp.arange(samples.shape[0], dtype=samples.dtype)[:, None]
         steady = samples[:1] + count * increment[None]
-        out = self._steady(top, below, samples[0], increment, count)
+        # Answer to the steady motion start + k increment: H(1) r - H'(1) dr
+        start = samples[0]
+        # Gain and derivative of a ratio of polynomials at lambda = 1
+        values = []
+        for rows in (top, below):
+            powers = jnp.arange(rows.shape[1], dtype=rows.dtype)
+            values += [jnp.sum(rows, axis=1), rows @ powers]
+        n, dn, d, dd = values
+        gain, slope = n / d, (dn * d - n * dd) / d**2
+        out = gain[None] * (start[None] + count * increment[None]) - (slope * increment)[None]
         return out + causal(top, below, samples - steady)
 
     def _check_preview(self, reference: Reference) -> None:
@@ -135,11 +149,6 @@ class PreviewFilter(eqx.Module):
         found = (self.numerator, self.denominator)
         top, below = (jnp.broadcast_to(one, (axes, one.shape[-1])) for one in found)
         return top, below
-
-    def _steady(self, top, below, start, increment, count) -> Float[Array, "S m"]:
-        """Answer to the steady motion start + k increment: H(1) r - H'(1) dr."""
-        gain, slope = _at_one(top, below)
-        return gain[None] * (start[None] + count * increment[None]) - (slope * increment)[None]
 
 
 def causal(
@@ -161,24 +170,6 @@ def causal(
 
     rest = jnp.zeros((order - 1, samples.shape[1]), samples.dtype)
     return jax.lax.scan(step, rest, samples)[1]
-
-
-def _at_one(top, below) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-    """Gain and derivative of a ratio of polynomials at lambda = 1."""
-    values = []
-    for rows in (top, below):
-        powers = jnp.arange(rows.shape[1], dtype=rows.dtype)
-        values += [jnp.sum(rows, axis=1), rows @ powers]
-    n, dn, d, dd = values
-    return n / d, (dn * d - n * dd) / d**2
-
-
-def _check_stable(denominator: np.ndarray) -> None:
-    poles = np.abs(np.roots(denominator)) if denominator[0] else np.array([np.inf])
-    if not (np.isfinite(denominator).all() and np.all(poles < 1)):
-        raise ValueError(
-            f"denominator: the filter is not stable, its poles in z are {np.round(poles, 6)}"
-        )
 
 
 def zero_phase_filter(transfer: TransferFunction, ringing: float = RINGING) -> PreviewFilter:

@@ -153,7 +153,13 @@ class _FrictionGantry(Plant):
         substeps: int | float | None = None,
     ):
         self.parameters, self.dt, self.substeps = parameters, float(dt), substeps_of(dt, substeps)
-        self.friction = of_sliders(friction)
+        # Friction with one value for each slider
+        for name, values in vars(friction).items():
+            count = values.shape[-1]
+            if count not in (1, SLIDERS):
+                needed = "one value, or one each for the head and the two drives"
+                raise ValueError(f"friction: {name} needs {needed}, received {count}")
+        self.friction = jax.tree.map(lambda values: jnp.broadcast_to(values, (SLIDERS,)), friction)
 
     @property
     def alike_everywhere(self) -> tuple[bool, ...]:
@@ -309,17 +315,3 @@ def _slipping(mode: Int[Array, "3"], speed: OfSliders) -> OfSliders:
 def each(friction: Friction) -> list[Friction]:
     """Friction of each slider."""
     return [jax.tree.map(lambda values, k=k: values[k], friction) for k in range(SLIDERS)]
-
-
-def of_sliders(friction: Friction) -> Friction:
-    """Friction with one value for each slider.
-
-    Raises:
-        ValueError: there is another number of values.
-    """
-    for name, values in vars(friction).items():
-        count = values.shape[-1]
-        if count not in (1, SLIDERS):
-            needed = "one value, or one each for the head and the two drives"
-            raise ValueError(f"friction: {name} needs {needed}, received {count}")
-    return jax.tree.map(lambda values: jnp.broadcast_to(values, (SLIDERS,)), friction)

@@ -99,12 +99,9 @@ def tool_plant(
         ValueError: the head is outside the beam, or `dt` is not above zero.
     """
     A, B, _ = linear(parameters, head).sampled(dt)
-    return LinearPlant(A, B, tool_matrix(parameters, head), dt)
-
-
-def tool_matrix(parameters: GantryParameters, head) -> Float[Array, "2 6"]:
-    """Matrix C of `tool_plant`: tool (x_h + d theta, y_N - d + xbar theta) for small angles."""
-    return jnp.eye(2, 6).at[:, 2].set(jnp.stack([parameters.tool_offset, jnp.asarray(head, float)]))
+    # tool (x_h + d theta, y_N - d + xbar theta) for small angles
+    turned = jnp.stack([parameters.tool_offset, jnp.asarray(head, float)])
+    return LinearPlant(A, B, jnp.eye(2, 6).at[:, 2].set(turned), dt)
 
 
 def drive_response(
@@ -182,7 +179,13 @@ def motor_model(
     """
     check_on_beam("head", head, parameters)
     matrices = _matrices(parameters, jnp.asarray(head, float), dt, linear)
-    return LinearPlant(*matrices, dt, motion=straight_motion(dt))
+    # Readings of a straight beam whose tool moves steadily
+    motors = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+    none = np.zeros_like(motors)
+    maps = np.concatenate([motors, none]), np.concatenate([none, motors / dt])
+    return LinearPlant(
+        *matrices, dt, motion=SteadyMotion(*(jnp.asarray(each, float) for each in maps))
+    )
 
 
 @eqx.filter_jit
@@ -209,14 +212,6 @@ def motor_schedule(
     check_on_beam("points", points, parameters)
     models = jax.vmap(lambda head: motor_model(parameters, head, dt, linear))(points)
     return ModelSchedule(models, points, output=0)
-
-
-def straight_motion(dt: float) -> SteadyMotion:
-    """Readings of a straight beam whose tool moves steadily."""
-    motors = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
-    none = np.zeros_like(motors)
-    maps = np.concatenate([motors, none]), np.concatenate([none, motors / dt])
-    return SteadyMotion(*(jnp.asarray(each, float) for each in maps))
 
 
 def straight_beam_currents(
