@@ -1,12 +1,18 @@
-"""The sampled law on its plant against reference numbers, a plain loop and differences."""
+"""The sampled law on its plant against reference numbers, a plain loop and differences.
+
+Master-slave synchronisation.
+"""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jcontour._arrays import placed
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
+    MasterSlave,
     SynchronisedGains,
     coupled_errors,
 )
@@ -16,6 +22,7 @@ from jcontour.plants.actuation import Disturbed
 from jcontour.plants.linear_machines import servo_axes
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
+from tests.canonical import DT, reference, round_path
 
 STATE = Sensors((0, 2), (1, 3))  # of `servo_axes`: y, v of one axis, then of the other
 
@@ -144,3 +151,25 @@ def test_bad_input(any_type):
         SynchronisedGains(0.3, 0.02, -1.0)
     with pytest.raises(ValueError, match="bias: needs to be above zero"):
         SynchronisedGains(0.3, 0.02, 1.0, bias=0.0)
+
+
+LOOPS = Cascade(CascadeGains(30.0, 20.0, 0.02, 1.0), motors(2), DT)
+
+
+@pytest.mark.parametrize("coupling", [0.0, 0.4, 1.0])
+def test_the_slave_follows_the_master(coupling):
+    """Its loop is the cascade of a reference that is moved by the master's error."""
+    path, law = reference(round_path(2)), MasterSlave(LOOPS, (0, 1), coupling)
+    plan = jax.tree.map(lambda rows: rows[3], law.prepare(path))
+    position, speed = np.array([1e-3, 2e-4]), np.array([0.02, 0.03])
+    _, control = law.step(jnp.zeros(2), plan, (position, speed))
+    r, v = np.asarray(plan.position), np.asarray(plan.velocity)
+    moved = r + coupling * np.array([0.0, position[0] - r[0]])
+    wanted = v + coupling * np.array([0.0, speed[0] - v[0]])
+    error = 30.0 * (moved - position) + wanted - speed
+    np.testing.assert_allclose(control, 20.0 * (1 + DT / 0.02) * error, rtol=1e-10)
+
+
+def test_two_different_axes_are_needed():
+    with pytest.raises(ValueError, match="pair: needs two of the 2 axes"):
+        MasterSlave(LOOPS, (0, 2))
