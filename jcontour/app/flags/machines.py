@@ -66,6 +66,8 @@ class Identify(Logged):
     """Highest order of an axis beside its integrator, 1 to 8."""
     most_delay: int = 10  # samples; a fieldbus with three to spare
     """Longest delay that is looked for [samples], at most 40."""
+    force_constant: float | None = None
+    """Force [N], or torque [N m], of one unit of the command: masses and stiffness are printed."""
     response: Path | None = None
     """Instead: tune a PI control with filters on a measured frequency response (CSV with
     frequency_hz, real and imaginary or db and degrees, coherence; XML of a SINUMERIK)."""

@@ -21,7 +21,7 @@ from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
 import tyro
 from tyro.constructors import (
@@ -81,9 +81,26 @@ def read(kind: Any, arguments: Sequence[str], prog: str, description: str) -> An
     Raises:
         SystemExit: help was asked for, or a flag is wrong.
     """
-    asked = ["--help" if word == ALL else word for word in arguments]
+    asked = ["--help" if word == ALL else word for word in _files_first(kind, arguments)]
     registry = rules(everything=ALL in arguments or not HELP & set(arguments))
     return tyro.cli(kind, prog=prog, description=description, args=asked, registry=registry)
+
+
+def _files_first(kinds: Any, words: Sequence[str]) -> list[str]:
+    """The words with files before lists of names: of `--axes X log.csv` the file is no axis."""
+    named = [get_type_hints(get_args(one)[0]) for one in get_args(kinds)]
+    lists = {
+        f"--{name.replace('_', '-')}"
+        for hints in named
+        for name, hint in hints.items()
+        if hint == tuple[str, ...]
+    }
+    files, others, inside = [], [], False
+    for word in words[1:]:
+        inside = word in lists if word.startswith("-") else inside
+        of_data = inside and Path(word).suffix not in ("", ".py") and Path(word).is_file()
+        (files if of_data else others).append(word)
+    return [*words[:1], *files, *others]
 
 
 def described(kind: type) -> str:

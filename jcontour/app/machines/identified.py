@@ -11,6 +11,7 @@ from jcontour.app.machines.unsure_resonances import moved, places_around
 from tuning.identification.linear import evidence
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.found import LinearAxis, LinearMachineFound
+from tuning.identification.linear.two_masses import two_masses
 
 ROUGH = 4  # windows over which the largest acceleration is taken
 MOST_LINES = 200  # of what was measured of an axis
@@ -176,12 +177,35 @@ def axis_result(axis: LinearAxis) -> LinearAxisResult:
         correlation=float(np.abs(evidence.correlations(fit)).max()),
         shown_from=low,
         shown_to=high,
+        measured_to=float(axis.lines.frequency.max(initial=0.0)),
         friction=None if axis.friction is None else axis.friction[0],
         offset=axis.offset,
         saturated=axis.saturated,
         coupling=axis.coupling,
         uncertainty=axis.gain,
     )
+
+
+def mass_words(axis: LinearAxis, force: float, rotary: bool) -> str:
+    """Masses and stiffness of an axis in a line.
+
+    Args:
+        axis: identified.
+        force: of one unit of its command [N or N m].
+        rotary: whether its position is an angle [rad].
+    """
+    mass, stiffness = ("kg m^2", "N m/rad") if rotary else ("kg", "N/m")
+    if (pair := two_masses(axis.fit.model, force)) is not None:
+        return (
+            f"{axis.name}: motor {pair.motor:.3g} and load {pair.load:.3g} {mass} on a spring of "
+            f"{pair.stiffness:.4g} {stiffness}, if its encoder is at the motor"
+        )
+    gain, (constants, _) = _gain(axis)[0], _modes(axis.fit.model)
+    if not (axis.fit.model.integrators and constants):
+        return f"{axis.name}: its model has no mass: the drive closes a loop around it"
+    viscous = force / gain
+    unit = stiffness.replace("N", "N s", 1)
+    return f"{axis.name}: {viscous * constants[0]:.4g} {mass}, viscous {viscous:.4g} {unit}"
 
 
 def _gain(axis: LinearAxis) -> tuple[float, float]:

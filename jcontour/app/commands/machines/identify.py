@@ -18,7 +18,14 @@ from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.machines import Identify, Logged
 from jcontour.app.jobs.excitation import Excited, program
 from jcontour.app.machines.from_file import machine_from
-from jcontour.app.machines.identified import axis_result, counts, largest, machine_fields, noises
+from jcontour.app.machines.identified import (
+    axis_result,
+    counts,
+    largest,
+    machine_fields,
+    mass_words,
+    noises,
+)
 from jcontour.app.machines.machine_behaviour import (
     FAST,
     GRAVITY,
@@ -92,10 +99,11 @@ def axis_words(one: LinearAxisResult, control_unit: str) -> str:
     """Model of an axis in a line, with what is known of its gain and up to which frequency."""
     gain = f"{1e3 * one.gain:.5g} mm{'/s' * bool(one.integrators)} per {control_unit}"
     low, high = one.gain_interval
+    measured = f", measured to {one.measured_to:.3g} Hz" if one.measured_to else ""
     known = f" +- {50 * (high - low) / abs(one.gain):.2g} %" if one.gain else ""
     return (
         f"{words_of(one)}; gain {gain}{known}, delay {one.delay} samples, known to "
-        f"{one.shown_to:.3g} Hz, explains {100 * one.explained:.2f} %"
+        f"{one.shown_to:.3g} Hz{measured}, explains {100 * one.explained:.2f} %"
     )
 
 
@@ -127,6 +135,9 @@ def _check(flags: Identify) -> None:
         raise ValueError(f"most-delay: needs 0 to {MOST_DELAY}, received {flags.most_delay}")
     if flags.period_ms is not None and not (np.isfinite(flags.period_ms) and flags.period_ms > 0):
         raise ValueError(f"period-ms: needs to be above zero, received {flags.period_ms}")
+    force = flags.force_constant
+    if force is not None and not (np.isfinite(force) and force > 0):
+        raise ValueError(f"force-constant: needs to be above zero, received {force}")
     if flags.demo and flags.axes != tuple(DEMO):
         raise ValueError("axes: the simulated data have X and Y")
 
@@ -200,6 +211,11 @@ def _result(
     lengths = _questions(flags, axes, limits)
     lengths += [f"{line} {named}" for line in coarse]
     lengths += _tiny(flags, found)
+    masses = []
+    if flags.force_constant is not None:
+        turns = log.angles or (False,) * len(found.axes)
+        each = zip(found.axes, turns, strict=True)
+        masses = [mass_words(one, flags.force_constant, rotary) for one, rotary in each]
     copied = []
     if len(flags.axes) == 1:
         (axis,), other = flags.axes, _other(flags.axes[0])
@@ -221,6 +237,7 @@ def _result(
             *_period(log.dt),
             *([] if any(log.angles) else lengths),
             *copied,
+            *masses,
             *found.notes,
         ],
         model=MODEL,
@@ -311,6 +328,7 @@ def show(result: LinearMachineResult, console: Console) -> None:
         "explains %": lambda axis: f"{100 * axis.explained:.3f}",
         "left um": lambda axis: f"{1e6 * axis.innovation:.3g}",
         "shown to Hz": lambda axis: axis.shown_to,
+        "measured to Hz": lambda axis: f"{axis.measured_to:.3g}" if axis.measured_to else "-",
         "family %": lambda axis: f"{100 * axis.uncertainty:.2g}",
     }
     console.print(tables.table_of(title, result.axes, columns, text_columns=2))

@@ -55,6 +55,11 @@ def answer_of(result: ResponseResult) -> list[Entry]:
         Entry("Loop", f"crossover {result.crossover:.4g} Hz, phase {result.phase_margin:.3g} deg"),
         Entry("Margin", f"{worst}; {result.deviated:.4g} within one deviation of the lines"),
         Entry("Lines", f"{result.lines} of {result.measured} are coherent enough to judge by"),
+        Entry(
+            "Load",
+            "these numbers into the drive; no machine file, since lines state neither the length "
+            "and period of its model nor limits. For tune record a log: jcontour identify LOG",
+        ),
     ]
 
 

@@ -29,6 +29,7 @@ class LinearAxisResult:
     # shown_from, shown_to: frequencies between which the response is known to 10 % [Hz]
     shown_from: float
     shown_to: float
+    measured_to: float  # last line of the response from periods of the record [Hz]; 0 without any
     friction: float | None  # command that dry friction takes; None where it is not seen
     offset: float  # constant command that acts beside the given one, where friction is seen
     saturated: float  # part of the samples at an extreme command
