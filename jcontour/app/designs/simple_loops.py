@@ -21,7 +21,7 @@ import numpy as np
 from jcontour.app.designs.design import Gains, LinearDesign, picked
 from jcontour.app.designs.first_loop import fastest
 from jcontour.app.machines.linear import LinearMachine
-from jcontour.app.machines.steady_response import steady_response
+from jcontour.app.machines.machine_behaviour import steady_response
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains, PositionLoop
 from jcontour.controllers.wrappers.adapters import SpeedByDifference

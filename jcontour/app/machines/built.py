@@ -10,8 +10,7 @@ from jcontour.app.files.checks import METRES
 from jcontour.app.files.machine_file import MOST_DELAY
 from jcontour.app.files.step_file import read_step
 from jcontour.app.flags.machines import Machine
-from jcontour.app.machines.uncertainty import GAIN_KNOWN_TO
-from jcontour.app.machines.unsure_resonances import LESS_DAMPED, unsure_resonances
+from jcontour.app.machines.uncertainty import GAIN_KNOWN_TO, LESS_DAMPED, unsure_resonances
 from jcontour.linear.continuous_axes import (
     ContinuousAxis,
     force_axis,

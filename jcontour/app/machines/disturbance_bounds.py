@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.app.machines.count_noise import FARTHEST, in_words
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Fed, Machine
+from jcontour.app.machines.uncertainty import FARTHEST, in_words
 from jcontour.bounds.disturbed_loop import Box
 from jcontour.plant import Plant
 

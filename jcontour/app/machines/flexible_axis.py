@@ -16,9 +16,9 @@ from jaxtyping import Array, Float
 
 from jcontour.app.files.axis_file import ENCODER_RESOLUTION, KIND, FlexibleAxisFile
 from jcontour.app.files.schema import axis_names, one_or_each, per_axis
-from jcontour.app.machines.count_noise import in_words, rounding_noise
 from jcontour.app.machines.families import Member, MotorMeasuredMachine, late
 from jcontour.app.machines.machine import Fed, MachineLimits, Usual
+from jcontour.app.machines.uncertainty import in_words, rounding_noise
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 from jcontour.plants.actuation import Disturbed

@@ -14,9 +14,9 @@ import numpy as np
 from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
-from jcontour.app.machines.count_noise import rounding_noise
 from jcontour.app.machines.families import LATE, Member, MotorMeasuredMachine, late
 from jcontour.app.machines.machine import Fed, MachineLimits, Usual
+from jcontour.app.machines.uncertainty import rounding_noise
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant

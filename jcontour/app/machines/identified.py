@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.machines import Machine
-from jcontour.app.machines.unsure_resonances import moved, places_around
+from jcontour.app.machines.uncertainty import moved, places_around
 from tuning.identification.linear import evidence
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.found import LinearAxis, LinearMachineFound

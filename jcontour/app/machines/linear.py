@@ -15,21 +15,24 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.analysis.uncertain_loops import Doubt, Lines
-from jcontour.app.machines.count_noise import FARTHEST, in_words, rounding_noise, sensor_noise
-from jcontour.app.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
-from jcontour.app.machines.uncertainty import Member, assumed, family_members, random_members
+from jcontour.app.machines.machine import Fed, Hosted, Machine, Usual
+from jcontour.app.machines.uncertainty import (
+    FARTHEST,
+    Member,
+    assumed,
+    family_members,
+    in_words,
+    random_members,
+    rounding_noise,
+    sensor_noise,
+)
 from jcontour.linear.between_samples import hidden_acceleration
 from jcontour.plant import Plant
 from jcontour.plants.actuation import Backlash, Disturbed, Gained, with_dry_friction
 from jcontour.plants.delays import Delayed, PartlyDelayed
 from jcontour.plants.encoders import Encoders, Quantised
-from jcontour.plants.linear_machines import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.simulation.evaluation import stack_plants
 
-DRIVE_RANGE = 10.0  # control units, read as volts: analogue drives take +-10 V; not in the paper
-CONTROL_NOISE = 0.1  # control units: about what an input gain 10 % off does
-# McNab & Tsao, Table 1, case II, the best of those found by hand; the filter estimates no load
-PUBLISHED = {"alpha": 1.2, "beta": 20.0, "rho": 2e-9, "control_noise": CONTROL_NOISE, "drift": 1e-6}
 USUAL = Usual(
     "contouring-lq",
     training=("cam", "circle", "square"),
@@ -315,23 +318,3 @@ class LinearMachine(Machine):
     def measurement_noise(self) -> float | np.ndarray:
         """Standard deviation of measured positions [m], all or each: noisy_count / sqrt(12)."""
         return self.noisy_count / np.sqrt(12)
-
-
-def bridgeport_machine() -> LinearMachine:
-    """The paper's X-Y table, its integrators exact; no limits and no uncertainty are stated there.
-
-    The limit of the control is that of a usual analogue drive.
-    """
-    return LinearMachine(
-        "bridgeport",
-        exact_bridgeport(),
-        ("X", "Y"),
-        "control unit",
-        MachineLimits(control=np.full(2, DRIVE_RANGE)),
-        known_delay=0,
-        gain=0.1,
-        delay=2,
-        encoder_resolution=ENCODER_RESOLUTION,
-        control_noise=CONTROL_NOISE,
-        published=PUBLISHED,
-    )

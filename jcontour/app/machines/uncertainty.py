@@ -9,13 +9,14 @@ from itertools import product
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Complex, Float
 
+from jcontour._arrays import placed
 from jcontour.analysis.uncertain_loops import Doubt, Lines
 from jcontour.app.files.checks import MachineError
 from jcontour.app.files.machine_file import MeasuredFields, UncertaintyFields
 from jcontour.app.files.schema import read
-from jcontour.app.machines.steady_response import steady_response
+from jcontour.app.machines.machine_behaviour import steady_response
 from jcontour.linear.plant import LinearPlant
 
 GAIN_KNOWN_TO = {  # a data sheet is seldom better; a position drive follows its own encoder
@@ -156,3 +157,106 @@ def _doubt(fields: UncertaintyFields, plant: LinearPlant) -> Doubt | None:
             f"{name}.relative: needs {plant.axes} rows of {hertz.size} numbers of at least 0"
         )
     return Doubt(2 * np.pi * plant.dt * hertz, relative.T, lines)
+
+
+LESS_DAMPED = 0.5  # of the damping, at least: it is known worse than the frequency
+TRIED = 21  # frequencies of the resonance within its interval
+AROUND, BESIDE = 40, 12  # frequencies where it may be, and on either side
+WIDE, FAR = 1.5, 10.0  # times the resonance: around, and as far as the response is told
+
+
+def unsure_resonances(
+    hertz: Sequence[float], damping: float, part: float, dt: float
+) -> dict[str, Any]:
+    """Field `uncertainty.response` of a machine file: largest |G_true / G - 1| of every axis.
+
+    The resonance of an axis is a factor R(s) = w^2 / (s^2 + 2 z w s + w^2). Of a true one of w' and
+    z', G_true / G = R'(s) / R(s) at s = j 2 pi f, whatever the rest of the axis is.
+
+    Args:
+        hertz: resonance of every axis [Hz], 0 for one without; not all are 0.
+        damping: of all of them; it may be half of that.
+        part: by which a frequency may be higher or lower, below 1.
+        dt: sample period [s].
+    """
+    places = np.unique(np.concatenate([places_around(one, dt) for one in hertz if one]))
+    rows = [moved(one, damping, part, places) if one else np.zeros_like(places) for one in hertz]
+    return {
+        "hertz": [float(f"{one:.6g}") for one in places],
+        "relative": [[float(f"{one:.4g}") for one in row] for row in rows],
+    }
+
+
+def places_around(hertz: float, dt: float) -> Float[np.ndarray, " F"]:
+    """Frequencies around a resonance, up to half the sampling rate [Hz]."""
+    parts = np.concatenate(
+        [
+            np.geomspace(1 / FAR, 1 / WIDE, BESIDE, endpoint=False),
+            np.geomspace(1 / WIDE, WIDE, AROUND, endpoint=False),
+            np.geomspace(WIDE, FAR, BESIDE),
+        ]
+    )
+    found = hertz * parts
+    return found[found < 0.5 / dt]
+
+
+def moved(
+    hertz: float, damping: float, part: float, places: Float[np.ndarray, " F"]
+) -> Float[np.ndarray, " F"]:
+    """Largest |R' / R - 1| of the resonances that there may be in place of the one that is said.
+
+    Args:
+        hertz: resonance that is said [Hz].
+        damping: likewise; the true one may have half of it.
+        part: by which its frequency may be higher or lower.
+        places: frequencies [Hz].
+    """
+    said = _factor(hertz, damping, places)
+    true = [
+        _factor(hertz * shift, z, places)
+        for shift in np.linspace(1 - part, 1 + part, TRIED)
+        for z in (damping, LESS_DAMPED * damping)
+    ]
+    return np.abs(np.array(true) / said - 1).max(axis=0)
+
+
+def _factor(
+    hertz: float, damping: float, places: Float[np.ndarray, " F"]
+) -> Complex[np.ndarray, " F"]:
+    s, w = 2j * np.pi * places, 2 * np.pi * hertz
+    return w**2 / (s**2 + 2 * damping * w * s + w**2)
+
+
+SAMPLES = 8192  # of a run that have noise of their own; the last one holds beyond
+FARTHEST = 3.0  # deviations that noise never exceeds, so that it has a bound
+
+
+def rounding_noise(positions: int, resolution: float | np.ndarray) -> Float[Array, "T q"]:
+    """Noise of positions [m], even within half a count of all or of each; the same in every run.
+
+    >>> noise = rounding_noise(2, 1e-6)
+    >>> noise.shape, bool(abs(noise).max() <= 0.5e-6)
+    ((8192, 2), True)
+    """
+    counts = np.random.default_rng(0).uniform(-0.5, 0.5, (SAMPLES, positions))
+    return placed(resolution * counts)
+
+
+def sensor_noise(positions: int, deviation: float | np.ndarray) -> Float[Array, "T q"]:
+    """Gaussian noise of positions [m], within three deviations; the same in every run.
+
+    Args:
+        positions: how many.
+        deviation: standard deviation [m], of all or of each.
+    """
+    drawn = np.random.default_rng(1).standard_normal((SAMPLES, positions))
+    return placed(deviation * np.clip(drawn, -FARTHEST, FARTHEST))
+
+
+def in_words(resolution: float | np.ndarray) -> str:
+    """Counts of all axes, or of each.
+
+    >>> in_words(1e-6), in_words(np.array([1e-6, 5e-6]))
+    ('1 um', '1, 5 um')
+    """
+    return ", ".join(f"{1e6 * count:g}" for count in np.atleast_1d(resolution)) + " um"

@@ -11,7 +11,7 @@ from jcontour.app.designs.simple_loops import resonance, simple_names
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.machines.from_file import machine_from
 from jcontour.app.machines.linear import LinearMachine
-from jcontour.app.machines.unsure_resonances import unsure_resonances
+from jcontour.app.machines.uncertainty import unsure_resonances
 from jcontour.linear.continuous_axes import (
     force_axis,
     position_axis,

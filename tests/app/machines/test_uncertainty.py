@@ -5,11 +5,17 @@ import pytest
 
 from jcontour.app.files.checks import MachineError
 from jcontour.app.machines.uncertainty import (
+    FARTHEST,
+    SAMPLES,
     assumed,
     family_members,
     random_members,
+    rounding_noise,
+    sensor_noise,
     stated_uncertainty,
+    unsure_resonances,
 )
+from jcontour.linear.continuous_axes import speed_axis, with_resonance
 from jcontour.linear.plant import LinearPlant
 
 DT = 1e-3
@@ -70,3 +76,65 @@ def test_the_line_of_what_is_assumed():
     line = assumed("mill", 0.1, 1, "UNCERTAINTY =")
     assert "gains 10 % off both ways and a sample of delay more" in line
     assert "gains" not in assumed("mill", 0.0, 1, "UNCERTAINTY =").split(";")[0]
+
+
+DT, HERTZ, Z = 1e-3, 80.0, 0.03
+
+
+def ring(hertz, damping, places):
+    """Response of a whole axis with the resonance."""
+    axis = with_resonance(speed_axis(1.0, 0.02, 1.5e-3), 2 * np.pi * hertz, damping)
+    return axis.response(2 * np.pi * places)
+
+
+@pytest.mark.parametrize("part", [0.02, 0.1])
+def test_every_resonance_that_there_may_be_is_inside_and_one_is_at_the_edge(part):
+    field = unsure_resonances((0.0, HERTZ), Z, part, DT)
+    places, relative = np.array(field["hertz"]), np.array(field["relative"])
+    assert np.all(np.diff(places) > 0) and places[-1] < 500 and places[0] == HERTZ / 10
+    assert not relative[0].any()
+    random = np.random.default_rng(0)
+    drawn = zip(random.uniform(-part, part, 40), random.uniform(0.5, 1, 40), strict=True)
+    corners = [(side * part, damped) for side in (-1, 1) for damped in (0.5, 1.0)]
+    said = ring(HERTZ, Z, places)
+    off = np.array(
+        [np.abs(ring(HERTZ * (1 + s), Z * d, places) / said - 1) for s, d in [*corners, *drawn]]
+    )
+    assert np.all(off <= 1.03 * relative[1] + 1e-3)  # between those that are tried
+    far = (places < HERTZ / 2) | (places > 2 * HERTZ)  # there an end of the interval is worst
+    assert np.allclose(off[:4, far].max(axis=0), relative[1, far], rtol=1e-3)
+
+
+def test_resonances_of_both_axes_are_told_at_the_places_of_both():
+    both = unsure_resonances((60.0, HERTZ), Z, 0.05, DT)
+    alone = unsure_resonances((60.0, 0.0), Z, 0.05, DT)
+    at = np.array(both["relative"])[0, np.isin(both["hertz"], alone["hertz"])]
+    assert np.allclose(at, alone["relative"][0]) and len(both["hertz"]) > len(alone["hertz"])
+
+
+def test_it_is_what_rounding_leaves_of_a_position_that_moves():
+    """Even within half a count: its deviation is resolution / sqrt(12), and it is white."""
+    noise = np.asarray(rounding_noise(2, 3e-6)) / 3e-6
+    assert noise.shape == (SAMPLES, 2) and np.abs(noise).max() <= 0.5
+    np.testing.assert_allclose(noise.std(axis=0), 1 / np.sqrt(12), rtol=0.03)
+    assert np.abs(noise.mean(axis=0)).max() < 4 / np.sqrt(12 * SAMPLES)
+    correlation = np.mean(noise[1:] * noise[:-1], axis=0) * 12
+    assert np.abs(correlation).max() < 4 / np.sqrt(SAMPLES)
+    assert abs(np.mean(noise[:, 0] * noise[:, 1])) * 12 < 4 / np.sqrt(SAMPLES)
+
+
+def test_every_position_has_its_own_count():
+    mixed, fine, coarse = (
+        np.asarray(rounding_noise(2, counts)) for counts in (np.array([1e-6, 5e-6]), 1e-6, 5e-6)
+    )
+    np.testing.assert_array_equal(mixed, np.stack([fine[:, 0], coarse[:, 1]], axis=1))
+    assert mixed.std(axis=0) == pytest.approx(np.array([1e-6, 5e-6]) / np.sqrt(12), rel=0.03)
+
+
+def test_sensors_have_white_noise_with_a_bound():
+    noise = np.asarray(sensor_noise(2, np.array([3e-7, 0.0])))
+    assert noise.shape == (SAMPLES, 2) and not noise[:, 1].any()
+    scaled = noise[:, 0] / 3e-7
+    assert np.abs(scaled).max() == pytest.approx(FARTHEST)  # of 8192 some 22 are beyond
+    assert scaled.std() == pytest.approx(1.0, rel=0.03)
+    assert abs(np.mean(scaled[1:] * scaled[:-1])) < 4 / np.sqrt(SAMPLES)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from jcontour.app.jobs.job import Pace, at_constant_feed, from_file
 from jcontour.app.jobs.sets.scale import scale_of, sharpest_corner
-from jcontour.app.machines.linear import bridgeport_machine
+from jcontour.app.machines.built_in import bridgeport_machine
 from jcontour.geometry.contours import circle, ellipse, lemniscate, polygon
 
 FEED = 0.05  # [m/s] of contours that have no programme

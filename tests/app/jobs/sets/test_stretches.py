@@ -17,7 +17,7 @@ from jcontour.app.jobs.sets.stretches import (
     moved,
     shortened,
 )
-from jcontour.app.machines.linear import bridgeport_machine
+from jcontour.app.machines.built_in import bridgeport_machine
 from jcontour.geometry.contours import arc, circle, ellipse, lemniscate, line, polygon, polyline
 from jcontour.motion.feed_laws import trapezoidal
 from jcontour.motion.references import along

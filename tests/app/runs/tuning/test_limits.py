@@ -5,7 +5,7 @@ import pytest
 
 from jcontour.app.designs.design import Design
 from jcontour.app.flags.tuning import Tune
-from jcontour.app.machines.linear import bridgeport_machine
+from jcontour.app.machines.built_in import bridgeport_machine
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.app.runs.tuning.limits import (
     AT_REST,

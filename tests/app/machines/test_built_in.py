@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.app.machines.xy_table import xy_table_machine
+from jcontour.app.machines.built_in import xy_table_machine
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 
 
