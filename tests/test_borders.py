@@ -37,7 +37,6 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.app.files.schema": {"pydantic"},
     "jcontour.app.files.machine_file": {"pydantic"},
     "jcontour.app.files.machine_documents": {"pydantic"},
-    "jcontour.app.files.axis_file": {"pydantic"},
     "jcontour.app.files.log_table": {"pandas"},
     "jcontour.app.jobs.excitation": {"pydantic"},
     "jcontour.app.jobs.memory": {"psutil"},

@@ -9,8 +9,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from jcontour.app.files.axis_file import FlexibleAxisFile
-from jcontour.app.files.machine_file import LinearMachineFile
+from jcontour.app.files.machine_file import FlexibleAxisFile, LinearMachineFile
 from jcontour.app.files.schema import Schema
 
 FOLDER = Path(__file__).parents[1] / "machines"

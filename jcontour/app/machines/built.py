@@ -8,7 +8,7 @@ import numpy as np
 
 from jcontour.app.files.checks import METRES
 from jcontour.app.files.machine_file import MOST_DELAY
-from jcontour.app.files.step_file import read_step
+from jcontour.app.files.response_file import read_step
 from jcontour.app.flags.machines import Machine
 from jcontour.app.machines.uncertainty import GAIN_KNOWN_TO, LESS_DAMPED, unsure_resonances
 from jcontour.linear.continuous_axes import (

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.app.files.axis_file import ENCODER_RESOLUTION, KIND, FlexibleAxisFile
+from jcontour.app.files.machine_file import ENCODER_RESOLUTION, KIND, FlexibleAxisFile
 from jcontour.app.files.schema import axis_names, one_or_each, per_axis
 from jcontour.app.machines.families import Member, MotorMeasuredMachine, late
 from jcontour.app.machines.machine import Fed, MachineLimits, Usual

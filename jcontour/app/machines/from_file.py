@@ -14,9 +14,8 @@ from scipy.linalg import matrix_balance
 
 from jcontour._regular_files import content_of
 from jcontour.app.files import checks
-from jcontour.app.files.axis_file import KIND, FlexibleAxisFile
 from jcontour.app.files.checks import METRES, MachineError
-from jcontour.app.files.machine_file import LimitFields, LinearMachineFile
+from jcontour.app.files.machine_file import KIND, FlexibleAxisFile, LimitFields, LinearMachineFile
 from jcontour.app.files.schema import axis_names, one_or_each, per_axis, read
 from jcontour.app.machines.flexible_axis import flexible_machine
 from jcontour.app.machines.linear import LinearMachine

@@ -14,8 +14,8 @@ from jaxtyping import Array, Float
 from jcontour.app.catalogue.choices import UnreadFlagWarning, design_for, job_named, machine_named
 from jcontour.app.designs.design import Design, plain_weights, with_values
 from jcontour.app.files import run_folder
+from jcontour.app.files.checkpoints import SweepChunks
 from jcontour.app.files.results.run_metrics import METRICS
-from jcontour.app.files.sweep_files import SweepChunks
 from jcontour.app.flags.tuning import Sweep
 from jcontour.app.jobs.job import Pace, Task
 from jcontour.app.jobs.replays import Scenarios

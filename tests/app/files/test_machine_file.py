@@ -9,11 +9,25 @@ from hypothesis import strategies as st
 
 import jcontour.app.machines
 from jcontour._arrays import placed
-from jcontour.app.files.axis_file import FlexibleAxisFile
 from jcontour.app.files.checks import MachineError
+from jcontour.app.files.machine_documents import SCHEMA, documents
+from jcontour.app.files.machine_file import FlexibleAxisFile, LinearMachineFile
 from jcontour.app.files.schema import read
 from jcontour.app.machines.flexible_axis import flexible_machine
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
+
+
+@pytest.mark.parametrize("path", documents(), ids=lambda path: path.name)
+def test_the_documents_are_those_of_the_schemas(path):
+    again = "run python -m jcontour.app.files.machine_documents"
+    assert path.read_text() == documents()[path], again
+
+
+def test_an_editor_knows_every_field():
+    known = json.loads(SCHEMA.read_text())["$defs"]["LinearMachineFile"]
+    assert set(known["properties"]) == set(LinearMachineFile.model_fields)
+    assert known["required"] == ["A", "B", "C", "dt"]
+
 
 EXAMPLE = Path(jcontour.app.machines.__file__).parent / "thesis-axis.json"
 FIELDS = json.loads(EXAMPLE.read_text())

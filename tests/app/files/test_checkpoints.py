@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from jcontour.app.files.checkpoints import SweepChunks
 from jcontour.app.files.run_folder import RunError
-from jcontour.app.files.sweep_files import SweepChunks
 
 
 def chunk(first, count):
