@@ -27,7 +27,7 @@ PACKAGES = (
     "mujoco-mjx",
 )
 UNKNOWN = "unknown"
-RECORDS = ("identify", "whole_way", "public")  # parts in a folder of `experiments/benchmarks`
+RECORDS = ("whole_way", "public")  # parts in a folder of `experiments/benchmarks`
 
 
 @dataclass(frozen=True)

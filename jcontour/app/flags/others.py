@@ -56,7 +56,6 @@ class Bench(Common):
             "lq",
             "gantry",
             "tuners",
-            "identify",
             "whole_way",
             "public",
         ]
@@ -67,7 +66,6 @@ class Bench(Common):
     lq: whole runs of the LQ contouring controller.
     gantry: the gantry in every engine.
     tuners: the tuner against searches without slopes, hours; `uv run --group bench`.
-    identify: random axes, recorded and identified again, minutes each.
     whole_way: from the log of a hidden machine to the contour error there, minutes each.
     public: predictions for public records of real machines, and the page about them."""
     batch: tuple[int, ...] = ()
@@ -75,9 +73,9 @@ class Bench(Common):
     Gantry: machines at once, 1000 when not given.
     QP: problems at once, 128 when not given."""
     seeds: int = 20  # quartiles of fewer say little
-    """Tuners: random starts of every search. Identify, whole_way: machines of two axes."""
+    """Tuners: random starts of every search. Whole_way: machines of two axes."""
     first_seed: int = 0
-    """Identify, whole_way: seed of the first machine."""
+    """Whole_way: seed of the first machine."""
     searches: tuple[str, ...] = ()
     """Tuners: names of those that search, as the table has them; all when not given."""
     evaluations: int = 600  # CMA-ES needs hundreds at four weights
@@ -85,7 +83,7 @@ class Bench(Common):
     Whole_way: of every search at most, one with slopes counts one."""
     keep: Path | None = None
     """File that keeps what is done; with it, a second run goes on.
-    Tuners: every start; identify, whole_way: every machine.
+    Tuners: every start; whole_way: every machine.
     LQ, QP: results that later ones are compared with."""
     records: Path | None = None
     """Public: folder with the records, a folder each."""

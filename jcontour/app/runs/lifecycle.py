@@ -92,8 +92,11 @@ def task_words(
         value = flags.get(one.name, one.default)
         if one.name in ("json", "details") or value == one.default or value == []:
             continue
-        several = isinstance(value, (tuple, list))
-        words += [f"--{one.name.replace('_', '-')}", *map(str, value if several else [value])]
+        several, name = isinstance(value, (tuple, list)), one.name.replace("_", "-")
+        if isinstance(value, bool):
+            words.append(f"--{name}" if value else f"--no-{name}")
+        else:
+            words += [f"--{name}", *map(str, value if several else [value])]
     return words_of(words)
 
 

@@ -119,8 +119,12 @@ class BacklashCompensation(Wrapper):
     gap: Float[Array, " m"]
 
     def prepare(self, reference: Reference) -> Plan:
+        return self.controller.prepare(self.leading(reference))
+
+    def leading(self, reference: Reference) -> Reference:
+        """The reference with positions that lead."""
         ahead = reference.position + self.gap[None] / 2 * directions(reference)
-        return self.controller.prepare(eqx.tree_at(lambda one: one.position, reference, ahead))
+        return eqx.tree_at(lambda one: one.position, reference, ahead)
 
 
 @jax.jit

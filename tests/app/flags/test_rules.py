@@ -135,3 +135,17 @@ def test_help_of_tune_has_twenty_flags_and_all_of_them_when_asked(capsys):
 
 def test_what_help_leaves_out_is_read():
     assert rules_read(Tune, ["--steps", "3", "--devices", "2"], "jcontour tune", "").steps == 3
+
+
+def test_a_file_behind_a_list_of_names_is_no_name(tmp_path, monkeypatch):
+    """As `identify --axes X log.csv`; a class in a file of Python is one of the names."""
+    read = []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("jcontour.app.commands.machines.identify.command", read.append)
+    for name in ("log.csv", "own.py"):
+        (tmp_path / name).touch()
+    for line in ("--axes X log.csv --seed 3", "--axes X --command-columns u log.csv --seed 3"):
+        main(["identify", *line.split()])
+        assert (read[-1].data, read[-1].axes, read[-1].seed) == (Path("log.csv"), ("X",), 3)
+    main("identify log.csv --axes X own.py".split())
+    assert read[-1].axes == ("X", "own.py")

@@ -6,6 +6,7 @@ import pytest
 
 from jcontour.app.machines.from_file import machine_from
 from jcontour.app.machines.identified import _thinned, axis_result, counts, largest, machine_fields
+from jcontour.app.runs.tuning.results import _unmeasured
 from jcontour.linear.continuous_axes import position_axis, speed_axis, with_resonance
 from tuning.identification.linear.found import MachineRecord
 from tuning.identification.linear.machine import identify_machine
@@ -50,6 +51,13 @@ def test_the_file_is_read_by_the_other_commands(found):
     assert machine.name == "mine" and machine.control_unit == "V"
     assert fields["known_delay"] == 2 and fields["uncertainty"]["gain"] >= 0.02
     assert fields["encoder_resolution"] == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_a_record_without_periods_measures_no_response(found):
+    """So that `tune` recommends no loop."""
+    machine = machine_from(json.dumps(machine_fields(found, "mine", "V")).encode())
+    assert [one.frequency.size for one in machine.measured] == [0, 0]
+    assert _unmeasured(machine) == ["X", "Y"]
 
 
 def test_the_file_has_the_count_of_every_axis_where_they_differ(found):

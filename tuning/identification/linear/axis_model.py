@@ -6,7 +6,7 @@ i integrators: none for a drive that takes a position, one for a speed (or a for
 friction, whose pole is in a), two for a force without friction.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -52,17 +52,6 @@ class AxisModel:
     def poles(self) -> Complex[np.ndarray, " n"]:
         """Roots of a: all poles but the integrators."""
         return np.roots(np.concatenate([[1.0], self.denominator])).astype(complex)
-
-    def damped(self, least: float) -> "AxisModel":
-        """The model with every pair of poles, exp(w dt (-z +- i sqrt(1 - z^2))), of z >= least."""
-        poles, rates = self.poles, np.log(np.where(self.poles == 0, 1.0, self.poles)) / self.dt
-        size = np.abs(rates)
-        low = (np.imag(poles) != 0) & (-np.real(rates) < least * size)
-        if not low.any():
-            return self
-        turn = -least + 1j * np.sign(np.imag(rates)) * np.sqrt(1 - least**2)
-        moved = np.where(low, np.exp(self.dt * size * turn), poles)
-        return replace(self, denominator=np.real(np.poly(moved))[1:])
 
     def response(self, frequency: Float[np.ndarray, " F"]) -> Complex[np.ndarray, " F"]:
         """Complex transfer over frequency [rad/s]."""

@@ -11,6 +11,7 @@ COLOURED = 0.1  # correlation of the errors that is said
 COUPLED = 0.01  # part of the errors' variance
 SATURATED = 1e-3  # part of the samples
 POOR = 0.9  # part of the variance explained on held-out data below which nothing is said
+RUBS = 0.8  # friction over the RMS command, beyond which it hides the motion
 STANDS = 0.1  # part of a record at rest beside which dry friction is thought of
 FOLLOWS = 0.999  # part of a position that a gain explains: the axis follows its command
 RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
@@ -42,6 +43,18 @@ def unexplained(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " 
         "the command does not explain the position; are the columns those of one axis? Otherwise "
         "record a livelier program: jcontour identify --excite. Where dry friction takes much of "
         "the command, its long moves (G-code) tell more than its sines"
+    )
+
+
+def rubs(command: Float[np.ndarray, " T"], simple: Simple | None) -> str:
+    """Why dry friction hides how the command moves the axis; empty where it takes less of it."""
+    size = float(np.sqrt(np.mean(command**2)))
+    if simple is None or len(simple.fit.drag) < 2 or simple.fit.drag[0] < RUBS * size:
+        return ""
+    return (
+        f"dry friction takes nearly all of the command, {size:.3g} RMS: what is left is too little "
+        "to show how it moves the axis; record moves of larger acceleration, as the long ones "
+        "(G-code) of jcontour identify --excite"
     )
 
 

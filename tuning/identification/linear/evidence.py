@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Complex, Float
 from scipy.signal import lfilter, welch
-from scipy.stats import chi2, norm
+from scipy.stats import norm
 
 from tuning.identification.estimates import (
     CONFIDENCE,
@@ -151,21 +151,6 @@ def as_excited(response: Response, hertz: float) -> Response:
     above = response.frequency > min(response.band[1], hertz)
     held = np.where(above, np.maximum(response.half_width, HIDDEN / 2), response.half_width)
     return replace(response, half_width=held)
-
-
-def inside_region(
-    off: Complex[np.ndarray, " F"],
-    slopes: Complex[np.ndarray, "F p"],
-    covariance: Float[np.ndarray, "p p"],
-) -> np.ndarray:
-    """Whether errors of ln G lie in its 95 % ellipse, frequency by frequency."""
-    parts = np.stack([np.real(slopes), np.imag(slopes)], axis=1)  # (F, 2, p)
-    spread = parts @ covariance @ np.swapaxes(parts, 1, 2)
-    errors = np.stack([np.real(off), np.imag(off)], axis=1)
-    size = np.trace(spread, axis1=1, axis2=2)[:, None, None]
-    spread = spread + 1e-9 * size * np.eye(2)  # a response of one direction has no area
-    distance = np.einsum("fi,fij,fj->f", errors, np.linalg.inv(spread), errors)
-    return distance < chi2.ppf(CONFIDENCE, 2)
 
 
 def dispersion(fit: AxisFit) -> float:

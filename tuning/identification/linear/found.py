@@ -137,16 +137,6 @@ class LinearMachineFound:
         return max(one.late for one in self.axes)
 
     @property
-    def unseen(self) -> bool:
-        """Whether another program is advised, for one axis at least."""
-        return any(one.unseen for one in self.axes)
-
-    @property
-    def order(self) -> int:
-        """States of all axes without their delays: what the record shows of modes."""
-        return sum(one.fit.model.order for one in self.axes)
-
-    @property
     def shown_to(self) -> float:
         """Frequency up to which all responses are known to 10 % [Hz]; nan if nowhere."""
         return float(np.min([one.response.band[1] for one in self.axes]))

@@ -3,6 +3,9 @@
 import numpy as np
 from jaxtyping import Float
 
+from tuning.identification.linear.output_error import TRAINING
+
+AT_REST = 0.02  # of the squared speed
 FOLLOWS = 0.5  # correlation of position and command, at least
 TOP = 99.0  # percentile of the speed that counts as the largest
 MORE = 1.15  # times the largest speed, that a command asks for
@@ -25,10 +28,26 @@ def limits_of(
         dt: sample period [s].
     """
     return (
-        _two_rates(command, position)
+        _at_rest(position, dt)
+        or _two_rates(command, position)
         or _aliased(command)
         or _speed_limit(command, position, dt)
         or _command_limit(command, position)
+    )
+
+
+def _at_rest(position: np.ndarray, dt: float) -> str:
+    """Of an axis that moves at the beginning alone."""
+    speed = np.diff(position)
+    power = np.cumsum(speed**2)
+    judged = power[-1] - power[int(TRAINING * len(power))]
+    if judged > AT_REST * power[-1]:
+        return ""
+    ends = dt * float(np.searchsorted(power, (1 - AT_REST) * power[-1]))
+    return (
+        f"the axis moves for the first {ends:.3g} s of {dt * len(position):.3g} s alone, and its "
+        f"model is judged by the last {100 * (1 - TRAINING):.0f} %: record moves all along, "
+        "or give a step response to jcontour machine --steps"
     )
 
 

@@ -22,6 +22,7 @@ from tuning.identification.linear.doubts import (
     doubt,
     follows,
     notes,
+    rubs,
     unexplained,
 )
 from tuning.identification.linear.encoder_noise import encoder_noise
@@ -157,6 +158,7 @@ def _friction(estimate: Estimate) -> tuple[float, float] | None:
 def _why(record: AxisRecord, simple: Simple | None) -> str:
     """Why nothing explains a record."""
     limited = limits_of(record.command, record.position, record.dt)
+    limited = limited or rubs(record.command, simple)
     return limited or f"{unexplained(record.command, record.position)}{beside(simple)}"
 
 

@@ -140,14 +140,6 @@ def with_slopes(
     return _finished(record, filter_, trial)
 
 
-def predicted(
-    record: AxisRecord, fit: AxisFit, filter_: Float[np.ndarray, " w"]
-) -> Float[np.ndarray, " R"]:
-    """Errors behind W of a fixed model on another record [m]; the motion before it is fitted."""
-    structure = structure_of(fit.model)
-    return _evaluated(record, structure, filter_, fit.model, fit.drag, slopes=False).errors
-
-
 def structure_of(model: AxisModel) -> Structure:
     """Structure that a model has."""
     return Structure(len(model.denominator), len(model.numerator), model.integrators, model.delay)

@@ -49,7 +49,6 @@ def recorded(
     reference: Float[np.ndarray, " T"],
     dt: float,
     random: np.random.Generator,
-    dither: Float[np.ndarray, " T"] | None = None,
 ) -> tuple[Float[np.ndarray, " T"], Float[np.ndarray, " T"]]:
     """Command and measured position while the axis follows a reference under its own cascade."""
     A, B, C, late = sampled_axis(one.axis, dt)
@@ -64,7 +63,7 @@ def recorded(
     move = _rubbed(one, dt) if one.friction else lambda x, command: A @ x + b * command
     for k in range(rows):
         y[k] = one.count * np.round((c @ x + noise[k]) / one.count)
-        u[k] = law(reference[k], y[k]) + (0.0 if dither is None else dither[k])
+        u[k] = law(reference[k], y[k])
         scale = max(scale, abs(u[k]))
         line = [u[k] + one.disturbance * scale * shocks[k], *line[:-1]]
         x = move(x, line[late])

@@ -18,12 +18,14 @@ from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.flags.loops import Export
 from jcontour.app.jobs.job import Task
 from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.machines.uncertainty import in_words
 from jcontour.app.reports import tables
 from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.checks.exported_code import compiled_checks, replayed
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
 from jcontour.bounds.affine import NotAffine
+from jcontour.controllers.wrappers.adapters import BacklashCompensation
 from jcontour.export.code_text import heading
 from jcontour.export.linuxcnc import linuxcnc_files, stock_pids
 from jcontour.export.rendering import Code
@@ -107,6 +109,11 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
     law, unit = code.law, loop.machine.control_unit
     margins, warnings = _margins(flags.run)
     warnings += [] if law.exact else [LOOSE]
+    if isinstance(loop.controller, BacklashCompensation):
+        warnings.append(
+            f"the code does not compensate the backlash, {in_words(loop.controller.gap)}: set it "
+            "in the control that hands over the points, as BACKLASH of a joint of LinuxCNC"
+        )
     limits = limit_lines(code.limits, loop)
     notes = [*_notes(flags, loop), *limits, *margins, *warnings]
     code = Code(law, code.limits, notes, unit, code.precision)
@@ -173,6 +180,8 @@ def exported_code(loop: StoredLoop, job: Task, single: bool = False) -> tuple[Co
     machine, controller = loop.machine, loop.controller
     dt = machine.model.dt
     reference = job.reference(dt, max(controller.preview, 1) + 1)
+    if isinstance(controller, BacklashCompensation):  # it belongs to whoever hands over the points
+        reference, controller = controller.leading(reference), controller.controller
     found = simulate(machine.true_family(loop.fed)[0], controller, reference)
     y, u = np.asarray(jax.vmap(row)(found.measurement)), np.asarray(found.control)
     limit = np.inf if machine.limits.control is None else machine.limits.control

@@ -1,11 +1,13 @@
 """`export` from the command line."""
 
+import json
 import shutil
 
 import numpy as np
 
 from jcontour.app.cli import main
-from jcontour.app.files.results.loop_results import ExportedResult
+from jcontour.app.files.results.loop_results import ExportedResult, SimulatedResult
+from jcontour.app.files.results.stored import read_result
 
 
 def test_a_simulated_run_becomes_a_law_that_gives_its_controls(tour):
@@ -56,3 +58,22 @@ def test_a_check_in_linuxcnc_takes_no_flags_of_other_checks(tour, capsys):
     ):
         assert main(["check", run, "--in-linuxcnc", *flags]) == 2
         assert words in capsys.readouterr().err
+
+
+def test_backlash_is_compensated_in_a_run_and_left_to_the_control_in_its_code(
+    tmp_path, machine_fields, part_file, monkeypatch, capsys
+):
+    """The code gives the controls of the run, whose reference leads; the remedy can be typed."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loose.json").write_text(json.dumps(machine_fields | {"backlash": 0.02}))
+    task, errors = [str(part_file), "--plant", "loose.json", "--preview", "4", "--details"], []
+    for name, flags in (("as-it-is", []), ("led", ["--backlash"])):
+        main(["simulate", *task, *flags, "--out", name])
+        errors.append(read_result(tmp_path / name, SimulatedResult).plants["nominal"])
+    loose, led = (one.rms_contour_error for one in errors)
+    assert led < 0.5 * loose
+    assert "--backlash" in capsys.readouterr().out.split("Next")[-1].splitlines()[0]
+    assert main(["export", "led", "--python", "--out", "code"]) == 0
+    found = read_result(tmp_path / "code", ExportedResult)
+    assert found.difference < 1e-12 * found.largest_control
+    assert any("does not compensate the backlash, 20, 20 um" in line for line in found.warnings)

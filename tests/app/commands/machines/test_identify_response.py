@@ -20,6 +20,7 @@ def test_a_control_for_a_measured_response(tmp_path, capsys):
     assert main(words) == 0
     screen = capsys.readouterr().out
     assert len(screen.splitlines()) <= 15 and "crossover 60 Hz" in screen
+    assert "no machine file" in screen
     found = read_result(out, ResponseResult)
     L = found.loop.response(FREQUENCY) * VALUE
     assert np.interp(60, FREQUENCY, np.abs(L)) == pytest.approx(1, rel=0.02)

@@ -75,6 +75,7 @@ def test_nothing_speaks_against_a_loop_that_is_better_everywhere():
         ({"robust": SOUND.__class__(members=1000, diverged=1, error=1.0, contour="part")}, "1 of"),
         ({"contours": [*GOOD, contour("square", False, 1.0, 1.0, True)]}, "diverges on square"),
         ({"delay": 4}, "bears 3 samples of delay"),
+        ({"unmeasured": ["X"]}, "nothing of the response of X is measured"),
     ],
 )
 def test_each_fault_is_one_line(changes, words):

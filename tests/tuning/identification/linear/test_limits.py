@@ -1,9 +1,13 @@
 import numpy as np
 import pytest
 
+from tests.app.small_runs import partly
+from tuning.identification.linear.doubts import rubs
 from tuning.identification.linear.found import MachineRecord
 from tuning.identification.linear.limits import limits_of
 from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.output_error import AxisFit
+from tuning.identification.linear.simplest import Simple
 
 DT = 0.01
 TIME = DT * np.arange(3000)
@@ -52,3 +56,20 @@ def test_swapped_axes_are_told():
 def test_two_rates_are_told():
     held = SWEEP[np.arange(3000) // 10 * 10]
     assert "the position every 10: two rates" in limits_of(SWEEP, held, DT)
+
+
+def test_an_axis_that_moves_at_the_beginning_alone_is_told():
+    """A step whose answer is over after 2 of 30 s."""
+    position = 1e-3 * (1 - np.exp(-TIME / 0.5))
+    said = limits_of(np.full(3000, 1.0), position, DT)
+    assert said.startswith("the axis moves for the first 0.9") and "machine --steps" in said
+    assert not limits_of(SWEEP, np.append([0.0, 0.0], SWEEP[:-2]), DT)
+
+
+def test_friction_that_takes_all_of_a_command_is_told():
+    command = np.repeat([0.026, -0.031], 500)  # [Nm], of a small servo
+    for friction, words in ((0.027, "dry friction takes nearly all"), (0.01, "")):
+        simple = partly(Simple, fit=partly(AxisFit, drag=np.array([friction, 0.002])))
+        assert rubs(command, simple).startswith(words) and bool(rubs(command, simple)) == bool(
+            words
+        )

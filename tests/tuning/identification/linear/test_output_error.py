@@ -8,7 +8,6 @@ from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.noise_model import WHITE
 from tuning.identification.linear.output_error import (
     AxisRecord,
-    predicted,
     simulated,
     with_slopes,
 )
@@ -38,7 +37,7 @@ def test_motion_from_before_the_record_is_no_fault_of_the_model():
     whole = record()
     fit = simulated(whole.part(1000, 3000), TRUTH)
     assert np.abs(fit.residual).max() < 1e-9 * np.ptp(whole.position)
-    assert np.abs(predicted(whole.part(500, 2000), fit, WHITE)).max() < 1e-9
+    assert np.abs(simulated(whole.part(500, 2000), fit.model).errors).max() < 1e-9
 
 
 @pytest.mark.parametrize("w", [WHITE, np.array([1.0, -0.7, 0.1])])
