@@ -25,11 +25,11 @@ from jcontour.app.machines.identified import axis_result
 from jcontour.app.reports.figures.identification import response_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.plants import emps
-from tuning.identification.linear.evidence import resolution_of
-from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.output_error import AxisRecord
-from tuning.identification.linear.simplest import simplest
+from tuning.identification.linear.rigid_axis import simplest
+from tuning.identification.linear.validation import resolution_of
 from tuning.response_loop import ResponseLoop, crossover, sensitivity, tuned
 
 STORED = Path(__file__).with_name("public.json")

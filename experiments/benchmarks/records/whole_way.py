@@ -44,7 +44,7 @@ from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.metrics import score_signals
-from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
 
 MOST_POLES, MOST_DELAY = 5, 10

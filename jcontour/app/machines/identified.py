@@ -8,10 +8,9 @@ from jaxtyping import Float
 from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.machines import Machine
 from jcontour.app.machines.uncertainty import moved, places_around
-from tuning.identification.linear import evidence
-from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.found import LinearAxis, LinearMachineFound
-from tuning.identification.linear.two_masses import two_masses
+from tuning.identification.linear import validation
+from tuning.identification.linear.axis_model import AxisModel, two_masses
+from tuning.identification.linear.identified_axes import IdentifiedAxis, IdentifiedMachine
 
 ROUGH = 4  # windows over which the largest acceleration is taken
 MOST_LINES = 200  # of what was measured of an axis
@@ -23,7 +22,7 @@ DISTURBED = 10.0  # times the noise of the encoder, that a disturbance is told f
 HIGH = 99.9  # percentile that counts as the largest: encoders have outliers
 
 
-def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> dict[str, Any]:
+def machine_fields(found: IdentifiedMachine, name: str, control_unit: str) -> dict[str, Any]:
     """Fields of the machine file, lengths in m; the format is `files.machine_file`'s.
 
     Limits are the largest values of the record: what is known to have gone well.
@@ -70,7 +69,7 @@ def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> d
     }
 
 
-def _note(found: LinearMachineFound) -> dict[str, str]:
+def _note(found: IdentifiedMachine) -> dict[str, str]:
     """What moves a drive that takes a position beside its command, where that is much."""
     parts = []
     for one in found.axes:
@@ -84,7 +83,7 @@ def _note(found: LinearMachineFound) -> dict[str, str]:
     return {"note": f"{moved}: the machine has it beside every error of a run here"}
 
 
-def _friction(found: LinearMachineFound) -> float | list[float] | None:
+def _friction(found: IdentifiedMachine) -> float | list[float] | None:
     """Command that dry friction takes by axis; None where it could not be separated on some."""
     if any(one.hides_friction for one in found.axes):
         return None
@@ -92,13 +91,13 @@ def _friction(found: LinearMachineFound) -> float | list[float] | None:
     return each if any(each) else 0.0
 
 
-def _measured(found: LinearMachineFound) -> dict[str, list]:
+def _measured(found: IdentifiedMachine) -> dict[str, list]:
     """What the record shows without the models, by field and axis."""
     each = [_lines(one) for one in found.axes]
     return {name: [one[name] for one in each] for name in each[0]}
 
 
-def _lines(axis: LinearAxis) -> dict[str, list[float]]:
+def _lines(axis: IdentifiedAxis) -> dict[str, list[float]]:
     """Of one axis, relative to its model, at `MOST_LINES` frequencies."""
     lines = axis.lines
     part = slice(None, None, -(-len(lines.frequency) // MOST_LINES) or 1)
@@ -126,9 +125,9 @@ def _thinned(frequency: Float[np.ndarray, " F"]) -> Float[np.ndarray, " K"]:
     return np.sort(np.concatenate([frequency[close], frequency[~close][::THINNED]]))
 
 
-def largest(found: LinearMachineFound) -> dict[str, list[float]]:
+def largest(found: IdentifiedMachine) -> dict[str, list[float]]:
     """Largest speed [m/s], acceleration [m/s^2] and command of the record, by axis."""
-    dt, window = found.record.dt, evidence.WINDOW
+    dt, window = found.record.dt, validation.WINDOW
     speed = _differences(found.record.position, window) / (window * dt)
     wide = ROUGH * window
     smooth = _differences(found.record.position, wide) / (wide * dt)
@@ -140,25 +139,25 @@ def largest(found: LinearMachineFound) -> dict[str, list[float]]:
     }
 
 
-def counts(found: LinearMachineFound) -> float | list[float]:
+def counts(found: IdentifiedMachine) -> float | list[float]:
     """Counts of the encoders by axis [m]; one number, the coarsest, where they hardly differ."""
     each = [one.resolution for one in found.axes]
     return max(each) if max(each) <= ALIKE * min(each) else each
 
 
-def noises(found: LinearMachineFound) -> float | list[float]:
+def noises(found: IdentifiedMachine) -> float | list[float]:
     """Noise of the encoders beside their counts, by axis [m]; one number where all have none."""
     each = [one.encoder_noise for one in found.axes]
     return each if any(each) else 0.0
 
 
-def axis_result(axis: LinearAxis) -> LinearAxisResult:
+def axis_result(axis: IdentifiedAxis) -> LinearAxisResult:
     """Numbers of one axis."""
     fit, model = axis.fit, axis.fit.model
     gain, half = _gain(axis)
     constants, resonances = _modes(model)
     low, high = axis.response.band
-    names = [name for name in axis.estimate.names if name not in evidence.DRAGS]
+    names = [name for name in axis.estimate.names if name not in validation.DRAGS]
     return LinearAxisResult(
         name=axis.name,
         integrators=model.integrators,
@@ -174,7 +173,7 @@ def axis_result(axis: LinearAxis) -> LinearAxisResult:
         explained=axis.explained,
         residual=float(np.sqrt(np.mean(fit.residual**2))),
         innovation=float(np.sqrt(fit.loss)),
-        correlation=float(np.abs(evidence.correlations(fit)).max()),
+        correlation=float(np.abs(validation.correlations(fit)).max()),
         shown_from=low,
         shown_to=high,
         measured_to=float(axis.lines.frequency.max(initial=0.0)),
@@ -186,7 +185,7 @@ def axis_result(axis: LinearAxis) -> LinearAxisResult:
     )
 
 
-def mass_words(axis: LinearAxis, force: float, rotary: bool) -> str:
+def mass_words(axis: IdentifiedAxis, force: float, rotary: bool) -> str:
     """Masses and stiffness of an axis in a line.
 
     Args:
@@ -208,7 +207,7 @@ def mass_words(axis: LinearAxis, force: float, rotary: bool) -> str:
     return f"{axis.name}: {viscous * constants[0]:.4g} {mass}, viscous {viscous:.4g} {unit}"
 
 
-def _gain(axis: LinearAxis) -> tuple[float, float]:
+def _gain(axis: IdentifiedAxis) -> tuple[float, float]:
     """Gain at rest, B(1) / A(1), per second where there is an integrator; its interval, half of it.
 
     The interval is that of the response at its lowest frequency, or what drives repeat to.

@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from jcontour.app.machines.identified import axis_result
 from jcontour.plants import emps
-from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
 
 DT, ROWS = emps.SAMPLE_PERIOD, 24_000

@@ -8,7 +8,7 @@ from jcontour.app.machines.from_file import machine_from
 from jcontour.app.machines.identified import _thinned, axis_result, counts, largest, machine_fields
 from jcontour.app.runs.tuning.results import _unmeasured
 from jcontour.linear.continuous_axes import position_axis, speed_axis, with_resonance
-from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.recording import RecordedAxis, recorded
 

@@ -7,7 +7,7 @@ import pytest
 
 from jcontour.app.files.log_file import LogColumns, read_log
 from tuning.identification.error_causes import Shares, hysteresis, shares
-from tuning.identification.linear.evidence import resolution_of
+from tuning.identification.linear.validation import resolution_of
 
 DT, FINE, ROWS, CASES, COUNT = 1e-3, 4, 1600, 20, 1e-7
 NEAR = 30  # samples on either side, among which the nearest chord is sought

@@ -1,8 +1,8 @@
 """A machine of two or three axes from one record of all of them.
 
-Each axis by itself, one way for every record: the simplest model (`simplest`), which knows friction
-and what is slow; lines of the frequency response, from the periods of the record (`periods`) or
-else beside that model (`measured`); a model of what the lines show (`line_fit`), unless the
+Each axis by itself, one way for every record: the simplest model (`rigid_axis`), which knows
+friction and what is slow; lines of the frequency response (`nonparametric`), from the periods of
+the record or else beside that model; a model of what the lines show (`vector_fitting`), unless the
 simplest explains them. The interval of the response is that of the lines. Where none is, that of a
 hidden resonance stands for it: a loop is recommended for what was measured alone.
 """
@@ -14,26 +14,32 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from tuning.identification.estimates import Estimate
-from tuning.identification.linear import evidence
-from tuning.identification.linear.doubts import (
+from tuning.identification.linear import validation
+from tuning.identification.linear.diagnosis import (
     POOR,
     RUNS_AWAY,
     beside,
-    doubt,
     follows,
+    friction_hides,
+    limits_of,
     notes,
-    rubs,
     unexplained,
+    unusable,
 )
-from tuning.identification.linear.encoder_noise import encoder_noise
-from tuning.identification.linear.evidence import Response
-from tuning.identification.linear.found import LinearAxis, LinearMachineFound, MachineRecord
-from tuning.identification.linear.limits import limits_of
-from tuning.identification.linear.line_fit import FLOOR, fitted_to, joined
-from tuning.identification.linear.measured import measured, related
+from tuning.identification.linear.identified_axes import (
+    IdentifiedAxis,
+    IdentifiedMachine,
+    MachineRecord,
+)
+from tuning.identification.linear.nonparametric import (
+    NO_LINES,
+    measured,
+    periodic_lines,
+    related,
+    response_of_lines,
+)
 from tuning.identification.linear.output_error import AxisFit, AxisRecord
-from tuning.identification.linear.periods import NO_LINES, periodic_lines, response_of_lines
-from tuning.identification.linear.simplest import (
+from tuning.identification.linear.rigid_axis import (
     Judged,
     Simple,
     judged,
@@ -41,6 +47,8 @@ from tuning.identification.linear.simplest import (
     reversal_error,
     simplest,
 )
+from tuning.identification.linear.validation import Response, encoder_noise
+from tuning.identification.linear.vector_fitting import FLOOR, fitted_to, joined
 
 FEWEST = 500  # samples
 LINES = 12  # that show a response
@@ -59,7 +67,7 @@ SURE = 5.0  # standard deviations
 LEVEL = 1e-6  # of the F test for coupling
 
 
-def identify_machine(record: MachineRecord, most_poles: int, most_delay: int) -> LinearMachineFound:
+def identify_machine(record: MachineRecord, most_poles: int, most_delay: int) -> IdentifiedMachine:
     """Models, intervals and doubts of all axes of a record.
 
     Args:
@@ -74,22 +82,22 @@ def identify_machine(record: MachineRecord, most_poles: int, most_delay: int) ->
     for k, name in enumerate(record.axes):
         _check(name, record.command[:, k], record.position[:, k])
 
-    def one(k: int) -> LinearAxis:
+    def one(k: int) -> IdentifiedAxis:
         return _axis(record, k, most_poles, most_delay)
 
     with ThreadPoolExecutor(len(record.axes)) as pool:
         axes = list(pool.map(one, range(len(record.axes))))
-    return LinearMachineFound(record, axes, [note for axis in axes for note in notes(axis)])
+    return IdentifiedMachine(record, axes, [note for axis in axes for note in notes(axis)])
 
 
-def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> LinearAxis:
+def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> IdentifiedAxis:
     """One axis: the simplest model that explains its lines.
 
     Raises:
         ValueError: nothing that fits is of use.
     """
     name, one = record.axes[k], AxisRecord(record.dt, record.command[:, k], record.position[:, k])
-    resolution = evidence.resolution_of(one.position)
+    resolution = validation.resolution_of(one.position)
     simple = simplest(one, resolution, most_delay)
     excited = periodic_lines(one)
     if len(excited.frequency) < LINES:
@@ -112,22 +120,24 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         found = _fitted(one, lines, simple, most_poles, most_delay, worse)
         if found is None and simple is not None:
             found, lines, excited = _simple(simple), NO_LINES, NO_LINES
-    away = evidence.fastest_growth(one.command, one.position) > RUNS_AWAY
+    away = validation.fastest_growth(one.command, one.position) > RUNS_AWAY
     if found is None or found.explained <= (POOR if away else 0.0):
         raise ValueError(f"{name}: {_why(one, simple)}")
     fit = found.fit
-    stands = float(np.mean(evidence.speed_signs(one.position, resolution) == 0))
-    estimate = evidence.estimate_of(fit)
+    stands = float(np.mean(validation.speed_signs(one.position, resolution) == 0))
+    estimate = validation.estimate_of(fit)
     sure = _friction(simple.estimate if simple and fit.model.integrators else estimate)
-    if why := doubt(found.explained, evidence.dispersion(fit), stands, sure is not None):
+    if why := unusable(found.explained, validation.dispersion(fit), stands, sure is not None):
         shown = limits_of(one.command, one.position, one.dt) or follows(one.command, one.position)
         raise ValueError(f"{name}: {shown or why + beside(simple)}")
     if len(lines.frequency) >= LINES:
         response = response_of_lines(lines, fit.model)
     else:
-        own = evidence.response_of(fit, estimate)
-        response = evidence.as_excited(own, evidence.excited_to(own, one.position, fit.residual))
-    return LinearAxis(
+        own = validation.response_of(fit, estimate)
+        response = validation.as_excited(
+            own, validation.excited_to(own, one.position, fit.residual)
+        )
+    return IdentifiedAxis(
         name=name,
         fit=fit,
         estimate=estimate,
@@ -137,10 +147,10 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         explained=found.explained,
         friction=sure,
         offset=float(fit.drag[1]) if len(fit.drag) > 1 else 0.0,
-        saturated=evidence.saturated(one.command),
+        saturated=validation.saturated(one.command),
         coupling=_coupling(record, k, fit),
         gain=float(np.clip(response.half_width.min(), LEAST_GAIN, UNKNOWN_GAIN)),
-        dispersion=evidence.dispersion(fit),
+        dispersion=validation.dispersion(fit),
         late=0 if len(excited.frequency) else 1,
         resolution=resolution,
         encoder_noise=encoder_noise(fit, resolution),
@@ -158,7 +168,7 @@ def _friction(estimate: Estimate) -> tuple[float, float] | None:
 def _why(record: AxisRecord, simple: Simple | None) -> str:
     """Why nothing explains a record."""
     limited = limits_of(record.command, record.position, record.dt)
-    limited = limited or rubs(record.command, simple)
+    limited = limited or friction_hides(record.command, simple)
     return limited or f"{unexplained(record.command, record.position)}{beside(simple)}"
 
 
@@ -193,7 +203,7 @@ def _fitted(
     integrators = simple.fit.model.integrators
     below = lines.frequency[0] * SLOWER
     if integrators:
-        slow = evidence.response_of(simple.fit, simple.estimate, below)
+        slow = validation.response_of(simple.fit, simple.estimate, below)
         model = fitted_to(joined(slow, lines), record.dt, most_poles, latest, (integrators,))
         drag = simple.fit.drag
     else:
@@ -217,7 +227,7 @@ def _coupling(record: MachineRecord, k: int, fit: AxisFit) -> dict[str, float]:
     for j, name in enumerate(record.axes):
         if j == k:
             continue
-        part, number = evidence.coupling(fit, record.command[:, j])
+        part, number = validation.coupling(fit, record.command[:, j])
         count = len(fit.model.numerator)
         chance = float(f_distribution.sf(number, count, len(fit.errors)))
         found[name] = part if chance < LEVEL else 0.0

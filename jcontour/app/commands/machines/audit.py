@@ -25,7 +25,7 @@ from jcontour.app.runs.measured_run import MEASURED, measured_run
 from jcontour.plant import Plant
 from jcontour.simulation.metrics import score_signals
 from tuning.identification.error_causes import shares
-from tuning.identification.linear.evidence import resolution_of
+from tuning.identification.linear.validation import resolution_of
 
 
 def command(flags: Audit) -> int:

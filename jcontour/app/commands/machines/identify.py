@@ -40,7 +40,7 @@ from jcontour.app.reports.tables import of_axes
 from jcontour.app.runs.lifecycle import finished
 from jcontour.export.code_text import heading
 from jcontour.linear.continuous_axes import speed_axis
-from tuning.identification.linear.found import LinearMachineFound, MachineRecord
+from tuning.identification.linear.identified_axes import IdentifiedMachine, MachineRecord
 from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
@@ -107,7 +107,7 @@ def axis_words(one: LinearAxisResult, control_unit: str) -> str:
     )
 
 
-def _fields(found: LinearMachineFound, name: str, control_unit: str) -> dict[str, Any]:
+def _fields(found: IdentifiedMachine, name: str, control_unit: str) -> dict[str, Any]:
     """Fields of the machine file; of one axis it has a copy, as a contour needs two."""
     if len(found.axes) > 1:
         return machine_fields(found, name, control_unit)
@@ -142,7 +142,7 @@ def _check(flags: Identify) -> None:
         raise ValueError("axes: the simulated data have X and Y")
 
 
-def _check_file(text: str, name: str, found: LinearMachineFound, doubt: str) -> None:
+def _check_file(text: str, name: str, found: IdentifiedMachine, doubt: str) -> None:
     """What the other commands would refuse is not written, but said in the record's words.
 
     With what is doubted of the record's unit.
@@ -199,7 +199,7 @@ def _simulated(seed: int) -> tuple[Log, str]:
 
 
 def _result(
-    flags: Identify, log: Log, source: str, found: LinearMachineFound
+    flags: Identify, log: Log, source: str, found: IdentifiedMachine
 ) -> LinearMachineResult:
     axes = [axis_result(one) for one in found.axes]
     limits = largest(found)
@@ -269,7 +269,7 @@ def _questions(
     return lines
 
 
-def _tiny(flags: Identify, found: LinearMachineFound) -> list[str]:
+def _tiny(flags: Identify, found: IdentifiedMachine) -> list[str]:
     """One line for each axis that hardly moves, on an encoder as fine as none: m taken for mm."""
     moved = np.ptp(found.record.position, axis=0)
     return [
@@ -281,7 +281,7 @@ def _tiny(flags: Identify, found: LinearMachineFound) -> list[str]:
     ]
 
 
-def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, folder: Path) -> None:
+def _store(flags: Identify, log: Log, found: IdentifiedMachine, text: str, folder: Path) -> None:
     from jcontour.app.reports.figures.identification import figures
     from jcontour.app.reports.figures.png import save_figures
 

@@ -15,8 +15,8 @@ from jcontour.app.reports.figures.axes import (
     legend_below,
     plain_ticks,
 )
-from tuning.identification.linear import evidence
-from tuning.identification.linear.found import LinearMachineFound
+from tuning.identification.linear import validation
+from tuning.identification.linear.identified_axes import IdentifiedMachine
 from tuning.identification.linear.output_error import TRAINING
 from tuning.response_loop import ResponseLoop, sensitivity
 
@@ -24,7 +24,7 @@ SHOWN = 4000  # samples of the prediction: more is a solid block
 WIDTH, HEIGHT = 4.6, 3.4  # of one axes [inch]
 
 
-def prediction(found: LinearMachineFound) -> Figure:
+def prediction(found: IdentifiedMachine) -> Figure:
     """Position on data that the model was not fitted to, simulated from the command alone."""
     figure, panels = _panels(found, 2)
     cut, dt = int(TRAINING * len(found.record.position)), found.record.dt
@@ -45,7 +45,7 @@ def prediction(found: LinearMachineFound) -> Figure:
     return figure
 
 
-def bode(found: LinearMachineFound, control_unit: str) -> Figure:
+def bode(found: IdentifiedMachine, control_unit: str) -> Figure:
     """Frequency response with its 95 % interval; grey where it is wider than 10 %."""
     figure, panels = _panels(found, 2)
     for (magnitude, phase), axis in zip(panels, found.axes, strict=True):
@@ -75,11 +75,11 @@ def bode(found: LinearMachineFound, control_unit: str) -> Figure:
     return figure
 
 
-def whiteness(found: LinearMachineFound) -> Figure:
+def whiteness(found: IdentifiedMachine) -> Figure:
     """Correlation of neighbouring errors, inside the band if only noise is left."""
     figure, panels = _panels(found, 1)
     for (white,), axis in zip(panels, found.axes, strict=True):
-        values = evidence.correlations(axis.fit)
+        values = validation.correlations(axis.fit)
         band = 1.96 / np.sqrt(len(axis.fit.errors))
         white.axhspan(-band, band, color="0.85")
         white.bar(np.arange(1, len(values) + 1), values, color=TUNED)
@@ -89,13 +89,13 @@ def whiteness(found: LinearMachineFound) -> Figure:
     return figure
 
 
-def _panels(found: LinearMachineFound, rows: int) -> tuple[Figure, list]:
+def _panels(found: IdentifiedMachine, rows: int) -> tuple[Figure, list]:
     count = len(found.axes)
     figure = Figure(figsize=(WIDTH * count, HEIGHT * rows), layout="constrained")
     return figure, list(figure.subplots(rows, count, squeeze=False).T)
 
 
-def figures(control_unit: str) -> dict[str, Callable[[LinearMachineFound], Figure]]:
+def figures(control_unit: str) -> dict[str, Callable[[IdentifiedMachine], Figure]]:
     """Figures by name, with the unit of the commands."""
     return {
         "prediction": prediction,

@@ -11,7 +11,11 @@ from jcontour.app.flags.machines import Identify
 from jcontour.app.machines.from_file import load_machine
 from jcontour.linear.continuous_axes import speed_axis
 from tests.app.small_runs import partly
-from tuning.identification.linear.found import LinearAxis, LinearMachineFound, MachineRecord
+from tuning.identification.linear.identified_axes import (
+    IdentifiedAxis,
+    IdentifiedMachine,
+    MachineRecord,
+)
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
 
@@ -61,9 +65,9 @@ def test_bad_input_is_told_in_one_line(flags, words, capsys):
 
 def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(monkeypatch, capsys, tmp_path):
     """A file without B."""
-    axes = [partly(LinearAxis, name=name, resolution=1e-9) for name in ("X", "Y")]
+    axes = [partly(IdentifiedAxis, name=name, resolution=1e-9) for name in ("X", "Y")]
     record = partly(MachineRecord, position=np.array([[0.0, 0.0], [1e-4, 1e-4]]))
-    found = partly(LinearMachineFound, axes=axes, record=record)
+    found = partly(IdentifiedMachine, axes=axes, record=record)
     monkeypatch.setattr(identify, "identify_machine", lambda *_: found)
     monkeypatch.setattr(identify, "machine_fields", lambda *_: {"A": [[1.0]]})
     folder = tmp_path / "run"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.linear.continuous_axes import speed_axis
-from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.recording import RecordedAxis, recorded
 

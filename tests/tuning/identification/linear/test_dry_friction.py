@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tuning.identification.linear.found import MachineRecord
+from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.output_error import AxisRecord
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from tuning.identification.linear.line_fit import fitted_to
+from tuning.identification.linear.nonparametric import periodic_lines
 from tuning.identification.linear.output_error import AxisRecord
-from tuning.identification.linear.periods import periodic_lines
+from tuning.identification.linear.vector_fitting import fitted_to
 
 RECORD = "shared/data/records/motor_bench/MultisineTypeA.mat"
 DT, EXCITED = 4e-4, (11.0, 250.0)

@@ -5,10 +5,14 @@ import pytest
 from scipy.signal import lfilter
 
 from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.noise_model import WHITE
 from tuning.identification.linear.output_error import (
+    BLOCK,
+    WHITE,
     AxisRecord,
     simulated,
+    triangle_of,
+    whitened,
+    whitening,
     with_slopes,
 )
 
@@ -64,3 +68,51 @@ def test_slopes_by_differences(w):
         slope = (moved.errors - fit.errors) / step
         wanted = beside(own[:, k])
         assert np.abs(slope - wanted).max() < 2e-3 * np.abs(wanted).max()
+
+
+ROWS = 40_000
+
+
+def test_the_filter_of_known_noise():
+    """The asymptotic deviation of an AR coefficient of order p at the truth is below 1/sqrt(N)."""
+    white = np.random.default_rng(0).standard_normal(ROWS)
+    coloured = np.asarray(lfilter([1.0], [1.0, -1.6, 0.8], white))
+    w = whitening(coloured, 12)
+    wanted = np.zeros(len(w))
+    wanted[:3] = 1.0, -1.6, 0.8
+    assert np.abs(w - wanted).max() < 5 / np.sqrt(ROWS)
+    assert np.var(whitened(coloured, w)) == pytest.approx(1.0, rel=5 * np.sqrt(2 / ROWS))
+
+
+def test_a_drift_is_differenced():
+    walk = np.cumsum(np.random.default_rng(1).standard_normal(ROWS))
+    assert whitening(walk, 8)[1] == pytest.approx(-1.0, abs=0.02)
+
+
+def test_nothing_left_needs_no_filter():
+    assert np.array_equal(whitening(np.zeros(200), 5), [1.0])
+
+
+@pytest.mark.parametrize("rows", [3, BLOCK - 1, 2 * BLOCK, 5 * BLOCK + 17, 500 * BLOCK + 1])
+def test_the_triangle_is_that_of_one_piece(rows):
+    random = np.random.default_rng(rows)
+    columns = random.standard_normal((rows, 5)) * np.array([1e-6, 1.0, 1e3, 1.0, 1e-3])
+    found, wanted = triangle_of(columns), np.linalg.qr(columns, mode="r")
+    assert found.shape == wanted.shape
+    scale = np.abs(wanted).max(axis=0)
+    signs = np.sign(np.diag(found)) * np.sign(np.diag(wanted))
+    np.testing.assert_allclose(found / scale, signs[:, None] * wanted / scale, atol=1e-12)
+    assert not np.tril(found, -1).any()
+
+
+def test_nearly_equal_columns_keep_their_difference():
+    """The squares of a Gram matrix would lose it: 1e-10 beside 1."""
+    random = np.random.default_rng(0)
+    one, other = random.standard_normal((2, 10 * BLOCK))
+    other -= one * (one @ other) / (one @ one)
+    found = triangle_of(np.stack([one, one + 1e-10 * other], axis=1))
+    assert abs(found[1, 1]) == pytest.approx(1e-10 * np.linalg.norm(other), rel=1e-5)
+
+
+def test_no_columns_have_a_triangle_without_any():
+    assert triangle_of(np.zeros((1000, 0))).shape == (0, 0)

@@ -1,13 +1,44 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.app.small_runs import partly
-from tuning.identification.linear.doubts import rubs
-from tuning.identification.linear.found import MachineRecord
-from tuning.identification.linear.limits import limits_of
+from tuning.identification.linear.diagnosis import friction_hides, limits_of, notes, unusable
+from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
 from tuning.identification.linear.output_error import AxisFit
-from tuning.identification.linear.simplest import Simple
+from tuning.identification.linear.rigid_axis import Simple
+
+
+def test_where_dry_friction_acts_moves_are_advised_beside_the_sines(found):
+    one = replace(found.axes[0], response=replace(found.axes[0].response, half_width=np.ones(120)))
+    for friction, advised in ((None, False), ((0.1, 1e-3), True)):
+        told = notes(replace(one, friction=friction))
+        assert any("--excite" in note for note in told)
+        assert any("its sines and then its moves" in note for note in told) is advised
+
+
+@pytest.mark.parametrize(
+    ("explained", "dispersion", "stands", "friction", "words"),
+    [
+        (0.84, 1.0, 0.3, False, "the axis stands still for 30 % of the record"),
+        (0.84, 9.0, 0.0, True, "noise is not the reason"),
+        (0.84, 1.0, 0.3, True, None),  # friction is known
+        (0.84, 1.0, 0.05, False, None),  # noise may be why
+        (0.95, 9.0, 0.3, False, None),
+    ],
+)
+def test_little_is_explained_and_the_axis_rests_or_noise_is_not_why(
+    explained, dispersion, stands, friction, words
+):
+    told = unusable(explained, dispersion, stands, friction)
+    if words is None:
+        assert told == ""
+        return
+    for one in (words, "explains 84 %", "dry (Coulomb) friction", "clip", "--most-order 2"):
+        assert one in told
+
 
 DT = 0.01
 TIME = DT * np.arange(3000)
@@ -70,6 +101,6 @@ def test_friction_that_takes_all_of_a_command_is_told():
     command = np.repeat([0.026, -0.031], 500)  # [Nm], of a small servo
     for friction, words in ((0.027, "dry friction takes nearly all"), (0.01, "")):
         simple = partly(Simple, fit=partly(AxisFit, drag=np.array([friction, 0.002])))
-        assert rubs(command, simple).startswith(words) and bool(rubs(command, simple)) == bool(
-            words
-        )
+        assert friction_hides(command, simple).startswith(words) and bool(
+            friction_hides(command, simple)
+        ) == bool(words)

@@ -9,9 +9,9 @@ from scipy.io import loadmat
 from jcontour.plants import emps
 from tests.app.machines.test_emps_record import emps_record
 from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.evidence import resolution_of, speed_signs
 from tuning.identification.linear.output_error import AxisRecord
-from tuning.identification.linear.simplest import moves_of, reversal_error, simplest
+from tuning.identification.linear.rigid_axis import moves_of, reversal_error, simplest
+from tuning.identification.linear.validation import resolution_of, speed_signs
 
 RECORDS = Path(__file__).parents[5] / "shared" / "data" / "records"
 DT = emps.SAMPLE_PERIOD

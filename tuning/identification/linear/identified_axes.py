@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 
 from jcontour.linear.plant import LinearPlant
 from tuning.identification.estimates import Estimate
-from tuning.identification.linear import evidence
+from tuning.identification.linear import validation
 from tuning.identification.linear.output_error import AxisFit
 
 FAIR = 0.99  # part of the variance explained on held-out data below which a model is doubted
@@ -34,7 +34,7 @@ class MachineRecord:
 
 
 @dataclass(frozen=True)
-class LinearAxis:
+class IdentifiedAxis:
     """One identified axis.
 
     Attributes:
@@ -60,8 +60,8 @@ class LinearAxis:
     name: str
     fit: AxisFit
     estimate: Estimate
-    response: evidence.Response
-    lines: evidence.Response
+    response: validation.Response
+    lines: validation.Response
     held_out: Float[np.ndarray, " R"]
     explained: float
     friction: tuple[float, float] | None
@@ -90,7 +90,7 @@ class LinearAxis:
 
 
 @dataclass(frozen=True)
-class LinearMachineFound:
+class IdentifiedMachine:
     """What a record says about a machine.
 
     Attributes:
@@ -100,7 +100,7 @@ class LinearMachineFound:
     """
 
     record: MachineRecord
-    axes: list[LinearAxis]
+    axes: list[IdentifiedAxis]
     notes: list[str]
 
     @property
@@ -115,7 +115,7 @@ class LinearMachineFound:
         A, B, C = (block_diag(*matrices) for matrices in zip(*parts, strict=True))
         return LinearPlant(A, B, C, self.record.dt)
 
-    def twice(self, name: str) -> "LinearMachineFound":
+    def twice(self, name: str) -> "IdentifiedMachine":
         """A machine of two such axes, from a record of one."""
         record, one = self.record, self.axes[0]
         both = replace(

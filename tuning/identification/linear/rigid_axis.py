@@ -21,7 +21,7 @@ from scipy.optimize import nnls
 from scipy.signal import fftconvolve
 
 from tuning.identification.estimates import Estimate
-from tuning.identification.linear import evidence
+from tuning.identification.linear import validation
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.output_error import (
     TRAINING,
@@ -94,13 +94,13 @@ def simplest(record: AxisRecord, resolution: float, most_delay: int) -> Simple |
 
 
 def _follows(record: AxisRecord, resolution: float, most_delay: int) -> Simple | None:
-    record = replace(record, drags=(evidence.speed_signs(record.position, resolution),))
+    record = replace(record, drags=(validation.speed_signs(record.position, resolution),))
     cut = int(TRAINING * len(record.position))
     model = _gain_and_delay(record.part(0, cut), most_delay)
     if model is None:
         return None
     found = judged(record, model, reversal_error(record.part(0, cut), model))
-    estimate = evidence.estimate_of(found.fit)
+    estimate = validation.estimate_of(found.fit)
     return Simple(record, found.fit, estimate, found.output, found.explained)
 
 
@@ -117,7 +117,7 @@ def reversal_error(record: AxisRecord, model: AxisModel) -> Float[np.ndarray, " 
 
 def moves_of(
     record: AxisRecord, model: AxisModel, frequency: Float[np.ndarray, " F"]
-) -> evidence.Response:
+) -> validation.Response:
     """What the moves show below the lowest line: the model with other gain, lag and inertia.
 
         y = (1 + g + t d/dt + a d^2/dt^2) G u - f sign(v) + p
@@ -132,7 +132,7 @@ def moves_of(
     s = 2j * np.pi * frequency
     factor = 1 + gain + lag * s + inertia * s**2
     width = np.full(len(frequency), 2 * MOVES)
-    return evidence.Response(frequency, model.response(2 * np.pi * frequency) * factor, width)
+    return validation.Response(frequency, model.response(2 * np.pi * frequency) * factor, width)
 
 
 def judged(
@@ -149,7 +149,7 @@ def part_explained(position: Float[np.ndarray, " T"], output: Float[np.ndarray, 
     """Part of the variance of the speed that a simulated position explains; 0 where none moves."""
 
     def speed(signal: np.ndarray) -> np.ndarray:
-        return signal[evidence.WINDOW :] - signal[: -evidence.WINDOW]
+        return signal[validation.WINDOW :] - signal[: -validation.WINDOW]
 
     variance = float(np.var(speed(position)))
     return 1 - float(np.var(speed(position - output))) / variance if variance > 0 else 0.0
@@ -202,7 +202,7 @@ class _Sliding:
             for step in np.diag(steps)
         ]
         J = np.stack(slopes, axis=1)
-        names = ("a1", "b1", "b2", *evidence.DRAGS)
+        names = ("a1", "b1", "b2", *validation.DRAGS)
         return Estimate(names, self.coefficients(dt, self.values), J @ self.covariance @ J.T)
 
 
@@ -213,12 +213,12 @@ def _slides(record: AxisRecord, resolution: float, most_delay: int) -> Simple | 
     if not tried:
         return None
     half, best = max(tried, key=lambda one: _explained(training, one[1]))
-    whole = _sliding(record, evidence.speed_signs(record.position, resolution), half, most_delay)
+    whole = _sliding(record, validation.speed_signs(record.position, resolution), half, most_delay)
     if whole is None:
         return None
     output = _moved(rest, best)[0]
     explained = part_explained(rest.position, output)
-    signs = evidence.speed_signs(record.position, resolution)
+    signs = validation.speed_signs(record.position, resolution)
     dragged = replace(record, drags=(signs, np.ones(len(signs))))
     drag = np.array([whole.values[2], -whole.values[3]])
     fit = with_slopes(dragged, whole.model(record.dt), drag)
@@ -229,7 +229,7 @@ def _slidings(
     record: AxisRecord, resolution: float, most_delay: int
 ) -> Iterator[tuple[int, _Sliding]]:
     """What kernels of different widths [samples] show."""
-    signs = evidence.speed_signs(record.position, resolution)
+    signs = validation.speed_signs(record.position, resolution)
     halves = {max(round(width / record.dt), FEWEST) for width in KERNELS}
     for half in sorted(halves):
         if 4 * half < len(record.position):
@@ -313,7 +313,7 @@ def _moved(
     lag = (1 - pole) * one.values[0] / viscous
     late = np.append(np.full(one.delay, record.command[0]), record.command)
     x = float(record.position[0])
-    ahead = min(evidence.WINDOW, len(record.position) - 1)
+    ahead = min(validation.WINDOW, len(record.position) - 1)
     v = float(record.position[ahead] - x) / (ahead * record.dt)
     places, speeds = [], []
     for force in (late[: len(record.command)] - offset).tolist():

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.evidence import Response
+from tuning.identification.linear.validation import Response
 
 ROUNDS = 12
 FLOOR = 0.01  # of the response: a model need not be nearer
