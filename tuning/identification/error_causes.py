@@ -53,42 +53,27 @@ FINEST = 1e-8  # [m] of a count
 
 @dataclass(frozen=True)
 class Cause:
-    """What one cause adds to the place of the tool.
+    """What one cause adds to the place of the tool."""
 
-    Attributes:
-        kind: what it is.
-        axis: index of the axis; None of all.
-        vector: [m].
-        size: height of a spike at a reversal [m], gap [m], frequency of a vibration [Hz], count
-            [m], overshoot over acceleration [s^2], which is negative, relative error of the scale;
-            zero of the others.
-        lasts: time until a spike has fallen to a third [s].
-    """
-
-    kind: Kind
-    axis: int | None
-    vector: Float[np.ndarray, "T m"]
+    kind: Kind  # what it is
+    axis: int | None  # index of the axis; None of all
+    vector: Float[np.ndarray, "T m"]  # [m]
+    # height of a spike at a reversal [m], gap [m], frequency of a vibration [Hz], count [m],
+    # overshoot over acceleration [s^2], which is negative, relative error of the scale; zero of the
+    # others
     size: float
-    lasts: float = 0.0
+    lasts: float = 0.0  # time until a spike has fallen to a third [s]
 
 
 @dataclass(frozen=True)
 class Shares:
-    """Causes of a contour error, the largest share first; the last is what is unexplained.
+    """Causes of a contour error, the largest share first; the last is what is unexplained."""
 
-    Attributes:
-        causes: all of them.
-        rms: share of each in the RMS contour error [m].
-        peak: in the largest [m].
-        along: in the error of every sample, which they sum to [m].
-        lags: of the axes behind the command [s].
-    """
-
-    causes: list[Cause]
-    rms: Float[np.ndarray, " causes"]
-    peak: Float[np.ndarray, " causes"]
-    along: Float[np.ndarray, "causes T"]
-    lags: Float[np.ndarray, " m"]
+    causes: list[Cause]  # all of them
+    rms: Float[np.ndarray, " causes"]  # share of each in the RMS contour error [m]
+    peak: Float[np.ndarray, " causes"]  # in the largest [m]
+    along: Float[np.ndarray, "causes T"]  # in the error of every sample, which they sum to [m]
+    lags: Float[np.ndarray, " m"]  # of the axes behind the command [s]
 
 
 @dataclass(frozen=True)

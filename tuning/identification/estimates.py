@@ -23,17 +23,11 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Estimate:
-    """Values with names and covariance.
+    """Values with names and covariance."""
 
-    Attributes:
-        names: (n,).
-        values: (n,).
-        covariance: (n, n).
-    """
-
-    names: tuple[str, ...]
-    values: Float[np.ndarray, " n"]
-    covariance: Float[np.ndarray, "n n"]
+    names: tuple[str, ...]  # (n,)
+    values: Float[np.ndarray, " n"]  # (n,)
+    covariance: Float[np.ndarray, "n n"]  # (n, n)
 
     def __getitem__(self, name: str) -> float:
         """Value of a name."""

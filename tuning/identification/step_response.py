@@ -25,23 +25,14 @@ GRID = 12  # points of the first search for each of the two
 
 @dataclass(frozen=True)
 class FittedStep:
-    """What a record says about its axis.
+    """What a record says about its axis."""
 
-    Attributes:
-        gain: K [m/s, or m, per unit of control].
-        time_constant: T [s].
-        delay: L [s].
-        residual: root mean square of what the model does not explain [m].
-        explained: part of the variance that it explains, at most one.
-        output: of the model (T,) [m].
-    """
-
-    gain: float
-    time_constant: float
-    delay: float
-    residual: float
-    explained: float
-    output: Float[np.ndarray, " T"]
+    gain: float  # K [m/s, or m, per unit of control]
+    time_constant: float  # T [s]
+    delay: float  # L [s]
+    residual: float  # root mean square of what the model does not explain [m]
+    explained: float  # part of the variance that it explains, at most one
+    output: Float[np.ndarray, " T"]  # of the model (T,) [m]
 
 
 def fit_step(

@@ -59,21 +59,13 @@ FOLDERS = {
 
 @dataclass(frozen=True)
 class Prediction:
-    """One number of a record.
+    """One number of a record."""
 
-    Attributes:
-        folder: of the record.
-        quantity: what is compared, with its unit.
-        wanted: measured, or by an independent calculation.
-        found: predicted or identified here.
-        holds: whether it is as good as was asked for.
-    """
-
-    folder: str
-    quantity: str
-    wanted: str
-    found: str
-    holds: bool
+    folder: str  # of the record
+    quantity: str  # what is compared, with its unit
+    wanted: str  # measured, or by an independent calculation
+    found: str  # predicted or identified here
+    holds: bool  # whether it is as good as was asked for
 
 
 @dataclass(frozen=True)

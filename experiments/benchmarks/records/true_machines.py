@@ -22,43 +22,32 @@ LONGEST = 8.0  # [s] of an answer to a pulse
 
 @dataclass(frozen=True)
 class TrueAxis:
-    """One axis.
+    """One axis."""
 
-    Attributes:
-        takes: what its drive takes: a force, as a current [A], or a position [m].
-        masses: motor first [kg]; the last one of three is 0 where there are two.
-        stiffness, damping: of the two springs [N/m], [N s/m].
-        gap: of the first one [m].
-        coulomb, static, viscous: friction of the masses [N], [N], [N s/m].
-        stribeck: speed at which friction has fallen [m/s].
-        cogging, pitch: of the motor [N], [m].
-        force: of a unit of current [N/A].
-        current: time constant of the current loop [s].
-        largest: current at most [A].
-        delay: of the command [s].
-        inner: gains of the drive's own cascade: position [1/s], speed [A s/m].
-        load_side: whether the encoder is at the last mass.
-        count: of the encoder [m].
-    """
-
+    # what its drive takes: a force, as a current [A], or a position [m]
     takes: Literal["force", "position"]
+    # motor first [kg]; the last one of three is 0 where there are two
     masses: tuple[float, float, float]
+    # stiffness, damping: of the two springs [N/m], [N s/m]
     stiffness: tuple[float, float]
     damping: tuple[float, float]
-    gap: float
+    gap: float  # of the first one [m]
+    # coulomb, static, viscous: friction of the masses [N], [N], [N s/m]
     coulomb: tuple[float, float, float]
     static: tuple[float, float, float]
     viscous: tuple[float, float, float]
-    stribeck: float
+    stribeck: float  # speed at which friction has fallen [m/s]
+    # cogging, pitch: of the motor [N], [m]
     cogging: float
     pitch: float
-    force: float
-    current: float
-    largest: float
-    delay: float
+    force: float  # of a unit of current [N/A]
+    current: float  # time constant of the current loop [s]
+    largest: float  # current at most [A]
+    delay: float  # of the command [s]
+    # gains of the drive's own cascade: position [1/s], speed [A s/m]
     inner: tuple[float, float] = (0.0, 0.0)
-    load_side: bool = False
-    count: float = 1e-6
+    load_side: bool = False  # whether the encoder is at the last mass
+    count: float = 1e-6  # of the encoder [m]
 
     @property
     def numbers(self) -> Float[np.ndarray, " n"]:
@@ -82,21 +71,14 @@ class TrueAxis:
 
 @dataclass
 class Moving:
-    """An axis that moves.
+    """An axis that moves."""
 
-    Attributes:
-        axis: which one.
-        dt: sample period of its command [s].
-        state: places, speeds, current, command of the inner loop, time to its next sample.
-        line: commands on their way.
-        head: place of the next one.
-    """
-
-    axis: TrueAxis
-    dt: float
+    axis: TrueAxis  # which one
+    dt: float  # sample period of its command [s]
+    # places, speeds, current, command of the inner loop, time to its next sample
     state: Float[np.ndarray, " 9"] = field(init=False)
-    line: Float[np.ndarray, " L"] = field(init=False)
-    head: int = 0
+    line: Float[np.ndarray, " L"] = field(init=False)  # commands on their way
+    head: int = 0  # place of the next one
 
     def __post_init__(self):
         """It begins at rest at zero."""

@@ -62,33 +62,22 @@ SAFE, RMS, PEAK = 3.0, 1.15, 1.3  # asked of USE: Ms, and errors over the printe
 
 @dataclass(frozen=True)
 class Way:
-    """One hidden machine.
+    """One hidden machine."""
 
-    Attributes:
-        seed, kind: which one, in words.
-        verdict: of `tune`, or why there is none.
-        reasons: against it.
-        stable: whether the true loop without friction, gap and counts comes back from a knock.
-        rings: largest motion at rest after a contour [m].
-        sensitivity: Ms on the true response.
-        rms, peak: largest contour error at the encoder over the printed worst, of all contours.
-        tool: the first at the tool.
-        shown: frequency up to which the response was shown [Hz].
-        printed: RMS contour error of the family's worst, of all contours [m].
-    """
-
+    # seed, kind: which one, in words
     seed: int
     kind: str
-    verdict: str
-    reasons: str
-    stable: bool
-    rings: float
-    sensitivity: float
+    verdict: str  # of `tune`, or why there is none
+    reasons: str  # against it
+    stable: bool  # whether the true loop without friction, gap and counts comes back from a knock
+    rings: float  # largest motion at rest after a contour [m]
+    sensitivity: float  # Ms on the true response
+    # rms, peak: largest contour error at the encoder over the printed worst, of all contours
     rms: float
     peak: float
-    tool: float
-    shown: float
-    printed: float
+    tool: float  # the first at the tool
+    shown: float  # frequency up to which the response was shown [Hz]
+    printed: float  # RMS contour error of the family's worst, of all contours [m]
 
     @property
     def fails(self) -> str:

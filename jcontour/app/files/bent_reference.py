@@ -26,15 +26,10 @@ LONGEST = 200  # characters of a comment; LinuxCNC reads lines of at most 255
 
 
 class Step(NamedTuple):
-    """A line of the program.
+    """A line of the program."""
 
-    Attributes:
-        end: number of the end that a move leads to; None of a dwell.
-        word: F of a move [mm/min], P of a dwell [s].
-    """
-
-    end: int | None
-    word: float
+    end: int | None  # number of the end that a move leads to; None of a dwell
+    word: float  # F of a move [mm/min], P of a dwell [s]
 
 
 def steps(places: Float[np.ndarray, "M m"], lasting: Float[np.ndarray, " moves"]) -> list[Step]:
@@ -93,22 +88,15 @@ def _dwell(lasting: float) -> Step:
 
 
 class Moves(NamedTuple):
-    """Straight moves through some of the samples.
+    """Straight moves through some of the samples."""
 
-    Attributes:
-        ends: their ends, the start first (M, m) [m].
-        lasting: time of every move (M-1,) [s].
-        chord: largest distance of a sample from where the program is at its time, with the digits
-            that it has [m]; 0 of rapid moves, which have no way.
-        rapid: whether they are rapid moves.
-        asked: what is to be done before the first one, in words; empty for nothing.
-    """
-
-    ends: Float[np.ndarray, "M m"]
-    lasting: Float[np.ndarray, " moves"]
+    ends: Float[np.ndarray, "M m"]  # their ends, the start first (M, m) [m]
+    lasting: Float[np.ndarray, " moves"]  # time of every move (M-1,) [s]
+    # largest distance of a sample from where the program is at its time, with the digits that it
+    # has [m]; 0 of rapid moves, which have no way
     chord: float
-    rapid: bool = False
-    asked: str = ""
+    rapid: bool = False  # whether they are rapid moves
+    asked: str = ""  # what is to be done before the first one, in words; empty for nothing
 
     @property
     def feed(self) -> Float[np.ndarray, " moves"]:

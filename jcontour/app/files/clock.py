@@ -15,17 +15,11 @@ LEAST_PART = 0.25  # of a record without gap or restart that is worth going on w
 
 @dataclass(frozen=True)
 class EvenPart:
-    """The longest part of a record without a gap.
+    """The longest part of a record without a gap."""
 
-    Attributes:
-        dt: mean sample period [s].
-        rows: that belong to it.
-        words: about the rest and about jitter; empty where there is neither.
-    """
-
-    dt: float
-    rows: slice
-    words: str
+    dt: float  # mean sample period [s]
+    rows: slice  # that belong to it
+    words: str  # about the rest and about jitter; empty where there is neither
 
 
 def likely_unit(time: Float[np.ndarray, " T"]) -> str:

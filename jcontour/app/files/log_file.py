@@ -31,41 +31,26 @@ TIME_WORDS = ("time", "t", "timestamp")
 
 @dataclass(frozen=True)
 class LogColumns:
-    """Where a log holds what.
+    """Where a log holds what."""
 
-    Attributes:
-        time: name of the column; found by itself when None.
-        command, position: names by axis; found by themselves when empty.
-        length_unit: of the positions, where their names do not say.
-        period: [s]; a column of time is then not read.
-        asked: whether the commands are positions too: they become [m] alike.
-    """
-
-    time: str | None = None
+    time: str | None = None  # name of the column; found by itself when None
+    # command, position: names by axis; found by themselves when empty
     command: tuple[str, ...] = ()
     position: tuple[str, ...] = ()
-    length_unit: str = "mm"
-    period: float | None = None
-    asked: bool = False
+    length_unit: str = "mm"  # of the positions, where their names do not say
+    period: float | None = None  # [s]; a column of time is then not read
+    asked: bool = False  # whether the commands are positions too: they become [m] alike
 
 
 @dataclass(frozen=True)
 class Log:
-    """An evenly sampled record.
+    """An evenly sampled record."""
 
-    Attributes:
-        dt: sample period [s].
-        command: (T, axes) [command unit]; [m] where they are positions.
-        position: (T, axes) [m].
-        words: what was done to the file's numbers, one line each.
-        angles: which axes turn: their positions are in rad.
-    """
-
-    dt: float
-    command: Float[np.ndarray, "T axes"]
-    position: Float[np.ndarray, "T axes"]
-    words: tuple[str, ...]
-    angles: tuple[bool, ...] = ()
+    dt: float  # sample period [s]
+    command: Float[np.ndarray, "T axes"]  # (T, axes) [command unit]; [m] where they are positions
+    position: Float[np.ndarray, "T axes"]  # (T, axes) [m]
+    words: tuple[str, ...]  # what was done to the file's numbers, one line each
+    angles: tuple[bool, ...] = ()  # which axes turn: their positions are in rad
 
 
 def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:

@@ -36,17 +36,11 @@ FEWEST = 10  # lines
 
 @dataclass(frozen=True)
 class MeasuredResponse:
-    """Lines of a frequency response.
+    """Lines of a frequency response."""
 
-    Attributes:
-        frequency: [Hz], ascending.
-        value: output per input.
-        coherence: 1 where none is given.
-    """
-
-    frequency: Float[np.ndarray, " F"]
-    value: Complex[np.ndarray, " F"]
-    coherence: Float[np.ndarray, " F"]
+    frequency: Float[np.ndarray, " F"]  # [Hz], ascending
+    value: Complex[np.ndarray, " F"]  # output per input
+    coherence: Float[np.ndarray, " F"]  # 1 where none is given
 
     @property
     def deviation(self) -> Float[np.ndarray, " F"]:
@@ -147,19 +141,12 @@ NAMES = ("time", "control", "position")
 
 
 class StepRecord(NamedTuple):
-    """A record of one axis.
+    """A record of one axis."""
 
-    Attributes:
-        dt: sample period [s].
-        control: [control unit].
-        position: [m].
-        unit: of the file's times.
-    """
-
-    dt: float
-    control: Float[np.ndarray, " T"]
-    position: Float[np.ndarray, " T"]
-    unit: str = "s"
+    dt: float  # sample period [s]
+    control: Float[np.ndarray, " T"]  # [control unit]
+    position: Float[np.ndarray, " T"]  # [m]
+    unit: str = "s"  # of the file's times
 
 
 def read_step(path: Path, length_unit: str) -> StepRecord:

@@ -33,17 +33,11 @@ TRUSTED = 0.98  # of the variance of a step response: less is another kind of ax
 
 @dataclass(frozen=True)
 class BuiltMachine:
-    """A machine file and where its numbers come from.
+    """A machine file and where its numbers come from."""
 
-    Attributes:
-        fields: of the file.
-        words: about every axis, one line each.
-        warnings: what should be looked at.
-    """
-
-    fields: dict[str, Any]
-    words: list[str]
-    warnings: list[str]
+    fields: dict[str, Any]  # of the file
+    words: list[str]  # about every axis, one line each
+    warnings: list[str]  # what should be looked at
 
 
 def built_machine(flags: Machine) -> BuiltMachine:

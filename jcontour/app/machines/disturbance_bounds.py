@@ -15,15 +15,10 @@ from jcontour.plant import Plant
 
 
 class Bounds(NamedTuple):
-    """Bounds of the disturbances at every sample.
+    """Bounds of the disturbances at every sample."""
 
-    Attributes:
-        force: on every control [control unit].
-        encoder: on every measured number, one or one for each [m].
-    """
-
-    force: float
-    encoder: float | tuple[float, ...]
+    force: float  # on every control [control unit]
+    encoder: float | tuple[float, ...]  # on every measured number, one or one for each [m]
 
 
 def linear_machine(machine: Machine) -> LinearMachine:

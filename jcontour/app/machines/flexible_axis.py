@@ -64,14 +64,10 @@ SIDE_BY_SIDE = Usual(
 
 @dataclass(frozen=True)
 class FlexibleMachine(MotorMeasuredMachine):
-    """One flexible axis, or several side by side.
+    """One flexible axis, or several side by side."""
 
-    Attributes:
-        parameters: of the axes.
-        encoder_resolution: [m] per count of the motors' encoders, of all axes or of each (m,).
-    """
-
-    parameters: AxisParameters
+    parameters: AxisParameters  # of the axes
+    # [m] per count of the motors' encoders, of all axes or of each (m,)
     encoder_resolution: float | np.ndarray
 
     def positions(self, fed: Fed) -> Callable[[Any], Float[Array, " m"]]:

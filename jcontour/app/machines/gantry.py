@@ -46,15 +46,11 @@ MASSES = ("drive_mass_1", "drive_mass_2", "beam_mass", "head_mass")
 
 @dataclass(frozen=True)
 class GantryMachine(MotorMeasuredMachine):
-    """A dual-drive gantry; contours are in its own coordinates, x = 0 at the centre of the beam.
+    """A dual-drive gantry; contours are in its own coordinates, x = 0 at the centre of the beam."""
 
-    Attributes:
-        parameters: of the machine.
-        friction: of the guide ways of the head and of both drives, beside the viscous one; None
-            without dry friction.
-    """
-
-    parameters: GantryParameters
+    parameters: GantryParameters  # of the machine
+    # of the guide ways of the head and of both drives, beside the viscous one; None without dry
+    # friction
     friction: Friction | None = None
 
     def positions(self, fed: Fed) -> Callable[[Any], Float[Array, " m"]]:

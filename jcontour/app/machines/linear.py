@@ -47,43 +47,30 @@ USUAL = Usual(
 
 @dataclass(frozen=True)
 class LinearMachine(Machine):
-    """A linear machine; lengths in metres.
+    """A linear machine; lengths in metres."""
 
-    Attributes:
-        known_delay: samples of it in the model.
-        gain: relative uncertainty of the input gains.
-        delay: most samples of delay that the model does not know.
-        encoder_resolution: [m] per count, of all axes or of each (m,).
-        control_noise: standard deviation that the Kalman filter assumes on each control.
-        encoder_noise: standard deviation of the encoders beside their rounding [m], of all axes or
-            of each (m,).
-        published: weights of its publication by name; None where nothing is published.
-        with_friction: the machine that a controller of a given period [s] meets on the host, where
-            that is another than the model.
-        contours: what the commands run on it.
-        response_doubt: how far off the response may be beside gains and delays.
-        friction: control that dry friction takes, of all axes or of each (m,): in the runs, not in
-            linear loops; None where it is not known, and nowhere.
-        backlash: gap between the motor, which is measured, and the tool [m], of all axes or of each
-            (m,): in the runs, not in linear loops.
-        note: of its file, to be repeated where it is run; empty without one.
-        states_family: how its file states the family; empty where it does.
-    """
-
-    known_delay: int
-    gain: float
-    delay: int
-    encoder_resolution: float | np.ndarray
-    control_noise: float
+    known_delay: int  # samples of it in the model
+    gain: float  # relative uncertainty of the input gains
+    delay: int  # most samples of delay that the model does not know
+    encoder_resolution: float | np.ndarray  # [m] per count, of all axes or of each (m,)
+    control_noise: float  # standard deviation that the Kalman filter assumes on each control
+    # standard deviation of the encoders beside their rounding [m], of all axes or of each (m,)
     encoder_noise: float | np.ndarray = 0.0
+    # weights of its publication by name; None where nothing is published
     published: Mapping[str, float] | None = None
+    # the machine that a controller of a given period [s] meets on the host, where that is another
+    # than the model
     with_friction: Callable[[float | None], Hosted] | None = None
-    contours: Usual = USUAL
-    response_doubt: Doubt | None = None
+    contours: Usual = USUAL  # what the commands run on it
+    response_doubt: Doubt | None = None  # how far off the response may be beside gains and delays
+    # control that dry friction takes, of all axes or of each (m,): in the runs, not in linear
+    # loops; None where it is not known, and nowhere
     friction: float | np.ndarray | None = 0.0
+    # gap between the motor, which is measured, and the tool [m], of all axes or of each (m,): in
+    # the runs, not in linear loops
     backlash: float | np.ndarray = 0.0
-    note: str = ""
-    states_family: str = ""
+    note: str = ""  # of its file, to be repeated where it is run; empty without one
+    states_family: str = ""  # how its file states the family; empty where it does
 
     @property
     def doubt(self) -> Doubt | None:

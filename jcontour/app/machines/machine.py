@@ -33,40 +33,27 @@ class MachineLimits(NamedTuple):
 
 
 class Usual(NamedTuple):
-    """Defaults of the commands on a kind of machine.
+    """Defaults of the commands on a kind of machine."""
 
-    Attributes:
-        controller: its name in the catalogue.
-        training: what is tuned on.
-        held_out: what the tuner never sees.
-        beside_own: held out beside parts of the user's own.
-        simulated, front, swept: what these commands run.
-        effort: greatest RMS control of tuned weights where it is not limited, in multiples of what
-            the start needs; None for any.
-    """
-
-    controller: str
-    training: tuple[str, ...]
-    held_out: tuple[str, ...]
-    beside_own: tuple[str, ...]
+    controller: str  # its name in the catalogue
+    training: tuple[str, ...]  # what is tuned on
+    held_out: tuple[str, ...]  # what the tuner never sees
+    beside_own: tuple[str, ...]  # held out beside parts of the user's own
+    # simulated, front, swept: what these commands run
     simulated: str
     front: tuple[str, ...]
     swept: tuple[str, ...]
+    # greatest RMS control of tuned weights where it is not limited, in multiples of what the start
+    # needs; None for any
     effort: float | None = None
 
 
 class Hosted(NamedTuple):
-    """A machine as a controller on the host meets it.
+    """A machine as a controller on the host meets it."""
 
-    Attributes:
-        plant: as it is, its whole state measured.
-        model: at the controller's sample period.
-        every: samples of the plant in one of these.
-    """
-
-    plant: Plant
-    model: LinearPlant
-    every: int
+    plant: Plant  # as it is, its whole state measured
+    model: LinearPlant  # at the controller's sample period
+    every: int  # samples of the plant in one of these
 
 
 def whole_samples(period: float, sample: float) -> int:
@@ -86,21 +73,13 @@ def whole_samples(period: float, sample: float) -> int:
 
 @dataclass(frozen=True)
 class Machine(abc.ABC):
-    """A machine as the commands see it; SI units.
+    """A machine as the commands see it; SI units."""
 
-    Attributes:
-        name: for tables.
-        model: what a controller may know: linear, a known delay included.
-        axes: names, one per output.
-        control_unit: text for tables and figures.
-        limits: greatest magnitudes.
-    """
-
-    name: str
-    model: LinearPlant
-    axes: tuple[str, ...]
-    control_unit: str
-    limits: MachineLimits
+    name: str  # for tables
+    model: LinearPlant  # what a controller may know: linear, a known delay included
+    axes: tuple[str, ...]  # names, one per output
+    control_unit: str  # text for tables and figures
+    limits: MachineLimits  # greatest magnitudes
 
     def form(self, kind: type[Form]) -> Form | None:
         """The machine as one of that kind, as `LinearMachine`; None where it has no such form.

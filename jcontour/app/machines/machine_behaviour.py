@@ -27,17 +27,11 @@ THERE = 1e-6  # of the way: a term that adds less is rounding
 
 
 class Steady(NamedTuple):
-    """What lasts under one unit of control.
+    """What lasts under one unit of control."""
 
-    Attributes:
-        kind: "nothing" where a mode grows without end.
-        gain: its value [m, m/s, m/s^2 per control unit]; NaN of nothing.
-        slowest: time constant of the slowest mode that dies out [samples]; 0 without one.
-    """
-
-    kind: Kind
-    gain: float
-    slowest: float
+    kind: Kind  # "nothing" where a mode grows without end
+    gain: float  # its value [m, m/s, m/s^2 per control unit]; NaN of nothing
+    slowest: float  # time constant of the slowest mode that dies out [samples]; 0 without one
 
 
 def steady_response(model: LinearPlant, axis: int) -> Steady:
@@ -104,32 +98,22 @@ def _terms(A: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[float, float, f
 
 @dataclass(frozen=True)
 class AxisBehaviour:
-    """One axis of the model under its own control alone.
+    """One axis of the model under its own control alone."""
 
-    Attributes:
-        name: of the axis.
-        gain: what lasts under one unit of control, to which the step response tends: speed [m/s
-            per control unit], position [m per control unit] or acceleration [m/s^2 per control
-            unit]; NaN where the axis runs away.
-        kind: what that is: "speed", "position", "acceleration" or "nothing".
-        rise: time to 63 % of it, the delay left out [s]; NaN where that is not reached in a
-            hundred thousand samples.
-        delay: samples before anything moves.
-        acceleration: largest, per unit of control [m/s^2].
-        resonance: frequency of the highest peak above a smooth curve [Hz]; NaN without one.
-        time: of the step response [s].
-        step: position after a step of one unit [m].
-    """
-
-    name: str
+    name: str  # of the axis
+    # what lasts under one unit of control, to which the step response tends: speed [m/s per control
+    # unit], position [m per control unit] or acceleration [m/s^2 per control unit]; NaN where the
+    # axis runs away
     gain: float
-    kind: Kind
+    kind: Kind  # what that is: "speed", "position", "acceleration" or "nothing"
+    # time to 63 % of it, the delay left out [s]; NaN where that is not reached in a hundred
+    # thousand samples
     rise: float
-    delay: int
-    acceleration: float
-    resonance: float
-    time: np.ndarray
-    step: np.ndarray
+    delay: int  # samples before anything moves
+    acceleration: float  # largest, per unit of control [m/s^2]
+    resonance: float  # frequency of the highest peak above a smooth curve [Hz]; NaN without one
+    time: np.ndarray  # of the step response [s]
+    step: np.ndarray  # position after a step of one unit [m]
 
 
 def axis_behaviours(machine: Machine) -> list[AxisBehaviour]:

@@ -32,17 +32,11 @@ AXES = 2  # of a plant that does not say how many it has
 
 @dataclass(frozen=True)
 class PlantMachine(Machine):
-    """A machine around a plant, measured as the plant says.
+    """A machine around a plant, measured as the plant says."""
 
-    Attributes:
-        plant: the nominal one.
-        uncertainty: of its input gains and its delay.
-        stated: whether its file states that.
-    """
-
-    plant: Plant
-    uncertainty: Uncertainty
-    stated: bool
+    plant: Plant  # the nominal one
+    uncertainty: Uncertainty  # of its input gains and its delay
+    stated: bool  # whether its file states that
 
     @property
     def remarks(self) -> list[str]:

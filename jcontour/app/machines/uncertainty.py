@@ -29,17 +29,11 @@ IN_FILE, IN_PYTHON = '"uncertainty":', "UNCERTAINTY ="  # how a file states it
 
 
 class Uncertainty(NamedTuple):
-    """What is not known about a machine.
+    """What is not known about a machine."""
 
-    Attributes:
-        gain: relative uncertainty of the input gains.
-        delay: most samples of delay that the model does not know.
-        response: how far off the frequency response may be beside these; None where nothing is
-            said.
-    """
-
-    gain: float
-    delay: int
+    gain: float  # relative uncertainty of the input gains
+    delay: int  # most samples of delay that the model does not know
+    # how far off the frequency response may be beside these; None where nothing is said
     response: Doubt | None = None
 
 

@@ -15,21 +15,14 @@ from jaxtyping import Complex, Float
 
 @dataclass(frozen=True)
 class AxisModel:
-    """A discrete axis.
+    """A discrete axis."""
 
-    Attributes:
-        denominator: a_1..a_n.
-        numerator: b_1..b_m [position per unit of command, summed over the integrators].
-        integrators: i.
-        delay: d [samples] beside the one that every sampled axis has.
-        dt: sample period [s].
-    """
-
-    denominator: Float[np.ndarray, " n"]
+    denominator: Float[np.ndarray, " n"]  # a_1..a_n.
+    # b_1..b_m [position per unit of command, summed over the integrators].
     numerator: Float[np.ndarray, " m"]
-    integrators: int
-    delay: int
-    dt: float
+    integrators: int  # i
+    delay: int  # d [samples] beside the one that every sampled axis has
+    dt: float  # sample period [s]
 
     @property
     def order(self) -> int:

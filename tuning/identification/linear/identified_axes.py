@@ -18,61 +18,40 @@ OF_RATE = 0.1  # of the sampling rate
 
 @dataclass(frozen=True)
 class MachineRecord:
-    """Commands and positions of all axes.
+    """Commands and positions of all axes."""
 
-    Attributes:
-        dt: sample period [s].
-        axes: names.
-        command: (T, axes) [command unit].
-        position: (T, axes) [m].
-    """
-
-    dt: float
-    axes: tuple[str, ...]
-    command: Float[np.ndarray, "T axes"]
-    position: Float[np.ndarray, "T axes"]
+    dt: float  # sample period [s]
+    axes: tuple[str, ...]  # names
+    command: Float[np.ndarray, "T axes"]  # (T, axes) [command unit]
+    position: Float[np.ndarray, "T axes"]  # (T, axes) [m]
 
 
 @dataclass(frozen=True)
 class IdentifiedAxis:
-    """One identified axis.
+    """One identified axis."""
 
-    Attributes:
-        name: of the axis.
-        fit: model on the whole record.
-        estimate: of its coefficients.
-        response: with intervals.
-        lines: what periods of the record show of the response; none of a record without.
-        held_out: position that the model gives for the last part of the record [m].
-        explained: part of the variance of the speed there that it explains.
-        friction: command that Coulomb friction takes, and its standard deviation; None if not seen.
-        offset: constant command that acts beside the given one while the axis moves; told where
-            friction holds the axis at times, else 0.
-        saturated: part of the samples at an extreme command.
-        coupling: part of the errors that another axis explains, by its name; 0 if by chance.
-        gain: relative uncertainty.
-        dispersion: by how much more than noise the errors pull at the model; 1 if by chance.
-        late: further samples of delay that the data allow, 0 or 1.
-        resolution: of the encoder [m].
-        encoder_noise: standard deviation of the encoder beside its rounding [m]; 0 if not sure.
-    """
-
-    name: str
-    fit: AxisFit
-    estimate: Estimate
-    response: validation.Response
+    name: str  # of the axis
+    fit: AxisFit  # model on the whole record
+    estimate: Estimate  # of its coefficients
+    response: validation.Response  # with intervals
+    # what periods of the record show of the response; none of a record without
     lines: validation.Response
+    # position that the model gives for the last part of the record [m]
     held_out: Float[np.ndarray, " R"]
-    explained: float
+    explained: float  # part of the variance of the speed there that it explains
+    # command that Coulomb friction takes, and its standard deviation; None if not seen
     friction: tuple[float, float] | None
+    # constant command that acts beside the given one while the axis moves; told where friction
+    # holds the axis at times, else 0
     offset: float
-    saturated: float
+    saturated: float  # part of the samples at an extreme command
+    # part of the errors that another axis explains, by its name; 0 if by chance
     coupling: dict[str, float]
-    gain: float
-    dispersion: float
-    late: int
-    resolution: float
-    encoder_noise: float
+    gain: float  # relative uncertainty
+    dispersion: float  # by how much more than noise the errors pull at the model; 1 if by chance
+    late: int  # further samples of delay that the data allow, 0 or 1
+    resolution: float  # of the encoder [m]
+    encoder_noise: float  # standard deviation of the encoder beside its rounding [m]; 0 if not sure
 
     @property
     def hides_friction(self) -> bool:
@@ -91,17 +70,11 @@ class IdentifiedAxis:
 
 @dataclass(frozen=True)
 class IdentifiedMachine:
-    """What a record says about a machine.
+    """What a record says about a machine."""
 
-    Attributes:
-        record: it was found from.
-        axes: one model each.
-        notes: what the data do not show, or contradict.
-    """
-
-    record: MachineRecord
-    axes: list[IdentifiedAxis]
-    notes: list[str]
+    record: MachineRecord  # it was found from
+    axes: list[IdentifiedAxis]  # one model each
+    notes: list[str]  # what the data do not show, or contradict
 
     @property
     def known_delay(self) -> int:

@@ -31,19 +31,12 @@ RIDGE = 1e-12  # of a column's squares: a residual of few tones has a filter too
 
 @dataclass(frozen=True)
 class AxisRecord:
-    """Command and position of one axis.
+    """Command and position of one axis."""
 
-    Attributes:
-        dt: sample period [s].
-        command: [command unit], held over each sample.
-        position: [m].
-        drags: signals S that act where the command arrives, without its delay, as the sign of the
-            speed does.
-    """
-
-    dt: float
-    command: Float[np.ndarray, " T"]
-    position: Float[np.ndarray, " T"]
+    dt: float  # sample period [s]
+    command: Float[np.ndarray, " T"]  # [command unit], held over each sample
+    position: Float[np.ndarray, " T"]  # [m]
+    # signals S that act where the command arrives, without its delay, as the sign of the speed does
     drags: tuple[Float[np.ndarray, " T"], ...] = ()
 
     def part(self, start: int, end: int) -> "AxisRecord":
@@ -54,37 +47,24 @@ class AxisRecord:
 
 @dataclass(frozen=True)
 class Structure:
-    """What a model has room for.
+    """What a model has room for."""
 
-    Attributes:
-        poles: n beside the integrators.
-        zeros: m coefficients of the numerator.
-        integrators: i.
-        delay: d [samples].
-    """
-
-    poles: int
-    zeros: int
-    integrators: int
-    delay: int
+    poles: int  # n beside the integrators
+    zeros: int  # m coefficients of the numerator
+    integrators: int  # i
+    delay: int  # d [samples]
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """A model on a record, and all that Gauss-Newton asks of it.
+    """A model on a record, and all that Gauss-Newton asks of it."""
 
-    Attributes:
-        answer: of the model to the command and the drags (T,) [m].
-        before: columns of what no command of the record brings (T, l).
-        begin: sample from which commands before the record act no more.
-        model, drag, linear, errors, jacobian: as in `AxisFit`.
-    """
-
+    # model, drag, linear, errors, jacobian: as in `AxisFit`
     model: AxisModel
     drag: np.ndarray
-    answer: np.ndarray
-    before: np.ndarray
-    begin: int
+    answer: np.ndarray  # of the model to the command and the drags (T,) [m]
+    before: np.ndarray  # columns of what no command of the record brings (T, l)
+    begin: int  # sample from which commands before the record act no more
     linear: np.ndarray
     errors: np.ndarray
     jacobian: np.ndarray
@@ -92,29 +72,18 @@ class _Trial:
 
 @dataclass(frozen=True)
 class AxisFit:
-    """A model with what it leaves.
+    """A model with what it leaves."""
 
-    Attributes:
-        model: of the axis.
-        drag: f, how much of every drag there is [command unit].
-        linear: c, p [m]: the motion before the record.
-        filter: W, under which it was fitted.
-        output: what the model says (T,) [m].
-        residual: position - output [m]; zero while commands from before the record still act.
-        errors: the residual behind W, without its first rows.
-        jacobian: slopes of the errors over (a, b, f, c, p).
-        rows: samples that the errors belong to.
-    """
-
-    model: AxisModel
-    drag: Float[np.ndarray, " s"]
-    linear: Float[np.ndarray, " l"]
-    filter: Float[np.ndarray, " w"]
-    output: Float[np.ndarray, " T"]
+    model: AxisModel  # of the axis
+    drag: Float[np.ndarray, " s"]  # f, how much of every drag there is [command unit]
+    linear: Float[np.ndarray, " l"]  # c, p [m]: the motion before the record
+    filter: Float[np.ndarray, " w"]  # W, under which it was fitted
+    output: Float[np.ndarray, " T"]  # what the model says (T,) [m]
+    # position - output [m]; zero while commands from before the record still act
     residual: Float[np.ndarray, " T"]
-    errors: Float[np.ndarray, " R"]
-    jacobian: Float[np.ndarray, "R p"]
-    rows: Int[np.ndarray, " R"]
+    errors: Float[np.ndarray, " R"]  # the residual behind W, without its first rows
+    jacobian: Float[np.ndarray, "R p"]  # slopes of the errors over (a, b, f, c, p)
+    rows: Int[np.ndarray, " R"]  # samples that the errors belong to
 
     @property
     def loss(self) -> float:

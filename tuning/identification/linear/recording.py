@@ -22,25 +22,18 @@ FEEDBACK = 0.2  # [command per m] of a drive that closes its own position loop
 
 @dataclass(frozen=True)
 class RecordedAxis:
-    """One axis in closed loop.
+    """One axis in closed loop."""
 
-    Attributes:
-        axis: in continuous time, with its delay.
-        takes: what its drive takes.
-        count: of its encoder [m].
-        noise: standard deviation of the position before it is counted [m].
-        disturbance: standard deviation of what comes to the command on the way, over the command's.
-        loop: gains of the cascade: of the position, and of the speed where the drive takes a force.
-        friction: command that dry friction takes while the axis moves, and at most while it sticks;
-            of an axis whose command acts on the speed that is recorded.
-    """
-
-    axis: ContinuousAxis
-    takes: Takes
-    count: float
-    noise: float
+    axis: ContinuousAxis  # in continuous time, with its delay
+    takes: Takes  # what its drive takes
+    count: float  # of its encoder [m]
+    noise: float  # standard deviation of the position before it is counted [m]
+    # standard deviation of what comes to the command on the way, over the command's
     disturbance: float
+    # gains of the cascade: of the position, and of the speed where the drive takes a force
     loop: tuple[float, ...]
+    # command that dry friction takes while the axis moves, and at most while it sticks; of an axis
+    # whose command acts on the speed that is recorded
     friction: float = 0.0
 
 

@@ -45,38 +45,24 @@ INERT = 10.0  # time constant over the length of a record that shows no viscous 
 
 @dataclass(frozen=True)
 class Simple:
-    """A simple model of an axis.
+    """A simple model of an axis."""
 
-    Attributes:
-        record: with the signs of friction, where the model has it.
-        fit: on the whole record.
-        estimate: of its coefficients, by blocks of the record.
-        held_out: position from the command alone over the rest [m].
-        explained: part of the variance of the speed there.
-    """
-
-    record: AxisRecord
-    fit: AxisFit
-    estimate: Estimate
-    held_out: Float[np.ndarray, " R"]
-    explained: float
+    record: AxisRecord  # with the signs of friction, where the model has it
+    fit: AxisFit  # on the whole record
+    estimate: Estimate  # of its coefficients, by blocks of the record
+    held_out: Float[np.ndarray, " R"]  # position from the command alone over the rest [m]
+    explained: float  # part of the variance of the speed there
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A model on a record.
+    """A model on a record."""
 
-    Attributes:
-        record: with the signs of friction, where the model has it.
-        fit: on the whole record.
-        output: position from the command alone over the rest, which it was not told from [m].
-        explained: part of the variance of the speed there.
-    """
-
-    record: AxisRecord
-    fit: AxisFit
+    record: AxisRecord  # with the signs of friction, where the model has it
+    fit: AxisFit  # on the whole record
+    # position from the command alone over the rest, which it was not told from [m]
     output: Float[np.ndarray, " R"]
-    explained: float
+    explained: float  # part of the variance of the speed there
 
 
 def simplest(record: AxisRecord, resolution: float, most_delay: int) -> Simple | None:

@@ -52,17 +52,11 @@ HIDDEN = 10.0  # times that a resonance of damping 0.05 answers more: one that n
 
 @dataclass(frozen=True)
 class Response:
-    """Frequency response with its interval.
+    """Frequency response with its interval."""
 
-    Attributes:
-        frequency: [Hz].
-        value: G.
-        half_width: of the 95 % interval, over |G|.
-    """
-
-    frequency: Float[np.ndarray, " F"]
-    value: Complex[np.ndarray, " F"]
-    half_width: Float[np.ndarray, " F"]
+    frequency: Float[np.ndarray, " F"]  # [Hz]
+    value: Complex[np.ndarray, " F"]  # G
+    half_width: Float[np.ndarray, " F"]  # of the 95 % interval, over |G|
 
     @property
     def band(self) -> tuple[float, float]:
