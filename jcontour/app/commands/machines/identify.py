@@ -61,17 +61,22 @@ def command(flags: Identify) -> int:
     _check(flags)
     if flags.demo:
         flags = replace(flags, control_unit="V")
-    log, source = _log(flags)
+    if flags.data is None:
+        log, source = _simulated(flags.seed)
+    else:
+        log, source = log_of(flags), str(flags.data)
     record = MachineRecord(log.dt, flags.axes, log.command, log.position)
     found = identify_machine(record, flags.most_order, flags.most_delay)
     name = "identified" if flags.data is None else flags.data.stem
     text = run_folder.json_text(_fields(found, name, flags.control_unit)) + "\n"
-    _check_file(
-        text,
-        name,
-        found,
-        "".join(f". {line}" for line in ([] if any(log.angles) else _tiny(flags, found))),
-    )
+    try:  # what the other commands would refuse is not written
+        machine_from(text.encode(), name)
+    except MachineError as error:
+        questions = [] if any(log.angles) else _tiny(flags, found)
+        raise ValueError(
+            f"no controller could be tuned for what fits the record ({error}): record a livelier "
+            "program: jcontour identify --excite" + "".join(f". {line}" for line in questions)
+        ) from None
     folder = run_folder.create(
         flags.out or run_folder.default_folder("identify"),
         "identify",
@@ -140,30 +145,6 @@ def _check(flags: Identify) -> None:
         raise ValueError(f"force-constant: needs to be above zero, received {force}")
     if flags.demo and flags.axes != tuple(DEMO):
         raise ValueError("axes: the simulated data have X and Y")
-
-
-def _check_file(text: str, name: str, found: IdentifiedMachine, doubt: str) -> None:
-    """What the other commands would refuse is not written, but said in the record's words.
-
-    With what is doubted of the record's unit.
-
-    Raises:
-        ValueError: the file is one of those.
-    """
-    try:
-        machine_from(text.encode(), name)
-    except MachineError as error:
-        raise ValueError(
-            f"no controller could be tuned for what fits the record ({error}): record a livelier "
-            f"program: jcontour identify --excite{doubt}"
-        ) from None
-
-
-def _log(flags: Identify) -> tuple[Log, str]:
-    """The record, and where it comes from."""
-    if flags.data is None:
-        return _simulated(flags.seed)
-    return log_of(flags), str(flags.data)
 
 
 def log_of(flags: Logged, asked: bool = False) -> Log:
