@@ -78,7 +78,7 @@ def test_the_line_of_what_is_assumed():
     assert "gains" not in assumed("mill", 0.0, 1, "UNCERTAINTY =").split(";")[0]
 
 
-DT, HERTZ, Z = 1e-3, 80.0, 0.03
+HERTZ, Z = 80.0, 0.03
 
 
 def ring(hertz, damping, places):

@@ -45,7 +45,6 @@ from jcontour.simulation.closed_loop import simulate
 
 DT = 1e-3
 MEMBERS = 200
-DT = 1e-3
 PERIOD, NONE = 1e-3, MachineLimits()
 
 

@@ -53,12 +53,12 @@ def test_a_resonance_is_found_among_the_poles():
     assert np.abs(np.log(model.poles)).max() / DT / 2 / np.pi == pytest.approx(60, rel=1e-6)
 
 
-DT, FORCE = 5e-4, 0.4
+FINE, FORCE = 5e-4, 0.4
 
 
 def model(A, B, C):
     """The axis, sampled, its integrator apart."""
-    a, b, c, *_ = cont2discrete((A, B, C, np.zeros((1, 1))), DT)
+    a, b, c, *_ = cont2discrete((A, B, C, np.zeros((1, 1))), FINE)
     poles = np.linalg.eigvals(a)
     poles = np.delete(poles, np.argmin(np.abs(poles - 1)))
     markov, x = [], b
@@ -66,7 +66,7 @@ def model(A, B, C):
         markov.append((c @ x).item())
         x = a @ x
     below = np.real(np.convolve(np.poly(poles), [1.0, -1.0]))
-    return AxisModel(np.real(np.poly(poles))[1:], np.convolve(markov, below)[: len(a)], 1, 2, DT)
+    return AxisModel(np.real(np.poly(poles))[1:], np.convolve(markov, below)[: len(a)], 1, 2, FINE)
 
 
 @pytest.mark.parametrize(("motor", "load", "stiffness"), [(5e-3, 4.9e-3, 567.0), (60.0, 20.0, 2e6)])

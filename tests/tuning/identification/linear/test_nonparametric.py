@@ -88,7 +88,7 @@ def test_moves_have_no_periods(record):
     assert not periodic_lines(part).frequency.size
 
 
-DT, ROWS = 1e-3, 20_000
+ROWS = 20_000
 TRUTH = AxisModel(np.array([-1.7, 0.9]), np.array([0.02, 0.01]), 0, 2, DT)
 
 WRONG = AxisModel(np.array([-1.6, 0.8]), np.array([0.03, 0.01]), 0, 2, DT)  # of another mode

@@ -70,22 +70,22 @@ def test_slopes_by_differences(w):
         assert np.abs(slope - wanted).max() < 2e-3 * np.abs(wanted).max()
 
 
-ROWS = 40_000
+LONG = 40_000
 
 
 def test_the_filter_of_known_noise():
     """The asymptotic deviation of an AR coefficient of order p at the truth is below 1/sqrt(N)."""
-    white = np.random.default_rng(0).standard_normal(ROWS)
+    white = np.random.default_rng(0).standard_normal(LONG)
     coloured = np.asarray(lfilter([1.0], [1.0, -1.6, 0.8], white))
     w = whitening(coloured, 12)
     wanted = np.zeros(len(w))
     wanted[:3] = 1.0, -1.6, 0.8
-    assert np.abs(w - wanted).max() < 5 / np.sqrt(ROWS)
-    assert np.var(whitened(coloured, w)) == pytest.approx(1.0, rel=5 * np.sqrt(2 / ROWS))
+    assert np.abs(w - wanted).max() < 5 / np.sqrt(LONG)
+    assert np.var(whitened(coloured, w)) == pytest.approx(1.0, rel=5 * np.sqrt(2 / LONG))
 
 
 def test_a_drift_is_differenced():
-    walk = np.cumsum(np.random.default_rng(1).standard_normal(ROWS))
+    walk = np.cumsum(np.random.default_rng(1).standard_normal(LONG))
     assert whitening(walk, 8)[1] == pytest.approx(-1.0, abs=0.02)
 
 

@@ -143,14 +143,14 @@ def test_errors_that_pull_on_are_counted():
     assert found == pytest.approx(validation.BLOCK / 1.25, rel=0.05)
 
 
-DT, ROWS, COUNT = 1e-3, 30_000, 1e-6
+LONG, COUNT = 30_000, 1e-6
 FORCE = force_axis(40.0, 80.0, 300.0)
 
 
 def record(axis, takes, loop, noise, disturbance):
     """Slow arcs under a cascade; counts of 1 um."""
     random = np.random.default_rng(4)
-    reference = 0.01 * np.sin(2 * np.pi * 0.7 * DT * np.arange(ROWS))
+    reference = 0.01 * np.sin(2 * np.pi * 0.7 * DT * np.arange(LONG))
     one = RecordedAxis(axis, takes, COUNT, noise, disturbance, loop)
     return AxisRecord(DT, *recorded(one, reference, DT, random))
 
