@@ -72,7 +72,10 @@ class HardwareInLoop(Plant):
 
     gantry: Gantry
     bench: MotorBench
-    delay: int = eqx.field(static=True, default=1)
+    delay: int = eqx.field(static=True)
+
+    def __init__(self, gantry: Gantry, bench: MotorBench, delay: int = 1):
+        self.gantry, self.bench, self.delay = gantry, bench, delay
 
     @property
     def dt(self) -> float:  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -110,9 +110,10 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
     margins, warnings = _margins(flags.run)
     warnings += [] if law.exact else [LOOSE]
     if isinstance(loop.controller, BacklashCompensation):
+        gaps = in_words(np.asarray(loop.controller.gap))
         warnings.append(
-            f"the code does not compensate the backlash, {in_words(loop.controller.gap)}: set it "
-            "in the control that hands over the points, as BACKLASH of a joint of LinuxCNC"
+            f"the code does not compensate the backlash, {gaps}: set it in the control that hands "
+            "over the points, as BACKLASH of a joint of LinuxCNC"
         )
     limits = limit_lines(code.limits, loop)
     notes = [*_notes(flags, loop), *limits, *margins, *warnings]
