@@ -19,6 +19,18 @@ def test_where_dry_friction_acts_moves_are_advised_beside_the_sines(found):
         assert any("its sines and then its moves" in note for note in told) is advised
 
 
+def test_the_reversal_error_of_a_drive_that_takes_positions_is_said(found):
+    """A friction of 10 um of the command, where a unit of it moves the axis by 0.5 m."""
+    one = found.axes[0]
+    model = replace(
+        one.fit.model, integrators=0, denominator=np.zeros(0), numerator=np.full(1, 0.5)
+    )
+    drive = replace(one, fit=replace(one.fit, model=model), friction=(10e-6, 1e-6))
+    (said,) = (note for note in notes(drive) if "turns about late" in note)
+    assert "late by 10 um (+- 2)" in said and "backlash" in said
+    assert not any("turns about" in note for note in notes(replace(one, friction=(0.1, 1e-3))))
+
+
 @pytest.mark.parametrize(
     ("explained", "dispersion", "stands", "friction", "words"),
     [

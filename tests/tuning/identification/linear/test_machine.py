@@ -3,11 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jcontour.linear.continuous_axes import position_axis
-from tuning.identification.error_causes import hysteresis
-from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine
-from tuning.identification.linear.recording import RecordedAxis, recorded
 
 DT, ROWS = 1e-3, 8000
 
@@ -96,20 +92,3 @@ def test_an_axis_that_runs_away_without_its_loop_is_refused(record):
     both = replace(record, command=np.stack([u, u], axis=1), position=np.stack([y, y], axis=1))
     with pytest.raises(ValueError, match="X: what fits is unstable, it grows by 2 % a sample"):
         identify_machine(both, 1, 2)
-
-
-def test_the_reversal_error_of_a_drive_that_takes_positions_is_said():
-    """A tool 20 um behind a gap, of a drive of 6 ms; without the gap nothing is said."""
-    random, gap = np.random.default_rng(0), 20e-6
-    wanted = np.cumsum(np.repeat(random.uniform(-0.04, 0.04, 40), 150)) * 1e-3
-    axis = RecordedAxis(position_axis(1.0, 6e-3, 1e-3), "position", 1e-6, 0.3e-6, 1e-4, (1.0,))
-    u, y = recorded(axis, wanted, 1e-3, random)
-    for loose in (False, True):
-        place = y + gap * hysteresis(y, gap)[0] if loose else y
-        one = MachineRecord(1e-3, ("X",), u[:, None], place[:, None])
-        machine = identify_machine(one, 2, 4)
-        (found,), notes = machine.axes, machine.notes
-        assert any("X: turns about late by" in note for note in notes) is loose
-        if loose:
-            assert found.friction is not None
-            assert 2 * found.friction[0] == pytest.approx(gap, rel=0.1)
