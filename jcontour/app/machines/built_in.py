@@ -4,8 +4,8 @@ import numpy as np
 
 from jcontour.app.machines.linear import USUAL, LinearMachine
 from jcontour.app.machines.machine import Hosted, MachineLimits, whole_samples
-from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.plants.emps import LARGEST_VOLTAGE, RESOLUTION, emps_table
+from jcontour.plants.linear_machines import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 
 SAMPLE = 1e-3  # [s] at which the X-Y table is looked at
