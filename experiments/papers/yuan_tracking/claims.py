@@ -1,4 +1,4 @@
-"""Statements of Yuan's section 3.4.3 on tracking, and targets of the tuner: verdicts, tables."""
+"""Statements of Yuan's section 3.4.3 on tracking: verdicts, tables and figures."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
@@ -10,16 +10,14 @@ from matplotlib.figure import Figure
 
 from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.verdicts import Claim, Verdict, verdict
-from experiments.papers.yuan_tracking.beam import panel
 from experiments.papers.yuan_tracking.experiment import (
-    BASELINE,
     KEPT_PERIOD,
     TASKS,
     Columns,
-    RankingRow,
     Result,
 )
-from experiments.tables import Column, Table
+from experiments.tables import Table
+from jcontour.app.reports.figures.axes import CYCLE
 
 PI, FILTERED, LESO = "Cascaded PI", "Cascaded PI with filter", "Cascaded PI with LESO"
 OURS = {  # row of the thesis's tables -> ours; how its observer is sampled the thesis does not say
@@ -32,9 +30,6 @@ SIZED = 2.0  # factor between our change and the printed one up to which their s
 MARGINAL = 0.1  # a change up to which an improvement is marginal
 LARGEST_GAP = 0.03  # between the smooth twin at its default sharpness and the true axis
 DEFAULT_SHARPNESS = 1e3  # [s/m]
-# mean end-effector error on task A over that of the thesis's gains: targets of our own
-TARGETS = {BASELINE: 0.6, "cascade-feedforward": 0.15}
-MOST_CURRENT = 1.2  # over that of the thesis's gains
 SECTION = "section 3.4.3"
 
 
@@ -59,7 +54,7 @@ Published = Sequence[PublishedRow]
 
 
 def claims(result: Result, published: Published = PUBLISHED) -> Iterator[Claim]:
-    """Statements of section 3.4.3, then our own targets for the twin and for tuned controllers."""
+    """Statements of section 3.4.3, then of the smooth twin, which is ours, and of the beam."""
     yield _tool_vibrates_more(result, published)
     by_task = {task: _changes(result, "cascade-notch", task) for task in TASKS}
     changes = [change for found in by_task.values() for change in found.values()]
@@ -92,16 +87,8 @@ def claims(result: Result, published: Published = PUBLISHED) -> Iterator[Claim]:
         words,
         verdict(shrinks and max(default.A, default.B) <= LARGEST_GAP),
     )
-    tuned = {row.controller: row for row in result.ranking if row.gains == "tuned"}
-    for name in TARGETS:
-        if name in tuned:
-            yield _target(result.row(BASELINE), tuned[name])
-    yield _beam(result)
-
-
-def _beam(result: Result) -> Claim:
     beam = result.beam
-    return Claim(
+    yield Claim(
         "Fig. 3.3",
         "the beam's first mode is within the bandwidth of usual cascades",
         f"by Euler and Bernoulli {beam.bare_hz[0]:.2f} Hz bare; with {beam.load_kg:.3f} kg at its "
@@ -190,29 +177,6 @@ def _pairs(
     return [(change[one], wanted[one]) for change in found.values() for one in columns]
 
 
-def _target(before: RankingRow, tuned: RankingRow) -> Claim:
-    """Tuned gains against the thesis's on the same plant: both tasks, nominal and off by 20 %."""
-    ratios: dict[tuple[str, str], float] = {}
-    currents: dict[tuple[str, str], float] = {}
-    plain = {(row.task, row.plant): row for row in before.family}
-    for row in tuned.family:
-        key = (row.task, row.plant)
-        lost = row.diverged or plain[key].diverged
-        ratios[key] = float("inf") if lost else row.ee_mean / plain[key].ee_mean
-        currents[key] = float("inf") if lost else row.u_rms / plain[key].u_rms
-    most = TARGETS[tuned.controller]
-    task, plant = worst = max(ratios, key=lambda key: ratios[key])
-    return Claim(
-        "ours",
-        f"tuned {tuned.controller}: at most {most:g} of the mean end-effector error of the "
-        f"thesis's gains, at most {MOST_CURRENT:g} x its current",
-        f"{ratios['A', 'nominal']:.3f} on task A at {currents['A', 'nominal']:.2f} x its RMS "
-        f"current; {ratios['B', 'nominal']:.3f} on task B; at worst {ratios[worst]:.3f} "
-        f"(task {task}, {plant}) at up to {max(currents.values()):.2f} x the current",
-        verdict(max(ratios.values()) <= most and max(currents.values()) <= MOST_CURRENT),
-    )
-
-
 HEADINGS = {
     "motor\nmax": "em_max",
     "motor\nmean": "em_mean",
@@ -221,7 +185,6 @@ HEADINGS = {
     "deform.\nmax": "def_max",
     "effort": "u_mean",
 }
-RANKED = {"motor": "em_mean", "tool": "ee_mean", "def.": "def_max", "effort": "u_mean"}
 
 
 class Line(NamedTuple):
@@ -234,7 +197,7 @@ class Line(NamedTuple):
 
 
 def tables(result: Result) -> Iterator[Table]:
-    """Tables 3.1 and 3.2, the ranking, and the gap of the twin."""
+    """Tables 3.1 and 3.2."""
     for task, number in zip(TASKS, ("3.1", "3.2"), strict=True):
         lines = []
         for row in PUBLISHED:
@@ -255,26 +218,6 @@ def tables(result: Result) -> Iterator[Table]:
                 "verdict": "verdict",
             },
         )
-    columns: dict[str, Column] = {"controller": "controller", "gains": "gains"}
-    for task in TASKS:
-        for heading, name in RANKED.items():
-            columns[f"{task}\n{heading}"] = f"{task}.{name}:.3f"
-    yield Table(
-        "Ranking: mean errors of motor and tool, largest deformation (mm), mean current (A)",
-        sorted(result.ranking, key=lambda row: row.error),
-        columns,
-        words=2,
-    )
-    yield Table(
-        "Smooth twin against true axis: gap in RMS end-effector error, thesis's cascade",
-        result.gap,
-        {
-            "sharpness s/m": "sharpness:g",
-            "task A %": lambda row: f"{100 * row.A:.4f}",
-            "task B %": lambda row: f"{100 * row.B:.4f}",
-        },
-        words=0,
-    )
 
 
 LABELS = {"cascade": "PI", "cascade-notch": "PI with filter", "cascade-leso-exact": "PI with LESO"}
@@ -309,7 +252,14 @@ def over_time(result: Result, task: str, number: str, error: bool) -> Figure:
 
 def beam(result: Result) -> Figure:
     """Fig. 3.3: modes of the beam."""
-    return drawn([panel(result.beam)], (6.0, 4.0))
+    study = result.beam
+    curves = [
+        Curve(study.place, shape, f"{hz:.4g} Hz", {"color": colour})
+        for shape, hz, colour in zip(study.shapes, study.loaded_hz, CYCLE, strict=False)
+    ]
+    title = f"Fig. 3.3: modes of the beam with {study.load_kg:.3f} kg at its tip"
+    x = "place along the beam, over its length"
+    return drawn([Panel(title, x, "deflection", curves)], (6.0, 4.0))
 
 
 FIGURES = {
