@@ -164,15 +164,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Scheme:
-    """A scheme of the catalogue around a cascade.
-
-    Attributes:
-        design: of the catalogue.
-        names: gains of the scheme itself. They start small: a tuned cascade is not to be disturbed.
-    """
+    """A scheme of the catalogue around a cascade."""
 
     design: Design
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of its own gains; they start small: a tuned cascade is not disturbed
 
     def build(self, weights: Weights) -> Controller:
         """The scheme with these gains."""
@@ -347,8 +342,6 @@ class TunedScheme:
     cascade: dict[str, list[float]]
     gains: list[float]  # of the scheme itself
     feasible: bool
-    diverged_points: int
-    smooth_um: float  # mean RMS contour error on the smooth twin
     best_um: Sequence[float]  # best feasible objective after every evaluation, the cascade's first
 
 
@@ -434,8 +427,6 @@ def compared(
             cascade=gains,
             gains=list(own),
             feasible=tuned.feasible,
-            diverged_points=tuned.diverged_points,
-            smooth_um=1e6 * float(np.mean(tuned.outcome.metrics.rms_contour_error)),
             best_um=np.minimum.accumulate(values).tolist(),
         )
         return described, rows(name, loops, scheme.build(tuned.weights), plants)
