@@ -24,7 +24,6 @@ from jcontour.controllers.feedforward.adaptive_zpetc import (
     NormalisedLeastSquares,
 )
 from jcontour.controllers.feedforward.zpetc import (
-    PreviewFilter,
     ZeroPhaseTracking,
     gain_error,
     zero_phase_filter,
@@ -164,10 +163,8 @@ class Result:
     printed_5: float  # the same as printed
     units: tuple[Units, ...]
     gain_error: GainError
-    path_mm: Float[np.ndarray, "T legs"]  # lengths of the legs from the start, every 3 ms
     errors_um: dict[str, Float[np.ndarray, " T"]]  # of drawn runs
-    integral: tuple[IntegralRun, ...]
-    limited: tuple[IntegralRun, ...]  # the same with the current's limit, and some frictions
+    integral: tuple[IntegralRun, ...]  # the linear servo, then the limit and some frictions
     adaptive: tuple[AdaptiveRun, ...]
 
 
@@ -209,19 +206,19 @@ def run(settings: Settings) -> Result:
         models=models(),
         prefilters={
             f"servo pole {FITTED_POLE:.2f}": prefilter_of(fitted_loop()),
-            "from (7) as printed": prefilter_of(printed_loop()),
+            "from (7) as printed": prefilter_of(PRINTED_LOOP),
         },
         slow_pole=float(-np.log(float(PRINTED["(7)"][3])) / FAST),
         corrected_5=corrected,
         printed_5=printed,
         units=units(),
         gain_error=gain_left(),
-        path_mm=1e3 * legs(FAST),
         errors_um={
             name: errors(controller, poor.axis(dt))[0] for name, (controller, dt) in drawn.items()
         },
-        integral=integral_runs(times=times),
-        limited=tuple(row for one in FRICTIONS for row in integral_runs(times=times, friction=one)),
+        integral=tuple(
+            row for one in (None, *FRICTIONS) for row in integral_runs(times=times, friction=one)
+        ),
         adaptive=adaptive_runs(),
     )
 
@@ -242,6 +239,12 @@ def placing_gain(plant: TransferFunction, pole: float = PRINTED_POSITION_POLE) -
     at = np.array(np.exp(pole * plant.dt))  # in lambda
     ratio = polynomial.polyval(at, plant.denominator) / polynomial.polyval(at, plant.numerator)
     return float(-ratio)
+
+
+_gain, _zero, _first, _second = map(float, PRINTED["(7)"])
+PRINTED_LOOP = from_polynomials(  # (7)
+    _gain * np.array([0.0, 1.0, _zero]), np.convolve([1.0, -_first], [1.0, -_second]), FAST
+)
 
 
 def models() -> tuple[Model, ...]:
@@ -267,13 +270,6 @@ def prefilter_of(loop: TransferFunction) -> tuple[float, ...]:
     return tuple((np.asarray(ahead.numerator) / np.asarray(ahead.denominator)[0]).tolist())
 
 
-def printed_loop() -> TransferFunction:
-    """(7) as printed."""
-    gain, zero, first, second = map(float, PRINTED["(7)"])
-    below = np.convolve([1.0, -first], [1.0, -second])
-    return from_polynomials(gain * np.array([0.0, 1.0, zero]), below, FAST)
-
-
 def fitted_loop() -> TransferFunction:
     """The loop whose prefilter has all digits of (8)."""
     return closed(servo(FAST, pole=FITTED_POLE), FITTED_GAIN)
@@ -288,9 +284,7 @@ def equation_5(hertz: float = 3.0, integral: float = 0.06) -> tuple[float, float
     model = closed(servo(FAST), FITTED_GAIN)
     truth = closed(servo(FAST, 1.1 * SERVO_GAIN), FITTED_GAIN)
     ahead = zero_phase_filter(model)
-    fed = polynomial.polyval(x, np.asarray(ahead.numerator)) / polynomial.polyval(
-        x, np.asarray(ahead.denominator)
-    )
+    fed = polynomial.polyval(x, ahead.numerator) / polynomial.polyval(x, ahead.denominator)
     fed, sums = fed / x**ahead.preview, integral / (1 - x)
     wanted = truth.response(x) * (fed + sums) / (1 + truth.response(x) * sums)
     apart = []
@@ -321,19 +315,10 @@ def gain_left() -> GainError:
     """Gain error and phase of the corrected model's loop behind its filter, up to Nyquist."""
     hertz = np.geomspace(0.1, 0.999 / (2 * FAST), 200)
     loop = closed(servo(FAST), FITTED_GAIN)
-    phase = tracking_phase(loop, zero_phase_filter(loop), hertz)
-    return GainError(hertz, gain_error(loop, 2 * np.pi * hertz), phase)
-
-
-def tracking_phase(
-    loop: TransferFunction, ahead: PreviewFilter, hertz: Float[np.ndarray, " f"]
-) -> Float[np.ndarray, " f"]:
-    """Phase of G F, from the reference to the position, with the filter as it is built [rad]."""
-    x = np.exp(-2j * np.pi * hertz * loop.dt)
-    top, below = (
-        polynomial.polyval(x, np.asarray(one)) for one in (ahead.numerator, ahead.denominator)
-    )
-    return np.angle(loop.response(x) * top / below / x**ahead.preview)
+    ahead, x = zero_phase_filter(loop), np.exp(-2j * np.pi * hertz * FAST)
+    fed = polynomial.polyval(x, ahead.numerator) / polynomial.polyval(x, ahead.denominator)
+    through = loop.response(x) * fed / x**ahead.preview  # as the filter is built
+    return GainError(hertz, gain_error(loop, 2 * np.pi * hertz), np.angle(through))
 
 
 def legs(dt: float) -> Float[np.ndarray, "T 3"]:

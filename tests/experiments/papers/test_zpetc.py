@@ -13,6 +13,7 @@ from experiments.papers.zpetc.claims import agrees, claims
 from experiments.papers.zpetc.experiment import (
     FAST,
     FITTED_GAIN,
+    PRINTED_LOOP,
     SLOW,
     TRUTHS,
     LimitedServo,
@@ -28,13 +29,10 @@ from experiments.papers.zpetc.experiment import (
     one_pole_fit,
     placing_gain,
     prefilter_of,
-    printed_loop,
     run,
     servo,
-    tracking_phase,
     units,
 )
-from jcontour.controllers.feedforward.zpetc import PreviewFilter, zero_phase_filter
 from jcontour.plants.arms import SERVO_GAIN, SERVO_POLE
 from jcontour.plants.linear_machines import servo_axes
 
@@ -63,7 +61,7 @@ def test_the_prefilters_are_the_reference():
     fit = WANTED["fit"]
     np.testing.assert_allclose(prefilter_of(fitted_loop()), fit["prefilter"], rtol=1e-8)
     wanted = WANTED["prefilter_from_printed_eq7"]
-    np.testing.assert_allclose(prefilter_of(printed_loop()), wanted, rtol=1e-8)
+    np.testing.assert_allclose(prefilter_of(PRINTED_LOOP), wanted, rtol=1e-8)
     assert pytest.approx(1e3 * fit["kp"]) == FITTED_GAIN
     loop = fitted_loop()
     assert loop.gain == pytest.approx(fit["closed_loop_gain"], rel=1e-8)
@@ -136,15 +134,6 @@ def test_the_fitted_pole_has_the_lag_of_the_loop(truth):
     assert a == pytest.approx(SLOW / lag - 1, abs=1e-3)
 
 
-def test_the_phase_is_that_of_the_filter_as_built():
-    loop, hertz = closed(servo(FAST), FITTED_GAIN), np.array([1.0, 10.0, 100.0])
-    ahead = zero_phase_filter(loop)
-    np.testing.assert_allclose(tracking_phase(loop, ahead, hertz), 0.0, atol=1e-12)
-    late = PreviewFilter(ahead.numerator, ahead.denominator, ahead.preview - 1)
-    wanted = -2 * np.pi * hertz * FAST  # a sample too late
-    np.testing.assert_allclose(tracking_phase(loop, late, hertz), wanted, atol=1e-12)
-
-
 def judged(result, claim):
     """Finding and verdict of a statement."""
     return next((c.finding, c.verdict) for c in claims(result) if c.claim == claim)
@@ -213,9 +202,9 @@ SHAPE = "a short integral time overshoots, a long one is too slow"
 BEST = "T_i = 0.05 s has the least error"
 
 
-def with_mean(rows, mean, wanted):
-    """Runs whose mean errors are replaced where something is true of them."""
-    return tuple(replace(row, mean_um=mean) if wanted(row) else row for row in rows)
+def with_best_at(rows, time):
+    """Runs whose mean errors are least at one integral time."""
+    return tuple(replace(row, mean_um=1.0) if row.integral_time == time else row for row in rows)
 
 
 def test_a_best_integral_time_is_one_between_for_every_servo(result):
@@ -223,19 +212,19 @@ def test_a_best_integral_time_is_one_between_for_every_servo(result):
     finding, found = judged(result, SHAPE)
     assert found is NEAR and "friction of 0 A: 3 of 4 servos, not exact" in finding
     assert "6 A: 4 of 4" in finding
-    rows = with_mean(result.limited, 1.0, lambda row: row.integral_time == 0.01)
-    assert judged(replace(result, limited=rows), SHAPE)[1] is YES
-    rows = with_mean(result.limited, 1.0, lambda row: row.integral_time == 0.2)
-    assert judged(replace(result, limited=rows), SHAPE)[1] is NO
+    rows = with_best_at(result.integral, 0.01)
+    assert judged(replace(result, integral=rows), SHAPE)[1] is YES
+    rows = with_best_at(result.integral, 0.2)
+    assert judged(replace(result, integral=rows), SHAPE)[1] is NO
 
 
 def test_the_printed_integral_time_is_the_best_with_much_friction(result):
     finding, found = judged(result, BEST)
     assert found is NEAR and finding.count("0.05 s") >= 3
-    rows = with_mean(result.limited, 1.0, lambda row: row.integral_time == 0.05)
-    assert judged(replace(result, limited=rows), BEST)[1] is YES
-    rows = with_mean(result.limited, 1.0, lambda row: row.integral_time == 0.2)
-    assert judged(replace(result, limited=rows), BEST)[1] is NO
+    rows = with_best_at(result.integral, 0.05)
+    assert judged(replace(result, integral=rows), BEST)[1] is YES
+    rows = with_best_at(result.integral, 0.2)
+    assert judged(replace(result, integral=rows), BEST)[1] is NO
 
 
 def test_a_servo_without_friction_far_from_its_limit_is_the_linear_one():
