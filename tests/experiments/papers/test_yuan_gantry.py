@@ -18,7 +18,6 @@ from experiments.papers.yuan_gantry.experiment import (
     SAMPLE,
     Follower,
     Result,
-    TwistDamping,
     along_the_path,
     emulated,
     reference_path,
@@ -31,10 +30,10 @@ from experiments.papers.yuan_gantry.motor_bench import (
     delayed_head_model,
     twist_damping,
 )
-from jcontour.controllers.wrappers.filters import Compensated
 from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry, thesis_gantry
 
 YES, NO, SHOWN = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED, Verdict.EXPERIMENTAL
+TIME = SAMPLE * np.arange(reference_path().steps)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +79,7 @@ def test_the_path_is_that_of_the_thesis():
 def test_the_twist_is_what_turns_the_head_along_the_beam(result):
     """At steady speed 2 k_r theta is about -M_e (d x_h'' + x_h y''), eq. 5.9."""
     p, run = thesis_gantry(), result.path
-    moving = (result.emulated.time_s > 2.0) & (result.emulated.time_s < 5.0)
+    moving = (TIME > 2.0) & (TIME < 5.0)
     acceleration = np.gradient(np.gradient(run.tool_m, SAMPLE, axis=0), SAMPLE, axis=0)
     lever = p.tool_offset * acceleration[:, 0] + run.tool_m[:, 0] * acceleration[:, 1]
     wanted = np.asarray(-p.head_mass * lever / (2 * p.joint_stiffness))[moving]
@@ -91,12 +90,10 @@ def test_the_twist_is_what_turns_the_head_along_the_beam(result):
 def test_drives_apart_turn_the_beam_by_what_is_asked():
     """k_y L (i_2 - i_1) = -c theta', and nothing else changes."""
     p, reference = thesis_gantry(), reference_path()
-    inside = Follower(p)
-    row = jax.tree.map(lambda rows: rows[700], inside.prepare(reference))
+    row = jax.tree.map(lambda rows: rows[700], Follower(p).prepare(reference))
     state = np.array([0.07, 0.21, 1e-4, 0.02, 0.1, 3e-3])
-    with_damping = Compensated(inside, TwistDamping(p, DAMPED))
     plain, damped = (
-        np.asarray(controller.step(None, row, state)[1]) for controller in (inside, with_damping)
+        np.asarray(Follower(p, damping).step(None, row, state)[1]) for damping in (0.0, DAMPED)
     )
     moment = float(p.drive_constant * p.half_span) * (damped[2] - damped[1])
     assert moment == pytest.approx(-DAMPED * 3e-3, rel=1e-9)
@@ -109,7 +106,7 @@ def test_what_parts_the_bench_from_the_gantry(result):
 
     Late and left alone, the twist grows as its damping says.
     """
-    rows = result.emulated.rows
+    rows = result.heads
     assert [row.name for row in rows] == ["gantry", *(case.name for case in CASES)]
     ideal, at_once_alone, dry, late, _, alone = rows[1:]
     motors = MotorBench()
@@ -121,7 +118,7 @@ def test_what_parts_the_bench_from_the_gantry(result):
     assert ideal.distance_m == pytest.approx(0.55e-6, rel=0.05)  # evidence/yuan-gantry.md
     assert dry.distance_m == pytest.approx(629e-6, rel=0.05)  # evidence/yuan-gantry.md
     assert [row.diverged for row in rows] == [False] * 6 + [True]
-    time, twice_inertia = result.emulated.time_s, 2 * float(thesis_gantry().inertia(0.0))
+    time, twice_inertia = TIME, 2 * float(thesis_gantry().inertia(0.0))
     rate = -alone.twist_damping / twice_inertia
     assert _growth(time, alone.twist_rad, 2.0, 3.0) == pytest.approx(rate, rel=0.15)
     ringing = np.diff(at_once_alone.twist_rad, 2)  # without the slow twist that the path asks for
@@ -133,7 +130,7 @@ def test_what_parts_the_bench_from_the_gantry(result):
 def test_holding_alone_costs_more_damping_than_the_beam_has(result):
     """M_e d^2 w sin((delay + 1/2) w T) of 2 b_y L^2, by hand: 1.6 kg m^2, 538.26 rad/s."""
     viscous = 2 * 200.0 * 0.9**2  # 324 N m s/rad
-    held, late = (result.emulated.row(CASES[k].name) for k in (1, 5))
+    held, late = (result.head(CASES[k].name) for k in (1, 5))
     lost = [viscous - held.twist_damping, viscous - late.twist_damping]
     wanted = [1.6 * 538.26 * np.sin(samples * 538.26 * SAMPLE) for samples in (0.5, 1.5)]
     np.testing.assert_allclose(lost, wanted, rtol=1e-4)
@@ -215,15 +212,15 @@ def test_verdicts_follow_the_numbers(result):
         for row in result.responses
     )
     assert verdicts(replace(result, responses=shifted))[:2] == [NO, YES]
-    far = tuple(replace(row, distance_m=1e-3) for row in result.emulated.rows)
-    away = replace(result, emulated=replace(result.emulated, rows=far))
+    far = tuple(replace(row, distance_m=1e-3) for row in result.heads)
+    away = replace(result, heads=far)
     assert verdicts(away)[4:6] == [NO, SHOWN]
 
 
 def test_heads_are_drawn_each_in_its_colour_and_the_legend_hides_none(result):
     figure = bench(result)
     error, twist = figure.axes
-    rows = result.emulated.rows
+    rows = result.heads
     drawn = {line.get_label(): line for line in twist.lines}
     assert [*drawn] == [*(row.name for row in rows), "allowed twist"]
     assert len({to_hex(line.get_color()) for line in drawn.values()}) == len(drawn)
