@@ -22,8 +22,6 @@ from jcontour.app.commands.checkout import in_checkout
 from jcontour.app.flags.rules import read
 from jcontour.app.flags.shared import Common
 
-NEEDED = {"SOURCE", "Settings", "run"}
-
 
 def experiments_found() -> dict[str, str]:
     """Name and first docstring line of every experiment module, read without importing them.
@@ -31,26 +29,12 @@ def experiments_found() -> dict[str, str]:
     Raises:
         ValueError: not in a checkout.
     """
-    found = {}
     papers = in_checkout("reproduce", "experiments.papers")
+    found = {}
     for path in sorted(Path(papers.__path__[0]).glob("*/experiment.py")):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        if NEEDED <= set(_names(tree)):
-            first_line, *_ = (ast.get_docstring(tree) or "").split("\n")
-            found[path.parent.name.replace("_", "-")] = first_line
+        text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        found[path.parent.name.replace("_", "-")] = text.partition("\n")[0]
     return found
-
-
-def _names(tree: ast.Module):
-    for node in tree.body:
-        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
-            yield node.name
-        elif isinstance(node, ast.Assign):
-            yield from (target.id for target in node.targets if isinstance(target, ast.Name))
-        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            yield node.target.id
-        elif isinstance(node, ast.ImportFrom):
-            yield from (alias.asname or alias.name for alias in node.names)
 
 
 def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], int]]:
