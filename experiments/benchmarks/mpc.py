@@ -16,7 +16,6 @@ from jcontour.host.loop import reported_loop
 from jcontour.motion.references import along
 from jcontour.mpc.contouring.mpcc import MPCC, growing_blocks
 from jcontour.plants.xy_table import xy_table
-from jcontour.qp.hildreth import Hildreth
 from jcontour.qp.solvers import DAQP, ProxQP, Solver
 
 HORIZONS = (7, 14, 20, 30)
@@ -64,7 +63,7 @@ def tables(result: MPCBench) -> Iterator[Table]:
 def measured(flags: Bench, tell: Callable[[str], None]) -> MPCBench:
     """Every horizon with DAQP, the paper's with every solver, blocks at the fast period."""
     cases: list[tuple[str, Solver, float, Any]] = [(f"N = {n}", DAQP(), 4e-3, n) for n in HORIZONS]
-    cases += [("N = 7", solver, 4e-3, 7) for solver in (ProxQP(), Hildreth())]
+    cases.append(("N = 7", ProxQP(), 4e-3, 7))
     cases.append(("0.1 ms, 28 ms in 9 blocks", DAQP(), FAST_PERIOD, FAST_BLOCKS))
     steps = []
     for name, solver, period, horizon in cases:

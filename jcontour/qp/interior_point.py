@@ -25,10 +25,10 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jcontour.qp.limit_rows import gram, one_sided_limits, pulled, rows
 from jcontour.qp.one_sided import (
     Changes,
     Limits,
@@ -37,28 +37,17 @@ from jcontour.qp.one_sided import (
     corrected,
     first_point,
     gap,
+    gram,
     missed_by,
     moved_on,
     newton,
+    one_sided_limits,
     possible,
     products,
+    pulled,
     pushes,
+    rows,
     softened_slack,
-)
-from jcontour.qp.path import (
-    AIM,
-    CLOSE,
-    CLOSEST,
-    FAR,
-    FIRST,
-    INWARD,
-    MISSED,
-    MOST,
-    NEAR,
-    ROOM,
-    SOLVED,
-    SPOILT,
-    rounding,
 )
 from jcontour.qp.staged import (
     StagedQP,
@@ -73,6 +62,19 @@ from jcontour.qp.staged import (
     summed,
 )
 
+SOLVED = 1e-6  # largest scaled residual of an answer that counts as solved
+MOST = 40  # iterations; 8 to 12 are usual
+CLOSE = 1e-15  # mu over its largest value at which it ends: a weak limit is then off by 1e-7
+CLOSEST = 2e-16  # where it ends even if rounding has left a limit's equation missed
+AIM = 1e-16  # no step aims at less: W would be so large that rounding spoils the costate
+NEAR = 1e-8  # mu over its largest value from where on a step may not spoil the costate
+SPOILT = 5e-7  # slope left with a control, over its largest term: half of what counts as solved
+MISSED = 1e-11  # by this, over the limit's width
+INWARD = 0.995  # of the way to the nearest limit
+FAR = 0.5  # part of a predicted step beyond which it is corrected in full
+ROOM = 0.5  # of a limit's width that a slack begins with, at least
+FIRST = 10.0  # first mu, over what the limits could cost each of them
+ROUNDINGS = 100  # of the terms of a slope before they cancel, that count as solved
 # of a limit's width: so much larger are slacks in derivatives; with less, rounding hides H behind W
 SOFTENED = 1e-6
 PASSES = 4  # of a derivative: each makes what that changes smaller by as much again
@@ -329,16 +331,25 @@ def _slope_left(qp: StagedQP, at: Trajectory, multipliers) -> Float[Array, ""]:
     """Largest slope of the Lagrangian with a control, over the largest term in it.
 
     The slopes H v and h cancel where the machine rests where it should: what their rounding leaves
-    is no slope (`rounding`).
+    is no slope (`_rounding`).
     """
     n = qp.x0.size
     cost, limited = slopes(qp, at), pulled(qp, multipliers)
     behind = costates(qp, summed(cost, limited))
     terms = cost.stages[:, n:], limited.stages[:, n:], behind @ qp.B
     apart = qp.h[:, n:], costates(qp, Trajectory(qp.h, qp.h_end)) @ qp.B
-    scale = _largest(terms), rounding(multipliers.dtype) * _largest(apart)
+    scale = _largest(terms), _rounding(multipliers.dtype) * _largest(apart)
     tiny = jnp.finfo(multipliers.dtype).tiny ** 0.5
     return jnp.max(jnp.abs(sum(terms))) / jnp.maximum(jnp.maximum(*scale), tiny)
+
+
+def _rounding(dtype) -> float:
+    """Least scale of a slope, over its terms before they cancel.
+
+    At rest in its place the slopes H v and h of a machine cancel to the last digits. A slope of
+    `ROUNDINGS` of these then has the residual `SOLVED`.
+    """
+    return ROUNDINGS * float(np.finfo(dtype).eps) / SOLVED
 
 
 def _largest(terms) -> Float[Array, ""]:

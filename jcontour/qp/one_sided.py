@@ -11,8 +11,11 @@ and the others so that each equation holds. All arguments are arrays of one shap
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
+
+from jcontour.qp.staged import StagedQP, Trajectory
 
 Numbers = Array  # of all limits
 
@@ -85,6 +88,31 @@ def sides(upper: Numbers, lower: Numbers, penalty: Numbers) -> tuple[Limits, Lim
         Limits(high, above, above & soft, price[0], width),
         Limits(low, below, below & soft, price[1], width),
     )
+
+
+def one_sided_limits(qp: StagedQP) -> Limits:
+    """Limits as one-sided ones, upper before lower (2, N, r)."""
+    pair = sides(qp.upper, qp.lower, jnp.broadcast_to(qp.penalty, qp.upper.shape))
+    return jax.tree.map(lambda *both: jnp.stack(both), *pair)
+
+
+def rows(qp: StagedQP, at: Trajectory):
+    """Values g' v of the one-sided limits."""
+    value = at.stages @ qp.D.T
+    return jnp.stack([value, -value])
+
+
+def pulled(qp: StagedQP, multipliers) -> Trajectory:
+    """Slope G' l of the limits; none reaches the last state."""
+    stages = (multipliers[0] - multipliers[1]) @ qp.D
+    return Trajectory(stages, jnp.zeros_like(qp.x0))
+
+
+def gram(qp: StagedQP, weight):
+    """Sum of W d d' over the rows d of every stage."""
+    v = qp.D.shape[1]
+    squares = (qp.D[:, :, None] * qp.D[:, None, :]).reshape(-1, v * v)
+    return (jnp.sum(weight, axis=0) @ squares).reshape(-1, v, v)
 
 
 def first_point(at, slack: Numbers, mu: Numbers, limits: Limits, room: float) -> Point:

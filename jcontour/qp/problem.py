@@ -97,20 +97,6 @@ class Unsolved(RuntimeError):
         return f"{where}{self.solver} did not solve the QP ({sizes}): {self.status}{numbers}"
 
 
-def check_qp(qp: QP) -> None:
-    """Raise ValueError, naming the field, unless the problem is well posed.
-
-    Shapes fit, numbers are finite, limits are in order, H is symmetric and positive semidefinite.
-    """
-    check_shapes(qp)
-    for name in ("H", "g", "C"):
-        if not np.isfinite(getattr(qp, name)).all():
-            raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")
-    check_limits("lower_rows, upper_rows", qp.lower_rows, qp.upper_rows)
-    check_limits("lower, upper", qp.lower, qp.upper)
-    check_weight("H", qp.H)
-
-
 def check_shapes(qp: QP) -> None:
     """Raise ValueError, naming the field, unless all arrays fit `g` (n,) and `lower_rows` (r,)."""
     n, r = qp.g.size, qp.lower_rows.size

@@ -91,7 +91,7 @@ class DAQP(Solver):
         for settings in DAQP_RETRIES:
             z, _, again, info = daqp.solve(qp.H, qp.g, qp.C, upper, lower, sense, **settings)
             candidates += [(z, info["lam"], info["iterations"])] * (again > 0)
-        return best_checked(self.name, DAQP_STATUS.get(flag, "inaccurate"), qp, candidates)
+        return _best_checked(self.name, DAQP_STATUS.get(flag, "inaccurate"), qp, candidates)
 
 
 class ProxQP(Solver):
@@ -122,7 +122,7 @@ class ProxQP(Solver):
         candidates = [answer] if status in usable else []
         if second in usable:
             candidates.append(cold)
-        return best_checked(self.name, second or status or "inaccurate", qp, candidates)
+        return _best_checked(self.name, second or status or "inaccurate", qp, candidates)
 
     def _continued(self, qp: QP, size: float):
         if self._warm is None or self._shape != qp.C.shape:
@@ -163,7 +163,7 @@ class Named(Solver):
         if parts.equal.any() and found.y is not None:
             rows[parts.equal] = found.y
         z = np.asarray(found.x)
-        return best_checked(self.name, "inaccurate", qp, [(z, multipliers, 0)])
+        return _best_checked(self.name, "inaccurate", qp, [(z, multipliers, 0)])
 
     def _found(self, qp: QP, parts: "_Parts") -> qpsolvers.Solution:
         """Answer of the solver, not checked."""
@@ -220,7 +220,7 @@ def solver_named(name: str) -> Solver:
     return own[name]() if name in own else Named(name)
 
 
-def best_checked(
+def _best_checked(
     solver: str, status: str, qp: QP, candidates: list[tuple[np.ndarray, np.ndarray, int]]
 ) -> Solution:
     """The first answer (z, multipliers, iterations) that passes, as it is or polished.

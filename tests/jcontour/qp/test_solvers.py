@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from jcontour.qp.hildreth import Hildreth
 from jcontour.qp.problem import QP, Solution, Unsolved, residuals
 from jcontour.qp.solvers import DAQP, Named, ProxQP, polished, solver_named
 
@@ -15,7 +14,6 @@ KINDS = [DAQP, ProxQP]
 SOLVERS = {  # made in the test: pytest keeps its cases, and ProxQP's binding tells of what is left
     "DAQP": DAQP,
     "ProxQP": ProxQP,
-    "Hildreth": Hildreth,
     "Named daqp": lambda: Named("daqp"),
     "Named proxqp": lambda: Named("proxqp"),
 }
@@ -125,12 +123,11 @@ def test_against_all_active_sets(name):
 
 
 def test_solvers_agree():
-    random, warm, daqp, hildreth = np.random.default_rng(4), ProxQP(), DAQP(), Hildreth()
+    random, warm, daqp = np.random.default_rng(4), ProxQP(), DAQP()
     for _ in range(100):
         qp = benign(random)
         exact = daqp.solve(qp)
         np.testing.assert_allclose(warm.solve(qp).z, exact.z, rtol=0, atol=1e-6)
-        np.testing.assert_allclose(hildreth.solve(qp).z, exact.z, rtol=0, atol=1e-6)
         np.testing.assert_allclose(warm.solve(qp).multipliers, exact.multipliers, rtol=0, atol=1e-5)
 
 
@@ -229,7 +226,7 @@ def test_cost_of_any_size(kind, size):
         np.testing.assert_allclose(scaled.z, DAQP().solve(qp).z, rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["DAQP", "ProxQP", "Hildreth", "Named daqp"])
+@pytest.mark.parametrize("name", ["DAQP", "ProxQP", "Named daqp"])
 def test_what_cannot_be_solved_says_so(name):
     solver, qp = SOLVERS[name](), benign(np.random.default_rng(6), 5, 2)
     broken = qp._replace(H=np.where(np.eye(5) > 0, np.nan, qp.H))
@@ -279,8 +276,3 @@ def test_names():
     known = ", ".join(sorted(qpsolvers.available_solvers))
     with pytest.raises(ValueError, match=f"^solver: 'gurobi' is not installed; there are {known}$"):
         solver_named("gurobi")
-
-
-def test_hildreth_needs_curvature():
-    with pytest.raises(Unsolved, match="H is not positive definite"):
-        Hildreth().solve(small([[0.0]], [1.0], -1.0, 1.0))

@@ -13,7 +13,7 @@ from jcontour.mpc.tracking.condense import (
     predict,
 )
 from jcontour.mpc.tracking.limits import Limits, full_limits
-from jcontour.qp.problem import check_qp
+from jcontour.qp.problem import check_shapes, check_weight
 
 N = 5
 
@@ -126,7 +126,8 @@ def test_the_cost_up_to_a_constant(drawn, penalty):
     problem = Condensed(plant, R, S, stage, np.eye(2), maps, limits, penalty)
     window = Window(Q, y_d, P, xi_d, np.zeros(2))
     qp = problem.problem(s, window)
-    check_qp(qp)
+    check_shapes(qp)
+    check_weight("H", qp.H)
     again = problem.problem(2 * s, window)
     again = problem.problem(s, window, out=again)  # writing over another leaves nothing of it
     for field, fresh in zip(again, qp, strict=True):

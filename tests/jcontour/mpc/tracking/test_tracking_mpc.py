@@ -20,7 +20,7 @@ from jcontour.mpc.tracking.forms import AbsoluteForm, VelocityForm
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.plants.linear_machines import bridgeport
-from jcontour.qp.problem import check_qp
+from jcontour.qp.problem import check_shapes, check_weight
 from jcontour.simulation.closed_loop import simulate
 
 N = 6
@@ -196,7 +196,8 @@ def test_the_problem_is_well_posed_and_belongs_to_whom_asked_for_it(two_axes):
     plan, memory = mpc.prepare(reference), mpc.initial_memory(reference)
     first = mpc.problem(memory, sample_of(plan, 0), np.zeros(4))
     kept = [np.array(field) for field in first]
-    check_qp(first)
+    check_shapes(first)
+    check_weight("H", first.H)
     assert np.abs(first.H).max() == pytest.approx(1, rel=0.5)
     mpc.step(memory, sample_of(plan, 1), np.full(4, 1e-4))
     for field, before in zip(first, kept, strict=True):
