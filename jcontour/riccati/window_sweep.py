@@ -35,9 +35,10 @@ from jcontour.riccati.packed_stage import (
     extended,
     packed_cost,
     packed_stage,
+    packing,
+    seen_entries,
     stage_maps,
 )
-from jcontour.riccati.packing import packing, seen_entries
 
 BLOCK = 512  # steps swept together: their numbers stay in a core's second-level cache
 

@@ -7,9 +7,9 @@ cost of the model at its end, g = -H_s x_d, with H_s interpolated like the model
 Theorem 1).
 
 A horizon that moves on in blocks has a long preview at a low price. The horizon of a step ends at
-least N_p and at most 2 N_p - 1 samples ahead, see `riccati.blockwise`. Once the loop forgets within
-N_p samples, which is when the product of its transitions over them is below rounding, the gains are
-those of ContouringLQ with any longer preview.
+least N_p and at most 2 N_p - 1 samples ahead, see `riccati.receding_horizon`. Once the loop forgets
+within N_p samples, which is when the product of its transitions over them is below rounding, the
+gains are those of ContouringLQ with any longer preview.
 """
 
 import equinox as eqx
@@ -34,8 +34,7 @@ from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import AffinePlan, LinearPlant, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare
-from jcontour.riccati.blockwise import block_ends, blockwise_plan
-from jcontour.riccati.receding_horizon import CostToGo, scheduled_plan
+from jcontour.riccati.receding_horizon import CostToGo, block_ends, blockwise_plan, scheduled_plan
 
 
 class ScheduledLQ(PlannedFeedback):

@@ -9,11 +9,12 @@ from jcontour.controllers.lq.contouring_lq import contour_weight
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.plants import bridgeport
 from jcontour.riccati import window_sweep
-from jcontour.riccati.blockwise import blockwise_plan, swept
 from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan, suits_decoupled
 from jcontour.riccati.receding_horizon import (
     CostToGo,
+    blockwise_plan,
     output_cost,
+    readable_blockwise_plan,
     readable_plan,
     receding_horizon_plan,
 )
@@ -208,7 +209,7 @@ def test_blocks_are_the_readable_ones(problems, steps, preview):
             end = CostToGo(H, g)
             if form == "packed":
                 return blockwise_plan(plant, Q, y_d, R, end, preview)
-            return swept(preview, plant, Q, y_d, R, end)
+            return readable_blockwise_plan(preview, plant, Q, y_d, R, end)
 
         return of
 
