@@ -12,10 +12,10 @@ from jaxtyping import Float
 from jcontour.analysis.count_noise import count_noise
 from jcontour.analysis.frequency_response import Encoding
 from jcontour.analysis.frozen_loops import FrozenLoop
-from jcontour.analysis.late_loops import late_measures
 from jcontour.analysis.peak_search import loop_measures
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import LoopPeaks, encoding_of, frozen_family
+from jcontour.analysis.stability import late_measures
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference

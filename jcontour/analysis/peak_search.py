@@ -17,8 +17,7 @@ from jaxtyping import Bool, Complex, Float
 
 from jcontour.analysis.frequency_response import Encoding, Responses
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks
-from jcontour.analysis.loop_slopes import Ends, slope_of, turned
-from jcontour.analysis.spectral import dominant, times
+from jcontour.analysis.loop_slopes import Ends, dominant, slope_of, times, turned
 from jcontour.analysis.uncertain_loops import Doubt, doubt_measure, measured_sensitivity
 
 # [rad per sample]; the first stands for 0, where integrators have no response

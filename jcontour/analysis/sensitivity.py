@@ -19,12 +19,10 @@ speeds after it). For any other measurement, a whole state for instance, units d
 entry, and the input alone counts.
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jax.tree_util import Partial
@@ -38,8 +36,7 @@ from jcontour.analysis.frozen_loops import (
     linear_machine,
     unlimited,
 )
-from jcontour.analysis.peak_search import MEASURES, loop_measures
-from jcontour.analysis.spectral import on_host, radius, with_slope
+from jcontour.analysis.peak_search import loop_measures
 from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
@@ -69,28 +66,6 @@ class LoopPeaks(NamedTuple):
     doubt: Float[Array, "K P"]
 
 
-@eqx.filter_jit
-def loop_peaks(plants: Plant, controller: Controller, windows: Reference) -> LoopPeaks:
-    """Peaks of the sensitivity and of the complementary one, with derivatives.
-
-    Args:
-        plants: `stack_plants([...])`, axis 0, smooth.
-        controller: any, traceable; prepared once per probe.
-        windows: `probe_windows(...)`, axis 0.
-
-    Raises:
-        ValueError: as `simulate`.
-    """
-    loops, encoding = frozen_family(plants, controller, windows), encoding_of(plants, windows)
-    like = jax.eval_shape(_measures_like, loops)
-    values, slopes = on_host(partial(_measures, encoding), like, loops)
-    peaks = []
-    for k in range(MEASURES):
-        slope = jax.tree.map(lambda matrices, k=k: matrices[..., k, :, :], slopes)
-        peaks.append(with_slope(values[..., k], slope, loops))
-    return LoopPeaks(*peaks)
-
-
 def sensitivity_curves(
     plants: Plant, controller: Controller, windows: Reference, frequencies: Float[ArrayLike, " F"]
 ) -> Float[np.ndarray, "K P F"]:
@@ -99,7 +74,7 @@ def sensitivity_curves(
     On the host; it says nothing of a loop that is not stable.
 
     Args:
-        plants: as for `loop_peaks`.
+        plants: as for `frozen_family`.
         controller: likewise.
         windows: likewise.
         frequencies: [rad per sample], from above 0 to pi.
@@ -121,34 +96,13 @@ def host_peaks(loops: FrozenLoop, encoding: Encoding, doubt: Doubt | None = None
 
 
 @eqx.filter_jit
-def late_radius(
-    plants: Plant, controller: Controller, windows: Reference, samples: int
-) -> Float[Array, "K P"]:
-    """Spectral radius of every loop with `samples` more of delay on its control, differentiable.
-
-    Args:
-        plants: as for `loop_peaks`.
-        controller: likewise.
-        windows: likewise.
-        samples: at least 0.
-
-    Raises:
-        ValueError: as `simulate`, or a negative delay.
-    """
-    if samples < 0:
-        raise ValueError(f"samples: a delay is not negative, received {samples}")
-    cut = frozen_family(plants, controller, windows).cut()
-    return radius(jnp.asarray(cut.late(samples) if samples else cut.closed()))
-
-
-@eqx.filter_jit
 def frozen_family(plants: Plant, controller: Controller, windows: Reference) -> FrozenLoop:
     """Frozen loops of every probe and plant.
 
     Args:
-        plants: as for `loop_peaks`.
-        controller: likewise.
-        windows: likewise.
+        plants: `stack_plants([...])`, axis 0, smooth.
+        controller: any, traceable; prepared once per probe.
+        windows: `probe_windows(...)`, axis 0.
 
     Returns:
         Matrices of the plants (K, P, ...), those of the controllers (K, 1, ...).
@@ -195,21 +149,6 @@ def encoding_of(plants: Plant, windows: Reference) -> Encoding:
     count = measurement.size
     shown = np.eye(count) if count == output.size else np.zeros((count, 0))
     return Encoding(read=shown.T, level=shown, slope=0 * shown)
-
-
-def _measures_like(loops: FrozenLoop) -> tuple[Array, FrozenLoop]:
-    """Shapes of `loop_measures`."""
-    batch = jnp.broadcast_shapes(loops.machine.A.shape[:-2], loops.law.W.shape[:-2])
-
-    def slope(matrix):
-        return jnp.zeros((*batch, MEASURES, *matrix.shape[-2:]), matrix.dtype)
-
-    return jnp.zeros((*batch, MEASURES), loops.machine.A.dtype), jax.tree.map(slope, loops)
-
-
-def _measures(encoding: Encoding, loops: FrozenLoop) -> tuple[np.ndarray, FrozenLoop]:
-    dtype = loops.machine.A.dtype
-    return jax.tree.map(lambda found: found.astype(dtype), loop_measures(loops, encoding))
 
 
 def _innermost_sensors(plant: Plant) -> Plant:

@@ -17,8 +17,7 @@ from jaxtyping import Complex, Float
 
 from jcontour.analysis.frequency_response import Responses, largest_singular
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks
-from jcontour.analysis.loop_slopes import Ends, slope_of, turned
-from jcontour.analysis.spectral import times
+from jcontour.analysis.loop_slopes import Ends, slope_of, times, turned
 
 GRID = np.pi * np.geomspace(1e-3, 1.0, 160)  # [rad per sample] that is looked at in any case
 DEVIATIONS = 1.96  # in half an interval of 95 %

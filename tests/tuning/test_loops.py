@@ -3,13 +3,24 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.analysis.sensitivity import late_radius, loop_peaks
+from jcontour.analysis.probes import probe_windows
+from jcontour.analysis.sensitivity import encoding_of
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
-from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
-from jcontour.geometry.contours import circle
+from jcontour.controllers.observers.kalman import (
+    FilterObserver,
+    OffsetFreeObserver,
+    kalman_gain,
+    offset_free_gain,
+)
+from jcontour.geometry.contours import circle, line, polygon
+from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import along
 from jcontour.plants.delays import Delayed
-from jcontour.plants.encoders import Encoders
+from jcontour.plants.encoders import Encoders, FineEncoders
+from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.linear_machines import bridgeport
+from jcontour.sensors import motors
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from tuning.loops import ProbedLoops, _different
 from tuning.objectives import mean_contour_error
@@ -18,41 +29,92 @@ from tuning.point import looked_at
 from tuning.problem import Problem
 
 
-@pytest.mark.slow
-def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
-    """In reverse mode, through the program; here in forward mode, on the host."""
-    family = stack_plants([Delayed(Encoders(two_axes), jnp.asarray(late), 1, 2) for late in (0, 1)])
-    run = along(circle(1e-3), 3e-4 * np.arange(12), 1e-3, 3, at_rest=False)
-    loops = ProbedLoops.of(family, stack_references([run]), 2, more=2)
+def central_differences(function, point, step=3e-3):
+    """Slopes of fourth order, (outputs, inputs)."""
+    columns = []
+    for direction in step * np.eye(point.size):
+        near, far = (
+            (function(point + k * direction) - function(point - k * direction)) / (2 * k * step)
+            for k in (1, 2)
+        )
+        columns.append((4 * near - far) / 3)
+    return np.stack(columns, axis=1)
 
-    def controller(z):
-        inner = ContouringLQ(two_axes, LQWeights(*jnp.exp(z[:2]), 1e-6), 3)
-        return FilterObserver(inner, two_axes, kalman_gain(two_axes, jnp.exp(z[2]), 1e-6))
+
+def check_slopes(build, start, family, windows):
+    """Sums of all peaks and radii, so that every loop counts, against central differences."""
+    loops = ProbedLoops(windows, encoding_of(family, windows), more=2)
 
     def matrices(z):
-        return loops.matrices(family, controller(z))
+        return loops.matrices(family, build(z))
 
-    z = jnp.log(jnp.array([3.0, 5.0, 0.01]))
-    looked, moved = loops.look(*jax.device_get((matrices(z), jax.jacfwd(matrices)(z))))
-    found, late, slopes, late_slopes = looked.peaks, looked.late, moved.peaks, moved.late
-    assert looked.count_noise is None
+    @jax.jit
+    def moving(z):
+        return matrices(z), jax.jacfwd(matrices)(z)
 
-    def wanted(z):
-        return loop_peaks(family, controller(z), loops.windows)
+    def looked(z):
+        seen, moved = loops.look(*jax.device_get(moving(z)))
+        peaks = zip((*seen.peaks[:3], seen.late), (*moved.peaks[:3], moved.late), strict=True)
+        sums = [(np.sum(value), slope.sum(axis=(0, 1))) for value, slope in peaks]
+        return tuple(map(np.stack, zip(*sums, strict=True)))
 
-    for one, other in zip(found, wanted(z), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12)
-    for one, other in zip(slopes, jax.jacrev(wanted)(z), strict=True):
-        assert one.shape == (2, 2, 3)
-        # a peak is flat: its frequency and the slope there have fewer digits than its height
-        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6 * np.abs(other).max())
+    values, slopes = looked(start)
+    assert np.isfinite(values).all()
+    wanted = central_differences(lambda z: looked(z)[0], start)
+    largest = np.abs(wanted).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(slopes / largest, wanted / largest, rtol=1e-5, atol=1e-6)
 
-    def wanted_late(z):
-        radii = [late_radius(family, controller(z), loops.windows, d) for d in (1, 2)]
-        return jnp.maximum(*radii)
 
-    np.testing.assert_allclose(late, wanted_late(z), rtol=1e-9)
-    np.testing.assert_allclose(late_slopes, jax.jacrev(wanted_late)(z), rtol=1e-6, atol=1e-9)
+def late_table():
+    """Table with and without two samples of delay, probed around a square."""
+    machine = bridgeport()
+    family = [Delayed(Encoders(machine), jnp.asarray(late), 2, 2) for late in (0, 2)]
+    square = polygon(1e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
+    run = along(square, 5e-5 * np.arange(60), machine.dt, 10, at_rest=False)
+    return machine, stack_plants(family), probe_windows(stack_references([run]), 3)
+
+
+def behind_filter(machine):
+    def build(numbers):
+        alpha, beta, noise = jnp.exp(numbers)
+        inner = ContouringLQ(machine, LQWeights(alpha, beta, 2e-9), 10)
+        return FilterObserver(inner, machine, kalman_gain(machine, noise, 3e-7))
+
+    return build, np.log([0.03, 0.1, 0.1])
+
+
+def behind_offset_free(machine):
+    model = with_input_delay(machine, 1)
+
+    def build(numbers):
+        alpha, beta, noise, drift = jnp.exp(numbers)
+        gain = offset_free_gain(model, model.C, noise, drift, 3e-7)
+        inner = ContouringLQ(model, LQWeights(alpha, beta, 2e-9), 10)
+        return OffsetFreeObserver(inner, model, gain, model.C, 10.0)
+
+    return build, np.log([1.0, 3.0, 0.1, 1e-3])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("behind", [behind_filter, behind_offset_free])
+def test_slopes_on_the_table_with_delay(behind):
+    machine, family, windows = late_table()
+    check_slopes(*behind(machine), family, windows)
+
+
+@pytest.mark.slow
+def test_slopes_of_a_cascade_on_the_flexible_axis():
+    dt = 1e-3
+    axis = SmoothFlexibleAxis(thesis_axis(), dt, substeps=4)
+    late = [Delayed(axis, jnp.asarray(late), 1, 1) for late in (0, 1)]
+    family = stack_plants([FineEncoders(plant, motors(1)) for plant in late])
+    run = along(line([0.0], [1e-2]), 1e-4 * np.arange(30), dt, 1, at_rest=False)
+    windows = probe_windows(stack_references([run]), 2)
+
+    def build(numbers):
+        return Cascade(CascadeGains(*jnp.exp(numbers)), motors(1), dt, limit=10.0)
+
+    check_slopes(build, np.log([30.0, 55.0, 0.04]), family, windows)
 
 
 def test_probes_that_are_alike_count_as_each_alone(two_axes):

@@ -4,6 +4,7 @@ from typing import Any
 
 import control
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.optimize import minimize_scalar
 
 from jcontour._arrays import placed
 from jcontour.analysis.probes import probe_windows
+from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks
 from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant, SteadyMotion
@@ -124,5 +126,16 @@ def straight_window():
         there = line(np.zeros(axes), np.full(axes, 1e-2))
         run = along(there, 1e-5 * np.arange(4), 1e-3, preview, at_rest=False)
         return probe_windows(stack_references([run]), 1)
+
+    return of
+
+
+@pytest.fixture(scope="session")
+def loop_peaks():
+    """(plants, controller, windows) -> peaks of their frozen loops."""
+
+    def of(plants, controller, windows):
+        loops = jax.device_get(frozen_family(plants, controller, windows))
+        return host_peaks(loops, encoding_of(plants, windows))
 
     return of

@@ -1,4 +1,4 @@
-"""Peaks over all frequencies, through `loop_peaks`."""
+"""Peaks over all frequencies."""
 
 import control
 import jax
@@ -10,7 +10,6 @@ from scipy.linalg import block_diag
 from jcontour.analysis.frequency_response import Encoding
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
 from jcontour.analysis.peak_search import loop_measures
-from jcontour.analysis.sensitivity import loop_peaks
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.plants.delays import Delayed
 from jcontour.plants.encoders import Encoders, FineEncoders
@@ -33,20 +32,20 @@ def random_loop(random, axes, states=4):
 
 @pytest.mark.parametrize("axes", [1, 2])
 def test_peaks_are_those_of_python_control(
-    axes, given_law, control_peaks, linear_machine, straight_window
+    axes, given_law, control_peaks, linear_machine, straight_window, loop_peaks
 ):
     random, windows = np.random.default_rng(axes), straight_window(axes)
     for _ in range(3):
         matrices, law = random_loop(random, axes)
         family = stack_plants([Encoders(linear_machine(*matrices))])
-        found = jax.device_get(loop_peaks(family, given_law(*law), windows))
+        found = loop_peaks(family, given_law(*law), windows)
         P, K = control.ss(*matrices, 0, 1e-3), control.ss(*law, 1e-3)
         Ms, Mt = control_peaks(P, K).max(axis=0)
         assert found.sensitivity[0, 0] == pytest.approx(Ms, rel=1e-6)
         assert found.complementary[0, 0] == pytest.approx(Mt, rel=1e-6)
 
 
-def test_integrators_have_closed_forms(linear_machine, given_law, straight_window):
+def test_integrators_have_closed_forms(linear_machine, given_law, straight_window, loop_peaks):
     """Ms of x+ = x - g u is 2 / (2 - g), at half the sampling frequency.
 
     One sample late it is 1 / ((1 - s) sqrt(1 + 2 s)), s = sqrt(g). Mt is 1, at standstill.
@@ -65,7 +64,7 @@ def test_integrators_have_closed_forms(linear_machine, given_law, straight_windo
 @pytest.mark.parametrize("inside", [1e-3, 1e-5, 1e-7])
 @pytest.mark.parametrize("angle", [0.003, 0.7654321, 3.0])
 def test_a_narrow_resonance_is_not_missed(
-    inside, angle, linear_machine, given_law, straight_window
+    inside, angle, linear_machine, given_law, straight_window, loop_peaks
 ):
     """S = (z^2 - 2 q cos(a) z + q^2) / (z^2 - 2 r cos(a) z + r^2) with r close to 1."""
 
@@ -76,7 +75,7 @@ def test_a_narrow_resonance_is_not_missed(
     change = (pair(closed) - pair(opened))[:1]
     plant = linear_machine(pair(opened), np.array([[1.0], [0.0]]), change)
     law, family = given_law.static([[1.0]]), stack_plants([Encoders(plant)])
-    found = jax.device_get(loop_peaks(family, law, straight_window(1)))
+    found = loop_peaks(family, law, straight_window(1))
     w = angle + inside * np.linspace(-5, 5, 20001)
     z = np.exp(1j * w)
     numerator, denominator = (
@@ -88,7 +87,7 @@ def test_a_narrow_resonance_is_not_missed(
 
 
 def test_speeds_by_difference_change_with_the_positions(
-    linear_machine, control_peaks, straight_window
+    linear_machine, control_peaks, straight_window, loop_peaks
 ):
     """A cascade on two coupled axes, where input and output differ, by python-control."""
     A = np.array([[1, 0, 8e-4, 1e-4], [0, 1, 0, 9e-4], [0, 0, 0.6, 0.1], [0, 0, 0, 0.8]])

@@ -14,9 +14,8 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float
 
-from jcontour.analysis.late_loops import delay_margins
 from jcontour.analysis.sensitivity import LoopPeaks, frozen_family
-from jcontour.analysis.stability import DELAY_SEARCH
+from jcontour.analysis.stability import DELAY_SEARCH, delay_margins
 from jcontour.app.designs.design import Design, with_values
 from jcontour.app.files.results.search_results import BestDesign
 from jcontour.app.flags.shared import Limited

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.analysis.sensitivity import late_radius
+from jcontour.analysis.sensitivity import frozen_family
 from jcontour.app.files.checkpoints import load_state, save_state
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.replays import Scenarios
@@ -16,6 +16,7 @@ from jcontour.app.reports.progress import progress
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.app.runs.tuning.results import shown_contours
 from jcontour.bounds.worst_cases import PeakValues
+from jcontour.linear.plant import spectral_radius
 from jcontour.simulation.evaluation import evaluate, stack_plants
 from jcontour.simulation.metrics import Metrics
 from tests.app.small_runs import partly
@@ -76,8 +77,9 @@ def test_a_delay_margin_limits_loops_with_that_much_more_delay(
     z = Chart(run.problem.space, run.start).coordinates()
     point = evaluate_point(run.problem, run.start, np.asarray(z))
     loops = run.problem.loops
-    seen = run.problem.plants, run.controller(run.start), loops.windows
-    wanted = np.max([late_radius(*seen, delay) for delay in range(1, more + 1)], axis=0)
+    cut = frozen_family(run.problem.plants, run.controller(run.start), loops.windows).cut()
+    late = [spectral_radius(cut.late(delay)) for delay in range(1, more + 1)]
+    wanted = np.max(late, axis=0)
     np.testing.assert_allclose(point.outcome.late, wanted, rtol=1e-9)
     assert run.limits["late_radius"] < 1
     assert ("peak_sensitivity" in run.limits) == (sensitivity is not None)

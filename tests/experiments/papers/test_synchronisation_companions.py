@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jcontour.analysis.scheduling import admissible_rate, turning
+from experiments.papers.synchronisation.companions import admissible_rate, turning
 
 DATA = Path(__file__).parents[2] / "data" / "adaptive" / "companions.json"
 INTEGRATED, EXACT, EIGENVALUES = json.loads(DATA.read_text())["lpv_frozen"]
