@@ -26,11 +26,10 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
-from jcontour.geometry.coordinates import Numbers
+from jcontour.geometry.coordinates import Numbers, per_piece
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import fitted
-from jcontour.motion.jerk_limited.joints import joints
-from jcontour.motion.jerk_limited.limits import Asked, AxisLimits
+from jcontour.motion.jerk_limited.limits import Asked, AxisLimits, joints
 
 SHARE = 0.5  # of a piece, at most, that a blend takes at each of its ends
 SAFETY = 0.99  # of the tolerance: the deviation may peak between the places where it is measured
@@ -291,7 +290,8 @@ def blended(
     if allowed.shape != (count - 1,):
         raise ValueError(f"allowed: needs shape ({count - 1},), received {allowed.shape}")
     used = np.zeros(count - 1) if used is None else used
-    asked = None if asked is None else asked.checked(count)
+    if asked is not None:
+        asked = asked._replace(feed=per_piece("feed", asked.feed, count))
     found = joints(pieces)
     rough = (found.turn > ROUNDING) | (found.bend > 0)
     at = np.flatnonzero(allowed & rough & (found.turn < SHARPEST))
@@ -302,7 +302,8 @@ def blended(
         left = SAFETY * (tolerance[at] - used[at])
         blends = within(blends, left)
         if asked is not None:
-            blends = as_needed(blends, left, asked.lower[at], asked.limits)
+            feed = np.minimum(asked.feed[at], asked.feed[at + 1])
+            blends = as_needed(blends, left, feed, asked.limits)
         blends = without_gaps(blends)
         if blends.at.size > 0:
             return _assembled(contour, blends, used[blends.at])

@@ -23,12 +23,10 @@ from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.blending import BlendedPath
-from jcontour.motion.feed_laws import SharpTurnError
-from jcontour.motion.jerk_limited.joints import everywhere, joints
-from jcontour.motion.jerk_limited.limits import Asked, AxisLimits
+from jcontour.motion.feed_laws import Rests, SharpTurnError, rest_of_pieces
+from jcontour.motion.jerk_limited.limits import Asked, AxisLimits, everywhere, joints
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
 from jcontour.motion.point_to_point import PointToPoint
-from jcontour.motion.rests import Rests, rest_of_pieces
 from jcontour.motion.smoothing import smooth_path
 
 WORTH = 1e-3  # of the duration: a smaller gain needs no second plan, unless it decides

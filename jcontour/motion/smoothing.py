@@ -15,11 +15,10 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
-from jcontour.geometry.coordinates import Numbers
+from jcontour.geometry.coordinates import Numbers, per_piece
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.blending import BlendedPath, blended
-from jcontour.motion.jerk_limited.joints import joints
-from jcontour.motion.jerk_limited.limits import Asked
+from jcontour.motion.jerk_limited.limits import Asked, joints
 from jcontour.motion.runs import FIT, Runs, followed
 
 SHARE = 0.7  # of the tolerance, for the smoothing; what it leaves is for the blends
@@ -55,7 +54,8 @@ def smooth_path(
     alike = every if alike is None else np.asarray(alike, bool)
     if alike.shape != every.shape:
         raise ValueError(f"alike: needs shape {every.shape}, received {alike.shape}")
-    asked = None if asked is None else asked.checked(every.size + 1)
+    if asked is not None:
+        asked = asked._replace(feed=per_piece("feed", asked.feed, every.size + 1))
     tolerance = np.asarray(tolerance, float)
     if not (tolerance > 0).all() or allowed.shape != every.shape:
         return blended(contour, tolerance, allowed, asked=asked)

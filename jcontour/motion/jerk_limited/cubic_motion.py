@@ -11,8 +11,7 @@ from scipy.linalg import solve_banded
 
 from jcontour._compiled import compiled
 from jcontour.geometry.pieces import Piece
-from jcontour.motion.jerk_limited.joints import curved
-from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.jerk_limited.limits import AxisLimits, curved
 from jcontour.motion.point_to_point import PointToPoint
 
 # of a stretch: where a ramp ends, and the two halves of it

@@ -16,8 +16,7 @@ from jcontour.geometry.pieces import Piece
 from jcontour.motion.feed_laws import trapezoidal
 from jcontour.motion.jerk_limited.conditions import Cells
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
-from jcontour.motion.jerk_limited.joints import curved, everywhere
-from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.jerk_limited.limits import AxisLimits, curved, everywhere
 from jcontour.motion.jerk_limited.planned_motion import JerkLimitedMotion
 
 PER_RAMP = 8  # cells in the time for which a motion keeps up its jerk

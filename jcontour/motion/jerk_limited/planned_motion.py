@@ -16,10 +16,10 @@ from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import positive
 from jcontour.geometry.pieces import Piece
+from jcontour.motion.feed_laws import NEVER, Rests
 from jcontour.motion.jerk_limited.conditions import Cells
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion, MotionSamples, composed
 from jcontour.motion.jerk_limited.limits import AxisLimits
-from jcontour.motion.rests import NEVER, Rests
 
 SERIES = 1e-6  # of the argument: below, two terms are exact to rounding
 

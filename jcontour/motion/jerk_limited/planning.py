@@ -18,8 +18,7 @@ from jcontour.motion.jerk_limited.cubic_motion import (
     straight_motions,
     through,
 )
-from jcontour.motion.jerk_limited.joints import joints
-from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.jerk_limited.limits import AxisLimits, joints
 from jcontour.motion.jerk_limited.mesh import shares
 from jcontour.motion.jerk_limited.newton import fullest, quickest
 from jcontour.motion.jerk_limited.planned_motion import JerkLimitedMotion, Warp, begins_of

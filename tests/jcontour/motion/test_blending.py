@@ -6,8 +6,7 @@ import pytest
 from jcontour.geometry import contours
 from jcontour.geometry.contour import unpadded
 from jcontour.motion.blending import blended
-from jcontour.motion.jerk_limited.joints import joints
-from jcontour.motion.jerk_limited.limits import Asked, AxisLimits
+from jcontour.motion.jerk_limited.limits import Asked, AxisLimits, joints
 
 SQUARE = contours.polygon([(0, 0), (20e-3, 0), (20e-3, 20e-3), (0, 20e-3)])
 SLOT = contours.chain(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.motion.rests import NEVER, Rests, rest_of_pieces
+from jcontour.motion.feed_laws import NEVER, Rests, rest_of_pieces
 
 
 def test_time_stands_still_in_rests():

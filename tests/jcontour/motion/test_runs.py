@@ -5,8 +5,7 @@ import pytest
 
 from jcontour.geometry import contours
 from jcontour.geometry.contour import unpadded
-from jcontour.motion.jerk_limited.joints import everywhere
-from jcontour.motion.jerk_limited.limits import EASE, Asked, AxisLimits
+from jcontour.motion.jerk_limited.limits import EASE, Asked, AxisLimits, everywhere
 from jcontour.motion.runs import CLOSEST, PER_CELL, Runs, followed
 
 TOLERANCE = 1e-6

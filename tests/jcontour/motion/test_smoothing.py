@@ -6,8 +6,7 @@ import pytest
 from jcontour.geometry import contours
 from jcontour.geometry.contour import unpadded
 from jcontour.motion.blending import blended
-from jcontour.motion.jerk_limited.joints import joints
-from jcontour.motion.jerk_limited.limits import Asked, AxisLimits
+from jcontour.motion.jerk_limited.limits import Asked, AxisLimits, joints
 from jcontour.motion.jerk_limited.planning import jerk_limited
 from jcontour.motion.smoothing import smooth_path
 

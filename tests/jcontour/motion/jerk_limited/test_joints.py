@@ -6,7 +6,7 @@ import pytest
 from jcontour.geometry import contours
 from jcontour.geometry.contour import unpadded
 from jcontour.motion.jerk_limited.cubic_motion import MotionSamples, composed
-from jcontour.motion.jerk_limited.joints import BEND, TURN, everywhere, joints
+from jcontour.motion.jerk_limited.limits import BEND, TURN, everywhere, joints
 
 RADIUS = 5e-3  # [m]
 TANGENT = contours.chain(
