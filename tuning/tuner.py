@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from tuning.descents.descent import Descent, Evaluate, begin, descend
+from tuning.descents.descent import Descent, begin, descend
 from tuning.descents.quadratic_step import Model
 from tuning.descents.stabilise import TRIES, Measured, landed, loop_radii, outside, stabilised
 from tuning.objectives import AtMost, Outcome
@@ -190,6 +190,10 @@ def result(problem: Problem, start: Weights, state: TuneState) -> Tuned:
     descents = {row.start for row in state.history if row.start >= 0}
     ended = _ended(state)
     of_descent = 0 <= best.start < len(ended.stationary)
+    prices = []
+    if of_descent:
+        of_entries = zip(problem.limit_entries(best.outcome), ended.prices[best.start], strict=True)
+        prices = [Price(*entry, float(price)) for entry, price in of_entries]
     return Tuned(
         weights=Chart(problem.space, start).weights(jnp.asarray(best.z)),
         outcome=best.outcome,
@@ -198,7 +202,7 @@ def result(problem: Problem, start: Weights, state: TuneState) -> Tuned:
         diverged_points=sum(row.diverged for row in state.history),
         diverged_starts=len(descents - begun),
         history=state.history,
-        prices=_named(problem, best, ended.prices[best.start]) if of_descent else [],
+        prices=prices,
         stabilised=state.stabilised,
         stationary=bool(of_descent and ended.stationary[best.start]),
         exceeded=_exceeded(problem, best),
@@ -211,13 +215,14 @@ def advance(problem: Problem, start: Weights, effort: Effort, state: TuneState) 
         z = state.begin if state.begin.size else _first(problem, start)
         return _begun(problem, start, state, 0, z)
     descent, left = state.descent, effort.evaluations - len(state.history)
-    if descent is not None and _going_on(descent, effort, left):
-        return _iterated(problem, start, effort, state)
-    if descent is not None and left > 0 and outside(descent) and not descent.landed:
-        return _landed(problem, start, effort, state, left)
+    if descent is not None:
+        after = _moved_on(problem, start, effort, state, descent, left)
+        if after is not None:
+            return after
+        within = np.max(descent.model.limits, initial=-np.inf) <= FEASIBLE
+        if not effort.every_start and descent.stationary and within:
+            return replace(_ended(state), done=True)
     if left < IN_ONE_STEP:
-        return replace(_ended(state), done=True)
-    if not effort.every_start and descent is not None and _good(descent):
         return replace(_ended(state), done=True)
     scattered = sum(row.start < 0 for row in state.history)
     if scattered < effort.scatter and (effort.starts > 1 or descent is None):
@@ -231,54 +236,38 @@ def advance(problem: Problem, start: Weights, effort: Effort, state: TuneState) 
     return _begun(problem, start, ended, index, z)
 
 
-def _going_on(descent: Descent, effort: Effort, left: int) -> bool:
-    """Whether a descent has another iteration, and evaluations to land after it."""
-    needed = IN_ONE_STEP + (TRIES if outside(descent) else 0)
-    return not descent.done and descent.steps < effort.steps and left >= needed
+def _moved_on(
+    problem: Problem, start: Weights, effort: Effort, state: TuneState, descent: Descent, left: int
+) -> TuneState | None:
+    """State after an iteration of the descent, or its landing; None where it has ended."""
+    history, box = list(state.history), _box(problem, start)
 
+    def evaluate(z) -> Model | None:
+        point = evaluate_point(problem, start, z)
+        history.append(_row(state.start, z, point))
+        return None if point.diverged else _model(point)
 
-def _good(descent: Descent) -> bool:
-    """Whether a descent has ended stationary, within the limits."""
-    return bool(descent.stationary and np.max(descent.model.limits, initial=-np.inf) <= FEASIBLE)
+    beyond = outside(descent)
+    needed = IN_ONE_STEP + (TRIES if beyond else 0)  # evaluations to land after it
+    if not descent.done and descent.steps < effort.steps and left >= needed:
+        descent = descend(descent, evaluate, box, effort.tolerance)
+        met = _met(descent, state, effort.tolerance)
+        if met is not None and not descent.done:
+            descent = descent._replace(done=True, stationary=bool(state.stationary[met]))
+    elif left > 0 and beyond and not descent.landed:
+        descent = landed(descent, evaluate, box, effort.tolerance, min(left, TRIES))
+    else:
+        return None
+    return replace(state, history=history, descent=descent)
 
 
 def _begun(problem, start, state: TuneState, index: int, z: np.ndarray) -> TuneState:
-    point = _point(problem, start, z)
+    point = evaluate_point(problem, start, z)
     state = replace(state, start=index, history=[*state.history, _row(index, z, point)])
     if point.diverged:
         state, z, point = _stabilised(problem, start, state, z, point)
     descent = None if point.diverged else begin(z, _model(point))
     return replace(state, descent=descent)
-
-
-def _iterated(problem, start, effort: Effort, state: TuneState) -> TuneState:
-    assert state.descent is not None
-    history, evaluate = _recorded(problem, start, state)
-    descent = descend(state.descent, evaluate, _box(problem, start), effort.tolerance)
-    met = _met(descent, state, effort.tolerance)
-    if met is not None and not descent.done:
-        descent = descent._replace(done=True, stationary=bool(state.stationary[met]))
-    return replace(state, history=history, descent=descent)
-
-
-def _landed(problem, start, effort: Effort, state: TuneState, left: int) -> TuneState:
-    assert state.descent is not None
-    history, evaluate = _recorded(problem, start, state)
-    box = _box(problem, start)
-    descent = landed(state.descent, evaluate, box, effort.tolerance, min(left, TRIES))
-    return replace(state, history=history, descent=descent)
-
-
-def _recorded(problem, start, state: TuneState) -> tuple[list[Evaluated], Evaluate]:
-    """A copy of the history, and what evaluates a point of the descent and puts it there."""
-    history = list(state.history)
-
-    def evaluate(z) -> Model | None:
-        point = _point(problem, start, z)
-        history.append(_row(state.start, z, point))
-        return None if point.diverged else _model(point)
-
-    return history, evaluate
 
 
 def _box(problem: Problem, start: Weights) -> tuple[np.ndarray, np.ndarray]:
@@ -307,7 +296,7 @@ def _stabilised(problem, start, state: TuneState, z, point: Point):
     least, least_z = state.least_radius, state.least_z
 
     def evaluate(there) -> Point:
-        point = _point(problem, start, there)
+        point = evaluate_point(problem, start, there)
         history.append(_row(state.start, there, point))
         return point
 
@@ -372,11 +361,6 @@ def _nothing_stable(problem: Problem, start: Weights, state: TuneState) -> str:
     )
 
 
-def _named(problem: Problem, best: Evaluated, prices: np.ndarray) -> list[Price]:
-    entries = problem.limit_entries(best.outcome)
-    return [Price(*entry, float(value)) for entry, value in zip(entries, prices, strict=True)]
-
-
 def _exceeded(problem: Problem, best: Evaluated) -> tuple[Exceeded, ...]:
     """Limits that a point does not keep, each by its worst entry."""
     if best.violation <= FEASIBLE:
@@ -397,10 +381,6 @@ def _exceeded(problem: Problem, best: Evaluated) -> tuple[Exceeded, ...]:
 
 def _first(problem: Problem, start: Weights) -> np.ndarray:
     return np.asarray(Chart(problem.space, start).coordinates())
-
-
-def _point(problem: Problem, start: Weights, z: np.ndarray) -> Point:
-    return evaluate_point(problem, start, z)
 
 
 def _model(point: Point) -> Model:
