@@ -6,7 +6,7 @@ and compares with a force that omits spring and damper. Here a slider has an exp
 {-1, 0, 1}, as Karnopp had it, and the whole force decides.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import equinox as eqx
@@ -23,6 +23,23 @@ Axes = Float[Array, "*m"]
 PerAxis = Float[Array, "#m"]  # one value, or one for each axis
 
 
+def by_axis(value) -> PerAxis:
+    """Converter of a field: one value, or one for each axis."""
+    return ranked(value, 1)
+
+
+def check_signs(module: eqx.Module, positive: Sequence[str], not_negative: Sequence[str]) -> None:
+    """Raise ValueError unless fields are finite, and above or at least zero; traced ones pass."""
+    for name in (*positive, *not_negative):
+        value = getattr(module, name)
+        if is_concrete(value):
+            numbers = np.asarray(value)
+            enough = numbers > 0 if name in positive else numbers >= 0
+            if not np.all(np.isfinite(numbers) & enough):
+                bound = "above" if name in positive else "at least"
+                raise ValueError(f"{name}: needs to be finite and {bound} zero, received {value}")
+
+
 class Friction(eqx.Module):
     """Lorentzian friction of every axis.
 
@@ -36,24 +53,13 @@ class Friction(eqx.Module):
         ValueError: a value is negative or not finite, or the Stribeck speed is zero.
     """
 
-    coulomb: PerAxis
-    stribeck: PerAxis
-    stribeck_speed: PerAxis
-    viscous: PerAxis
+    coulomb: PerAxis = eqx.field(converter=by_axis)
+    stribeck: PerAxis = eqx.field(converter=by_axis)
+    stribeck_speed: PerAxis = eqx.field(converter=by_axis)
+    viscous: PerAxis = eqx.field(converter=by_axis)
 
-    def __init__(self, coulomb, stribeck, stribeck_speed, viscous):
-        named = {
-            "coulomb": coulomb,
-            "stribeck": stribeck,
-            "stribeck_speed": stribeck_speed,
-            "viscous": viscous,
-        }
-        for name, value in named.items():
-            if is_concrete(value) and not np.all((np.asarray(value) >= 0) & np.isfinite(value)):
-                raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
-            setattr(self, name, ranked(value, 1))
-        if is_concrete(stribeck_speed) and not np.all(np.asarray(stribeck_speed) > 0):
-            raise ValueError(f"stribeck_speed: needs to be above zero, received {stribeck_speed}")
+    def __check_init__(self):
+        check_signs(self, ("stribeck_speed",), ("coulomb", "stribeck", "viscous"))
 
     def slipping(self, mode: Int[Array, "*m"], speed: Axes) -> Axes:
         """Force against the motion [N] while the mode is -1 or 1."""
@@ -103,6 +109,25 @@ def without_dry_friction(plant: Plant) -> Plant:
 
 
 State = TypeVar("State")  # any pytree of arrays
+
+
+def substeps_of(dt: float, substeps: int | float | None, longest: float) -> int:
+    """Substeps in a sample; as many as `longest` [s] fits into it where none are given.
+
+    Raises:
+        ValueError: `dt` is not above zero or no whole number of them, or `substeps` not a whole
+            number of at least one.
+    """
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
+    count = round(dt / longest) if substeps is None else substeps
+    if substeps is None and (count < 1 or abs(count * longest - dt) > 1e-9 * dt):
+        raise ValueError(
+            f"substeps: {longest} s does not divide the sample period {dt} s; give their number"
+        )
+    if count < 1 or count != int(count):
+        raise ValueError(f"substeps: needs a whole number, at least one, received {substeps}")
+    return int(count)
 
 
 def runge_kutta(rates: Callable[[State], State], x: State, h: float | Float[Array, ""]) -> State:

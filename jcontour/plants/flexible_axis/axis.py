@@ -24,7 +24,14 @@ from jcontour._tracing import is_concrete
 from jcontour.linear.plant import LinearPlant, Pattern
 from jcontour.linear.transformations import zoh
 from jcontour.plant import Plant
-from jcontour.plants.friction import Friction, caught, runge_kutta
+from jcontour.plants.friction import (
+    Friction,
+    by_axis,
+    caught,
+    check_signs,
+    runge_kutta,
+    substeps_of,
+)
 
 # [s] of the reference numbers; shorter ones change the thesis's trajectories by less than 1e-11 m
 SUBSTEP = 5e-5
@@ -53,6 +60,10 @@ class SlidingMotion(NamedTuple):
     mode: Int[Array, " m"]
 
 
+def _harmonics(value) -> Harmonics:
+    return ranked(value, 2)
+
+
 class AxisParameters(eqx.Module):
     """Masses, link, motor, friction and cogging: one number each, or one for each axis.
 
@@ -73,42 +84,18 @@ class AxisParameters(eqx.Module):
             is there for another number of axes than there are motor masses.
     """
 
-    motor_mass: Axes
-    tool_mass: PerAxis
-    stiffness: PerAxis
-    damping: PerAxis
-    force_constant: PerAxis
+    motor_mass: Axes = eqx.field(converter=by_axis)
+    tool_mass: PerAxis = eqx.field(converter=by_axis)
+    stiffness: PerAxis = eqx.field(converter=by_axis)
+    damping: PerAxis = eqx.field(converter=by_axis)
+    force_constant: PerAxis = eqx.field(converter=by_axis)
     friction: Friction
-    cogging_sine: Harmonics
-    cogging_cosine: Harmonics
-    pole_pitch: PerAxis
+    cogging_sine: Harmonics = eqx.field(converter=_harmonics)
+    cogging_cosine: Harmonics = eqx.field(converter=_harmonics)
+    pole_pitch: PerAxis = eqx.field(converter=by_axis)
 
-    def __init__(
-        self,
-        motor_mass,
-        tool_mass,
-        stiffness,
-        damping,
-        force_constant,
-        friction,
-        cogging_sine,
-        cogging_cosine,
-        pole_pitch,
-    ):
-        named = {
-            "motor_mass": motor_mass,
-            "tool_mass": tool_mass,
-            "force_constant": force_constant,
-            "pole_pitch": pole_pitch,
-            "stiffness": stiffness,
-            "damping": damping,
-        }
-        for name, value in named.items():
-            _check_sign(name, value)
-            setattr(self, name, ranked(value, 1))
-        self.friction = friction
-        self.cogging_sine = ranked(cogging_sine, 2)
-        self.cogging_cosine = ranked(cogging_cosine, 2)
+    def __check_init__(self):
+        check_signs(self, POSITIVE, NOT_NEGATIVE)
         wanted, found = self.cogging_sine.shape, self.cogging_cosine.shape
         if wanted != found:
             raise ValueError(f"cogging_cosine: needs shape {wanted}, received {found}")
@@ -171,16 +158,6 @@ def thesis_axis() -> AxisParameters:
     )
 
 
-def _check_sign(name: str, value) -> None:
-    if not is_concrete(value):
-        return
-    numbers = np.asarray(value, float)
-    enough = numbers > 0 if name in POSITIVE else numbers >= 0
-    if not np.all(np.isfinite(numbers) & enough):
-        bound = "above" if name in POSITIVE else "at least"
-        raise ValueError(f"{name}: needs to be finite and {bound} zero, received {value}")
-
-
 class _Axis(Plant):
     """Common part of the true axis and its smooth twin."""
 
@@ -190,17 +167,8 @@ class _Axis(Plant):
 
     def __init__(self, parameters: AxisParameters, dt: float, substeps: int | float | None = None):
         """Take `substeps` per sample; as many as `SUBSTEP` fits into the sample when not given."""
-        if not (np.isfinite(dt) and dt > 0):
-            raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
         self.parameters, self.dt = parameters, float(dt)
-        count = round(dt / SUBSTEP) if substeps is None else substeps
-        if substeps is None and (count < 1 or abs(count * SUBSTEP - dt) > 1e-9 * dt):
-            raise ValueError(
-                f"substeps: {SUBSTEP} s does not divide the sample period {dt} s; give their number"
-            )
-        if count < 1 or count != int(count):
-            raise ValueError(f"substeps: needs a whole number, at least one, received {substeps}")
-        self.substeps = int(count)
+        self.substeps = substeps_of(dt, substeps, SUBSTEP)
 
     @property
     def side_by_side(self) -> bool:

@@ -25,13 +25,13 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jcontour._tracing import is_concrete
 from jcontour.plant import Plant
-from jcontour.plants.friction import Friction, caught, runge_kutta
+from jcontour.plants.friction import Friction, caught, runge_kutta, substeps_of
 from jcontour.plants.gantry.gantry import (
+    SUBSTEP,
     EquationOfMotion,
     GantryParameters,
     Scalar,
     Triple,
-    substeps_of,
     untwisted,
 )
 
@@ -152,7 +152,8 @@ class _FrictionGantry(Plant):
         dt: float,
         substeps: int | float | None = None,
     ):
-        self.parameters, self.dt, self.substeps = parameters, float(dt), substeps_of(dt, substeps)
+        self.parameters, self.dt = parameters, float(dt)
+        self.substeps = substeps_of(dt, substeps, SUBSTEP)
         # Friction with one value for each slider
         for name, values in vars(friction).items():
             count = values.shape[-1]

@@ -24,7 +24,7 @@ from jaxtyping import Array, Float
 
 from jcontour._tracing import is_concrete
 from jcontour.plant import Plant
-from jcontour.plants.friction import runge_kutta
+from jcontour.plants.friction import runge_kutta, substeps_of
 
 SUBSTEP = 2.5e-4  # [s] a forty-sixth of the period of the fastest resonance, 86 Hz
 
@@ -331,7 +331,8 @@ class Gantry(Plant):
     def __init__(
         self, parameters: GantryParameters, dt: float, substeps: int | float | None = None
     ):
-        self.parameters, self.dt, self.substeps = parameters, float(dt), substeps_of(dt, substeps)
+        self.parameters, self.dt = parameters, float(dt)
+        self.substeps = substeps_of(dt, substeps, SUBSTEP)
 
     @property
     def alike_everywhere(self) -> tuple[bool, ...]:
@@ -364,15 +365,3 @@ class Gantry(Plant):
 
     def output(self, state) -> Float[Array, "2"]:
         return self.parameters.tool(state[:3])
-
-
-def substeps_of(dt: float, substeps: int | float | None) -> int:
-    """Substeps per sample; ValueError unless `dt` holds a whole number of them."""
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
-    count = round(dt / SUBSTEP) if substeps is None else substeps
-    if count < 1 or (substeps is None and abs(count * SUBSTEP - dt) > 1e-9 * dt):
-        raise ValueError(
-            f"substeps: {SUBSTEP} s does not divide the sample period {dt} s; give their number"
-        )
-    return int(count)

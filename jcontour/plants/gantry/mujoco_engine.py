@@ -25,7 +25,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.plant import Plant
-from jcontour.plants.gantry.gantry import GantryParameters, substeps_of, untwisted
+from jcontour.plants.friction import substeps_of
+from jcontour.plants.gantry.gantry import SUBSTEP, GantryParameters, untwisted
 
 # a pair: mujoco-mjx itself sets no bound on mujoco
 WANTED = {"mujoco": "4.0.0", "mujoco-mjx": "3.17.0"}
@@ -169,7 +170,8 @@ class GantryMuJoCo(EngineGantry):
     def __init__(
         self, parameters: GantryParameters, dt: float, substeps: int | float | None = None
     ):
-        self.parameters, self.dt, self.substeps = parameters, float(dt), substeps_of(dt, substeps)
+        self.parameters, self.dt = parameters, float(dt)
+        self.substeps = substeps_of(dt, substeps, SUBSTEP)
         self.model = mjcf(parameters, self.dt / self.substeps)
 
     def step(self, state: EngineState, control) -> EngineState:
@@ -220,7 +222,8 @@ class GantryMJX(EngineGantry):
     def __init__(
         self, parameters: GantryParameters, dt: float, substeps: int | float | None = None
     ):
-        self.parameters, self.dt, self.substeps = parameters, float(dt), substeps_of(dt, substeps)
+        self.parameters, self.dt = parameters, float(dt)
+        self.substeps = substeps_of(dt, substeps, SUBSTEP)
         self.model = _mjx().put_model(loaded(mjcf(parameters, self.dt / self.substeps)))
 
     def step(self, state: EngineState, control) -> EngineState:

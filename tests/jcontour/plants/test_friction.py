@@ -55,7 +55,7 @@ def test_bad_values_are_named(name):
     for bad in (-1.0, np.nan):
         with pytest.raises(ValueError, match=f"^{name}:"):
             Friction(**{**good, name: bad})
-    with pytest.raises(ValueError, match="stribeck_speed: needs to be above zero"):
+    with pytest.raises(ValueError, match="stribeck_speed: needs to be finite and above zero"):
         Friction(1.0, 1.0, 0.0, 1.0)
 
 
