@@ -1,6 +1,7 @@
 """Controllers for any machine: built on every kind, gradients of every weight."""
 
 import warnings
+from itertools import product
 
 import jax
 import jax.numpy as jnp
@@ -19,11 +20,18 @@ NAMES = [name for name in CONTROLLERS if getattr(design_class(name), "needs", No
 STEP = 1e-6  # of a logarithm: a larger one meets the kinks of limits and layers
 STEPS = {"h-infinity": 1e-4}  # it has none, and its Riccati solutions have fewer digits
 KINDS = ("xy-table", "flexible-axis", "gantry")
+SUITED = {  # others, each on a machine that suits it
+    "contouring-lq-zero": "xy-table",
+    "cross-coupled-lq": "xy-table",
+    "causal-inverse": "xy-table",
+    "flexible-causal-inverse": "flexible-axis",
+    "polar": "flexible-axes",
+    "master-slave": "gantry",
+}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "kind"), [*product(NAMES, KINDS), *SUITED.items()])
 def test_every_weight_has_the_slope_that_differences_say(name, kind):
     """On the smooth nominal machine, from its start; the nominal loop follows its path."""
     machine = machine_named(kind)
