@@ -56,12 +56,6 @@ class Settings:
 
     quick: bool = False
     """The same: the whole takes seconds."""
-    zero: float = FITTED
-    """The plant's unstable zero b in lambda."""
-
-    def __post_init__(self):
-        if not -1 < self.zero < 0:
-            raise ValueError(f"zero: needs a number between -1 and 0, received {self.zero}")
 
 
 @dataclass(frozen=True)
@@ -466,7 +460,7 @@ class Result:
 
 def run(settings: Settings) -> Result:
     """Simulate everything."""
-    zero = settings.zero
+    zero = FITTED
     thirty = line_30(zero)
     step, slow = np.array([1.0, -1.0]), np.array([1 + thirty.eps_from_max, -1.0])
     return Result(

@@ -34,7 +34,6 @@ COLUMNS = {
     "RMS\ntracking um": "tracking_um",
     "RMS\ncurrent A": "current_a",
     "RMS\nincrement A": "increment_a",
-    "time s": "time_s",
 }
 
 

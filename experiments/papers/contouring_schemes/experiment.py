@@ -44,7 +44,6 @@ from tuning.tuner import Evaluated, Tuned, TuneState, advance, result
 FEED = 0.05  # [m/s]; the thesis asks 0.1 of its axis
 ACCELERATION = 1.0  # [m/s^2]; the thesis asks 4 of its axis
 SETTLING = 0.2  # [s] that the tool is given, and scored, after its reference has come to the end
-ARRIVED = 50e-6  # [m] from the end: there the contour counts as done
 # limits of RMS current and of RMS increments, times what the thesis's gains with feedforward need
 CURRENT, INCREMENT = 1.2, 2.0
 # of the smooth twin while it is tuned: four change its errors by 5e-6; the true plant takes its 20
@@ -159,7 +158,6 @@ class Row:
     increment_a: float
     diverged: bool
     motor_um: float  # contour error at the motors, where the schemes measure
-    time_s: float  # arrival; not finite when the tool does not arrive
 
 
 @dataclass(frozen=True)
@@ -242,14 +240,13 @@ class Setup:
 
 
 class Scores(NamedTuple):
-    """Metrics at the end effectors and at the motors, and arrival of the tool [s].
+    """Metrics at the end effectors and at the motors, where the schemes measure.
 
-    Axes (contour, plant). The schemes measure at the motors.
+    Axes (contour, plant).
     """
 
     tool: Metrics
     motors: Metrics
-    arrival: Float[Array, "c p"]
 
 
 @eqx.filter_jit
@@ -265,21 +262,11 @@ def scored(plants: Plant, controller: Controller, references: Reference) -> Scor
                 score_signals(signal, run.control, reference)
                 for signal in (run.output, run.measurement[0])
             )
-            return Scores(tool, motor, arrival(run.output, reference))
+            return Scores(tool, motor)
 
         return one_by_one(on_plant, plants)
 
     return one_by_one(on_contour, references)
-
-
-def arrival(output: Float[Array, "T m"], reference: Reference) -> Float[Array, ""]:
-    """Time at which the tool has come to the end of its run, to stay [s].
-
-    Not finite when it has not.
-    """
-    away = jnp.linalg.norm(output - reference.position[-1:], axis=-1) > ARRIVED
-    last = jnp.max(jnp.where(away, jnp.arange(reference.steps), -1))
-    return jnp.where(away[-1], jnp.inf, (last + 1).astype(output.dtype) * reference.dt)
 
 
 def rows(name: str, loops: str, controller: Controller, plants: Sequence[str]) -> list[Row]:
@@ -301,7 +288,6 @@ def rows(name: str, loops: str, controller: Controller, plants: Sequence[str]) -
             increment_a=float(tool.rms_increment[i, j]),
             diverged=bool(tool.diverged[i, j]),
             motor_um=1e6 * float(scores.motors.rms_contour_error[i, j]),
-            time_s=float(scores.arrival[i, j]),
         )
         for i, contour in enumerate((*seen, *new))
         for j, plant in enumerate(plants)

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from experiments.papers.mcnab_tsao.experiment import (
     ALPHAS,
     BETAS,
+    FAMILY,
     FIGURE_2_ALPHA,
     FIGURE_9,
     FIGURE_10,
@@ -102,7 +103,7 @@ def claims(result: Result) -> Iterator[Claim]:
 
 def _measured_figure(result: Result, figure: str, terminal: str, error: str) -> Claim:
     """U-shape over alpha on the machine that is latest."""
-    alphas, delay = (*ALPHAS, TOO_HIGH_ALPHA), result.family[-1].delay
+    alphas, delay = (*ALPHAS, TOO_HIGH_ALPHA), FAMILY[-1].delay
     runs = {alpha: result.on_family(terminal, alpha, 0.0) for alpha in alphas}
     late = {alpha: machines[-1] for alpha, machines in runs.items()}
     stable = {alpha: getattr(run, error) for alpha, run in late.items() if run.stable}
@@ -325,7 +326,7 @@ def tables(result: Result) -> Iterator[Table]:
             ),
         },
     )
-    delay = result.family[-1].delay
+    delay = FAMILY[-1].delay
     yield Table(
         "Figs 3 and 5: beta 0, output terminal, "
         f"unknown input delay [samples]: {delay}; errors [um]",
@@ -420,7 +421,7 @@ def errors_on_the_family(result: Result) -> Figure:
     for error, terminal in product(ERRORS, NAMES):
         runs = [result.on_family(terminal, alpha, 0.0) for alpha in alphas]
         curves = []
-        for i, member in enumerate(result.family):
+        for i, member in enumerate(FAMILY):
             values = np.array([getattr(machines[i], error) for machines in runs])
             lost = np.array([not machines[i].stable for machines in runs])
             curves += [

@@ -87,6 +87,15 @@ class Member:
         return "nominal" if self.gain_x == self.gain_y == 1 else gains
 
 
+FAMILY = (  # the nominal machine, one axis stronger and the other weaker, delays
+    Member(1.0, 1.0, 0),
+    Member(1.1, 0.9, 0),
+    Member(0.9, 1.1, 0),
+    Member(1.0, 1.0, 1),
+    Member(1.0, 1.0, 2),
+)
+
+
 @dataclass(frozen=True)
 class MachineRun:
     """One run on one machine; errors are not finite where it diverges. RMS over the scored lap."""
@@ -168,21 +177,16 @@ class AnyHorizonLQ(Controller):
 
 
 class Setup:
-    """The table with everything that all runs share.
+    """The table with everything that all runs share."""
 
-    Args:
-        family: the machines, the nominal one first.
-    """
-
-    def __init__(self, family: tuple[Member, ...]):
+    def __init__(self):
         self.model = bridgeport()
-        self.family = family
         self.motion = eqx.filter_jit(steady_motion)(self.model)
         ends = (OutputTerminal(), RiccatiTerminal(self.motion))
         self.terminals: dict[str, Terminal] = dict(zip(TERMINALS, ends, strict=True))
-        gains = [(member.gain_x, member.gain_y) for member in family]
+        gains = [(member.gain_x, member.gain_y) for member in FAMILY]
         self.perturbed = [with_input_gains(self.model, pair) for pair in gains]
-        delays = [member.delay for member in family]
+        delays = [member.delay for member in FAMILY]
         depth = max(1, *delays)
         pairs = zip(self.perturbed, delays, strict=True)
         self.machines = stack_plants(
@@ -224,19 +228,12 @@ class Setup:
     def frozen_radius(self, F: Float[np.ndarray, "T p n"]) -> Float[np.ndarray, " members"]:
         """Largest spectral radius of A - B F on each machine; a delay line is not fed back."""
         radii = []
-        for plant, one in zip(self.perturbed, self.family, strict=True):
+        for plant, one in zip(self.perturbed, FAMILY, strict=True):
             delayed = with_input_delay(plant, one.delay)
             gains = np.pad(F, [(0, 0), (0, 0), (0, delayed.states - plant.states)])
             loops = np.asarray(delayed.A) - np.asarray(delayed.B) @ gains
             radii.append(float(spectral_radius(loops).max()))
         return np.array(radii)
-
-
-def family(gain_error: float, delay: int) -> tuple[Member, ...]:
-    """The nominal machine, one axis stronger and the other weaker, and delays 1..`delay`."""
-    up, down = 1 + gain_error, 1 - gain_error
-    late = [Member(1.0, 1.0, samples + 1) for samples in range(delay)]
-    return (Member(1.0, 1.0, 0), Member(up, down, 0), Member(down, up, 0), *late)
 
 
 def radii_on_lines(
@@ -320,16 +317,6 @@ class Settings:
 
     quick: bool = False
     """Finish within a minute: Theorem 1 in 18 directions in place of 72, all else as ever."""
-    delay: int = 2
-    """Largest input delay [samples] of the machines behind Figs 3, 5, 7 and 8."""
-    gain_error: float = 0.1
-    """Input gain error of the family: one axis stronger by this part and the other weaker."""
-
-    def __post_init__(self):
-        if self.delay < 1:
-            raise ValueError(f"delay: needs at least one sample, received {self.delay}")
-        if not 0 <= self.gain_error < 1:
-            raise ValueError(f"gain_error: needs a part from 0 up to 1, received {self.gain_error}")
 
 
 @dataclass(frozen=True)
@@ -347,7 +334,6 @@ class RadiiOnLines:
 class Result:
     """Runs on the circle and the line, Fig. 2, finite preview, and Theorem 1."""
 
-    family: tuple[Member, ...]
     circle: tuple[CaseRun, ...]
     line: tuple[CaseRun, ...]
     desired_m: Float[np.ndarray, "S 2"]  # samples of Fig. 2
@@ -378,7 +364,7 @@ class Result:
 
 def run(settings: Settings) -> Result:
     """Simulate everything."""
-    setup = Setup(family(settings.gain_error, settings.delay))
+    setup = Setup()
     circle, outputs = [], {}
     for case in _cases():
         machines, output = setup.run(setup.plan(case, setup.circle), setup.circle)
@@ -405,7 +391,6 @@ def run(settings: Settings) -> Result:
         radii = radii_on_lines(setup.model, LQWeights(*weights), angles, THEOREM_HORIZON)
         sets.append(RadiiOnLines(*weights, *radii.max(axis=2).T.tolist()))
     return Result(
-        family=setup.family,
         circle=tuple(circle),
         line=tuple(line),
         desired_m=np.asarray(setup.circle.position[POINTS]),

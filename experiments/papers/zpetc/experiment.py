@@ -347,7 +347,9 @@ def tracking(integral_time: float | None) -> ZeroPhaseTracking:
     """The paper's controller on the corrected model."""
     ahead = zero_phase_filter(closed(servo(FAST), FITTED_GAIN))
     time = np.inf if integral_time is None else integral_time
-    return ZeroPhaseTracking(ahead, FITTED_GAIN, Sensors([0]), FAST, time)
+    return ZeroPhaseTracking(
+        ahead=ahead, gain=FITTED_GAIN, sensors=Sensors([0]), dt=FAST, integral_time=time
+    )
 
 
 def integral_runs(

@@ -189,8 +189,3 @@ def test_lines_31_and_32_are_judged_by_their_digits(result, spoilt, wanted, colu
     found = {claim.item: claim for claim in claims(replace(result, table_1=lines))}
     row = found["Table 3, lines 31, 32"]
     assert row.verdict is wanted and f"{2 - len(spoilt)} of 2" in row.finding
-
-
-def test_bad_input():
-    with pytest.raises(ValueError, match="zero: needs a number between -1 and 0"):
-        Settings(zero=0.3)
