@@ -37,6 +37,7 @@ MOST_CURLED = 10.0
 ROUNDING = 1e-12  # [m] gaps of it are left
 MOST_ENDS = 1000  # in a cell of the grid: more are no drawing, and take seconds
 UM = 1e-6  # [m]
+GAP = 10e-6  # [m] ends this close are joined: programs that draw snap to less
 
 
 def joined(strokes: Iterable[Stroke], gap: float) -> list[Stroke]:
@@ -200,9 +201,6 @@ def _points(stroke: Stroke) -> Iterable[Planar]:
 
 def _place(point: Planar) -> tuple[int, int]:
     return round(point.real / SAME), round(point.imag / SAME)
-
-
-GAP = 10e-6  # [m] ends this close are joined: programs that draw snap to less
 
 
 def at_line(line: int) -> str:

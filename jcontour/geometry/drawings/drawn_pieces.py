@@ -23,6 +23,8 @@ ZOOMS = 12  # of the search for the slowest point, each eight times as fine
 QUARTER = 0.5 * np.pi
 
 Jet = tuple[np.ndarray, np.ndarray, np.ndarray]  # position, first and second derivative (..., 2)
+FIT_TOLERANCE = 1e-8  # [m] a tenth of what drawings are promised to be read to
+NM = 1e-9  # [m]
 
 
 class Ellipses(NamedTuple):
@@ -183,10 +185,6 @@ def _valley(values: np.ndarray) -> np.ndarray:
     """Where a row is not above its neighbours."""
     around = np.pad(values, ((0, 0), (1, 1)), constant_values=np.inf)
     return (values <= around[:, :-2]) & (values <= around[:, 2:])
-
-
-FIT_TOLERANCE = 1e-8  # [m] a tenth of what drawings are promised to be read to
-NM = 1e-9  # [m]
 
 
 class DrawnPieces(NamedTuple):

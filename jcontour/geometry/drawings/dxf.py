@@ -65,6 +65,19 @@ END = re.compile(r"\n\s*0\s*\n\s*EOF\s*(\n|$)")
 NEVER_PLOTTED = "DEFPOINTS"
 DEEPEST = 32  # blocks in blocks
 MOST_CELLS = 10_000  # of an array of blocks: more take longer than ten seconds
+REQUIRED = {  # of each kind that is taken: without them ezdxf puts zeros
+    "LINE": ("start", "end"),
+    "CIRCLE": ("center", "radius"),
+    "ARC": ("center", "radius", "start_angle", "end_angle"),
+    "ELLIPSE": ("center", "major_axis", "ratio"),
+    "LWPOLYLINE": (),
+    "POLYLINE": (),
+    "SPLINE": (),
+}
+FLATTEST = 1e-9  # of a bulge: what bends less is a line
+WHOLE = 1e-9  # [rad] turns this close to a whole one, or to none, are whole
+FRAME = 16  # flag of a vertex that is only a control point
+HIGHEST_DEGREE = 25  # of a spline, as drawing programs allow
 
 
 def read_dxf(path: str | PathLike[str], unit: float | None = None) -> Drawing:
@@ -234,20 +247,6 @@ class _Reader:
 
 if TYPE_CHECKING:
     from ezdxf.math import Matrix44
-
-REQUIRED = {  # of each kind that is taken: without them ezdxf puts zeros
-    "LINE": ("start", "end"),
-    "CIRCLE": ("center", "radius"),
-    "ARC": ("center", "radius", "start_angle", "end_angle"),
-    "ELLIPSE": ("center", "major_axis", "ratio"),
-    "LWPOLYLINE": (),
-    "POLYLINE": (),
-    "SPLINE": (),
-}
-FLATTEST = 1e-9  # of a bulge: what bends less is a line
-WHOLE = 1e-9  # [rad] turns this close to a whole one, or to none, are whole
-FRAME = 16  # flag of a vertex that is only a control point
-HIGHEST_DEGREE = 25  # of a spline, as drawing programs allow
 
 
 def segments(entity: Any, place: "Matrix44", line: int) -> list[Segment] | None:

@@ -10,6 +10,8 @@ from typing import NamedTuple
 from jcontour.geometry.toolpath_rules import SHORTEST
 
 Planar = complex | float | int  # a point or a direction of the plane, x + i y
+ROUND = 1e-9  # of the half axes: ellipses that are this close to a circle are circles
+STANDS = 1e-12  # of a curve's size: a derivative this small has no direction
 
 
 class Affine(NamedTuple):
@@ -49,10 +51,6 @@ def similarity(before: tuple[Planar, Planar], after: tuple[Planar, Planar]) -> A
     """Turn, scale and shift that takes two points to two others."""
     turn = (after[1] - after[0]) / (before[1] - before[0])
     return Affine(turn, 0.0, after[0] - turn * before[0])
-
-
-ROUND = 1e-9  # of the half axes: ellipses that are this close to a circle are circles
-STANDS = 1e-12  # of a curve's size: a derivative this small has no direction
 
 
 class Line(NamedTuple):

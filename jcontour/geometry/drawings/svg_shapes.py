@@ -17,6 +17,24 @@ from jcontour.geometry.toolpath_rules import MOST_MOVES, ToolpathError, shown
 SVG = "http://www.w3.org/2000/svg"
 INKSCAPE = "http://www.inkscape.org/namespaces/inkscape"
 DEEPEST = 200  # elements in elements
+NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+NUMBERS = re.compile(rf"(?:[\s,]*{NUMBER})*[\s,]*")
+LENGTH = re.compile(rf"({NUMBER})\s*([a-zA-Z%]*)")
+PATH = re.compile(rf"(?:[\s,]*(?:[MmLlHhVvCcSsQqTtAaZz]|{NUMBER}))*[\s,]*")
+KINDS = "matrix|translate|scale|rotate|skewX|skewY"
+TRANSFORM = re.compile(rf"(?:[\s,]*(?:{KINDS})\s*\((?:[\s,]*{NUMBER})+[\s,]*\))*[\s,]*")
+PX = 25.4e-3 / 96  # [m] of CSS
+IN_PX = {
+    "": 1.0,
+    "px": 1.0,
+    "pt": 96 / 72,
+    "pc": 16.0,
+    "in": 96.0,
+    "mm": 96 / 25.4,
+    "cm": 960 / 25.4,
+    "Q": 24 / 25.4,
+}
+FAULTS = (ValueError, TypeError, IndexError, ZeroDivisionError)  # of words that are wrong
 
 
 @dataclass
@@ -108,26 +126,6 @@ def _check_inside(name: str, value: str | None, line: int) -> None:
         raise ToolpathError(
             f"line {line}: the entity {shown(name)} is outside the file and is not read"
         )
-
-
-NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
-NUMBERS = re.compile(rf"(?:[\s,]*{NUMBER})*[\s,]*")
-LENGTH = re.compile(rf"({NUMBER})\s*([a-zA-Z%]*)")
-PATH = re.compile(rf"(?:[\s,]*(?:[MmLlHhVvCcSsQqTtAaZz]|{NUMBER}))*[\s,]*")
-KINDS = "matrix|translate|scale|rotate|skewX|skewY"
-TRANSFORM = re.compile(rf"(?:[\s,]*(?:{KINDS})\s*\((?:[\s,]*{NUMBER})+[\s,]*\))*[\s,]*")
-PX = 25.4e-3 / 96  # [m] of CSS
-IN_PX = {
-    "": 1.0,
-    "px": 1.0,
-    "pt": 96 / 72,
-    "pc": 16.0,
-    "in": 96.0,
-    "mm": 96 / 25.4,
-    "cm": 960 / 25.4,
-    "Q": 24 / 25.4,
-}
-FAULTS = (ValueError, TypeError, IndexError, ZeroDivisionError)  # of words that are wrong
 
 
 def length(element: Element, name: str, default: float = 0.0, whole: float = math.nan) -> float:

@@ -24,6 +24,29 @@ FIRST_OF_MACHINE = 5001  # from here on the machine says what they are, or nothi
 MOST_NAMES = 100_000  # of named parameters, each some bytes
 
 Said = Callable[[int | str], float | None]  # the machine's value of a parameter, None without one
+EQUAL = 1e-6  # difference of two values that compare EQ
+NEAR_WHOLE = 1e-4  # distance from a whole number that still counts as one
+DEEPEST = 50  # brackets within brackets
+MOST_OPERATIONS = 200  # of a line; a control reads lines of 256 characters
+WORD_NUMBER = re.compile(NUMBER)
+UNSIGNED = re.compile(r"[0-9]+(?:\.[0-9]*)?|\.[0-9]+")
+OPERATOR = re.compile(r"\*\*|[*/+-]|MOD|EQ|NE|GT|GE|LT|LE|AND|OR|XOR", re.IGNORECASE)
+FUNCTION = re.compile(r"[A-Za-z]+")
+NAME = re.compile(r"<([^<>]*)>")
+FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "ABS": abs,
+    "ACOS": lambda x: math.degrees(math.acos(x)),
+    "ASIN": lambda x: math.degrees(math.asin(x)),
+    "COS": lambda x: math.cos(math.radians(x)),
+    "EXP": math.exp,
+    "FIX": lambda x: float(math.floor(x)),
+    "FUP": lambda x: float(math.ceil(x)),
+    "LN": math.log,
+    "ROUND": lambda x: float(math.trunc(x + math.copysign(0.5, x))),
+    "SIN": lambda x: math.sin(math.radians(x)),
+    "SQRT": math.sqrt,
+    "TAN": lambda x: math.tan(math.radians(x)),
+}
 
 
 @dataclass
@@ -133,18 +156,7 @@ def _check_number(number: int) -> None:
         raise ToolpathError(f"parameter #{number}: the number needs to be 1 to {LAST}")
 
 
-EQUAL = 1e-6  # difference of two values that compare EQ
-NEAR_WHOLE = 1e-4  # distance from a whole number that still counts as one
-DEEPEST = 50  # brackets within brackets
-MOST_OPERATIONS = 200  # of a line; a control reads lines of 256 characters
-
 Expression = Callable[[Parameters], float]
-
-WORD_NUMBER = re.compile(NUMBER)
-UNSIGNED = re.compile(r"[0-9]+(?:\.[0-9]*)?|\.[0-9]+")
-OPERATOR = re.compile(r"\*\*|[*/+-]|MOD|EQ|NE|GT|GE|LT|LE|AND|OR|XOR", re.IGNORECASE)
-FUNCTION = re.compile(r"[A-Za-z]+")
-NAME = re.compile(r"<([^<>]*)>")
 
 
 def _modulo(a: float, b: float) -> float:
@@ -174,21 +186,6 @@ OPERATIONS: dict[str, tuple[int, Callable[[float, float], float]]] = {
     "AND": (1, lambda a, b: float(a != 0 and b != 0)),
     "OR": (1, lambda a, b: float(a != 0 or b != 0)),
     "XOR": (1, lambda a, b: float((a != 0) != (b != 0))),
-}
-
-FUNCTIONS: dict[str, Callable[[float], float]] = {
-    "ABS": abs,
-    "ACOS": lambda x: math.degrees(math.acos(x)),
-    "ASIN": lambda x: math.degrees(math.asin(x)),
-    "COS": lambda x: math.cos(math.radians(x)),
-    "EXP": math.exp,
-    "FIX": lambda x: float(math.floor(x)),
-    "FUP": lambda x: float(math.ceil(x)),
-    "LN": math.log,
-    "ROUND": lambda x: float(math.trunc(x + math.copysign(0.5, x))),
-    "SIN": lambda x: math.sin(math.radians(x)),
-    "SQRT": math.sqrt,
-    "TAN": lambda x: math.tan(math.radians(x)),
 }
 
 

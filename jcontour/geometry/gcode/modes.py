@@ -24,6 +24,9 @@ from jcontour.geometry.toolpath_rules import (
 
 Point = tuple[float, float, float]  # [m]
 ZERO: Point = (0.0, 0.0, 0.0)
+SYSTEMS = 9  # G54 to G59.3
+TABLE_WORD = re.compile(rf"([A-Za-z])\s*({NUMBER})\s*")
+TABLE_LETTERS = frozenset("TPXYZABCUVWDIJQ")
 
 
 @dataclass(slots=True)
@@ -66,9 +69,6 @@ class Modes:
         if "return" in codes:
             self.to_r_plane = codes["return"] == 990
         self.path = codes.get("path", self.path)
-
-
-SYSTEMS = 9  # G54 to G59.3
 
 
 @dataclass
@@ -157,10 +157,6 @@ def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
 def replaced(point: Point, values: dict[int, float]) -> Point:
     """The point with some coordinates given anew, by axis."""
     return values.get(0, point[0]), values.get(1, point[1]), values.get(2, point[2])
-
-
-TABLE_WORD = re.compile(rf"([A-Za-z])\s*({NUMBER})\s*")
-TABLE_LETTERS = frozenset("TPXYZABCUVWDIJQ")
 
 
 class Tool(NamedTuple):

@@ -19,6 +19,26 @@ from jcontour.geometry.toolpath_rules import FARTHEST, INCH, MM, MOST_MOVES, SHO
 DWELL, UP_OR_DOWN = "G4", "Z"  # why a stop is made
 # first and second axis of the plane, then its normal
 PLANES = {170: (0, 1, 2), 180: (2, 0, 1), 190: (1, 2, 0)}
+# difference between both radii of an arc, as LinuxCNC allows it: what rounding of the end and the
+# centre to a hundredth of a millimetre or a thousandth of an inch makes, or a part of the radius
+ARC_SLACK = 0.02 * math.sqrt(2.0) * MM  # [m] of programs in mm
+ARC_SLACK_INCH = 0.002 * math.sqrt(2.0) * INCH  # [m] of programs in inches
+ARC_SLACK_RELATIVE = 1e-3  # of the larger radius, up to
+ARC_SLACK_TIMES = 100.0  # of the slack
+# how much too short a radius (R) may be, as Grbl allows it
+RADIUS_SLACK = 5e-6  # [m]
+RADIUS_SLACK_RELATIVE = 1e-3  # of the radius, up to RADIUS_SLACK_MOST
+RADIUS_SLACK_MOST = 0.5e-3  # [m]
+Arcs = list[tuple[complex, complex, float]]  # end, centre [m] and angle [rad] of one after another
+CENTRES = "IJK"
+FARTHEST_CENTRE = 1e4  # [m]: CAM systems write arcs that bend by less than a micrometre
+MOST_TURNS = 10_000  # of an arc, and holes of a cycle
+PECK_CLEARANCE = 0.01 * INCH  # [m] above the bottom of before, where feeding begins again
+MOST_PECKS = 10_000  # of a hole
+DWELLING = frozenset({740, 820, 840, 860, 880, 890})  # at the bottom
+MOST_TOLD = 6  # reasons to stop that are told
+START = "start"  # why, of what comes before the first cut
+EXACT = {"G61.1": "after every move", "G61": "in corners"}  # why, and where
 
 
 class Move(NamedTuple):
@@ -174,18 +194,6 @@ def target(values: dict[str, float], here: Point, modes: Modes) -> Point:
     return x, y, z
 
 
-# difference between both radii of an arc, as LinuxCNC allows it: what rounding of the end and the
-# centre to a hundredth of a millimetre or a thousandth of an inch makes, or a part of the radius
-ARC_SLACK = 0.02 * math.sqrt(2.0) * MM  # [m] of programs in mm
-ARC_SLACK_INCH = 0.002 * math.sqrt(2.0) * INCH  # [m] of programs in inches
-ARC_SLACK_RELATIVE = 1e-3  # of the larger radius, up to
-ARC_SLACK_TIMES = 100.0  # of the slack
-# how much too short a radius (R) may be, as Grbl allows it
-RADIUS_SLACK = 5e-6  # [m]
-RADIUS_SLACK_RELATIVE = 1e-3  # of the radius, up to RADIUS_SLACK_MOST
-RADIUS_SLACK_MOST = 0.5e-3  # [m]
-
-
 def centre_from_radius(
     start: complex, end: complex, radius: float, counter_clockwise: bool
 ) -> complex:
@@ -262,12 +270,6 @@ def _reaches(radius: float, half: float) -> bool:
     return gap <= max(RADIUS_SLACK, min(RADIUS_SLACK_RELATIVE * radius, RADIUS_SLACK_MOST))
 
 
-Arcs = list[tuple[complex, complex, float]]  # end, centre [m] and angle [rad] of one after another
-CENTRES = "IJK"
-FARTHEST_CENTRE = 1e4  # [m]: CAM systems write arcs that bend by less than a micrometre
-MOST_TURNS = 10_000  # of an arc, and holes of a cycle
-
-
 def arcs_of(
     values: dict[str, float], here: Point, there: Point, modes: Modes, counter_clockwise: bool
 ) -> Arcs:
@@ -314,11 +316,6 @@ def arcs_of(
     return arcs
 
 
-PECK_CLEARANCE = 0.01 * INCH  # [m] above the bottom of before, where feeding begins again
-MOST_PECKS = 10_000  # of a hole
-DWELLING = frozenset({740, 820, 840, 860, 880, 890})  # at the bottom
-
-
 class Step(NamedTuple):
     """A move along the normal of the plane to a level [m], and how long it rests there [s]."""
 
@@ -361,11 +358,6 @@ def cycle_steps(
     if code == 850:
         yield Step(retract, rapid=False)
     yield Step(clear, rapid=code not in (740, 840, 890))
-
-
-MOST_TOLD = 6  # reasons to stop that are told
-START = "start"  # why, of what comes before the first cut
-EXACT = {"G61.1": "after every move", "G61": "in corners"}  # why, and where
 
 
 def stops_in_cuts(stops: Sequence[Stop], moves: Sequence[Move]) -> list[Stop]:

@@ -79,6 +79,29 @@ KNOWN = frozenset("DEFHIJKLNPQRSTXYZ@^$")
 OTHER_AXES = frozenset("ABCUVW")
 NEED_A_CODE = frozenset("LPQ$")
 NOT_NEGATIVE = frozenset("NST")
+INNERMOST = r"\([^()]*\)"
+NESTED = rf"\((?:[^()]|\((?:[^()]|{INNERMOST})*\))*\)"
+COMMENT = re.compile(rf"{NESTED}|\([^)]*\)|(\().*|;.*")  # a ( without its ) is kept
+ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
+MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
+PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
+WORD = re.compile(rf"([A-Za-z])({NUMBER})")
+LETTER = re.compile(r"[A-Za-z@^$]")
+LINE_NUMBER = re.compile(r"[Nn][0-9.]+")
+DIGITS = re.compile(r"[0-9]+")
+VALUE = re.compile(rf"[+-]*(?:[\[#.0-9]|(?:{'|'.join(FUNCTIONS)}|ATAN|EXISTS)\[)", re.IGNORECASE)
+EXPONENT = re.compile(  # other languages write numbers so; right behind G it is the word E
+    r"(?<![Gg])(?<![Gg][0-9])[0-9.][eE][+-]?[0-9]+(?![0-9.])"
+)
+M66 = re.compile(r"[Mm]0*66(?![0-9.])")  # its E says which input it reads
+KEYWORD = re.compile(  # the longest first: "do" begins no other, but "else" does
+    "continue|endrepeat|endwhile|elseif|endsub|return|repeat|endif|break|while|call|else|sub|do|if",
+    re.IGNORECASE,
+)
+NO_EXPONENTS = ": controls know no exponents; the word E needs a space before it here"
+CONDITIONAL = frozenset({"if", "elseif", "while", "repeat"})  # these need a value
+RETURNING = frozenset({"return", "endsub"})  # these may have one
+Key = Callable[[Parameters], int | str]
 
 
 class LineWords(NamedTuple):
@@ -166,32 +189,6 @@ def _add_g_code(found: LineWords, value: float) -> None:
         raise ToolpathError(
             f"'G{code / 10:g}' and another G code of its kind ({group}) in one line"
         )
-
-
-INNERMOST = r"\([^()]*\)"
-NESTED = rf"\((?:[^()]|\((?:[^()]|{INNERMOST})*\))*\)"
-COMMENT = re.compile(rf"{NESTED}|\([^)]*\)|(\().*|;.*")  # a ( without its ) is kept
-ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
-MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
-PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
-WORD = re.compile(rf"([A-Za-z])({NUMBER})")
-LETTER = re.compile(r"[A-Za-z@^$]")
-LINE_NUMBER = re.compile(r"[Nn][0-9.]+")
-DIGITS = re.compile(r"[0-9]+")
-VALUE = re.compile(rf"[+-]*(?:[\[#.0-9]|(?:{'|'.join(FUNCTIONS)}|ATAN|EXISTS)\[)", re.IGNORECASE)
-EXPONENT = re.compile(  # other languages write numbers so; right behind G it is the word E
-    r"(?<![Gg])(?<![Gg][0-9])[0-9.][eE][+-]?[0-9]+(?![0-9.])"
-)
-M66 = re.compile(r"[Mm]0*66(?![0-9.])")  # its E says which input it reads
-KEYWORD = re.compile(  # the longest first: "do" begins no other, but "else" does
-    "continue|endrepeat|endwhile|elseif|endsub|return|repeat|endif|break|while|call|else|sub|do|if",
-    re.IGNORECASE,
-)
-NO_EXPONENTS = ": controls know no exponents; the word E needs a space before it here"
-CONDITIONAL = frozenset({"if", "elseif", "while", "repeat"})  # these need a value
-RETURNING = frozenset({"return", "endsub"})  # these may have one
-
-Key = Callable[[Parameters], int | str]
 
 
 class OWord(NamedTuple):

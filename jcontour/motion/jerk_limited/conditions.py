@@ -21,6 +21,11 @@ from jcontour.motion.jerk_limited.limits import AxisLimits
 
 # numbers of a cell: the old motion's cubic, where the piece begins, the cell's own begin and length
 PLACE, ELAPSED, LENGTH, NUMBERS = 4, 5, 6, 7
+POINTS = 3  # of a cell: its beginning, its middle and its end
+SQUARE, SPEED, STILL = 1, 4, 7  # first rows: of u, of the speed, and of the axes
+STEPS = 12  # of a cell: the limits are checked at their ends
+MARGIN = 2e-4  # of every limit: what may pass between two of them
+THIRD = 1 / (9 * 3**0.5)  # most of |t (t - 1) (t - 2)| / 6 between two samples
 
 
 class Cells(NamedTuple):
@@ -114,10 +119,6 @@ def ordinates(length: Float[np.ndarray, " n"], begins: Bool[np.ndarray, " n"]) -
     shift = first - np.arange(n) + 2  # 1, but 2 after a stop and 0 before one
     columns = shift[:, None] + np.arange(3)
     return Ordinates(first, np.take_along_axis(weights, columns[:, None, :], axis=2))
-
-
-POINTS = 3  # of a cell: its beginning, its middle and its end
-SQUARE, SPEED, STILL = 1, 4, 7  # first rows: of u, of the speed, and of the axes
 
 
 class Conditions(NamedTuple):
@@ -246,11 +247,6 @@ def _fill(cells, at, size, axes, over, scratch, blocks):
             store(blocks, out + k, load(cells, begin + NUMBERS + 3 + k))
         for p in range(POINTS):
             _fill_point(cells, begin, at, size, axes, over, p, blocks, out, scratch)
-
-
-STEPS = 12  # of a cell: the limits are checked at their ends
-MARGIN = 2e-4  # of every limit: what may pass between two of them
-THIRD = 1 / (9 * 3**0.5)  # most of |t (t - 1) (t - 2)| / 6 between two samples
 
 
 def slower(

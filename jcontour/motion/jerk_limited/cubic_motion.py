@@ -19,6 +19,8 @@ RAMP = 0.5
 NEWTON_STEPS = 60
 ROUNDING = 1e-16  # of a cell's duration: a smaller step changes nothing
 FRACTIONS = np.array([0.25, 0.5, 0.75])  # of a cell at which a spline is looked at
+Jet = tuple[np.ndarray, np.ndarray, np.ndarray]  # first, second and third derivative, axes last
+SAME = 1e-9  # of the duration: places passed so near a change of the jerk begin no node
 
 
 class MotionSamples(NamedTuple):
@@ -28,9 +30,6 @@ class MotionSamples(NamedTuple):
     speed: np.ndarray
     acceleration: np.ndarray
     jerk: np.ndarray
-
-
-Jet = tuple[np.ndarray, np.ndarray, np.ndarray]  # first, second and third derivative, axes last
 
 
 def composed(path: Float[np.ndarray, "3 ... m"], motion: MotionSamples) -> Jet:
@@ -188,9 +187,6 @@ def joined(motions: list[CubicMotion]) -> CubicMotion:
     lasts = np.diff(time) > 0
     coefficients = np.concatenate([motion.coefficients for motion in motions])[lasts]
     return CubicMotion(time[np.append(lasts, True)], coefficients)
-
-
-SAME = 1e-9  # of the duration: places passed so near a change of the jerk begin no node
 
 
 def straight_motions(

@@ -14,6 +14,7 @@ TURN = 1e-8  # of the speed: a smaller jump of p' is rounding of a file
 BEND = 1e-6  # of an axis's acceleration limit: a smaller jump of p'' v^2 is rounding
 STRAIGHT = 1e-8  # [1/m] a smaller jump of p'' is rounding: at 1 m/s, 1e-8 m/s^2
 SHARP = 1e-9  # of p'': likewise, for rounding is coarse on the smallest curves
+SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]  # of a piece
 
 
 class AxisLimits(NamedTuple):
@@ -99,9 +100,6 @@ def joints(pieces: Piece) -> Joints:
 def curved(pieces: Piece) -> np.ndarray:
     """Which pieces are no straight lines, (P,)."""
     return (pieces.rate > 0) | pieces.polynomial[:, 2:].any(axis=(1, 2))
-
-
-SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]  # of a piece
 
 
 def everywhere(pieces: Piece) -> Float[np.ndarray, "3 9 P m"]:

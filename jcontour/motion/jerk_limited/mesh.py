@@ -31,6 +31,9 @@ SHORT = 1e-4  # of the way at the lowest speed: a shorter sample, at an end, cou
 MOST_CELLS = MOST_SAMPLES = 2_000_000  # of the mesh, and of the motion that it is made from
 LAUNCH = 2.0  # times the ramp's time: how long a stop is felt
 SLOW = 4.0  # likewise, times the time for which jerk lasts at a slow feed
+QUIET = 0.02  # of an axis's jerk limit: less needs no fine cells
+SPARSE = 0.1  # of the cells elsewhere, at most
+GROWTH = 1 / 32  # of the time to where they are needed: so long may cells become
 
 
 def build_up(limits: AxisLimits) -> float:
@@ -222,11 +225,6 @@ def _times(arc, sampled, stops, limits, starts):
     begun = np.append(0.0, np.cumsum(2 * lasting))
     time = quick + begun[i] + since + lasting[i] - until
     return place, np.maximum.accumulate(time)
-
-
-QUIET = 0.02  # of an axis's jerk limit: less needs no fine cells
-SPARSE = 0.1  # of the cells elsewhere, at most
-GROWTH = 1 / 32  # of the time to where they are needed: so long may cells become
 
 
 def shares(

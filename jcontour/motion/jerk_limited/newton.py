@@ -38,6 +38,8 @@ drop_stale(_HERE, *_HERE.glob("*.py"), Path(along_pieces.__file__), Path(lanes._
 TO_THE_BOUND = 0.95  # of the way at which a condition would be met
 FIRST_GAP = 0.1  # of the duration, the sum of g z of the first multipliers
 JAMMED = 0.1  # of a step: less was possible, and the multipliers begin anew
+STEPS = 150  # of Newton's method; forty are usual
+MANY = 10_000  # unknowns: fewer are solved sooner than threads have started
 
 
 def solve(
@@ -127,10 +129,6 @@ def _solved(cells, axes, c, steps, near, busy, point, equations, step, ahead, sc
             return gap
         mu = gap / count * _centring(moved, gain / duration)
     return gap
-
-
-STEPS = 150  # of Newton's method; forty are usual
-MANY = 10_000  # unknowns: fewer are solved sooner than threads have started
 
 
 def quickest(

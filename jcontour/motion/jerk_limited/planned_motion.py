@@ -22,6 +22,9 @@ from jcontour.motion.jerk_limited.cubic_motion import CubicMotion, MotionSamples
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
 SERIES = 1e-6  # of the argument: below, two terms are exact to rounding
+MOST_SAMPLES = 20_000_000
+AT_ONCE = 200_000  # samples, which take a few hundred bytes each on their way
+ROUNDING = 1e-6  # of a sample
 
 
 class Warp(NamedTuple):
@@ -87,11 +90,6 @@ def _swing(z: np.ndarray) -> np.ndarray:
     root = np.sqrt(np.where(small, 1.0, np.abs(z)))
     value = np.where(z > 0, np.sinh(np.minimum(root, 700.0)), np.sin(root)) / root
     return np.where(small, 1 + z / 6 + z**2 / 120, value)
-
-
-MOST_SAMPLES = 20_000_000
-AT_ONCE = 200_000  # samples, which take a few hundred bytes each on their way
-ROUNDING = 1e-6  # of a sample
 
 
 @dataclass(frozen=True)

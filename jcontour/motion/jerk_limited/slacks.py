@@ -30,6 +30,10 @@ from jcontour._native.lanes import (
 from jcontour.motion.jerk_limited.conditions import POINTS, SPEED, SQUARE, STILL
 
 PER_SLACK, DUAL = 2, 1  # entries of `point`: the inverse of a slack, and its multiplier beside it
+ROUNDING = 1e-15  # of a diagonal element: a smaller pivot is lost
+# numbers of an unknown's equation, side by side: the pull g' / g of all slacks, the slope of T,
+# and the diagonals: the main one, the first above it, the second
+PER_UNKNOWN, SLOPE, MAIN, NEAR, FAR = 5, 1, 2, 3, 4
 
 
 class Going(NamedTuple):
@@ -277,12 +281,6 @@ def _total(value, scratch):
     for lane in range(WIDTH):
         found += scratch[lane]
     return found
-
-
-ROUNDING = 1e-15  # of a diagonal element: a smaller pivot is lost
-# numbers of an unknown's equation, side by side: the pull g' / g of all slacks, the slope of T,
-# and the diagonals: the main one, the first above it, the second
-PER_UNKNOWN, SLOPE, MAIN, NEAR, FAR = 5, 1, 2, 3, 4
 
 
 class Sums(NamedTuple):
