@@ -1,14 +1,18 @@
-"""Values as arrays of JAX."""
+"""Values as arrays of JAX, their largest, and arrays as short words."""
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import dtypes
+from jax.core import Tracer
 from jaxtyping import Array, Float, Shaped
 
 from jcontour._tracing import is_concrete
+
+WHOLE = (np.ndarray, np.generic, jax.Array, float, int)
 
 
 def placed(values: Shaped[np.ndarray, "..."]) -> Shaped[Array, "..."]:
@@ -45,3 +49,62 @@ def ranked(value: Any, rank: int) -> Float[Array, "..."]:
         array = jnp.asarray(value, float)
         return jnp.expand_dims(array, tuple(range(rank - array.ndim)))
     return placed(np.array(value, float, ndmin=rank))
+
+
+def largest(values: Float[Array, "n *rest"]) -> Float[Array, "*rest"]:
+    """Largest value over the first axis; its slope is that of the first place that has it.
+
+    `jnp.max` finds the place again by `values == max`. A compiler may compute the values a second
+    time for that, with other rounding; then no place is equal, and the slope is 0 / 0.
+
+    >>> largest(jnp.array([[1.0, 5.0], [3.0, 2.0]])).tolist()
+    [3.0, 5.0]
+
+    Args:
+        values: without any, the result is 0: of magnitudes.
+    """
+    if values.shape[0] == 0:
+        return jnp.zeros(values.shape[1:], values.dtype)
+    return _largest(values)
+
+
+@jax.custom_jvp
+def _largest(values):
+    return jnp.max(values, axis=0)
+
+
+@_largest.defjvp
+def _slope(values, slopes):
+    place = jnp.argmax(values[0], axis=0)[None]
+    return _largest(*values), jnp.take_along_axis(slopes[0], place, axis=0)[0]
+
+
+def told(value: Any, unit: str = "", scale: float = 1.0) -> str:
+    """A value in words: one number with its unit, or the ends of an array.
+
+    Where there is no value, as under `jit`, it is the type and the shape.
+
+    >>> told(np.array(3.1e-7), "um", 1e6), told(np.array([1.0, 2.0]), "s")
+    ('0.31 um', '1 to 2 s')
+
+    Args:
+        value: number or array.
+        unit: that it is told in.
+        scale: of one SI unit in that unit.
+    """
+    if isinstance(value, Tracer) or not isinstance(value, WHOLE):
+        return eqx.tree_pformat(value)
+    numbers = scale * np.asarray(value)
+    if numbers.size == 0:
+        return "none"
+    ends = dict.fromkeys(f"{one:.4g}" for one in (numbers.min(), numbers.max()))
+    return f"{' to '.join(ends)} {unit}".strip()
+
+
+def shape(value: Any) -> str:
+    """Shape of an array; what else it is where it has none.
+
+    >>> shape(np.zeros((3, 2)))
+    '(3, 2)'
+    """
+    return str(tuple(value.shape)) if hasattr(value, "shape") else eqx.tree_pformat(value)

@@ -61,8 +61,6 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
             "_tracing",
             "_devices",
             "_compiled",
-            "_told_values",
-            "_largest",
             "_arrays",
             "_regular_files",
             "version",

@@ -46,7 +46,7 @@ from jcontour.plants.encoders import (
 )
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
-from jcontour.simulation.numbered import Numbered
+from jcontour.simulation.evaluation import Numbered
 from jcontour.wrapper import Remembering, Wrapper
 
 STEPS = 5

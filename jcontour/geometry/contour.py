@@ -9,8 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jcontour._arrays import placed
-from jcontour._told_values import told
+from jcontour._arrays import placed, told
 from jcontour._tracing import is_concrete
 from jcontour.geometry.pieces import Piece
 

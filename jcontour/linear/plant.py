@@ -15,7 +15,6 @@ from jaxtyping import Array, Float
 
 from jcontour._arrays import floating
 from jcontour._tracing import is_concrete
-from jcontour.linear.small_products import small_product
 from jcontour.plant import Plant
 
 ROUNDED = 3e-5  # drift of a standstill, over its state; 1.2e-5 as McNab and Tsao print their table
@@ -24,6 +23,7 @@ COUPLED = (
     "from jcontour.linear.plant import SteadyMotion"
 )
 ROUNDING = 1e-8  # of a double eigenvalue at 1, about the root of the machine's precision
+LARGEST_SUMMED = 16  # rows or columns of a small product: a library is faster beyond
 
 
 class Pattern(NamedTuple):
@@ -360,3 +360,22 @@ def _check_shapes(A, B, C, dt: float) -> None:
     for name, matrix in (("A", A), ("B", B), ("C", C)):
         if is_concrete(matrix) and not np.isfinite(np.asarray(matrix)).all():
             raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")
+
+
+@jax.jit
+def small_product(
+    M: Float[Array | np.ndarray, "a b"], x: Float[Array | np.ndarray, " b"]
+) -> Float[Array, " a"]:
+    """Product M x.
+
+    A small one is written as sums: XLA for CPUs joins them with what is around them in a loop's
+    body, where every `@` is a step of its own that takes longer than its arithmetic.
+
+    Raises:
+        TypeError: x has not as many numbers as M has columns, as `@` has it.
+    """
+    if x.shape != M.shape[1:]:
+        raise TypeError(f"x: needs shape {M.shape[1:]}, received {x.shape}")
+    if max(M.shape) > LARGEST_SUMMED:
+        return jnp.matmul(M, x)
+    return jnp.sum(M * x[None], axis=1)

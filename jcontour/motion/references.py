@@ -14,8 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jcontour._arrays import placed
-from jcontour._told_values import shape, told
+from jcontour._arrays import placed, shape, told
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import polyline
 

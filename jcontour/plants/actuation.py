@@ -10,8 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
 from jcontour._tracing import is_concrete
-from jcontour.linear.plant import LinearPlant
-from jcontour.linear.small_products import small_product
+from jcontour.linear.plant import LinearPlant, small_product
 from jcontour.plant import State
 from jcontour.plants.friction import Friction
 from jcontour.wrapper import Remembering, Wrapper

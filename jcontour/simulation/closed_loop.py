@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._told_values import shape, told
+from jcontour._arrays import shape, told
 from jcontour.controller import Controller, Plan, Sampled, check_preview
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant, State

@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Int
 
 from jcontour import _kernels as kernels
 from jcontour.controller import Controller, Plan
@@ -23,7 +24,7 @@ from jcontour.plant import Plant
 from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan
 from jcontour.simulation.closed_loop import check_kinds, check_run, follow
 from jcontour.simulation.metrics import score_signals
-from jcontour.simulation.numbered import Numbered
+from jcontour.wrapper import Wrapper
 
 # Members whose intermediate numbers a derivative may keep: about 1 MB each for 500 steps. Beyond,
 # it runs them again, which costs 40 % of its time.
@@ -293,3 +294,22 @@ def _difference(one: Any, first: Any) -> str:
         if jax.tree.structure(both[0]) != jax.tree.structure(both[1]):
             return name
     return "its structure"
+
+
+class Numbered(Wrapper):
+    """A plant and a number that nothing reads.
+
+    All fields of a plant may be static. Then a family of equal ones has no array whose axis 0
+    counts them: their numbers do.
+
+    >>> from jcontour.linear.plant import LinearPlant
+    >>> drive = LinearPlant([[1.0]], [[1e-3]], [[1.0]], dt=1e-3)
+    >>> Numbered(drive, 2).step(jnp.ones(1), jnp.ones(1)).tolist()
+    [1.001]
+
+    Args:
+        plant: the machine.
+        number: of the member, or (members,) of a family.
+    """
+
+    number: Int[Array, ""] | Int[Array, " members"] = eqx.field(converter=jnp.asarray)

@@ -17,8 +17,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Shaped
 
-from jcontour._largest import largest
-from jcontour._told_values import told
+from jcontour._arrays import largest, told
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout
 

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour._arrays import floating, placed, ranked
+from jcontour._arrays import floating, largest, placed, ranked, shape, told
 
 
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, bool])
@@ -73,3 +73,47 @@ def test_no_program_is_compiled_for_a_shape():
         assert [event for event in compiled if "backend_compile" in event]
     finally:
         jax.monitoring.unregister_event_duration_listener(listen)
+
+
+VALUES = np.array([[1.0, 5.0, -2.0], [3.0, 2.0, -1.0], [3.0, 1.0, -4.0]])
+
+
+def test_values_are_those_of_numpy():
+    np.testing.assert_array_equal(largest(placed(VALUES)), VALUES.max(axis=0))
+    assert float(largest(placed(VALUES.ravel()))) == 5.0
+
+
+def test_the_slope_is_that_of_one_place():
+    """The first one where two are equal."""
+    slopes = jax.jit(jax.jacrev(largest))(VALUES)
+    wanted = np.zeros((3, 3, 3))
+    for column, row in enumerate((1, 0, 1)):
+        wanted[column, row, column] = 1.0
+    np.testing.assert_array_equal(slopes, wanted)
+    np.testing.assert_array_equal(jax.jit(jax.jacfwd(largest))(VALUES), wanted)
+
+
+def test_nothing_is_zero():
+    assert largest(placed(np.zeros((0, 2)))).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("place", [0, 2])
+def test_what_is_not_a_number_is_not_hidden(place):
+    values = VALUES.copy()
+    values[place, 1] = np.nan
+    assert np.isnan(np.asarray(largest(placed(values)))[1])
+
+
+def test_values_are_told_with_their_unit():
+    assert told(np.array(3.14159e-7), "um", 1e6) == "0.3142 um"
+    assert told(np.array([2.0, 1.0]), "s") == "1 to 2 s"
+    assert told(np.array([2.0, 2.0])) == "2"
+    assert told(np.array(np.nan), "um", 1e6) == "nan um"
+    assert told(np.zeros(0), "um") == "none"
+
+
+def test_what_has_no_value_is_told_by_its_kind():
+    seen = []
+    jax.jit(lambda x: seen.append((told(x, "um"), shape(x))))(np.ones(3))
+    assert seen == [("f64[3]", "(3,)")]
+    assert told(None) == shape(None) == "None"

@@ -19,7 +19,7 @@ from jcontour.host.controller import HostController
 from jcontour.host.held import Held
 from jcontour.host.loop import Stopped, reported_loop
 from jcontour.motion.references import Reference, along
-from jcontour.mpc.contouring.contouring_weights import ContouringWeights
+from jcontour.mpc.contouring.contouring_qp import ContouringWeights
 from jcontour.mpc.contouring.mpcc import MPCC
 from jcontour.mpc.tracking.tracking_mpc import TrackingWeights
 from jcontour.plant import Plant

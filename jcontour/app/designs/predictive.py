@@ -14,14 +14,13 @@ from jcontour.app.machines.machine import Machine
 from jcontour.controllers.lq.contouring_lq import LQWeights, Terminal
 from jcontour.geometry.contour import Contour
 from jcontour.host.controller import HostController
-from jcontour.host.held import Held
-from jcontour.host.late import OneSampleLate
+from jcontour.host.held import Held, OneSampleLate
 from jcontour.host.observed import FilterGain, OffsetFreeGain
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import Reference, along
-from jcontour.mpc.contouring.contouring_weights import ContouringWeights
+from jcontour.mpc.contouring.contouring_qp import ContouringWeights
 from jcontour.mpc.contouring.mpcc import MPCC
 from jcontour.mpc.tracking.forms import AbsoluteForm, OffsetFreeForm, VelocityForm
 from jcontour.mpc.tracking.limits import Limits

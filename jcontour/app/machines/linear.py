@@ -26,12 +26,12 @@ from jcontour.app.machines.uncertainty import (
     rounding_noise,
     sensor_noise,
 )
-from jcontour.linear.between_samples import hidden_acceleration
 from jcontour.plant import Plant
 from jcontour.plants.actuation import Backlash, Disturbed, Gained, with_dry_friction
 from jcontour.plants.delays import Delayed, PartlyDelayed
 from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.simulation.evaluation import stack_plants
+from jcontour.simulation.limit_use import hidden_acceleration
 
 USUAL = Usual(
     "contouring-lq",

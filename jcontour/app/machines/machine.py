@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.analysis.uncertain_loops import Doubt, Lines
-from jcontour.linear.between_samples import hidden_acceleration
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
+from jcontour.simulation.limit_use import hidden_acceleration
 
 Fed = Literal["outputs", "state"]  # the controller is fed the machine's sensors, or the state
 Form = TypeVar("Form")

@@ -34,9 +34,9 @@ from jcontour.linear.plant import (
     LinearPlant,
     SteadyMotion,
     operating_point,
+    small_product,
     steady_motion,
 )
-from jcontour.linear.small_products import small_product
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare
 from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan, suits_decoupled

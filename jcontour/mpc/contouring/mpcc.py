@@ -21,8 +21,12 @@ from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.mpc.contouring.compiled_path import path_of
-from jcontour.mpc.contouring.contouring_qp import Sample, contouring_constants, write_step
-from jcontour.mpc.contouring.contouring_weights import ContouringWeights
+from jcontour.mpc.contouring.contouring_qp import (
+    ContouringWeights,
+    Sample,
+    contouring_constants,
+    write_step,
+)
 from jcontour.qp.problem import QP, Solution, check_limits
 from jcontour.qp.solvers import DAQP, Solver
 

@@ -17,7 +17,7 @@ from jcontour.app.flags.loops import Simulate
 from jcontour.controllers.lq.contouring_lq import LQWeights, OutputTerminal
 from jcontour.controllers.observers.kalman import offset_free_gain
 from jcontour.geometry.contours import circle
-from jcontour.host.late import OneSampleLate
+from jcontour.host.held import OneSampleLate
 from jcontour.host.observed import ObservedHost, OffsetFreeGain, OffsetFreeHost
 from jcontour.linear.transformations import with_input_delay
 from jcontour.mpc.tracking.forms import OffsetFreeForm

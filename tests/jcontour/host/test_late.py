@@ -2,7 +2,7 @@ import numpy as np
 
 from jcontour.geometry.contours import circle
 from jcontour.host.controller import HostController, StepReport
-from jcontour.host.late import OneSampleLate
+from jcontour.host.held import OneSampleLate
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import along

@@ -6,10 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jcontour.linear.plant import (
+    LARGEST_SUMMED,
     LinearPlant,
     Pattern,
     check_stable,
     decoupled_axes,
+    small_product,
     spectral_radius,
     steady_motion,
 )
@@ -165,3 +167,17 @@ def test_unstable_matrices_are_named_with_their_eigenvalues():
         words = f"^loop is not stable: {needed}, they are .{{0,2}}{values}"
         with pytest.raises(ValueError, match=words):
             check_stable("loop", np.asarray(matrix))
+
+
+@pytest.mark.parametrize("shape", [(3, 2), (1, 1), (2, LARGEST_SUMMED + 1)])
+def test_products_of_any_size(shape):
+    random = np.random.default_rng(0)
+    M, x = random.standard_normal(shape), random.standard_normal(shape[1])
+    np.testing.assert_allclose(small_product(M, x), M @ x, rtol=1e-13)
+
+
+@pytest.mark.parametrize("size", [3, 40])
+@pytest.mark.parametrize("shape", [(1,), (2,), (2, 1)])
+def test_another_shape_is_refused_and_never_stretched(size, shape):
+    with pytest.raises(TypeError, match="x: needs shape|parameter 'x'"):
+        small_product(np.ones((2, size)), np.ones(shape))

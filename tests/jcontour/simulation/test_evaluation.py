@@ -14,6 +14,7 @@ from jcontour.plants.delays import Delayed
 from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import (
+    Numbered,
     all_at_once,
     evaluate,
     family_batching,
@@ -233,3 +234,16 @@ def test_the_memory_of_a_derivative_does_not_grow_with_the_batch():
     np.testing.assert_allclose(
         many(1.1, jnp.repeat(members[::64], 64, axis=0)), 64 * sum(alone), rtol=1e-11
     )
+
+
+def test_a_number_changes_nothing(two_axes):
+    place, increment = jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0])
+    control = jnp.array([0.3, -0.2])
+    found, wanted = [], []
+    for plant, rows in ((Numbered(two_axes, 3), found), (two_axes, wanted)):
+        state = plant.step(plant.initial_state(place, increment), control)
+        rows += [state, plant.output(state), plant.measure(state), plant.holding_control(place)]
+    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert Numbered(two_axes, 3).dt == two_axes.dt
+    assert Numbered(two_axes, 3).side_by_side is two_axes.side_by_side

@@ -10,7 +10,7 @@ from jcontour.app.files.results.verdict import ROUNDING, LimitCheck
 from jcontour.app.jobs.job import Job
 from jcontour.app.jobs.replays import Replay, Scenarios, desired, measured_speeds, scored
 from jcontour.app.machines.machine import Machine, MachineLimits
-from jcontour.linear.between_samples import alternating
+from jcontour.simulation.limit_use import alternating
 
 DRIVES = ("control of", "control increment of")
 MET = 1 - 1e-9  # of a limit: a plant holds its control there

@@ -10,7 +10,7 @@ from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.replays import Replay, Scenarios, desired, measured_speeds, scored
 from jcontour.app.machines.machine import Machine
 from jcontour.app.runs.checks.machine_limits import between_counted, drives_at_limits_in_rapids
-from jcontour.linear.between_samples import alternating
+from jcontour.simulation.limit_use import alternating
 
 RESTS = 0.05  # of the largest step of a motion: the last one, where it ends at rest
 FAR = 2.0  # largest contour errors that the tool may be from the end

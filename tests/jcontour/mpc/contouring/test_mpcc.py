@@ -11,7 +11,7 @@ from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.host.loop import reported_loop
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
-from jcontour.mpc.contouring.contouring_weights import ContouringWeights
+from jcontour.mpc.contouring.contouring_qp import ContouringWeights
 from jcontour.mpc.contouring.mpcc import MPCC, Traversal, growing_blocks
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 from jcontour.qp.solvers import ProxQP
