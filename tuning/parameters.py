@@ -155,19 +155,6 @@ class Weight(NamedTuple):
     cost: bool = False
 
 
-class LQSpace(NamedTuple):
-    """Space of `LQWeights`.
-
-    The stage profile is tuned only when both the weights and the space have one.
-    """
-
-    alpha: Parameter = Positive()
-    beta: Parameter = Positive()
-    # only alpha/rho and beta/rho matter: with rho free one direction of the weights is flat
-    rho: Parameter = Fixed()
-    stage: Parameter | None = None
-
-
 class Chart(NamedTuple):
     """Coordinates of a space around a start; every fixed weight stays as it started.
 

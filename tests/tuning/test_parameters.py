@@ -5,9 +5,11 @@ from hypothesis import strategies as st
 
 from jcontour._arrays import placed
 from jcontour.controllers.lq.contouring_lq import LQWeights
-from tuning.parameters import Chart, Fixed, Free, Interval, LQSpace, Positive
+from tuning.parameters import Chart, Fixed, Free, Interval, Positive
 
 positive = st.floats(1e-8, 1e8)
+
+SPACE = (Positive(), Positive(), Fixed())  # of alpha, beta and rho
 
 
 @settings(max_examples=25)
@@ -47,7 +49,7 @@ def test_interval_of_positive_bounds_counts_decades_alike():
 
 def test_lq_space_leaves_rho_alone():
     start = LQWeights(3.0, 0.1, 2e-9)
-    chart = Chart(LQSpace(), start)
+    chart = Chart(SPACE, start)
     z = chart.coordinates()
     np.testing.assert_allclose(z, np.log([3.0, 0.1]))
     moved = chart.weights(placed(np.asarray(z) + 1.0))
@@ -57,7 +59,7 @@ def test_lq_space_leaves_rho_alone():
 
 def test_lq_space_with_a_stage_profile():
     start = LQWeights(3.0, 0.1, 2e-9, [1.0, 2.0, 0.5])
-    chart = Chart(LQSpace(stage=Positive()), start)
+    chart = Chart((*SPACE, Positive()), start)
     assert chart.coordinates().shape == (5,)
     np.testing.assert_allclose(chart.weights(chart.coordinates()).stage, [1.0, 2.0, 0.5])
 
@@ -69,8 +71,8 @@ def test_lq_space_with_a_stage_profile():
         ({"a": Interval(1.0, 2.0)}, {"a": 2.0}, "outside of Interval"),
         ({"a": Fixed()}, {"a": 1.0}, "nothing is left to tune"),
         ({"a": Positive()}, {"a": 1.0, "b": 1.0}, "one parameter per weight, received 1 for 2"),
-        (LQSpace(), LQWeights(1, 1, 1, [1.0, 1.0]), "received 3 for 4"),
-        (LQSpace(stage=Positive()), LQWeights(1, 1, 1), "received 4 for 3"),
+        (SPACE, LQWeights(1, 1, 1, [1.0, 1.0]), "received 3 for 4"),
+        ((*SPACE, Positive()), LQWeights(1, 1, 1), "received 4 for 3"),
     ],
 )
 def test_a_start_that_does_not_fit_is_refused(space, start, words):

@@ -25,7 +25,7 @@ from tuning.objectives import (
     typical_contour_error,
     worst_contour_error,
 )
-from tuning.parameters import Chart, LQSpace, Positive
+from tuning.parameters import Chart, Fixed, Positive
 from tuning.point import evaluate_point, rank
 from tuning.problem import THOROUGH, Problem
 from tuning.tuner import FEASIBLE, IN_ONE_STEP, TuneState, _scattered_point, advance, result, tune
@@ -304,7 +304,7 @@ def square_problem(budget):
         stack_plants([model]),
         stack_references([reference]),
         mean_contour_error,
-        LQSpace(),
+        (Positive(), Positive(), Fixed()),
         AtMost(rms_increment=budget, rms_tracking_error=100e-6),
     )
 
@@ -336,7 +336,7 @@ def test_robust_optimum():
         stack_plants(family),
         stack_references([reference]),
         worst_contour_error,
-        LQSpace(),
+        (Positive(), Positive(), Fixed()),
         AtMost(rms_tracking_error=cap),
         (502, 753),
     )
