@@ -11,13 +11,12 @@ Polynomials are ascending in lambda = z^-1.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.polynomial import polynomial
 
-from jcontour.controllers.feedforward.l1 import l1_optimum
-from jcontour.controllers.feedforward.model_matching import ModelMatching, Polynomial
+from jcontour.controllers.feedforward.l1 import L1Optimum, l1_optimum
+from jcontour.controllers.feedforward.model_matching import HinfOptimum, ModelMatching, Polynomial
 from jcontour.linear.transfer_functions import (
     TransferFunction,
     polynomial_from_zeros,
@@ -26,26 +25,7 @@ from jcontour.linear.transfer_functions import (
 
 MINUS_3_DB = 10**-0.15
 LEFT_OVER = 1e-9  # relative remainder that a division may leave
-
-
-@runtime_checkable
-class ErrorFilter(Protocol):
-    """E' and its cost."""
-
-    @property
-    def numerator(self) -> Polynomial:
-        """Ascending in lambda."""
-        ...
-
-    @property
-    def denominator(self) -> Polynomial:
-        """Ascending in lambda; all roots outside the unit circle."""
-        ...
-
-    @property
-    def cost(self) -> float:
-        """Norm of the filter."""
-        ...
+ErrorFilter = L1Optimum | HinfOptimum  # E' and its cost
 
 
 @dataclass(frozen=True)
