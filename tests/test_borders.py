@@ -42,7 +42,7 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.app.jobs.memory": {"psutil"},
     "experiments.doctest_blocks": {"griffe"},  # of the site
     "jcontour.export.rendering": {"jinja2"},
-    "jcontour.app.runs.checks.in_linuxcnc": {"filelock"},
+    "jcontour.app.runs.checks.exported_code": {"filelock"},
     "experiments.benchmarks.plain_loops": {"numba"},  # what `bench` compares with
     "experiments.benchmarks.records.true_machines": {"numba"},  # steps of 25 us
     "experiments.benchmarks.search_methods": {"cmaes", "optuna"},

@@ -2,7 +2,6 @@ from . import identification as identification
 from .exchange import exchanged as exchanged
 from .objectives import AtMost as AtMost
 from .objectives import Outcome as Outcome
-from .objectives import certified_error as certified_error
 from .objectives import mean_contour_error as mean_contour_error
 from .objectives import mean_tracking_error as mean_tracking_error
 from .objectives import typical_contour_error as typical_contour_error

@@ -14,7 +14,6 @@ One row is a worst case. A row per contour lets no contour in micrometres drown 
 | worst | one | the largest error of all |
 | mean | one | the mean error |
 | typical | one per contour | the geometric mean of the family's worst of every contour |
-| certified | one per contour | the same mean of the largest errors under bounded disturbances |
 
 Limits are a function of the Outcome. It returns a vector that must not be above zero,
 ln(value / limit), so that a per cent counts alike on every machine.
@@ -31,7 +30,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jcontour.analysis.sensitivity import LoopPeaks
-from jcontour.bounds.worst_cases import PeakValues
 from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
 
@@ -45,7 +43,6 @@ LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
 LATE = "late_radius"
 COUNT_NOISE = "count_noise"
 RATIO = "error_ratio"
-CERTIFIED_USE = "certified_control_use"
 USE_LIMITS = {f"{name}_use": name for name in LimitUse._fields}  # likewise of LimitUse
 
 
@@ -58,8 +55,6 @@ class Outcome(NamedTuple):
         use: of the machine's limits, axes (contour, plant); None for a problem without them.
         late: spectral radius of the loops with more delay, axes (probe, plant); None where the
             problem does not ask for it.
-        certified: largest errors and controls under bounded disturbances, axes (contour, plant);
-            None for a problem that states no disturbances.
         count_noise: RMS of the control by the counts of encoders [control unit], axes
             (probe, plant); None where the problem does not ask for it.
     """
@@ -68,7 +63,6 @@ class Outcome(NamedTuple):
     loops: LoopPeaks | None = None
     use: LimitUse | None = None
     late: Float[Array, "K P"] | None = None
-    certified: PeakValues | None = None
     count_noise: Float[Array, "K P"] | None = None
 
     @property
@@ -122,15 +116,6 @@ def typical_tracking_error(outcome: Outcome) -> Float[Array, "c p"]:
     return jnp.asarray(outcome.metrics.rms_tracking_error)
 
 
-def certified_error(outcome: Outcome) -> Float[Array, "c p"]:
-    """Certified error [m], a row per contour: f = (prod over c of max over p of v)^(1/C).
-
-    Raises:
-        ValueError: the problem states no disturbances.
-    """
-    return jnp.asarray(_certified(outcome, "certified").error)
-
-
 class Before(eqx.Module):
     """Errors before the tuning, which a limit on `error_ratio` compares with.
 
@@ -174,8 +159,7 @@ class AtMost(eqx.Module):
     that a loop bears), `late_radius` for the largest spectral radius with more delay,
     `count_noise` for the RMS of the control by the counts of encoders,
     `error_ratio` for the RMS error over that of `before`, and `speed_use`, `acceleration_use`,
-    `control_use`, `increment_use`: 1 is all that the machine has; `certified_control_use` is that
-    of the largest control under bounded disturbances.
+    `control_use`, `increment_use`: 1 is all that the machine has.
     The bounds are arrays, so that problems which differ in them only share one compiled program.
 
     Args:
@@ -193,7 +177,7 @@ class AtMost(eqx.Module):
 
     def __init__(self, before: Before | None = None, /, **limits: float):
         known = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
-        known += [*LOOP_LIMITS, LATE, COUNT_NOISE, RATIO, CERTIFIED_USE, *USE_LIMITS]
+        known += [*LOOP_LIMITS, LATE, COUNT_NOISE, RATIO, *USE_LIMITS]
         if RATIO in limits and before is None:
             raise ValueError(f"{RATIO}: needs the errors before the tuning, received none")
         for name, limit in limits.items():
@@ -241,8 +225,6 @@ def _values(outcome: Outcome, name: str) -> Float[Array | np.ndarray, "rows plan
         if outcome.use is None:
             raise ValueError(f"{name}: needs a problem with the limits of its machine")
         return getattr(outcome.use, USE_LIMITS[name])
-    if name == CERTIFIED_USE:
-        return jnp.asarray(_certified(outcome, name).control_use)
     if name == LATE:
         if outcome.late is None:
             raise ValueError(f"{name}: needs a problem that looks at loops with more delay")
@@ -256,12 +238,6 @@ def _values(outcome: Outcome, name: str) -> Float[Array | np.ndarray, "rows plan
     if outcome.loops is None:
         raise ValueError(f"{name}: a limit on the loops needs a problem with windows")
     return getattr(outcome.loops, LOOP_LIMITS[name])
-
-
-def _certified(outcome: Outcome, name: str) -> PeakValues:
-    if outcome.certified is None:
-        raise ValueError(f"{name}: needs a problem that states its disturbances")
-    return outcome.certified
 
 
 def logarithm(value: Float[Array | np.ndarray, "..."]) -> Float[Array, "..."]:

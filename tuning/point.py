@@ -15,8 +15,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour._devices import on_cpu
-from jcontour.bounds.disturbed_loop import DisturbedLoop
-from jcontour.bounds.worst_cases import PeakValues, WorstCase
 from tuning.loops import Looked
 from tuning.objectives import LEAST, Outcome, logarithm
 from tuning.parameters import Chart, Weights
@@ -78,22 +76,18 @@ def evaluate_point(problem: Problem, start: Weights, z: Float[np.ndarray, " d"])
         ValueError: the objective returns no rows, or the limits need what the problem lacks.
     """
     # loops in their own program: where others are looked at, that of the runs stays
-    runs = _runs(replace(problem, loops=None, disturbed=None), start, jnp.asarray(z))
+    runs = _runs(replace(problem, loops=None), start, jnp.asarray(z))
     (metrics, use), (metric_slopes, use_slopes) = jax.device_get(runs)
     looked, loop_slopes = looked_at(problem, start, z)
-    certified, certified_slopes = _certified(problem, start, z)
-    outcome = Outcome(metrics, looked.peaks, use, looked.late, certified, looked.count_noise)
+    outcome = Outcome(metrics, looked.peaks, use, looked.late, looked.count_noise)
     slopes = Outcome(
         metric_slopes,
         loop_slopes.peaks,
         use_slopes,
         loop_slopes.late,
-        certified_slopes,
         loop_slopes.count_noise,
     )
-    judged, judged_slopes = jax.device_get(
-        _judged(replace(problem, disturbed=None), outcome, slopes)
-    )
+    judged, judged_slopes = jax.device_get(_judged(problem, outcome, slopes))
     numbers = [*judged[:2], *judged_slopes[:2]]
     finite = all(np.isfinite(number).all() for number in numbers)
     return Point(*judged, judged_slopes, outcome, bool(outcome.diverged) or not finite)
@@ -105,16 +99,13 @@ def evaluate_values(problem: Problem, start: Weights, z: Float[np.ndarray, " d"]
     Raises:
         ValueError: as `evaluate_point`.
     """
-    lone = replace(problem, disturbed=None)
-    (metrics, use), matrices = jax.device_get(_values(lone, start, jnp.asarray(z)))
+    (metrics, use), matrices = jax.device_get(_values(problem, start, jnp.asarray(z)))
     looked = Looked()
     if problem.loops is not None:
         none = jax.tree.map(lambda matrix: np.zeros((*matrix.shape, 0)), matrices)
         looked = problem.loops.look(matrices, none)[0]
-    worst = _worst(problem, start, z)
-    certified = None if worst is None else worst[0]
-    outcome = Outcome(metrics, looked.peaks, use, looked.late, certified, looked.count_noise)
-    judged = jax.device_get(_judged_alone(lone, outcome))
+    outcome = Outcome(metrics, looked.peaks, use, looked.late, looked.count_noise)
+    judged = jax.device_get(_judged_alone(problem, outcome))
     finite = all(np.isfinite(number).all() for number in judged[:2])
     none = Judged(*(np.zeros((*number.shape, 0)) for number in judged))
     return Point(*judged, none, outcome, bool(outcome.diverged) or not finite)
@@ -129,51 +120,6 @@ def looked_at(
     with on_cpu():  # in forward mode
         found = jax.device_get(_loops(problem, start, jnp.asarray(z)))
     return problem.loops.look(*found)
-
-
-def _worst(
-    problem: Problem, start: Weights, z: Float[Array | np.ndarray, " d"]
-) -> tuple[PeakValues, WorstCase] | None:
-    """Largest errors and controls under bounded disturbances; None where none are stated."""
-    family = problem.disturbed
-    if family is None:
-        return None
-    loops = _disturbed(problem, start, jnp.asarray(z))
-    return family.worst(jax.device_get(loops), problem.references, problem.window)
-
-
-def _certified(
-    problem: Problem, start: Weights, z: Float[np.ndarray, " d"]
-) -> tuple[PeakValues | None, PeakValues | None]:
-    """The same, and their slopes."""
-    found = _worst(problem, start, z)
-    if found is None:
-        return None, None
-    values, worst = found
-    with on_cpu():  # in forward mode
-        return values, jax.device_get(_attacked(problem, start, jnp.asarray(z), worst))
-
-
-@eqx.filter_jit
-def _disturbed(problem: Problem, start: Weights, z: Float[Array, " d"]) -> DisturbedLoop:
-    """Matrices of all loops along their runs."""
-    assert problem.disturbed is not None
-    controller = problem.build(Chart(problem.space, start).weights(z))
-    return problem.disturbed.loops(controller, problem.references)
-
-
-@eqx.filter_jit
-def _attacked(
-    problem: Problem, start: Weights, z: Float[Array, " d"], worst: WorstCase
-) -> PeakValues:
-    """Derivatives of the errors and controls under the attacks."""
-    family = problem.disturbed
-    assert family is not None
-
-    def attacked(weights: Weights) -> PeakValues:
-        return family.attacked(problem.build(weights), problem.references, worst)
-
-    return _with_slopes(attacked, Chart(problem.space, start), z)[1]
 
 
 @eqx.filter_jit

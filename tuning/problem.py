@@ -6,7 +6,6 @@ from typing import Any
 
 import equinox as eqx
 
-from jcontour.bounds.disturbed_family import DisturbedFamily
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -34,8 +33,6 @@ class Problem(eqx.Module):
         loops: how the frozen loops are looked at, `ProbedLoops` for instance; they are not when
             None.
         axis_limits: limits of the machine, whose use is looked at; it is not when None.
-        disturbed: the family under bounded disturbances, whose largest errors are found; they are
-            not when None.
     """
 
     build: Callable[[Weights], Controller] = eqx.field(static=True)
@@ -48,7 +45,6 @@ class Problem(eqx.Module):
     batching: Batching | None = eqx.field(static=True, default=None)
     loops: Loops | None = None
     axis_limits: AxisLimits | None = None
-    disturbed: DisturbedFamily | None = None
 
     def metrics(self, weights: Weights) -> Metrics:
         """Metrics (contour, plant) of the controller that the weights build."""

@@ -20,13 +20,11 @@ from jcontour.app.flags import loops, machines, others, rules, shared, tuning
 COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `command(flags)` runs it
     tuning.Tune: ("tune", "jcontour.app.commands.tuning.tune"),
     loops.Simulate: ("simulate", "jcontour.app.commands.loops.simulate"),
-    loops.Feed: ("feed", "jcontour.app.commands.loops.feed"),
     loops.Precompensate: ("precompensate", "jcontour.app.commands.loops.precompensate"),
     tuning.Front: ("front", "jcontour.app.commands.tuning.front"),
     tuning.Rank: ("rank", "jcontour.app.commands.tuning.rank"),
     tuning.Sweep: ("sweep", "jcontour.app.commands.tuning.sweep"),
     loops.Check: ("check", "jcontour.app.commands.loops.check"),
-    loops.Tolerance: ("tolerance", "jcontour.app.commands.loops.tolerance"),
     loops.Export: ("export", "jcontour.app.commands.loops.export"),
     loops.Learn: ("learn", "jcontour.app.commands.loops.learn"),
     machines.Identify: ("identify", "jcontour.app.commands.machines.identify"),
@@ -43,6 +41,8 @@ RENAMED = {  # command of the version before -> what does it now
     "certify": "check RUN --bound",
     "compare": "report RUN RUN",
     "trace": "simulate PART --controller mpcc",
+    "feed": "front PART --against feed",
+    "tolerance": "reproduce yuan-bounded",
 }
 BAD_INPUT, INTERRUPTED, CUT_OFF = 2, 130, 1
 TRACEBACK = "JCONTOUR_TRACEBACK"

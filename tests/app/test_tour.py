@@ -7,12 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from jcontour.app.commands.loops.check_limits import Verified
-from jcontour.app.files.results.bound_results import CertifiedResult, LearnedResult, ToleranceResult
+from jcontour.app.commands.loops.check import Verified
+from jcontour.app.files.results.bound_results import CertifiedResult, LearnedResult
 from jcontour.app.files.results.loop_results import (
     BentResult,
     ExportedResult,
-    FeedResult,
     SimulatedResult,
 )
 from jcontour.app.files.results.machine_results import LinearMachineResult
@@ -25,11 +24,10 @@ NO_SCREEN = ("list", "machine", "new-machine", "excite")
 # results that follow from the input without a search: equal on every computer
 NUMBERS = (
     "simulate",
-    "feed",
+    "front-feed",
     "precompensate",
     "learn",
     "check-bound",
-    "tolerance",
     "sweep",
     "traverse",
     "identify",
@@ -40,11 +38,10 @@ RESULTS = {  # stop -> type that its result is read into
     "simulate": SimulatedResult,
     "tune": TunedResult,
     "check": Verified,
-    "feed": FeedResult,
+    "front-feed": FrontResult,
     "precompensate": BentResult,
     "learn": LearnedResult,
     "check-bound": CertifiedResult,
-    "tolerance": ToleranceResult,
     "export": ExportedResult,
     "front": FrontResult,
     "rank": RankedResult,

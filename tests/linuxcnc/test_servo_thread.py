@@ -8,7 +8,7 @@ import pytest
 from jcontour.app.catalogue.choices import job_named
 from jcontour.app.commands.loops.check_in_linuxcnc import compared
 from jcontour.app.flags.loops import Simulate
-from jcontour.app.runs.checks.in_linuxcnc import distance_to_path, missing
+from jcontour.app.runs.checks.exported_code import distance_to_path, missing
 from jcontour.app.runs.stored_loops import loop_of
 
 HERE = Path(__file__).parent / "parts"

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from jcontour._arrays import placed
-from jcontour.bounds.worst_cases import PeakValues
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import (
     AtMost,
@@ -12,7 +11,6 @@ from tuning.objectives import (
     Entry,
     LoopPeaks,
     Outcome,
-    certified_error,
     mean_contour_error,
     mean_tracking_error,
     no_limits,
@@ -142,19 +140,6 @@ def test_limits_on_loops_need_loops():
 def test_unknown_names_are_told(name):
     with pytest.raises(ValueError, match=f"{name}: there is no such metric.*rms_contour_error"):
         AtMost(**{name: 1.0})
-
-
-def test_certified_errors_and_controls_need_disturbances():
-    proven = Outcome(
-        metrics(), certified=PeakValues(3 * ERRORS, np.array([[0.5, 2.0], [1.0, 0.8]]))
-    )
-    np.testing.assert_array_equal(certified_error(proven), 3 * ERRORS)
-    limits = AtMost(certified_control_use=0.5)
-    np.testing.assert_allclose(limits(proven), np.log([1.0, 4.0, 2.0, 1.6]))
-    assert limits.entries(proven)[1] == Entry("certified_control_use", 0, 1)
-    for judge in (certified_error, limits):
-        with pytest.raises(ValueError, match="certified.*: needs a problem that states its"):
-            judge(Outcome(metrics()))
 
 
 def test_the_noise_of_counts_is_limited_for_every_probe_and_plant():

@@ -36,7 +36,7 @@ from jcontour.app.jobs.excitation import Excited, program
 from jcontour.app.machines.disturbance_bounds import linear_machine
 from jcontour.app.machines.identified import machine_fields
 from jcontour.app.reports.tables import console_of
-from jcontour.app.runs.settling import with_held_end
+from jcontour.app.runs.loops.bending import with_held_end
 from jcontour.app.runs.stored_loops import stored_tuning
 from jcontour.app.runs.tuning.limits import measured_peak
 from jcontour.app.runs.tuning.problem import TuningRun

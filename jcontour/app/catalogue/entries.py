@@ -52,8 +52,7 @@ class Constrained(NamedTuple):
     line: str
 
 
-# tables of makers by name
-CONTOUR, MOVE = "jcontour.app.jobs.contours:BUILT_IN", "jcontour.app.jobs.motions:BUILT_IN"
+CONTOUR = "jcontour.app.jobs.contours:BUILT_IN"  # table of makers by name
 BEAM = "a tenth of a metre around {} m on the gantry's beam"
 CONTOURS = {
     "circle": Entry("circle of 1 mm radius", CONTOUR),
@@ -72,9 +71,9 @@ CONTOURS = {
     "oval-centre": Entry(BEAM.format(0.05), CONTOUR),
     "cushion-right": Entry(BEAM.format(0.4), CONTOUR),
     "eight-right": Entry(BEAM.format(0.7), CONTOUR),
-    "task-a": Entry("point to point, trapezoidal (Yuan)", MOVE),
-    "task-b": Entry("to and fro along a cosine (Yuan)", MOVE),
-    "s-curve": Entry("point to point with limited jerk", MOVE),
+    "task-a": Entry("point to point, trapezoidal (Yuan)", CONTOUR),
+    "task-b": Entry("to and fro along a cosine (Yuan)", CONTOUR),
+    "s-curve": Entry("point to point with limited jerk", CONTOUR),
 }
 
 
@@ -118,12 +117,7 @@ CONSTRAINED = {
         "simulate",
         "tracking MPC at a constant speed (Lam's other one)",
     ),
-    "bounded-mpc": Constrained(
-        "tolerance",
-        "predictive control that never leaves a tolerance (Yuan): `jcontour tolerance`",
-    ),
 }
-PREDICTIVE = ("mpcc", "tracking-mpc")  # of these, what `simulate` runs
 CONTROLLERS = {  # name -> module and class
     "contouring-lq": "jcontour.app.designs.receding_horizon:LQDesign",
     "contouring-lq-riccati": "jcontour.app.designs.receding_horizon:RiccatiLQ",

@@ -37,8 +37,9 @@ def check_contour(name: str) -> None:
     """Raise ValueError unless a contour has this name, or it is that of a file."""
     if name not in CONTOURS and Path(name).is_dir():
         raise ValueError(
-            f"contour: {name} is a folder, no contour; `jcontour check`, `export` and `report` "
-            f"take the folder of a run; give one of {', '.join(CONTOURS)}, or a toolpath file"
+            f"contour: {name} is a folder, no contour; `jcontour front --against feed`, "
+            "`precompensate`, `check`, `export` and `report` take the folder of a run; give one of "
+            f"{', '.join(CONTOURS)}, or a toolpath file"
         )
     if name not in CONTOURS and not Path(name).suffix:
         raise ValueError(
@@ -83,6 +84,8 @@ def check_flags(flags: Any) -> None:
     if getattr(flags, "resume", None):  # parts beside it are refused, whatever they are
         return
     for name in (*parts, *([contour] if contour else [])):
+        if getattr(flags, "against", None) == "feed" and Path(name).is_dir():  # a run
+            continue
         check_contour(name)
         _check_file(name, CONTOURS)
         if name not in CONTOURS:

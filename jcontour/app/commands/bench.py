@@ -9,7 +9,7 @@ import time
 from dataclasses import dataclass
 from importlib import import_module
 
-from jcontour.app.commands.checkout import in_checkout
+from jcontour.app.commands.reproduce import in_checkout
 from jcontour.app.files import run_folder
 from jcontour.app.files.results.stored import to_json
 from jcontour.app.flags.others import Bench

@@ -2,52 +2,54 @@
 
 from pathlib import Path
 
-from jcontour.app.commands import compare
 from jcontour.app.files import run_folder
 from jcontour.app.files.results.stored import to_json
 from jcontour.app.flags.others import Report
+from jcontour.app.reports.comparison import (
+    comparison,
+    comparison_answer,
+    is_comparable,
+    show_comparison,
+)
 from jcontour.app.reports.page.page_data import FILE, write_page
 from jcontour.app.reports.screen import Entry, screen
 from jcontour.app.reports.tables import console_of, say
 
 SUFFIXES = (".html", ".htm")
-COMPARED = ({"tune"}, {"simulate", "audit"})  # commands whose runs are compared
 
 
 def command(flags: Report) -> int:
-    """The whole command: write the page, compare each run with the first, exit code.
+    """The whole command: write the page, compare the runs, exit code.
 
     Raises:
         ValueError: one of the runs has no page, `out` is a file that is no page, or there is
             nothing to compare where no page is asked for.
     """
-    compared = flags.runs[1:] if _comparable(flags.runs) else ()
-    if not flags.page and not compared:
+    runs: tuple[Path, ...] = flags.runs
+    several = len(runs) > 1 and is_comparable(runs)
+    if not flags.page and not several:
         raise ValueError("report: --no-page needs two runs of tune, or two of simulate or audit")
-    results = [compare.run(flags.runs[0], other) for other in compared]
-    page = write_page(flags.runs, page_at(flags.out or flags.runs[0])) if flags.page else None
+    compared = comparison(runs) if several else None
+    page = write_page(runs, page_at(flags.out or runs[0])) if flags.page else None
     if flags.json:
         written = {} if page is None else {"page": str(page), "bytes": page.stat().st_size}
-        print(run_folder.json_text(written | {"comparisons": [to_json(one) for one in results]}))
+        if compared is not None:
+            written["comparison"] = to_json(compared)
+        print(run_folder.json_text(written))
         return 0
     console, entries = console_of(), []
-    for one in results:
+    if compared is not None:
         if flags.details:
-            compare.show(one, console)
-        entries += compare.answer(one)
+            show_comparison(compared, console)
+            say(console, "")
+        entries += comparison_answer(compared)
     if page is not None:
         entries.append(Entry("Page", f"{page}, {1e-6 * page.stat().st_size:.2g} MB"))
         entries.append(Entry("Next", "open it in a browser; it needs no network, and prints"))
     elif not flags.details:
-        entries.append(Entry("Next", "--details prints every number of both"))
-    say(console, *([""] if flags.details else []), *screen(None, entries))
+        entries.append(Entry("Next", "--details prints every number of each"))
+    say(console, *screen(None, entries))
     return 0
-
-
-def _comparable(runs: tuple[Path, ...]) -> bool:
-    """Whether all runs are of commands whose runs are compared."""
-    commands = {run_folder.read_json(one, run_folder.SETTINGS).get("command") for one in runs}
-    return any(commands <= alike for alike in COMPARED)
 
 
 def page_at(out: Path) -> Path:

@@ -14,11 +14,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import tyro
 
-from jcontour.app.commands.checkout import in_checkout
 from jcontour.app.flags.rules import read
 from jcontour.app.flags.shared import Common
 
@@ -105,3 +105,20 @@ def command(flags: Any) -> int:
         file=sys.stderr,
     )
     return 2
+
+
+def in_checkout(command: str, module: str) -> ModuleType:
+    """A module of the papers or the benchmarks.
+
+    Raises:
+        ValueError: it is not there.
+    """
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        if not module.startswith(str(error.name)):  # a package that it needs
+            raise
+        raise ValueError(
+            f"{command}: papers and benchmarks are not in the installed package; clone the "
+            "repository and run it there"
+        ) from None

@@ -12,7 +12,6 @@ import jax
 import numpy as np
 
 from jcontour.app.files.run_folder import RunError, write
-from jcontour.bounds.worst_cases import PeakValues
 from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
 from tuning.descents.descent import begin
@@ -50,10 +49,6 @@ def save_state(folder: Path, state: TuneState) -> Path:
     for name in ALONE:
         if rows and getattr(rows[0].outcome, name) is not None:
             arrays[name] = np.asarray([getattr(row.outcome, name) for row in rows])
-    certified = rows and rows[0].outcome.certified is not None
-    for name in PeakValues._fields if certified else ():
-        values = [getattr(row.outcome.certified, name) for row in rows]
-        arrays[f"certified_{name}"] = np.asarray(values)
     return write(folder / STATE, lambda temporary: np.savez(temporary, **arrays))
 
 
@@ -91,8 +86,6 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
     loops = [arrays[f"loops_{name}"] for name in LoopPeaks._fields] if looked else []
     limited = "use_speed" in arrays
     use = [arrays[f"use_{name}"] for name in LimitUse._fields] if limited else []
-    proven = "certified_error" in arrays
-    certified = [arrays[f"certified_{name}"] for name in PeakValues._fields] if proven else []
     history = []
     for k in range(len(columns["start"])):
         row = Evaluated(
@@ -104,7 +97,6 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
                 Metrics(**{name: values[k] for name, values in metrics.items()}),
                 LoopPeaks(*(values[k] for values in loops)) if looked else None,
                 LimitUse(*(values[k] for values in use)) if limited else None,
-                certified=PeakValues(*(values[k] for values in certified)) if proven else None,
                 **{name: arrays[name][k] for name in ALONE if name in arrays},
             ),
             bool(columns["diverged"][k]),

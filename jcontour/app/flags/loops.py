@@ -8,15 +8,12 @@ from tyro.conf import Positional
 
 from jcontour.app.flags.shared import (
     ROLLOUTS,
-    Bounded,
     Controlled,
-    MachineFlags,
     Rollouts,
     RunsCode,
 )
 
 Fallback = Literal["stop", "hold", "soft"]
-Law = Literal["norm-optimal", "p-type"]
 
 FALLBACK: Fallback = "stop"  # no number comes from a step that was not solved
 SOLVER = "daqp"  # exact to rounding and the fastest
@@ -41,26 +38,6 @@ class Simulate(Controlled):
     """Print the moves of a program or a drawing as they were understood, and simulate nothing."""
     out: Path | None = None
     """Run folder; runs/simulate-<time> when not given. It must not hold another run."""
-
-
-@dataclass(frozen=True)
-class Feed(Controlled):
-    """Trade cycle time for contour error: the same part and controller at several feeds.
-
-    The motion is planned anew for each of them.
-    """
-
-    part: Positional[str | None] = None
-    """A toolpath (.ngc, .dxf, .svg, .csv), a name from `jcontour list`, or a run folder of
-    `jcontour tune` or `simulate`: its first part, with its machine, controller and weights.
-    The machine's usual contour when not given."""
-    overrides: tuple[float, ...] = (25.0, 50.0, 75.0, 100.0, 150.0, 200.0)
-    """Feeds in per cent of the programmed ones; rapid moves stay."""
-    tolerance_um: float | None = None
-    """Largest contour error that any plant of the family may have [um].
-    The quickest feed within it is recommended."""
-    out: Path | None = None
-    """Run folder; runs/feed-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +67,7 @@ class Precompensate(Controlled):
 class Learn(Controlled):
     """Learn a part lap by lap: error per lap, with encoder noise and parameter error.
 
+    The law is norm-optimal: it knows the model and the direction of the path.
     Before the first lap it is said whether the laps converge, by linear models of the family.
     """
 
@@ -98,14 +76,8 @@ class Learn(Controlled):
     The machine's usual contour when not given."""
     laps: int = 20  # most learn in five
     """Laps of the whole run; each one starts alike."""
-    law: Law = "norm-optimal"  # knows the model and the direction of the path
-    """Learning law: norm-optimal on the contour error, or p-type on the error itself."""
     effort: float = 0.1  # nine tenths of a slow contour error are learned in a lap
-    """Norm-optimal: price of a change of the correction; more is slower, and averages noise."""
-    gain: float = 0.5  # half of the error is learned in a lap
-    """P-type: part of the error that is taken over."""
-    lead: int | None = None
-    """P-type: samples by which the error is read ahead; the lag of the loop when not given."""
+    """Price of a change of the correction; more is slower, and averages noise."""
     smoothing: int | None = None
     """How often the filter (1/4, 1/2, 1/4) is passed over the correction.
     When not given, as often as the bound over the family needs."""
@@ -116,7 +88,7 @@ class Learn(Controlled):
 
 
 @dataclass(frozen=True)
-class Check(Bounded):
+class Check(RunsCode):
     """Check a stored run: under the machine's limits, by a proof (--bound), or in a real control.
 
     Limits: a tuned run goes through constrained MPC with the same weights; the tables say where
@@ -145,39 +117,15 @@ class Check(Bounded):
     Stop the run, hold the last control, or soften the limits."""
     solver: str = SOLVER
     """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
-    cells: int = 0  # each takes seconds, on a long part half a minute
-    """--bound: prove it for all gains of the family's box too, cut into at most so many cells per
-    delay. 16 are enough for two axes of 10 %. 0: for the plants of the family alone."""
+    force: float | None = None
+    """--bound: largest disturbance on every control at every sample: friction, cutting
+    [control unit]. When not given, the friction or, where it is more, the control noise of the
+    machine file."""
+    encoder_um: float | None = None
+    """--bound: largest error of every measured position [um]; half a count of each when not
+    given."""
     out: Path | None = None
     """Run folder; runs/check-<time> when not given. It must not hold another run."""
-
-
-@dataclass(frozen=True)
-class Tolerance(Bounded, MachineFlags):
-    """Find the tolerance that predictive control can promise on a part, and run it.
-
-    The tool stays within it under every force and encoder error within bounds, and within the
-    machine's limits on control and speed. The machine's other plants are run as well.
-    """
-
-    contour: Positional[str | None] = None
-    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv).
-    The machine's usual contour when not given."""
-    tolerance_um: float | None = None
-    """Tolerance to keep [um]; the least that can be promised, and 2 %, when not given.
-    A larger one leaves room for gentler controls."""
-    length: int | None = None
-    """Samples within which the tool has recovered from a disturbance.
-    When not given, the shortest of 8, 12, 20 and 30 that promises as much as the others."""
-    model_delay: int = 0  # the nominal plant
-    """Samples of the machine's unknown delay that its model has.
-    What is promised holds for a machine that is as late."""
-    offset_free: bool = True  # friction is as good as constant on a straight line
-    """A constant force leaves no error; it costs some of the tolerance."""
-    solver: str = SOLVER
-    """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
-    out: Path | None = None
-    """Run folder; runs/tolerance-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ Terminal = Literal["output", "riccati"]
 Planner = Literal["jcontour", "linuxcnc", "grbl"]
 FeedLaw = Literal["trapezoidal", "jerk"]
 DrawingUnit = Literal["mm", "cm", "m", "inch", "px", "pt"]
-Objective = Literal["typical", "worst", "mean", "certified"]
+Objective = Literal["typical", "worst", "mean"]
 Rollouts = Literal["auto", "full", "thinned", "none"]
 
 ROLLOUTS: Rollouts = "auto"  # all that fits into 100 MB
@@ -90,7 +90,7 @@ class Controlled(MachineFlags):
     """Compensate the backlash of the machine file: the motors lead by half of it."""
     preview: Samples = 10  # the paper's usual horizon
     """Horizon of an LQ controller [samples]; not tuned here, see `jcontour sweep`.
-    path: all samples of the run, with `simulate`, `feed`, `precompensate` and `learn`."""
+    path: all samples of the run, with `simulate`, `precompensate` and `learn`."""
     terminal: Terminal = "output"  # the paper's better performing choice
     """Cost at the end of an LQ controller's horizon: output error, or the Riccati solution.
     The Riccati solution is stable on straight lines."""
@@ -118,7 +118,7 @@ class Limited(Controlled):
         "backlash",
         *("min_delay_margin", "max_count_noise", "max_peak_tracking_error_um", "max_rms_control"),
         *("max_peak_contour_error_um", "max_peak_control", "max_rms_increment"),
-        *("max_peak_increment", "seed", "devices", "force", "encoder_um", "nominal_only"),
+        *("max_peak_increment", "seed", "devices", "nominal_only"),
     )
 
     max_sensitivity: float | None = 2.0  # 6 dB, the usual bound on the peak sensitivity
@@ -161,25 +161,13 @@ class Storage(Limited):
 
 
 @dataclass(frozen=True)
-class Bounded(RunsCode):
-    """Bounds of what acts on a linear machine."""
-
-    force: float | None = None
-    """Largest disturbance on every control at every sample: friction, cutting [control unit].
-    When not given, the friction or, where it is more, the control noise of the machine file."""
-    encoder_um: float | None = None
-    """Largest error of every measured position [um]; half a count of each when not given."""
-
-
-@dataclass(frozen=True)
-class Aimed(Bounded, Storage):
+class Aimed(Storage):
     """What is made small, on which plants, by which weights."""
 
     objective: Objective = "typical"  # a per cent of any contour counts alike
     """Objective, of RMS contour errors; on a single axis, of tracking errors.
     typical: the geometric mean over contours of the family's worst.
-    worst: the largest error of all. mean: the mean over contours and plants.
-    certified: typical, of the largest error under every force and encoder error within bounds."""
+    worst: the largest error of all. mean: the mean over contours and plants."""
     max_effort: float | None = None
     """Limit on the RMS of the control vector as a multiple of what the start weights need.
     1.2 on flexible axes and gantries when neither this nor --max-rms-control is given."""

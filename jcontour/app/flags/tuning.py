@@ -7,7 +7,7 @@ from tyro.conf import Positional, arg
 
 from jcontour.app.flags.shared import ROLLOUTS, Aimed, Rollouts, Storage
 
-Against = Literal["increment", "sensitivity"]
+Against = Literal["increment", "sensitivity", "feed"]
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,6 @@ class Tune(Aimed):
     parts: Positional[tuple[str, ...]] = ()
     """Training set: toolpaths (.ngc G-code, .dxf and .svg drawings, .csv points in mm),
     or names from `jcontour list`. The machine's usual one when none is given."""
-    contours: str | None = None
-    """Training set of random contours instead, as random:64, in the size and feed of the parts.
-    As many others are held out. --seed draws other ones."""
     max_error_ratio: float | None = None
     """Limit on the worst error of every training contour, over that of the start weights.
     1 lets none become worse, 0.95 asks for 5 % on each of them."""
@@ -49,17 +46,22 @@ class Tune(Aimed):
 
 @dataclass(frozen=True)
 class Front(Aimed):
-    """Trace the trade-off of contour error against control increment, or against robustness.
+    """Trace the trade-off of contour error against control increment, robustness, or feed.
 
     The RMS tracking error keeps the limit that `tune` gives it, or the one that is given.
     """
 
     parts: Positional[tuple[str, ...]] = ()
     """Toolpaths (.ngc, .dxf, .svg, .csv) or names from `jcontour list`.
-    The machine's usual contour when none is given."""
+    The machine's usual contour when none is given. --against feed: one of them, or a run folder of
+    `jcontour tune` or `simulate`: its first part, with its machine, controller and weights."""
     against: Against = "increment"  # the front of the paper's machine
     """Budgets along the front.
-    increment: of the RMS control increment. sensitivity: of the peak sensitivity Ms."""
+    increment: of the RMS control increment. sensitivity: of the peak sensitivity Ms.
+    feed: nothing is tuned; the quickest of --overrides within every limit is recommended, as
+    --max-peak-contour-error-um."""
+    overrides: tuple[float, ...] = (25.0, 50.0, 75.0, 100.0, 150.0, 200.0)
+    """--against feed: feeds in per cent of the programmed ones; rapid moves stay."""
     points: int = 5  # each budget is tuned by itself
     """Number of budgets along the front."""
     least: Annotated[float | None, arg(aliases=["--least-increment"])] = None

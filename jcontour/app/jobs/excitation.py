@@ -57,17 +57,11 @@ LETTERS = "XYZABCUVW"  # that move an axis
 
 @dataclass(frozen=True)
 class Excited:
-    """What the limits of a machine allow.
+    """What the limits of a machine allow."""
 
-    Attributes:
-        axes: names.
-        dt: sample period of the CSV [s].
-        travel, speed, acceleration: by axis [m], [m/s], [m/s^2].
-    """
-
-    axes: tuple[str, ...]
-    dt: float
-    travel: Float[np.ndarray, " axes"]
+    axes: tuple[str, ...]  # names
+    dt: float  # sample period of the CSV [s]
+    travel: Float[np.ndarray, " axes"]  # by axis [m], [m/s], [m/s^2]
     speed: Float[np.ndarray, " axes"]
     acceleration: Float[np.ndarray, " axes"]
 

@@ -10,14 +10,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from jcontour.app.jobs.coarse import coarse_coordinates
-from jcontour.app.jobs.entry import behind_entry
-from jcontour.app.jobs.memory import room
-from jcontour.app.jobs.motion_laws import Aside, along_path, planned_motion
+from jcontour.app.jobs.memory import TooLongError, check_duration
+from jcontour.app.jobs.motion_laws import UM, Aside, along_path, coarse_coordinates
 from jcontour.app.jobs.pace import MM_PER_MIN, Pace
-from jcontour.app.jobs.tolerance_advice import tolerance_advice
 from jcontour.app.machines.machine import Machine
 from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.reading import SUFFIXES as DRAWINGS
@@ -29,78 +26,40 @@ from jcontour.motion.references import Reference, TimeLaw, along, in_time
 
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
 RAPID = 3.0
+ENTRY = 100  # samples; a tuned loop has caught up by then, a slow cascade not all the way
 SETTLING = 0.25  # [s] after a motion: five time constants of a position loop of 20 1/s
 ROUNDING = 1e-12  # of a contour's length
 STILL = 1e-9  # [m] and of the way: an axis that moves less stands still
 TOOLPATHS = Path(__file__).parent / "toolpaths"
 
 
-class TooLongError(ValueError):
-    """A motion whose samples do not fit into the free memory.
-
-    Attributes:
-        piece: number of the piece that takes longest.
-    """
-
-    def __init__(
-        self, piece: int, seconds: float, dwells: float, z_alone: float, dt: float, most: int
-    ):
-        self.piece = piece
-        of_them = f", {dwells:.3g} s of it in dwells (P of G4 is in seconds)" if dwells else ""
-        of_them += f", {z_alone:.3g} s of it while Z moves alone" if z_alone else ""
-        super().__init__(
-            f"the program takes {seconds:.3g} s at least, longest here{of_them}; that is more than "
-            f"the {most:,} samples of {dt:g} s that fit into the free memory: give a higher "
-            f"feed{', shorter dwells' if dwells else ''} or a part of the program"
-        )
-
-
 class Program(NamedTuple):
-    """G-code, drawing or points that a contour comes from.
+    """G-code, drawing or points that a contour comes from."""
 
-    Attributes:
-        line: (P,) line of the file that every piece is from.
-        ignored: its words that mean nothing for the path, or what of a drawing is left out.
-        doubts: what of it may be meant otherwise, or spoils the motion.
-        stops: where and why it stops, in words.
-        rapid: (P,) which pieces are rapid moves.
-        read: all that was read of it; None of one that is made up.
-    """
-
-    line: np.ndarray
+    line: np.ndarray  # (P,) line of the file that every piece is from
+    # its words that mean nothing for the path, or what of a drawing is left out
     ignored: tuple[str, ...]
-    doubts: tuple[str, ...]
-    stops: str
-    rapid: np.ndarray
-    read: Toolpath | None = None
+    doubts: tuple[str, ...]  # what of it may be meant otherwise, or spoils the motion
+    stops: str  # where and why it stops, in words
+    rapid: np.ndarray  # (P,) which pieces are rapid moves
+    read: Toolpath | None = None  # all that was read of it; None of one that is made up
 
 
 class Job(NamedTuple):
-    """One run along a contour: its motion, and the last point held until the tool has settled.
+    """One run along a contour: its motion, and the last point held until the tool has settled."""
 
-    Attributes:
-        name: for tables and files.
-        contour: the path.
-        arc: arc length at every sample of the motion [m].
-        scored: whether every sample counts in the metrics; the held ones count as the last does.
-        at_rest: from rest to rest.
-        feed_law: in words.
-        program: file behind it; None where there is none.
-        aside: where it leaves the contour, in blended corners; None where it does not.
-        planned: jerk-limited motion behind it; None where there is none.
-        settling: samples of the last point that are held after the motion.
-    """
-
-    name: str
-    contour: Contour
-    arc: np.ndarray
+    name: str  # for tables and files
+    contour: Contour  # the path
+    arc: np.ndarray  # arc length at every sample of the motion [m]
+    # whether every sample counts in the metrics; the held ones count as the last does
     scored: np.ndarray
-    at_rest: bool
-    feed_law: str
-    program: Program | None = None
+    at_rest: bool  # from rest to rest
+    feed_law: str  # in words
+    program: Program | None = None  # file behind it; None where there is none
+    # where it leaves the contour, in blended corners; None where it does not
     aside: Aside | None = None
-    planned: Planned | None = None
-    settling: int = 0
+    planned: Planned | None = None  # jerk-limited motion behind it; None where there is none
+    settling: int = 0  # samples of the last point that are held after the motion
 
     @property
     def samples(self) -> int:
@@ -214,6 +173,21 @@ class AxisMove(NamedTuple):
 Task = Job | AxisMove
 
 
+def behind_entry(samples: int) -> Bool[np.ndarray, " T"]:
+    """Which samples of a run in motion are scored: those behind its entry.
+
+    The tool stands where such a run begins, and the reference is at full feed. What the loop does
+    until it has caught up says nothing of the contour.
+
+    >>> behind_entry(250).sum(), behind_entry(60).sum()
+    (np.int64(150), np.int64(30))
+
+    Args:
+        samples: of the whole run; of a short one the entry is at most half.
+    """
+    return np.arange(samples) >= min(ENTRY, samples // 2)
+
+
 def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
     """Run in motion from the first sample; its entry is not scored.
 
@@ -296,7 +270,7 @@ def _read(path: Path, pace: Pace) -> Job:
         pace = pace._replace(control=pace.control._replace(tolerance=toolpath.tolerance))
     speed = _speed(pace.override * toolpath.feed, rapid, pace)
     try:
-        _check_duration(
+        check_duration(
             np.asarray(contour.extent) / speed, np.nan_to_num(toolpath.rest), z_alone, machine
         )
         run = along_path(contour, speed, rapid, pace, toolpath.rest + z_alone)
@@ -308,12 +282,15 @@ def _read(path: Path, pace: Pace) -> Job:
         _piece_at(contour, run.arc),
     )
     scored = ~(rapid[before] & (rapid[at] | (z_alone[before] > 0)))
+    other = ()
+    if run.planned is not None and pace.override == 1.0:
+        other = _other_tolerance(toolpath, contour, speed, pace)
     doubts = (
         *toolpath.doubts,
         *_unused_unit(path, pace),
         *_rapid_speed(speed, rapid, pace),
         *pace.doubts,
-        *_tolerance(toolpath, contour, speed, pace, run.planned),
+        *other,
         *_still_axes(contour, machine),
     )
     program = Program(toolpath.line, toolpath.ignored, doubts, toolpath.stops, rapid, toolpath)
@@ -358,24 +335,20 @@ def _rapid_speed(speed: np.ndarray, rapid: np.ndarray, pace: Pace) -> Iterator[s
     yield f"rapid moves at {asked / MM_PER_MIN:.0f} mm/min ({why})"
 
 
-def _tolerance(
-    read: Toolpath,
-    contour: Contour,
-    speed: Float[np.ndarray, " P"],
-    pace: Pace,
-    planned: Planned | None,
-) -> tuple[str, ...]:
-    """Advice on another tolerance of a jerk-limited motion at the programmed feeds."""
-    if planned is None or pace.override != 1.0:
-        return ()
-
-    def within(tolerance: float) -> Planned:
-        rest = read.rest + read.z_alone
-        other = pace._replace(corner_tolerance=tolerance)
-        return planned_motion(contour, speed, read.rapid, other, rest)
-
-    coarse = coarse_coordinates(contour, speed, ~read.rapid, pace)
-    return tolerance_advice(planned, pace.corner_tolerance, read.tolerance, coarse, within)
+def _other_tolerance(
+    read: Toolpath, contour: Contour, speed: Float[np.ndarray, " P"], pace: Pace
+) -> Iterator[str]:
+    """Tolerance of the program, or of its coordinates, that is not the one of the motion."""
+    used, allowed = f"{pace.corner_tolerance / UM:.4g} um", read.tolerance
+    if allowed is not None and not np.isclose(allowed, pace.corner_tolerance):
+        flag = f"--corner-tolerance-um {allowed / UM:.4g}"
+        yield f"the program allows {allowed / UM:.4g} um (P of G64), {used} are used: {flag}"
+    elif coarse := coarse_coordinates(contour, speed, ~read.rapid, pace):
+        yield (
+            f"coordinates are rounded to {coarse.step / UM:.4g} um, the tolerance is {used}: "
+            f"{coarse.moves} short moves cannot be smoothed; --corner-tolerance-um "
+            f"{coarse.step / UM:.4g} smooths them; more digits need not leave the part"
+        )
 
 
 def _still_axes(contour: Contour, machine: Machine) -> Iterator[str]:
@@ -386,17 +359,6 @@ def _still_axes(contour: Contour, machine: Machine) -> Iterator[str]:
     if moves.sum() == 1:
         still = [name for name, one in zip(machine.axes, moves, strict=True) if not one]
         yield f"{' and '.join(still)} never move{'s' if len(still) == 1 else ''}"
-
-
-def _check_duration(
-    moving: np.ndarray, dwelling: np.ndarray, z_alone: np.ndarray, machine: Machine
-) -> None:
-    """Refuse what takes so long [s] that its samples do not fit in memory."""
-    lasting = moving + dwelling + z_alone
-    whole, *resting = (float(np.sum(part)) for part in (lasting, dwelling, z_alone))
-    dt, most = machine.model.dt, room(len(machine.family_names))
-    if whole / dt > most:
-        raise TooLongError(int(np.argmax(lasting)), whole, *resting, dt, most)
 
 
 def _piece_at(contour: Contour, arc: np.ndarray) -> np.ndarray:

@@ -7,10 +7,12 @@ from jaxtyping import Bool, Float
 
 from jcontour.app.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.contour import Contour, unpadded
+from jcontour.geometry.toolpath_rules import INCH, MM
 from jcontour.motion.cornering import Planned, cornered
 from jcontour.motion.feed_laws import trapezoidal
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.other_controls import as_planned_by
+from jcontour.motion.smoothing import SHARPEST
 
 UM = 1e-6  # [m]
 # [s] in which an axis builds up its acceleration where the machine states no jerk: of milling
@@ -21,15 +23,10 @@ SAME_FEED = 1e-9  # what a projection rounds
 
 
 class Aside(NamedTuple):
-    """Where a motion leaves its contour, in blended corners.
+    """Where a motion leaves its contour, in blended corners."""
 
-    Attributes:
-        offset: (T, m) from the contour's point to the tool [m].
-        tangent: (T, m) unit vectors along the motion.
-    """
-
-    offset: Float[np.ndarray, "T m"]
-    tangent: Float[np.ndarray, "T m"]
+    offset: Float[np.ndarray, "T m"]  # (T, m) from the contour's point to the tool [m]
+    tangent: Float[np.ndarray, "T m"]  # (T, m) unit vectors along the motion
 
     def some(self, samples: slice) -> "Aside":
         """Some of the samples."""
@@ -42,19 +39,12 @@ class Aside(NamedTuple):
 
 
 class AlongPath(NamedTuple):
-    """A motion in samples.
+    """A motion in samples."""
 
-    Attributes:
-        arc: arc length on the contour at every sample [m].
-        words: the law in words.
-        aside: where it leaves the contour; None where it does not.
-        planned: behind it; None of a trapezoidal motion.
-    """
-
-    arc: Float[np.ndarray, " T"]
-    words: str
-    aside: Aside | None = None
-    planned: Planned | None = None
+    arc: Float[np.ndarray, " T"]  # arc length on the contour at every sample [m]
+    words: str  # the law in words
+    aside: Aside | None = None  # where it leaves the contour; None where it does not
+    planned: Planned | None = None  # behind it; None of a trapezoidal motion
 
 
 def along_path(
@@ -106,22 +96,11 @@ def axis_limits(pace: Pace) -> AxisLimits:
     return AxisLimits.of(axes, acceleration, jerk, np.inf if speed is None else speed)
 
 
-def planned_motion(
-    contour: Contour,
-    feed: Float[np.ndarray, " P"],
-    rapid: Bool[np.ndarray, " P"],
-    pace: Pace,
-    rest: Float[np.ndarray, " P"],
-) -> Planned:
-    """Jerk-limited motion; see `along_path`."""
+def _jerk_limited(contour: Contour, feed, rapid, pace: Pace, rest, words: str) -> AlongPath:
     changes = np.append(rapid[1:] != rapid[:-1], False)
     rest = np.where(changes & np.isnan(rest), 0.0, rest)
     alike = np.isclose(feed[1:], feed[:-1], rtol=SAME_FEED, atol=0.0)
-    return cornered(contour, feed, axis_limits(pace), pace.corner_tolerance, rest, alike)
-
-
-def _jerk_limited(contour: Contour, feed, rapid, pace: Pace, rest, words: str) -> AlongPath:
-    planned = planned_motion(contour, feed, rapid, pace, rest)
+    planned = cornered(contour, feed, axis_limits(pace), pace.corner_tolerance, rest, alike)
     around, motion, rests, _ = planned
     followed = motion.sampled(pace.machine.model.dt, rests)
     arc = around.true_arc(followed)
@@ -152,3 +131,61 @@ def _on(contour: Contour, arc: Float[np.ndarray, " T"]) -> tuple[np.ndarray, np.
         speed = np.linalg.norm(velocity, axis=1, keepdims=True)
         place[some], tangent[some] = position, velocity / speed
     return place, tangent
+
+
+# [m] of the last digit of coordinates in inches and millimetres, the coarsest first
+STEPS = sorted((10.0**-k * unit for unit in (INCH, MM) for k in (1, 2, 3, 4)), reverse=True)
+# [m]: coarser than three digits of an inch is a grid that is meant
+COARSEST = 30e-6
+STRAIGHT = 1e-5  # [rad]: what turns less goes on straight
+ON_STEP = 1e-3  # of a step
+ALMOST_ALL = 0.99  # of the chords
+ENOUGH = 0.1  # of the way that is cut
+
+
+class Coarse(NamedTuple):
+    """Step that coordinates are rounded to [m], and how many moves cannot be smoothed for it."""
+
+    step: float
+    moves: int
+
+
+def coarse_coordinates(
+    contour: Contour, speed: Float[np.ndarray, " P"], cut: Bool[np.ndarray, " P"], pace: Pace
+) -> Coarse | None:
+    """Rounding of coordinates that spoils a jerk-limited motion; None where it spoils none.
+
+    Args:
+        contour: of a file.
+        speed: that is asked for along every piece [m/s].
+        cut: which pieces are cut.
+        pace: limits and tolerance.
+    """
+    limits, tolerance = axis_limits(pace), pace.corner_tolerance
+    pieces = unpadded(contour)
+    # Straight pieces that turn a little from the one before, or into the next
+    straight = cut & (pieces.rate == 0) & ~pieces.polynomial[:, 2:].any(axis=(1, 2))
+    along = pieces.polynomial[:, 1]
+    cosine = np.sum(along[1:] * along[:-1], axis=1)
+    turns = (cosine > np.cos(SHARPEST)) & (cosine < np.cos(STRAIGHT))
+    smooth = straight[1:] & straight[:-1] & turns
+    chords = np.append(smooth, False) | np.append(False, smooth)
+    step = _step_of(pieces.polynomial[chords, 1] * pieces.extent[chords, None])
+    if step is None or not tolerance < (1 - ON_STEP) * step <= COARSEST:
+        return None
+    by_acceleration = np.sqrt(step / 2 / limits.acceleration.min())  # [s]
+    by_jerk = np.cbrt(step / 2 / limits.jerk.min())
+    slowed = chords & (pieces.extent < np.pi * speed * max(by_acceleration, by_jerk))
+    if pieces.extent[slowed].sum() < ENOUGH * pieces.extent[cut].sum():
+        return None
+    return Coarse(step, int(slowed.sum()))
+
+
+def _step_of(moves: Float[np.ndarray, "n m"]) -> float | None:
+    """Coarsest step [m] that almost all of these moves are multiples of."""
+    for step in STEPS if len(moves) else ():
+        multiple = moves / step
+        on = (np.abs(multiple - np.round(multiple)) < ON_STEP).all(axis=1)
+        if on.mean() >= ALMOST_ALL:
+            return step
+    return None

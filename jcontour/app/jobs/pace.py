@@ -34,33 +34,22 @@ class Pace(NamedTuple):
     """Feed [m/s] and path acceleration [m/s^2] on a machine with its limits.
 
     Each is None where it is not given.
-
-    Attributes:
-        feed_law: by which a programmed path is run.
-        jerk: limit of every axis [m/s^3]; None where it is not given.
-        corner_tolerance: of the jerk-limited law, from the path [m]; 0 stops in corners.
-        drawing_unit: of a drawing [m]; None where its file has to say.
-        join: ends of a drawing's lines within it are joined [m].
-        control: limits of a control, which the motion asks for in full; None for the machine's.
-        planner: control whose motion is predicted.
-        doubts: questions about the units of these limits.
-        tools: of the tool table, by number; None without one.
-        override: share of every feed that is run, programmed or not; rapid moves stay.
     """
 
     machine: Machine
     feed: float | None
     acceleration: float | None
-    feed_law: FeedLaw = "jerk"
-    jerk: float | None = None
-    corner_tolerance: float = 2e-6
-    drawing_unit: float | None = None
-    join: float = GAP
+    feed_law: FeedLaw = "jerk"  # by which a programmed path is run
+    jerk: float | None = None  # limit of every axis [m/s^3]; None where it is not given
+    corner_tolerance: float = 2e-6  # of the jerk-limited law, from the path [m]; 0 stops in corners
+    drawing_unit: float | None = None  # of a drawing [m]; None where its file has to say
+    join: float = GAP  # ends of a drawing's lines within it are joined [m]
+    # limits of a control, which the motion asks for in full; None for the machine's
     control: ControlLimits | None = None
-    planner: Planner = "jcontour"
-    doubts: tuple[str, ...] = ()
-    tools: dict[int, Tool] | None = None
-    override: float = 1.0
+    planner: Planner = "jcontour"  # control whose motion is predicted
+    doubts: tuple[str, ...] = ()  # questions about the units of these limits
+    tools: dict[int, Tool] | None = None  # of the tool table, by number; None without one
+    override: float = 1.0  # share of every feed that is run, programmed or not; rapid moves stay
 
     @property
     def feed_or_default(self) -> float:

@@ -42,21 +42,13 @@ class Replay(NamedTuple):
 
 
 class Scenarios(NamedTuple):
-    """Jobs and plants of a replay, stacked once.
+    """Jobs and plants of a replay, stacked once."""
 
-    Attributes:
-        jobs: the contours.
-        training: which of them the tuner has seen.
-        plants: names of the plants, the nominal one first.
-        references: (contour,) stacked and padded.
-        family: (plant,) stacked.
-    """
-
-    jobs: tuple[Task, ...]
-    training: tuple[bool, ...]
-    plants: tuple[str, ...]
-    references: Reference
-    family: Plant
+    jobs: tuple[Task, ...]  # the contours
+    training: tuple[bool, ...]  # which of them the tuner has seen
+    plants: tuple[str, ...]  # names of the plants, the nominal one first
+    references: Reference  # (contour,) stacked and padded
+    family: Plant  # (plant,) stacked
 
     @classmethod
     def of(

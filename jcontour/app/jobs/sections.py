@@ -22,19 +22,14 @@ PREPARED = "the first cut begins, with Z, spindle and laser as there"
 
 
 class Section(NamedTuple):
-    """Samples of a run from a first to a last one, which the next section begins with.
+    """Samples of a run from a first to a last one, which the next section begins with."""
 
-    Attributes:
-        first, last: the samples.
-        rapid: whether it is a rapid move, where no part is cut.
-        corners: samples between them where one rapid move ends and another begins.
-        asked: what is to be done before it, by line of the program, from 1.
-    """
-
-    first: int
+    first: int  # the samples
     last: int
-    rapid: bool = False
+    rapid: bool = False  # whether it is a rapid move, where no part is cut
+    # samples between them where one rapid move ends and another begins
     corners: tuple[int, ...] = ()
+    # what is to be done before it, by line of the program, from 1
     asked: tuple[tuple[int, str], ...] = ()
 
 

@@ -14,7 +14,7 @@ from jcontour.app.files.results.tuned_result import (
 )
 from jcontour.app.reports.drives import drive_gains
 from jcontour.app.reports.screen import Entry, read_notes
-from jcontour.app.reports.tables import digits, of_axes, peak_line, plain_table, position, say
+from jcontour.app.reports.tables import digits, peak_line, plain_table, position, say
 from tuning.objectives import COUNT_NOISE, LATE, RATIO
 
 SEEN, HELD_OUT = "training", "held out"
@@ -179,15 +179,6 @@ def trial_lines(result: TunedResult) -> Iterator[str]:
         control = f"{digits(start.rms_control)} -> {digits(tuned.rms_control)} {unit} RMS"
         increment = f"{digits(start.rms_increment)} -> {digits(tuned.rms_increment)} per sample"
         yield f"Standstill between two counts, worst of the family: control {control}, {increment}"
-    if (proven := result.certified) is not None and proven.error is None:
-        yield f"No proven bound of the {error} error: {proven.refused}"
-    elif proven is not None:
-        encoder = of_axes(proven.encoder, result.machine.axes)
-        yield (
-            f"Proven for every force of up to {digits(proven.force)} {unit} and encoder error of "
-            f"up to {encoder}: {error} error at most {digits(1e6 * (proven.error or 0.0))} um "
-            f"({proven.contour}, {proven.plant})"
-        )
     if result.gap:
         effects = result.machine.nonsmooth_effects
         yield f"Gap of the machine with {effects} to the smooth one that was tuned"

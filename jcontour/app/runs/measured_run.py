@@ -31,21 +31,13 @@ FED = 1.0  # [m/s] of points and drawings; no error depends on it
 
 
 class MeasuredRun(NamedTuple):
-    """A record along a path.
+    """A record along a path."""
 
-    Attributes:
-        job: the path, and which samples count.
-        reference: the commands as a reference along it.
-        command: (T, m) [m].
-        tool: (T, m) [m].
-        words: what was done to the record.
-    """
-
-    job: Job
-    reference: Reference
-    command: np.ndarray
-    tool: np.ndarray
-    words: list[str]
+    job: Job  # the path, and which samples count
+    reference: Reference  # the commands as a reference along it
+    command: np.ndarray  # (T, m) [m]
+    tool: np.ndarray  # (T, m) [m]
+    words: list[str]  # what was done to the record
 
     def error(self, tool: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Contour errors of tool points (T, m) [m], and unit tangents where they are nearest.

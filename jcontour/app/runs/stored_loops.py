@@ -19,27 +19,17 @@ from tuning.parameters import Weights
 
 @dataclass(frozen=True)
 class StoredLoop:
-    """A controller with its weights on a machine, and what it was run on.
-
-    Attributes:
-        name: of the controller.
-        fed: the machine's sensors or its state.
-        jobs: contours that it was simulated on, or trained on.
-        parts: names or files of the contours.
-        pace: that they are run at.
-        weights: a line for each, with its unit, as it is typed into a drive.
-        tuned: whether the weights are those of a run of `tune`.
-    """
+    """A controller with its weights on a machine, and what it was run on."""
 
     machine: Machine
-    name: str
+    name: str  # of the controller
     controller: Controller
-    fed: Fed
-    jobs: tuple[Task, ...]
-    parts: tuple[str, ...]
-    pace: Pace
-    weights: tuple[str, ...] = ()
-    tuned: bool = False
+    fed: Fed  # the machine's sensors or its state
+    jobs: tuple[Task, ...]  # contours that it was simulated on, or trained on
+    parts: tuple[str, ...]  # names or files of the contours
+    pace: Pace  # that they are run at
+    weights: tuple[str, ...] = ()  # a line for each, with its unit, as it is typed into a drive
+    tuned: bool = False  # whether the weights are those of a run of `tune`
 
 
 def stored_loop(folder: Path) -> StoredLoop:

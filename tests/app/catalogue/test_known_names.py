@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from jcontour.app.catalogue.known_names import FIRST_LINES, check_flags
-from jcontour.app.flags.loops import Feed, Learn, Precompensate, Simulate
+from jcontour.app.flags.loops import Learn, Precompensate, Simulate
 from jcontour.app.flags.tuning import Front, Sweep, Tune
 
 SCRIPT = """
@@ -106,7 +106,7 @@ def test_unknown_names_are_refused(flags, says):
         check_flags(flags)
 
 
-@pytest.mark.parametrize("kind", [Simulate, Feed, Precompensate, Learn, Tune, Front, Sweep])
+@pytest.mark.parametrize("kind", [Simulate, Precompensate, Learn, Tune, Front, Sweep])
 @pytest.mark.parametrize("given", [{"jerk": 50.0}, {"corner_tolerance_um": 0.0}])
 def test_flags_of_the_jerk_limited_law_are_refused_with_the_other_one(kind, given):
     (name,) = given
@@ -148,7 +148,7 @@ def test_a_file_that_is_no_python_file_is_told(tmp_path, flag):
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1,nan", "", "two"])
-@pytest.mark.parametrize("kind", [Simulate, Feed, Precompensate, Learn, Tune, Front, Sweep])
+@pytest.mark.parametrize("kind", [Simulate, Precompensate, Learn, Tune, Front, Sweep])
 def test_weights_that_are_no_finite_numbers_are_refused(kind, value):
     with pytest.raises(ValueError, match=f"weights: needs .* finite numbers, received 'a={value}'"):
         check_flags(kind(weights=("b=2", f"a={value}")))

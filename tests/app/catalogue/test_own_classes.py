@@ -379,7 +379,7 @@ def sent(files, tmp_path, monkeypatch):
     return run
 
 
-COMMANDS = ("export", "check --bound", "feed", "precompensate")
+COMMANDS = ("export", "check --bound", "front --against feed", "precompensate")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -10,8 +10,8 @@ import pytest
 from jcontour.app.catalogue.choices import design_for
 from jcontour.app.designs.flexible_axis import AxisCascade, AxisLQ
 from jcontour.app.flags.loops import Simulate
+from jcontour.app.jobs.contours import task_a
 from jcontour.app.jobs.job import Pace
-from jcontour.app.jobs.motions import task_a
 from jcontour.app.machines.flexible_axis import biaxial_machine, thesis_machine
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.geometry.contours import line

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.app.jobs.sets.stretches import corner_angles
+from jcontour.app.jobs.stretches import corner_angles
 
 PREVIEW = 10
 

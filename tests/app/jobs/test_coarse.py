@@ -7,8 +7,8 @@ import pytest
 
 from jcontour.app import machines
 from jcontour.app.catalogue.choices import machine_named
-from jcontour.app.jobs.coarse import Coarse, coarse_coordinates
 from jcontour.app.jobs.job import from_file
+from jcontour.app.jobs.motion_laws import Coarse, coarse_coordinates
 from jcontour.app.jobs.pace import Pace
 from jcontour.geometry.contours import polyline
 

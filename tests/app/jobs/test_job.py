@@ -5,12 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from jcontour import simulate
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.catalogue.entries import MACHINES
 from jcontour.app.flags.shared import MachineFlags
 from jcontour.app.jobs import job
-from jcontour.app.jobs.entry import ENTRY
-from jcontour.app.jobs.job import Pace, along_contour, at_constant_feed, from_file
+from jcontour.app.jobs.job import (
+    ENTRY,
+    Pace,
+    along_contour,
+    at_constant_feed,
+    behind_entry,
+    from_file,
+)
 from jcontour.app.jobs.pace import ACCELERATION
 from jcontour.geometry.contours import circle, line, polygon, spline
 from jcontour.geometry.toolpath_rules import ToolpathError
@@ -202,8 +209,11 @@ def test_the_speed_of_rapid_moves_is_told_and_where_it_is_from(machine, said, tm
 @pytest.mark.parametrize(
     ("tolerance", "said"),
     [
-        (2e-6, "the program allows 12.7 um (P of G64), 2 um are used: --corner-tolerance-um 12.7"),
-        (20e-6, "the program asks for 12.7 um (P of G64), closer than the 20 um that are used"),
+        (2e-6, "2 um are used: --corner-tolerance-um 12.7"),
+        (
+            20e-6,
+            "20 um are used: --corner-tolerance-um 12.7",
+        ),
         (12.7e-6, None),
     ],
 )
@@ -214,7 +224,7 @@ def test_a_tolerance_of_the_program_s_own_is_told_beside_the_one_that_is_used(
     path.write_text("G20 F60 G64 P.0005\nG1 X1\nY1\n")
     pace = Pace(MACHINES["bridgeport"](), None, None, corner_tolerance=tolerance)
     doubts = from_file(path, pace).doubts
-    assert len(doubts) == (said is not None) and all(one.startswith(said) for one in doubts)
+    assert len(doubts) == (said is not None) and all(one.endswith(said) for one in doubts)
     assert from_file(path, pace._replace(feed_law="trapezoidal")).doubts == ()
 
 
@@ -246,3 +256,23 @@ def test_a_program_that_moves_a_single_axis_says_which_one_never_moves(tmp_path)
 def test_a_machine_with_z_is_not_told_that_z_is_left_out():
     program = "G21 F600 G18\nG1 X20 Z-1\n"
     assert len(parse_gcode(program, "XY").doubts) == 1 and parse_gcode(program, "XYZ").doubts == ()
+
+
+@pytest.mark.parametrize(
+    ("samples", "entry"), [(1000, 100), (201, 100), (200, 100), (199, 99), (2, 1), (1, 0)]
+)
+def test_the_entry_is_a_hundred_samples_or_half_of_the_run(samples, entry):
+    np.testing.assert_array_equal(np.flatnonzero(behind_entry(samples)), range(entry, samples))
+
+
+@pytest.mark.parametrize("name", ["contouring-lq", "preview-lq"])
+def test_behind_the_entry_the_first_lap_is_the_second_one(name, closed_loop):
+    """How far the tool is from its place on a circle of 251 samples, lap by lap."""
+    plants, controller, reference = closed_loop(name)
+    lap = 251
+    followed = reference(2 * lap)
+    output = np.asarray(simulate(plants[0], controller, followed).output)
+    error = output[: 2 * lap] - np.asarray(followed.position)[: 2 * lap]
+    radial = np.linalg.norm(error, axis=1)
+    apart = np.abs(radial[:lap] - radial[lap:]) / radial[lap:].max()
+    assert apart[:ENTRY].max() > 0.1 and apart[ENTRY:].max() < 0.05

@@ -38,20 +38,20 @@ BOUNDS = (
 
 def command(flags: Check) -> int:
     """The whole command: prove, attack, print, exit code."""
-    found, folder = run(flags)
-    worst = found.worst
+    result, folder = run(flags)
+    worst = result.worst
     shares = f"an attack reaches {100 * worst.reached / worst.bound:.0f} % of it"
     answer = [
         Entry("Bound", f"{digits(1e6 * worst.bound)} um, {worst.contour}, {worst.plant}; {shares}"),
-        Entry("Worst", peak_line(worst.place, found.error, found.machine.axes)),
-        Entry("Proven", _proven(found)),
+        Entry("Worst", peak_line(worst.place, result.error, result.machine.axes)),
+        Entry("Proven", _proven(result)),
         Entry(
             "Next",
             "--force and --encoder-um say what acts on your machine; tune again with "
             "other limits where the bound is too large",
         ),
     ]
-    return finished(folder, found, flags, show_certified, answer, found.verdict)
+    return finished(folder, result, flags, show_certified, answer, result.verdict)
 
 
 def run(flags: Check) -> tuple[CertifiedResult, Path]:
@@ -64,12 +64,10 @@ def run(flags: Check) -> tuple[CertifiedResult, Path]:
     machine = linear_machine(loop.machine)
     warn_of_doubt(machine)
     bounds = bounds_of(machine, flags.force, flags.encoder_um)
-    if flags.cells < 0:
-        raise ValueError(f"cells: needs at least zero, received {flags.cells}")
-    count = len(loop.jobs) * (len(machine.family_names) + (flags.cells > 0) * (machine.delay + 1))
+    count = len(loop.jobs) * len(machine.family_names)
     rows, worst = [], None
     with counted(tables.console_of(stderr=True, quiet=flags.json), count, "proofs") as done:
-        for one in certified_runs(loop, bounds, flags.cells):
+        for one in certified_runs(loop, bounds):
             rows.append(one.row)
             done(1)
             if worst is None or one.row.bound > worst.row.bound:
@@ -85,16 +83,15 @@ def run(flags: Check) -> tuple[CertifiedResult, Path]:
         force=bounds.force,
         encoder=bounds.encoder,
         control_limit=limits,
-        gain=machine.gain if flags.cells > 0 else None,
         rows=rows,
         verdict=verdict_on(rows, limits, machine.control_unit),
     )
     folder = created(flags, "check")
     _save(worst, loop, folder)
     curves = [
-        ErrorCurve("bound, proven", worst.found.bound, START),
+        ErrorCurve("bound, proven", worst.certificate.bound, START),
         ErrorCurve("reached under attack", worst.reached, TUNED),
-        ErrorCurve("undisturbed", worst.found.nominal, DESIRED),
+        ErrorCurve("undisturbed", worst.certificate.nominal, DESIRED),
     ]
     title = f"{worst.row.contour}, {worst.row.plant}"
     figure = errors_figure(title, machine.error, worst.reference, curves)
@@ -131,21 +128,21 @@ def verdict_on(
 
 def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:
     """The attack of the largest bound, for a replay, and what it was made for."""
-    machine, found = loop.machine, one.found
+    machine, certificate = loop.machine, one.certificate
     data = {
         "force": (("time", "input"), one.attack.force, {"units": machine.control_unit}),
         "noise": (("time", "sensor"), one.attack.noise, {"units": "m"}),
-        "bound": (("time",), found.bound, {"units": "m"}),
+        "bound": (("time",), certificate.bound, {"units": "m"}),
         "reached": (("time",), one.reached, {"units": "m"}),
-        "nominal": (("time",), found.nominal, {"units": "m"}),
-        "scored": (("time",), found.scored.astype("i1"), {"long_name": "1 where it counts"}),
+        "nominal": (("time",), certificate.nominal, {"units": "m"}),
+        "scored": (("time",), certificate.scored.astype("i1"), {"long_name": "1 where it counts"}),
     }
-    time = one.reference.dt * np.arange(found.bound.size)
+    time = one.reference.dt * np.arange(certificate.bound.size)
     title = {
         "title": "jcontour check: attack on the largest bound",
         "contour": one.row.contour,
         "plant": one.row.plant,
-        "attacked_sample": found.worst,
+        "attacked_sample": certificate.worst,
         **run_folder.versions(),
     }
     save_dataset(xr.Dataset(data, {"time": ("time", time, {"units": "s"})}, title), folder / ATTACK)
@@ -176,7 +173,7 @@ def sentences(result: CertifiedResult) -> list[str]:
     largest = {k: max(one) for k, one in enumerate(inputs)}
     return [
         f"Proven {_proven(result)}, at each sample,",
-        _plants(result.gain),
+        "and for each plant of the table, started on the path. Not for plants between them.",
         BOUNDS,
         f"An attack reaches {digits(100 * worst.reached / worst.bound)} % of the largest bound; "
         f"{place}.",
@@ -190,17 +187,3 @@ def _proven(result: CertifiedResult) -> str:
     encoder = of_axes(result.encoder, result.machine.axes)
     force = f"{digits(result.force)} {result.machine.control_unit}"
     return f"for every force of up to {force} on each control and encoder error of up to {encoder}"
-
-
-def _plants(gain: float | None) -> str:
-    """Plants that the proof is of."""
-    if gain is None:
-        return (
-            "and for each plant of the table, started on the path. Not for plants between them: "
-            "`--cells 16` proves it for all their gains."
-        )
-    low, high = digits(1 - gain), digits(1 + gain)
-    return (
-        f"for every constant gain from {low} to {high} on each axis and every whole sample of "
-        "delay, started on the path. Not for gains that change, nor parts of a sample."
-    )

@@ -17,7 +17,7 @@ from jcontour.app.reports.figures.axes import DESIRED, START, TUNED
 from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.screen import Entry
-from jcontour.app.runs.checks.in_linuxcnc import (
+from jcontour.app.runs.checks.exported_code import (
     distance_to_path,
     missing,
     run_in_linuxcnc,
@@ -34,11 +34,11 @@ LEAST = 20.0  # [s]
 
 def command(flags: Check) -> int:
     """The whole command: run, compare, print, exit code."""
-    found, folder = run(flags)
-    worst = max(found.rows, key=lambda row: abs(row.real_rms / row.simulated_rms - 1))
+    result, folder = run(flags)
+    worst = max(result.rows, key=lambda row: abs(row.real_rms / row.simulated_rms - 1))
     answer = [
         Entry(
-            "Real", f"{found.controller} on {found.machine}, {1e3 * found.period:g} ms, LinuxCNC"
+            "Real", f"{result.controller} on {result.machine}, {1e3 * result.period:g} ms, LinuxCNC"
         ),
         *(
             Entry(
@@ -47,11 +47,11 @@ def command(flags: Check) -> int:
                 f"{1e6 * row.simulated_rms:.3g} um; {row.real_time:.3f} s, "
                 f"planned {row.planned_time:.3f} s",
             )
-            for row in found.rows
+            for row in result.rows
         ),
         Entry("Apart", f"at most {100 * abs(worst.real_rms / worst.simulated_rms - 1):.2g} %"),
     ]
-    return finished(folder, found, flags, show, answer)
+    return finished(folder, result, flags, show, answer)
 
 
 def run(flags: Check) -> tuple[InLinuxcncResult, Path]:
@@ -155,9 +155,9 @@ def sampled_reference(position: np.ndarray, like: Reference, preview: int) -> Re
     )
 
 
-def show(found: InLinuxcncResult, console: Console) -> None:
+def show(result: InLinuxcncResult, console: Console) -> None:
     """Errors and times, part by part."""
-    title = f"{found.controller} on {found.machine} in LinuxCNC, {1e3 * found.period:g} ms"
+    title = f"{result.controller} on {result.machine} in LinuxCNC, {1e3 * result.period:g} ms"
     columns = {
         "program": lambda row: row.contour,
         "LinuxCNC\nRMS um": lambda row: 1e6 * row.real_rms,
@@ -169,7 +169,7 @@ def show(found: InLinuxcncResult, console: Console) -> None:
         "LinuxCNC\ntime s": lambda row: row.real_time,
         "planned\ntime s": lambda row: row.planned_time,
     }
-    console.print(tables.table_of(title, found.rows, columns))
+    console.print(tables.table_of(title, result.rows, columns))
     tables.say(
         console,
         "Errors are distances from the commanded path. No sample of the servo thread was lost.",

@@ -57,38 +57,38 @@ class Recorded:
 
 def command(flags: Export) -> int:
     """The whole command: write, check, print, exit code."""
-    found, folder = run(flags)
+    result, folder = run(flags)
     then = "compile law.c into the drive, and check.c beside it once."
-    if "law.c" not in found.files:
+    if "law.c" not in result.files:
         then = "python law.py in the run folder replays the run."
-    if "law.py" not in found.files and "law.c" not in found.files:
+    if "law.py" not in result.files and "law.c" not in result.files:
         then = "load law.st, and hand it the next reference points every sample."
     if flags.linuxcnc is not None:
         then = f"{flags.linuxcnc / 'README.md'} says how to load it."
     answer = [
-        Entry("Code", f"{found.controller} on {found.machine}, {found.preview} samples ahead"),
-        Entry("Files", ", ".join(found.files)),
-        Entry("Checked", _checked(found)),
-        *_measured(found),
-        *(Entry("Limits", line) for line in found.limits),
-        *(Entry("Warning", line) for line in found.warnings),
+        Entry("Code", f"{result.controller} on {result.machine}, {result.preview} samples ahead"),
+        Entry("Files", ", ".join(result.files)),
+        Entry("Checked", _checked(result)),
+        *_measured(result),
+        *(Entry("Limits", line) for line in result.limits),
+        *(Entry("Warning", line) for line in result.warnings),
         Entry("Next", then),
     ]
-    return finished(folder, found, flags, show_exported, answer)
+    return finished(folder, result, flags, show_exported, answer)
 
 
-def _checked(found: ExportedResult) -> str:
+def _checked(result: ExportedResult) -> str:
     """How far the code is off the controls of `simulate`, and what has compiled it."""
-    off = f"within {found.difference:.1e} {found.control_unit} of `simulate` on {found.contour}"
-    compilers = ", ".join(one.compiler.split()[0] for one in found.compiled)
+    off = f"within {result.difference:.1e} {result.control_unit} of `simulate` on {result.contour}"
+    compilers = ", ".join(one.compiler.split()[0] for one in result.compiled)
     return f"{off}{'; ' if compilers else ''}{compilers}"
 
 
-def _measured(found: ExportedResult) -> list[Entry]:
+def _measured(result: ExportedResult) -> list[Entry]:
     """Time and size of the compiled code."""
-    if not found.compiled:
+    if not result.compiled:
         return []
-    one = max(found.compiled, key=lambda one: one.nanoseconds)
+    one = max(result.compiled, key=lambda one: one.nanoseconds)
     time = f"{1e-3 * one.nanoseconds:.2g} us a sample, 99.9 % within {1e-3 * one.slow:.2g} us"
     return [Entry("Size", f"{time}; code {one.code_bytes} bytes, memory {one.memory_bytes}")]
 
@@ -183,11 +183,11 @@ def exported_code(loop: StoredLoop, job: Task, single: bool = False) -> tuple[Co
     reference = job.reference(dt, max(controller.preview, 1) + 1)
     if isinstance(controller, BacklashCompensation):  # it belongs to whoever hands over the points
         reference, controller = controller.leading(reference), controller.controller
-    found = simulate(machine.true_family(loop.fed)[0], controller, reference)
-    y, u = np.asarray(jax.vmap(row)(found.measurement)), np.asarray(found.control)
+    rollout = simulate(machine.true_family(loop.fed)[0], controller, reference)
+    y, u = np.asarray(jax.vmap(row)(rollout.measurement)), np.asarray(rollout.control)
     limit = np.inf if machine.limits.control is None else machine.limits.control
     limits = np.broadcast_to(limit, u.shape[1]).astype(float)
-    places = _places(loop, jax.tree.map(lambda leaf: leaf[0], found.measurement))
+    places = _places(loop, jax.tree.map(lambda leaf: leaf[0], rollout.measurement))
     precision = "single" if single else "double"
     try:
         law = streaming_law(controller, machine.nominal(loop.fed), places, limits, precision)
@@ -275,8 +275,8 @@ def _difference(python: str, recorded: Recorded, name: str) -> float:
         ValueError: it is more than rounding: a limit acts, or gains change along the path.
     """
     first = slice(0, LOOKED_AT)
-    found, trip = replayed(python, recorded.reference, recorded.y[first], recorded.u)
-    apart = float(np.abs(found - recorded.u[first]).max())
+    controls, trip = replayed(python, recorded.reference, recorded.y[first], recorded.u)
+    apart = float(np.abs(controls - recorded.u[first]).max())
     if trip or not apart <= ALIKE * float(np.abs(recorded.u).max()):
         why = f"it trips ({trip})" if trip else f"the controls differ by {apart:.3g}"
         raise ValueError(
@@ -293,7 +293,7 @@ def limit_lines(limits: SafeLimits, loop: StoredLoop) -> list[str]:
         return f"{' '.join(f'{scale * one:.4g}' for one in values)} {unit}"
 
     stated = "" if loop.machine.limits.speed is not None else " (none stated: twice the run's)"
-    found = [
+    lines = [
         f"Speed limit: {words(limits.speed, 1e3, 'mm/s')}{stated}, "
         f"back to the path {words(limits.recovery_speed, 1e3, 'mm/s')}.",
         f"Trips: {words(limits.following, 1e3, 'mm')} from the command, "
@@ -302,11 +302,11 @@ def limit_lines(limits: SafeLimits, loop: StoredLoop) -> list[str]:
     ]
     unit = loop.machine.control_unit
     if loop.machine.limits.control is None:
-        return [*found, "No limit of the control is stated: state one in the machine file."]
+        return [*lines, "No limit of the control is stated: state one in the machine file."]
     control = np.atleast_1d(loop.machine.limits.control)
     each = "no limit" if not np.isfinite(limits.increment).any() else ""
     change = each or words(limits.increment, 1.0, unit)
-    return [*found, f"Control: {words(control, 1.0, unit)}, its change in a sample: {change}."]
+    return [*lines, f"Control: {words(control, 1.0, unit)}, its change in a sample: {change}."]
 
 
 def _check_file(recorded: Recorded, unit: str) -> str:
@@ -349,28 +349,30 @@ def _margins(folder: Path) -> tuple[list[str], list[str]]:
     return [told], against
 
 
-def show_exported(found: ExportedResult, console: Console) -> None:
+def show_exported(result: ExportedResult, console: Console) -> None:
     """Files, what they hold, and how they were checked."""
-    title = f"{found.controller} on {found.machine}: a law that sees {found.preview} samples ahead"
-    rows = [[name, words] for name, words in found.files.items()]
+    title = (
+        f"{result.controller} on {result.machine}: a law that sees {result.preview} samples ahead"
+    )
+    rows = [[name, words] for name, words in result.files.items()]
     console.print(tables.plain_table(title, ("file", "what it is"), rows, text_columns=2))
-    unit = found.control_unit
+    unit = result.control_unit
     tables.say(
         console,
-        f"On {found.contour} it gives the controls of `simulate` within {found.difference:.1e} "
-        f"{unit}; the largest is {found.largest_control:.3g}.",
+        f"On {result.contour} it gives the controls of `simulate` within {result.difference:.1e} "
+        f"{unit}; the largest is {result.largest_control:.3g}.",
         *(
-            f"Checked: {one.compiler}: no warning, {found.samples} samples within "
+            f"Checked: {one.compiler}: no warning, {result.samples} samples within "
             f"{one.difference:.1e} {unit}; {1e-3 * one.nanoseconds:.2g} us a sample, "
             f"{1e-3 * one.slow:.2g} us in the slowest of a thousand, at most "
             f"{1e-3 * one.slowest:.2g} us; {one.code_bytes} bytes of code, {one.memory_bytes} of "
             "memory"
-            for one in found.compiled
+            for one in result.compiled
         ),
-        *found.limits,
+        *result.limits,
     )
-    if "law.c" in found.files and not found.compiled:
+    if "law.c" in result.files and not result.compiled:
         tables.say(console, "Not checked: there is no C compiler here.")
-    if "law.st" in found.files:
+    if "law.st" in result.files:
         tables.say(console, "Not checked: the structured text, which needs a PLC's compiler.")
-    tables.say(console, *(f"WARNING: {line}" for line in found.warnings))
+    tables.say(console, *(f"WARNING: {line}" for line in result.warnings))

@@ -32,23 +32,22 @@ from jcontour.app.runs.loops.learning import (
     stored_lap,
 )
 
-OF_OTHER_LAW = {"norm-optimal": ("gain", "lead"), "p-type": ("effort",)}
 SHOWN = (1, 2, 3, 4, 6, 8, 12, 20, 40, 80)  # laps that have a column
 
 
 @on_cpu()  # the laws take both modes of the laps
 def command(flags: Learn) -> int:
     """The whole command: learn, print, exit code."""
-    found, folder = run(flags)
-    family = [one for one in found.machines[1:] if one.best_um is not None]
+    result, folder = run(flags)
+    family = [one for one in result.machines[1:] if one.best_um is not None]
     worst = sorted(family, key=lambda one: -(one.best_um or 0.0))[:1]
-    shown = [found.machines[0], *worst]
+    shown = [result.machines[0], *worst]
     answer = [Entry("Laps", f"{one.name}: {_outcome(one)}") for one in shown]
-    answer += [Entry("Load", line) for line in loading(found, SAMPLES)]
-    if found.ratio >= 1:
-        ratio = f"ratio from lap to lap {found.ratio:.3g}, not below one"
+    answer += [Entry("Load", line) for line in loading(result, SAMPLES)]
+    if result.ratio >= 1:
+        ratio = f"ratio from lap to lap {result.ratio:.3g}, not below one"
         answer.append(Entry("Warning", f"it is not sure that the laps converge: {ratio}"))
-    return finished(folder, found, flags, show_learned, answer, found.verdict)
+    return finished(folder, result, flags, show_learned, answer, result.verdict)
 
 
 def run(flags: Learn) -> tuple[LearnedResult, Path]:
@@ -80,7 +79,7 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
     if stored is not None and verdict.usable:
         save_samples(position, machine.model.dt, machine.axes, folder)
     known = prepared.convergence
-    found = LearnedResult(
+    result = LearnedResult(
         machine=machine_summary(machine),
         controller=design.name,
         weights=plain_weights(design.start),
@@ -88,7 +87,6 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
         contour=job.name,
         feed_law=job.feed_law,
         samples=job.steps,
-        law=flags.law,
         numbers=prepared.numbers,
         laps=flags.laps,
         ratio=known.estimate,
@@ -100,9 +98,9 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
         verdict=verdict,
         stored=stored,
     )
-    save_figure(learning(found), folder / "learning.png")
-    write_result(folder, found)
-    return found, folder
+    save_figure(learning(result), folder / "learning.png")
+    write_result(folder, result)
+    return result, folder
 
 
 def verdict_on(machines: Sequence[LearnedMachine], stored: StoredLap | None) -> Verdict:
@@ -119,17 +117,12 @@ def verdict_on(machines: Sequence[LearnedMachine], stored: StoredLap | None) -> 
 
 
 def _check(flags: Learn) -> None:
-    for name, least in {"laps": 1, "smoothing": 0, "lead": 0}.items():
+    for name, least in {"laps": 1, "smoothing": 0}.items():
         value = getattr(flags, name)
         if value is not None and value < least:
             raise ValueError(f"{name}: needs to be at least {least}, received {value}")
     if not flags.effort > 0:
         raise ValueError(f"effort: needs to be above zero, received {flags.effort}")
-    if not 0 <= flags.gain < np.inf:
-        raise ValueError(f"gain: needs to be finite and at least zero, received {flags.gain}")
-    for name in OF_OTHER_LAW[flags.law]:
-        if getattr(flags, name) != getattr(Learn(), name):
-            raise ValueError(f"{name}: the law {flags.law} has none; leave it out")
 
 
 def show_learned(result: LearnedResult, console: Console) -> None:
@@ -168,7 +161,7 @@ def before(result: LearnedResult) -> list[str]:
             f"WARNING: it is not sure that the laps converge: ratio from lap to lap "
             f"{result.ratio:.3g}, not below one ({place})."
         )
-    return [f"Law: {result.law}, {numbers}. {words}"]
+    return [f"Law: norm-optimal, {numbers}. {words}"]
 
 
 def loading(result: LearnedResult, file: str) -> list[str]:

@@ -27,8 +27,7 @@ from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.lifecycle import created, finished
-from jcontour.app.runs.loops.bending import Bent, bent, moves_along
-from jcontour.app.runs.settling import STILL
+from jcontour.app.runs.loops.bending import STILL, Bent, bent, moves_along
 from jcontour.app.runs.stored_loops import StoredLoop, loop_named
 from jcontour.geometry.toolpaths import Toolpath
 
@@ -42,12 +41,12 @@ def command(flags: Precompensate) -> int:
     if not flags.roughness > 0:
         raise ValueError(f"roughness: needs to be above zero, received {flags.roughness}")
     loop = loop_named(flags, flags.part)
-    found = bent(loop, flags.roughness, tables.console_of(stderr=True, quiet=flags.json))
-    machine, job = loop.machine, found.job
+    bend = bent(loop, flags.roughness, tables.console_of(stderr=True, quiet=flags.json))
+    machine, job = loop.machine, bend.job
     flat = len(machine.axes) > 1
     source = Path(loop.parts[0]).name
-    moves = moves_along(found.position, machine.model.dt, sections(job), source) if flat else []
-    result = _result(loop, found, moves)
+    moves = moves_along(bend.position, machine.model.dt, sections(job), source) if flat else []
+    result = _result(loop, bend, moves)
     verdict = verdict_on(result)
     result = replace(result, verdict=verdict)
     folder = created(seeing_all(flags, job), "precompensate")
@@ -55,7 +54,7 @@ def command(flags: Precompensate) -> int:
         # Which samples are cut, where not all are
         read = _read(job)
         save_samples(
-            found.position,
+            bend.position,
             machine.model.dt,
             machine.axes,
             folder,
@@ -75,8 +74,8 @@ def command(flags: Precompensate) -> int:
             ],
         )
     title = f"{job.name} on {machine.name}, {loop.name}"
-    errors = [found.errors(runs, machine.error) for runs in (found.before, found.after)]
-    about = title, machine.error, machine.axes, found.reference, found.correction
+    errors = [bend.errors(runs, machine.error) for runs in (bend.before, bend.after)]
+    about = title, machine.error, machine.axes, bend.reference, bend.correction
     save_figure(bent_figure(*about, *errors), folder / "bent.png")
     write_result(folder, result)
     answer = [Entry("Error", words) for words in sentences(result)]
@@ -85,8 +84,8 @@ def command(flags: Precompensate) -> int:
     return finished(folder, result, flags, show, answer, verdict)
 
 
-def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult:
-    machine, job = loop.machine, found.job
+def _result(loop: StoredLoop, bend: Bent, moves: Sequence[Moves]) -> BentResult:
+    machine, job = loop.machine, bend.job
     read = _read(job)
     return BentResult(
         machine=machine_summary(machine),
@@ -94,22 +93,22 @@ def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult
         contour=job.name,
         error=machine.error,
         samples=job.steps,
-        roughness=found.roughness,
-        largest=float(np.linalg.norm(found.correction, axis=1).max()),
+        roughness=bend.roughness,
+        largest=float(np.linalg.norm(bend.correction, axis=1).max()),
         chord=max((one.chord for one in moves), default=None),
         moves=sum(one.going for one in moves),
-        before=found.metrics(found.before),
-        after=found.metrics(found.after),
-        limits=found.limits,
-        limits_before=found.limits_before,
-        asked=found.asked,
+        before=bend.metrics(bend.before),
+        after=bend.metrics(bend.after),
+        limits=bend.limits,
+        limits_before=bend.limits_before,
+        asked=bend.asked,
         halts=sum(bool(one.asked) for one in moves),
         ramps=0 if read is None else len(read.ramps),
         unlimited=tuple(name for name in BOUNDS if getattr(machine.limits, name) is None),
         weights=loop.weights,
         doubts=job.doubts,
-        held=None if found.held is None else found.held * machine.model.dt,
-        rests=found.rests,
+        held=None if bend.held is None else bend.held * machine.model.dt,
+        rests=bend.rests,
         changing=max((one.acceleration for one in moves if not one.rapid), default=0.0),
     )
 
@@ -186,25 +185,25 @@ def verdict_on(result: BentResult) -> Verdict:
             "gains, or tune it"
         )
     lost = any(run.diverged for run in result.after.values())
-    found = [reason("a plant of the family diverges")] if lost else []
+    messages = [reason("a plant of the family diverges")] if lost else []
     if not (result.worst_gain > 1 and result.worst_gain * result.nominal_gain > 1):
         less = "gains less than the nominal one loses"
         better = less if result.worst_gain > 1 else "is no better"
-        found.append(
+        messages.append(
             reason(
                 f"the worst machine {better}. Either one shift cannot help it without harm to "
                 "another of the family, or the controller already sees what the model knows"
             )
         )
     if result.unlimited:
-        found.append(
+        messages.append(
             warning(
                 f"{result.machine.name} states no limit of {' or '.join(result.unlimited)}",
                 "look at whether your drives give what is asked for above, or state their limits "
                 "in a machine file",
             )
         )
-    verdict = Verdict.of(result.limits, found, [helps], passed="USE THIS REFERENCE")
+    verdict = Verdict.of(result.limits, messages, [helps], passed="USE THIS REFERENCE")
     if verdict.usable:
         return verdict
     left_out = warning(f"not written for that reason: {files}")

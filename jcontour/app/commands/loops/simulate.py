@@ -7,14 +7,13 @@ from rich.status import Status
 
 from jcontour.app.beside import Beside
 from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
-from jcontour.app.catalogue.entries import PREDICTIVE
+from jcontour.app.catalogue.entries import CONSTRAINED
 from jcontour.app.designs.design import Design, plain_weights
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.run_metrics import RunMetrics
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict, kept_words, reason, warning
 from jcontour.app.flags.loops import Simulate
-from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.job import Job, Pace
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.machines.machine import Machine
@@ -41,22 +40,20 @@ from jcontour.app.runs.contour_summary import (
     read_of,
 )
 from jcontour.app.runs.forecast import check_memory, forecast
-from jcontour.app.runs.lifecycle import created, finished, task_words, tuning_words
-
-HEEDED = ("plant", "controller")  # of a sweep of predictive control
+from jcontour.app.runs.lifecycle import created, finished, tuning_words
 
 
 def command(flags: Simulate) -> int:
     """The whole command: simulate, print, exit code."""
     with tables.console_of(stderr=True, quiet=flags.json).status("planning the motion") as status:
-        found, folder = run(flags, status)
-    nominal = next(iter(found.plants.values()))
-    undefined = any(NAN in one for one in found.verdict.warnings)
+        result, folder = run(flags, status)
+    nominal = next(iter(result.plants.values()))
+    undefined = any(NAN in one for one in result.verdict.warnings)
     then = next_steps(flags, nominal.diverged, undefined)
-    if flags.controller in PREDICTIVE and not found.verdict.usable:
+    if flags.controller in CONSTRAINED and not result.verdict.usable:
         then = []  # the verdict says it
-    answer = [*simulated_answer(found), *then]
-    return finished(folder, found, flags, show_simulated, answer, found.verdict)
+    answer = [*simulated_answer(result), *then]
+    return finished(folder, result, flags, show_simulated, answer, result.verdict)
 
 
 def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
@@ -73,7 +70,7 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
     plants = len(machine.family_names)
     with Beside(image.__module__) as process:
         drawn = {}
-        if flags.controller in PREDICTIVE:
+        if flags.controller in CONSTRAINED:
             status.update("solving a quadratic program at every sample")
             from jcontour.app.runs.loops.traversing import traversed  # the solvers take a while
 
@@ -90,18 +87,18 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
                 drawn["motion"] = drawn_by(process, motion)
             scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
             made = simulated(design, scenarios, replay(design.build(design.start), scenarios))
-        found, named = made.result, {made.result.controller: made.replay}
+        result, named = made.result, {made.result.controller: made.replay}
         status.update("writing and drawing")
         folder = created(flags, "simulate")
-        title = f"jcontour simulate: {found.controller} on {found.contour}"
+        title = f"jcontour simulate: {result.controller} on {result.contour}"
         runs = contour_runs(named, made.scenarios, 0, machine)
         for name, figure in figures_of(runs).items():
             drawn[name] = drawn_by(process, figure)
         save_rollouts(flags.rollouts, named, made.scenarios, machine, title, folder)
         for name, save in drawn.items():
             save(folder / f"{name}.png")
-    write_result(folder, found)
-    return found, folder
+    write_result(folder, result)
+    return result, folder
 
 
 def simulated(design: Design, scenarios: Scenarios, replayed: Replay) -> Simulated:
@@ -166,7 +163,6 @@ def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> 
         )
         return [Entry("Next", words)]
     part = [] if flags.contour is None else [flags.contour]
-    if flags.controller in PREDICTIVE:
-        known = {name: value for name, value in vars(flags).items() if name in HEEDED}
-        return [Entry("Next", f"jcontour sweep{task_words(part, known, Controlled)}")]
+    if flags.controller in CONSTRAINED:
+        return [Entry("Next", "other --weights, --preview or --feed-mm-per-min: none is tuned")]
     return [Entry("Next", f"jcontour tune{tuning_words(part, vars(flags))}")]

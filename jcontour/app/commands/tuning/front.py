@@ -17,33 +17,51 @@ from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.figures.searches import front
 from jcontour.app.reports.rollouts import save_rollouts
 from jcontour.app.reports.screen import Entry
-from jcontour.app.runs.lifecycle import finished, opened, tuning_words
+from jcontour.app.runs.lifecycle import created, finished, opened, tuning_words
+from jcontour.app.runs.tuning.feeds import front_of_feeds
 from jcontour.app.runs.tuning.trade_off import Search, search_of, traced
 
-NAMES = {"increment": "the control increment", "sensitivity": "the peak sensitivity Ms"}
+NAMES = {
+    "increment": "the control increment",
+    "sensitivity": "the peak sensitivity Ms",
+    "feed": "the feed",
+}
 MOST_SHOWN = 6  # budgets on the screen
 TUNED_BY = {"increment": "--max-rms-increment", "sensitivity": "--max-sensitivity"}
 
 
 def command(flags: Front) -> int:
     """Trace, store and print a front; exit code."""
-    with opened(flags, "front", search_of) as (folder, search):
-        result = traced(search, folder, tables.console_of(stderr=True, quiet=flags.json))
-        _store_runs(result, search, folder)
-        weight_units = search.run.design.units()
-        save_dataset(dataset_of(result, weight_units), folder / "front.nc")
-        save_figure(front(result), folder / "front.png")
-        write_result(folder, result)
-    stored = run_folder.opened(folder, "front")["flags"]
-    # The error within every budget, as many as a screen takes
-    spent, entries = NAMES[result.against].removeprefix("the "), []
-    for point in result.points[:MOST_SHOWN]:
-        budget, error = tables.digits(point.budget), tables.digits(1e6 * point.error(result.error))
-        margin = tables.digits(point.peak_sensitivity) + ("" if point.feasible else ", NOT KEPT")
-        words = f"{spent} {budget}: RMS {result.error} error {error} um, Ms {margin}"
-        entries.append(Entry("Budget", words))
-    answer = [*entries, *next_steps(result, tuning_words(stored["parts"], stored))]
-    return finished(folder, result, flags, show, answer)
+    if flags.against == "feed":
+        result = front_of_feeds(flags)
+        folder = created(flags, "front")
+        _store(result, {}, folder)
+        answer = feed_entries(result)
+    else:
+        with opened(flags, "front", search_of) as (folder, search):
+            result = traced(search, folder, tables.console_of(stderr=True, quiet=flags.json))
+            _store_runs(result, search, folder)
+            _store(result, search.run.design.units(), folder)
+        stored = run_folder.opened(folder, "front")["flags"]
+        # The error within every budget, as many as a screen takes
+        spent, answer = NAMES[result.against].removeprefix("the "), []
+        for point in result.points[:MOST_SHOWN]:
+            budget, error = (
+                tables.digits(point.budget),
+                tables.digits(1e6 * point.error(result.error)),
+            )
+            margin = tables.digits(point.peak_sensitivity)
+            margin += "" if point.feasible else ", NOT KEPT"
+            words = f"{spent} {budget}: RMS {result.error} error {error} um, Ms {margin}"
+            answer.append(Entry("Budget", words))
+        answer += next_steps(result, tuning_words(stored["parts"], stored))
+    return finished(folder, result, flags, show, answer, result.verdict)
+
+
+def _store(result: FrontResult, weight_units: dict[str, str], folder: Path) -> None:
+    save_dataset(dataset_of(result, weight_units), folder / "front.nc")
+    save_figure(front(result), folder / "front.png")
+    write_result(folder, result)
 
 
 def _store_runs(result: FrontResult, search: Search, folder: Path) -> None:
@@ -66,6 +84,9 @@ def _store_runs(result: FrontResult, search: Search, folder: Path) -> None:
 
 def show(result: FrontResult, console: Console) -> None:
     """Print the front, and the weights of its points."""
+    if result.against == "feed":
+        _show_feeds(result, console)
+        return
     plants = "nominal plant" if result.nominal_only else "family"
     title = f"Front against {NAMES[result.against]} (smooth machine, {plants})"
     used_up = {True: "no", False: "yes"}
@@ -82,6 +103,42 @@ def show(result: FrontResult, console: Console) -> None:
     for name in result.weights:
         columns[name] = lambda point, name=name: tables.weight_digits(point.weights.get(name))
     console.print(tables.table_of("Weights", result.points, columns, text_columns=0))
+
+
+def _show_feeds(result: FrontResult, console: Console) -> None:
+    """Print every feed, and which limits it exceeds."""
+    title = f"{result.contour} on {result.machine.name}, {result.controller}"
+    states = {True: "", False: "BEYOND A LIMIT"}
+    columns: dict[str, Callable[[BudgetPoint], str | float]] = {
+        "feed\n%": lambda point: f"{point.budget:g}",
+        "cycle\ntime s": lambda point: f"{point.cycle_time:.3f}",
+        "peak um\nworst": lambda point: 1e6 * point.objective,
+        "RMS um\nworst": lambda point: 1e6 * point.error(result.error),
+        "RMS\nincrement": lambda point: point.rms_increment,
+        "": lambda point: (
+            "recommended" if point.budget == result.recommended else states[point.feasible]
+        ),
+    }
+    console.print(tables.table_of(title, result.points, columns, text_columns=0))
+    lines = [f"{point.budget:g} %: {line}" for point in result.points for line in point.messages]
+    tables.say(console, *lines)
+
+
+def feed_entries(result: FrontResult) -> list[Entry]:
+    """The quickest feeds in a line each, and what to do next."""
+    entries = []
+    for point in result.points[-MOST_SHOWN:]:
+        feed, peak = f"{point.budget:g} %", tables.digits(1e6 * point.objective)
+        state = "" if point.feasible else ", BEYOND A LIMIT"
+        words = f"{point.cycle_time:.3f} s, peak {result.error} error {peak} um{state}"
+        entries.append(Entry(feed, words))
+        entries += [Entry("Warning", f"{feed}: {line}") for line in point.messages]
+    words = "set the feed override of the control, or the feeds of the program"
+    if result.recommended is None:
+        words = "slower --overrides, or `jcontour tune` for this part and machine first"
+        if any(point.feasible for point in result.points):
+            words = "--max-peak-contour-error-um, the largest error that the part may have"
+    return [*entries, Entry("Next", words)]
 
 
 def next_steps(result: FrontResult, task: str) -> list[Entry]:

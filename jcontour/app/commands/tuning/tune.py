@@ -24,7 +24,6 @@ from jcontour.app.reports.progress import progress_of
 from jcontour.app.reports.rollouts import save_rollouts, save_sensitivity
 from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tuned_tables import limit_words, show_tuned, tuned_answer
-from jcontour.app.runs.checks.certifying import certified_bound
 from jcontour.app.runs.checks.recommendation import lost_at_start
 from jcontour.app.runs.contour_summary import contour_runs, read_of
 from jcontour.app.runs.lifecycle import finished, opened, ranked_words
@@ -39,6 +38,7 @@ from jcontour.app.runs.tuning.results import (
     shown_contours,
     start_trial,
     trial_of,
+    tried,
     tuned_result,
 )
 from jcontour.app.runs.tuning.searching import NothingSound, Searched, searched
@@ -80,13 +80,12 @@ def run(flags: Tune, console: Console) -> tuple[TunedResult, Path]:
 
 def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     began = time.perf_counter()
-    # the start is tried meanwhile, then the bound is proven
-    with Beside(certified_bound.__module__) as process:
+    # the start is tried meanwhile
+    with Beside(tried.__module__) as process:
         start = start_trial(run, process)
         loops = [] if is_chosen(run.flags) else simple_loops(run)
         found = _chosen(run, loops, folder, console)
         asked, run, tuned = run, found.run, found.tuned
-        certified = certified_bound(run, run.controller(tuned.weights), process)
         trials = {"start": start(), "tuned": trial_of(run, tuned)}
         baseline = baseline_trial(asked, trials["start"], loops)
         with drawn_beside(figures(run, trials, folder)):
@@ -102,10 +101,9 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
             save_sensitivity(curves, run.scenarios.plants, folder)
             robust = robust_trial(run, tuned)
             in_engine = confirmed(run, tuned, trials["tuned"].replay)
-        checks = robust, in_engine, certified()
     if baseline is not None:
         trials["baseline"] = baseline
-    told = tuned_result(found, trials, *checks, loops, time.perf_counter() - began)
+    told = tuned_result(found, trials, robust, in_engine, loops, time.perf_counter() - began)
     # Write the points that were tried, and at last the result
     points = history_of(run, tuned)
     run_folder.write_json(folder / "history.json", to_json(points))
@@ -166,8 +164,7 @@ def describe(run: TuningRun, console: Console) -> None:
     machine, flags, scenarios = run.machine, run.flags, run.scenarios
     bounds = [limit_words(name, value) for name, value in run.limits.items()]
     over = "the plant" if flags.nominal_only else "family"
-    kind = "largest" if flags.objective == "certified" else "RMS"
-    objective = f"{flags.objective} {kind} {machine.error} error over training contours and {over}"
+    objective = f"{flags.objective} RMS {machine.error} error over training contours and {over}"
     alone = " (tuned on the nominal plant alone)" if flags.nominal_only else ""
     training = [
         f"{job.name} ({job.samples} samples, {job.feed_law})" for job in scenarios.jobs_seen(True)
@@ -209,7 +206,7 @@ def describe(run: TuningRun, console: Console) -> None:
 def held_out_words(flags: Tune, scenarios: Scenarios) -> str:
     """Contours that the tuner never sees, and whether they are sized like the parts."""
     named = _named([f"{job.name} ({job.samples} samples)" for job in scenarios.jobs_seen(False)])
-    own = bool(flags.parts) and flags.contours is None
+    own = bool(flags.parts)
     if own and any(isinstance(job, Job) for job in scenarios.jobs_seen(True)):
         return (
             f"{named}; made in the size, place and feed of the parts, not as `jcontour list` says"

@@ -1,8 +1,8 @@
-"""Results of commands with a proof: `check --bound`, `tolerance`, `learn`."""
+"""Results of commands with a proof: `check --bound`, `learn`."""
 
 from dataclasses import dataclass
 
-from jcontour.app.files.results.run_metrics import ContourRead, MachineSummary, PeakPlace
+from jcontour.app.files.results.run_metrics import MachineSummary, PeakPlace
 from jcontour.app.files.results.stored import Weight
 from jcontour.app.files.results.verdict import LimitCheck, Verdict
 
@@ -24,21 +24,6 @@ class CertifiedRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CertifiedBound:
-    """Largest error of tuned weights on what they were tuned on, proven, SI units."""
-
-    force: float  # bound on what adds to each control [control unit]
-    # bound on the error of every measured number, one for all or each [m]
-    encoder: float | tuple[float, ...]
-    # largest error that the disturbances within the bounds can make; None where there is no proof,
-    # as the next two
-    error: float | None = None
-    contour: str | None = None  # where it is
-    plant: str | None = None  # of which
-    refused: str | None = None  # why there is no proof
-
-
-@dataclass(frozen=True, kw_only=True)
 class CertifiedResult:
     """Largest errors of a stored loop under bounded disturbances."""
 
@@ -50,8 +35,6 @@ class CertifiedResult:
     # bound on the error of every measured number, one for all or each [m]
     encoder: float | tuple[float, ...]
     control_limit: tuple[float, ...] | None  # of each control; None where the machine states none
-    # relative; rows hold for all gains within it; None where for the plants alone
-    gain: float | None
     rows: list[CertifiedRow]  # one per contour and plant
     verdict: Verdict  # whether the controls are proven to stay within their limits
 
@@ -59,48 +42,6 @@ class CertifiedResult:
     def worst(self) -> CertifiedRow:
         """Row of the largest bound."""
         return max(self.rows, key=lambda row: row.bound)
-
-
-@dataclass(frozen=True, kw_only=True)
-class KeptRun:
-    """One run of the bounded MPC, SI units."""
-
-    plant: str  # of the family
-    disturbance: str  # that acted, in words
-    within: bool  # everything that acted is within the bounds, so that the tolerance holds
-    largest: float  # largest error of the tool [m]
-    # sample at which something beyond the bounds was noticed; None where nothing was
-    left: int | None
-    fallbacks: int  # samples whose QP had no answer within the tolerance
-    control: tuple[float, ...]  # largest size of each control
-    residual: float  # largest of any QP
-
-    def keeps(self, tolerance: float) -> bool:
-        """Whether the largest error is within a tolerance [m]."""
-        return self.largest <= tolerance
-
-
-@dataclass(frozen=True, kw_only=True)
-class ToleranceResult:
-    """Tolerance of a part, and runs that keep it."""
-
-    machine: MachineSummary
-    contour: str
-    feed_law: str
-    samples: int
-    error: str  # the error that is bounded, "contour" or "tracking"
-    force: float  # bound on what adds to each control [control unit]
-    # bound on the error of every measured position, one for all or each [m]
-    encoder: float | tuple[float, ...]
-    plant: str  # that it is promised for
-    length: int  # samples within which the tool has recovered
-    promised: float  # largest error [m]
-    shares: dict[str, float]  # of the least tolerance, by their names [m]
-    limiting: tuple[str, ...]  # limits that keep it from being smaller
-    control_limit: tuple[float, ...]  # of each control
-    read: ContourRead | None = None
-    runs: list[KeptRun]  # of the plants of the family
-    verdict: Verdict  # limits of the machine, and runs within the bounds that left the tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +92,6 @@ class LearnedResult:
     contour: str
     feed_law: str
     samples: int
-    law: str  # name of the learning law
     numbers: dict[str, float]  # of the law, by name
     laps: int  # how many were asked for
     ratio: float  # largest ratio of the correction's distance from its limit, from lap to lap

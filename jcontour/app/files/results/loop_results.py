@@ -1,10 +1,9 @@
-"""Results of commands that run one loop: `simulate`, `feed`, `precompensate`, `trace`, `export`."""
+"""Results of commands that run one loop: `simulate`, `precompensate`, `export`."""
 
 from dataclasses import dataclass, field
 
 from jcontour.app.files.results.run_metrics import (
     ContourRead,
-    FamilyMetrics,
     MachineSummary,
     MotionSummary,
     PeakPlace,
@@ -57,56 +56,6 @@ class AuditedResult(SimulatedResult):
     lags: list[float]  # of the axes behind their commands [s]
     # the largest share first, the unexplained part last; together they are the error
     causes: list[CauseShare]
-
-
-@dataclass(frozen=True, kw_only=True)
-class FeedPoint:
-    """One feed."""
-
-    override: float  # per cent of the programmed feed
-    cycle_time: float  # of the whole run, with its rapid moves and rests, or of one of its laps [s]
-    metrics: FamilyMetrics  # of the nominal plant, and the worst of the family metric by metric
-    diverged: list[str]  # plants that diverge
-    limits: list[LimitCheck]  # of the machine
-    deviation: float = 0.0  # of the motion itself from the part, in blended corners, at most [m]
-    # a line for every limit that the motion itself exceeds
-    planned: list[str] = field(default_factory=list)
-    # a line where the tool does not follow the motion
-    not_followed: list[str] = field(default_factory=list)
-
-    @property
-    def sound(self) -> bool:
-        """Every plant follows, within the machine's limits."""
-        follows = not self.diverged and not self.not_followed
-        return follows and all(one.kept for one in self.limits)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FeedResult:
-    """Error against cycle time."""
-
-    machine: MachineSummary
-    controller: str
-    contour: str
-    error: str  # the error that counts, "contour" or "tracking"
-    tolerance: float | None  # largest error that is allowed [m]; None where none is given
-    points: list[FeedPoint]  # from the slowest feed to the quickest
-    # its override; None where no feed will do, or only a tolerance names one
-    recommended: float | None
-    verdict: Verdict  # on the feed that is recommended
-    tuned: bool = False  # whether the loop is one of `jcontour tune`
-
-    @property
-    def undecided(self) -> bool:
-        """Whether several feeds will do, and only a tolerance names one."""
-        return self.recommended is None and self.verdict.usable
-
-    @property
-    def corners_decide(self) -> bool:
-        """Whether the motion itself leaves the part by the whole tolerance."""
-        if self.tolerance is None:
-            return False
-        return self.tolerance <= min(point.deviation for point in self.points)
 
 
 @dataclass(frozen=True, kw_only=True)

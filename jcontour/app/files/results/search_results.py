@@ -57,27 +57,34 @@ class RankedResult:
 
 @dataclass(frozen=True)
 class BudgetPoint:
-    """The best weights found within one budget, on the smooth machines."""
+    """The best weights found within one budget, on the smooth machines; or the loop at one feed."""
 
-    budget: float  # largest RMS control increment [control unit per sample], or peak sensitivity
+    # largest RMS control increment [control unit per sample], or peak sensitivity; or the feed in
+    # per cent of the programmed one
+    budget: float
     weights: dict[str, Weight]  # those that are one number, or one for each axis
     rms_contour_error: float  # worst over contours and family [m]; so are the next two
     rms_tracking_error: float  # [m]
     rms_increment: float  # [control unit per sample]
-    objective: float  # what was made small: an error [m], or a ratio of two
+    # what was made small: an error [m], or a ratio of two; at a feed the largest error [m]
+    objective: float
     feasible: bool  # whether every limit holds
     slack: bool  # whether the weights need clearly less than the budget
     # largest Ms over the probes of the contours and the family; infinite where a frozen loop is not
-    # stable
+    # stable, NaN at a feed
     peak_sensitivity: float
+    cycle_time: float = 0.0  # at a feed, of the whole run or of one of its laps [s]
+    # at a feed, limits that are exceeded first, then what of the motion to know
+    messages: list[str] = field(default_factory=list)
 
     def error(self, name: str) -> float:
         """Worst RMS error of a name, contour or tracking [m]."""
         return getattr(self, f"rms_{name}_error")
 
     def spent(self, against: Against) -> float:
-        """What the weights need of the quantity that the budgets limit."""
-        return self.rms_increment if against == "increment" else self.peak_sensitivity
+        """What the weights need of the quantity that the budgets limit; of a feed its time [s]."""
+        name = {"increment": "rms_increment", "sensitivity": "peak_sensitivity"}.get(against)
+        return getattr(self, name or "cycle_time")
 
 
 @dataclass(frozen=True)
@@ -91,8 +98,15 @@ class FrontResult:
     points: list[BudgetPoint]  # one for every budget, from the smallest
     # limit on the RMS tracking error that no flag asked for [m]; None without it
     tracking_cap: float | None = None
-    against: Against = "increment"  # what the budgets limit
+    against: Against = "increment"  # what the budgets limit, or "feed"
     nominal_only: bool = False  # the family is the nominal plant alone
+    contour: str = ""  # of feeds
+    recommended: float | None = None  # feed; None where none is
+    verdict: Verdict | None = None  # on that feed; None of a search
+
+    def height(self, point: BudgetPoint) -> float:
+        """Error that is drawn over the budgets: RMS [m]; over feeds the largest."""
+        return point.objective if self.against == "feed" else point.error(self.error)
 
     @property
     def slack(self) -> list[float]:
@@ -117,7 +131,10 @@ def dataset_of(result: FrontResult, weight_units: dict[str, str]) -> xr.Dataset:
         data[name] = along(values, of)
     for name in ("feasible", "slack"):
         data[name] = along([float(getattr(point, name)) for point in result.points], "1")
-    of = unit if result.against == "increment" else "1"
+    if result.against == "feed":
+        data["cycle_time"] = along([point.cycle_time for point in result.points], "s")
+        data["objective"] = along([point.objective for point in result.points], "m")
+    of = {"increment": unit, "sensitivity": "1", "feed": "percent"}[result.against]
     budgets = along([point.budget for point in result.points], of)
     attributes = {"title": f"jcontour front: error against {result.against}"}
     return xr.Dataset(data, {"budget": budgets}, {**attributes, **run_folder.versions()})

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 
-from jcontour.app.files.results.bound_results import CertifiedBound
 from jcontour.app.files.results.run_metrics import (
     ContourRead,
     FamilyMetrics,
@@ -185,8 +184,6 @@ class TunedResult:
     training_samples: int
     confirmed: list[EngineRow]  # the same runs in another engine, where there is one
     seconds: float  # that the run took
-    # largest error under bounded disturbances; None for a machine that is not linear
-    certified: CertifiedBound | None = None
     sample_period: float  # of machine and controller [s]
     drive: DriveLoop | None = None  # the nearest simple loop; None where none was tried
 

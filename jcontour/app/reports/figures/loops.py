@@ -1,4 +1,4 @@
-"""Figures of one loop: errors over time, feeds, laps, and a run that chose its own speed."""
+"""Figures of one loop: errors over time, and laps."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from jcontour.app.files.results.bound_results import LearnedResult
-from jcontour.app.files.results.loop_results import CauseShare, FeedResult
+from jcontour.app.files.results.loop_results import CauseShare
 from jcontour.app.reports.figures.axes import (
     CYCLE,
     DESIRED,
@@ -17,7 +17,6 @@ from jcontour.app.reports.figures.axes import (
     draw_curve,
     grid,
     legend_below,
-    logarithmic,
     plain_ticks,
     short,
 )
@@ -84,20 +83,15 @@ class ErrorCurve(NamedTuple):
 
 
 def errors_figure(
-    title: str,
-    error: str,
-    reference: Reference,
-    curves: Sequence[ErrorCurve],
-    promised: float | None = None,
+    title: str, error: str, reference: Reference, curves: Sequence[ErrorCurve]
 ) -> Figure:
-    """Errors over time where samples count, below what is promised.
+    """Errors over time where samples count.
 
     Args:
         title: of the figure.
         error: that counts, "contour" or "tracking".
         reference: of the runs.
         curves: errors of the runs, or bounds on them.
-        promised: largest error [m]; None for no line.
     """
     figure = Figure(figsize=(8.0, 4.6), layout="constrained")
     axes = figure.subplots()
@@ -105,8 +99,6 @@ def errors_figure(
     for curve in curves:
         shown = np.where(scored, 1e6 * curve.error, np.nan)
         axes.plot(time, shown, color=curve.colour, linewidth=curve.width, label=curve.label)
-    if promised is not None:
-        axes.axhline(1e6 * promised, color="0.2", linestyle="--", linewidth=1.0, label="promised")
     axes.set_ylim(bottom=0.0)
     grid(axes, title, "time [s]", f"{error} error [um]")
     legend_below(figure)
@@ -117,39 +109,6 @@ def _scored(reference: Reference) -> tuple[np.ndarray, np.ndarray]:
     """Times of the samples [s], and which of them count."""
     steps = reference.steps
     return reference.dt * np.arange(steps), np.asarray(reference.mask)[:steps]
-
-
-def feeds_figure(result: FeedResult) -> Figure:
-    """Peak and RMS of the family's worst, and the nominal RMS; the recommended feed is ringed."""
-    figure = Figure(figsize=(7.0, 4.8), layout="constrained")
-    axes = figure.subplots()
-    points = [point for point in result.points if not point.diverged]
-    time = [point.cycle_time for point in points]
-    for label, plant, name, style in (
-        ("peak, worst of the family", "worst", "peak", "o-"),
-        ("RMS, worst of the family", "worst", "rms", "s-"),
-        ("RMS, nominal", "nominal", "rms", "^--"),
-    ):
-        metric = f"{name}_{result.error}_error"
-        error = [1e6 * getattr(getattr(point.metrics, plant), metric) for point in points]
-        axes.plot(time, error, style, markersize=4, linewidth=1.0, label=label)
-        if label.startswith("peak"):
-            for point, at, height in zip(points, time, error, strict=True):
-                words = f"{point.override:g} %" + ("" if point.sound else ", beyond limits")
-                place = {"xytext": (2, 4), "textcoords": "offset points"}
-                axes.annotate(words, (at, height), rotation=50, fontsize=8, **place)
-                if point.override == result.recommended:
-                    ring = {"markersize": 12, "mfc": "none", "color": TUNED}
-                    axes.plot([at], [height], "o", label="recommended", **ring)
-    if result.tolerance is not None:
-        tolerance = 1e6 * result.tolerance
-        axes.axhline(tolerance, color="0.3", linestyle="--", label=f"tolerance {tolerance:g} um")
-    logarithmic(axes)
-    axes.margins(x=0.08, y=0.15 if all(point.sound for point in points) else 0.4)  # for the words
-    title = f"{result.contour} on {result.machine.name}, {result.controller}"
-    grid(axes, title, "cycle time [s]", f"{result.error} error [um]")
-    legend_below(figure)
-    return figure
 
 
 def learning(result: LearnedResult) -> Figure:
@@ -166,7 +125,7 @@ def learning(result: LearnedResult) -> Figure:
     axes.set(yscale="log")
     plain_ticks(axes.yaxis)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    grid(axes, f"{result.law} on {result.contour}", "lap", f"RMS {result.error} error [um]")
+    grid(axes, f"Laps on {result.contour}", "lap", f"RMS {result.error} error [um]")
     legend_below(figure, columns=2)
     return figure
 

@@ -24,7 +24,6 @@ MEASURES = {  # objective -> what is made small
     "typical": "geometric mean over contours\nof the worst RMS {error} error [um]",
     "worst": "worst RMS {error} error [um]",
     "mean": "mean RMS {error} error [um]",
-    "certified": "geometric mean over contours\nof the largest certified {error} error [um]",
 }
 ROW = 0.32  # [inch]
 
@@ -70,20 +69,23 @@ def history_figure(points: Sequence[HistoryPoint], objective: str, error: str) -
 
 
 def front(result: FrontResult) -> Figure:
-    """Least worst error of every budget.
+    """Least worst error of every budget; or the largest of the family at every feed.
 
     A filled marker is a budget that is used up, a square one that is slack, an open marker one that
     no weights met.
     """
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
-    axes = figure.subplots()
+    axes, feeds = figure.subplots(), result.against == "feed"
     # a loop that is not stable has no finite peak, and no place here
     points = [point for point in result.points if (point.spent(result.against) < float("inf"))]
     met = [point for point in points if point.feasible]
+    kept, beyond = "tuned for this budget", "budget not met"
+    if feeds:
+        kept, beyond = "within every limit", "beyond a limit"
     kinds = {
-        "tuned for this budget": ("o", TUNED, [point for point in met if not point.slack]),
+        kept: ("o", TUNED, [point for point in met if not point.slack]),
         "budget is slack": ("s", TUNED, [point for point in met if point.slack]),
-        "budget not met": ("o", "none", [point for point in points if not point.feasible]),
+        beyond: ("o", "none", [point for point in points if not point.feasible]),
     }
     axes.plot(*_places(met, result), color=TUNED, linewidth=1.0)
     for label, (marker, face, shown) in kinds.items():
@@ -93,14 +95,17 @@ def front(result: FrontResult) -> Figure:
     against = {
         "increment": f"worst RMS control increment [{unit} per sample]",
         "sensitivity": "largest peak sensitivity Ms",
+        "feed": "cycle time [s]",
     }
     plants = "the nominal plant" if result.nominal_only else "contours and family"
-    grid(
-        axes,
-        title=f"Front over {plants} (smooth machine)",
-        x=against[result.against],
-        y=f"worst RMS {result.error} error [um]",
-    )
+    title = f"Front over {plants} (smooth machine)"
+    if feeds:
+        title = f"{result.contour} on {result.machine.name}, {result.controller}"
+        for point, x, y in zip(points, *_places(points, result), strict=True):
+            place = {"xytext": (2, 4), "textcoords": "offset points"}
+            axes.annotate(f"{point.budget:g} %", (x, y), fontsize=8, **place)
+    measure = "peak" if feeds else "RMS"
+    grid(axes, title, against[result.against], f"worst {measure} {result.error} error [um]")
     logarithmic(axes)
     legend_below(figure)
     return figure
@@ -108,7 +113,7 @@ def front(result: FrontResult) -> Figure:
 
 def _places(points: Sequence[BudgetPoint], result: FrontResult) -> tuple[list[float], list[float]]:
     spent = [point.spent(result.against) for point in points]
-    return spent, [1e6 * point.error(result.error) for point in points]
+    return spent, [1e6 * result.height(point) for point in points]
 
 
 def ranking_figure(result: RankedResult) -> Figure:

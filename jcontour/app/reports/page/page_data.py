@@ -98,7 +98,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
     settings = run_folder.read_json(folder, run_folder.SETTINGS)
     command = settings["command"]
     tuned = result if isinstance(result, TunedResult) else None
-    verdict = None if isinstance(result, FrontResult) else result.verdict
+    verdict = result.verdict
     unit = result.machine.control_unit
     try:
         tried = [] if tuned is None else _tried(folder)
@@ -180,7 +180,7 @@ class StoredRun:
     def _repr_html_(self) -> str:
         one = self.result
         answer = next(kind.answer for kind in KINDS.values() if kind.result is type(one))
-        lines = screen(None if isinstance(one, FrontResult) else one.verdict, answer(one))
+        lines = screen(one.verdict, answer(one))
         return f"<pre>{html.escape(chr(10).join(lines))}</pre>"
 
 
@@ -273,10 +273,10 @@ def _tried(folder: Path) -> list[HistoryPoint]:
 
 def _points(result: Shown, tried: Sequence[HistoryPoint]) -> dict[str, Any] | None:
     """Points of a front, or those that tuning tried: error against what it costs."""
-    chosen, sensitivity = None, False
+    chosen, against = None, "increment"
     rows: list[tuple[float, float, str | None, BudgetPoint | HistoryPoint]]
     if isinstance(result, FrontResult):
-        sensitivity = result.against == "sensitivity"
+        against = result.against
         rows = [
             (one.spent(result.against), one.error(result.error), f"{one.budget:.4g}", one)
             for one in result.points
@@ -288,7 +288,11 @@ def _points(result: Shown, tried: Sequence[HistoryPoint]) -> dict[str, Any] | No
     if not rows:
         return None
     return {
-        "x": "Ms" if sensitivity else f"RMS increment [{result.machine.control_unit} per sample]",
+        "x": {
+            "increment": f"RMS increment [{result.machine.control_unit} per sample]",
+            "sensitivity": "Ms",
+            "feed": "cycle time [s]",
+        }[against],
         "points": [
             {
                 "x": cost,

@@ -1,16 +1,21 @@
-"""Trials of exported code: its Python on the recorded run, and the compilers that are here."""
+"""Trials of exported code: its Python, the compilers that are here, and a program in LinuxCNC."""
 
+import os
 import re
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock
 from jaxtyping import Float
 
 from jcontour.app.files.results.loop_results import Compiled
+from jcontour.export.linuxcnc import DRIVE
 from jcontour.export.rendering import TRIPS
 from jcontour.motion.references import Reference
 
@@ -82,3 +87,123 @@ def _said(words: list[str], folder: Path) -> str:
     if done.returncode != 0 or done.stderr:
         raise RuntimeError(f"export: {words[0]} failed: {done.stderr.strip()}")
     return done.stdout
+
+
+NEEDED = ("linuxcnc", "halcompile", "halsampler")
+COMPONENTS = ("jcontour_law", "jcontour_machine")
+USER = "nobody"  # LinuxCNC refuses to run as root
+STILL = 1e-9  # [m] of a sample: the axes are not commanded to move
+STATUS_TRIPPED = 5
+
+
+@dataclass(frozen=True)
+class RealRun:
+    """Samples of the servo thread, from the first motion to the end of the last."""
+
+    command: Float[np.ndarray, "T m"]  # what the axes follow [m]
+    tool: Float[np.ndarray, "T m"]  # where the tool of the machine component is [m]
+    samples: int  # of the planner's motion: its cycle time
+
+
+def missing() -> str:
+    """Why no program can be run here; empty where one can."""
+    absent = [name for name in NEEDED if not shutil.which(name)]
+    if absent:
+        return (
+            f"LinuxCNC is not installed ({', '.join(absent)} not found); "
+            "on Debian: apt install linuxcnc-uspace linuxcnc-uspace-dev"
+        )
+    return ""
+
+
+def run_in_linuxcnc(components: Mapping[str, str], program: str, longest: float) -> RealRun:
+    """Run a program of G-code; components and configuration are those of `linuxcnc_files`.
+
+    Args:
+        components: name and text of every file.
+        program: G-code.
+        longest: it may take [s].
+
+    Raises:
+        RuntimeError: it does not build, does not end, trips, or samples are lost.
+    """
+    alone = Path(tempfile.gettempdir()) / "jcontour-linuxcnc.lock"  # two would share its memory
+    with FileLock(alone), tempfile.TemporaryDirectory() as work:
+        folder = Path(work)
+        for name, text in components.items():
+            (folder / name).write_text(text)
+        (folder / "program.ngc").write_text(program)
+        (folder / DRIVE).chmod(0o755)
+        for name in COMPONENTS:
+            _installed(folder, name)
+        _run(folder, longest)
+        return _read(folder)
+
+
+def _installed(folder: Path, name: str) -> None:
+    """Build a component and put it where LinuxCNC looks for it."""
+    words = ["halcompile", "--install", f"{name}.comp"]
+    if os.geteuid() != 0:
+        words = ["sudo", "-n", *words]
+    done = subprocess.run(words, cwd=folder, text=True, capture_output=True)
+    if done.returncode != 0:
+        raise RuntimeError(
+            f"linuxcnc: {' '.join(words)} failed: {(done.stderr or done.stdout).strip()[-500:]}"
+        )
+
+
+def _run(folder: Path, longest: float) -> None:
+    environment = {**os.environ, "HOME": str(folder), "DISPLAY": "", "LONGEST": str(longest)}
+    user = None
+    if os.geteuid() == 0:
+        user = USER
+        for path in (folder, *folder.iterdir()):
+            shutil.chown(path, USER)
+    done = subprocess.run(
+        ["linuxcnc", "machine.ini"],
+        cwd=folder,
+        env=environment,
+        user=user,
+        text=True,
+        capture_output=True,
+        timeout=longest + 60.0,
+    )
+    said = folder / "errors.txt"
+    if not said.exists():
+        raise RuntimeError(f"linuxcnc: it did not start: {(done.stdout + done.stderr)[-800:]}")
+    if errors := said.read_text().strip():
+        raise RuntimeError(f"linuxcnc: {errors}")
+
+
+def _read(folder: Path) -> RealRun:
+    lines = (folder / "samples.txt").read_text().splitlines()
+    if any("overrun" in line for line in lines):
+        raise RuntimeError("linuxcnc: samples of the servo thread were lost")
+    rows = np.array([line.split() for line in lines], float)
+    number, values, status = rows[:, 0], 1e-3 * rows[:, 1:-1], rows[:, -1]
+    if np.any(np.diff(number) != 1.0):
+        raise RuntimeError("linuxcnc: samples of the servo thread were lost")
+    if np.any(status == STATUS_TRIPPED):
+        raise RuntimeError("linuxcnc: the law tripped")
+    axes = values.shape[1] // 2
+    command, tool = values[:, :axes], values[:, axes:]
+    moves = np.flatnonzero(np.abs(np.diff(command, axis=0)).max(axis=1) > STILL)
+    if moves.size == 0:
+        raise RuntimeError("linuxcnc: the program moves nothing")
+    first, last = moves[0], moves[-1] + 1
+    after = min(len(command), last + 100)  # what is left of the motion settles
+    return RealRun(command[first:after], tool[first:after], int(last - first))
+
+
+def distance_to_path(
+    path: Float[np.ndarray, "S m"], place: Float[np.ndarray, "T m"], reach: int = 40
+) -> Float[np.ndarray, " T"]:
+    """Distance of place k from the pieces of a path within `reach` samples of its sample k [m]."""
+    a, along = path[:-1], np.diff(path, axis=0)
+    square = np.maximum((along**2).sum(axis=1), 1e-300)
+    found = np.full(len(place), np.inf)
+    for shift in range(-reach, reach + 1):
+        k = np.clip(np.arange(len(place)) + shift, 0, len(a) - 1)
+        part = np.clip(((place - a[k]) * along[k]).sum(axis=1) / square[k], 0.0, 1.0)
+        found = np.minimum(found, np.linalg.norm(a[k] + part[:, None] * along[k] - place, axis=1))
+    return found

@@ -21,22 +21,14 @@ OVERSHOOT = 0.05
 
 
 class Signals(NamedTuple):
-    """Signals of runs on every plant along every contour, and the names of both.
+    """Signals of runs on every plant along every contour, and the names of both."""
 
-    Attributes:
-        output: tool [m].
-        control: of every input.
-        counted: samples whose peaks count.
-        contours: names.
-        plants: names.
-        asked: motion that is followed [m], where its speed is compared with its limit.
-    """
-
-    output: Float[np.ndarray, "contours plants steps axes"]
-    control: Float[np.ndarray, "contours plants steps inputs"]
-    counted: Bool[np.ndarray, "contours steps"]
-    contours: Sequence[str]
-    plants: Sequence[str]
+    output: Float[np.ndarray, "contours plants steps axes"]  # tool [m]
+    control: Float[np.ndarray, "contours plants steps inputs"]  # of every input
+    counted: Bool[np.ndarray, "contours steps"]  # samples whose peaks count
+    contours: Sequence[str]  # names
+    plants: Sequence[str]  # names
+    # motion that is followed [m], where its speed is compared with its limit
     asked: Float[np.ndarray, "contours steps axes"] | None = None
 
 

@@ -55,53 +55,32 @@ OPEN = "a control is at its limit, or has a gain of zero, and the loop is open"
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Everything that is known of tuned weights before anybody loads them.
+    """Everything that is known of tuned weights before anybody loads them."""
 
-    Attributes:
-        tuned: end of the search.
-        contours: start against tuned, on the machine with all effects.
-        margins: of the tuned loop.
-        robust: corners and random plants of the family; None where it is a single plant.
-        error: the error that counts, "contour" or "tracking".
-        limits: every stated limit, with what the tuned weights reach.
-        start_limits: the same of the start.
-        start_unstable: why the start is no loop at all; empty where it is one.
-        baseline: loop of `contours` that the tuned one has to be no worse than; empty where
-            there is none.
-        delay: margin that is asked for [samples].
-        alone: whether the weights were tried on a single plant.
-        finest: difference of errors that the encoders of all axes can tell [m].
-        limit: bound of the search that the weights exceed most; empty where they exceed none.
-        allowing: flag and value that allow what the weights reach, see `flag_allowing`.
-        feed_law: of the motions.
-        lasting: samples in which an offset of the tool dies out to a third.
-        unseen: limits that plants exceed which the tuner did not see, one line each.
-        unknown: where the loops rest most on what is not known of the response, where they rest on
-            too much of it.
-        unmeasured: axes of a machine from a record whose response the record does not show.
-        warnings: what to know beside all this.
-    """
-
-    tuned: Tuned
-    contours: Sequence[TunedContour]
-    margins: PathMargins
-    robust: RobustTest | None
-    error: str
-    limits: Sequence[LimitCheck] = ()
-    start_limits: Sequence[LimitCheck] = ()
-    start_unstable: str = ""
+    tuned: Tuned  # end of the search
+    contours: Sequence[TunedContour]  # start against tuned, on the machine with all effects
+    margins: PathMargins  # of the tuned loop
+    robust: RobustTest | None  # corners and random plants of the family; None of a single plant
+    error: str  # that counts, "contour" or "tracking"
+    limits: Sequence[LimitCheck] = ()  # every stated limit, with what the tuned weights reach
+    start_limits: Sequence[LimitCheck] = ()  # the same of the start
+    start_unstable: str = ""  # why the start is no loop at all; empty where it is one
+    # loop of `contours` that the tuned one has to be no worse than; empty where there is none
     baseline: str = START
-    delay: int = 0
-    alone: bool = False
-    finest: float = 0.0
-    limit: str = ""
-    allowing: str = ""
-    feed_law: str = "jerk"
-    lasting: float = 0.0
-    unseen: Sequence[str] = ()
+    delay: int = 0  # margin that is asked for [samples]
+    alone: bool = False  # whether the weights were tried on a single plant
+    finest: float = 0.0  # difference of errors that the encoders of all axes can tell [m]
+    limit: str = (
+        ""  # bound of the search that the weights exceed most; empty where they exceed none
+    )
+    allowing: str = ""  # flag and value that allow what the weights reach, see `flag_allowing`
+    feed_law: str = "jerk"  # of the motions
+    lasting: float = 0.0  # samples in which an offset of the tool dies out to a third
+    # where the loops rest most on what is not known of the response, where that is too much
     unknown: LeastKnown | None = None
+    # axes of a machine from a record whose response the record does not show
     unmeasured: Sequence[str] = ()
-    warnings: Sequence[Message] = ()
+    warnings: Sequence[Message] = ()  # what to know beside all this
 
     @property
     def compared(self) -> str:
@@ -183,7 +162,6 @@ def _unsound(seen: Evidence) -> Iterator[Message]:
             f"{BORNE / place.relative:.2g} is safe; record what shows the response there",
             "jcontour identify --excite",
         )
-    yield from map(reason, seen.unseen)
 
 
 def _search_remedy(limit: str, allowing: str) -> str:

@@ -1,1 +1,1 @@
-"""Runs of one loop: at several feeds, bent, lap by lap, kept within a tolerance."""
+"""Runs of one loop: at several feeds, bent, lap by lap."""

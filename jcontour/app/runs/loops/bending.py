@@ -1,11 +1,16 @@
-"""The bent reference of a loop, within the machine's limits, its runs and its moves."""
+"""The bent reference of a loop, within the machine's limits, its runs, its end and its moves.
+
+A controller that lags is still under way when its reference ends, and may pass the end of the part:
+the last point is held until the tool rests.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 from rich.console import Console
 
 from jcontour.app.files.bent_reference import Moves, moves_through
@@ -23,49 +28,38 @@ from jcontour.app.runs.checks.machine_limits import (
     machine_limits,
 )
 from jcontour.app.runs.forecast import outline
-from jcontour.app.runs.settling import MOST as MOST_HELD
-from jcontour.app.runs.settling import settling, with_held_end
 from jcontour.app.runs.stored_loops import StoredLoop
+from jcontour.controller import Controller
 from jcontour.controllers.learning.laps import Learned
 from jcontour.motion.references import Reference
-from jcontour.simulation.evaluation import stack_plants
-from tuning.bends import Bounds
-from tuning.precompensation import MORE, ROUNDS, precompensate
+from jcontour.plant import Plant
+from jcontour.simulation.closed_loop import follow, prepared
+from jcontour.simulation.evaluation import family_batching, stack_plants
+from tuning.precompensation import MORE, ROUNDS, Bounds, precompensate
 
 TRIES = 4  # of a roughness, each ten times the last
-MOST = MORE * ROUNDS
+MOST_ROUNDS = MORE * ROUNDS
+STILL = 1e-7  # [m]: a tool that stays within it rests
+FIRST, MOST = 0.25, 2.0  # [s] that are tried, each twice the last; half of it has to be at rest
 CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
 
 
 class Bent(NamedTuple):
-    """A correction, and runs of the true family with and without it.
+    """A correction, and runs of the true family with and without it."""
 
-    Attributes:
-        job: the run, with its last point held until the tools rest.
-        held: samples for which it is held; None of a run that ends in motion.
-        rests: whether the tools rest by then.
-        reference: of that, as it was.
-        correction: shift of every sample (T, m) [m].
-        roughness: its price.
-        plants: names.
-        before, after: the runs.
-        limits: of the machine, along the bent reference; of the reference itself those that it
-            exceeds.
-        limits_before: of the machine, without a bend.
-        asked: largest speed [m/s] and acceleration [m/s^2] of an axis along the bent reference.
-    """
-
-    job: Task
-    held: int | None
-    rests: bool
-    reference: Reference
-    correction: Float[np.ndarray, "T m"]
-    roughness: float
-    plants: tuple[str, ...]
-    before: Replay
+    job: Task  # the run, with its last point held until the tools rest
+    held: int | None  # samples for which it is held; None of a run that ends in motion
+    rests: bool  # whether the tools rest by then
+    reference: Reference  # of that, as it was
+    correction: Float[np.ndarray, "T m"]  # shift of every sample (T, m) [m]
+    roughness: float  # its price
+    plants: tuple[str, ...]  # names
+    before: Replay  # the runs
     after: Replay
+    # of the machine, along the bent reference; of the reference itself those that it exceeds
     limits: list[LimitCheck]
-    limits_before: list[LimitCheck]
+    limits_before: list[LimitCheck]  # of the machine, without a bend
+    # largest speed [m/s] and acceleration [m/s^2] of an axis along the bent reference
     asked: tuple[float, float]
 
     @property
@@ -102,15 +96,17 @@ def bent(loop: StoredLoop, roughness: float, console: Console) -> Bent:
     """
     machine, controller, job = loop.machine, loop.controller, loop.jobs[0]
     dt = machine.model.dt
-    family = _family(loop, job.reference(dt, controller.preview))
+    first = job.reference(dt, controller.preview)
+    path = first.position[: first.steps]
+    family = stack_plants(list(machine.linear_family(loop.fed, path)))
     at_rest = not isinstance(job, Job) or job.at_rest
     held, rests = None, True
-    doing = f"{ROUNDS} rounds of bending, up to {MOST} where limits bind"
+    doing = f"{ROUNDS} rounds of bending, up to {MOST_ROUNDS} where limits bind"
     with console.status("running the reference until the tool rests"):
         if at_rest:
             settled = settling(job, family, controller, dt)
             rests = settled is not None
-            held = round(MOST_HELD / dt) if settled is None else settled
+            held = round(MOST / dt) if settled is None else settled
             job = with_held_end(job, held)
         tables.say(console, outline(job, dt, len(machine.family_names), doing))
         reference = job.reference(dt, controller.preview)
@@ -178,12 +174,6 @@ def _lost(runs: Replay) -> bool:
     return bool(np.asarray(runs.metrics.diverged).any())
 
 
-def _family(loop: StoredLoop, reference: Reference):
-    machine = loop.machine
-    path = reference.position[: reference.steps]
-    return stack_plants(list(machine.linear_family(loop.fed, path)))
-
-
 def moves_along(
     position: Float[np.ndarray, "T m"], dt: float, run: Sequence[Section], source: str
 ) -> list[Moves]:
@@ -195,20 +185,65 @@ def moves_along(
         run: its sections.
         source: name of the program that the run comes from.
     """
-    found, place = [], position[0]
+    moves, place = [], position[0]
     for section in run:
         if section.rapid:
             at = [section.first, *section.corners, section.last]
-            moves = Moves(position[at], np.diff(at) * dt, 0.0, rapid=True)
+            straight = Moves(position[at], np.diff(at) * dt, 0.0, rapid=True)
         else:
             rows = position[section.first : section.last + 1].copy()
             rows[0] = place
-            moves = moves_through(rows, dt)
-        # What is to be done before a section, in words
+            straight = moves_through(rows, dt)
         by_line: dict[int, list[str]] = {}
         for line, words in section.asked:
             by_line.setdefault(line, []).append(words)
-        told = [f"line {line}: {', '.join(words)}" for line, words in by_line.items()]
-        found.append(moves._replace(asked=f"{source}, {'; '.join(told)}" if told else ""))
-        place = moves.ends[-1]
-    return found
+        asked = "; ".join(f"line {line}: {', '.join(words)}" for line, words in by_line.items())
+        moves.append(straight._replace(asked=f"{source}, {asked}" if asked else ""))
+        place = straight.ends[-1]
+    return moves
+
+
+def with_held_end(job: Task, samples: int) -> Task:
+    """The run whose last point is held for so many samples."""
+    if isinstance(job, Job):
+        return job._replace(settling=samples)
+    return job._replace(duration=job.duration + samples * job.dt)
+
+
+def settling(job: Task, family: Plant, controller: Controller, dt: float) -> int | None:
+    """Samples after the end of a run until every tool stays where it is; None where one does not.
+
+    Args:
+        job: the run.
+        controller: of all plants.
+        family: the plants, stacked; without what counts or sticks.
+        dt: sample period [s].
+    """
+    hold = FIRST
+    while hold <= 2 * MOST:
+        samples = max(2, round(hold / dt))
+        output = _outputs(with_held_end(job, samples), family, controller, dt)
+        tail = output[:, job.samples - 1 :]
+        moving = np.linalg.norm(tail - tail[:, -1:], axis=-1).max(axis=0) > STILL
+        if not np.isfinite(tail).all():
+            return None
+        if not moving[samples // 2 :].any():
+            return int(np.append(np.flatnonzero(moving) + 1, 0).max(initial=0))
+        hold *= 2
+    return None
+
+
+def _outputs(
+    job: Task, family: Plant, controller: Controller, dt: float
+) -> Float[np.ndarray, "P T m"]:
+    reference = job.reference(dt, controller.preview)
+    plan = prepared(controller, reference)
+
+    @eqx.filter_jit
+    def outputs(family: Plant) -> Float[Array, "P T m"]:
+        def on(plant: Plant) -> Float[Array, "T m"]:
+            return follow(plant, controller, plan, reference).output
+
+        return family_batching(family)(on, family)
+
+    return np.asarray(outputs(family))

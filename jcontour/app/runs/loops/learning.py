@@ -17,16 +17,15 @@ from jcontour.app.jobs.job import Task
 from jcontour.app.machines.machine import Machine, MachineLimits
 from jcontour.app.runs.checks.machine_limits import largest_asked, limits_asked
 from jcontour.controller import Controller
-from jcontour.controllers.learning.convergence import Convergence, answers, frequency_response
+from jcontour.controllers.learning.convergence import Convergence, answers
 from jcontour.controllers.learning.laps import (
     LearningLaw,
-    PType,
     RunLap,
     diverged_lap,
     laps_of,
     paying_laps,
 )
-from jcontour.controllers.learning.norm_optimal import NormOptimal, norm_optimal
+from jcontour.controllers.learning.norm_optimal import norm_optimal
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import family_batching, stack_plants
@@ -34,24 +33,16 @@ from jcontour.simulation.metrics import Metrics, score_signals
 
 SMOOTHINGS = (0, 1, 2, 4, 8, 16, 32, 64, 128, 256, 512)  # tried in turn
 CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
-SLOW = 8  # half periods of a lap, below which the lag of a loop is read from its phase
 LINEAR, NOISY = "linear model", "linear model, encoder noise"
 
 
 class Setting(NamedTuple):
-    """A controller on a part, and how the machine is learned from.
+    """A controller on a part, and how the machine is learned from."""
 
-    Attributes:
-        machine: what is run.
-        controller: with the weights of the start.
-        fed: what the controller is fed.
-        reference: of one lap.
-    """
-
-    machine: Machine
-    controller: Controller
-    fed: Any
-    reference: Reference
+    machine: Machine  # what is run
+    controller: Controller  # with the weights of the start
+    fed: Any  # what the controller is fed
+    reference: Reference  # of one lap
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -115,16 +106,17 @@ class Prepared(NamedTuple):
 
 
 def prepared_law(one: Setting, flags: Learn) -> Prepared:
-    """The law that the flags ask for.
+    """The norm-optimal law.
 
     Its smoothing is the least with which the ratio from lap to lap is below one on the whole
     family, unless it is given; where there is none, the one with the least ratio.
     """
     nominal = linear_nominal(one)
-    run = one.laps(lambda lap: nominal)
     slopes = _slopes(one)
     family = [partial(slopes, plant) for plant in one.machine.linear_family(one.fed, one.path)]
-    base = _first_law(one, run, flags)
+    part = 0.0 if one.machine.error == "tracking" else CONTOURING
+    run = one.laps(lambda lap: nominal)
+    base = norm_optimal(run, one.reference, contouring=part, effort=flags.effort)
     smoothings = SMOOTHINGS if flags.smoothing is None else (flags.smoothing,)
     known = answers(base, family, one.shape, max(smoothings))
     tried = []
@@ -132,35 +124,9 @@ def prepared_law(one: Setting, flags: Learn) -> Prepared:
         tried.append((known.convergence(smoothing), smoothing))
         if tried[-1][0].estimate < 1:
             break
-    found, smoothing = min(tried, key=lambda one: one[0].estimate)
-    law, numbers = _smoothed(base, smoothing)
-    return Prepared(law, numbers, found)
-
-
-def _first_law(one: Setting, run: RunLap, flags: Learn) -> NormOptimal | PType:
-    """The law without smoothing."""
-    if flags.law == "norm-optimal":
-        part = 0.0 if one.machine.error == "tracking" else CONTOURING
-        return norm_optimal(run, one.reference, contouring=part, effort=flags.effort)
-    lead = _lag(one) if flags.lead is None else flags.lead
-    return PType(flags.gain, lead)
-
-
-def _smoothed(law: NormOptimal | PType, smoothing: int) -> tuple[LearningLaw, dict[str, float]]:
-    """The law with a smoothing, and its numbers."""
-    if isinstance(law, PType):
-        numbers = {"gain": float(law.gain), "lead": law.lead, "smoothing": smoothing}
-        return PType(law.gain, law.lead, smoothing), numbers
-    return law.with_smoothing(smoothing), {"effort": float(law.effort), "smoothing": smoothing}
-
-
-def _lag(one: Setting) -> int:
-    """Samples by which the nominal loop is late when it moves slowly."""
-    nominal, (steps, _) = linear_nominal(one), one.shape
-    slow = np.pi / (steps - 1) * np.arange(1, SLOW)
-    response = frequency_response(partial(_slopes(one), nominal), one.shape, steps // 4, slow)
-    phases = np.angle(np.diagonal(response, axis1=1, axis2=2))
-    return max(0, round(float(np.mean(-phases / slow[:, None]))))
+    best, smoothing = min(tried, key=lambda one: one[0].estimate)
+    numbers = {"effort": flags.effort, "smoothing": smoothing}
+    return Prepared(base.with_smoothing(smoothing), numbers, best)
 
 
 def _slopes(one: Setting) -> Callable[[Plant, Array], Array]:

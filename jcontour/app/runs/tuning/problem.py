@@ -10,13 +10,10 @@ from jcontour.analysis.uncertain_loops import BORNE
 from jcontour.app.catalogue.choices import design_for, job_named, machine_named
 from jcontour.app.designs.design import Design
 from jcontour.app.flags.tuning import Tune
+from jcontour.app.jobs.held_out import held_out_like
 from jcontour.app.jobs.job import Job, Pace, Task
 from jcontour.app.jobs.replays import Scenarios
-from jcontour.app.jobs.sets.held_out import held_out_like
-from jcontour.app.jobs.sets.random_contours import contour_jobs
-from jcontour.app.jobs.sets.representatives import representatives
-from jcontour.app.machines.disturbance_bounds import Bounds, bounds_of, box_of, linear_machine
-from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.jobs.stretches import representatives
 from jcontour.app.machines.machine import Machine
 from jcontour.app.runs.spread.devices import batching_of
 from jcontour.app.runs.tuning.limits import (
@@ -30,18 +27,13 @@ from jcontour.app.runs.tuning.limits import (
     ratio_limit,
     start_metrics,
 )
-from jcontour.bounds.disturbed_family import DisturbedFamily
-from jcontour.bounds.disturbed_loop import check_linear
 from jcontour.controller import Controller
-from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from jcontour.simulation.limit_use import AxisLimits, LimitUse
 from tuning.objectives import (
-    CERTIFIED_USE,
     AtMost,
     Before,
     Objective,
-    certified_error,
     mean_contour_error,
     mean_tracking_error,
     typical_contour_error,
@@ -59,8 +51,6 @@ OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on t
     ("worst", "tracking"): worst_tracking_error,
     ("mean", "tracking"): mean_tracking_error,
     ("typical", "tracking"): typical_tracking_error,
-    ("certified", "contour"): certified_error,
-    ("certified", "tracking"): certified_error,
 }
 PLENTY = 10_000  # training samples beyond which a run will not end within a minute
 RESERVED = 0.97  # of a limit that the machine states: contours not trained may need more
@@ -121,7 +111,6 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     """
     asked = ratio_limit(flags) | loop_limits(flags)
     machine = machine_named(flags.plant) if made is None else made.machine
-    bounds = _bounds(flags, machine)
     settings, pace, usual = tuner_settings(flags), Pace.of(flags, machine), machine.usual
     # parts come before the design: a fault in line 1 of a program is told at once
     training, held_out = _jobs(flags, machine, pace)
@@ -153,14 +142,11 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
         limits["response_doubt"] = BORNE
     limits |= noise_limit(flags, machine, design)
     limits |= asked | {f"{name}_use": RESERVED for name in kept}
-    if flags.objective == "certified" and stated.control is not None:
-        limits[CERTIFIED_USE] = RESERVED
     problem = replace(
         problem,
         limits=AtMost(_before(flags, before, problem), **limits),
         loops=probed_loops(flags, problem, machine.doubt, counted(limits, machine)),
         axis_limits=stated if _named(stated) else None,
-        disturbed=_disturbed(flags, machine, bounds, design, runs[0]),
     )
     return TuningRun(flags, machine, before, design, problem, settings, learned, scenarios, limits)
 
@@ -169,14 +155,11 @@ def _jobs(flags: Tune, machine: Machine, pace: Pace) -> tuple[list[Task], list[T
     """Training and held-out contours.
 
     Raises:
-        ValueError: a name, a file or the words of random contours are wrong.
+        ValueError: a name or a file is wrong.
     """
     usual = machine.usual
     own = [job_named(name, pace) for name in flags.parts]
     jobs = [job for job in own if isinstance(job, Job)]
-    if flags.contours is not None:
-        training, held_out = contour_jobs(flags.contours, pace, flags.seed, jobs)
-        return [*training], [*held_out]
     if jobs:
         return _distinct(own), [*held_out_like(jobs, pace)]
     names = usual.beside_own if own else usual.held_out
@@ -207,37 +190,6 @@ def stated_axis_limits(machine: Machine) -> AxisLimits:
 
 def _named(limits: AxisLimits) -> list[str]:
     return [name for name in LimitUse._fields if getattr(limits, name) is not None]
-
-
-def _bounds(flags: Tune, machine: Machine) -> Bounds | None:
-    """Bounds of the disturbances; None on a machine that is not linear, where none are asked for.
-
-    Raises:
-        ValueError: they are asked for there, or one of them is wrong.
-    """
-    asked = flags.objective == "certified" or (flags.force, flags.encoder_um) != (None, None)
-    if not asked and machine.form(LinearMachine) is None:
-        return None
-    return bounds_of(linear_machine(machine), flags.force, flags.encoder_um)
-
-
-def _disturbed(
-    flags: Tune, machine: Machine, bounds: Bounds | None, design: Design, reference: Reference
-) -> DisturbedFamily | None:
-    """The family under bounded disturbances, where the objective is to be certified.
-
-    Raises:
-        ValueError: the controller is not linear.
-    """
-    if bounds is None or flags.objective != "certified":
-        return None
-    machine = linear_machine(machine)
-    family = machine.exact_family(design.fed)[: 1 if flags.nominal_only else None]
-    box = box_of(family[0], bounds, machine, design.fed)
-    check_linear(family[0], design.build(design.start), reference)
-    largest = machine.limits.control
-    limit = np.full(box.force.size, np.inf if largest is None else largest)
-    return DisturbedFamily(stack_plants(family), box.force, box.noise, limit)
 
 
 def _before(flags: Tune, before: Design, problem: Problem) -> Before | None:

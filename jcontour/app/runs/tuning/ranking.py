@@ -27,7 +27,7 @@ from jcontour.app.files import run_folder
 from jcontour.app.files.checkpoints import load_state, save_state
 from jcontour.app.files.results.search_results import Ranked, RankedResult
 from jcontour.app.files.results.stored import from_json, to_json
-from jcontour.app.files.results.verdict import Verdict, exceeded, reason, warning
+from jcontour.app.files.results.verdict import ROUNDING, Verdict, exceeded, reason, warning
 from jcontour.app.flags.shared import Aimed
 from jcontour.app.flags.tuning import Rank, Tune
 from jcontour.app.jobs.job import Pace
@@ -36,9 +36,8 @@ from jcontour.app.machines.machine import Machine
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.checks.recommendation import ALONE, STATED
-from jcontour.app.runs.checks.stated_limits import over_family
 from jcontour.app.runs.contour_summary import machine_summary
-from jcontour.app.runs.tuning.limits import loop_limits
+from jcontour.app.runs.tuning.limits import family_peaks, loop_limits
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from tuning.problem import QUICK
 from tuning.tuner import Tuned, advance, result
@@ -195,11 +194,12 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
         began = time.process_time()
         replay(controller, run.scenarios)
         seconds.append(time.process_time() - began)
-    family = over_family(run, tuned.weights)
-    loops = (tuned if family is None else family).outcome.loops
+    loops, sound, bound = tuned.outcome.loops, bool(tuned.feasible), run.flags.max_sensitivity
+    if run.flags.nominal_only:  # the tuner saw one plant of the family
+        loops = family_peaks(controller, run.machine, run.scenarios, run.design.fed)
+        sound &= bound is None or bool(np.max(loops.sensitivity) <= (1 + ROUNDING) * bound)
     peak = np.inf if loops is None else float(np.max(loops.sensitivity))
     limits = machine_limits(tried, run.scenarios, run.machine)
-    sound = bool(tuned.feasible) and (family is None or family.feasible)
     worst = np.max(getattr(tried.metrics, f"rms_{run.machine.error}_error"), axis=1)
     errors: dict[bool, dict[str, float]] = {True: {}, False: {}}
     for job, seen, error in zip(run.scenarios.jobs, run.scenarios.training, worst, strict=True):

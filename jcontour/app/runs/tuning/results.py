@@ -11,7 +11,6 @@ from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.analysis.uncertain_loops import BORNE
 from jcontour.app.beside import Beside
 from jcontour.app.designs.design import plain_weights
-from jcontour.app.files.results.bound_results import CertifiedBound
 from jcontour.app.files.results.tuned_result import (
     EngineRow,
     GapRow,
@@ -36,9 +35,7 @@ from jcontour.app.runs.checks.recommendation import (
     verdict_on,
 )
 from jcontour.app.runs.checks.stated_limits import (
-    exceeded_unseen,
     family_limits,
-    over_family,
     stated_limits,
 )
 from jcontour.app.runs.checks.trials import offset_lasts, path_margins, robust_test, standstill
@@ -156,7 +153,6 @@ def tuned_result(
     trials: Mapping[str, Trial],
     robust: RobustTest | None,
     confirmed: list[EngineRow],
-    certified: CertifiedBound | None,
     loops: Sequence[SimpleLoop],
     seconds: float,
 ) -> TunedResult:
@@ -190,7 +186,6 @@ def tuned_result(
             lasting=_offset_lasts(run, tuned) if may_drift(margins, contours) else 0.0,
             unknown=_unknown(run, tuned) if (margins.doubt or 0.0) > SAFE else None,
             unmeasured=_unmeasured(run.machine),
-            unseen=exceeded_unseen(over_family(run, tuned.weights)),
             warnings=[
                 *run_warnings(run, tuned, margins, replays, searched.idle),
                 *_baseline_words(trials),
@@ -227,7 +222,6 @@ def tuned_result(
         training_samples=run.training_samples,
         confirmed=confirmed,
         seconds=seconds,
-        certified=certified,
         sample_period=float(run.machine.model.dt),
         drive=drive_loop(searched, loops),
     )

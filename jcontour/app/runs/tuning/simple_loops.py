@@ -61,7 +61,7 @@ def simple_loops(run: TuningRun) -> list[SimpleLoop]:
     """
     flags, machine = run.flags, run.machine
     linear = machine.form(LinearMachine)
-    other = flags.objective == "certified" or run.design.fed != "outputs"
+    other = run.design.fed != "outputs"
     if other or linear is None:
         return []
     try:

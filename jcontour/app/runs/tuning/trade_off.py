@@ -89,6 +89,10 @@ def search_of(flags: Front) -> Search:
 
 
 def _check(flags: Front) -> None:
+    if flags.against == "feed":
+        raise ValueError("resume: feeds are run anew, nothing of them is kept; leave it out")
+    if flags.overrides != Front.overrides:
+        raise ValueError("overrides: --against feed alone has feeds; leave it out")
     if flags.points < 1:
         raise ValueError(f"points: needs at least 1, received {flags.points}")
     varied = "max_rms_increment" if flags.against == "increment" else "max_sensitivity"

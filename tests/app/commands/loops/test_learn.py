@@ -8,11 +8,10 @@ import pytest
 
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.cli import main
-from jcontour.app.commands.loops.learn import before, loading, run, verdict_on
+from jcontour.app.commands.loops.learn import before, loading, verdict_on
 from jcontour.app.files.results.bound_results import LearnedResult, StoredLap
 from jcontour.app.files.results.stored import from_json, to_json
 from jcontour.app.files.results.verdict import LimitCheck
-from jcontour.app.flags.loops import Learn
 from jcontour.app.jobs.job import Pace, from_file
 from jcontour.app.reports.figures.loops import learning
 
@@ -47,19 +46,6 @@ def test_what_is_expected_happens(result):
         assert one.diverged is None and one.tool_um[-1] < one.tool_um[0]
     text = " ".join(before(result))
     assert "no bound" in text and result.ratio_member in text
-
-
-@pytest.mark.parametrize(
-    ("flags", "says"),
-    [
-        (Learn(gain=3.0), "gain: the law norm-optimal has none"),
-        (Learn(lead=3), "lead: the law norm-optimal has none"),
-        (Learn(law="p-type", effort=3.0), "effort: the law p-type has none"),
-    ],
-)
-def test_numbers_of_the_other_law_are_refused(flags, says):
-    with pytest.raises(ValueError, match=says):
-        run(flags)
 
 
 def test_learning_reaches_the_noise(result):
@@ -110,7 +96,6 @@ def test_the_figure_has_a_curve_for_every_machine(result):
         (["--laps", "0"], "laps: needs to be at least 1, received 0"),
         (["--smoothing", "-1"], "smoothing: needs to be at least 0"),
         (["--effort", "0"], "effort: needs to be above zero"),
-        (["--law", "p-type", "--gain", "-1"], "gain: needs to be finite and at least zero"),
     ],
 )
 def test_bad_input_is_one_line(capsys, flags, says):

@@ -29,7 +29,6 @@ def result(limit=(10.0, 10.0)):
         force=0.1,
         encoder=4e-7,
         control_limit=limit,
-        gain=None,
         rows=[row("nominal", 3e-6), row("late", 9e-6), row("light", 5e-6)],
     )
 

@@ -43,9 +43,8 @@ def test_errors_are_in_um_where_samples_count():
         ErrorCurve("bound", np.array([3e-6, 4e-6, 5e-6]), "C0"),
         ErrorCurve("reached", np.array([1e-6, 2e-6, 4.9e-6]), "C1"),
     ]
-    (axes,) = errors_figure("circle, late", "contour", reference, curves, promised=6e-6).axes
+    (axes,) = errors_figure("circle, late", "contour", reference, curves).axes
     lines = {line.get_label(): np.asarray(line.get_ydata()) for line in axes.lines}
     np.testing.assert_allclose(lines["bound"], [np.nan, 4.0, 5.0])
     np.testing.assert_allclose(lines["reached"], [np.nan, 2.0, 4.9])
-    np.testing.assert_allclose(lines["promised"], [6.0, 6.0])
     assert axes.get_ylabel() == "contour error [um]" and axes.get_ylim()[0] == 0.0

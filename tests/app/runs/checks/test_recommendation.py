@@ -115,11 +115,6 @@ def test_what_asks_for_less_is_told_where_a_limit_is_exceeded(law, calmer):
     assert "--acceleration" in second and ("--feed-law jerk" in second) is calmer
 
 
-def test_a_plant_that_the_tuner_did_not_see_decides():
-    told = ["the plant 'late' exceeds the limit peak sensitivity <= 2 by 90 %", "tune without it"]
-    assert reasons(unseen=told) == told
-
-
 def test_held_out_contours_that_became_worse_are_named_before_training_ones():
     worse = [contour("cam", True, 1e-6, 1.2e-6), contour("ellipse", False, 2e-6, 3e-6)]
     first, second = reasons(contours=[*GOOD, *worse])

@@ -15,7 +15,6 @@ from jcontour.app.machines.machine import Machine
 from jcontour.app.reports.progress import progress
 from jcontour.app.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.app.runs.tuning.results import shown_contours
-from jcontour.bounds.worst_cases import PeakValues
 from jcontour.linear.plant import spectral_radius
 from jcontour.simulation.evaluation import evaluate, stack_plants
 from jcontour.simulation.metrics import Metrics
@@ -135,21 +134,13 @@ def test_of_many_contours_those_that_fared_worst_are_shown():
     assert chosen(40, range(40), lost=[2, 21]) == [2, 15, 16, 17, 18, 19, 21, 35, 36, 37, 38, 39]
 
 
-@pytest.mark.parametrize("flags", [{"objective": "certified"}, {"force": 0.1}])
-def test_a_machine_that_is_not_linear_has_no_certified_objective(flags):
-    with pytest.raises(ValueError, match="plant: flexible-axis.* is not linear"):
-        tuning_run(Tune(plant="flexible-axis", **flags))
-
-
-def test_points_keep_their_certified_errors(tmp_path):
+def test_points_keep_what_they_look_at(tmp_path):
     ones = {name: np.ones((1, 2)) for name in Metrics.__dataclass_fields__}
     ones["diverged"] = np.zeros((1, 2), bool)
-    proven = PeakValues(np.array([[1e-6, 2e-6]]), np.array([[0.5, 0.25]]))
-    outcome = Outcome(Metrics(**ones), certified=proven, count_noise=np.array([[0.1, 0.2]]))
+    outcome = Outcome(Metrics(**ones), count_noise=np.array([[0.1, 0.2]]))
     row = Evaluated(0, np.zeros(2), 1e-6, -0.1, outcome, False)
     save_state(tmp_path, TuneState(history=[row]))
     found = load_state(tmp_path).history[0].outcome
-    np.testing.assert_array_equal(found.certified, proven)
     np.testing.assert_array_equal(found.count_noise, outcome.count_noise)
     assert found.late is None
     assert found.loops is None

@@ -1,4 +1,4 @@
-"""Stretches of contours: moved, cut and measured piece by piece, on the host."""
+"""Stretches of contours: moved, cut and measured; those that represent a long program."""
 
 from math import comb
 
@@ -6,13 +6,12 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.app.jobs.entry import ENTRY, behind_entry
-from jcontour.app.jobs.job import Job
+from jcontour.app.jobs.job import ENTRY, Job, Task, behind_entry
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import SMALLEST, from_pieces
 from jcontour.geometry.pieces import Piece
+from jcontour.motion.references import along
 
-STRAIGHT = 1e-6  # [rad] a smaller change of direction is rounding
 PLACES = 33  # of a piece at which its curvature is measured; smooth pieces change little between
 
 
@@ -116,19 +115,6 @@ def curve_feed(contour: Contour, acceleration: float) -> float:
     return float(np.sqrt(acceleration / bend)) if bend > 0 else np.inf
 
 
-def corner_feed(contour: Contour, acceleration: float, deviation: float) -> float:
-    """Fastest feed [m/s] by the usual rule for corners, that of `feed_laws.trapezoidal`.
-
-    An arc that is tangent to both sides and passes the corner at the deviation d [m] needs no more
-    than the acceleration A: v^2 = A d sin(h) / (1 - sin(h)), h half the angle inside the corner.
-    """
-    turned = np.max(corner_angles(contour), initial=0.0)
-    if turned < STRAIGHT:
-        return np.inf
-    sin_half = np.cos(0.5 * turned)
-    return float(np.sqrt(acceleration * deviation * sin_half / (1.0 - sin_half)))
-
-
 def shortened(job: Job, samples: int) -> Job:
     """Beginning of a run at constant feed: its entry, and as many samples that are scored.
 
@@ -151,3 +137,81 @@ def _like(contour: Contour, pieces: Piece) -> Contour:
 
 def _widened(rows: np.ndarray, columns: int) -> np.ndarray:
     return np.concatenate([rows, np.zeros((*rows.shape[:-1], columns))], axis=-1)
+
+
+LONG = 10_000  # samples of a program that is tuned by stretches
+WINDOW = 1000  # samples of a stretch
+COUNT = 8  # stretches of a program
+MARGIN = 20  # samples of path beyond both ends, for preview and errors along the path
+
+
+def representatives(task: Task, dt: float) -> list[Task]:
+    """Stretches of a long program, in its order; the task itself where it is not long.
+
+    It is tuned on them, and tried as a whole afterwards. It is looked at in overlapping windows.
+    Each has features: how much the path turns in all and at most, how fast it goes, how hard it
+    accelerates, and in which directions. The window with the hardest acceleration comes first, then
+    always the one that differs most from those before. A stretch is entered in motion, and its
+    entry is not scored.
+
+    Args:
+        task: what is run.
+        dt: sample period [s].
+    """
+    if not isinstance(task, Job) or task.samples <= LONG:
+        return [task]
+    starts = np.arange(0, task.samples - WINDOW - MARGIN, WINDOW // 2)
+    scored = np.array([task.scored[a + ENTRY : a + WINDOW].any() for a in starts])
+    moving = np.array([task.arc[a + WINDOW] > task.arc[a] for a in starts])
+    starts = starts[scored & moving]
+    if starts.size == 0:
+        return [task]
+    # Features of the windows, each divided by its largest
+    reference = along(task.contour, task.arc, dt, 0, task.at_rest)
+    tangent, arc = np.asarray(reference.tangent), task.arc
+    speed = np.diff(arc, append=arc[-1]) / dt
+    velocity = speed[:, None] * tangent
+    acceleration = np.linalg.norm(np.diff(velocity, axis=0, append=velocity[-1:]), axis=1) / dt
+    turned = np.linalg.norm(np.diff(tangent, axis=0, append=tangent[-1:]), axis=1)
+    rows = starts[:, None] + np.arange(WINDOW)
+    direction = tangent[rows]
+    outer = np.mean(direction[..., :, None] * direction[..., None, :], axis=1)
+    columns = [
+        np.sqrt(np.mean(acceleration[rows] ** 2, axis=1)),
+        np.log1p(np.sum(turned[rows], axis=1)),
+        np.max(turned[rows], axis=1),
+        np.mean(speed[rows], axis=1),
+        *outer.reshape(starts.size, -1).T,
+    ]
+    features = np.stack(columns, axis=1)
+    chosen = starts[_spread(features / np.maximum(np.max(np.abs(features), axis=0), 1e-300), COUNT)]
+    return [_stretch(task, int(a), k + 1) for k, a in enumerate(np.sort(chosen))]
+
+
+def _stretch(job: Job, first: int, number: int) -> Job:
+    """Samples first ... first + WINDOW - 1 of a job as a job of its own."""
+    last = first + WINDOW - 1
+    low = float(job.arc[max(first - MARGIN, 0)])
+    high = float(job.arc[min(last + MARGIN, job.samples - 1)])
+    return job._replace(
+        name=f"{job.name} {number}",
+        contour=between(job.contour, low, high),
+        arc=job.arc[first : last + 1] - low,
+        scored=job.scored[first : last + 1] & behind_entry(WINDOW),
+        at_rest=False,
+        program=None,
+        aside=job.aside and job.aside.some(slice(first, last + 1)),
+        planned=None,
+        settling=0,
+    )
+
+
+def _spread(features: Float[np.ndarray, "w f"], count: int) -> list[int]:
+    """Hardest acceleration first, then the rows that are farthest from all before."""
+    chosen = [int(np.argmax(features[:, 0]))]
+    distance = np.linalg.norm(features - features[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(features)) and distance.max() > 0:
+        chosen.append(int(np.argmax(distance)))
+        away = np.linalg.norm(features - features[chosen[-1]], axis=1)
+        distance = np.minimum(distance, away)
+    return chosen

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from jcontour.app.commands.loops.list_moves import listed_moves
 from jcontour.app.flags.shared import MachineFlags
-from jcontour.app.jobs.listed_moves import listed_moves
 from jcontour.geometry.toolpath_rules import ToolpathError
 
 

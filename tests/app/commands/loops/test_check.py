@@ -9,7 +9,7 @@ from rich.console import Console
 
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.cli import main
-from jcontour.app.commands.loops.check_limits import (
+from jcontour.app.commands.loops.check import (
     AWAY,
     GapRow,
     Verified,

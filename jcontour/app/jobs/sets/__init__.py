@@ -1,1 +1,0 @@
-"""Sets of contours: drawn at random, held out, or representing a long program."""
