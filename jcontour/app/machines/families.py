@@ -15,16 +15,85 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.app.machines.machine import Fed, Machine
-from jcontour.app.machines.uncertainty import with_corners
+from jcontour.app.machines.uncertainty import (
+    GainMember,
+    family_members,
+    random_members,
+    with_corners,
+)
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
-from jcontour.plants.actuation import Disturbed
+from jcontour.plants.actuation import Disturbed, Gained
 from jcontour.plants.delays import Delayed, PartlyDelayed
 from jcontour.plants.encoders import FineEncoders
 from jcontour.sensors import Sensors
 from jcontour.simulation.evaluation import stack_plants
 
 LATE = 1  # most samples of delay that a model does not know: a drive's bus
+
+
+@dataclass(frozen=True)
+class GainsAndDelayMachine(Machine):
+    """Machine whose input gains and delay are uncertain."""
+
+    @property
+    @abc.abstractmethod
+    def known_to(self) -> tuple[float, int]:
+        """Relative uncertainty of the gains, and most samples of delay that the model has not."""
+
+    @property
+    @abc.abstractmethod
+    def mechanics(self) -> Plant:
+        """The nominal plant, with dry friction."""
+
+    @abc.abstractmethod
+    def counted(self, plant: Plant, fed: Fed = "outputs") -> Plant:
+        """A plant of the family behind its sensors, or its state measured.
+
+        Raises:
+            ValueError: this machine does not measure that.
+        """
+
+    @property
+    def members(self) -> list[GainMember]:
+        """Name, input gains and extra delay of every plant of the family, the nominal one first."""
+        return family_members(self.model.inputs, *self.known_to)
+
+    @property
+    def family_names(self) -> list[str]:
+        """Names of the members."""
+        return [one.name for one in self.members]
+
+    @property
+    def unknown_delay(self) -> int:
+        """Most samples of delay that the model does not know."""
+        return self.known_to[1]
+
+    def true_plant(self, gains: np.ndarray, late: float, fed: Fed = "outputs") -> Plant:
+        """The machine with other input gains and more delay, behind its sensors."""
+        return self.counted(self.member(Delayed, gains, late), fed)
+
+    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+        """The members behind their sensors."""
+        return [self.true_plant(one.gains, one.late, fed) for one in self.members]
+
+    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
+        """Gains and delays drawn evenly from their intervals, then the corners of these."""
+        if self.known_to == (0, 0):
+            return None
+        drawn = random_members(count, seed, self.model.inputs, *self.known_to)
+        late = [self.member(PartlyDelayed, one.gains, one.late) for one in drawn]
+        return stack_plants([self.counted(plant, fed) for plant in late])
+
+    def random_names(self, count: int, seed: int) -> list[str]:
+        """Names of those."""
+        drawn = random_members(count, seed, self.model.inputs, *self.known_to)
+        return [one.name for one in drawn]
+
+    def member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
+        """The machine behind a delay line and other gains, its state measured."""
+        plant = line(self.mechanics, jnp.asarray(late), max(self.known_to[1], 1), self.model.inputs)
+        return Gained(plant, jnp.asarray(gains))
 
 
 class Member(NamedTuple):

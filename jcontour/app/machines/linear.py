@@ -15,22 +15,19 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.analysis.uncertain_loops import Doubt, Lines
-from jcontour.app.machines.machine import Fed, Hosted, Machine, Usual
+from jcontour.app.machines.families import GainsAndDelayMachine
+from jcontour.app.machines.machine import Fed, Hosted, Usual
 from jcontour.app.machines.uncertainty import (
     FARTHEST,
-    Member,
     assumed,
-    family_members,
     in_words,
-    random_members,
     rounding_noise,
     sensor_noise,
 )
 from jcontour.plant import Plant
-from jcontour.plants.actuation import Backlash, Disturbed, Gained, with_dry_friction
-from jcontour.plants.delays import Delayed, PartlyDelayed
+from jcontour.plants.actuation import Backlash, Disturbed, with_dry_friction
+from jcontour.plants.delays import Delayed
 from jcontour.plants.encoders import Encoders, Quantised
-from jcontour.simulation.evaluation import stack_plants
 from jcontour.simulation.limit_use import hidden_acceleration
 
 USUAL = Usual(
@@ -46,7 +43,7 @@ USUAL = Usual(
 
 
 @dataclass(frozen=True)
-class LinearMachine(Machine):
+class LinearMachine(GainsAndDelayMachine):
     """A linear machine; lengths in metres."""
 
     known_delay: int  # samples of it in the model
@@ -135,14 +132,9 @@ class LinearMachine(Machine):
         return self.contours
 
     @property
-    def members(self) -> list[Member]:
-        """Name, input gains and extra delay of every plant of the family, the nominal one first."""
-        return family_members(self.model.inputs, self.gain, self.delay)
-
-    @property
-    def family_names(self) -> list[str]:
-        """Names of the members."""
-        return [name for name, _, _ in self.members]
+    def known_to(self) -> tuple[float, int]:
+        """Of its file."""
+        return self.gain, self.delay
 
     @property
     def middle_delay(self) -> int:
@@ -161,11 +153,6 @@ class LinearMachine(Machine):
             return np.asarray(self.model.holding_control(jnp.ones(self.model.axes)))
 
     @property
-    def unknown_delay(self) -> int:
-        """Most samples of delay that the model does not know."""
-        return self.delay
-
-    @property
     def frictionless(self) -> "LinearMachine":
         """The same without dry friction: its loops are linear."""
         return replace(self, friction=0.0, backlash=0.0)
@@ -175,7 +162,7 @@ class LinearMachine(Machine):
 
         Without the noise a loop that amplifies it would pass for a good one.
         """
-        members = [self._member(Delayed, gains, late) for _, gains, late in self.members]
+        members = [self.member(Delayed, gains, late) for _, gains, late in self.members]
         if fed == "state":
             return members
         noise = rounding_noise(self.model.axes, self.noisy_count)
@@ -214,38 +201,8 @@ class LinearMachine(Machine):
 
     def exact_plant(self, gains: np.ndarray, late: float, fed: Fed = "outputs") -> Plant:
         """The machine with other input gains and more delay, linear: no friction, no counts."""
-        plant = self.frictionless._member(Delayed, gains, late)
+        plant = self.frictionless.member(Delayed, gains, late)
         return plant if fed == "state" else Encoders(plant)
-
-    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The members with friction and whole counts; a state is measured as it is."""
-        return [self.true_plant(gains, late, fed) for _, gains, late in self.members]
-
-    def true_plant(self, gains: np.ndarray, late: float, fed: Fed = "outputs") -> Plant:
-        """The machine with other input gains and more delay, with friction and whole counts."""
-        return self.counted(self._member(Delayed, gains, late), fed)
-
-    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
-        """Gains and delays drawn evenly from their intervals, then the corners of these."""
-        if self.gain == 0 and self.delay == 0:
-            return None
-        late = [
-            self._member(PartlyDelayed, gains, delay)
-            for _, gains, delay in self._drawn(count, seed)
-        ]
-        return stack_plants([self.counted(plant, fed) for plant in late])
-
-    def random_names(self, count: int, seed: int) -> list[str]:
-        """Names of those."""
-        return [one.name for one in self._drawn(count, seed)]
-
-    def _drawn(self, count: int, seed: int) -> list[Member]:
-        return random_members(count, seed, self.model.inputs, self.gain, self.delay)
-
-    def _member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
-        """The machine behind a delay line, with friction, its state measured."""
-        plant = line(self.mechanics, jnp.asarray(late), max(self.delay, 1), self.model.inputs)
-        return Gained(plant, jnp.asarray(gains))
 
     def counted(self, plant: Plant, fed: Fed = "outputs") -> Plant:
         """A plant behind the encoders, with noise and whole counts, or its state measured.

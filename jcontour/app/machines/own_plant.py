@@ -6,32 +6,26 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.app.machines.families import GainsAndDelayMachine
 from jcontour.app.machines.linear import USUAL
-from jcontour.app.machines.machine import NO_EFFECTS, Fed, Machine, MachineLimits, Usual
+from jcontour.app.machines.machine import NO_EFFECTS, Fed, MachineLimits, Usual
 from jcontour.app.machines.uncertainty import (
     IN_PYTHON,
-    Member,
     Uncertainty,
     assumed,
-    family_members,
-    random_members,
     stated_uncertainty,
 )
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.plant import Plant
-from jcontour.plants.actuation import Gained
-from jcontour.plants.delays import Delayed, PartlyDelayed
-from jcontour.simulation.evaluation import stack_plants
 
 AXES = 2  # of a plant that does not say how many it has
 
 
 @dataclass(frozen=True)
-class PlantMachine(Machine):
+class PlantMachine(GainsAndDelayMachine):
     """A machine around a plant, measured as the plant says."""
 
     plant: Plant  # the nominal one
@@ -60,59 +54,28 @@ class PlantMachine(Machine):
         return USUAL._replace(controller="")
 
     @property
-    def members(self) -> list[Member]:
-        """Name, input gains and extra delay of every plant of the family, the nominal one first."""
-        gain, delay, _ = self.uncertainty
-        return family_members(self.model.inputs, gain, delay)
+    def known_to(self) -> tuple[float, int]:
+        """Of its file."""
+        return self.uncertainty.gain, self.uncertainty.delay
 
     @property
-    def family_names(self) -> list[str]:
-        """Names of the members."""
-        return [one.name for one in self.members]
+    def mechanics(self) -> Plant:
+        """The plant as it is."""
+        return self.plant
 
-    @property
-    def unknown_delay(self) -> int:
-        """Most samples of delay that the plant does not have."""
-        return self.uncertainty.delay
-
-    def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The plant with other input gains and more delay, for what it measures itself."""
-        self._check(fed)
-        return [self._member(Delayed, gains, late) for _, gains, late in self.members]
-
-    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The same."""
-        return self.smooth_family(fed)
-
-    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
-        """Gains and delays drawn evenly from their intervals, then the corners of these."""
-        self._check(fed)
-        if self.uncertainty.gain == 0 and self.uncertainty.delay == 0:
-            return None
-        drawn = self._drawn(count, seed)
-        return stack_plants([self._member(PartlyDelayed, one.gains, one.late) for one in drawn])
-
-    def random_names(self, count: int, seed: int) -> list[str]:
-        """Names of those."""
-        return [one.name for one in self._drawn(count, seed)]
-
-    def _drawn(self, count: int, seed: int) -> list[Member]:
-        gain, delay, _ = self.uncertainty
-        return random_members(count, seed, self.model.inputs, gain, delay)
-
-    def _member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
-        depth = max(self.uncertainty.delay, 1)
-        plant = line(self.plant, jnp.asarray(late), depth, self.model.inputs)
-        return Gained(plant, jnp.asarray(gains))
-
-    def _check(self, fed: Fed) -> None:
+    def counted(self, plant: Plant, fed: Fed = "outputs") -> Plant:
+        """The plant itself: it measures what it measures."""
         if fed == "state":
             raise ValueError(f"{self.name} is measured as its plant says, not by its state")
+        return plant
+
+    def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+        """The true family: what has no derivative in it is not known."""
+        return self.true_family(fed)
 
     def nominal(self, fed: Fed = "outputs") -> Plant:
         """The plant."""
-        self._check(fed)
-        return self.plant
+        return self.counted(self.plant, fed)
 
     def description(self) -> dict[str, str]:
         """Axes and sample period."""

@@ -37,7 +37,7 @@ class Uncertainty(NamedTuple):
     response: Doubt | None = None
 
 
-class Member(NamedTuple):
+class GainMember(NamedTuple):
     """A plant of the family: name, input gains (p,) and extra delay [samples]."""
 
     name: str
@@ -70,15 +70,15 @@ def assumed(name: str, gain: float, delay: int, statement: str) -> str:
     )
 
 
-def family_members(inputs: int, gain: float, delay: int) -> list[Member]:
+def family_members(inputs: int, gain: float, delay: int) -> list[GainMember]:
     """The nominal plant, gains off both ways, and every whole sample of delay."""
     sign = np.where(np.arange(inputs) % 2 == 0, 1.0, -1.0)
     unchanged = 1 + 0 * sign
-    found = [Member("nominal", unchanged, 0)]
+    found = [GainMember("nominal", unchanged, 0)]
     for side in (1, -1) if gain > 0 else ():
         gains = 1 + side * gain * sign
-        found.append(Member(_gains(gains), gains, 0))
-    found += [Member(_late(late), unchanged, late) for late in range(1, delay + 1)]
+        found.append(GainMember(_gains(gains), gains, 0))
+    found += [GainMember(_late(late), unchanged, late) for late in range(1, delay + 1)]
     return found
 
 
@@ -90,7 +90,7 @@ def _late(samples: float) -> str:
     return f"{samples:.3g} {'sample' if samples == 1 else 'samples'} late"
 
 
-def random_members(count: int, seed: int, inputs: int, gain: float, delay: int) -> list[Member]:
+def random_members(count: int, seed: int, inputs: int, gain: float, delay: int) -> list[GainMember]:
     """Plants with gains and delays drawn evenly from their intervals, then their corners.
 
     A delay has parts of a sample.
@@ -101,7 +101,7 @@ def random_members(count: int, seed: int, inputs: int, gain: float, delay: int) 
     low, high = [1 - gain] * inputs + [0.0], [1 + gain] * inputs + [float(delay)]
     drawn = with_corners(np.column_stack([gains, delays]), low, high)
     return [
-        Member(f"{_gains(gains)}, {_late(late)}", gains, float(late))
+        GainMember(f"{_gains(gains)}, {_late(late)}", gains, float(late))
         for gains, late in zip(drawn[:, :-1], drawn[:, -1], strict=True)
     ]
 
