@@ -300,6 +300,10 @@ def show(result: LinearMachineResult, console: Console) -> None:
     def delay(axis: LinearAxisResult) -> str:
         return str(axis.delay)
 
+    def shown(axis: LinearAxisResult) -> str:  # and the last measured line
+        to = f"{axis.shown_to:.3g}" if np.isfinite(axis.shown_to) else "-"
+        return f"{to} of {axis.measured_to:.3g}" if axis.measured_to else to
+
     columns: dict[str, Callable[[LinearAxisResult], str | float]] = {
         "axis": lambda axis: axis.name,
         "model": words_of,
@@ -308,8 +312,7 @@ def show(result: LinearMachineResult, console: Console) -> None:
         "delay": delay,
         "explains %": lambda axis: f"{100 * axis.explained:.3f}",
         "left um": lambda axis: f"{1e6 * axis.innovation:.3g}",
-        "shown to Hz": lambda axis: axis.shown_to,
-        "measured to Hz": lambda axis: f"{axis.measured_to:.3g}" if axis.measured_to else "-",
+        "shown to Hz": shown,
         "family %": lambda axis: f"{100 * axis.uncertainty:.2g}",
     }
     console.print(tables.table_of(title, result.axes, columns, text_columns=2))
