@@ -214,7 +214,7 @@ class LinearMachine(GainsAndDelayMachine):
             if self.noisy:
                 plant = Disturbed(plant, noise=sensor_noise(self.model.axes, self.encoder_noise))
             plant = Quantised(plant, resolution=self.encoder_resolution)
-        return Backlash(plant, self.gaps) if np.any(self.backlash) else plant
+        return Backlash(plant, jnp.asarray(self.gaps)) if np.any(self.backlash) else plant
 
     @property
     def gaps(self) -> np.ndarray:
