@@ -10,7 +10,6 @@ from experiments.papers.contouring_schemes.experiment import (
     CASCADE,
     CONSTANT,
     CURRENT,
-    FEEDBACK,
     INCREMENT,
     PRECOMPENSATION,
     SHAPING,
@@ -44,12 +43,9 @@ def claims(result: Result) -> tuple[Claim, ...]:
 
 
 def _decided(result: Result) -> Iterator[Claim]:
-    """Judged on the true nominal machine, on held-out contours.
-
-    The loops have feedback alone, as in the papers of the survey.
-    """
+    """Judged on the true nominal machine, on held-out contours."""
     names = result.schemes
-    on_nominal = partial(result.mean, loops=FEEDBACK, plant="nominal")
+    on_nominal = partial(result.mean, plant="nominal")
     errors = {name: on_nominal(name, training=False) for name in names}  # [um]
     plain, constant, variable = errors[CASCADE], errors[CONSTANT], errors[VARIABLE]
     words = (
@@ -118,34 +114,29 @@ def tables(result: Result) -> Iterator[Table | str]:
         "the mean RMS contour error of the end effector.\n"
         f"{count} evaluations for the cascade, then {count} from it and {count} from the thesis's "
         "gains for every scheme.\n"
-        "Gains: any above zero, k_ff up to 1.5. "
+        "Gains: any above zero. "
         f"Limits: RMS current {limits['rms_control']:.4g} A, RMS increment\n"
         f"{limits['rms_increment']:.4g} A ({CURRENT:g} x and {INCREMENT:g} x "
         "what the thesis's gains with feedforward need).\n"
     )
-    for loops in result.different("loops"):
-        for title, training in (("Held-out", False), ("Training", True)):
-            columns: dict[str, Column] = {"scheme": str}
-            for heading, column in COLUMNS.items():
-                which = {"loops": loops, "plant": "nominal", "training": training}
-                mean = partial(result.mean, column=column, **which)
-                columns[heading] = lambda scheme, mean=mean: digits(mean(scheme))
-            name = f"{title} contours, {loops}, nominal, stick and slip"
-            yield Table(name, result.different("scheme"), columns)
-    for loops in result.different("loops"):
-        errors = {
-            name: [
-                result.mean(name, loops, plant, training=False)
-                for plant in result.different("plant")
-            ]
-            for name in result.schemes
-        }
-        best = min(errors, key=lambda name: errors[name][0])
-        yield (
-            f"Held out, {loops}: {best} has {errors[best][0] / errors[CASCADE][0]:.2f} x the error "
-            f"of the plain cascade tuned as much; on the worst machine {max(errors[best]):.1f} "
-            f"against {max(errors[CASCADE]):.1f} um"
-        )
+    for title, training in (("Held-out", False), ("Training", True)):
+        columns: dict[str, Column] = {"scheme": str}
+        for heading, column in COLUMNS.items():
+            mean = partial(result.mean, plant="nominal", column=column, training=training)
+            columns[heading] = lambda scheme, mean=mean: digits(mean(scheme))
+        name = f"{title} contours, nominal, stick and slip"
+        yield Table(name, result.different("scheme"), columns)
+    plants = result.different("plant")
+    errors = {
+        name: [result.mean(name, plant, training=False) for plant in plants]
+        for name in result.schemes
+    }
+    best = min(errors, key=lambda name: errors[name][0])
+    yield (
+        f"Held out: {best} has {errors[best][0] / errors[CASCADE][0]:.2f} x the error "
+        f"of the plain cascade tuned as much; on the worst machine {max(errors[best]):.1f} "
+        f"against {max(errors[CASCADE]):.1f} um"
+    )
     yield (
         "The descents end with the budget: smaller differences than a tenth may turn round with a "
         "larger one."
@@ -154,8 +145,7 @@ def tables(result: Result) -> Iterator[Table | str]:
         yield "A quick run decides no statement: its budget is a fifth of the full one."
     for row in result.tuning:
         if not row.feasible:
-            name = f"{row.scheme}, {row.loops}"
-            yield f"WARNING: no gains within the limits were found for {name}"
+            yield f"WARNING: no gains within the limits were found for {row.scheme}"
 
 
 def tuning(result: Result) -> Figure:
@@ -163,15 +153,13 @@ def tuning(result: Result) -> Figure:
 
     First those of the cascade, then every scheme from there, then from the start again.
     """
-    panels: dict[str, Panel] = {}
-    for row in result.tuning:
-        y, log = "mean RMS contour error [um]", {"yscale": "log"}
-        panel = panels.setdefault(row.loops, Panel(row.loops, "evaluations", y, [], log))
-        count = np.arange(1, len(row.best_um) + 1)
-        panel.curves.append(Curve(count, row.best_um, row.scheme, {"linewidth": 1.0}))
-    kinds, title = len(panels), "Tuning on the smooth twin"
-    size = (6.0 * kinds, 4.8)
-    return drawn([*panels.values()], size, title, columns=kinds, legend=2 * kinds, sharey=True)
+    curves = [
+        Curve(np.arange(1, len(row.best_um) + 1), row.best_um, row.scheme, {"linewidth": 1.0})
+        for row in result.tuning
+    ]
+    y, log = "mean RMS contour error [um]", {"yscale": "log"}
+    panel = Panel("Tuning on the smooth twin", "evaluations", y, curves, log)
+    return drawn([panel], (6.0, 4.8))
 
 
 FIGURES = {"tuning": tuning}

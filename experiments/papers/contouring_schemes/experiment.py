@@ -3,9 +3,9 @@
 The section is a survey without numbers of its own. Here all its schemes stand around the same
 cascade on a machine of two different flexible axes. First the cascade is tuned. Then every scheme,
 the plain cascade among them, descends twice: once from there and once from the thesis's gains. All
-descents have the same contours, limits and number of evaluations, on the smooth twin. That is done
-with feedback alone, as in the papers of the survey, and with what the motion needs fed forward. The
-tables are of the machine with stick and slip. Its end effectors are not measured.
+descents have the same contours, limits and number of evaluations, on the smooth twin. The
+loops have feedback alone, as in the papers of the survey. The tables are of the machine with stick
+and slip. Its end effectors are not measured.
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ from jcontour.simulation.closed_loop import follow
 from jcontour.simulation.evaluation import one_by_one, stack_plants, stack_references
 from jcontour.simulation.metrics import Metrics, score_signals
 from tuning.objectives import AtMost, mean_contour_error
-from tuning.parameters import Fixed, Interval, Parameter, Positive
+from tuning.parameters import Fixed, Positive
 from tuning.problem import THOROUGH, Problem
 from tuning.tuner import Evaluated, Tuned, TuneState, advance, result
 
@@ -89,35 +89,23 @@ def references(contours: dict[str, Contour]) -> Reference:
     return stack_references([run_along(contour) for contour in contours.values()])
 
 
-class Loops(NamedTuple):
-    """Where the gains of the cascade start, and where they may go."""
-
-    start: CascadeGains
-    space: tuple[Parameter, ...]
-
-
-# position and integral time are the thesis's, section 3.4; y has the same bandwidth as x; half of
-# what the motion needs is fed forward
+# position and integral time are the thesis's, section 3.4; y has the same bandwidth as x
 _FEEDBACK = {
     "position": 30.0 * np.ones(2),
     "velocity": np.array([55.67, 36.9]),
     "integral_time": 0.04 * np.ones(2),
 }
 _NOTHING = dict.fromkeys(("feedforward", "inertia", "viscous", "coulomb"), np.zeros(2))
-_AHEAD = {
-    "feedforward": 0.5 * np.ones(2),
-    "inertia": np.array([0.25, 0.17]),
-    "viscous": np.array([1.6, 1.25]),
-    "coulomb": np.array([0.23, 0.21]),
-}
-FEEDBACK, FEEDFORWARD = "feedback alone", "with feedforward"
-LOOPS = {
-    FEEDBACK: Loops(CascadeGains(**_FEEDBACK, **_NOTHING), (*3 * (Positive(),), *4 * (Fixed(),))),
-    FEEDFORWARD: Loops(
-        CascadeGains(**_FEEDBACK, **_AHEAD),
-        (*3 * (Positive(),), Interval(0.0, 1.5), *3 * (Positive(),)),
-    ),
-}
+START = CascadeGains(**_FEEDBACK, **_NOTHING)
+SPACE = (*3 * (Positive(),), *4 * (Fixed(),))
+# the limits are those of half of what the motion needs, fed forward
+WITH_FEEDFORWARD = CascadeGains(
+    **_FEEDBACK,
+    feedforward=0.5 * np.ones(2),
+    inertia=np.array([0.25, 0.17]),
+    viscous=np.array([1.6, 1.25]),
+    coulomb=np.array([0.23, 0.21]),
+)
 
 
 class Weights(NamedTuple):
@@ -147,7 +135,6 @@ class Row:
     """
 
     scheme: str
-    loops: str
     contour: str
     training: bool  # whether the tuner saw the contour
     plant: str
@@ -216,17 +203,17 @@ class Setup:
         self.plants, self.budget = family(plants, smooth=True), budget
         self.references = references(training())
         cascade = schemes()[CASCADE]
-        with_feedforward = cascade.build(cascade.around(LOOPS[FEEDFORWARD].start))
+        with_feedforward = cascade.build(cascade.around(WITH_FEEDFORWARD))
         start = scored(self.plants, with_feedforward, self.references).tool
         self.limits = AtMost(
             rms_control=CURRENT * float(jnp.max(start.rms_control)),
             rms_increment=INCREMENT * float(jnp.max(start.rms_increment)),
         )
 
-    def tuned(self, scheme: Scheme, loops: Loops, starts: Sequence[Weights]) -> Tuned:
+    def tuned(self, scheme: Scheme, starts: Sequence[Weights]) -> Tuned:
         """The best of one descent from each of these starts."""
         positive = tuple(Positive() for _ in scheme.names)
-        space = Weights._make([loops.space, positive])  # constraints in the places of the values
+        space = Weights._make([SPACE, positive])  # constraints in the places of the values
         machines = (self.plants, self.references)
         problem = Problem(scheme.build, *machines, mean_contour_error, space, self.limits)
         history = [row for start in starts for row in self._descent(problem, start)]
@@ -269,7 +256,7 @@ def scored(plants: Plant, controller: Controller, references: Reference) -> Scor
     return one_by_one(on_contour, references)
 
 
-def rows(name: str, loops: str, controller: Controller, plants: Sequence[str]) -> list[Row]:
+def rows(name: str, controller: Controller, plants: Sequence[str]) -> list[Row]:
     """The controller on these true machines along every contour."""
     seen, new = training(), held_out()
     scores = scored(family(plants, smooth=False), controller, references({**seen, **new}))
@@ -277,7 +264,6 @@ def rows(name: str, loops: str, controller: Controller, plants: Sequence[str]) -
     return [
         Row(
             scheme=name,
-            loops=loops,
             contour=contour,
             training=contour in seen,
             plant=plant,
@@ -310,7 +296,7 @@ class Settings:
     """Flags of `jcontour reproduce contouring-schemes`."""
 
     quick: bool = False
-    """A fifth of the evaluations, feedback alone, no errors in masses; it decides no statement."""
+    """A fifth of the evaluations, no errors in masses; it decides no statement."""
     evaluations: int = 50
     """Of objective and gradient in one descent: one for the cascade, then two for every scheme."""
 
@@ -324,7 +310,6 @@ class TunedScheme:
     """Gains of one scheme, and how its tuning went."""
 
     scheme: str
-    loops: str
     cascade: dict[str, list[float]]
     gains: list[float]  # of the scheme itself
     feasible: bool
@@ -342,7 +327,7 @@ class Result:
     rows: tuple[Row, ...]
 
     def different(self, column: str) -> list[str]:
-        """Values of a column of the runs, each once: "scheme", "loops", "plant", "contour"."""
+        """Values of a column of the runs, each once: "scheme" or "plant"."""
         return list(dict.fromkeys(getattr(row, column) for row in self.rows))
 
     @property
@@ -350,14 +335,12 @@ class Result:
         """Tuned schemes: all but the cascade before it is tuned."""
         return list(dict.fromkeys(row.scheme for row in self.tuning))
 
-    def mean(
-        self, scheme: str, loops: str, plant: str, column: str = "contour_um", **which: object
-    ) -> float:
+    def mean(self, scheme: str, plant: str, column: str = "contour_um", **which: object) -> float:
         """Mean of a column over runs, which are those of some `training` or `contour`.
 
         Infinite when a run diverged or has no such number.
         """
-        wanted = {"scheme": scheme, "loops": loops, "plant": plant, **which}
+        wanted = {"scheme": scheme, "plant": plant, **which}
         rows = [
             row
             for row in self.rows
@@ -371,36 +354,34 @@ class Result:
 
 def run(settings: Settings) -> Result:
     """Tune and simulate everything."""
-    plants, loops, budget = tuple(MODEL_ERRORS), tuple(LOOPS), settings.evaluations
+    plants, budget = tuple(MODEL_ERRORS), settings.evaluations
     if settings.quick:
-        plants, loops, budget = TUNED_ON, (FEEDBACK,), max(LEAST, budget // QUICK_PART)
+        plants, budget = TUNED_ON, max(LEAST, budget // QUICK_PART)
     setup = Setup(TUNED_ON, budget)
-    parts = [compared(setup, one, plants) for one in loops]
+    tuning, found = compared(setup, plants)
     bounds = np.asarray(setup.limits.bounds).tolist()
     return Result(
         quick=settings.quick,
         evaluations=budget,
         limits=dict(zip(setup.limits.names, bounds, strict=True)),
-        tuning=tuple(row for tuning, _ in parts for row in tuning),
-        rows=tuple(row for _, found in parts for row in found),
+        tuning=tuple(tuning),
+        rows=tuple(found),
     )
 
 
-def compared(
-    setup: Setup, loops: str, plants: Sequence[str]
-) -> tuple[list[TunedScheme], list[Row]]:
-    """Tuning of every scheme around these loops, and its numbers on the true machines.
+def compared(setup: Setup, plants: Sequence[str]) -> tuple[list[TunedScheme], list[Row]]:
+    """Tuning of every scheme, and its numbers on the true machines.
 
     A scheme is tuned from the tuned cascade and from the thesis's gains.
     """
-    known, start = schemes(), LOOPS[loops].start
+    known = schemes()
     cascade = known[CASCADE]
-    first = setup.tuned(cascade, LOOPS[loops], [cascade.around(start)])
+    first = setup.tuned(cascade, [cascade.around(START)])
 
     def one(item: tuple[str, Scheme]) -> tuple[TunedScheme, list[Row]]:
         name, scheme = item
-        starts = [scheme.around(first.weights.cascade), scheme.around(start, STRONG)]
-        tuned = setup.tuned(scheme, LOOPS[loops], starts)
+        starts = [scheme.around(first.weights.cascade), scheme.around(START, STRONG)]
+        tuned = setup.tuned(scheme, starts)
         weights = (vars(tuned.weights.cascade), tuned.weights.scheme)
         gains, own = jax.tree.map(lambda leaf: np.asarray(leaf).tolist(), weights)
         values = [  # [um]
@@ -409,15 +390,14 @@ def compared(
         ]
         described = TunedScheme(
             scheme=name,
-            loops=loops,
             cascade=gains,
             gains=list(own),
             feasible=tuned.feasible,
             best_um=np.minimum.accumulate(values).tolist(),
         )
-        return described, rows(name, loops, scheme.build(tuned.weights), plants)
+        return described, rows(name, scheme.build(tuned.weights), plants)
 
     with ThreadPoolExecutor(2) as pool:  # one compiles while the other descends
         parts = list(pool.map(one, known.items()))
-    untuned = rows("start", loops, cascade.build(cascade.around(start)), plants)
+    untuned = rows("start", cascade.build(cascade.around(START)), plants)
     return [tuning for tuning, _ in parts], untuned + [row for _, made in parts for row in made]

@@ -9,11 +9,10 @@ from experiments.papers.contouring_schemes.claims import claims, tables, tuning
 from experiments.papers.contouring_schemes.experiment import (
     CASCADE,
     CONSTANT,
-    FEEDBACK,
-    LOOPS,
     MODEL_ERRORS,
     PRECOMPENSATION,
     SHAPING,
+    START,
     STRONG,
     TASK_FRAME,
     TUNED_ON,
@@ -36,14 +35,13 @@ GOOD = dict(zip(NAMES, (90.0, 30.0, 33.0, 20.0, 31.0, 20.0, 20.5), strict=True))
 BAD = dict(zip(NAMES, (90.0, 30.0, 33.0, 40.0, 15.0, 25.0, 50.0), strict=True))
 
 
-def made_up(errors, tracking=None, loops=tuple(LOOPS)):
+def made_up(errors, tracking=None):
     """A result with these contour errors [um] on every contour and machine."""
     tracking, trained = tracking or dict.fromkeys(errors, 100.0), training()
     contours = (*trained, *held_out())
     rows = tuple(
         Row(
             scheme=scheme,
-            loops=one,
             contour=contour,
             training=contour in trained,
             plant=plant,
@@ -58,20 +56,17 @@ def made_up(errors, tracking=None, loops=tuple(LOOPS)):
         for scheme, error in errors.items()
         for contour in contours
         for plant in MODEL_ERRORS
-        for one in loops
     )
     tuned = tuple(
         TunedScheme(
             scheme=name,
-            loops=one,
             cascade={},
             gains=[],
-            feasible=one == FEEDBACK or name != TASK_FRAME,
+            feasible=name != TASK_FRAME,
             best_um=[3.0, 2.0, 1.0],
         )
         for name in errors
         if name != "start"
-        for one in loops
     )
     limits = {"rms_control": 1.5, "rms_increment": 0.1}
     return Result(False, 7, limits, tuned, rows)
@@ -103,13 +98,13 @@ def test_shown_with_its_rules_and_its_outcome():
     parts = list(tables(replace(result, rows=(lost, *others))))
     text = "\n".join(part for part in parts if not isinstance(part, Table))
     assert "7 evaluations" in text and "0.67 x the error of the plain cascade" in text
-    assert "no gains within the limits were found for task frame, with feedforward" in text
+    assert "no gains within the limits were found for task frame" in text
     rows = {one["title"]: one["cells"] for one in stored(parts)}
-    assert rows["Held-out contours, feedback alone, nominal, stick and slip"][1][:2] == [
+    assert rows["Held-out contours, nominal, stick and slip"][1][:2] == [
         CASCADE,
         "30",
     ]
-    assert rows["Training contours, feedback alone, nominal, stick and slip"][0][5] == "-"
+    assert rows["Training contours, nominal, stick and slip"][0][5] == "-"
 
 
 def test_a_quick_run_decides_nothing():
@@ -131,9 +126,8 @@ def test_schemes_are_those_of_the_catalogue_around_the_same_cascade():
         PRECOMPENSATION: ("precompensation",),
         SHAPING: ("shaping",),
     }
-    gains = LOOPS[FEEDBACK].start
-    weights = schemes()[CONSTANT].around(gains, STRONG)
-    assert weights.cascade is gains
+    weights = schemes()[CONSTANT].around(START, STRONG)
+    assert weights.cascade is START
     np.testing.assert_allclose(weights.scheme, [30.0, 30.0, 0.1])
     assert TUNED_ON == tuple(MODEL_ERRORS)[:2] and MODEL_ERRORS[TUNED_ON[1]].late == 1
 
