@@ -36,7 +36,7 @@ from jcontour.plants.actuation import (
     WithDryFriction,
     with_dry_friction,
 )
-from jcontour.plants.delays import Delayed, LateSensors, PartlyDelayed
+from jcontour.plants.delays import Delayed, PartlyDelayed
 from jcontour.plants.encoders import (
     CountingEncoders,
     Encoders,
@@ -158,7 +158,6 @@ def rubbed() -> WithDryFriction:
 
 WRAPPED = {
     Backlash: lambda: Backlash(lags(), jnp.full(2, 1e-6)),
-    LateSensors: lambda: LateSensors(lags(), 1, 2),
     Delayed: lambda: Delayed(lags(), 2, 2, 2),
     PartlyDelayed: lambda: PartlyDelayed(lags(), 0.5, 1, 2),
     Disturbed: lambda: Disturbed(lags(), noise=jnp.ones((1, 2))),

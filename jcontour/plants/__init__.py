@@ -1,8 +1,8 @@
 """Machines, one a file, and what stands between a controller and an ideal machine."""
 
 from jcontour.plants.actuation import Disturbed, Gained, Saturated
-from jcontour.plants.arms import ThreeLink, TwoLinkArm, manipulator_path, three_servos
-from jcontour.plants.delays import Delayed, LateSensors
+from jcontour.plants.arms import ThreeLink, TwoLinkArm, manipulator_path
+from jcontour.plants.delays import Delayed
 from jcontour.plants.encoders import CountingEncoders, Encoders, Quantised, Sensed
 from jcontour.plants.flexible_axis.axis import (
     FlexibleAxis,
@@ -35,7 +35,6 @@ __all__ = [
     "Gained",
     "Gantry",
     "GantryParameters",
-    "LateSensors",
     "MotorEncoders",
     "Quantised",
     "Saturated",
@@ -56,7 +55,6 @@ __all__ = [
     "thesis_axis",
     "thesis_beam",
     "thesis_gantry",
-    "three_servos",
     "xy_table",
     "zoh_model",
 ]

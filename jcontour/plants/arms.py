@@ -20,7 +20,6 @@ the end of the second one. The state is (q, q'), both measured.
 """
 
 from functools import partial
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -29,10 +28,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour._tracing import is_concrete
-from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 from jcontour.plants.friction import runge_kutta
-from jcontour.plants.linear_machines import servo_axes
 
 ITERATIONS = 12  # of Newton's method; six reach rounding from the home pose
 ROUNDING = 1e-10  # [m] that a pose may miss the lengths by
@@ -188,25 +185,6 @@ def _tilt(tilt: Array) -> Array:
     first, second = _sinc(beta), _sinc(beta / 2) ** 2 / 2
     unit = jnp.broadcast_to(jnp.eye(3, dtype=K.dtype), K.shape)
     return unit + first[..., None, None] * K + second[..., None, None] * (K @ K)
-
-
-def three_servos(dt: float, gain: Any = SERVO_GAIN, pole: Any = SERVO_POLE) -> LinearPlant:
-    """Servos of the three legs, k / (s (s + p)) under zero-order hold: `servo_axes`.
-
-    Wrap them in `Encoders` and `Quantised(..., LVDT_QUANTUM)` to measure them as the paper does.
-
-    >>> three_servos(3e-3).B[:2, 0].round(8).tolist()
-    [4.494e-05, 0.02357347]
-
-    Args:
-        dt: sample period [s].
-        gain: k [m/s^2 per unit of control].
-        pole: p [rad/s].
-
-    Raises:
-        ValueError: a number is not above zero.
-    """
-    return servo_axes(gain * jnp.ones(3), pole, dt)
 
 
 def manipulator_path(times: Float[np.ndarray, " S"]) -> Float[np.ndarray, "S 3"]:

@@ -4,7 +4,6 @@ import abc
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -12,49 +11,6 @@ from jaxtyping import Array, Float, Int
 from jcontour._tracing import is_concrete
 from jcontour.plant import State
 from jcontour.wrapper import Remembering
-
-
-class LateSensors(Remembering):
-    """A plant whose measurement is `samples` old: bus and filter times of the sensors.
-
-    Before the start the plant was in steady motion. The line has a fixed `depth` and a traced tap,
-    so that plants of delay 0..depth batch.
-
-    Raises:
-        ValueError: the depth is below one, or the delay is not between zero and the depth.
-    """
-
-    samples: Int[Array, ""] = eqx.field(converter=jnp.asarray)
-    depth: int = eqx.field(static=True)
-
-    def __check_init__(self):
-        _check_line(self.samples, self.depth)
-
-    def initial_state(self, position, increment) -> State:
-        """State of the wrapped plant, and its earlier measurements, the last first."""
-        before = [
-            self.plant.initial_state(position - k * increment, increment)
-            for k in range(1, self.depth + 1)
-        ]
-        line = jax.tree.map(lambda *m: jnp.stack(m), *map(self.plant.measure, before))
-        return self.plant.initial_state(position, increment), line
-
-    def step(self, state, control) -> State:
-        """Step of the wrapped plant; the line moves on."""
-        line = jax.tree.map(lambda line: line[:-1], self._line(state))
-        return self.plant.step(state[0], control), line
-
-    def measure(self, state) -> Any:
-        """Measurement of the wrapped plant, `samples` ago."""
-        return jax.tree.map(lambda line: line[self.samples], self._line(state))
-
-    def _line(self, state: State) -> Any:
-        inner, line = state
-        return jax.tree.map(
-            lambda now, before: jnp.concatenate([now[None], before]),
-            self.plant.measure(inner),
-            line,
-        )
 
 
 class _LateControl(Remembering):

@@ -91,38 +91,22 @@ class Answers(NamedTuple):
         return Convergence(largest, int(member), float(frequency[k]), self.invariant)
 
 
-def convergence(
-    law: "LearningLaw", family: Iterable[Callable[[Any], Any]], shape: tuple[int, int]
-) -> Convergence:
-    """Bound on the ratio from lap to lap over a family of linearised machines.
-
-    Args:
-        law: the rule.
-        family: each member as a linear function, correction (T, m) to positions (T, m).
-        shape: (T, m) of a lap.
-
-    Raises:
-        ValueError: the family is empty, or the lap has fewer than eight samples.
-    """
-    return answers(law, family, shape).convergence()
-
-
 def answers(
     law: "LearningLaw",
     family: Iterable[Callable[[Any], Any]],
     shape: tuple[int, int],
     smoothing: int = 0,
 ) -> Answers:
-    """Answers of a law on every member of a family, as `convergence`.
+    """Answers of a law over a family of linearised machines.
 
     Args:
         law: the rule.
-        family: as for `convergence`.
-        shape: likewise.
+        family: each member as a linear function, correction (T, m) to positions (T, m).
+        shape: (T, m) of a lap.
         smoothing: most that is asked of `Answers.convergence` later.
 
     Raises:
-        ValueError: as `convergence`.
+        ValueError: the family is empty, or the lap has fewer than eight samples.
     """
     if shape[0] < 8:
         raise ValueError(f"shape: needs a lap of at least eight samples, received {shape[0]}")

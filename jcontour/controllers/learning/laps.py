@@ -264,26 +264,3 @@ def smoothed(signal: Float[Array, "T m"], times: int) -> Float[Array, "T m"]:
         return (held[:-2] + 2 * x + held[2:]) / 4, None
 
     return jax.lax.scan(once, signal, length=times)[0]
-
-
-def smoothing_of(bandwidth: float, dt: float) -> int:
-    """How often to pass the filter for half of the amplitude at a frequency.
-
-        n = ln(1/2) / (2 ln cos(w T / 2))
-
-    >>> smoothing_of(2 * np.pi * 50, 1e-3)
-    28
-
-    Args:
-        bandwidth: w [rad/s].
-        dt: sample period T [s].
-
-    Raises:
-        ValueError: the frequency is not above zero and below the Nyquist frequency.
-    """
-    if not 0 < bandwidth < np.pi / dt:
-        raise ValueError(
-            f"bandwidth: needs to be above zero and below {np.pi / dt:.4g} rad/s, "
-            f"received {bandwidth}"
-        )
-    return max(1, round(np.log(0.5) / (2 * np.log(np.cos(bandwidth * dt / 2)))))

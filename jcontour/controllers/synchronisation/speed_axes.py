@@ -270,7 +270,7 @@ def positive_real_margin(loop: SampledLoop, coupling: float) -> float:
     With c = cos w and A_c1 = S + N, symmetric and skew with N_12 = n, it is A_c0 - S c + j n
     sqrt(1 - c^2) [[0, 1], [-1, 0]]: its smaller eigenvalue is t(c) - sqrt(q(c)), t of the first
     degree and q of the second. The minimum is at c = 1, at c = -1 or where 4 q t'^2 = q'^2.
-    Condition (17) asks for a margin above zero, and for `has_stable_poles`.
+    Condition (17) asks for a margin above zero, and for stable poles A_c0^-1 A_c1.
     """
     first, second = _matrices(loop, coupling)
     S, n = (second + second.T) / 2, (second[0, 1] - second[1, 0]) / 2
@@ -280,12 +280,6 @@ def positive_real_margin(loop: SampledLoop, coupling: float) -> float:
     turning = np.roots((4 * q * t.deriv() ** 2 - q.deriv() ** 2).coeffs).real
     cosine = np.clip(np.concatenate([turning, [-1.0, 1.0]]), -1, 1)
     return float(np.min(t(cosine) - np.sqrt(np.maximum(q(cosine), 0))))
-
-
-def has_stable_poles(loop: SampledLoop, coupling: float) -> bool:
-    """Whether all eigenvalues of A_c0^-1 A_c1 are inside the unit circle."""
-    first, second = _matrices(loop, coupling)
-    return float(spectral_radius(np.linalg.solve(first, second))) < 1
 
 
 def loop_radius(loop: SampledLoop, coupling: float) -> float:

@@ -28,7 +28,7 @@ from jcontour.plants.actuation import (
     Saturated,
     with_dry_friction,
 )
-from jcontour.plants.delays import Delayed, LateSensors, PartlyDelayed
+from jcontour.plants.delays import Delayed, PartlyDelayed
 from jcontour.plants.encoders import CountingEncoders, Encoders
 from jcontour.sensors import Sensors
 from jcontour.simulation.metrics import contour_error
@@ -181,9 +181,7 @@ def test_wrappers_nest(two_axes, start, controls, run):
 
 def test_unwrapped_is_the_machine_and_its_own_state(two_axes, start):
     delayed = Delayed(Saturated(two_axes, jnp.ones(2)), jnp.asarray(1), 2, 2)
-    wrapped = LateSensors(
-        CountingEncoders(Disturbed(delayed), Sensors(range(2)), 1e-6), jnp.asarray(1), 2
-    )
+    wrapped = CountingEncoders(Disturbed(delayed), Sensors(range(2)), 1e-6)
     state = wrapped.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
     machine, own = unwrapped(wrapped, state)
     assert machine is two_axes

@@ -11,11 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from jcontour.plants.arms import (
     LVDT_QUANTUM,
+    SERVO_GAIN,
+    SERVO_POLE,
     ThreeLink,
     manipulator_path,
-    three_servos,
 )
 from jcontour.plants.encoders import Encoders, Quantised
+from jcontour.plants.linear_machines import servo_axes
 
 DATA = Path(__file__).parents[2] / "data" / "adaptive" / "kinematics.json"
 REFERENCE = json.loads(DATA.read_text())
@@ -118,7 +120,7 @@ def test_an_empty_stroke():
 
 
 def test_servos_move_steadily_and_are_measured_in_quanta():
-    plant = Quantised(Encoders(three_servos(3e-3)), LVDT_QUANTUM)
+    plant = Quantised(Encoders(servo_axes(np.full(3, SERVO_GAIN), SERVO_POLE, 3e-3)), LVDT_QUANTUM)
     position, increment = jnp.array([1e-2, 0.0, -2e-2]), jnp.array([1e-5, 0.0, 2e-5])
     state = plant.initial_state(position, increment)
     np.testing.assert_allclose(plant.output(state), position, atol=1e-15)

@@ -2,23 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.plants.delays import Delayed, LateSensors, PartlyDelayed
-from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
-
-
-@pytest.mark.parametrize("samples", [0, 1, 2])
-def test_late_sensors_show_what_was(samples, run_any):
-    """Motor of the flexible axis under a push; before the start it moved steadily."""
-    axis, push = FlexibleAxis(thesis_axis(), 1e-3), np.full((6, 1), 3.0)
-    at, increment = np.array([0.01]), np.array([1e-4])
-    _, now, _ = run_any(axis, axis.initial_state(at, increment), push)
-    plant = LateSensors(axis, jnp.asarray(samples), 2)
-    _, late, _ = run_any(plant, plant.initial_state(at, increment), push)
-    for k in range(2):
-        np.testing.assert_array_equal(late[k][samples:], now[k][: 6 - samples])
-    np.testing.assert_allclose(
-        late[0][:samples, 0], [0.01 - 1e-4 * (samples - k) for k in range(samples)], rtol=1e-13
-    )
+from jcontour.plants.delays import Delayed, PartlyDelayed
 
 
 @pytest.mark.parametrize("samples", [0, 1, 2])

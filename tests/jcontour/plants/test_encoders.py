@@ -6,7 +6,6 @@ import pytest
 
 from jcontour._arrays import placed
 from jcontour.plants.actuation import Disturbed
-from jcontour.plants.delays import LateSensors
 from jcontour.plants.encoders import CountingEncoders, Encoders, FineEncoders, Quantised
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 from jcontour.sensors import Sensors, motors
@@ -66,10 +65,10 @@ def measured_at_rest(plant):
     return jax.device_get(measured(plant))
 
 
-def test_noise_is_there_before_the_counts_of_a_late_motor():
+def test_noise_is_there_before_the_counts():
     noise = placed(np.array([[0.6e-6, 9.0]]))
     inside = Disturbed(FlexibleAxis(thesis_axis(), 1e-3), noise=noise)
-    plant = LateSensors(CountingEncoders(inside, motors(1), 1e-6), jnp.asarray(1), 1)
+    plant = CountingEncoders(inside, motors(1), 1e-6)
     position, speed = measured_at_rest(plant)
     np.testing.assert_allclose(position, [0.020001], rtol=1e-12)
     np.testing.assert_allclose(speed, [0.0], atol=1e-12)

@@ -32,7 +32,7 @@ from jcontour.app.runs.loops.learning import (
     stored_lap,
 )
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.learning.convergence import convergence
+from jcontour.controllers.learning.convergence import answers
 from jcontour.controllers.learning.laps import PType, diverged_lap, laps_of, learn
 from jcontour.controllers.learning.norm_optimal import linearised
 from jcontour.geometry.contours import circle, line
@@ -228,7 +228,7 @@ def test_the_law_says_before_that_random_stiffnesses_converge_and_they_do(axis):
         )
         for k in stiffnesses()[:6]
     ]
-    assert convergence(prepared.law, some, axis.shape).assured
+    assert answers(prepared.law, some, axis.shape).convergence().assured
 
 
 @pytest.mark.slow

@@ -12,7 +12,6 @@ from scipy.signal import dfreqresp, dlti, lfilter
 from jcontour._arrays import placed
 from jcontour.controllers.learning.convergence import (
     answers,
-    convergence,
     frequency_response,
 )
 from jcontour.controllers.learning.laps import Lap, PType, diverged_lap, learn
@@ -20,6 +19,10 @@ from jcontour.controllers.learning.norm_optimal import NormOptimal
 
 STEPS = 400
 ABOVE = 1.0013  # of the maximum, at most, where a bound may be
+
+
+def convergence(*law_family_shape):
+    return answers(*law_family_shape).convergence()
 
 
 def first_order(pole):

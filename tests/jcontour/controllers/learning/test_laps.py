@@ -20,7 +20,6 @@ from jcontour.controllers.learning.laps import (
     learn,
     paying_laps,
     smoothed,
-    smoothing_of,
 )
 from jcontour.plants.actuation import Disturbed
 from jcontour.sensors import Sensors
@@ -156,14 +155,6 @@ def test_the_filter_is_a_convolution_with_held_ends():
     np.testing.assert_allclose(smoothed(placed(signal), 5), wanted, rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize("frequency", [5.0, 50.0, 200.0])
-def test_the_filter_halves_the_amplitude_at_its_bandwidth(frequency):
-    times = smoothing_of(2 * np.pi * frequency, 1e-3)
-    wave = np.cos(2 * np.pi * frequency * 1e-3 * np.arange(4001))
-    found = np.asarray(smoothed(placed(wave[:, None]), times))[2000, 0]
-    assert found == pytest.approx(0.5 * wave[2000], abs=0.08)
-
-
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -180,9 +171,3 @@ def test_bad_input(any_type, arguments, says):
 def test_a_lead_longer_than_the_lap():
     with pytest.raises(ValueError, match="lead: 9 samples are more than the lap of 5 has"):
         PType(0.5, lead=9).update(*map(placed, np.zeros((2, 5, 1))))
-
-
-@pytest.mark.parametrize("bandwidth", [0.0, 4000.0])
-def test_bad_bandwidths(bandwidth):
-    with pytest.raises(ValueError, match="bandwidth: needs to be above zero and below 3142 rad/s"):
-        smoothing_of(bandwidth, 1e-3)
