@@ -1,17 +1,8 @@
 from .certificates import Certificate as Certificate
 from .certificates import certificate as certificate
-from .certificates import error_bounds as error_bounds
-from .distance import LeavesContour as LeavesContour
-from .distance import distance_bounds as distance_bounds
-from .disturbed_family import DisturbedFamily as DisturbedFamily
 from .disturbed_loop import Box as Box
 from .disturbed_loop import DisturbedLoop as DisturbedLoop
 from .disturbed_loop import UnstableLoop as UnstableLoop
 from .disturbed_loop import disturbed_loop as disturbed_loop
-from .gains.gain_certificates import GainCertificate as GainCertificate
-from .gains.gain_certificates import gain_certificate as gain_certificate
 from .peak_bounds import PeakBounds as PeakBounds
 from .peak_bounds import peak_bounds as peak_bounds
-from .peak_bounds import state_tubes as state_tubes
-from .worst_cases import WorstCase as WorstCase
-from .worst_cases import worst_case as worst_case

@@ -11,13 +11,12 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from jcontour.bounds.affine import NotAffine
-from jcontour.bounds.attacks import Attack, worst_attack
-from jcontour.bounds.distance import Frames, distance_bounds, frames_along
+from jcontour.bounds.distance import distance_bounds, frames_along
 from jcontour.bounds.disturbed_loop import Box, DisturbedLoop, disturbed_loop
-from jcontour.bounds.peak_bounds import peak_bounds
+from jcontour.bounds.peak_bounds import Attack, peak_bounds, worst_attack
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade
 from jcontour.motion.references import Reference
@@ -105,54 +104,19 @@ def certificate(
     """
     check_kinds("certificate", plant=plant, controller=controller, reference=reference)
     loop = disturbed_loop(plant, controller, reference)
-    return certificate_of(loop, plant, controller, reference, box)
-
-
-def certificate_of(
-    loop: DisturbedLoop, plant: Plant, controller: Controller, reference: Reference, box: Box
-) -> Certificate:
-    """Certificate of a linear loop whose matrices are known.
-
-    Args:
-        loop: of plant and controller along the reference, `disturbed_loop`.
-        plant: whose limits no control may reach.
-        controller: likewise.
-        reference: the run; its scored samples count.
-        box: of force and error of the measurement.
-
-    Raises:
-        NotAffine: a control may reach its limit.
-        ValueError: the box does not fit, or the undisturbed run leaves its contour.
-    """
-    check_box(loop, box)
+    _check_box(loop, box)
     frames = frames_along(reference, loop.output)
     rows = frames.basis @ np.asarray(loop.C)
     spread, control = _peaks(loop, rows, box)
-    check_limits(plant, controller, control, box)
-    bound, nominal = error_bounds(reference, loop.output, frames, spread)
-    scored = np.asarray(reference.mask)[: reference.steps]
-    return Certificate(bound, nominal, control, rows, spread, scored, loop, box)
-
-
-def error_bounds(
-    reference: Reference,
-    output: Float[Array | np.ndarray, "T m"],
-    frames: Frames,
-    spread: Float[np.ndarray, "T m"],
-) -> tuple[Float[np.ndarray, " T"], Float[np.ndarray, " T"]]:
-    """Largest error that counts at every sample, and the error without disturbance [m].
-
-    Args:
-        reference: with the true geometry.
-        output: y of the undisturbed run [m].
-        frames: at that run.
-        spread: largest deviations from it, across the path and then along it [m].
-    """
+    _check_limits(plant, controller, control, box)
     if spread.shape[1] == 1:
-        return (1 + ROUNDING) * (frames.lag + spread[:, 0]), frames.lag
-    across = np.linalg.norm(spread[:, :-1], axis=1)
-    bound = distance_bounds(reference, output, frames, across, spread[:, -1])
-    return (1 + ROUNDING) * bound, frames.error
+        nominal, bound = frames.lag, frames.lag + spread[:, 0]
+    else:
+        across = np.linalg.norm(spread[:, :-1], axis=1)
+        nominal = frames.error
+        bound = distance_bounds(reference, loop.output, frames, across, spread[:, -1])
+    scored = np.asarray(reference.mask)[: reference.steps]
+    return Certificate((1 + ROUNDING) * bound, nominal, control, rows, spread, scored, loop, box)
 
 
 def _peaks(
@@ -168,8 +132,7 @@ def _peaks(
     return found[:, :m], (1 + ROUNDING) * controls
 
 
-def check_box(loop: DisturbedLoop, box: Box) -> None:
-    """Raise ValueError unless the box has a bound for every control and measured number."""
+def _check_box(loop: DisturbedLoop, box: Box) -> None:
     p, q = loop.D.shape[1:]
     if box.force.shape != (p,) or box.noise.shape != (q,):
         raise ValueError(
@@ -178,7 +141,7 @@ def check_box(loop: DisturbedLoop, box: Box) -> None:
         )
 
 
-def check_limits(plant: Plant, controller: Controller, control: np.ndarray, box: Box) -> None:
+def _check_limits(plant: Plant, controller: Controller, control: np.ndarray, box: Box) -> None:
     """Raise NotAffine where a control may reach a limit, or what limits is not the control."""
     for name, limit in _limits(controller):
         if name != ".limit" or isinstance(controller, Cascade):

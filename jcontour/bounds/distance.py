@@ -26,10 +26,6 @@ from jcontour.simulation.metrics import SEARCH_REACH, contour_error
 INTERVALS = 64  # along the tangent; across a corner they add 1/64 of tau
 
 
-class LeavesContour(ValueError):
-    """An undisturbed run that is away from its contour by more than the contour's size."""
-
-
 class Frames(NamedTuple):
     """Frames at the points of the path nearest to the undisturbed run.
 
@@ -55,12 +51,12 @@ def frames_along(reference: Reference, output: Float[Array | np.ndarray, "T m"])
     """Frames of a run.
 
     Raises:
-        LeavesContour: the run is too far away.
+        ValueError: the run is away from its contour by more than the contour's size.
     """
     away = np.asarray(output) - np.asarray(reference.position)[: reference.steps]
     lag = np.linalg.norm(away, axis=1)
     if not np.all(lag <= float(reference.contour.size)):
-        raise LeavesContour("the undisturbed run leaves its contour: there is nothing to bound")
+        raise ValueError("the undisturbed run leaves its contour: there is nothing to bound")
     arc = reference.arc[: reference.steps]
     nearest = reference.contour.nearest(jnp.asarray(output), arc, SEARCH_REACH * lag)
     tangent = np.asarray(reference.contour.tangent(nearest))
@@ -162,51 +158,3 @@ def _largest_second_derivative(contour: Contour) -> np.ndarray:
     second = powers * (powers - 1) * sizes * extent ** np.maximum(powers - 2, 0)
     waves = np.linalg.norm(np.stack([contour.cosine, contour.sine], axis=1), 2, axis=(1, 2))
     return second.sum(axis=1) + np.asarray(contour.rate) ** 2 * waves
-
-
-def circle_bound(
-    centre: Float[np.ndarray, " 2"],
-    radius: float,
-    output: Float[np.ndarray, " 2"],
-    generators: Float[np.ndarray, "2 g"],
-) -> tuple[float, float]:
-    """Largest distances outside and inside of a circle over a zonotope of positions, exact [m].
-
-    The tool may be anywhere in y + sum_i [-1, 1] g_i. Outside, the distance from the centre is
-    convex, and largest at a vertex. Inside, it is least at the nearest point of the zonotope.
-
-    >>> outside, inside = circle_bound(np.zeros(2), 2.0, np.array([2.0, 0.0]), 0.5 * np.eye(2))
-    >>> round(inside, 12)
-    0.5
-
-    Args:
-        centre: of the circle [m].
-        radius: of the circle [m].
-        output: y [m].
-        generators: g_i, a column for each disturbance [m].
-    """
-    corners = output - centre + _vertices(generators)
-    outside = np.linalg.norm(corners, axis=1).max() - radius
-    return float(outside), float(radius - _least_norm(corners))
-
-
-def _vertices(generators: np.ndarray) -> np.ndarray:
-    """Vertices of a planar zonogon around zero (2 g, 2), counter-clockwise."""
-    upward = (generators[1] > 0) | ((generators[1] == 0) & (generators[0] > 0))
-    turned = np.where(upward, generators, -generators)
-    order = np.argsort(np.arctan2(turned[1], turned[0]))
-    edges = 2 * turned[:, order].T
-    lower = np.concatenate([np.zeros((1, 2)), np.cumsum(edges, axis=0)]) - turned.sum(axis=1)
-    return np.concatenate([lower, -lower])
-
-
-def _least_norm(corners: np.ndarray) -> float:
-    """Distance of zero from a convex polygon, zero inside."""
-    after = np.roll(corners, -1, axis=0)
-    edge = after - corners
-    square = np.maximum(np.sum(edge**2, axis=1), np.finfo(float).tiny)
-    part = np.clip(-np.sum(corners * edge, axis=1) / square, 0.0, 1.0)
-    turn = corners[:, 0] * edge[:, 1] - corners[:, 1] * edge[:, 0]
-    if np.all(turn >= 0) and np.sum(turn) > 0:
-        return 0.0
-    return float(np.linalg.norm(corners + part[:, None] * edge, axis=1).min())

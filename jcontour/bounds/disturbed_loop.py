@@ -41,7 +41,6 @@ class DisturbedLoop(NamedTuple):
         D: of the control, columns of the measurement's error alone.
         output: y of the undisturbed run [m].
         control: u of the undisturbed run.
-        held: control that holds the plant at rest where the run begins; gains act about it.
     """
 
     M: Float[Array, "T N N"]
@@ -51,7 +50,6 @@ class DisturbedLoop(NamedTuple):
     D: Float[Array, "T p q"]
     output: Float[Array, "T m"]
     control: Float[Array, "T p"]
-    held: Float[Array | np.ndarray, "*p"] = np.zeros(())  # of drives that take a speed or a force
 
 
 class Box(NamedTuple):
@@ -117,21 +115,16 @@ def disturbed_loop(plant: Plant, controller: Controller, reference: Reference) -
         UnstableLoop: the loop of some sample, held for ever, is not stable.
         ValueError: as `simulate`.
     """
-    check_linear(plant, controller, reference)
+    _check_linear(plant, controller, reference)
     plant, controller = unlimited(plant), unlimited(controller)
     plan = prepared(controller, reference)
-    loop = eqx.filter_jit(loop_along)(plant, controller, plan, reference)
-    check_stable(loop)
+    loop = eqx.filter_jit(_loop_along)(plant, controller, plan, reference)
+    _check_stable(loop)
     return loop
 
 
-def check_linear(plant: Plant, controller: Controller, reference: Reference) -> None:
-    """Raise unless both steps, without limits of the control, are affine; nothing is run.
-
-    Raises:
-        NotAffine: one is not; the part that is to blame is named.
-        ValueError: as `simulate`.
-    """
+def _check_linear(plant: Plant, controller: Controller, reference: Reference) -> None:
+    """Raise unless both steps, without limits of the control, are affine; nothing is run."""
     check_run(plant, controller, reference)
     check_planless(controller)
     plant, controller = unlimited(plant), unlimited(controller)
@@ -184,7 +177,7 @@ def _check(part: Plant | Controller, step: Any, plan: Plan, inputs: Any) -> None
         raise NotAffine(f"{type(part).__name__}: {error}") from None
 
 
-def loop_along(
+def _loop_along(
     plant: Plant, controller: Controller, plan: Plan, reference: Reference
 ) -> DisturbedLoop:
     """Matrices of a loop without limits along its run; traceable, nothing is checked."""
@@ -200,8 +193,7 @@ def loop_along(
         return M, E, C, blocks([[D @ H, K]]), jnp.asarray(D)
 
     steps = jax.vmap(at)((plan, run.state, run.memory))
-    held = plant.holding_control(reference.position[0])
-    return DisturbedLoop(*steps, run.output, run.control, held)
+    return DisturbedLoop(*steps, run.output, run.control)
 
 
 def _output_slope(plant: Plant, state: Any) -> Float[Array, "m n"]:
@@ -210,7 +202,7 @@ def _output_slope(plant: Plant, state: Any) -> Float[Array, "m n"]:
     return jax.jacfwd(lambda row: plant.output(eqx.combine(shaped(row), fixed)))(flat)
 
 
-def check_stable(loop: DisturbedLoop) -> None:
+def _check_stable(loop: DisturbedLoop) -> None:
     """Raise UnstableLoop where the loop of a sample, held for ever, is not stable."""
     M = np.asarray(loop.M)
     if not np.isfinite(M).all():

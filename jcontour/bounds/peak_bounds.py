@@ -11,6 +11,11 @@ the sample b; there the state lies in a box |z(b)| <= V, found by the same sweep
 
     sup |e(k)| <= sum over j >= b  +  |c(k)' M(k-1) ... M(b)| V
 which bounds the exact value from above; both are the same where there is one block.
+
+The adjoint of one signal carries its row back from a sample k to the begin: the attack
+
+    w(j) = size sign(c' M(k-1) ... M(j+1) E(j)) sign(e(k) without disturbance)
+makes it as large as it can be there.
 """
 
 from typing import NamedTuple
@@ -20,8 +25,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.bounds.disturbed_loop import DisturbedLoop
+from jcontour.bounds.disturbed_loop import Box, DisturbedLoop
 from jcontour.linear.plant import spectral_radius
+from jcontour.plant import Plant
+from jcontour.plants.wrappers.disturbances import Disturbed
 
 SHORTEST_BLOCK = 32  # samples
 LOOKED_AT = 32  # frozen loops: eigenvalues of all would take as long as the sweep
@@ -69,7 +76,7 @@ def peak_bounds(
         if block < 1:
             raise ValueError(f"block: needs at least one sample, received {block}")
         return _blocked(loop, rows, size, direct, min(block, T))
-    block = block_that_forgets(loop, REMAINDER)
+    block = _block_that_forgets(loop, REMAINDER)
     while True:
         found = _blocked(loop, rows, size, direct, min(block, T))
         if block >= T or found.remainder.max() <= REMAINDER * found.bound.max():
@@ -77,7 +84,7 @@ def peak_bounds(
         block *= 2
 
 
-def block_that_forgets(loop: DisturbedLoop, left: float) -> int:
+def _block_that_forgets(loop: DisturbedLoop, left: float) -> int:
     """Samples after which the slowest of some frozen loops has forgotten: a power of two.
 
     Other loops, and those that change faster, may need more.
@@ -164,3 +171,63 @@ def _swept(
 
     moving, sums = jax.lax.map(of_block, jnp.arange(count))
     return sums, moving
+
+
+class Attack(NamedTuple):
+    """Disturbances of every sample, inside the box; zero from the attacked sample on.
+
+    Attributes:
+        force: adds to the control.
+        noise: adds to the measurement [m].
+    """
+
+    force: Float[np.ndarray, "T p"]
+    noise: Float[np.ndarray, "T q"]
+
+    def on(self, plant: Plant) -> Disturbed:
+        """The plant under this attack."""
+        return Disturbed(plant, force=jax.device_put(self.force), noise=jax.device_put(self.noise))
+
+
+def coefficients(
+    loop: DisturbedLoop, row: Float[Array | np.ndarray, " N"], sample: int
+) -> Float[np.ndarray, "k d"]:
+    """Effect of every disturbance before a sample on the signal row' z(sample).
+
+        e(k) = sum_j coefficients(j)' w(j)
+
+    Raises:
+        ValueError: there is no such sample.
+    """
+    T = loop.E.shape[0]
+    if not 0 <= sample < T:
+        raise ValueError(f"sample: needs one from 0 to {T - 1}, received {sample}")
+    M, E = np.asarray(loop.M), np.asarray(loop.E)
+    found, adjoint = np.zeros((sample, E.shape[2])), np.asarray(row)
+    for j in range(sample - 1, -1, -1):
+        found[j] = adjoint @ E[j]
+        adjoint = adjoint @ M[j]
+    return found
+
+
+def worst_attack(
+    loop: DisturbedLoop, row: Float[Array | np.ndarray, " N"], sample: int, box: Box, sign: float
+) -> Attack:
+    """Attack under which the signal row' z(sample) is largest in the direction of `sign`.
+
+    >>> from jcontour.plants import bridgeport
+    >>> import jax.numpy as jnp
+    >>> M, E = 0.5 * jnp.ones((3, 1, 1)), jnp.ones((3, 1, 1))
+    >>> none = jnp.zeros((3, 1, 0))
+    >>> loop = DisturbedLoop(M, E, M, M, none, M[0], M[0])
+    >>> worst_attack(loop, jnp.ones(1), 2, Box.of(0.1, 0.0, 1, 0), -1.0).force.ravel().tolist()
+    [-0.1, -0.1, 0.0]
+
+    Raises:
+        ValueError: there is no such sample.
+    """
+    inputs = box.force.size
+    found = np.zeros((loop.E.shape[0], box.size.size))
+    pushed = np.sign(coefficients(loop, row, sample))
+    found[:sample] = np.where(sign < 0, -1.0, 1.0) * pushed * box.size
+    return Attack(found[:, :inputs], found[:, inputs:])

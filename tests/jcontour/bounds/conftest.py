@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from jaxtyping import Float
 
 from jcontour.bounds.disturbed_loop import Box, DisturbedLoop
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
@@ -84,3 +85,47 @@ def _pushed(loop, w):
 def pushed():
     """(loop, w) -> states z(k) under a disturbance."""
     return _pushed
+
+
+def _circle_bound(
+    centre: Float[np.ndarray, " 2"],
+    radius: float,
+    output: Float[np.ndarray, " 2"],
+    generators: Float[np.ndarray, "2 g"],
+) -> tuple[float, float]:
+    """Largest distances outside and inside of a circle over a zonotope of positions, exact [m].
+
+    The tool may be anywhere in y + sum_i [-1, 1] g_i. Outside, the distance from the centre is
+    convex, and largest at a vertex. Inside, it is least at the nearest point of the zonotope.
+    """
+    corners = output - centre + _vertices(generators)
+    outside = np.linalg.norm(corners, axis=1).max() - radius
+    return float(outside), float(radius - _least_norm(corners))
+
+
+def _vertices(generators: np.ndarray) -> np.ndarray:
+    """Vertices of a planar zonogon around zero (2 g, 2), counter-clockwise."""
+    upward = (generators[1] > 0) | ((generators[1] == 0) & (generators[0] > 0))
+    turned = np.where(upward, generators, -generators)
+    order = np.argsort(np.arctan2(turned[1], turned[0]))
+    edges = 2 * turned[:, order].T
+    lower = np.concatenate([np.zeros((1, 2)), np.cumsum(edges, axis=0)]) - turned.sum(axis=1)
+    return np.concatenate([lower, -lower])
+
+
+def _least_norm(corners: np.ndarray) -> float:
+    """Distance of zero from a convex polygon, zero inside."""
+    after = np.roll(corners, -1, axis=0)
+    edge = after - corners
+    square = np.maximum(np.sum(edge**2, axis=1), np.finfo(float).tiny)
+    part = np.clip(-np.sum(corners * edge, axis=1) / square, 0.0, 1.0)
+    turn = corners[:, 0] * edge[:, 1] - corners[:, 1] * edge[:, 0]
+    if np.all(turn >= 0) and np.sum(turn) > 0:
+        return 0.0
+    return float(np.linalg.norm(corners + part[:, None] * edge, axis=1).min())
+
+
+@pytest.fixture(scope="session")
+def circle_bound():
+    """(centre, radius, output, generators) -> largest distances outside and inside of a circle."""
+    return _circle_bound

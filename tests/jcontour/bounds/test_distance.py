@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.bounds.distance import _between, circle_bound, distance_bounds, frames_along
+from jcontour.bounds.distance import _between, distance_bounds, frames_along
 from jcontour.geometry.contours import circle, polygon, polyline, spline
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.motion.references import along
@@ -93,7 +93,7 @@ def test_a_run_that_left_its_contour_is_told():
 
 
 @pytest.mark.parametrize("away", [0.0, 2e-5, -3e-5])
-def test_a_circle_is_exact_against_dense_samples(away):
+def test_a_circle_is_exact_against_dense_samples(away, circle_bound):
     generators = 1e-5 * np.random.default_rng(7).standard_normal((2, 4))
     output, centre = np.array([1e-3 + away, 0.0]), np.zeros(2)
     outside, inside = circle_bound(centre, 1e-3, output, generators)
@@ -105,11 +105,11 @@ def test_a_circle_is_exact_against_dense_samples(away):
     assert radii.min() == pytest.approx(1e-3 - inside, abs=3e-6)
 
 
-def test_the_centre_within_reach_is_a_whole_radius_away():
+def test_the_centre_within_reach_is_a_whole_radius_away(circle_bound):
     _, inside = circle_bound(np.zeros(2), 1.0, np.array([0.1, 0.1]), np.eye(2))
     assert inside == 1.0
 
 
-def test_a_segment_in_line_with_the_centre():
+def test_a_segment_in_line_with_the_centre(circle_bound):
     outside, inside = circle_bound(np.zeros(2), 1.0, np.array([1.0, 0.0]), np.array([[0.2], [0.0]]))
     assert (outside, inside) == pytest.approx((0.2, 0.2), rel=1e-12)

@@ -1,1 +1,0 @@
-"""Certificates for every constant gain of a plant between bounds."""

@@ -1,1 +1,0 @@
-"""Certificates of a twisting gantry, and the interval arithmetic that they stand on."""
