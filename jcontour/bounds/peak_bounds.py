@@ -28,7 +28,7 @@ from jaxtyping import Array, Float
 from jcontour.bounds.disturbed_loop import Box, DisturbedLoop
 from jcontour.linear.plant import spectral_radius
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.actuation import Disturbed
 
 SHORTEST_BLOCK = 32  # samples
 LOOKED_AT = 32  # frozen loops: eigenvalues of all would take as long as the sweep

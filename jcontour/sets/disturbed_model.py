@@ -12,8 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
-from jcontour.linear.plant import LinearPlant
-
 Numbers = ArrayLike | Sequence[Any]  # an array, or lists that make one
 
 
@@ -50,29 +48,6 @@ class DisturbedModel(NamedTuple):
         matrices = [np.asarray(matrix, float) for matrix in (A, B, E)]
         columns = [one[:, None] if one.ndim == 1 else one for one in matrices[1:]]
         return cls(*_checked(matrices[0], *columns))
-
-    @classmethod
-    def loaded(cls, plant: LinearPlant, load: Numbers) -> "DisturbedModel":
-        """Linear machine under a load that adds to its control: E = B diag(load).
-
-        Args:
-            plant: the machine.
-            load: largest load, one number or one per input, in the control's unit.
-
-        Raises:
-            ValueError: a load is negative or not finite, or their number does not fit.
-        """
-        sizes = np.asarray(load, float)
-        if (
-            sizes.shape not in ((), (plant.inputs,))
-            or not (np.isfinite(sizes) & (sizes >= 0)).all()
-        ):
-            raise ValueError(
-                f"load: needs one number or {plant.inputs}, finite and none negative, "
-                f"received {load}"
-            )
-        B = np.asarray(plant.B)
-        return cls.of(plant.A, B, B * sizes)
 
     @property
     def states(self) -> int:

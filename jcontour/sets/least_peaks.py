@@ -1,6 +1,6 @@
 """Responses of least peak: the smallest error that any policy of a given length can promise.
 
-The policy with the responses X, U of `finite_responses` keeps |c x + d u| below the peak of that
+The policy with the responses X, U of `responses` keeps |c x + d u| below the peak of that
 signal, whatever the disturbances of the box do. The responses of least peak are the optimum of a
 linear program: the finite form of system level synthesis (Anderson, Doyle, Low & Matni 2019) with
 the peaks of l1 optimal control (Dahleh & Pearson 1987) as its cost.
@@ -10,14 +10,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sparse
 from jaxtyping import Float
-from scipy.optimize import OptimizeResult
+from scipy.optimize import OptimizeResult, linprog
 
-from jcontour.sets.disturbed_model import DisturbedModel, Numbers, Signal
-from jcontour.sets.finite_responses import FiniteResponse, brought_to_rest
-from jcontour.sets.peak_program import PeakProgram
+from jcontour.sets.disturbed_model import DisturbedModel, Signal
+from jcontour.sets.responses import FiniteResponse, brought_to_rest
 
 EXCESS = 1e-7  # relative, of a limit, that counts as broken
+TOLERANCE = 1e-10  # of HiGHS, absolute, on variables of size one: the default 1e-7 costs 4 digits
+HEADROOM = 1e-9  # of a limit, left free: rounding may not carry a peak above its limit
+ACTIVE = 1e-7  # share of a limit in the optimum from which it counts as one that limits
 
 
 @dataclass(frozen=True)
@@ -44,13 +47,142 @@ class NoResponse(ValueError):
         limiting: names of the signals whose limits are too small; empty where no response comes to
             rest at all, and where the linear program's numbers are of too different sizes.
         needed: the smallest magnitudes of all these together, by name.
-        asked: their limits, by name.
     """
 
-    def __init__(self, message: str, needed: dict[str, float], asked: dict[str, float]):
-        self.needed, self.asked = needed, asked
+    def __init__(self, message: str, needed: dict[str, float]):
+        self.needed = needed
         self.limiting = tuple(needed)
         super().__init__(message)
+
+
+class PeakProgram:
+    """The linear program, over the responses of one disturbance after the other.
+
+    Variables: for every disturbance X_1..X_{N-1} and U_0..U_{N-1}, scaled; the absolute values of
+    every signal; the optimum t; the excess of every limit, where limits may be broken.
+    """
+
+    def __init__(
+        self,
+        model: DisturbedModel,
+        signals: Sequence[Signal],
+        small: int,
+        length: int,
+    ):
+        self.model, self.length = model, length
+        self.small = list(signals[:small])
+        self.bounded = [signal for signal in signals if np.isfinite(signal.limit)]
+        self.each: int = (length - 1) * model.states + length * model.inputs
+        self.responses_size = self.each * model.disturbances
+        self.sizes = length * model.disturbances  # absolute values of one signal
+        self.optimum = self.responses_size + self.sizes * self.signals
+
+    @property
+    def signals(self) -> int:
+        """Number of signals whose absolute values are variables."""
+        return len(self.small) + len(self.bounded)
+
+    def solved(self, scales: np.ndarray, size: float, soft: bool = False) -> OptimizeResult | None:
+        """Optimum; None where there is none.
+
+        Args:
+            scales: of the states (n,).
+            size: of the optimum.
+            soft: the excess over the limits is made small, and nothing else.
+        """
+        equations, values = self._equations(scales)
+        peaks, most = self._peaks(scales, size)
+        more = len(self.bounded) * soft
+        if soft:
+            above = sparse.csr_array((len(most) - more, more))
+            excess = sparse.vstack([above, -sparse.eye_array(more)])
+            peaks = sparse.csr_array(sparse.hstack([peaks, excess]))
+            nothing = sparse.csr_array((len(values), more))
+            equations = sparse.csr_array(sparse.hstack([equations, nothing]))
+        cost = np.zeros(self.optimum + 1 + more)
+        cost[self.optimum :] = [0.0, *np.ones(more)] if soft else 1.0
+        free = [(None, None)] * self.responses_size
+        found = linprog(
+            cost,
+            peaks,
+            most,
+            equations,
+            values,
+            bounds=free + [(0.0, None)] * (len(cost) - self.responses_size),
+            method="highs",
+            options={
+                "primal_feasibility_tolerance": TOLERANCE,
+                "dual_feasibility_tolerance": TOLERANCE,
+            },
+        )
+        return found if found.status == 0 else None
+
+    def responses(self, found: OptimizeResult, scales: np.ndarray):
+        """States X_1..X_{N-1} and controls U_0..U_{N-1} of the optimum."""
+        n, p, N, q = *self.model.B.shape, self.length, self.model.disturbances
+        each = found.x[: self.responses_size].reshape(q, self.each)
+        states = each[:, : (N - 1) * n].reshape(q, N - 1, n) * scales
+        controls = each[:, (N - 1) * n :].reshape(q, N, p)
+        whole = np.concatenate([self.model.E.T[:, None], states], axis=1)
+        return whole.transpose(1, 2, 0), controls.transpose(1, 2, 0)
+
+    def limiting(self, found: OptimizeResult) -> tuple[str, ...]:
+        """Names of the limits that the optimum leans on."""
+        forces = found.ineqlin.marginals[len(found.ineqlin.marginals) - len(self.bounded) :]
+        pairs = zip(self.bounded, np.abs(forces), strict=True)
+        return tuple(signal.name for signal, force in pairs if force > ACTIVE)
+
+    def excess(self, found: OptimizeResult) -> np.ndarray:
+        """Excess over every limit, relative."""
+        return found.x[self.optimum + 1 :]
+
+    def _equations(self, scales: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
+        """Dynamics from X_0 = E to X_N = 0."""
+        (A, B, E), N = self.model, self.length
+        A, B = A * scales / scales[:, None], B / scales[:, None]
+        n = len(A)
+        shifted = sparse.eye_array(N, N - 1)  # row j holds X_{j+1}
+        before = sparse.eye_array(N, N - 1, k=-1)  # row j holds X_j
+        on_states = sparse.kron(shifted, np.eye(n)) - sparse.kron(before, A)
+        on_controls = -sparse.kron(sparse.eye_array(N), B)
+        values = np.zeros((self.model.disturbances, N * n))
+        values[:, :n] = (A @ (E / scales[:, None])).T
+        dynamics = sparse.hstack([on_states, on_controls])
+        whole = sparse.kron(sparse.eye_array(len(values)), dynamics)
+        beside = sparse.csr_array((values.size, self.sizes * self.signals + 1))
+        return sparse.csr_array(sparse.hstack([whole, beside])), values.ravel()
+
+    def _peaks(self, scales: np.ndarray, size: float) -> tuple[sparse.csr_array, np.ndarray]:
+        """Absolute values from above; their sums under the optimum, then under the limits."""
+        units = [size] * len(self.small)
+        units += [(1 - HEADROOM) * signal.limit for signal in self.bounded]
+        signals = [*self.small, *self.bounded]
+        rows, values = [], []
+        for place, (signal, unit) in enumerate(zip(signals, units, strict=True)):
+            response, known = self._response(signal, scales, unit)
+            absolute = sparse.eye_array(1, len(signals), k=place)
+            absolute = sparse.kron(absolute, sparse.eye_array(self.sizes))
+            last = sparse.csr_array((self.sizes, 1))
+            rows += [sparse.hstack([sign * response, -absolute, last]) for sign in (1.0, -1.0)]
+            values += [-known, known]
+        sums = sparse.kron(sparse.eye_array(len(signals)), np.ones((1, self.sizes)))
+        optimum = np.zeros((len(signals), 1))
+        optimum[: len(self.small)] = -1.0
+        beside = sparse.csr_array((len(signals), self.responses_size))
+        rows.append(sparse.hstack([beside, sums, optimum]))
+        values.append(1.0 + optimum[:, 0])
+        return sparse.csr_array(sparse.vstack(rows)), np.concatenate(values)
+
+    def _response(self, signal: Signal, scales: np.ndarray, unit: float):
+        """Signal at samples 0..N-1 as rows of the variables, and what is known of it."""
+        N, q = self.length, self.model.disturbances
+        c, d = signal.state / unit, signal.control / unit
+        on_states = sparse.kron(sparse.eye_array(N, N - 1, k=-1), c * scales)
+        on_controls = sparse.kron(sparse.eye_array(N), d)
+        known = np.zeros((q, N))
+        known[:, 0] = c @ self.model.E
+        rows = sparse.kron(sparse.eye_array(q), sparse.hstack([on_states, on_controls]))
+        return rows, known.ravel()
 
 
 def least_peak(
@@ -58,7 +190,6 @@ def least_peak(
     small: Sequence[Signal],
     limited: Sequence[Signal],
     length: int,
-    vanishing: Numbers | None = None,
 ) -> LeastPeak:
     """Responses whose largest peak is the least, under limits on the peaks of other signals.
 
@@ -76,16 +207,13 @@ def least_peak(
         small: signals whose largest peak is made small, all in one unit; a limit on one holds too.
         limited: signals with a limit.
         length: samples N after which the answer to a disturbance has come to rest.
-        vanishing: rows C (m, n) with sum_j C X_j = 0: a constant disturbance leaves no error in
-            them.
 
     Raises:
         NoResponse: no response of this length respects the limits; it names what is too small.
         ValueError: nothing is made small, a length below one, or a limit that is not above zero.
     """
     _check(model, small, limited, length)
-    still = _vanishing(model, vanishing)
-    program = PeakProgram(model, [*small, *limited], len(small), length, still)
+    program = PeakProgram(model, [*small, *limited], len(small), length)
     rough, sizes = _rough(program)
     # every state and the optimum itself are scaled to one: the solver's tolerances are absolute
     scales = _scales(program, rough, sizes)
@@ -94,7 +222,7 @@ def least_peak(
     if fine is None:
         fine, scales, size = rough, sizes, 1.0
     _, controls = program.responses(fine, scales)
-    response = brought_to_rest(model, controls, still)
+    response = brought_to_rest(model, controls)
     peaks = {signal.name: response.peak(signal) for signal in [*small, *limited]}
     tolerance = max(peaks[signal.name] for signal in small)
     return LeastPeak(response, tolerance, peaks, program.limiting(fine))
@@ -138,7 +266,6 @@ def _impossible(
             f"length: no response of {N} samples comes to rest; a longer one may, "
             "if the controls reach every state",
             {},
-            {},
         )
     needed = {
         signal.name: signal.limit * (1 + float(excess))
@@ -153,14 +280,13 @@ def _impossible(
             "has no answer with them; its numbers are of too different sizes, columns of E by a "
             f"factor of {ratio:.3g}",
             {},
-            {},
         )
     limits = {one.name: one.limit for one in program.bounded if one.name in needed}
     told = [
         f"{name} at most {limits[name]:.6g}, {least:.6g} would do" for name, least in needed.items()
     ]
     message = f"limits: no response of {N} samples keeps them: {'; '.join(told)}"
-    return NoResponse(message, needed, limits)
+    return NoResponse(message, needed)
 
 
 def _check(
@@ -180,14 +306,3 @@ def _check(
             raise ValueError(f"{signal.name}: needs rows of shape {needed}, received {shapes}")
         if not signal.limit > 0:
             raise ValueError(f"{signal.name}: needs a limit above zero, received {signal.limit}")
-
-
-def _vanishing(model: DisturbedModel, rows: Numbers | None) -> Float[np.ndarray, "m n"]:
-    if rows is None:
-        return np.zeros((0, model.states))
-    found = np.atleast_2d(np.asarray(rows, float))
-    if found.ndim != 2 or found.shape[1] != model.states or not np.isfinite(found).all():
-        raise ValueError(
-            f"vanishing: needs finite numbers of shape (m, {model.states}), received {found.shape}"
-        )
-    return found

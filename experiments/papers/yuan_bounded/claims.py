@@ -74,7 +74,8 @@ def claims(result: Result) -> Iterator[Claim]:
     samples = sum(row.samples for row in result.loops)
     currents = ", ".join(f"{row.largest_current:.3g}" for row in result.loops)
     within = [
-        row.largest_speed <= row.speed_limit * ROUNDING and row.largest_current <= CURRENT
+        row.largest_speed <= row.speed_limit * ROUNDING
+        and row.largest_current <= CURRENT * ROUNDING
         for row in result.loops
     ]
     yield Claim(

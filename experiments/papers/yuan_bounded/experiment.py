@@ -10,6 +10,7 @@ estimates.
 
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -25,7 +26,8 @@ from jcontour.host.loop import reported_loop
 from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.motion.point_to_point import PointToPoint, thesis_task_a
 from jcontour.motion.references import Reference, from_samples, in_time
-from jcontour.mpc.bounded.bounded_mpc import BoundedLimits, BoundedMPC, bounded_response
+from jcontour.mpc.bounded_mpc import BoundedMPC, KeptRows
+from jcontour.mpc.machine_runs import machine_run
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.plants import thesis_axis
@@ -33,6 +35,7 @@ from jcontour.plants.flexible_axis.axis import FlexibleAxis, euler_model
 from jcontour.sensors import motors
 from jcontour.sets.disturbed_model import DisturbedModel, Signal
 from jcontour.sets.least_peaks import NoResponse, least_peak
+from jcontour.sets.responses import FiniteResponse, VaryingModel, brought_to_rest_along
 from jcontour.sets.tolerance_certificates import least_tolerance_of_any
 from jcontour.simulation.closed_loop import simulate
 from jcontour.wrapper import Wrapper
@@ -111,6 +114,8 @@ PRINTED_SPEED, RELAXED_SPEED = 0.1, 0.25  # [m/s], limit of motor and end effect
 OBSERVER = np.array([[0.0, 1e-3], [0.0, 1e-3]])  # L_r
 PRINTED_CASES = ((5e-3, 0.1), (2.5e-3, 0.1), (5e-3, 0.105))  # w [m/s], speed limit [m/s]
 STATES = ("x_m", "v_m", "x_e", "v_e")
+NEAR = 3e-5  # [m], error of the nominal run that counts as all the current
+SPARE = 1.02  # of the least tolerance: at the least one nothing is left to optimise
 FOR_DISTURBANCES = 4.5  # [A] of 9: the motion itself needs up to 4.3 A
 SQUARE = 125  # samples of half a period of the slow disturbance
 UNKNOWN, PREVIEWED = "unknown", "previewed"  # what the controller knows of the reference
@@ -211,7 +216,14 @@ def disturbed(size: float, previewed: bool) -> DisturbedModel:
     return model if previewed else known
 
 
-def limits(previewed: bool) -> BoundedLimits:
+class Bounds(NamedTuple):
+    """Limits of the current [A], and of the speeds of motor and end effector [m/s]."""
+
+    control: float
+    signals: tuple[Signal, ...]
+
+
+def limits(previewed: bool) -> Bounds:
     """Current and speeds; an unknown reference takes its own share of them at any time."""
     share = 0.0 if previewed else FEED
     viscous = thesis_axis().friction.viscous / thesis_axis().force_constant
@@ -219,7 +231,7 @@ def limits(previewed: bool) -> BoundedLimits:
     speeds = disturbed(DISTURBANCE, True).state_signals(
         ("v_m", "v_e"), np.eye(4)[[1, 3]], RELAXED_SPEED - share
     )
-    return BoundedLimits(current, speeds)
+    return Bounds(current, speeds)
 
 
 def certificate(size: float, speed: float) -> CertificateRow:
@@ -258,17 +270,17 @@ def loop_row(reference: str, length: int, samples: int) -> LoopRow:
     """The bounded MPC under disturbances that change slowly, at random, or to reach most."""
     previewed = reference == PREVIEWED
     model, bounds = disturbed(DISTURBANCE, previewed), limits(previewed)
-    plant = axis()
-    room = bounds._replace(control=FOR_DISTURBANCES) if previewed else bounds
-    mpc = BoundedMPC(plant, bounded_response(plant, model, room, length, False), bounds)
-    path = _moving(mpc.preview, samples) if previewed else _still(mpc.preview, samples)
-    attack = mpc.response.attack(model.state_signals(["tool"], np.eye(4)[2])[0])
-    states, controls = _driven(mpc, model, path, _disturbances(path.steps, attack))
+    path = _moving(2 * length, samples) if previewed else _still(2 * length, samples)
+    answer = model.control_signals(FOR_DISTURBANCES if previewed else bounds.control)
+    tool = model.state_signals(["tool"], np.eye(4)[2])
+    pattern = least_peak(model, tool, [*answer, *bounds.signals], length).response
+    mpc = _bounded_mpc(model, pattern, bounds, path)
+    states, controls = _driven(mpc, model, path, _disturbances(path.steps, pattern.attack(tool[0])))
     error = states[:, 2] - np.asarray(path.position)[: path.steps, 0]
     return LoopRow(
         reference,
         length,
-        1e3 * mpc.promised(mpc.certified(path), path.steps),
+        1e3 * float(mpc.kept.limit[0, 0]),
         1e3 * float(np.abs(error).max()),
         float(np.abs(controls).max()),
         float(np.abs(states[:, [1, 3]]).max()),
@@ -276,6 +288,31 @@ def loop_row(reference: str, length: int, samples: int) -> LoopRow:
         path.steps,
         1e3 * error,
     )
+
+
+def _bounded_mpc(
+    model: DisturbedModel, pattern: FiniteResponse, bounds: Bounds, path: Reference
+) -> BoundedMPC:
+    """Bounded MPC that keeps end effector and speeds, around the undisturbed run."""
+    samples = len(path.position)
+    run = machine_run(axis(), path, np.zeros((samples, 1)), NEAR, CURRENT, rounds=1)
+    along = VaryingModel(*(np.broadcast_to(one, (samples, *one.shape)) for one in model))
+    response = brought_to_rest_along(along, [pattern], np.zeros(samples, int))
+    R = response.samples
+    rows = np.stack([np.eye(4)[2], *(signal.state for signal in bounds.signals)])
+    value = run.state[:R] @ rows.T
+    value[:, 0] -= np.asarray(path.position)[:R, 0]
+    peak = pattern.peak(Signal("tool", rows[0], np.zeros(1)))
+    tolerance = SPARE * (np.abs(value[:, 0]).max() + peak)
+    limit = [tolerance, *(signal.limit for signal in bounds.signals)]
+    kept = KeptRows(
+        ("tool", *(signal.name for signal in bounds.signals)),
+        np.broadcast_to(rows, (R, *rows.shape)),
+        value,
+        np.broadcast_to(limit, value.shape),
+    )
+    left = bounds.control - np.abs(run.control[:R])
+    return BoundedMPC(run.state[:R], run.control[:R], response, kept, left)
 
 
 def _disturbances(steps: int, attack: np.ndarray) -> np.ndarray:
@@ -295,8 +332,7 @@ def _driven(mpc: BoundedMPC, model: DisturbedModel, path: Reference, w: np.ndarr
     x = np.asarray(axis().initial_state(path.position[0], path.start_increment))
     states, controls = [], []
     for k in range(path.steps):
-        sample = type(plan.sample)(*(leaf[k] for leaf in plan.sample))
-        row = type(plan)(plan.state[k], sample)
+        row = type(plan)(*(leaf[k] for leaf in plan))
         memory, u, _ = mpc.step(memory, row, x)
         states.append(x)
         controls.append(u)

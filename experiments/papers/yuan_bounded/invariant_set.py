@@ -17,8 +17,7 @@ from jcontour.app.reports.figures.axes import CYCLE, OTHER
 from jcontour.linear.transformations import zoh
 from jcontour.plants.flexible_axis.axis import thesis_axis
 from jcontour.sets.disturbed_model import DisturbedModel
-from jcontour.sets.invariant_polytopes import control_invariant
-from jcontour.sets.polytopes import box
+from jcontour.sets.invariant_polytopes import box, control_invariant
 
 PERIOD = 8e-3  # [s]: rows grow with every step
 TOLERANCE, SPEED, CURRENT = 4.5e-3, 0.25, 9.0  # [m], [m/s], [A]

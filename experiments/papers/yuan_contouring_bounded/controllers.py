@@ -19,9 +19,9 @@ from experiments.papers.yuan_contouring_bounded.tubes import SPARE, Part, Tube
 from experiments.papers.yuan_gantry.experiment import RADIUS
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
-from jcontour.mpc.bounded.bounded_along import BoundedAlong, KeptRows
+from jcontour.mpc.bounded_mpc import BoundedMPC, KeptRows
 from jcontour.plants.gantry.gantry import thesis_gantry
-from jcontour.sets.varying_responses import VaryingResponse
+from jcontour.sets.responses import VaryingResponse
 
 CURRENT = 10.0  # [A] limit of every motor: ours, as in the library's gantry
 SLOW = 125  # samples of half a period of a slow disturbance
@@ -52,7 +52,7 @@ class Parted(HostController):
         seconds: processor time of every step that had an answer [s].
     """
 
-    def __init__(self, parts: tuple[Part, ...], controllers: tuple[BoundedAlong, ...]):
+    def __init__(self, parts: tuple[Part, ...], controllers: tuple[BoundedMPC, ...]):
         self.parts, self.controllers = parts, controllers
         self.seconds: list[float] = []
         self.preview = max(one.preview for one in controllers)
@@ -89,7 +89,7 @@ def controller(tube: Tube) -> tuple[Parted, Promise]:
     """Controllers of all parts, and what they promise together.
 
     Raises:
-        ValueError: a limit leaves no room; it names the signal.
+        ValueError: a limit is too small; it names the signal.
     """
     made = [
         _part_controller(tube, part, response)
@@ -121,7 +121,7 @@ def _others(tube: Tube, part: Part) -> Float[np.ndarray, " n"]:
     return state
 
 
-def _part_controller(tube: Tube, part: Part, response: VaryingResponse) -> BoundedAlong:
+def _part_controller(tube: Tube, part: Part, response: VaryingResponse) -> BoundedMPC:
     """Controller of a part: its rows of the tool first, then the tube of its states."""
     R, states, inputs = response.samples, list(part.states), list(part.inputs)
     machine = tube.machine
@@ -140,9 +140,9 @@ def _part_controller(tube: Tube, part: Part, response: VaryingResponse) -> Bound
     )
     nominal = machine.control[:R, inputs]
     # currents that wait are states: their limit is the same
-    room = np.minimum(CURRENT - np.abs(nominal), tube.current[inputs])
+    limit = np.minimum(CURRENT - np.abs(nominal), tube.current[inputs])
     late = tube.design.late
-    return BoundedAlong(machine.state[:R, states], nominal, response, kept, room, late)
+    return BoundedMPC(machine.state[:R, states], nominal, response, kept, limit, late)
 
 
 def _directions(reference: Reference, part: Part, samples: int) -> tuple[np.ndarray, tuple]:

@@ -29,7 +29,6 @@ from jcontour.plants.gantry.friction_gantry import StickSlipGantry
 from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import control_oriented, tangent
 from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
-from jcontour.sets.ring_polygons import ring_polygons
 from jcontour.simulation.metrics import contour_error, score, tracking_error
 
 SOURCE = (
@@ -130,7 +129,7 @@ class LoopRow:
 
     @property
     def kept(self) -> bool:
-        """Whether the run stayed within its certificate, every QP solved, the tube proven."""
+        """Whether the run stayed within its promise, every QP solved, the tube closed."""
         within = self.reached_um <= self.promised_um and not self.diverged
         return within and self.unsolved == 0 and self.closed <= 1
 
@@ -160,10 +159,27 @@ def run(settings: Settings) -> Result:
 
 def polygons() -> Polygons:
     """Algorithm 2, and the outer polygon that is printed."""
-    found = ring_polygons(RADIUS, TOLERANCE)
+    inner, outer, _, side = ring_polygons(RADIUS, TOLERANCE)
     printed = (RADIUS + TOLERANCE) * np.cos(np.pi / PRINTED_SIDES)
-    lengths = (1e3 * float(one) for one in (printed, found.side, RADIUS))
-    return Polygons(found.inner, found.outer, *lengths)
+    return Polygons(inner, outer, *(1e3 * float(one) for one in (printed, side, RADIUS)))
+
+
+def ring_polygons(radius: float, tolerance: float) -> tuple[int, int, float, float]:
+    """Sides n_in, n_out of the polygons of Algorithm 2 with l_vert <= R <= l_side, and these.
+
+    The tool may be anywhere between the radii R - eps and R + eps. The vertices of the polygon
+    around the inner circle are at l_vert = (R - eps) / cos(pi / n_in) from the centre, the sides of
+    that inside the outer circle at l_side = (R + eps) cos(pi / n_out).
+    """
+    inner, outer = 3, 3
+    while (radius - tolerance) / np.cos(np.pi / inner) > radius:
+        inner += 1
+    vertex = (radius - tolerance) / np.cos(np.pi / inner)
+    while (radius + tolerance) * np.cos(np.pi / outer) < vertex:  # (5.42)
+        outer += 1
+    while (radius + tolerance) * np.cos(np.pi / outer) < radius:  # line 5: the circle lies inside
+        outer += 1
+    return inner, outer, vertex, (radius + tolerance) * np.cos(np.pi / outer)
 
 
 @cache

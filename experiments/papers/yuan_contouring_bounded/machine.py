@@ -6,16 +6,17 @@ Every model has the states of `Gantry`, and after them the currents that wait fo
 from functools import cache
 from typing import NamedTuple
 
+import equinox as eqx
+import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
 from experiments.papers.yuan_gantry.experiment import SAMPLE, reference_path
-from jcontour.bounds.gantry.gantry_bending import Bending
 from jcontour.motion.references import Reference
-from jcontour.mpc.bounded.machine_runs import MachineRun, machine_run
+from jcontour.mpc.machine_runs import MachineRun, machine_run
 from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import Linearisation, currents_along
-from jcontour.sets.varying_responses import VaryingModel
+from jcontour.sets.responses import VaryingModel
 
 POINTS = (-0.075, -0.025, 0.025, 0.075)  # [m], of linearisation, section 5.5.1
 DISTURBANCE = 0.5  # [A] on every motor: ours, none is printed
@@ -61,11 +62,10 @@ class Driven(NamedTuple):
         C = self.run.C
         return np.concatenate([C, np.zeros((*C.shape[:2], 3 * self.late))], axis=2)
 
-    @property
-    def bending(self) -> Bending:
-        """Bounds of what is of second order around the run."""
-        run = self.run
-        return Bending(Gantry(thesis_gantry(), SAMPLE), run.state[: len(run.A)], run.control)
+    def curvature(self) -> Float[np.ndarray, "S n b b"]:
+        """Second derivatives |H| of a sample's step (S, 6, 9, 9) over state and currents."""
+        both = np.concatenate([self.run.state[: len(self.run.A)], self.run.control], axis=1)
+        return np.abs(_second_derivatives(Gantry(thesis_gantry(), SAMPLE), both))
 
     def switched(
         self, linear: Linearisation, points: tuple[float, ...]
@@ -88,6 +88,14 @@ class Driven(NamedTuple):
 def driven(preview: int, late: int) -> Driven:
     """The machine along the path, with this preview."""
     return Driven(*_along_the_path(preview), late)
+
+
+@eqx.filter_jit
+def _second_derivatives(gantry: Gantry, both: np.ndarray) -> Array:
+    def step(one):
+        return gantry.step(one[:MOVING], one[MOVING:])
+
+    return jax.vmap(jax.jacfwd(jax.jacfwd(step)))(both)
 
 
 @cache

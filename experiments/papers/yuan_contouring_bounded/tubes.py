@@ -4,10 +4,12 @@ A controller's model differs from the machine: by the coupling that it leaves ou
 its linearisation. Along the run the difference of the derivatives is known, and in a tube of states
 |e| <= Z and currents |du| <= V it is at most
     r = max_k |dA_k| Z + |dB_k| V
-per sample, and what is of second order in the deviation at most rho(Z, V + w), a bound by intervals
-(`gantry_bending`). Their sum is a disturbance beside those of the motors w. The tube grows with it,
-and it with the tube: both are computed in turn, with some spare, until r covers what its own tube
-needs.
+per sample, and the second-order term of its Taylor series at most
+
+    rho = 1/2 max_k d' |H_k| d,   d = (Z, V + w).
+Their sum is a disturbance beside those of the motors w. The tube grows with it, and it with the
+tube: both are computed in turn, with some spare, until r covers what its own tube needs. Terms of
+third order are left to that spare.
 """
 
 from dataclasses import dataclass, replace
@@ -17,12 +19,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from experiments.papers.yuan_contouring_bounded.machine import DISTURBANCE, MOVING, Driven
-from jcontour.bounds.gantry.gantry_bending import Bending
 from jcontour.plants.gantry.linear_models import Linearisation, tangent
 from jcontour.sets.disturbed_model import DisturbedModel
-from jcontour.sets.finite_responses import FiniteResponse
 from jcontour.sets.least_peaks import least_peak
-from jcontour.sets.varying_responses import (
+from jcontour.sets.responses import (
+    FiniteResponse,
     VaryingModel,
     VaryingResponse,
     brought_to_rest_along,
@@ -99,8 +100,8 @@ class Tube:
         state: Z (n,), largest deviation of every state.
         current: V (3,), largest deviation of the commands [A].
         remainder: r (n,), largest model error per sample.
-        closed: share of r that the tube itself needs; the tube is proven where it is at most one,
-            but for disturbances that turn within a sample: their box is a choice.
+        closed: share of r that the tube itself needs; the tube holds where it is at most one, to
+            second order and but for disturbances that turn within a sample: their box is a choice.
     """
 
     design: Design
@@ -118,9 +119,8 @@ def tube_of(design: Design, machine: Driven) -> Tube:
 
     Raises:
         NoResponse: the currents do not suffice against motors and remainder.
-        ValueError: the tube within a sample does not close.
     """
-    (model, which), bending = design.modelled(machine), machine.bending
+    (model, which), curvature = design.modelled(machine), machine.curvature()
     first = _turning(design, model)
     first[:MOVING] += GUESS
     found = Tube(design, machine, model, (), np.zeros_like(first), np.zeros(3), first, np.inf)
@@ -128,7 +128,7 @@ def tube_of(design: Design, machine: Driven) -> Tube:
         responses = tuple(_response(found, part, which) for part in design.parts)
         state, current = _sizes(found, responses)
         needed = _needed(found, state, current)
-        needed[:MOVING] += _bent(design, bending, state, current)
+        needed[:MOVING] += _second_order(design, curvature, state, current)
         closed = float((needed[:MOVING] / found.remainder[:MOVING]).max())
         found = replace(found, responses=responses, state=state, current=current, closed=closed)
         if closed <= 1:
@@ -142,13 +142,13 @@ def _turning(design: Design, model: VaryingModel) -> np.ndarray:
     return design.turning * np.abs(model.E).sum(axis=2).max(axis=0)
 
 
-def _bent(design: Design, bending: Bending, state: np.ndarray, current: np.ndarray) -> np.ndarray:
-    """Bound of what is of second order in a tube, and of rounding (6,)."""
+def _second_order(
+    design: Design, curvature: np.ndarray, state: np.ndarray, current: np.ndarray
+) -> np.ndarray:
+    """Largest second-order term of a sample's step in a tube, and rounding (6,)."""
     acting = state[MOVING : MOVING + 3] if design.late else current  # late: those that waited
-    samples = len(bending.run)
-    states = np.broadcast_to(state[:MOVING], (samples, MOVING))
-    currents = np.broadcast_to(acting + DISTURBANCE, (samples, 3))
-    return bending.remainder(states, currents).max(axis=0) + ROUNDING
+    size = np.concatenate([state[:MOVING], acting + DISTURBANCE])
+    return MARGIN * (curvature @ size @ size).max(axis=0) / 2 + ROUNDING
 
 
 def _sizes(tube: Tube, responses: tuple[VaryingResponse, ...]) -> tuple[np.ndarray, np.ndarray]:

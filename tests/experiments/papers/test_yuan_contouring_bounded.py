@@ -1,6 +1,8 @@
 """Yuan's contouring controllers: verdicts on made-up results, tubes and runs on the gantry."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -30,6 +32,7 @@ from experiments.papers.yuan_contouring_bounded.experiment import (
     Settings,
     loop_row,
     polygons,
+    ring_polygons,
     run,
     tube,
 )
@@ -38,6 +41,9 @@ from experiments.papers.yuan_gantry.experiment import SAMPLE
 from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import tangent
 
+CASES = json.loads(
+    (Path(__file__).parents[2] / "data" / "guarantees" / "polygons.json").read_text()
+)
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 
@@ -133,6 +139,13 @@ def test_a_quick_run_says_nothing_of_what_it_leaves_out():
     quick = replace(result, loops=(result.loops[0], result.loops[3]))
     found = verdicts(quick)
     assert not any("linearisation" in one or "friction" in one for one in found)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case['R']}-{case['eps']}")
+def test_side_numbers_are_the_reference(case):
+    inner, outer, vertex, _ = ring_polygons(case["R"], case["eps"])
+    assert (inner, outer) == (case["n_in"], case["n_out"])
+    assert vertex == pytest.approx(case["l_vert"], rel=1e-12)
 
 
 def test_polygons_of_algorithm_2():

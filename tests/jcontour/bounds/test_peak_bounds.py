@@ -8,7 +8,7 @@ import pytest
 
 from jcontour.bounds.disturbed_loop import Box, disturbed_loop
 from jcontour.bounds.peak_bounds import coefficients, peak_bounds, state_tubes, worst_attack
-from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.actuation import Disturbed
 from jcontour.simulation.closed_loop import simulate
 
 SIZE = np.array([0.3, 1.0, 2.0])

@@ -3,15 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.plants import bridgeport
 from jcontour.sets.disturbed_model import DisturbedModel
-
-
-def test_load_of_a_plant_acts_where_its_control_does():
-    plant = bridgeport()
-    model = DisturbedModel.loaded(plant, [0.1, 0.3])
-    np.testing.assert_array_equal(model.E, np.asarray(plant.B) * [0.1, 0.3])
-    assert (model.states, model.inputs, model.disturbances) == (8, 2, 2)
 
 
 def test_disturbances_are_put_side_by_side(slide):
@@ -41,9 +33,3 @@ def test_signals_have_a_limit_each_or_one_for_all(slide):
 def test_bad_matrices_are_named(matrices, told):
     with pytest.raises(ValueError, match=told):
         DisturbedModel.of(*matrices)
-
-
-@pytest.mark.parametrize("load", [-0.1, np.inf, [0.1, 0.2, 0.3]])
-def test_bad_loads_are_named(load):
-    with pytest.raises(ValueError, match="load: needs one number or 2"):
-        DisturbedModel.loaded(bridgeport(), load)

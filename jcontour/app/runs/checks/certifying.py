@@ -14,8 +14,8 @@ from jcontour.app.files.results.bound_results import CertifiedRow
 from jcontour.app.files.results.run_metrics import PeakPlace
 from jcontour.app.machines.disturbance_bounds import Bounds, box_of, linear_machine
 from jcontour.app.runs.stored_loops import StoredLoop
-from jcontour.bounds.attacks import Attack
 from jcontour.bounds.certificates import Certificate, certificate
+from jcontour.bounds.peak_bounds import Attack
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant

@@ -1,14 +1,63 @@
-"""Responses of models that change on the way, against constant models and simulated policies."""
+"""Finite responses: peaks against all corners of the disturbances, against simulated policies."""
+
+from itertools import product
 
 import numpy as np
 import pytest
 
-from jcontour.sets.disturbed_model import DisturbedModel
+from jcontour.sets.disturbed_model import DisturbedModel, Signal
 from jcontour.sets.least_peaks import least_peak
-from jcontour.sets.varying_responses import VaryingModel, brought_to_rest_along
+from jcontour.sets.responses import VaryingModel, brought_to_rest, brought_to_rest_along
 
 SAMPLES, LENGTH = 40, 6
 DT = 0.1
+
+
+@pytest.fixture(scope="module")
+def response(slide):
+    controls = np.array([-3.0, 1.0, 0.4, 0.2])[:, None, None] * 0.2
+    return brought_to_rest(slide, controls)
+
+
+def replayed(response, disturbances):
+    """State and control at every sample of the policy that answers with the responses."""
+    model, x, states, controls = response.model, np.zeros(2), [], []
+    for k in range(len(disturbances) + 1):
+        past = range(max(0, k - response.length), k)
+        u = sum((response.control[k - 1 - i] @ disturbances[i] for i in past), np.zeros(1))
+        states.append(x)
+        controls.append(u)
+        if k < len(disturbances):
+            x = model.A @ x + model.B @ u + model.E @ disturbances[k]
+    return np.array(states), np.array(controls)
+
+
+def test_controls_are_changed_until_the_state_rests(slide, response):
+    x = slide.E
+    for control in response.control:
+        x = slide.A @ x + slide.B @ control
+    assert np.abs(x).max() < 1e-15
+    assert response.length == 4 and not response.state[-1].any()
+
+
+def test_peak_is_the_largest_of_all_corners(response):
+    signal = Signal("mixed", np.array([2.0, -0.3]), np.array([0.7]))
+    largest = 0.0
+    for signs in product((-1.0, 1.0), repeat=6):
+        states, controls = replayed(response, np.array(signs)[:, None])
+        largest = max(largest, float(np.abs(states @ signal.state + 0.7 * controls[:, 0]).max()))
+    assert response.peak(signal) == pytest.approx(largest, rel=1e-12)
+
+
+def test_the_attack_of_a_constant_model_reaches_the_peak(response):
+    signal = Signal("position", np.array([1.0, 0.0]), np.zeros(1))
+    states, _ = replayed(response, response.attack(signal))
+    assert states[-1, 0] == pytest.approx(response.peak(signal), rel=1e-12)
+
+
+def test_a_response_too_short_to_rest_is_refused(slide):
+    with pytest.raises(ValueError, match="responses of 1 samples cannot be brought to rest"):
+        brought_to_rest(slide, np.zeros((1, 1, 1)))
 
 
 @pytest.fixture
@@ -16,7 +65,7 @@ def rng():
     return np.random.default_rng(0)
 
 
-def slide(mass: float) -> DisturbedModel:
+def heavy_slide(mass: float) -> DisturbedModel:
     """A mass on a spring of 9 N/m under 0.2 N, forward Euler."""
     return DisturbedModel.of(
         [[1, DT], [-9 * DT / mass, 1]], [0, DT / mass], np.array([0, 0.2 * DT / mass])
@@ -31,7 +80,7 @@ def along(models: list[DisturbedModel]) -> VaryingModel:
 def patterns():
     return [
         least_peak(one, one.state_signals(["x"], [1, 0]), one.control_signals(1.0), LENGTH).response
-        for one in (slide(1.0), slide(1.5))
+        for one in (heavy_slide(1.0), heavy_slide(1.5))
     ]
 
 
@@ -39,7 +88,7 @@ def patterns():
 def switched(patterns):
     """A mass that changes at every seventh sample."""
     which = np.arange(SAMPLES) // 7 % 2
-    model = along([slide(1.5 if heavy else 1.0) for heavy in which])
+    model = along([heavy_slide(1.5 if heavy else 1.0) for heavy in which])
     return brought_to_rest_along(model, patterns, which)
 
 
@@ -50,12 +99,13 @@ def position(samples: int) -> tuple[np.ndarray, np.ndarray]:
 
 def test_on_a_constant_model_they_are_the_pattern(patterns):
     which = np.zeros(SAMPLES, int)
-    found = brought_to_rest_along(along([slide(1.0)] * SAMPLES), patterns, which)
+    found = brought_to_rest_along(along([heavy_slide(1.0)] * SAMPLES), patterns, which)
     assert found.samples == SAMPLES - LENGTH
     np.testing.assert_allclose(found.control[5], patterns[0].control, atol=1e-12)
     np.testing.assert_allclose(found.state[5], patterns[0].state, atol=1e-12)
     growth = found.growth(*position(found.samples))
-    wanted = patterns[0].growth([1.0, 0.0], [0.0])
+    wanted = np.cumsum(np.abs(patterns[0].state[:, 0]).sum(axis=-1))
+    wanted = np.concatenate([[0.0], wanted[:-1]])
     np.testing.assert_allclose(growth[LENGTH + 3, 0], wanted, atol=1e-12)
 
 
@@ -122,10 +172,10 @@ def test_a_late_control_waits_in_the_state(switched, rng):
 
 
 def test_bad_input(patterns):
-    short = along([slide(1.0)] * LENGTH)
+    short = along([heavy_slide(1.0)] * LENGTH)
     with pytest.raises(ValueError, match="model: needs more than 6 samples"):
         brought_to_rest_along(short, patterns, np.zeros(LENGTH, int))
-    fixed = along([slide(1.0)] * SAMPLES)
+    fixed = along([heavy_slide(1.0)] * SAMPLES)
     stuck = fixed._replace(B=np.zeros_like(fixed.B))
     with pytest.raises(ValueError, match="cannot be brought to rest"):
         brought_to_rest_along(stuck, patterns, np.zeros(SAMPLES, int))

@@ -1,8 +1,15 @@
-"""Finite responses of a model that changes from sample to sample, and what they add to signals.
+"""Finite responses of a model to its disturbances, the peaks of signals, and what they grow by.
+
+A policy that answers every disturbance w(k) with X_j w(k) in the state and U_j w(k) in the control,
+j samples later, makes
+
+    X_0 = E,   X_{j+1} = A X_j + B U_j,   X_N = 0.
+The largest value of a signal c x + d u under |w_i| <= 1 is its peak, the l1 norm of its response:
+
+    sum_{j<N} |c X_j + d U_j|_1.
+On a model that changes from sample to sample,
 
     x(k+1) = A_k x(k) + B_k u(k) + E_k w(k),   |w_i(k)| <= 1
-The answer to w(k) is X_kj w(k) in the state and U_kj w(k) in the control, at sample k+1+j:
-
     X_k0 = E_k,   X_k(j+1) = A_(k+1+j) X_kj + B_(k+1+j) U_kj,   X_kN = 0.
 A machine whose model switches along its path is of this form: an answer that begins before a switch
 ends after it. No set is handed over to another, which Yuan's Algorithm 3 and (5.43) leave open. The
@@ -11,7 +18,7 @@ models have to be known ahead, as those along a known path are.
 At sample t a plan that was made j samples before has lost
 
     h_tj = sum_{i=1..j} |c_t X_(t-i)(i-1) + d_t U_(t-i)(i-1)|_1
-of the room of a signal c_t x + d_t u; h_tN is its peak.
+of the slack of a signal c_t x + d_t u; h_tN is its peak.
 """
 
 from collections.abc import Sequence
@@ -21,8 +28,53 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from jcontour.sets.disturbed_model import Numbers
-from jcontour.sets.finite_responses import AT_REST, FiniteResponse
+from jcontour.sets.disturbed_model import DisturbedModel, Numbers, Signal
+
+AT_REST = 1e-9  # size of X_N, relative to the largest X_j, that counts as zero
+
+
+@dataclass(frozen=True)
+class FiniteResponse:
+    """Responses X_0..X_N and U_0..U_{N-1} of a model to its disturbances.
+
+    Attributes:
+        model: matrices A, B, E.
+        state: X (M, n, q), M = N + 1, the last one zero.
+        control: U (N, p, q).
+    """
+
+    model: DisturbedModel
+    state: Float[np.ndarray, "M n q"]
+    control: Float[np.ndarray, "N p q"]
+
+    @property
+    def length(self) -> int:
+        """Number of samples N."""
+        return len(self.control)
+
+    def peak(self, signal: Signal) -> float:
+        """Largest value of a signal under all disturbances of the box."""
+        return float(np.abs(self._of(signal)).sum())
+
+    def attack(self, signal: Signal) -> Float[np.ndarray, "N q"]:
+        """Disturbances w(0)..w(N-1) that drive the signal to its peak at sample N."""
+        return np.sign(self._of(signal))[::-1]
+
+    def _of(self, signal: Signal) -> Float[np.ndarray, "N q"]:
+        response = np.einsum("n,jnq->jq", signal.state, self.state[:-1])
+        return response + np.einsum("p,jpq->jq", signal.control, self.control)
+
+
+def brought_to_rest(model: DisturbedModel, controls: np.ndarray) -> FiniteResponse:
+    """Response of these controls, changed by as little as brings the state to rest to rounding.
+
+    Raises:
+        ValueError: no controls (N, p, q) bring the state to rest.
+    """
+    samples = len(controls) + 1
+    along = VaryingModel(*(np.broadcast_to(one, (samples, *one.shape)) for one in model))
+    states, controls = _rested(along, controls[None])
+    return FiniteResponse(model, states[0], controls[0])
 
 
 class VaryingModel(NamedTuple):
@@ -67,7 +119,7 @@ class VaryingResponse:
         return len(self.control)
 
     def growth(self, state: Numbers, control: Numbers) -> Float[np.ndarray, "R r M"]:
-        """Loss of room h_tj of signals c_t x + d_t u, for plans that are j = 0..N samples old.
+        """Loss of slack h_tj of signals c_t x + d_t u, for plans that are j = 0..N samples old.
 
         Before sample 0 nothing acted.
 
@@ -111,11 +163,19 @@ def brought_to_rest_along(
         ValueError: there are no more samples than N, or no controls bring the state to rest.
     """
     controls = np.stack([one.control for one in patterns])
-    N, p = controls.shape[1:3]
-    R, n = len(model.A) - N, model.A.shape[1]
+    R = len(model.A) - controls.shape[1]
     if R < 1:
-        raise ValueError(f"model: needs more than {N} samples, received {len(model.A)}")
-    U = controls[np.asarray(which)[:R]]
+        raise ValueError(
+            f"model: needs more than {controls.shape[1]} samples, received {len(model.A)}"
+        )
+    return VaryingResponse(model, *_rested(model, controls[np.asarray(which)[:R]]))
+
+
+def _rested(
+    model: VaryingModel, U: Float[np.ndarray, "R N p q"]
+) -> tuple[Float[np.ndarray, "R M n q"], Float[np.ndarray, "R N p q"]]:
+    """States X and controls U, these changed by as little as makes X_N zero to rounding."""
+    (R, N, p), n = U.shape[:3], model.A.shape[1]
     after, reach = np.broadcast_to(np.eye(n), (R, n, n)), np.zeros((R, n, N, p))
     for j in range(N - 1, -1, -1):  # from the last sample backwards
         A, B = model.A[1 + j : 1 + j + R], model.B[1 + j : 1 + j + R]
@@ -129,9 +189,9 @@ def brought_to_rest_along(
         U = U - (back @ missed).reshape(U.shape)
     X = _states(model, U)
     if (np.abs(X[:, -1]).max(axis=(0, 2)) > AT_REST * np.abs(X).max(axis=(0, 1, 3))).any():
-        raise ValueError(f"patterns: responses of {N} samples cannot be brought to rest")
+        raise ValueError(f"length: responses of {N} samples cannot be brought to rest")
     X[:, -1] = 0.0
-    return VaryingResponse(model, X, U)
+    return X, U
 
 
 def _states(model: VaryingModel, U: Float[np.ndarray, "R N p q"]) -> Float[np.ndarray, "R M n q"]:

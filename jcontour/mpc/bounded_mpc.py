@@ -4,12 +4,14 @@ With e = x - z(k), du = u - v(k) the deviations from the run (z, v), a sample so
 
     minimise    sum_j |rows e_j|_Q^2 + |du_j|_R^2
     subject to  e_0 = x - z(k),   e_(j+1) = A_(k+j) e_j + B_(k+j) du_j,   e_N = 0,
-                |value + row e_j| <= limit - h_(k+j)j,   |du_j| <= room - h_(k+j)j
-and applies u = v(k) + du_0. The h are those of `varying_responses`: if one sample has an answer,
-every later one has, over all switches of the model. It is the controller of `bounded` where the
-model is known sample by sample; Yuan's (5.23), (5.26) and (5.43) constrain the nominal prediction
-only and are not recursively feasible. A control that acts late is a state of the model, see
-`VaryingModel.with_input_delay`: the controller remembers it.
+                |value + row e_j| <= limit - h_(k+j)j,   |du_j| <= control_limit - h_(k+j)j
+and applies u = v(k) + du_0. The h are the growth of the peaks in `jcontour.sets.responses`. If one
+sample has an answer, every later one has, over all switches of the model: the plan, shifted by one
+sample and answered by X_j w, U_j w, loses exactly what was kept. The constraint-tightened MPC of
+Chisci, Rossiter & Zappa (2001) and Richards & How (2006), with responses of least peak. Yuan's
+(4.20), (5.23), (5.26) and (5.43) constrain the nominal prediction only and are not recursively
+feasible. A control that acts late is a state of the model, see `VaryingModel.with_input_delay`: the
+controller remembers it.
 """
 
 from typing import Any, NamedTuple
@@ -20,13 +22,15 @@ from jaxtyping import Float
 from jcontour.controller import check_preview
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
-from jcontour.mpc.bounded.bounded_qp import ACTIVE, ROUNDING, TOO_SMALL
 from jcontour.qp.problem import QP
 from jcontour.qp.solvers import DAQP, Solver
 from jcontour.sets.disturbed_model import Numbers
-from jcontour.sets.varying_responses import VaryingResponse
+from jcontour.sets.responses import VaryingResponse
 
-CONTROL_WEIGHT = 1e-3  # of a control's deviation over its room; rows over their limits weigh one
+CONTROL_WEIGHT = 1e-3  # of a control's deviation over its limit; rows over their limits weigh one
+TOO_SMALL = 1e-7  # of a limit: what a whole control changes in a row that is left out
+ROUNDING = 1e-9  # of a limit, by which rows may be exceeded: certificates are floating point
+ACTIVE = 1e-9  # smallest multiplier of a limit that counts as active, in the scaled problem
 
 
 class KeptRows(NamedTuple):
@@ -51,7 +55,7 @@ class LateMemory(NamedTuple):
     waiting: Float[np.ndarray, "late p"]
 
 
-class AlongPlan(NamedTuple):
+class BoundedPlan(NamedTuple):
     """Numbers of the QP of every sample; z are the deviations of the controls in units.
 
     Attributes:
@@ -76,7 +80,7 @@ class AlongPlan(NamedTuple):
     most: Float[np.ndarray, "*T z"]
 
 
-class BoundedAlong(HostController):
+class BoundedMPC(HostController):
     """MPC that keeps rows, and its controls near those of the run, fed the state.
 
     Args:
@@ -84,14 +88,14 @@ class BoundedAlong(HostController):
         control: nominal v (R, p).
         response: to the disturbances.
         kept: signals and their limits.
-        room: largest deviation of the controls from the run (R, p): what their limits leave, or
-            less.
+        control_limit: largest deviation of the controls from the run (R, p): what their limits
+            leave, or less.
         late: samples by which controls act late, in the model's state.
-        control_weight: on a control's deviation over its largest room.
+        control_weight: on a control's deviation over its largest limit.
         solver: of the QPs; DAQP when not given.
 
     Raises:
-        ValueError: shapes do not fit, or a limit leaves no room; it names the signal and sample.
+        ValueError: shapes do not fit, or a limit is too small; it names the signal and sample.
     """
 
     def __init__(
@@ -100,7 +104,7 @@ class BoundedAlong(HostController):
         control: Numbers,
         response: VaryingResponse,
         kept: KeptRows,
-        room: Numbers,
+        control_limit: Numbers,
         late: int = 0,
         control_weight: float = CONTROL_WEIGHT,
         solver: Solver | None = None,
@@ -111,26 +115,21 @@ class BoundedAlong(HostController):
         self.solver = DAQP() if solver is None else solver
         R, (n, p) = response.samples, response.model.B.shape[1:]
         self.state, self.control = np.asarray(state, float)[:R], np.asarray(control, float)[:R]
-        self.room = np.asarray(room, float)
-        _check(self.state, self.control, self.room, kept, (R, n, p))
-        self.unit = self.room.max(axis=0)
+        self.control_limit = np.asarray(control_limit, float)
+        _check(self.state, self.control, self.control_limit, kept, (R, n, p))
+        self.unit = self.control_limit.max(axis=0)
         still = np.zeros((R, len(kept.names), p))
         self.growth = response.growth(kept.state, still)
         each = np.broadcast_to(np.eye(p), (R, p, p))
         self.control_growth = response.growth(np.zeros((R, p, n)), each)
-        self._check_room()
+        self._check_limits()
 
     @property
     def needs(self) -> Float[np.ndarray, "R r"]:
         """Largest magnitude of every kept signal: |value| and the disturbances' peak."""
         return np.abs(self.kept.value) + self.growth[..., -1]
 
-    @property
-    def control_needs(self) -> Float[np.ndarray, "R p"]:
-        """Largest deviation of every control that its room has to allow."""
-        return self.control_growth[..., -1]
-
-    def prepare(self, reference: Reference) -> AlongPlan:
+    def prepare(self, reference: Reference) -> BoundedPlan:
         """QPs of every sample.
 
         Raises:
@@ -153,8 +152,8 @@ class BoundedAlong(HostController):
         idle = np.abs(rows).max(axis=2) < TOO_SMALL  # no control reaches these samples yet
         low, high = np.where(idle, -np.inf, low), np.where(idle, np.inf, high)
         ahead, stage = at + np.arange(N), np.arange(N)
-        most = self.room[ahead] * (1 + ROUNDING) - self.control_growth[ahead, :, stage]
-        return AlongPlan(
+        most = self.control_limit[ahead] * (1 + ROUNDING) - self.control_growth[ahead, :, stage]
+        return BoundedPlan(
             self.state[:T],
             self.control[:T],
             H,
@@ -170,7 +169,7 @@ class BoundedAlong(HostController):
         """Controls that wait are zero, as those of a delay line are."""
         return LateMemory(np.zeros((self.late, self.unit.size)))
 
-    def step(self, memory: LateMemory, plan: AlongPlan, measurement: Any) -> Stepped:
+    def step(self, memory: LateMemory, plan: BoundedPlan, measurement: Any) -> Stepped:
         """Solve, apply the first control.
 
         Raises:
@@ -223,10 +222,10 @@ class BoundedAlong(HostController):
         size = np.abs(H).max(axis=(1, 2), keepdims=True)
         return H / size, turned @ known / size
 
-    def _check_room(self) -> None:
+    def _check_limits(self) -> None:
         names = [*self.kept.names, *(f"control {i + 1}" for i in range(self.unit.size))]
-        needed = np.concatenate([self.needs, self.control_needs], axis=1)
-        limit = np.concatenate([self.kept.limit, self.room], axis=1)
+        needed = np.concatenate([self.needs, self.control_growth[..., -1]], axis=1)
+        limit = np.concatenate([self.kept.limit, self.control_limit], axis=1)
         share = needed / limit
         sample, worst = np.unravel_index(np.argmax(share), share.shape)
         if not share[sample, worst] <= 1:
@@ -236,13 +235,13 @@ class BoundedAlong(HostController):
             )
 
 
-def _check(state, control, room, kept: KeptRows, sizes: tuple[int, int, int]) -> None:
+def _check(state, control, control_limit, kept: KeptRows, sizes: tuple[int, int, int]) -> None:
     R, n, p = sizes
     r = len(kept.names)
     fields = {
         "state": (state, (R, n)),
         "control": (control, (R, p)),
-        "room": (room, (R, p)),
+        "control_limit": (control_limit, (R, p)),
         "kept.state": (kept.state, (R, r, n)),
         "kept.value": (kept.value, (R, r)),
         "kept.limit": (kept.limit, (R, r)),
@@ -250,5 +249,6 @@ def _check(state, control, room, kept: KeptRows, sizes: tuple[int, int, int]) ->
     for name, (leaf, shape) in fields.items():
         if leaf.shape != shape:
             raise ValueError(f"{name}: needs shape {shape}, received {leaf.shape}")
-    if not (np.isfinite(room) & (room > 0)).all() or not (kept.limit > 0).all():
-        raise ValueError("room, kept.limit: need to be above zero, the room finite")
+    positive = (kept.limit > 0).all() and (control_limit > 0).all()
+    if not (positive and np.isfinite(control_limit).all()):
+        raise ValueError("control_limit, kept.limit: need to be above zero, the former finite")

@@ -5,11 +5,11 @@ import pytest
 
 from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples
-from jcontour.mpc.bounded.bounded_along import BoundedAlong, KeptRows
+from jcontour.mpc.bounded_mpc import BoundedMPC, KeptRows
 from jcontour.qp.problem import Unsolved
 from jcontour.sets.disturbed_model import DisturbedModel
 from jcontour.sets.least_peaks import least_peak
-from jcontour.sets.varying_responses import VaryingModel, brought_to_rest_along
+from jcontour.sets.responses import VaryingModel, brought_to_rest_along
 
 DT, LENGTH, STEPS = 0.1, 8, 60
 SAMPLES = STEPS + 2 * LENGTH
@@ -33,7 +33,7 @@ def model(late: int) -> tuple[VaryingModel, np.ndarray]:
     return found, which
 
 
-def made(late: int = 0, limit: float | None = None, room: float | None = None):
+def made(late: int = 0, limit: float | None = None, control_limit: float | None = None):
     """The controller around rest; the tube of its states is hardly wider than it has to be."""
     found, which = model(late)
     n = found.A.shape[1]
@@ -53,8 +53,8 @@ def made(late: int = 0, limit: float | None = None, room: float | None = None):
     each = np.ones((R, 1, 1))
     most = SPARE * response.growth(np.zeros((R, 1, n)), each)[..., -1].max()
     still = np.zeros((R, n)), np.zeros((R, 1))
-    rooms = np.full((R, 1), most if room is None else room)
-    return BoundedAlong(*still, response, kept, rooms, late), float(sizes[0])
+    limits = np.full((R, 1), most if control_limit is None else control_limit)
+    return BoundedMPC(*still, response, kept, limits, late), float(sizes[0])
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def rest():
     return from_samples(zeros, zeros + 1.0, DT, 2 * LENGTH, contour=path, in_motion=False)
 
 
-def run(mpc: BoundedAlong, reference, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def run(mpc: BoundedMPC, reference, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """States (T, n) and controls (T, 1); a QP without an answer raises."""
     plan, memory = mpc.prepare(reference), mpc.initial_memory(reference)
     found, x, states, controls = mpc.response.model, np.zeros(mpc.state.shape[1]), [], []
@@ -86,7 +86,7 @@ def test_it_keeps_its_promise_over_the_switches(late, rest, rng):
     for w in laps:
         states, controls = run(mpc, rest, w)
         assert np.abs(states[:, 0]).max() <= size * (1 + 1e-8)
-        assert np.abs(controls).max() <= mpc.room.max() * (1 + 1e-8)
+        assert np.abs(controls).max() <= mpc.control_limit.max() * (1 + 1e-8)
 
 
 @pytest.mark.parametrize("late", [0, 1])
@@ -109,7 +109,7 @@ def test_what_the_run_takes_of_a_limit_is_left_on_one_side_only(rest):
     """A value of 0.3 of a limit moves both bounds of its rows down by as much."""
     mpc, _ = made(limit=1.0)
     kept = mpc.kept._replace(value=np.where([True, False], 0.3, 0.0) + 0 * mpc.kept.value)
-    mpc = BoundedAlong(mpc.state, mpc.control, mpc.response, kept, mpc.room)
+    mpc = BoundedMPC(mpc.state, mpc.control, mpc.response, kept, mpc.control_limit)
     plan = mpc.prepare(rest)
     middle = (plan.low + plan.high)[:, : 2 * (LENGTH - 1)].reshape(STEPS, LENGTH - 1, 2)[:, 1:] / 2
     np.testing.assert_allclose(middle, np.broadcast_to([-0.3, 0.0], middle.shape), atol=1e-12)
@@ -125,13 +125,13 @@ def test_bad_input(rest):
     with pytest.raises(ValueError, match=r"x: run and disturbances need .* the limit is 1e-06"):
         made(limit=1e-6)
     with pytest.raises(ValueError, match="control 1: run and disturbances need"):
-        made(room=0.1)
-    with pytest.raises(ValueError, match="room, kept.limit: need to be above zero"):
-        made(room=-1.0)
+        made(control_limit=0.1)
+    with pytest.raises(ValueError, match="control_limit, kept.limit: need to be above zero"):
+        made(control_limit=-1.0)
     mpc, size = made()
     with pytest.raises(ValueError, match="kept.value: needs shape"):
         short = mpc.kept._replace(value=np.zeros((3, 1)))
-        BoundedAlong(mpc.state, mpc.control, mpc.response, short, mpc.room)
+        BoundedMPC(mpc.state, mpc.control, mpc.response, short, mpc.control_limit)
     long = from_samples(
         np.zeros((2 * SAMPLES, 1)),
         np.ones((2 * SAMPLES, 1)),

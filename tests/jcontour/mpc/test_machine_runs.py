@@ -8,7 +8,7 @@ from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import in_time
-from jcontour.mpc.bounded.machine_runs import machine_run
+from jcontour.mpc.machine_runs import machine_run
 from jcontour.plant import Plant
 from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import currents_along

@@ -1,1 +1,0 @@
-"""Predictive control that keeps its limits under every disturbance in a box."""
