@@ -137,8 +137,6 @@ class Line30:
 
     eps_from_max: float
     eps_from_rms: float
-    limit_max: float  # eps -> 0 [m]
-    limit_rms: float
     optimal_max: float  # of the l1-optimal FIR filter [m]
 
 
@@ -263,13 +261,10 @@ def line_30(zero: float) -> Line30:
         found = brentq(lambda eps: size(error(eps)) - float(printed), *SEARCHED_EPS, xtol=1e-14)
         return float(np.asarray(found))
 
-    limit = value * (reference - reference.mean())
     step = value / (1 - zero) * (np.roll(reference, -1) - reference)
     return Line30(
         eps_from_max=eps_of(peak, row.printed_max),
         eps_from_rms=eps_of(rms, row.printed_rms),
-        limit_max=peak(limit),
-        limit_rms=rms(limit),
         optimal_max=peak(step),
     )
 

@@ -1,7 +1,6 @@
 """Statements of Yuan's sections 5.3 to 5.5: findings, verdicts, tables and figures."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -150,16 +149,8 @@ def _on_the_bench(result: Result) -> Iterator[Claim]:
             )
 
 
-class Sides(NamedTuple):
-    """Sides of the two polygons, and the outer one's distance from the centre [mm]."""
-
-    name: str
-    sides: str
-    side_mm: float
-
-
 def tables(result: Result) -> Iterator[Table]:
-    """The promises, the boxes of the disturbances, and Algorithm 2."""
+    """The promises, and the boxes of the disturbances."""
     yield Table(
         "Fig. 5.11: contour error, the thesis wants 4 mm",
         result.loops,
@@ -190,16 +181,6 @@ def tables(result: Result) -> Iterator[Table]:
             "step ms\nmedian": "median_ms:.4g",
             "step ms\nlargest": "slowest_ms:.4g",
         },
-        words=2,
-    )
-    one = result.polygons
-    yield Table(
-        f"Polygons in the ring of 4 mm around R = {one.radius_mm:.3f} mm",
-        [
-            Sides("printed", "10, 10", one.printed_side_mm),
-            Sides("found", f"{one.inner}, {one.outer}", one.side_mm),
-        ],
-        {"Algorithm 2": "name", "sides": "sides", "l_side mm": "side_mm:.3f"},
         words=2,
     )
 

@@ -124,18 +124,7 @@ def _heads(result: Result) -> Iterator[Claim]:
 
 
 def tables(result: Result) -> Iterator[Table]:
-    """Frequencies, the emulated head, engines."""
-    yield Table(
-        "Fig. 5.6: from the current of a drive to its speed",
-        result.responses,
-        {
-            "head m": "head_m:g",
-            "coupling M_e x_h": lambda row: "kept" if row.coupling else "as printed",
-            "anti-resonance Hz": "antiresonance_hz:.2f",
-            "resonance Hz": "resonance_hz:.2f",
-        },
-        words=2,
-    )
+    """The emulated head."""
     numbers = {
         "X\num": (1e6, "peak_x_error_m"),
         "Y\num": (1e6, "peak_y_error_m"),
@@ -170,15 +159,6 @@ STYLES = {  # (head [m], coupling kept) -> colour, line
     (0.66, True): ("tab:green", "--"),
 }
 SHOWN_HZ = (10.0, 120.0)
-HEADS = {  # kind of head -> its line; wide lines show beneath narrow ones that cover them
-    "gantry": {"color": "black", "linewidth": 3.0, "alpha": 0.35},
-    "at once, no dry friction": {"color": "tab:blue"},
-    "at once, no dry friction, undamped": {"color": "tab:orange"},
-    "at once, dry friction": {"color": "tab:green", "linewidth": 2.5, "alpha": 0.6},
-    "late, no dry friction": {"color": "tab:purple", "linestyle": "--"},
-    "late, dry friction": {"color": "tab:red"},
-    "late, dry friction, undamped": {"color": "tab:brown"},
-}
 
 
 def bode(result: Result) -> Figure:
@@ -224,26 +204,4 @@ def path(result: Result) -> Figure:
     return drawn(panels, (12.0, 4.2), columns=3)
 
 
-def bench(result: Result) -> Figure:
-    """Section 5.6: contour error and twist with a bench as the head, damped and undamped.
-
-    A run that loses its contour has no contour error in the figure.
-    """
-    error, twist, time = [], [], SAMPLE * np.arange(len(result.path.twist_rad))
-    for row in result.heads:
-        style = {"linewidth": 0.9, **HEADS[row.name]}
-        if not row.diverged:
-            error.append(Curve(time, 1e6 * row.contour_error_m, row.name, style))
-        twist.append(Curve(time, 1e6 * np.abs(row.twist_rad), row.name, style))
-    dashed = {"color": "0.5", "linestyle": "--", "linewidth": 0.8}
-    twist.append(Curve(None, 1e6 * LARGEST_TWIST, "allowed twist", dashed))
-    log = {"yscale": "log", "xmargin": 0.01}
-    panels = [
-        Panel("", "", "contour error [um]", error, {**log, "ylim": (1e-1, None)}),
-        Panel("", "time [s]", "twist of the beam [urad]", twist, {**log, "ylim": (1e-4, None)}),
-    ]
-    title = "Section 5.6: a motor bench as the head of the gantry"
-    return drawn(panels, (9.0, 7.0), title, sharex=True)
-
-
-FIGURES = {"figure-5-6": bode, "figures-5-11-and-5-13": path, "section-5-6": bench}
+FIGURES = {"figure-5-6": bode, "figures-5-11-and-5-13": path}

@@ -7,10 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
 
 from experiments.papers.verdicts import Verdict
-from experiments.papers.yuan_gantry.claims import PRINTED_HZ, bench, claims
+from experiments.papers.yuan_gantry.claims import PRINTED_HZ, claims
 from experiments.papers.yuan_gantry.experiment import (
     CASES,
     DAMPED,
@@ -215,25 +214,6 @@ def test_verdicts_follow_the_numbers(result):
     far = tuple(replace(row, distance_m=1e-3) for row in result.heads)
     away = replace(result, heads=far)
     assert verdicts(away)[4:6] == [NO, SHOWN]
-
-
-def test_heads_are_drawn_each_in_its_colour_and_the_legend_hides_none(result):
-    figure = bench(result)
-    error, twist = figure.axes
-    rows = result.heads
-    drawn = {line.get_label(): line for line in twist.lines}
-    assert [*drawn] == [*(row.name for row in rows), "allowed twist"]
-    assert len({to_hex(line.get_color()) for line in drawn.values()}) == len(drawn)
-    for row in rows:
-        np.testing.assert_allclose(drawn[row.name].get_ydata(), 1e6 * np.abs(row.twist_rad))
-    assert [line.get_label() for line in error.lines] == [
-        row.name for row in rows if not row.diverged
-    ]
-    figure.draw_without_rendering()
-    legend = figure.legends[0].get_window_extent()
-    panels = [axes.get_tightbbox() for axes in (error, twist)]
-    assert not any(legend.overlaps(panel) for panel in panels)
-    assert figure.bbox.containsx(legend.x0) and figure.bbox.containsx(legend.x1)
 
 
 def _growth(time, swinging, start, end):
