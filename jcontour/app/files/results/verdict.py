@@ -66,10 +66,15 @@ class LimitCheck:
         return self.kept and self.value >= NEAR * self.allowed
 
     @property
+    def shown(self) -> float:
+        """The value as it is printed: a speed in mm/min, as programs have feeds."""
+        return MM_PER_MIN * self.value if self.unit == "m/s" else self.value
+
+    @property
     def size(self) -> str:
-        """Value and limit with their unit; a speed in mm/min, as programs have it."""
+        """Value and limit with their unit, as they are printed."""
         if self.unit == "m/s":
-            return f"{MM_PER_MIN * self.value:.5g} of {MM_PER_MIN * self.allowed:.5g} mm/min"
+            return f"{self.shown:.5g} of {MM_PER_MIN * self.allowed:.5g} mm/min"
         return f"{self.value:.4g} of {self.allowed:.4g} {self.unit}".rstrip()
 
     @property

@@ -190,7 +190,7 @@ def _start(seen: Evidence) -> Iterator[Message]:
     for one in seen.start_limits:
         if not one.kept:
             after = tuned.get(one.name)
-            why.append(f"{one.name} {one.size}" + (f"; tuned {after.value:.4g}" if after else ""))
+            why.append(f"{one.name} {one.size}" + (f"; tuned {after.shown:.4g}" if after else ""))
     yield from (warning(f"start: not usable, {line}") for line in why)
     if why and not seen.compared:
         yield warning("compared with no other loop: no simple loop keeps every limit as it begins")

@@ -50,7 +50,9 @@ def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
     seen.control[0, 1, 2, 0] = 50.0  # before the first scored sample
     seen.control[1, 0, 7, 1] = -9.1
     seen.output[0, 1, 10:, 0] = 3e-4  # [m] in one sample
-    assert beyond(seen, MACHINE) == ["speed of X EXCEEDS its limit: 0.3 of 0.2 m/s (ring, late)"]
+    assert beyond(seen, MACHINE) == [
+        "speed of X EXCEEDS its limit: 18000 of 12000 mm/min (ring, late)"
+    ]
     assert near(seen) == ["control of input 2 is near its limit: 9.1 of 10 A (eight, nominal)"]
     seen.control[1, 0, 7, 1] = -8.9
     seen.output[0, 1, 10:, 0] = 1.7e-4
@@ -64,7 +66,7 @@ def test_a_loop_overshoots_the_speed_of_a_motion_that_keeps_the_limit():
     seen.output[1, 0, :, 0] = 0.2009e-3 * np.arange(SAMPLES)
     at_limit = scenarios(speed=0.2)
     (line,) = (one.line for one in machine_limits(seen, at_limit, MACHINE) if one.near)
-    assert "speed of X overshoots its limit" in line and "0.2009 of 0.2 m/s" in line
+    assert "speed of X overshoots its limit" in line and "12054 of 12000 mm/min" in line
     assert exceeded(machine_limits(seen, at_limit, MACHINE)) == []
     assert len(exceeded(machine_limits(seen, scenarios(speed=0.201), MACHINE))) == 1
     seen.output[1, 0, :, 0] *= 1.06

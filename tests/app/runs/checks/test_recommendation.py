@@ -111,7 +111,7 @@ def test_weights_that_saw_a_single_plant_are_not_loaded():
 @pytest.mark.parametrize(("law", "calmer"), [("trapezoidal", True), ("jerk", False)])
 def test_what_asks_for_less_is_told_where_a_limit_is_exceeded(law, calmer):
     first, second = reasons(limits=[BEYOND], feed_law=law)
-    assert first.startswith("speed of X EXCEEDS its limit: 0.3 of 0.2 m/s")
+    assert first.startswith("speed of X EXCEEDS its limit: 18000 of 12000 mm/min")
     assert "--acceleration" in second and ("--feed-law jerk" in second) is calmer
 
 
