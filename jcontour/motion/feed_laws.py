@@ -190,11 +190,10 @@ def trapezoidal(
         ValueError: a limit or `dt` is not finite and above zero, a rest is negative, wrong shape,
             or more than 20 million samples.
     """
-    axes = contour.axes
-    speed_limit = None if axis_speed is None else per_axis("axis_speed", axis_speed, axes)
-    acceleration_limit = np.full(axes, np.inf)
-    if axis_acceleration is not None:
-        acceleration_limit = per_axis("axis_acceleration", axis_acceleration, axes)
+    speed_limit, acceleration_limit = (
+        per_axis(name, np.inf if value is None else value, contour.axes, infinite=True)
+        for name, value in (("axis_speed", axis_speed), ("axis_acceleration", axis_acceleration))
+    )
     acceleration, dt = positive("acceleration", acceleration), positive("dt", dt)
     if not (np.isfinite(junction_deviation) and junction_deviation >= 0):
         raise ValueError(
@@ -304,9 +303,8 @@ def _ceiling(
         ceiling = np.minimum(ceiling, (acceleration / bend).min(axis=0))
         per_axis = (acceleration_limit / np.abs(steps.curvature)).min(axis=(0, 2))
         ceiling = np.minimum(ceiling, steps.tightening * per_axis)
-        if speed_limit is not None:
-            fastest = (speed_limit / np.abs(steps.tangent)).min(axis=(0, 2))
-            ceiling = np.minimum(ceiling, (steps.tightening * fastest) ** 2)
+        fastest = (speed_limit / np.abs(steps.tangent)).min(axis=(0, 2))
+        ceiling = np.minimum(ceiling, (steps.tightening * fastest) ** 2)
     return ceiling
 
 
