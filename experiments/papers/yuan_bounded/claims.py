@@ -14,10 +14,11 @@ from experiments.papers.yuan_bounded.experiment import (
     FEED,
     PREVIEWED,
     PRINTED_SPEED,
+    RIGID_SPEED,
+    RIGID_TOLERANCE,
     UNKNOWN,
     Result,
 )
-from experiments.papers.yuan_bounded.invariant_set import panel
 from experiments.tables import Table
 from jcontour.app.reports.figures.axes import CYCLE, OTHER
 
@@ -212,9 +213,17 @@ def motions(result: Result) -> Figure:
 
 
 def invariant(result: Result) -> Figure:
-    """The set of Algorithm 1 on the rigid axis; without one, nothing but the heading."""
-    panels = [panel(result.invariant)] if result.invariant else [Panel("empty", "", "", [])]
-    return drawn(panels, (6.0, 4.2))
+    """The set of Algorithm 1 on the rigid axis; without one, nothing but the limits."""
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
+    square = corners * [1e3 * RIGID_TOLERANCE, RIGID_SPEED]
+    curves = [Curve(*square.T, "limits", {"color": OTHER, "linestyle": "--"})]
+    title, run = "Algorithm 1 on the rigid axis: empty", result.invariant
+    if run is not None:
+        around = run.corners * [1e3, 1.0]
+        curves.append(Curve(*around.T, "robust control invariant set", {"color": CYCLE[0]}))
+        title = f"Algorithm 1 on the rigid axis: {run.rows} rows after {run.steps} steps"
+    x, y = "error [mm]", "speed of the error [m/s]"
+    return drawn([Panel(title, x, y, curves)], (6.0, 4.2))
 
 
 FIGURES = {

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.spatial import HalfspaceIntersection
 
-from experiments.papers.yuan_bounded.invariant_set import InvariantSetRun, algorithm_1
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import RiccatiTerminal
 from jcontour.controllers.wrappers.filters import Filtered, notch
@@ -24,6 +24,7 @@ from jcontour.geometry import contours
 from jcontour.geometry.contours import line
 from jcontour.host.loop import reported_loop
 from jcontour.linear.plant import LinearPlant, spectral_radius
+from jcontour.linear.transformations import zoh
 from jcontour.motion.point_to_point import PointToPoint, thesis_task_a
 from jcontour.motion.references import Reference, from_samples, in_time
 from jcontour.mpc.bounded_mpc import BoundedMPC, KeptRows
@@ -34,6 +35,7 @@ from jcontour.plants import thesis_axis
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, euler_model
 from jcontour.sensors import motors
 from jcontour.sets.disturbed_model import DisturbedModel, Signal
+from jcontour.sets.invariant_polytopes import box, control_invariant
 from jcontour.sets.least_peaks import NoResponse, least_peak
 from jcontour.sets.responses import FiniteResponse, VaryingModel, brought_to_rest_along
 from jcontour.sets.tolerance_certificates import least_tolerance_of_any
@@ -122,6 +124,9 @@ UNKNOWN, PREVIEWED = "unknown", "previewed"  # what the controller knows of the 
 LENGTHS = {UNKNOWN: (40, 60, 80), PREVIEWED: (40, 60, 80)}
 QUICK_LENGTHS = {UNKNOWN: (40, 60), PREVIEWED: (40,)}
 SAMPLES, QUICK_SAMPLES = 1500, 450  # of each closed loop
+RIGID_PERIOD = 8e-3  # [s], of Algorithm 1: rows grow with every step
+RIGID_TOLERANCE, RIGID_SPEED = 4.5e-3, 0.25  # [m], [m/s]
+MARGIN = 1e-2  # rho, over the tolerance and the speed
 
 
 @dataclass(frozen=True)
@@ -164,6 +169,15 @@ class LoopRow:
     speed_limit: float  # for it [m/s]
     samples: int
     error_mm: Float[np.ndarray, " T"]
+
+
+@dataclass(frozen=True)
+class InvariantSetRun:
+    """The set that Algorithm 1 ends with."""
+
+    steps: int
+    rows: int
+    corners: Float[np.ndarray, "c 2"]  # error [m] and its speed [m/s], around the set
 
 
 @dataclass(frozen=True)
@@ -359,3 +373,29 @@ def _still(preview: int, samples: int) -> Reference:
     zeros = np.zeros((samples + preview, 1))
     path = contours.polyline([[-1.0], [1.0]])
     return from_samples(zeros, zeros + 1.0, DT, preview, contour=path, in_motion=False)
+
+
+def algorithm_1() -> InvariantSetRun | None:
+    """Algorithm 1 on the rigid axis, the whole mass on the motor; None where it ends empty.
+
+    In error coordinates, e(k+1) = A e(k) + B u(k) + E w(k), within the printed tolerance, the
+    relaxed speed and the printed current. On the printed axis with its link the algorithm ends
+    empty, as no controller keeps the tolerance.
+    """
+    rigid, scale = thesis_axis(), np.array([RIGID_TOLERANCE, RIGID_SPEED])
+    mass = float(rigid.motor_mass[0] + rigid.tool_mass[0])
+    viscous, force = float(rigid.friction.viscous[0]), float(rigid.force_constant[0])
+    A, B = (
+        np.asarray(one)
+        for one in zoh([[0.0, 1.0], [0.0, -viscous / mass]], [[0.0], [force / mass]], RIGID_PERIOD)
+    )
+    scaled = A * scale / scale[:, None], B / scale[:, None], np.array([0.0, DISTURBANCE]) / scale
+    found = control_invariant(
+        DisturbedModel.of(*scaled), box([1.0, 1.0]), np.array([CURRENT]), MARGIN
+    )
+    if found is None:
+        return None
+    H, h = found.polytope
+    corners = HalfspaceIntersection(np.column_stack([H, -h]), np.zeros(2)).intersections
+    around = np.argsort(np.arctan2(corners[:, 1], corners[:, 0]))
+    return InvariantSetRun(found.steps, len(h), corners[np.append(around, around[0])] * scale)

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from experiments.papers.yuan_contouring_bounded.machine import DISTURBANCE
-from experiments.papers.yuan_contouring_bounded.tubes import SPARE, Part, Tube
+from experiments.papers.yuan_contouring_bounded.tubes import DISTURBANCE, SPARE, Part, Tube
 from experiments.papers.yuan_gantry.experiment import RADIUS
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference

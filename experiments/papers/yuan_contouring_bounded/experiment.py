@@ -17,8 +17,14 @@ from experiments.papers.yuan_contouring_bounded.controllers import (
     controller,
     random_forces,
 )
-from experiments.papers.yuan_contouring_bounded.machine import MOVING, POINTS, driven
-from experiments.papers.yuan_contouring_bounded.tubes import Design, Tube, tube_of
+from experiments.papers.yuan_contouring_bounded.tubes import (
+    MOVING,
+    POINTS,
+    Design,
+    Tube,
+    driven,
+    tube_of,
+)
 from experiments.papers.yuan_gantry.experiment import RADIUS, SAMPLE
 from jcontour.app.machines.gantry import guide_ways
 from jcontour.host.loop import reported_loop

@@ -10,16 +10,25 @@ per sample, and the second-order term of its Taylor series at most
 Their sum is a disturbance beside those of the motors w. The tube grows with it, and it with the
 tube: both are computed in turn, with some spare, until r covers what its own tube needs. Terms of
 third order are left to that spare.
+
+The machine's own nominal run is along Fig. 5.11. Every linear model has the states of `Gantry`, and
+after them the currents that wait for a late drive.
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple
 
+import equinox as eqx
+import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
-from experiments.papers.yuan_contouring_bounded.machine import DISTURBANCE, MOVING, Driven
-from jcontour.plants.gantry.linear_models import Linearisation, tangent
+from experiments.papers.yuan_gantry.experiment import SAMPLE, reference_path
+from jcontour.motion.references import Reference
+from jcontour.mpc.machine_runs import MachineRun, machine_run
+from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
+from jcontour.plants.gantry.linear_models import Linearisation, currents_along, tangent
 from jcontour.sets.disturbed_model import DisturbedModel
 from jcontour.sets.least_peaks import least_peak
 from jcontour.sets.responses import (
@@ -28,6 +37,87 @@ from jcontour.sets.responses import (
     VaryingResponse,
     brought_to_rest_along,
 )
+
+POINTS = (-0.075, -0.025, 0.025, 0.075)  # [m], of linearisation, section 5.5.1
+DISTURBANCE = 0.5  # [A] on every motor: ours, none is printed
+DWELL = 0.02  # [s], rest at both ends
+NEAR = 1e-8  # [m], error of the nominal run that counts as 1 A of current
+MOVING = 6  # states of the machine itself
+
+
+class Driven(NamedTuple):
+    """The machine along the path."""
+
+    reference: Reference  # with its preview
+    run: MachineRun  # the machine's own, undisturbed
+    late: int  # samples by which currents act late
+
+    @property
+    def exact(self) -> VaryingModel:
+        """Derivative of the machine along the run; E holds the disturbance of every motor."""
+        return self.modelled(self.run.A, self.run.B)
+
+    @property
+    def state(self) -> Float[np.ndarray, "S n"]:
+        """Nominal states, currents that wait among them."""
+        v, S = self.run.control, len(self.run.A)
+        waiting = [np.concatenate([v[j:], v[-1:].repeat(j, 0)]) for j in range(self.late)]
+        return np.concatenate([self.run.state[:S], *waiting], axis=1)
+
+    @property
+    def control(self) -> Float[np.ndarray, "S p"]:
+        """Nominal commands: those of the drives, as much earlier as they act late."""
+        v = self.run.control
+        return np.concatenate([v[self.late :], v[-1:].repeat(self.late, 0)])
+
+    @property
+    def tool(self) -> Float[np.ndarray, "S m n"]:
+        """Derivative of the tool."""
+        C = self.run.C
+        return np.concatenate([C, np.zeros((*C.shape[:2], 3 * self.late))], axis=2)
+
+    def curvature(self) -> Float[np.ndarray, "S n b b"]:
+        """Second derivatives |H| of a sample's step (S, 6, 9, 9) over state and currents."""
+        both = np.concatenate([self.run.state[: len(self.run.A)], self.run.control], axis=1)
+        return np.abs(_second_derivatives(Gantry(thesis_gantry(), SAMPLE), both))
+
+    def switched(
+        self, linear: Linearisation, points: tuple[float, ...]
+    ) -> tuple[VaryingModel, Int[np.ndarray, " S"]]:
+        """Models at the nearest of some head positions, and which it is at every sample."""
+        heads = self.run.state[: len(self.run.A), 0]
+        which = np.abs(heads[:, None] - np.asarray(points)).argmin(axis=1)
+        models = [linear(thesis_gantry(), point).sampled(SAMPLE) for point in points]
+        A, B = (np.stack([np.asarray(one[i]) for one in models]) for i in range(2))
+        return self.modelled(A[which], B[which]), which
+
+    def modelled(self, A: np.ndarray, B: np.ndarray) -> VaryingModel:
+        """Model with these matrices under the disturbances that the machine feels."""
+        found = VaryingModel(A, B, DISTURBANCE * self.run.B)
+        for _ in range(self.late):
+            found = found.with_input_delay()
+        return found
+
+
+def driven(preview: int, late: int) -> Driven:
+    """The machine along the path, with this preview."""
+    return Driven(*_along_the_path(preview), late)
+
+
+@eqx.filter_jit
+def _second_derivatives(gantry: Gantry, both: np.ndarray) -> Array:
+    def step(one):
+        return gantry.step(one[:MOVING], one[MOVING:])
+
+    return jax.vmap(jax.jacfwd(jax.jacfwd(step)))(both)
+
+
+@cache
+def _along_the_path(preview: int) -> tuple[Reference, MachineRun]:
+    gantry, reference = Gantry(thesis_gantry(), SAMPLE), reference_path(preview, DWELL)
+    currents = currents_along(gantry.parameters, reference.position, SAMPLE)
+    return reference, machine_run(gantry, reference, currents, NEAR, 1.0)
+
 
 SPARE = 1.02  # of every peak: at the peak itself nothing is left to optimise
 MARGIN = 1.05  # of the remainder: it converges geometrically
@@ -48,29 +138,17 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class Design:
-    """One way to keep the machine in a tube.
+    """One way to keep the machine in a tube."""
 
-    Attributes:
-        name: for people.
-        models: for people.
-        linear: linear model at a head position; None for the derivative of every sample.
-        points: head positions of the models.
-        apart: one controller for the head and one for the beam.
-        current: that the answers to disturbances may take, of head and of each drive [A].
-        length: samples N of an answer.
-        late: samples by which the drives act late.
-        turning: what disturbances that turn within a sample may do to a state, in shares of what
-            the motors' do.
-    """
-
-    name: str
-    models: str
-    linear: Linearisation | None
-    points: tuple[float, ...]
-    apart: bool
-    current: tuple[float, float]
-    length: int
-    late: int = 0
+    name: str  # for people
+    models: str  # for people
+    linear: Linearisation | None  # model at a head position; None: derivative of every sample
+    points: tuple[float, ...]  # head positions of the models
+    apart: bool  # one controller for the head and one for the beam
+    current: tuple[float, float]  # that answers may take, of head and of each drive [A]
+    length: int  # samples N of an answer
+    late: int = 0  # samples by which the drives act late
+    # what disturbances that turn within a sample may do to a state, in shares of the motors'
     turning: float = 0.0
 
     @property
@@ -92,26 +170,18 @@ class Design:
 class Tube:
     """A design's tube.
 
-    Attributes:
-        design: of it.
-        machine: along its run.
-        model: of the controllers, E that of the motors.
-        responses: of every part.
-        state: Z (n,), largest deviation of every state.
-        current: V (3,), largest deviation of the commands [A].
-        remainder: r (n,), largest model error per sample.
-        closed: share of r that the tube itself needs; the tube holds where it is at most one, to
-            second order and but for disturbances that turn within a sample: their box is a choice.
+    It holds where `closed` is at most one, to second order, and but for disturbances that turn
+    within a sample: their box is a choice.
     """
 
     design: Design
-    machine: Driven
-    model: VaryingModel
-    responses: tuple[VaryingResponse, ...]
-    state: Float[np.ndarray, " n"]
-    current: Float[np.ndarray, " p"]
-    remainder: Float[np.ndarray, " n"]
-    closed: float
+    machine: Driven  # along its run
+    model: VaryingModel  # of the controllers, E that of the motors
+    responses: tuple[VaryingResponse, ...]  # of every part
+    state: Float[np.ndarray, " n"]  # Z, largest deviation of every state
+    current: Float[np.ndarray, " p"]  # V, largest deviation of the commands [A]
+    remainder: Float[np.ndarray, " n"]  # r, largest model error per sample
+    closed: float  # share of r that the tube itself needs
 
 
 def tube_of(design: Design, machine: Driven) -> Tube:

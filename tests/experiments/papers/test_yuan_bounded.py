@@ -18,6 +18,7 @@ from experiments.papers.yuan_bounded.experiment import (
     PointToPointRun,
     Result,
     Settings,
+    algorithm_1,
     axis,
     certificate,
     disturbed,
@@ -26,7 +27,6 @@ from experiments.papers.yuan_bounded.experiment import (
     motion,
     run,
 )
-from experiments.papers.yuan_bounded.invariant_set import algorithm_1
 
 DATA = Path(__file__).parents[2] / "data" / "guarantees"
 ORDER = Verdict.SAME_ORDERING

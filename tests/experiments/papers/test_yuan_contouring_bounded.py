@@ -36,7 +36,7 @@ from experiments.papers.yuan_contouring_bounded.experiment import (
     run,
     tube,
 )
-from experiments.papers.yuan_contouring_bounded.machine import POINTS, driven
+from experiments.papers.yuan_contouring_bounded.tubes import POINTS, driven
 from experiments.papers.yuan_gantry.experiment import SAMPLE
 from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import tangent
