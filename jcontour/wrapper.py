@@ -65,10 +65,3 @@ class Remembering(Wrapper):
     def inner(self, state) -> State:
         """First entry of the pair."""
         return state[0]
-
-
-def unwrapped(plant: Plant, state: State) -> tuple[Plant, State]:
-    """The machine itself, without its wrappers, and its state."""
-    while isinstance(plant, Wrapper):
-        plant, state = plant.plant, plant.inner(state)
-    return plant, state

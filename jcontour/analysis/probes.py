@@ -76,11 +76,24 @@ def probe_samples(reference: Reference, count: int) -> Int[np.ndarray, " {count}
     scored = np.flatnonzero(reference.mask[: reference.steps])
     if scored.size == 0:
         raise ValueError("reference: it has no scored sample to look at")
-    turns = _turns(reference)[scored]
+    # change of direction from the sample before to the one after
+    tangent = reference.tangent
+    index = np.arange(reference.steps)
+    after = np.minimum(index + 1, len(tangent) - 1)
+    turns = np.linalg.norm(tangent[after] - tangent[np.maximum(index - 1, 0)], axis=1)[scored]
     sharpest = int(np.argmax(turns))
     few = np.linspace(0, scored.size - 1, min(scored.size, CANDIDATES)).astype(int)
     kept = np.union1d(few, sharpest)
-    features = _features(reference, scored[kept])
+    # what a loop depends on (samples, numbers), each part up to about one
+    samples = scored[kept]
+    lags = np.unique(np.linspace(0, reference.preview, LAGS).astype(int))
+    r = reference.tangent[samples[:, None] + lags]
+    directions = (r[..., :, None] * r[..., None, :]).reshape(samples.size, -1) / np.sqrt(lags.size)
+    place = reference.position[samples] / max(float(reference.contour.size), 1e-12)
+    steps = np.diff(reference.position, axis=0, prepend=reference.position[:1])
+    speed = np.linalg.norm(steps, axis=1)
+    relative = speed[samples] / max(speed.max(), 1e-12)
+    features = np.concatenate([directions, place, relative[:, None]], axis=1)
     first = [int(np.searchsorted(kept, sharpest)), 0, kept.size - 1]
     return np.sort(scored[kept[_spread(features, first, count)]])
 
@@ -90,26 +103,6 @@ def _numbered(reference: Reference, count: int, number: int) -> np.ndarray:
         return probe_samples(reference, count)
     except ValueError as error:
         raise ValueError(f"references: number {number}: {error}") from None
-
-
-def _turns(reference: Reference) -> np.ndarray:
-    """Change of direction (T,) from the sample before to the one after."""
-    tangent = reference.tangent
-    index = np.arange(reference.steps)
-    after = np.minimum(index + 1, len(tangent) - 1)
-    return np.linalg.norm(tangent[after] - tangent[np.maximum(index - 1, 0)], axis=1)
-
-
-def _features(reference: Reference, samples: np.ndarray) -> np.ndarray:
-    """What a loop depends on (samples, numbers), each part up to about one."""
-    lags = np.unique(np.linspace(0, reference.preview, LAGS).astype(int))
-    r = reference.tangent[samples[:, None] + lags]
-    directions = (r[..., :, None] * r[..., None, :]).reshape(samples.size, -1) / np.sqrt(lags.size)
-    place = reference.position[samples] / max(float(reference.contour.size), 1e-12)
-    steps = np.diff(reference.position, axis=0, prepend=reference.position[:1])
-    speed = np.linalg.norm(steps, axis=1)
-    relative = speed[samples] / max(speed.max(), 1e-12)
-    return np.concatenate([directions, place, relative[:, None]], axis=1)
 
 
 def _spread(features: np.ndarray, first: list[int], count: int) -> list[int]:

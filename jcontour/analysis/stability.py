@@ -136,7 +136,18 @@ def margins(plant: Plant, controller: Controller, reference: Reference) -> Margi
     saturated = rows.size - closed.size
     if closed.size:
         loops, rows = loops.at(closed), rows[closed]
-    return _margins(loops, rows, saturated)
+    nominal, inputs = spectral_radius(loops.closed()), loops.C.shape[1]
+    largest = float(nominal.max())
+    if largest >= 1:
+        lost = np.full((inputs, 2), rows[np.argmax(nominal)])
+        return Margins(largest, np.ones((inputs, 2)), lost, -1, saturated)
+    found = [[_gain_limit(loops, i, factor) for factor in (1 / 1.05, 1.05)] for i in range(inputs)]
+    gain = np.array([[inside for inside, _ in pair] for pair in found])
+    lost = np.array([[-1 if row is None else rows[row] for _, row in pair] for pair in found])
+    delay = 0
+    while delay < DELAY_SEARCH and spectral_radius(loops.late(delay + 1)).max() < 1:
+        delay += 1
+    return Margins(largest, gain, lost, delay, saturated)
 
 
 def cut_loops(
@@ -165,21 +176,6 @@ def _cut_loops(
 
     steps = jax.tree.map(lambda leaf: leaf[rows], (plan, run.state, run.memory))
     return jax.vmap(cut)(steps)
-
-
-def _margins(loops: CutLoops, samples: Int[np.ndarray, " R"], saturated: int) -> Margins:
-    nominal, inputs = spectral_radius(loops.closed()), loops.C.shape[1]
-    largest = float(nominal.max())
-    if largest >= 1:
-        lost = np.full((inputs, 2), samples[np.argmax(nominal)])
-        return Margins(largest, np.ones((inputs, 2)), lost, -1, saturated)
-    found = [[_gain_limit(loops, i, factor) for factor in (1 / 1.05, 1.05)] for i in range(inputs)]
-    gain = np.array([[inside for inside, _ in pair] for pair in found])
-    lost = np.array([[-1 if row is None else samples[row] for _, row in pair] for pair in found])
-    delay = 0
-    while delay < DELAY_SEARCH and spectral_radius(loops.late(delay + 1)).max() < 1:
-        delay += 1
-    return Margins(largest, gain, lost, delay, saturated)
 
 
 def _gain_limit(loops: CutLoops, index: int, factor: float) -> tuple[float, int | None]:
@@ -277,15 +273,8 @@ def _late(loop: FrozenLoop, samples: int) -> tuple[np.ndarray, FrozenLoop]:
     finite = np.asarray(np.isfinite(M).all(axis=(-2, -1)))
     found = dominant(np.where(finite[..., None, None], M, 0.0))
     kept = np.where(finite, 1.0, 0.0)[..., None]
-    slope = _slope(loop, samples, kept * found.left, kept * found.right)
-    return np.where(finite, found.radius, np.inf), slope
-
-
-def _slope(loop: FrozenLoop, samples: int, left, right) -> FrozenLoop:
-    """Derivative of Re(left' M right) with respect to the matrices of the loop.
-
-    The plant hears the last of the line, the controller writes its first.
-    """
+    # of Re(left' M right): the plant hears the last of the line, the controller writes its first
+    left, right = kept * found.left, kept * found.right
     (_, _, H), (_, E, _, D) = (
         [np.nan_to_num(np.asarray(matrix, float)) for matrix in part] for part in loop
     )
@@ -294,9 +283,10 @@ def _slope(loop: FrozenLoop, samples: int, left, right) -> FrozenLoop:
     of_x, of_w, written = left[..., :n], left[..., n : n + c], left[..., n + c : n + c + p]
     y = times(H, x)
     of_y = times(np.swapaxes(E, -1, -2), of_w) + times(np.swapaxes(D, -1, -2), written)
-    return FrozenLoop(
+    slope = FrozenLoop(
         LinearMachine(real_outer(of_x, x), real_outer(of_x, heard), real_outer(of_y, x)),
         LinearLaw(
             real_outer(of_w, w), real_outer(of_w, y), real_outer(written, w), real_outer(written, y)
         ),
     )
+    return np.where(finite, found.radius, np.inf), slope

@@ -119,7 +119,16 @@ def disturbed_loop(plant: Plant, controller: Controller, reference: Reference) -
     plant, controller = unlimited(plant), unlimited(controller)
     plan = prepared(controller, reference)
     loop = eqx.filter_jit(_loop_along)(plant, controller, plan, reference)
-    _check_stable(loop)
+    # the loop of every sample, held for ever, has to be stable
+    M = np.asarray(loop.M)
+    if not np.isfinite(M).all():
+        raise UnstableLoop("the loop has no bound: its matrices are not finite")
+    radius = spectral_radius(M)
+    worst = int(np.argmax(radius))
+    if radius[worst] >= 1:
+        raise UnstableLoop(
+            f"the loop has no finite bound: spectral radius {radius[worst]:.6g} at sample {worst}"
+        )
     return loop
 
 
@@ -186,7 +195,10 @@ def _loop_along(
     def at(step):
         plan_k, state, memory = step
         (A, B, H), (W, L, K, D) = frozen_loop(plant, controller, plan_k, state, memory)
-        c, p, slope = W.shape[0], B.shape[1], _output_slope(plant, state)
+        moving, fixed = eqx.partition(state, eqx.is_inexact_array)
+        flat, shaped = ravel_pytree(moving)
+        slope = jax.jacfwd(lambda row: plant.output(eqx.combine(shaped(row), fixed)))(flat)
+        c, p = W.shape[0], B.shape[1]
         M = blocks([[A + B @ D @ H, B @ K], [L @ H, W]])
         E = blocks([[B, B @ D], [np.zeros((c, p), A.dtype), L]])
         C = blocks([[slope, np.zeros((slope.shape[0], c), A.dtype)]])
@@ -194,22 +206,3 @@ def _loop_along(
 
     steps = jax.vmap(at)((plan, run.state, run.memory))
     return DisturbedLoop(*steps, run.output, run.control)
-
-
-def _output_slope(plant: Plant, state: Any) -> Float[Array, "m n"]:
-    moving, fixed = eqx.partition(state, eqx.is_inexact_array)
-    flat, shaped = ravel_pytree(moving)
-    return jax.jacfwd(lambda row: plant.output(eqx.combine(shaped(row), fixed)))(flat)
-
-
-def _check_stable(loop: DisturbedLoop) -> None:
-    """Raise UnstableLoop where the loop of a sample, held for ever, is not stable."""
-    M = np.asarray(loop.M)
-    if not np.isfinite(M).all():
-        raise UnstableLoop("the loop has no bound: its matrices are not finite")
-    radius = spectral_radius(M)
-    worst = int(np.argmax(radius))
-    if radius[worst] >= 1:
-        raise UnstableLoop(
-            f"the loop has no finite bound: spectral radius {radius[worst]:.6g} at sample {worst}"
-        )

@@ -76,27 +76,16 @@ def peak_bounds(
         if block < 1:
             raise ValueError(f"block: needs at least one sample, received {block}")
         return _blocked(loop, rows, size, direct, min(block, T))
-    block = _block_that_forgets(loop, REMAINDER)
+    # samples after which the slowest of some frozen loops has forgotten: a power of two
+    some = np.asarray(loop.M)[:: max(1, loop.M.shape[0] // LOOKED_AT)]
+    radius = float(np.clip(spectral_radius(some).max(), 1e-3, 1 - 1e-9))
+    forgotten = max(np.log(REMAINDER) / np.log(radius), SHORTEST_BLOCK)
+    block = 2 ** int(np.ceil(np.log2(forgotten)))
     while True:
         found = _blocked(loop, rows, size, direct, min(block, T))
         if block >= T or found.remainder.max() <= REMAINDER * found.bound.max():
             return found
         block *= 2
-
-
-def _block_that_forgets(loop: DisturbedLoop, left: float) -> int:
-    """Samples after which the slowest of some frozen loops has forgotten: a power of two.
-
-    Other loops, and those that change faster, may need more.
-
-    Args:
-        loop: along its run.
-        left: part of a state that is as good as nothing.
-    """
-    some = np.asarray(loop.M)[:: max(1, loop.M.shape[0] // LOOKED_AT)]
-    radius = float(np.clip(spectral_radius(some).max(), 1e-3, 1 - 1e-9))
-    forgotten = max(np.log(left) / np.log(radius), SHORTEST_BLOCK)
-    return 2 ** int(np.ceil(np.log2(forgotten)))
 
 
 def state_tubes(

@@ -136,7 +136,17 @@ def reported_loop(
     check_run(plant, controller, reference)
     state = start_state(plant, reference) if state is None else state
     if isinstance(controller, Controller):
-        return _traced(plant, controller, reference, state)
+        # one compiled call a step: measure, control, advance
+        memory = controller.initial_memory(reference)
+        plan = _Plan(prepared(controller, reference))
+        numbers, step = _with_numbers(_whole_step, (plant, controller))
+        rows = _Rows(reference.position.shape[1])
+        for k in range(reference.steps):
+            after = step(numbers, state, memory, plan.row(k))
+            next_state, next_memory, output, measurement, control = after
+            rows.add((state, output, measurement, control, memory), StepReport(), False)
+            state, memory = next_state, next_memory
+        return rows.run(state, memory)
     return _hosted(plant, controller, reference, state, fallback)
 
 
@@ -174,20 +184,6 @@ class _Rows:
             np.array([one.acting for one in self.reports], int),
         )
         return HostRun(Rollout(*columns, state, memory), report)
-
-
-def _traced(plant: Plant, controller: Controller, reference: Reference, state: State) -> HostRun:
-    """One compiled call a step: measure, control, advance."""
-    memory = controller.initial_memory(reference)
-    plan = _Plan(prepared(controller, reference))
-    numbers, step = _with_numbers(_whole_step, (plant, controller))
-    rows = _Rows(reference.position.shape[1])
-    for k in range(reference.steps):
-        after = step(numbers, state, memory, plan.row(k))
-        next_state, next_memory, output, measurement, control = after
-        rows.add((state, output, measurement, control, memory), StepReport(), False)
-        state, memory = next_state, next_memory
-    return rows.run(state, memory)
 
 
 def _hosted(

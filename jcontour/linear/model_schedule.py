@@ -67,7 +67,12 @@ class ModelSchedule(eqx.Module):
             ValueError: as `along`.
         """
         at = position[..., self.output]
-        self._check_covers(at)
+        if is_concrete(at, self.points):
+            low, high = float(jnp.min(at)), float(jnp.max(at))
+            first, last = float(self.points[0]), float(self.points[-1])
+            if low < first or high > last:
+                covered = f"the models cover {first:g} to {last:g} m of output {self.output}"
+                raise ValueError(f"points: {covered}, the path goes from {low:g} to {high:g} m")
         left = jnp.clip(
             jnp.searchsorted(self.points, at, side="right") - 1, 0, self.points.size - 2
         )
@@ -79,11 +84,3 @@ class ModelSchedule(eqx.Module):
             return (1 - weight) * rows[left] + weight * rows[left + 1]
 
         return jax.tree.map(between, values)
-
-    def _check_covers(self, at: Float[Array, " S"]) -> None:
-        if is_concrete(at, self.points):
-            low, high = float(jnp.min(at)), float(jnp.max(at))
-            first, last = float(self.points[0]), float(self.points[-1])
-            if low < first or high > last:
-                covered = f"the models cover {first:g} to {last:g} m of output {self.output}"
-                raise ValueError(f"points: {covered}, the path goes from {low:g} to {high:g} m")

@@ -281,7 +281,10 @@ def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, 
         size = matrix.shape[0]
         sample = jnp.arange(size, dtype=matrix.dtype)
         ramp = jnp.stack([jnp.ones(size, matrix.dtype), sample], axis=1)
-        size_of_states = _powers_of_two(jnp.max(jnp.abs(matrix[:, :-1]), axis=0))
+        # powers of two just above the sizes: columns that are divided by them keep their digits
+        sizes = jnp.max(jnp.abs(matrix[:, :-1]), axis=0)
+        _, exponents = jnp.frexp(jax.lax.stop_gradient(sizes))
+        size_of_states = jnp.ldexp(jnp.ones_like(sizes), exponents)
         matrix = matrix.at[:, :-1].divide(size_of_states)
         maps = jnp.linalg.solve(matrix, ramp)[:-1] / size_of_states[:, None]
         Sy = Sy.at[rows, output].set(maps[:, 0])
@@ -301,12 +304,6 @@ def _steady_equations(
         rows.append(rows[-1] @ A)
     steady = jnp.stack(column)
     return jnp.concatenate([jnp.stack(rows), (steady / jnp.max(jnp.abs(steady)))[:, None]], axis=1)
-
-
-def _powers_of_two(sizes: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Those just above the sizes: columns that are divided by them keep their digits."""
-    _, exponents = jnp.frexp(jax.lax.stop_gradient(sizes))
-    return jnp.ldexp(jnp.ones_like(sizes), exponents)
 
 
 def operating_point(model: LinearPlant, position: Float[Array, " m"]) -> OperatingPoint:

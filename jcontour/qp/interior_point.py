@@ -118,22 +118,8 @@ def solve(qp: StagedQP, guess: Float[Array, "N p"] | None = None) -> Answer:
     Raises:
         ValueError: an array is of another size than h, B and D say.
     """
-    shapes = _shapes(qp)
-    for name, shape in shapes.items():
-        if jnp.shape(getattr(qp, name)) != shape:
-            received = jnp.shape(getattr(qp, name))
-            raise ValueError(f"qp.{name}: needs shape {shape}, received {received}")
-    controls = shapes["h"][0], shapes["B"][1]
-    guess = jnp.zeros(controls) if guess is None else jnp.asarray(guess)
-    if guess.shape != controls:
-        raise ValueError(f"guess: needs shape {controls}, received {guess.shape}")
-    return _answer(qp, lax.stop_gradient(guess).astype(qp.h.dtype))
-
-
-def _shapes(qp: StagedQP) -> dict[str, tuple[int, ...]]:
-    """Shape of every array, by the sizes that h, B and D state."""
     (N, v), (n, p), r = jnp.shape(qp.h), jnp.shape(qp.B), len(qp.D)
-    return {
+    shapes = {
         "A": (n, n),
         "B": (n, p),
         "c": (N, n),
@@ -147,6 +133,15 @@ def _shapes(qp: StagedQP) -> dict[str, tuple[int, ...]]:
         "upper": (N, r),
         "penalty": (r,),
     }
+    for name, shape in shapes.items():
+        if jnp.shape(getattr(qp, name)) != shape:
+            received = jnp.shape(getattr(qp, name))
+            raise ValueError(f"qp.{name}: needs shape {shape}, received {received}")
+    controls = shapes["h"][0], shapes["B"][1]
+    guess = jnp.zeros(controls) if guess is None else jnp.asarray(guess)
+    if guess.shape != controls:
+        raise ValueError(f"guess: needs shape {controls}, received {guess.shape}")
+    return _answer(qp, lax.stop_gradient(guess).astype(qp.h.dtype))
 
 
 @jax.custom_jvp
@@ -207,7 +202,23 @@ def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) ->
 def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Limits]:
     limits = one_sided_limits(qp)
     point, iterations = _converged(qp, limits, guess)
-    return _checked(qp, point, limits, iterations), point, limits
+    # the residuals are found anew
+    n, l = qp.x0.size, point.l  # noqa: E741
+    at = rollout(qp, point.at.stages[:, n:])
+    over = jnp.where(limits.there, rows(qp, at) - limits.bound, 0.0)
+    beyond, left = jnp.maximum(over, 0.0), jnp.maximum(-over, 0.0)
+    hard = jnp.max(jnp.where(limits.gives, 0.0, beyond / limits.width), initial=0.0)
+    gives = jnp.where(limits.gives, beyond, 0.0)
+    cost, dual, tiny = slopes(qp, at), _slope_left(qp, at, l), jnp.finfo(l.dtype).tiny ** 0.5
+    costs = jnp.sum(jnp.abs(cost.stages * at.stages)) + jnp.sum(jnp.abs(cost.end * at.end))
+    costs = jnp.maximum(costs, jnp.maximum(jnp.sum(l * jnp.abs(limits.bound)), tiny))
+    gap = jnp.sum(l * left) + jnp.sum((limits.price - l) * gives)
+    residual = jnp.maximum(hard, jnp.maximum(dual, gap / costs))
+    # no limit may be NaN or crossed, and every penalty has to be one
+    known = (qp.lower <= qp.upper) & (qp.lower < jnp.inf) & (qp.upper > -jnp.inf)
+    residual = jnp.where(jnp.all(known) & jnp.all(qp.penalty > 0), residual, jnp.inf)
+    most = jnp.max(gives, initial=0.0)
+    return Answer(at, l, residual, residual <= SOLVED, iterations, most), point, limits
 
 
 def _converged(qp: StagedQP, limits: Limits, guess) -> tuple[Point, Array]:
@@ -310,23 +321,6 @@ def _progress(qp: StagedQP, point: Point, limits: Limits, count):
     return _total(point) / count, jnp.max(jnp.abs(missed) / limits.width, initial=0.0)
 
 
-def _checked(qp: StagedQP, point: Point, limits: Limits, iterations) -> Answer:
-    """The answer, with its residuals found anew."""
-    n, l = qp.x0.size, point.l  # noqa: E741
-    at = rollout(qp, point.at.stages[:, n:])
-    over = jnp.where(limits.there, rows(qp, at) - limits.bound, 0.0)
-    beyond, left = jnp.maximum(over, 0.0), jnp.maximum(-over, 0.0)
-    hard = jnp.max(jnp.where(limits.gives, 0.0, beyond / limits.width), initial=0.0)
-    gives = jnp.where(limits.gives, beyond, 0.0)
-    cost, dual, tiny = slopes(qp, at), _slope_left(qp, at, l), jnp.finfo(l.dtype).tiny ** 0.5
-    costs = jnp.sum(jnp.abs(cost.stages * at.stages)) + jnp.sum(jnp.abs(cost.end * at.end))
-    costs = jnp.maximum(costs, jnp.maximum(jnp.sum(l * jnp.abs(limits.bound)), tiny))
-    gap = jnp.sum(l * left) + jnp.sum((limits.price - l) * gives)
-    residual = jnp.maximum(hard, jnp.maximum(dual, gap / costs))
-    residual = jnp.where(_stated(qp), residual, jnp.inf)
-    return Answer(at, l, residual, residual <= SOLVED, iterations, jnp.max(gives, initial=0.0))
-
-
 def _slope_left(qp: StagedQP, at: Trajectory, multipliers) -> Float[Array, ""]:
     """Largest slope of the Lagrangian with a control, over the largest term in it.
 
@@ -354,12 +348,6 @@ def _rounding(dtype) -> float:
 
 def _largest(terms) -> Float[Array, ""]:
     return jnp.max(jnp.abs(jnp.stack(terms)))
-
-
-def _stated(qp: StagedQP):
-    """Whether no limit is NaN or crossed, and every penalty is one."""
-    known = (qp.lower <= qp.upper) & (qp.lower < jnp.inf) & (qp.upper > -jnp.inf)
-    return jnp.all(known) & jnp.all(qp.penalty > 0)
 
 
 def _softened(point: Point, limits: Limits):

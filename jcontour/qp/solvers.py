@@ -111,7 +111,14 @@ class ProxQP(Solver):
         """See `Solver`; a failure is tried once more from cold at a tighter tolerance."""
         self._stacked.limits(self.name, qp)
         size = max(np.abs(qp.H).max(initial=0.0), np.abs(qp.g).max(initial=0.0)) or 1.0
-        status, answer = self._continued(qp, size)
+        if self._warm is None or self._shape != qp.C.shape:
+            self._warm, self._shape = _prox_object(qp, size, PROX_TOLERANCE), qp.C.shape
+        else:
+            self._warm.settings.initial_guess = (
+                proxsuite.proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
+            )
+            self._warm.update(**_prox_numbers(qp, size), update_preconditioner=False)
+        status, answer = _prox_solved(self._warm, size)
         if status is None:
             checked = _checked(self.name, qp, *answer)
             if checked is not None:
@@ -123,16 +130,6 @@ class ProxQP(Solver):
         if second in usable:
             candidates.append(cold)
         return _best_checked(self.name, second or status or "inaccurate", qp, candidates)
-
-    def _continued(self, qp: QP, size: float):
-        if self._warm is None or self._shape != qp.C.shape:
-            self._warm, self._shape = _prox_object(qp, size, PROX_TOLERANCE), qp.C.shape
-        else:
-            self._warm.settings.initial_guess = (
-                proxsuite.proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
-            )
-            self._warm.update(**_prox_numbers(qp, size), update_preconditioner=False)
-        return _prox_solved(self._warm, size)
 
 
 class Named(Solver):

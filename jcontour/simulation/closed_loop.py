@@ -107,7 +107,16 @@ def follow(
     Raises:
         ValueError: as `simulate`.
     """
-    _check_plan(controller, plan, reference)
+    # every array of the plan has a row for every control step
+    shapes = [jnp.shape(leaf) for leaf in jax.tree.leaves(plan)] or [()]
+    wrong = [found for found in shapes if found[:1] != (reference.steps,)]
+    if wrong:
+        ahead = reference.steps + reference.preview
+        seen = ", all samples with their preview" if ahead in wrong[0][:1] else ""
+        raise ValueError(
+            f"prepare: {type(controller).__name__} needs to return one row for each of the "
+            f"{reference.steps} control steps, received shape {wrong[0]}{seen}"
+        )
     begin = partial(start_state, plant, reference)
     state = begin() if state is None else _given(state, begin)
 
@@ -163,19 +172,6 @@ def check_kinds(call: str, **given: Any) -> None:
                 f"{call}({', '.join(given)}): the {name} need{'' if name.endswith('s') else 's'} "
                 f"to be a {kind.__name__}, received {type(one).__name__}"
             )
-
-
-def _check_plan(controller: Controller, plan: Plan, reference: Reference) -> None:
-    """Raise ValueError unless every array of the plan has a row for every control step."""
-    shapes = [jnp.shape(leaf) for leaf in jax.tree.leaves(plan)] or [()]
-    wrong = [found for found in shapes if found[:1] != (reference.steps,)]
-    if wrong:
-        ahead = reference.steps + reference.preview
-        seen = ", all samples with their preview" if ahead in wrong[0][:1] else ""
-        raise ValueError(
-            f"prepare: {type(controller).__name__} needs to return one row for each of the "
-            f"{reference.steps} control steps, received shape {wrong[0]}{seen}"
-        )
 
 
 def _given(state: State, begin: Callable[[], State]) -> State:

@@ -225,7 +225,17 @@ def stack_references(references: Sequence[Reference]) -> Reference:
     Raises:
         ValueError: none given, or their preview, sample period or number of axes differ.
     """
-    _check_runs(references)
+    if not references:
+        raise ValueError("references: needs at least one, received none")
+    for k, one in enumerate(references):
+        if one.position.ndim != 2:
+            raise ValueError(f"references: number {k} is a stack of {len(one.position)} already")
+        for words, of in TOLD.items():
+            if of(one) != of(references[0]):
+                raise ValueError(
+                    f"references: number {k} has {words.format(of(one))}, "
+                    f"number 0 has {words.format(of(references[0]))}"
+                )
     steps = max((reference.steps for reference in references), default=0)
     contours = jax.device_get(stack_contours([reference.contour for reference in references]))
 
@@ -246,21 +256,6 @@ def _check_stack(name: str, members: Any) -> None:
     shapes = [np.shape(leaf) for leaf in jax.tree.leaves(members)]
     if len({shape[:1] for shape in shapes}) != 1 or () in shapes:
         raise ValueError(f"{name}: needs a stack, as stack_{name}([...]) makes it, received one")
-
-
-def _check_runs(references: Sequence[Reference]) -> None:
-    """Raise ValueError where runs cannot be stacked; say which one, and what differs."""
-    if not references:
-        raise ValueError("references: needs at least one, received none")
-    for k, one in enumerate(references):
-        if one.position.ndim != 2:
-            raise ValueError(f"references: number {k} is a stack of {len(one.position)} already")
-        for words, of in TOLD.items():
-            if of(one) != of(references[0]):
-                raise ValueError(
-                    f"references: number {k} has {words.format(of(one))}, "
-                    f"number 0 has {words.format(of(references[0]))}"
-                )
 
 
 def _stack(name: str, members: Sequence) -> Any:

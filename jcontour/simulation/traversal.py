@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import ArrayLike, Float
 
 from jcontour.geometry.contour import Contour
 
@@ -57,7 +57,10 @@ def traversal_score(
     """
     steps = np.shape(output)[0]
     times = jnp.asarray(_times(contour))
-    found = _followed(contour, _whole_blocks(output), jnp.asarray(float(start)), times)
+    # the rows, the last one again and again up to whole blocks
+    rows = np.asarray(output)
+    index = np.minimum(np.arange(-(-len(rows) // BLOCK) * BLOCK), len(rows) - 1)
+    found = _followed(contour, jnp.asarray(rows[index]), jnp.asarray(float(start)), times)
     arc, error = (np.asarray(values)[:steps] for values in found)
     there = np.flatnonzero(arc >= float(contour.length) - margin)
     last = int(there[0]) if there.size else len(arc) - 1
@@ -82,13 +85,6 @@ def outrun(
     """
     there = float(np.max(np.asarray(progress))) >= float(contour.length) - margin
     return there and not np.isfinite(score.time)
-
-
-def _whole_blocks(rows: ArrayLike) -> Float[Array, "..."]:
-    """The rows, the last one again and again up to whole blocks."""
-    rows = np.asarray(rows)
-    index = np.minimum(np.arange(-(-len(rows) // BLOCK) * BLOCK), len(rows) - 1)
-    return jnp.asarray(rows[index])
 
 
 @jax.jit
@@ -123,7 +119,10 @@ def _foot(contour: Contour, here, arc, reach, sense):
     left = contour.length - arc if sense > 0 else arc
     half = 0.5 * jnp.minimum(reach, jnp.where(contour.closed, 0.5 * contour.length, left))
     middle = arc + sense * half
-    foot = _unrolled(contour, middle, contour.nearest(here, middle, half))
+    # as an arc length on the lap that `arc` is on
+    nearest = contour.nearest(here, middle, half)
+    moved, length = nearest - contour.within(middle), contour.length
+    foot = jnp.where(contour.closed, middle + moved - length * jnp.round(moved / length), nearest)
     return foot, jnp.linalg.norm(here - contour.position(foot))
 
 
@@ -142,9 +141,3 @@ def _times(contour: Contour) -> float:
     corners = angle if bool(contour.closed) else angle[:-1]
     sharpest = float(np.min(corners[corners > RETURN], initial=np.pi))
     return max(REACH, 2.0 / np.tan(0.5 * sharpest))
-
-
-def _unrolled(contour: Contour, arc, nearest):
-    """The nearest point as an arc length on the lap that `arc` is on."""
-    moved, length = nearest - contour.within(arc), contour.length
-    return jnp.where(contour.closed, arc + moved - length * jnp.round(moved / length), nearest)

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike, Float, Int
+from jaxtyping import ArrayLike, Float
 
 from jcontour.geometry.contour import Contour
 from jcontour.host.controller import HostController, Stepped, StepReport
@@ -96,7 +96,14 @@ class MPCC(HostController):
     ):
         self.model, self.contour, self.arrival = model, contour, arrival
         self.weights = ContouringWeights() if weights is None else weights
-        self.blocks = _blocks(horizon)
+        numbers = np.asarray(horizon, float)
+        whole = np.isfinite(numbers).all() and (numbers == np.round(numbers)).all()
+        if numbers.ndim > 1 or not numbers.size or not (whole and numbers.min() >= 1):
+            raise ValueError(
+                "horizon: needs a whole number of samples of at least one, or such lengths of "
+                f"blocks, received {horizon}"
+            )
+        self.blocks = np.ones(int(numbers), int) if numbers.ndim == 0 else numbers.astype(int)
         self.solver = DAQP() if solver is None else solver
         if contour.axes != model.axes:
             raise ValueError(
@@ -131,9 +138,36 @@ class MPCC(HostController):
                 than theta reaches or it starts beyond the path, or the control that holds the
                 machine there is outside the limits; as `LinearPlant.holding_control`.
         """
-        self._check_reference(reference)
+        reach = self.length * self.weights.length_unit  # [m]
+        axes = reference.position.shape[-1]
+        if axes != self.model.axes:
+            raise ValueError(
+                f"reference: needs as many axes as the model has outputs, {self.model.axes}, "
+                f"received {axes}"
+            )
+        if abs(reference.dt - self.model.dt) > 1e-12 * self.model.dt:
+            raise ValueError(
+                f"dt: the controller's model is sampled every {self.model.dt} s, "
+                f"the reference every {reference.dt} s"
+            )
+        longest = float(reference.contour.length)
+        if longest / self.weights.length_unit - self.length > AT_END * self.length:
+            raise ValueError(
+                f"contour: the reference's is {longest} m long, theta reaches over {reach} m"
+            )
+        arc = float(reference.arc[0])
+        if not -AT_END <= arc / reach <= 1 + AT_END:
+            raise ValueError(
+                f"reference: needs to start on the path, between 0 and {reach} m, received {arc} m"
+            )
         held = np.array(self.model.holding_control(reference.position[0]))
-        self._check_held(held)
+        p = self.model.inputs
+        low, high = self._lower[-p:], self._upper[-p:]
+        if not ((low <= held) & (high >= held)).all():
+            raise ValueError(
+                f"lower, upper: the machine is held at the start by {held}, which needs to be "
+                f"within the limits, received {low} and {high}"
+            )
         theta = float(reference.arc[0]) / self.weights.length_unit - self.length
         plan, state = np.zeros(len(self.blocks)), np.zeros(self.model.states)
         return Traversal(np.array(min(theta, 0.0)), plan, held, held, state, 0)
@@ -223,39 +257,6 @@ class MPCC(HostController):
             self._upper,
         )
 
-    def _check_reference(self, reference: Reference) -> None:
-        reach = self.length * self.weights.length_unit  # [m]
-        axes = reference.position.shape[-1]
-        if axes != self.model.axes:
-            raise ValueError(
-                f"reference: needs as many axes as the model has outputs, {self.model.axes}, "
-                f"received {axes}"
-            )
-        if abs(reference.dt - self.model.dt) > 1e-12 * self.model.dt:
-            raise ValueError(
-                f"dt: the controller's model is sampled every {self.model.dt} s, "
-                f"the reference every {reference.dt} s"
-            )
-        longest = float(reference.contour.length)
-        if longest / self.weights.length_unit - self.length > AT_END * self.length:
-            raise ValueError(
-                f"contour: the reference's is {longest} m long, theta reaches over {reach} m"
-            )
-        arc = float(reference.arc[0])
-        if not -AT_END <= arc / reach <= 1 + AT_END:
-            raise ValueError(
-                f"reference: needs to start on the path, between 0 and {reach} m, received {arc} m"
-            )
-
-    def _check_held(self, held: Float[np.ndarray, " p"]) -> None:
-        p = self.model.inputs
-        low, high = self._lower[-p:], self._upper[-p:]
-        if not ((low <= held) & (high >= held)).all():
-            raise ValueError(
-                f"lower, upper: the machine is held at the start by {held}, which needs to be "
-                f"within the limits, received {low} and {high}"
-            )
-
 
 def growing_blocks(samples: int, count: int) -> tuple[int, ...]:
     """A horizon of `samples` in `count` blocks, the first of one sample and the others longer.
@@ -273,17 +274,6 @@ def growing_blocks(samples: int, count: int) -> tuple[int, ...]:
     ends = np.round(1 + (samples - 1) * (np.arange(count) / (count - 1)) ** 2)
     ends = np.maximum(ends, np.arange(1, count + 1))
     return tuple(int(length) for length in np.diff(ends, prepend=0))
-
-
-def _blocks(horizon: int | float | Sequence[int]) -> Int[np.ndarray, " B"]:
-    numbers = np.asarray(horizon, float)
-    whole = np.isfinite(numbers).all() and (numbers == np.round(numbers)).all()
-    if numbers.ndim > 1 or not numbers.size or not (whole and numbers.min() >= 1):
-        raise ValueError(
-            "horizon: needs a whole number of samples of at least one, or such lengths of blocks, "
-            f"received {horizon}"
-        )
-    return np.ones(int(numbers), int) if numbers.ndim == 0 else numbers.astype(int)
 
 
 def _limit(name: str, value: ArrayLike | Sequence[float], inputs: int) -> Float[np.ndarray, " p"]:

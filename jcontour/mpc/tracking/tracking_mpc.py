@@ -114,7 +114,8 @@ class TrackingMPC(HostController):
         self._S = _square("increment", weights.increment, model.inputs)
         self._stage = _profile(weights.stage, self.preview)
         _check_contour_weight(weights.contour)
-        _check_penalty(penalty)
+        if penalty is not None and not (np.isfinite(penalty) and penalty > 0):
+            raise ValueError(f"penalty: needs to be finite and above zero, received {penalty}")
         self.form.check_weights(self._R, self._S)
         self._P, maps = self._terminal(predict(model, self.preview))
         self._condensed = self._with_penalty(maps, penalty)
@@ -195,7 +196,15 @@ class TrackingMPC(HostController):
         condensed = self._softened if soft else self._condensed
         control = solution.z[: self.model.inputs].copy()
         acted = TrackingMemory(control, np.array(self.form.state(measurement)))
-        return acted, control, _report(condensed, solution)
+        moves, variables = condensed.moves, solution.z.size
+        forces = solution.multipliers
+        acting = int(np.count_nonzero(np.abs(condensed.of_first_control(forces)) > ACTIVE))
+        if variables > moves:  # those of the slack are no limits
+            forces = np.delete(forces, slice(moves, variables))
+        active = int(np.count_nonzero(np.abs(forces) > ACTIVE))
+        slack = condensed.slack(solution.z)
+        report = StepReport(active, solution.residual, solution.iterations, slack, acting)
+        return acted, control, report
 
     def step(self, memory: TrackingMemory, plan: Window, measurement: Any) -> Stepped:
         """Build, solve, apply the first control.
@@ -254,17 +263,6 @@ class TrackingMPC(HostController):
         )
 
 
-def _report(condensed: Condensed, solution: Solution) -> StepReport:
-    moves, variables = condensed.moves, solution.z.size
-    forces = solution.multipliers
-    acting = int(np.count_nonzero(np.abs(condensed.of_first_control(forces)) > ACTIVE))
-    if variables > moves:  # those of the slack are no limits
-        forces = np.delete(forces, slice(moves, variables))
-    active = int(np.count_nonzero(np.abs(forces) > ACTIVE))
-    slack = condensed.slack(solution.z)
-    return StepReport(active, solution.residual, solution.iterations, slack, acting)
-
-
 def _square(name: str, weight: Any, size: int) -> Float[np.ndarray, "s s"]:
     weight = np.asarray(weight, float)
     if weight.shape in ((), (size,)):
@@ -293,11 +291,6 @@ def _profile(stage: ArrayLike | None, preview: int) -> Float[np.ndarray, " N"]:
 def _check_contour_weight(weight: float) -> None:
     if not (np.isfinite(weight) and weight >= 0):
         raise ValueError(f"contour: needs a finite weight of at least zero, received {weight}")
-
-
-def _check_penalty(penalty: float | None) -> None:
-    if penalty is not None and not (np.isfinite(penalty) and penalty > 0):
-        raise ValueError(f"penalty: needs to be finite and above zero, received {penalty}")
 
 
 def _check_within(name: str, value: np.ndarray, limits: Limits) -> None:
