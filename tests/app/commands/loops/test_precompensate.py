@@ -81,7 +81,7 @@ def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
     result = read_result(bent, BentResult)
     assert "times smaller" in sentences(result)[0] and len(sentences(result)) == 1
     limited = replace(result, limits=[BEYOND])
-    assert verdict_on(limited).reasons[0].startswith("speed of X EXCEEDS its limit: 0.3 of 0.2")
+    assert verdict_on(limited).reasons[0].startswith("speed of X EXCEEDS its limit: 18000 of 12000")
     assert verdict_on(limited).exit_code == 3 and verdict_on(result).exit_code == 0
     anyway = replace(limited, limits_before=[BEYOND])
     assert "exceeds a limit of the machine without any bend" in verdict_on(anyway).reasons[1]
