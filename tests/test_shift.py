@@ -44,6 +44,7 @@ from jcontour.plants.encoders import (
     Quantised,
     Sensed,
 )
+from jcontour.plants.friction import Friction
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import Numbered
@@ -162,7 +163,7 @@ WRAPPED = {
     PartlyDelayed: lambda: PartlyDelayed(lags(), 0.5, 1, 2),
     Disturbed: lambda: Disturbed(lags(), noise=jnp.ones((1, 2))),
     WithDryFriction: rubbed,
-    LostMotion: lambda: LostMotion(lags(), jnp.full(2, 1e-6)),
+    LostMotion: lambda: LostMotion(lags(), Friction(np.full(2, 1e-6), 0.0, 1.0, 0.0)),
     Encoders: lambda: Encoders(lags()),
     Sensed: lambda: Sensed(lags(), Sensors([0, 1]).positions),
     Quantised: lambda: Quantised(lags(), 1e-6),

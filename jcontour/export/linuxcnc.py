@@ -171,7 +171,7 @@ def _model(machine: Plant, count: Vector) -> dict[str, Any]:
         entry, speed, sharpness = (np.asarray(one, float) for one in parts)
         friction = np.asarray(machine.friction.dry(jnp.ones(m)), float)
     if isinstance(machine, LostMotion):
-        play = np.asarray(machine.force, float)
+        play = np.broadcast_to(np.asarray(machine.friction.coulomb, float), play.shape)
     matrices: list[tuple[str, Matrix | Float[np.ndarray, " m"]]] = [
         ("A", A),
         ("B", B),

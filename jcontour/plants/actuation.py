@@ -171,19 +171,21 @@ class LostMotion(Remembering):
 
     Args:
         plant: a machine whose controls are positions.
-        force: F of every control [control unit].
+        friction: its Coulomb part is F of every control [control unit].
     """
 
-    force: Float[Array, " p"]
+    friction: Friction
 
     def initial_state(self, position, increment) -> tuple:
         """Command that held the plant, behind by the friction where it moves."""
-        held = self.plant.holding_control(position) - self.force * jnp.sign(increment)
+        held = self.plant.holding_control(position) - self.friction.coulomb * jnp.sign(increment)
         return self.plant.initial_state(position, increment), held
 
     def step(self, state, control) -> tuple:
         """Step of the plant under what comes through the play."""
-        acts = jnp.clip(state[1], control - self.force, control + self.force)
+        force = self.friction.coulomb
+        behind = jnp.clip(state[1] - control, -force, force)
+        acts = control + jnp.where(force > 0, behind, 0.0)  # a play of zero has a slope
         return self.plant.step(state[0], acts), acts
 
 
@@ -208,7 +210,7 @@ def with_dry_friction(
     if takes_position.any():
         if not takes_position.all():
             raise ValueError("friction: some axes take positions and others do not")
-        return LostMotion(plant, jnp.asarray(force))
+        return LostMotion(plant, friction)
     speed = (C @ A - C) / plant.dt
     responses, state = [np.zeros(speed.shape[0])], np.asarray(entry)
     for _ in range(RESPONSE):

@@ -30,6 +30,7 @@ from jcontour.plants.actuation import (
 )
 from jcontour.plants.delays import Delayed, PartlyDelayed
 from jcontour.plants.encoders import CountingEncoders, Encoders
+from jcontour.plants.friction import without_dry_friction
 from jcontour.sensors import Sensors
 from jcontour.simulation.metrics import contour_error
 from tuning.identification.error_causes import shares
@@ -337,3 +338,14 @@ def test_a_position_loop_with_friction_is_the_play_of_its_command():
     assert float(ours[-1]) == pytest.approx(exact[-1], abs=0.15 * friction / (kv * kp))
     off = abs(exact[-1] - command[-1])  # it sticks away from its command
     assert off > 0.5 * friction / (kv * kp)
+
+
+def test_a_loop_is_looked_at_without_its_play():
+    """Its slope is that of the drive alone: no command is held back, none is remembered."""
+    servo = LinearPlant([[0.9]], [[0.1]], [[1.0]], DT)
+    free = without_dry_friction(with_dry_friction(servo, np.asarray(servo.B), np.array([1e-3])))
+    start = free.initial_state(jnp.zeros(1), jnp.zeros(1))
+    (state, held) = jax.jacobian(free.step, argnums=0)(start, jnp.zeros(1))
+    by_control, _ = jax.jacobian(free.step, argnums=1)(start, jnp.zeros(1))
+    assert float(state[0][0, 0]) == 0.9 and float(by_control[0, 0]) == 0.1
+    assert not np.any(np.asarray(state[1])) and not np.any(np.asarray(held[1]))
