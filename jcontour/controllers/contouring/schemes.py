@@ -39,7 +39,7 @@ K = C = n + kappa e / 2. W is a PID.
 """
 
 import abc
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -108,6 +108,10 @@ class OnPath(Controller):
         curvature = tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]
         return PathPlan(self.cascade.prepare(reference), PathFrame(tangent, curvature))
 
+    def initial_memory(self, reference: Reference) -> Any:
+        """Memory of the cascade."""
+        return self.cascade.initial_memory(reference)
+
 
 class CommandShaped(OnPath):
     """A cascade behind CPSCS.
@@ -125,9 +129,6 @@ class CommandShaped(OnPath):
 
     def __check_init__(self):
         check_gains(self, "gain")
-
-    def initial_memory(self, reference: Reference) -> Float[Array, " 2"]:
-        return self.cascade.initial_memory(reference)
 
     def step(
         self, memory, plan: PathPlan, measurement
@@ -196,9 +197,6 @@ class TaskFrame(OnPath):
     """
 
     cascade: Cascade
-
-    def initial_memory(self, reference: Reference) -> Float[Array, " 2"]:
-        return self.cascade.initial_memory(reference)
 
     def step(
         self, memory, plan: PathPlan, measurement

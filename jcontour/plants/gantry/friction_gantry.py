@@ -17,22 +17,19 @@ its position then do not change by a bit.
 from collections.abc import Iterable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jcontour._tracing import is_concrete
-from jcontour.plant import Plant
-from jcontour.plants.friction import Friction, caught, runge_kutta, substeps_of
+from jcontour.plants.friction import Friction, caught, runge_kutta
 from jcontour.plants.gantry.gantry import (
-    SUBSTEP,
     EquationOfMotion,
     GantryParameters,
+    GantryPlant,
     Scalar,
     Triple,
-    untwisted,
 )
 
 SLIDERS = 3  # head, first and second drive
@@ -134,16 +131,13 @@ class SlidingMotion(NamedTuple):
     mode: Int[Array, "3"]
 
 
-class _FrictionGantry(Plant):
+class _FrictionGantry(GantryPlant):
     """Common part of the true gantry and its smooth twin.
 
     Both integrate (z, z'), and measure (q, q') as `Gantry` does.
     """
 
-    parameters: GantryParameters
     friction: Friction
-    dt: float = eqx.field(static=True)
-    substeps: int = eqx.field(static=True)
 
     def __init__(
         self,
@@ -152,8 +146,7 @@ class _FrictionGantry(Plant):
         dt: float,
         substeps: int | float | None = None,
     ):
-        self.parameters, self.dt = parameters, float(dt)
-        self.substeps = substeps_of(dt, substeps, SUBSTEP)
+        super().__init__(parameters, dt, substeps)
         # Friction with one value for each slider
         for name, values in vars(friction).items():
             count = values.shape[-1]
@@ -162,14 +155,8 @@ class _FrictionGantry(Plant):
                 raise ValueError(f"friction: {name} needs {needed}, received {count}")
         self.friction = jax.tree.map(lambda values: jnp.broadcast_to(values, (SLIDERS,)), friction)
 
-    @property
-    def alike_everywhere(self) -> tuple[bool, ...]:
-        """Along Y; the place of the head on the beam changes the inertia of twist."""
-        return False, True
-
     def _start(self, position, increment) -> Float[Array, "6"]:
-        speed = jnp.asarray(increment) / self.dt
-        return self.parameters.motors(untwisted(self.parameters, position, speed))
+        return self.parameters.motors(self.straight(position, increment))
 
     def output(self, state) -> Float[Array, "2"]:
         return self.parameters.tool(self.measure(state)[:3])
@@ -282,11 +269,7 @@ class SmoothFrictionGantry(_FrictionGantry):
         self.sharpness = jnp.asarray(sharpness, float)
 
     def initial_state(self, position, increment) -> Float[Array, "6"]:
-        """State (z, z') without twist, the tool through `position`, at rest or at a steady speed.
-
-        Raises:
-            ValueError: the head would be outside the beam.
-        """
+        """State (z, z') without twist."""
         return self._start(position, increment)
 
     def step(self, state, control) -> Float[Array, "6"]:

@@ -304,16 +304,8 @@ class EquationOfMotion(NamedTuple):
         return (v @ self.mass_matrix(q) @ v + springs) / 2
 
 
-class Gantry(Plant):
-    """The gantry under currents (i_x, i_1, i_2) [A], its whole state measured.
-
-    The state is (q, q') = (x_h, y_N, theta, rates).
-
-    >>> from jcontour.plants.gantry.gantry import thesis_gantry
-    >>> gantry = Gantry(thesis_gantry(), dt=1e-3)
-    >>> start = gantry.initial_state(jnp.array([0.1, 0.2]), jnp.zeros(2))
-    >>> start.shape, bool(jnp.allclose(gantry.output(start), jnp.array([0.1, 0.2])))
-    ((6,), True)
+class GantryPlant(Plant):
+    """Common part of the gantries: a sample is integrated in substeps.
 
     Args:
         parameters: of the machine.
@@ -339,13 +331,29 @@ class Gantry(Plant):
         """Along Y; the place of the head on the beam changes the inertia of twist."""
         return False, True
 
-    def initial_state(self, position, increment) -> Float[Array, "6"]:
-        """State without twist, the tool through `position`, at rest or at a steady speed.
+    def straight(self, position, increment) -> Float[Array, "6"]:
+        """State (q, q') without twist, the tool through `position`, at rest or moving steadily.
 
         Raises:
             ValueError: the head would be outside the beam.
         """
         return untwisted(self.parameters, position, jnp.asarray(increment) / self.dt)
+
+
+class Gantry(GantryPlant):
+    """The gantry under currents (i_x, i_1, i_2) [A], its whole state measured.
+
+    The state is (q, q') = (x_h, y_N, theta, rates).
+
+    >>> from jcontour.plants.gantry.gantry import thesis_gantry
+    >>> gantry = Gantry(thesis_gantry(), dt=1e-3)
+    >>> start = gantry.initial_state(jnp.array([0.1, 0.2]), jnp.zeros(2))
+    >>> start.shape, bool(jnp.allclose(gantry.output(start), jnp.array([0.1, 0.2])))
+    ((6,), True)
+    """
+
+    def initial_state(self, position, increment) -> Float[Array, "6"]:
+        return self.straight(position, increment)
 
     def step(self, state, control) -> Float[Array, "6"]:
         h = self.dt / self.substeps

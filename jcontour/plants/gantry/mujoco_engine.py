@@ -24,9 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.plant import Plant
-from jcontour.plants.friction import substeps_of
-from jcontour.plants.gantry.gantry import SUBSTEP, GantryParameters, untwisted
+from jcontour.plants.gantry.gantry import GantryParameters, GantryPlant
 
 # a pair: mujoco-mjx itself sets no bound on mujoco
 WANTED = {"mujoco": "4.0.0", "mujoco-mjx": "3.17.0"}
@@ -58,34 +56,14 @@ OUR_ORDER = np.array([2, 0, 1])  # and back
 EngineState = tuple[Float[Array, "3"], Float[Array, "3"]]  # (qpos, qvel) in the engine's order
 
 
-class EngineGantry(Plant):
+class EngineGantry(GantryPlant):
     """Common part of the gantry in both engines.
 
     The state is (qpos, qvel), measured in the order of `Gantry`. Substeps are RK4 steps.
-
-    Args:
-        parameters: of the machine.
-        dt: sample period [s].
-        substeps: per sample; as many as `SUBSTEP` of `Gantry` fits into the sample when not given.
     """
 
-    parameters: GantryParameters
-    model: Any
-    dt: float = eqx.field(static=True)
-    substeps: int = eqx.field(static=True)
-
-    @property
-    def alike_everywhere(self) -> tuple[bool, ...]:
-        """Along Y; the place of the head on the beam changes the inertia of twist."""
-        return False, True
-
     def initial_state(self, position, increment) -> EngineState:
-        """State without twist, the tool through `position`, at rest or at a steady speed.
-
-        Raises:
-            ValueError: the head would be outside the beam.
-        """
-        state = untwisted(self.parameters, position, jnp.asarray(increment) / self.dt)
+        state = self.straight(position, increment)
         return state[ENGINE_ORDER], state[3 + ENGINE_ORDER]
 
     def output(self, state: EngineState) -> Float[Array, "2"]:
@@ -170,8 +148,7 @@ class GantryMuJoCo(EngineGantry):
     def __init__(
         self, parameters: GantryParameters, dt: float, substeps: int | float | None = None
     ):
-        self.parameters, self.dt = parameters, float(dt)
-        self.substeps = substeps_of(dt, substeps, SUBSTEP)
+        super().__init__(parameters, dt, substeps)
         self.model = mjcf(parameters, self.dt / self.substeps)
 
     def step(self, state: EngineState, control) -> EngineState:
@@ -222,8 +199,7 @@ class GantryMJX(EngineGantry):
     def __init__(
         self, parameters: GantryParameters, dt: float, substeps: int | float | None = None
     ):
-        self.parameters, self.dt = parameters, float(dt)
-        self.substeps = substeps_of(dt, substeps, SUBSTEP)
+        super().__init__(parameters, dt, substeps)
         self.model = _mjx().put_model(loaded(mjcf(parameters, self.dt / self.substeps)))
 
     def step(self, state: EngineState, control) -> EngineState:
