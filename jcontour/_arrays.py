@@ -1,5 +1,6 @@
 """Values as arrays of JAX, their largest, and arrays as short words."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -108,3 +109,17 @@ def shape(value: Any) -> str:
     '(3, 2)'
     """
     return str(tuple(value.shape)) if hasattr(value, "shape") else eqx.tree_pformat(value)
+
+
+def check_signs(
+    module: Any, positive: Sequence[str] = (), not_negative: Sequence[str] = ()
+) -> None:
+    """Raise ValueError unless fields are finite, and above or at least zero; traced ones pass."""
+    for name in (*positive, *not_negative):
+        value = getattr(module, name)
+        if is_concrete(value):
+            numbers = np.asarray(value)
+            enough = numbers > 0 if name in positive else numbers >= 0
+            if not np.all(np.isfinite(numbers) & enough):
+                bound = "above" if name in positive else "at least"
+                raise ValueError(f"{name}: needs to be finite and {bound} zero, received {value}")

@@ -1,7 +1,7 @@
 """The contract of a controller: a plan made from the future, a memory and a step."""
 
 import abc
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -163,16 +163,6 @@ def checked_gain(name: str, value) -> Array:
     if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) >= 0)):
         raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
     return numbers(value)
-
-
-def check_gains(module: eqx.Module, *names: str, above_zero: Sequence[str] = ()) -> None:
-    """Raise ValueError unless fields are finite and at least zero, and others above zero."""
-    for name in names:
-        checked_gain(name, getattr(module, name))
-    for name in above_zero:
-        value = getattr(module, name)
-        if is_concrete(value) and not np.all(np.asarray(value) > 0):
-            raise ValueError(f"{name}: needs to be above zero, received {value}")
 
 
 def check_limit(limit) -> None:

@@ -6,7 +6,7 @@ and compares with a force that omits spring and damper. Here a slider has an exp
 {-1, 0, 1}, as Karnopp had it, and the whole force decides.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TypeVar
 
 import equinox as eqx
@@ -15,8 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour._arrays import ranked
-from jcontour._tracing import is_concrete
+from jcontour._arrays import check_signs, ranked
 from jcontour.plant import Plant
 
 Axes = Float[Array, "*m"]
@@ -26,18 +25,6 @@ PerAxis = Float[Array, "#m"]  # one value, or one for each axis
 def by_axis(value) -> PerAxis:
     """Converter of a field: one value, or one for each axis."""
     return ranked(value, 1)
-
-
-def check_signs(module: eqx.Module, positive: Sequence[str], not_negative: Sequence[str]) -> None:
-    """Raise ValueError unless fields are finite, and above or at least zero; traced ones pass."""
-    for name in (*positive, *not_negative):
-        value = getattr(module, name)
-        if is_concrete(value):
-            numbers = np.asarray(value)
-            enough = numbers > 0 if name in positive else numbers >= 0
-            if not np.all(np.isfinite(numbers) & enough):
-                bound = "above" if name in positive else "at least"
-                raise ValueError(f"{name}: needs to be finite and {bound} zero, received {value}")
 
 
 class Friction(eqx.Module):

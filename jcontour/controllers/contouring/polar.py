@@ -17,11 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour._arrays import check_signs
 from jcontour._tracing import is_concrete
-from jcontour.controller import (
-    check_gains,
-    numbers,
-)
+from jcontour.controller import numbers
 from jcontour.controllers.contouring.schemes import OnPath, PathPlan
 from jcontour.controllers.feedback.cascade import Cascade
 from jcontour.motion.references import Reference
@@ -63,7 +61,7 @@ class Polar(OnPath):
     centre: Float[Array, " 2"] | None = eqx.field(converter=numbers, default=None)
 
     def __check_init__(self):
-        check_gains(self, "radial", "integral")
+        check_signs(self, not_negative=("radial", "integral"))
 
     def prepare(self, reference: Reference) -> PolarPlan:
         """Commands, frames and slopes of all steps.

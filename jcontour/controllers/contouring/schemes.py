@@ -45,11 +45,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jcontour.controller import (
-    Controller,
-    check_gains,
-    numbers,
-)
+from jcontour._arrays import check_signs
+from jcontour.controller import Controller, numbers
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.motion.references import Reference
 
@@ -128,7 +125,7 @@ class CommandShaped(OnPath):
     gain: Float[Array, ""] = eqx.field(converter=numbers)
 
     def __check_init__(self):
-        check_gains(self, "gain")
+        check_signs(self, not_negative=("gain",))
 
     def step(
         self, memory, plan: PathPlan, measurement
@@ -165,7 +162,7 @@ class Precompensated(OnPath):
     gain: Float[Array, ""] = eqx.field(converter=numbers)
 
     def __check_init__(self):
-        check_gains(self, "gain")
+        check_signs(self, not_negative=("gain",))
 
     def initial_memory(self, reference: Reference) -> PrecompensationMemory:
         zero = jnp.zeros((), reference.position.dtype)
@@ -231,7 +228,7 @@ class CrossGains(eqx.Module):
     derivative: Float[Array, ""] = eqx.field(converter=numbers, default=0.0)
 
     def __check_init__(self):
-        check_gains(self, "proportional", "integral", "derivative")
+        check_signs(self, not_negative=("proportional", "integral", "derivative"))
 
 
 class Coupling(eqx.Module):

@@ -28,10 +28,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour._arrays import check_signs
 from jcontour.controller import (
     Controller,
     check_axes,
-    check_gains,
     check_limit,
     check_period,
     checked_period,
@@ -71,8 +71,8 @@ class CascadeGains(eqx.Module):
     coulomb: PerAxis = eqx.field(converter=numbers, default=0.0)
 
     def __check_init__(self):
-        check_gains(self, "position", "velocity", "feedforward", "inertia", "viscous", "coulomb")
-        check_gains(self, "integral_time", above_zero=("integral_time",))
+        others = "position", "velocity", "feedforward", "inertia", "viscous", "coulomb"
+        check_signs(self, positive=("integral_time",), not_negative=others)
 
 
 class CascadePlan(eqx.Module):
@@ -198,7 +198,7 @@ class PositionLoop(Controller):
     preview: int = eqx.field(static=True, init=False, default=1)
 
     def __check_init__(self):
-        check_gains(self, "position", "viscous", "inertia", "level")
+        check_signs(self, not_negative=("position", "viscous", "inertia", "level"))
 
     def prepare(self, reference: Reference) -> PositionLoopPlan:
         check_axes(self.sensors.axes, reference)

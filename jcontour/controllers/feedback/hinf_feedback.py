@@ -30,11 +30,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import (
-    Controller,
-    check_limit,
-    numbers,
-)
+from jcontour.controller import Controller, check_limit, numbers
 from jcontour.controllers.feedback.state_feedback import TargetPlan, accelerated_targets
 from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.motion.references import Reference

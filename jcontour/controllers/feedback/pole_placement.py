@@ -32,14 +32,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float, Int, Num
 
-from jcontour._arrays import ranked
+from jcontour._arrays import check_signs, ranked
 from jcontour._tracing import is_concrete
-from jcontour.controller import (
-    Controller,
-    check_axes,
-    check_gains,
-    numbers,
-)
+from jcontour.controller import Controller, check_axes, numbers
 from jcontour.linear.plant import Axis, LinearPlant, decoupled_axes
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
@@ -190,8 +185,7 @@ class SelfTuning(Controller):
     preview: int = eqx.field(static=True, init=False, default=0)
 
     def __check_init__(self):
-        check_gains(self, "position", "rate", "variance", "growth")
-        check_gains(self, "gain", "least", above_zero=("gain", "least"))
+        check_signs(self, ("gain", "least"), ("position", "rate", "variance", "growth"))
         if is_concrete(self.growth) and not self.growth >= 1:
             raise ValueError(f"growth: needs to be at least one, received {self.growth}")
         if is_concrete(self.forgetting) and not 0 < self.forgetting <= 1:

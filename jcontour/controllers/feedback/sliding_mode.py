@@ -42,12 +42,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour._arrays import check_signs
 from jcontour._tracing import is_concrete
-from jcontour.controller import (
-    Controller,
-    check_gains,
-    numbers,
-)
+from jcontour.controller import Controller, numbers
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.controllers.feedback.state_feedback import TargetPlan, moving_target
 from jcontour.linear.plant import LinearPlant
@@ -82,7 +79,7 @@ class BoundaryLayer(Reaching):
     width: Float[Array, ""] = eqx.field(converter=numbers)
 
     def __check_init__(self):
-        check_gains(self, "rate", "size", "width", above_zero=("width",))
+        check_signs(self, positive=("width",), not_negative=("rate", "size"))
 
     def next(self, integral: Controls, surface: Controls) -> tuple[Controls, Controls]:
         """No integral."""
@@ -108,7 +105,7 @@ class SuperTwisting(Reaching):
     twist: Float[Array, ""] = eqx.field(converter=numbers)
 
     def __check_init__(self):
-        check_gains(self, "root", "twist")
+        check_signs(self, not_negative=("root", "twist"))
 
     def next(self, integral: Controls, surface: Controls) -> tuple[Controls, Controls]:
         """Solution of the quadratic equation for |n|^(1/2)."""
@@ -226,13 +223,11 @@ class DynamicSurface(Controller):
     """
 
     cascade: Cascade
-    lag: Float[Array, ""] | Float[Array, " m"]
-    preview: int = eqx.field(static=True, default=1)
+    lag: Float[Array, ""] | Float[Array, " m"] = eqx.field(converter=numbers)
+    preview: int = eqx.field(static=True, init=False, default=1)
 
-    def __init__(self, cascade: Cascade, lag: ArrayLike):
-        if is_concrete(lag) and not np.all(np.isfinite(lag) & (np.asarray(lag) > 0)):
-            raise ValueError(f"lag: needs to be finite and above zero, received {lag}")
-        self.cascade, self.lag, self.preview = cascade, jnp.asarray(lag, float), 1
+    def __check_init__(self):
+        check_signs(self, positive=("lag",))
 
     def prepare(self, reference: Reference) -> CascadePlan:
         """Commands of the axes; the control holds no inertia, alpha' has it."""
@@ -293,7 +288,7 @@ class AdaptiveRobust(Controller):
     preview: int = eqx.field(static=True, init=False, default=1)
 
     def __check_init__(self):
-        check_gains(self, "adaptation", "share", "load")
+        check_signs(self, not_negative=("adaptation", "share", "load"))
 
     def prepare(self, reference: Reference) -> RobustPlan:
         """Commands, and accelerations, speeds and their signs."""

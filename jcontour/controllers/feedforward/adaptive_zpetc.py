@@ -24,17 +24,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
+from jcontour._arrays import check_signs
 from jcontour._tracing import is_concrete
-from jcontour.controller import (
-    Controller,
-    check_axes,
-    check_gains,
-    check_period,
-    checked_period,
-    numbers,
-)
+from jcontour.controller import Controller, check_axes, check_period, checked_period, numbers
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 
@@ -65,19 +59,14 @@ class NormalisedLeastSquares(eqx.Module):
         ValueError: the trace or the floor is not above zero, or the dead zone is negative.
     """
 
-    trace: Float[Array, ""]
-    floor: Float[Array, ""]
-    dead_zone: Float[Array, "*#m"]
+    trace: Float[Array, ""] = eqx.field(converter=numbers)
+    floor: Float[Array, ""] = eqx.field(converter=numbers, default=1.0)
+    dead_zone: Float[Array, "*#m"] = eqx.field(converter=numbers, default=0.0)
 
-    def __init__(self, trace: ArrayLike, floor: ArrayLike = 1.0, dead_zone: ArrayLike = 0.0):
-        for name, value in (("trace", trace), ("floor", floor)):
-            if is_concrete(value) and not (np.isfinite(value) and np.all(np.asarray(value) > 0)):
-                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
-        if is_concrete(dead_zone) and not np.all(np.asarray(dead_zone) >= 0):
-            raise ValueError(f"dead_zone: cannot be negative, received {dead_zone}")
-        self.trace, self.floor, self.dead_zone = (
-            jnp.asarray(x, float) for x in (trace, floor, dead_zone)
-        )
+    def __check_init__(self):
+        check_signs(self, positive=("trace", "floor"))
+        if is_concrete(self.dead_zone) and not np.all(self.dead_zone >= 0):
+            raise ValueError(f"dead_zone: cannot be negative, received {self.dead_zone}")
 
     def start(self, theta: Float[Array | np.ndarray, "*m q"]) -> Estimate:
         """First estimate: F = (trace / q) I."""
@@ -153,7 +142,7 @@ class AdaptiveZeroPhaseTracking(Controller):
     preview: int = eqx.field(static=True, init=False, default=1)
 
     def __check_init__(self):
-        check_gains(self, above_zero=("gain", "smallest"))
+        check_signs(self, positive=("gain", "smallest"))
         theta, smallest = self.theta, self.smallest
         if is_concrete(theta, smallest) and not np.all(theta[..., 1] >= smallest):
             raise ValueError(f"theta: b_0 needs to be at least {smallest}, received {theta}")

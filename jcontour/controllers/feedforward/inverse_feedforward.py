@@ -28,15 +28,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import (
-    Controller,
-    Plan,
-    Wrapper,
-    check_gains,
-    check_limit,
-    check_preview,
-    numbers,
-)
+from jcontour._arrays import check_signs
+from jcontour.controller import Controller, Plan, Wrapper, check_limit, check_preview, numbers
 from jcontour.controllers.feedforward.zpetc import PreviewFilter
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -147,7 +140,7 @@ class FrictionFeedforward(Wrapper):
 
     def __check_init__(self):
         check_limit(self.limit)
-        check_gains(self, "coulomb")
+        check_signs(self, not_negative=("coulomb",))
 
     @property
     def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -17,11 +17,7 @@ from numpy.polynomial import polynomial
 
 from jcontour.controllers.feedforward.l1 import L1Optimum, l1_optimum
 from jcontour.controllers.feedforward.model_matching import HinfOptimum, ModelMatching, Polynomial
-from jcontour.linear.transfer_functions import (
-    TransferFunction,
-    polynomial_from_zeros,
-    sorted_zeros,
-)
+from jcontour.linear.transfer_functions import TransferFunction, polynomial_from_zeros, sorted_zeros
 
 MINUS_3_DB = 10**-0.15
 LEFT_OVER = 1e-9  # relative remainder that a division may leave

@@ -34,20 +34,10 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import polynomial
 
+from jcontour._arrays import check_signs
 from jcontour._tracing import is_concrete
-from jcontour.controller import (
-    Controller,
-    check_axes,
-    check_gains,
-    check_period,
-    checked_period,
-    numbers,
-)
-from jcontour.linear.transfer_functions import (
-    TransferFunction,
-    polynomial_from_zeros,
-    sorted_zeros,
-)
+from jcontour.controller import Controller, check_axes, check_period, checked_period, numbers
+from jcontour.linear.transfer_functions import TransferFunction, polynomial_from_zeros, sorted_zeros
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 
@@ -254,7 +244,11 @@ class ZeroPhaseTracking(Controller):
     integral_time: Float[Array, "*m"] = eqx.field(converter=numbers, default=np.inf)
 
     def __check_init__(self):
-        check_gains(self, above_zero=("gain", "integral_time"))
+        check_signs(self, positive=("gain",))
+        if is_concrete(self.integral_time) and not np.all(self.integral_time > 0):
+            raise ValueError(
+                f"integral_time: needs to be above zero, received {self.integral_time}"
+            )
 
     @property
     def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]

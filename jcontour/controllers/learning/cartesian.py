@@ -16,14 +16,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jcontour.controller import (
-    Controller,
-    check_axes,
-    check_gains,
-    check_period,
-    checked_period,
-    numbers,
-)
+from jcontour._arrays import check_signs
+from jcontour.controller import Controller, check_axes, check_period, checked_period, numbers
 from jcontour.controllers.learning.laps import Lap, RunLap
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -73,7 +67,7 @@ class CartesianControl(Controller):
     preview: int = eqx.field(static=True, init=False, default=1)
 
     def __check_init__(self):
-        check_gains(self, "stiffness", "damping")
+        check_signs(self, not_negative=("stiffness", "damping"))
 
     def prepare(self, reference: Reference) -> Wanted:
         """Positions, speeds by differences about each sample, and the force.

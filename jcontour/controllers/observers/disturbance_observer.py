@@ -40,12 +40,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour._arrays import check_signs
 from jcontour._tracing import is_concrete
 from jcontour.controller import (
     Controller,
     Wrapper,
     check_axes,
-    check_gains,
     check_limit,
     check_period,
     checked_period,
@@ -85,30 +85,15 @@ class DisturbanceObserver(Wrapper):
 
     controller: Controller
     sensors: Sensors
-    bandwidth: PerAxis
-    input_gain: PerAxis
-    damping: PerAxis
-    dt: float = eqx.field(static=True)
+    bandwidth: PerAxis = eqx.field(converter=numbers)
+    input_gain: PerAxis = eqx.field(converter=numbers)
+    dt: float = eqx.field(static=True, converter=float)
+    damping: PerAxis = eqx.field(converter=numbers, default=BUTTERWORTH)
 
-    def __init__(
-        self,
-        controller: Controller,
-        sensors: Sensors,
-        bandwidth,
-        input_gain,
-        dt: float,
-        damping=BUTTERWORTH,
-    ):
-        named = {"bandwidth": bandwidth, "input_gain": input_gain, "dt": dt, "damping": damping}
-        for name, value in named.items():
-            if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) > 0)):
-                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
-        if is_concrete(damping) and not np.all(np.asarray(damping) < 1):
-            raise ValueError(f"damping: needs to be below one, received {damping}")
-        self.controller, self.sensors, self.dt = controller, sensors, float(dt)
-        self.bandwidth, self.input_gain, self.damping = (
-            jnp.asarray(value, float) for value in (bandwidth, input_gain, damping)
-        )
+    def __check_init__(self):
+        check_signs(self, positive=("bandwidth", "input_gain", "dt", "damping"))
+        if is_concrete(self.damping) and not np.all(self.damping < 1):
+            raise ValueError(f"damping: needs to be below one, received {self.damping}")
 
     def initial_memory(self, reference: Reference) -> DisturbanceMemory:
         """Filters in the steady motion of the start, without disturbance."""
@@ -265,7 +250,7 @@ class TimeDelayControl(Controller):
     preview: int = eqx.field(static=True, init=False, default=1)
 
     def __check_init__(self):
-        check_gains(self, "stiffness", "damping", "input_gain", above_zero=("input_gain",))
+        check_signs(self, positive=("input_gain",), not_negative=("stiffness", "damping"))
         check_limit(self.limit)
         if not self.sensors.velocity:
             raise ValueError("sensors: time-delay control needs speeds, received positions only")

@@ -23,6 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour._arrays import check_signs
 from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, Wrapper, check_period, numbers
 from jcontour.motion.references import Reference
@@ -68,10 +69,7 @@ class ExtendedStateObserver(eqx.Module):
         """
 
     def __check_init__(self):
-        for name in ("bandwidth", "input_gain", "dt"):
-            value = getattr(self, name)
-            if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) > 0)):
-                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
+        check_signs(self, positive=("bandwidth", "input_gain", "dt"))
 
 
 class ExactLESO(ExtendedStateObserver):

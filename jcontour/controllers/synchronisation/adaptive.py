@@ -25,14 +25,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import (
-    Controller,
-    check_axes,
-    check_gains,
-    check_period,
-    checked_period,
-    numbers,
-)
+from jcontour._arrays import check_signs
+from jcontour.controller import Controller, check_axes, check_period, checked_period, numbers
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
@@ -61,8 +55,8 @@ class SynchronisedGains(eqx.Module):
     bias: Float[Array, ""] = eqx.field(converter=numbers, default=1.0)
 
     def __check_init__(self):
-        check_gains(self, "proportional", "adaptation", "coupling", "position")
-        check_gains(self, "bias", above_zero=("bias",))
+        others = "proportional", "adaptation", "coupling", "position"
+        check_signs(self, positive=("bias",), not_negative=others)
 
 
 class SynchronisedPlan(eqx.Module):
@@ -189,7 +183,7 @@ class MasterSlave(Controller):
         axes, pair = self.cascade.sensors.axes, self.pair
         if len(set(pair)) != 2 or not all(0 <= axis < axes for axis in pair):
             raise ValueError(f"pair: needs two of the {axes} axes, received {pair}")
-        check_gains(self, "coupling")
+        check_signs(self, not_negative=("coupling",))
 
     def prepare(self, reference: Reference) -> CascadePlan:
         return self.cascade.prepare(reference)

@@ -19,19 +19,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour._arrays import ranked
+from jcontour._arrays import check_signs, ranked
 from jcontour._tracing import is_concrete
 from jcontour.linear.plant import LinearPlant, Pattern
 from jcontour.linear.transformations import zoh
 from jcontour.plant import Plant
-from jcontour.plants.friction import (
-    Friction,
-    by_axis,
-    caught,
-    check_signs,
-    runge_kutta,
-    substeps_of,
-)
+from jcontour.plants.friction import Friction, by_axis, caught, runge_kutta, substeps_of
 
 # [s] of the reference numbers; shorter ones change the thesis's trajectories by less than 1e-11 m
 SUBSTEP = 5e-5

@@ -235,9 +235,9 @@ def test_bad_input():
         SelfTuning(0.02, 0.25, Sensors((0,)), 0.01, forgetting=1.5)
     with pytest.raises(ValueError, match="gain: needs to be finite and at least zero"):
         SelfTuning(0.02, 0.25, Sensors((0,)), -0.01)
-    with pytest.raises(ValueError, match="gain: needs to be above zero"):
+    with pytest.raises(ValueError, match="gain: needs to be finite and above zero"):
         SelfTuning(0.02, 0.25, Sensors((0,)), 0.0)
-    with pytest.raises(ValueError, match="least: needs to be above zero"):
+    with pytest.raises(ValueError, match="least: needs to be finite and above zero"):
         SelfTuning(0.02, 0.25, Sensors((0,)), 0.01, least=0.0)
     with pytest.raises(ValueError, match="growth: needs to be at least one"):
         SelfTuning(0.02, 0.25, Sensors((0,)), 0.01, growth=0.5)

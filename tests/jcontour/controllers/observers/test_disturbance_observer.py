@@ -304,7 +304,7 @@ def test_a_limit_for_each_axis_bounds_control_and_memory():
     ("arguments", "says"),
     [
         ((-1.0, 1.0, 1.0, motors(1), PERIOD), "stiffness: needs to be finite"),
-        ((1.0, 1.0, 0.0, motors(1), PERIOD), "input_gain: needs to be above zero"),
+        ((1.0, 1.0, 0.0, motors(1), PERIOD), "input_gain: needs to be finite and above zero"),
         ((1.0, 1.0, 1.0, motors(1), PERIOD, 0.0), "limit: needs to be above zero"),
         ((1.0, 1.0, 1.0, motors(1), PERIOD, np.nan), "limit: needs to be above zero"),
         ((1.0, 1.0, 1.0, Sensors((0,)), PERIOD), "sensors: time-delay control needs speeds"),

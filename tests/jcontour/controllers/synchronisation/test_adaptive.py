@@ -149,7 +149,7 @@ def test_bad_input(any_type):
         AdaptiveSynchronisation(gains, motors(2), 1e-3, start=np.zeros((3, 2)))
     with pytest.raises(ValueError, match="coupling: needs to be finite and at least zero"):
         SynchronisedGains(0.3, 0.02, -1.0)
-    with pytest.raises(ValueError, match="bias: needs to be above zero"):
+    with pytest.raises(ValueError, match="bias: needs to be finite and above zero"):
         SynchronisedGains(0.3, 0.02, 1.0, bias=0.0)
 
 
