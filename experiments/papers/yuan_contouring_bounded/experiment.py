@@ -1,4 +1,4 @@
-"""Yuan 2020, sections 5.3 to 5.5: a gantry's contour error kept within a proven bound.
+"""Yuan 2020, sections 5.3 to 5.5: a gantry's contour error kept within a tolerance.
 
 The two contouring controllers of the thesis, by bounded tracking errors (CEBC-1) and by the contour
 error itself (CEBC-2), along Fig. 5.11. As printed they constrain the nominal prediction only. Here
@@ -107,7 +107,7 @@ class LoopRow:
     promised_twist_urad: float
     reached_twist_urad: float
     remainder_a: float  # model error, in the current of a motor that does as much to a state
-    closed: float  # share of the model error's box that the tube needs; proven where at most one
+    closed: float  # share of the model error's box that the tube needs, to second order
     motor_share: float  # disturbance of a motor over its box
     remainder_share: float  # model error over its box
     current_a: float
