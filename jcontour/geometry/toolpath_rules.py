@@ -35,7 +35,8 @@ def shown(text: str, most: int = 40) -> str:
 
 
 # control characters that are no white space: tape marks, padding, the end of a DOS file (Ctrl-Z)
-WITHOUT_MARKS = str.maketrans("", "", "".join(map(chr, (*range(9), *range(14, 32), 127))))
+MARKS = "".join(map(chr, (*range(9), *range(14, 32), 127)))
+BLANK = " \t\r\n\f\v"
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # with this mark ahead, as Windows' "Unicode" text has it
 UTF_8_MARK = b"\xef\xbb\xbf"
 MOST_BYTES = 64 * 2**20  # of a file; longer than any program with as many moves as may be
@@ -59,20 +60,21 @@ def read_text(path: str | PathLike[str]) -> str:
 def read_program(path: str | PathLike[str]) -> str:
     """Text of a program, in UTF-8, marked UTF-16, or else one byte a letter (Latin-1).
 
-    Words are ASCII, so that UTF-8 and Latin-1 differ in comments only. Control characters are left
-    out, the zeros of UTF-16 without its mark, too.
+    Words are ASCII, so that UTF-8 and Latin-1 differ in comments only. Control characters around
+    the program are left out.
 
     Raises:
         ToolpathError: the file is missing, or larger than 64 MiB.
     """
     content = _content(Path(path))
-    if content.startswith(UTF_16):
-        return content.decode("utf-16", "replace").translate(WITHOUT_MARKS)
     try:
-        text = content.decode("utf-8-sig")
+        marked = content.startswith(UTF_16)
+        text = content.decode("utf-16", "replace") if marked else content.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = content.removeprefix(UTF_8_MARK).decode("latin-1")
-    return text.translate(WITHOUT_MARKS)
+    ahead = text[: len(text) - len(text.lstrip(MARKS + BLANK))]
+    lines = ahead.translate(str.maketrans("", "", MARKS))
+    return lines + text[len(ahead) :].rstrip(MARKS + BLANK)
 
 
 def _content(path: Path) -> bytes:

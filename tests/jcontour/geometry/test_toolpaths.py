@@ -83,7 +83,8 @@ def test_files_that_cannot_be_read(traced, tmp_path):
     traced.assert_valid(read_gcode(tmp_path / "mark.ngc"))
     for encoding in ("utf-16-le", "utf-16-be"):
         (tmp_path / "bare.ngc").write_bytes("G21 G90\r\nG1 X1 F100\r\n".encode(encoding))
-        traced.assert_valid(read_gcode(tmp_path / "bare.ngc"))
+        with pytest.raises(ToolpathError, match="line 1: cannot read"):
+            read_gcode(tmp_path / "bare.ngc")
 
 
 def test_control_characters_around_a_program_mean_nothing(tmp_path, traced):
