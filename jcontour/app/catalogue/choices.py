@@ -10,11 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jcontour.app.catalogue.entries import (
-    ALIASES,
     CONSTRAINED,
     CONTOURS,
     CONTROLLERS,
     MACHINES,
+    PREFIXES,
     design_class,
 )
 from jcontour.app.catalogue.known_names import check_contour, check_plant
@@ -155,7 +155,7 @@ def seeing_all(flags: Flags, job: Task) -> Flags:
 
 def _listed_name(asked: str, machine: Machine) -> str:
     """Name in the catalogue; `cascade` is `gantry-cascade` on a gantry."""
-    for name in (asked, *reversed(ALIASES.get(asked, ()))):
+    for name in (asked, *(prefix + asked for prefix in PREFIXES)):
         if name in CONTROLLERS and _needs(name).met_by(machine):
             return name
     if asked in CONSTRAINED:

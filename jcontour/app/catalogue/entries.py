@@ -190,21 +190,8 @@ CONTROLLERS = {  # name -> module and class
     "predictive-repetitive": "jcontour.app.designs.any_machine:RepeatedRegulator",
     "h-infinity": "jcontour.app.designs.robust:MixedSensitivity",
 }
-# shorter names -> what they stand for, from the general to the particular: the last one that suits
-ALIASES = {
-    "cascade": ("linear-cascade", "gantry-cascade", "gantry-friction-cascade"),
-    "cascade-feedforward": ("linear-cascade-feedforward",),
-    "cascade-notch": ("linear-cascade-notch",),
-    "zpetc": ("flexible-zpetc", "gantry-zpetc"),
-    "causal-inverse": ("flexible-causal-inverse",),
-    "optimal-feedforward": ("flexible-optimal-feedforward", "gantry-optimal-feedforward"),
-    "contouring-lq": ("gantry-contouring-lq",),
-    "scheduled-lq": ("gantry-scheduled-lq",),
-    "feedback-linearised-lq": ("gantry-feedback-linearised-lq",),
-    "offset-free-lq": ("gantry-offset-free-lq",),
-    "synchronised": ("gantry-synchronised",),
-    "self-tuning": ("gantry-self-tuning",),
-}
+# of the names on some kinds of machines: `cascade` is `gantry-cascade` on a gantry
+PREFIXES = ("gantry-friction-", "gantry-", "flexible-", "linear-")
 
 
 def line_of(name: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from jcontour.app.catalogue.entries import ALIASES, CONSTRAINED, CONTOURS, CONTROLLERS, MACHINES
+from jcontour.app.catalogue.entries import CONSTRAINED, CONTOURS, CONTROLLERS, MACHINES, PREFIXES
 from jcontour.app.catalogue.own_classes import FILE, check_ending, own_name, perhaps
 from jcontour.app.files.checks import EXAMPLE, MachineError
 from jcontour.app.plain_numbers import named_numbers
@@ -53,7 +53,8 @@ def check_controller(name: str) -> None:
 
     Whether it suits the machine is asked later.
     """
-    known = {*CONTROLLERS, *ALIASES, *CONSTRAINED}
+    short = {name.removeprefix(prefix) for name in CONTROLLERS for prefix in PREFIXES}
+    known = {*short, *CONSTRAINED}
     if name in known or own_name(name):
         return
     check_ending("controller", name)

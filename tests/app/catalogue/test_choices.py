@@ -19,7 +19,6 @@ from jcontour.app.catalogue.choices import (
     seeing_all,
 )
 from jcontour.app.catalogue.entries import (
-    ALIASES,
     CONTOURS,
     CONTROLLERS,
     MACHINES,
@@ -86,7 +85,6 @@ def test_a_short_name_means_the_controller_of_the_machine(machine, asked, meant)
 def test_every_name_has_its_class_and_every_class_its_line():
     assert all(design_class(name).__doc__.startswith(line_of(name)) for name in CONTROLLERS)
     assert len(set(CONTROLLERS.values())) == len(CONTROLLERS)
-    assert {name for names in ALIASES.values() for name in names} <= set(CONTROLLERS)
 
 
 def test_every_name_of_a_contour_has_its_maker():
