@@ -167,6 +167,7 @@ def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("own")
     (folder / "mine.py").write_text(CONTROLLERS)
     (folder / "plants.py").write_text(PLANTS)
+    (folder / "empty.py").write_text("x = 3\n")
     (folder / "syntax.py").write_text("x = 1\ny = (\n")
     (folder / "raising.py").write_text("PD = 1\n\nraise KeyError('no key')\n")
     for path in folder.iterdir():  # as a command does that names it
@@ -268,7 +269,8 @@ def line_of(words, program):
 
 
 FAULTS = {  # controller -> what is told
-    "mine.py:PID": "mine.py: there is no 'PID' in it",
+    "mine.py:PID": "mine.py: there is no 'PID' in it; perhaps you meant PD; it has PD, ",
+    "empty.py:PD": "empty.py: there is no 'PD' in it; it defines no class or function\n",
     "mine.py:number": "or a class or function that makes one, received int",
     "mine.py:eqx.Module": "received another class",
     "mine.py:wrong": "needs to make a Controller, made a str",
