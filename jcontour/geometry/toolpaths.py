@@ -164,7 +164,7 @@ def parse_gcode(
     Args:
         text: the program.
         axes: "XYZ", or "XY" for its projection: the tool waits while Z moves alone, the other moves
-            last as long as they did (their feed is that of the projection); an arc in another plane
+            last as long as they did (their feed is that of the projection); a cut in another plane
             than XY is an error.
         feed: speed along the contour [m/s] instead of every programmed feed.
         files: lines of the files that subprograms are in, by name.

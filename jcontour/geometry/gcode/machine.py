@@ -316,11 +316,6 @@ class Machine:
         arcs = arcs_of(values, here, there, self.modes, counter_clockwise=self.motion == 30)
         plane = self.modes.plane
         _, _, normal = PLANES[plane]
-        if normal < 2 and self.tracer.axes == 2:
-            raise ToolpathError(
-                f"an arc in the plane of G{plane // 10} needs a third axis: "
-                'a --plant of three axes, or axes "XYZ"'
-            )
         if normal < 2 and self.offsets.angle:
             raise ToolpathError(
                 f"an arc in the plane of G{plane // 10} in a rotated work system is not supported"

@@ -114,7 +114,8 @@ class Tracer:
         """Add a move; one too short to see only moves the axes that are not traced, and stops.
 
         Raises:
-            ToolpathError: it ends too far away, or there are too many.
+            ToolpathError: it ends too far away, there are too many, or two axes cut in another
+                plane than XY.
         """
         check_near(end)
         if angle == 0.0 and math.dist(self.at[: self.axes], end[: self.axes]) < SHORTEST:
@@ -126,6 +127,11 @@ class Tracer:
             return
         rapid = math.isnan(feed)
         normal = PLANES[plane][2]
+        if self.axes == 2 and normal < 2 and not rapid:
+            raise ToolpathError(
+                f"a cut in the plane of G{plane // 10} needs a third axis: "
+                'a --plant of three axes, or axes "XYZ"'
+            )
         self.moves.append(Move(self.at, end, centre, angle, normal, feed, rapid, self.line))
         self.at = end
         if len(self.moves) > MOST_MOVES:

@@ -229,7 +229,6 @@ def test_a_tolerance_of_the_program_s_own_is_told_beside_the_one_that_is_used(
 
 
 def test_a_program_that_moves_a_single_axis_says_which_one_never_moves(tmp_path):
-    """A lathe's program: its diameters are all that two axes see of it."""
     path = tmp_path / "turned.ngc"
     pace = Pace(MACHINES["bridgeport"](), None, None)
     for program, said in (
@@ -237,14 +236,6 @@ def test_a_program_that_moves_a_single_axis_says_which_one_never_moves(tmp_path)
         ("G21 F600\nG1 Y20\n", ("X never moves",)),
         ("G21 F600\nG1 X5 Y.001\n", ()),
         ("G21 F600\nG2 X0 Y10 J5\n", ()),
-        (
-            "G21 F600 G18\nG1 X20 Z-1\nX5 Z-3\n",
-            (
-                "from line 2 the plane is G18, as on a lathe: two axes run X and Y, Z is left out",
-                "Y never moves",
-            ),
-        ),
-        ("G21 F600 G19\nG1 X20 Y5\nG17 X5\n", ("from line 2 the plane is G19: two",)),
         ("G21 F600 G18\nG17 G1 X20 Y5\n", ()),
     ):
         path.write_text(program)
@@ -253,9 +244,11 @@ def test_a_program_that_moves_a_single_axis_says_which_one_never_moves(tmp_path)
         assert all(one.startswith(other) for one, other in zip(doubts, said, strict=True))
 
 
-def test_a_machine_with_z_is_not_told_that_z_is_left_out():
-    program = "G21 F600 G18\nG1 X20 Z-1\n"
-    assert len(parse_gcode(program, "XY").doubts) == 1 and parse_gcode(program, "XYZ").doubts == ()
+def test_a_lathe_s_program_needs_z():
+    program = "G21 F600 G18\nG0 X1\nG1 X20 Z-1\n"
+    assert parse_gcode(program, "XYZ").doubts == ()
+    with pytest.raises(ToolpathError, match="line 3: a cut in the plane of G18 needs a third axis"):
+        parse_gcode(program, "XY")
 
 
 @pytest.mark.parametrize(

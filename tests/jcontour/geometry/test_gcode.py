@@ -280,7 +280,7 @@ def test_many_moves(any_type):
         ),
         ("G20 F.001 G1 X1", r"line 1: the feed needs to be [^/]*/min, received F0.001 in inches;"),
         ("o<m41\x10> sub\nM2", r"line 1: o<m41\\x10> sub has no end"),
-        ("F600 G18 G2 K10", r"line 1: an arc in the plane of G18 needs a third axis"),
+        ("F600 G18 G2 K10", r"line 1: a cut in the plane of G18 needs a third axis"),
         ("G1 X1 I2 F100", r"line 1: I, J, K and R belong to arcs"),
         (
             "F100 G2 X2 I0.9",
