@@ -285,7 +285,7 @@ def _rows_of_table_1(result: Result) -> Iterator[Claim]:
 
 
 def tables(result: Result) -> Iterator[Table]:
-    """Table 1, its weights on the family, the U-shape, and the unstable cases of Theorem 1."""
+    """Table 1, and its weights on the family."""
     yield Table(
         "Table 1: RMS errors over a lap of the circle [um], "
         "the machine (paper) beside the simulation (ours)",
@@ -325,37 +325,6 @@ def tables(result: Result) -> Iterator[Table]:
                 else "a frozen loop is unstable"
             ),
         },
-    )
-    delay = FAMILY[-1].delay
-    yield Table(
-        "Figs 3 and 5: beta 0, output terminal, "
-        f"unknown input delay [samples]: {delay}; errors [um]",
-        [(a, result.on_family("output", a, 0.0)) for a in (*ALPHAS, TOO_HIGH_ALPHA)],
-        {
-            "alpha": lambda row: f"{row[0]:g}",
-            "te\nnominal": lambda row: f"{row[1][0].te_um:.4g}",
-            "ce\nnominal": lambda row: f"{row[1][0].ce_um:.4g}",
-            f"te\ndelay {delay}": lambda row: f"{row[1][-1].te_um:.4g}",
-            f"ce\ndelay {delay}": lambda row: f"{row[1][-1].ce_um:.4g}",
-            "frozen\nradius": lambda row: f"{row[1][-1].spectral_radius:.4f}",
-            "verdict": lambda row: (
-                "stable" if row[1][-1].stable else "unstable: the numbers mean nothing"
-            ),
-        },
-        words=0,
-    )
-    yield Table(
-        "Theorem 1: every unstable case on straight lines",
-        unstable(result),
-        {
-            "alpha": "weights.alpha:g",
-            "beta": "weights.beta:g",
-            "rho": "weights.rho:.0e",
-            "terminal": "terminal",
-            "horizon": "horizon",
-            "largest\nradius": "radius:.4f",
-        },
-        words=0,
     )
 
 

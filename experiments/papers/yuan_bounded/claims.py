@@ -182,11 +182,6 @@ def tables(result: Result) -> Iterator[Table]:
             "speed m/s": "largest_speed:.4g",
         },
     )
-    yield Table(
-        "Figs 4.3 and 4.5: point-to-point motion on the identified axis",
-        result.motions,
-        {"controller": "controller", "largest mm": "largest_mm:.4g", "mean mm": "mean_mm:.4g"},
-    )
 
 
 def errors(result: Result) -> Figure:
