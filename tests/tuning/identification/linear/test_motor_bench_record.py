@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
+from tuning.identification.linear.axis_model import two_masses
 from tuning.identification.linear.nonparametric import periodic_lines
 from tuning.identification.linear.output_error import AxisRecord
 from tuning.identification.linear.vector_fitting import fitted_to
@@ -35,11 +36,10 @@ def test_every_excited_line_is_shown_no_other_and_its_interval_holds(record):
 
 
 def test_the_inertias_and_the_spring_are_those_of_the_bench(record):
-    """Antiresonance sqrt(k / J_2), resonance sqrt(k (1 / J_1 + 1 / J_2))."""
+    """For the torque of one ampere, which the record does not state, that gives their sum."""
     model = fitted_to(periodic_lines(record), DT, 4, 6)
-    poles, zeros = model.poles, np.roots(model.numerator)
-    own, without = (np.abs(np.log(one[np.imag(one) > 0])) / DT for one in (poles, zeros))
-    resonance, antiresonance = own.max(), without.min()
-    assert antiresonance**2 == pytest.approx(STIFFNESS / LOAD, rel=0.03)
-    assert (resonance / antiresonance) ** 2 - 1 == pytest.approx(LOAD / MOTOR, rel=0.03)
+    one = two_masses(model, 1.0)
+    assert one is not None
+    torque = (MOTOR + LOAD) / (one.motor + one.load)
+    assert two_masses(model, torque) == pytest.approx((MOTOR, LOAD, STIFFNESS), rel=0.03)
     assert 2 * model.delay + 1 in (3, 5)  # 0.60 ms beside the sample of the hold
