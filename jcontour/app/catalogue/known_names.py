@@ -29,7 +29,7 @@ def check_plant(name: str) -> None:
     if not Path(name).suffix or (Path(name).suffix == ".py" or ".py:" in name):
         raise ValueError(
             f"plant: there is none named {name!r}; {perhaps(name, MACHINES)}give "
-            f"{', '.join(MACHINES)}, a JSON or npz file ({EXAMPLE}), or a class of yours as {FILE}"
+            f"{', '.join(MACHINES)}, a JSON file ({EXAMPLE}), or a class of yours as {FILE}"
         )
 
 

@@ -17,7 +17,7 @@ PAGE = FOLDER.parents[2] / "experiments" / "docs" / "reference" / "machine-file.
 SCHEMA = FOLDER / "machine-file.schema.json"
 TEXT = """# Machine file
 
-JSON or npz. With `machine-file.schema.json` of `jcontour/app/machines` an editor completes it.
+JSON. With `machine-file.schema.json` of `jcontour/app/machines` an editor completes it.
 
 {linear}
 

@@ -1,8 +1,7 @@
-"""Fields of the files of linear machines and of flexible axes: JSON, or an npz with the same names.
+"""Fields of the files of linear machines and of flexible axes.
 
-In an npz what is nested has a point in its name, as `limits.speed`. `example.json` beside the
-machines is a linear one; `jcontour machine --example FILE` writes it. `thesis-axis.json` is a
-flexible axis, and `jcontour.plants.flexible_axis` has the equations.
+`example.json` beside the machines is a linear one; `jcontour machine --example FILE` writes it.
+`thesis-axis.json` is a flexible axis, and `jcontour.plants.flexible_axis` has the equations.
 """
 
 from typing import Annotated, Any, Literal

@@ -40,7 +40,7 @@ class MachineFlags(RunsCode):
     """Machine and pace."""
 
     plant: str = "bridgeport"  # the machine of McNab & Tsao's paper
-    """Machine: a name from `jcontour list`, or a JSON or npz file.
+    """Machine: a name from `jcontour list`, or a JSON file.
     `jcontour machine --example FILE` writes one. Or FILE.py:NAME: a plant, or what makes one."""
     feed_mm_per_min: float | None = None
     """Feed [mm/min] instead of the programmed one; 3000 where nothing is programmed."""

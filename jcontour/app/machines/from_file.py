@@ -1,11 +1,8 @@
 """Machines of files: the linear model of a machine, its limits, and what is not known about it.
 
-The fields are those of `files.machine_file`, or for flexible axes those of `files.axis_file`;
-the page "Machine file" of the reference lists them.
+The fields are those of `files.machine_file`; the page "Machine file" of the reference lists them.
 """
 
-import io
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +26,7 @@ from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.linear_machines import ENCODER_RESOLUTION
 
-MOST_BYTES = 16 * 2**20  # of a file, unpacked
+MOST_BYTES = 16 * 2**20  # of a file
 MOST_STATES = 200
 CONTROL_NOISE = 0.1  # [control unit] where no limit of the control says more
 RANK = (
@@ -38,7 +35,7 @@ RANK = (
 
 
 def load_machine(path: str | Path) -> Machine:
-    """Machine of a JSON or npz file.
+    """Machine of a JSON file.
 
     Raises:
         MachineError: the file cannot be read, or a field is wrong.
@@ -55,18 +52,13 @@ def load_machine(path: str | Path) -> Machine:
 
 
 def machine_from(content: bytes, name: str = "machine") -> Machine:
-    """Machine of the bytes of a JSON or npz file.
+    """Machine of the bytes of a JSON file.
 
     Raises:
         MachineError: as `load_machine`.
     """
     if len(content) > MOST_BYTES:
         raise MachineError(f"file: needs at most {MOST_BYTES} bytes, received {len(content)}")
-    fields = _npz_fields(content) if content[:2] == b"PK" else _json_fields(content)
-    return _machine(fields, name)
-
-
-def _json_fields(content: bytes) -> dict[str, Any]:
     try:
         fields = checks.json_value(content)
     except ValueError as error:
@@ -76,34 +68,7 @@ def _json_fields(content: bytes) -> dict[str, Any]:
             f"file: needs a JSON object with A, B, C, dt, received {checks.shown(fields)}; "
             f"{checks.EXAMPLE}"
         )
-    return fields
-
-
-def _npz_fields(content: bytes) -> dict[str, Any]:
-    fields: dict[str, Any] = {}
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > MOST_BYTES:
-                raise MachineError(f"file: needs at most {MOST_BYTES} bytes unpacked")
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            flat = {key: arrays[key].tolist() for key in arrays.files}
-    except MachineError:
-        raise
-    except (
-        Exception
-    ) as error:  # a damaged archive fails in a dozen ways, none of them a fault of this program
-        raise MachineError(f"file: not a readable npz ({checks.line(error)})") from None
-    for key, value in flat.items():
-        *outer, last = key.split(".")
-        place = fields
-        for name in outer:
-            place = place.setdefault(name, {})
-            if not isinstance(place, dict):
-                raise MachineError(f"{key}: {name} is there as well, needs one or the other")
-        if last in place:
-            raise MachineError(f"{key}: what it holds is there as well, needs one or the other")
-        place[last] = value
-    return fields
+    return _machine(fields, name)
 
 
 def _machine(fields: dict[str, Any], name: str) -> Machine:

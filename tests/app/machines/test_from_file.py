@@ -143,35 +143,6 @@ def test_family_has_nominal_first():
     assert [delay for _, _, delay in members] == [0, 0, 0, 1, 2]
 
 
-def test_npz_equals_json():
-    flat = {
-        key: np.array(FIELDS[key])
-        for key in ("A", "B", "C", "dt", "length_unit", "known_delay", "encoder_resolution")
-    }
-    buffer = io.BytesIO()
-    nested = {
-        "limits.speed": 200.0,
-        "uncertainty.gain": 0.1,
-        "uncertainty.response.hertz": [1.0, 100.0],
-        "uncertainty.response.relative": [[0.1, 0.5], [0.2, 0.4]],
-    }
-    np.savez(buffer, **flat, **{key: np.array(value) for key, value in nested.items()})
-    machine = machine_from(buffer.getvalue())
-    assert machine.doubt is not None
-    np.testing.assert_array_equal(machine.doubt.relative, [[0.1, 0.2], [0.5, 0.4]])
-    other = load_machine(EXAMPLE)
-    np.testing.assert_array_equal(machine.model.A, other.model.A)
-    np.testing.assert_array_equal(machine.limits.speed, other.limits.speed)
-
-
-@pytest.mark.parametrize("names", [["limits", "limits.speed"], ["limits.speed", "limits"]])
-def test_an_npz_that_says_a_thing_twice_is_refused(names):
-    buffer = io.BytesIO()
-    np.savez(buffer, **{name: np.array(1.0) for name in names})
-    with pytest.raises(MachineError, match="is there as well, needs one or the other"):
-        machine_from(buffer.getvalue())
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [
