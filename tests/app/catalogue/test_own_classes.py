@@ -12,10 +12,9 @@ import pytest
 
 from jcontour.app.catalogue import own_classes
 from jcontour.app.catalogue.choices import design_for, machine_named
-from jcontour.app.catalogue.own_classes import own_name, trust_named
+from jcontour.app.catalogue.own_classes import UntrustedCodeError, own_name, trust, trust_named
 from jcontour.app.cli import main
-from jcontour.app.files import run_folder, trusted_code
-from jcontour.app.files.trusted_code import UntrustedCodeError, trust
+from jcontour.app.files import run_folder
 from jcontour.app.flags.loops import Export, Simulate
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.runs.lifecycle import created, resumed

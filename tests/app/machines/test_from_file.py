@@ -232,11 +232,6 @@ def test_random_bytes(content):
     valid_or_ours(content)
 
 
-@given(st.binary(max_size=100))
-def test_random_archives(content):
-    valid_or_ours(b"PK\x03\x04" + content)
-
-
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3),

@@ -4,9 +4,9 @@ import shlex
 
 import pytest
 
+from jcontour.app.catalogue.own_classes import trust
 from jcontour.app.cli import COMMANDS, _chosen
 from jcontour.app.commands.loops.simulate import next_steps
-from jcontour.app.files.trusted_code import trust
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Rank, Tune
 from jcontour.app.runs.lifecycle import created, ranked_words, same_task, stored_flags, tuning_words

@@ -13,7 +13,7 @@ from jcontour.app.files.results.bound_results import CertifiedResult, CertifiedR
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import LimitCheck, Verdict, kept_words
 from jcontour.app.flags.loops import Check
-from jcontour.app.machines.disturbance_bounds import bounds_of, linear_machine, warn_of_doubt
+from jcontour.app.machines.linear import as_linear, bounds_of, warn_of_doubt
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.axes import DESIRED, START, TUNED
 from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
@@ -61,7 +61,7 @@ def run(flags: Check) -> tuple[CertifiedResult, Path]:
         ValueError: bad input, or a loop that has no certificate; nothing has been written then.
     """
     loop = stored_loop(flags.run)
-    machine = linear_machine(loop.machine)
+    machine = as_linear(loop.machine)
     warn_of_doubt(machine)
     bounds = bounds_of(machine, flags.force, flags.encoder_um)
     count = len(loop.jobs) * len(machine.family_names)

@@ -12,7 +12,7 @@ import numpy as np
 
 from jcontour.app.files.results.bound_results import CertifiedRow
 from jcontour.app.files.results.run_metrics import PeakPlace
-from jcontour.app.machines.disturbance_bounds import Bounds, box_of, linear_machine
+from jcontour.app.machines.linear import Bounds, as_linear, box_of
 from jcontour.app.runs.stored_loops import StoredLoop
 from jcontour.bounds.certificates import Certificate, certificate
 from jcontour.bounds.peak_bounds import Attack
@@ -46,7 +46,7 @@ def certified_runs(loop: StoredLoop, bounds: Bounds) -> Iterator[CertifiedRun]:
     Raises:
         ValueError: a loop has no certificate; contour and plant are named.
     """
-    machine, fed, controller = linear_machine(loop.machine).frictionless, loop.fed, loop.controller
+    machine, fed, controller = as_linear(loop.machine).frictionless, loop.fed, loop.controller
     box = box_of(machine.nominal(fed), bounds, machine, fed)
     plants = zip(
         machine.family_names, machine.exact_family(fed), machine.true_family(fed), strict=True

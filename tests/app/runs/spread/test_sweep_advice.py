@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jcontour.app.catalogue.choices import machine_named
+from jcontour.app.catalogue.own_classes import trust
 from jcontour.app.cli import _chosen
 from jcontour.app.files.results.search_results import BestDesign, SweepResult
-from jcontour.app.files.trusted_code import trust
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Sweep, Tune
 from jcontour.app.runs.spread.sweep_advice import edge_lines, next_steps, repeated

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from jcontour.app.catalogue.choices import design_for, machine_named
+from jcontour.app.catalogue.own_classes import trust
 from jcontour.app.designs import receding_horizon
 from jcontour.app.files.results.search_results import Ranked
-from jcontour.app.files.trusted_code import trust
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Rank
 from jcontour.app.reports.tables import console_of
