@@ -376,7 +376,7 @@ def sent(files, tmp_path, monkeypatch):
     run_folder.write_json(run / run_folder.RESULT, {"weights": {}})
     source.unlink()
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))  # of who receives it
-    monkeypatch.setattr(trusted_code, "_chosen", set())
+    monkeypatch.setattr(own_classes, "_chosen", set())
     return run
 
 
@@ -402,7 +402,7 @@ def test_nor_does_a_file_anywhere_that_its_settings_name(sent):
 
 def test_code_that_was_chosen_once_runs_again_but_no_other(sent, monkeypatch):
     trust_named(Export(run=sent, trust_code=True))
-    monkeypatch.setattr(trusted_code, "_chosen", set())  # another command, later
+    monkeypatch.setattr(own_classes, "_chosen", set())  # another command, later
     copy = sent / "inputs/0/mine.py"
     flags = Simulate(controller=f"{copy}:ready")
     assert gain_of(design_for(machine_named("bridgeport"), flags)) == 7.0

@@ -90,7 +90,8 @@ class AxisModel:
 
 
 RINGS = 0.3  # damping below which a pair of poles or zeros is a resonance or an antiresonance
-BELOW = 3.0  # antiresonance over the frequency at which the total mass is read
+BELOW = np.array([3.0, 5.0])  # antiresonance over frequencies at which the total mass is read
+ALIKE = 1.25  # ratio of the two that is that of a free mass
 
 
 class TwoMasses(NamedTuple):
@@ -117,15 +118,16 @@ def two_masses(model: AxisModel, force: float) -> TwoMasses | None:
     poles, zeros = (_ringing(one, model.dt) for one in (model.poles, np.roots(model.numerator)))
     w_a = zeros.min(initial=np.inf)
     above = poles[poles > w_a]
-    if not model.integrators or not above.size:
+    if not above.size:
         return None
     w_r, w = above.min(), w_a / BELOW
     late = np.exp(1j * w * model.dt * (model.delay + 0.5))  # the command is held over a sample
-    inverse = 1 / (model.response(np.array([w])) * late)
     shape = w**2 * (1 - (w / w_r) ** 2) / (1 - (w / w_a) ** 2)
-    total = float(-np.real(inverse)[0]) * force / shape
-    load = total * (1 - (w_a / w_r) ** 2)
-    return TwoMasses(total - load, load, float(w_a**2 * load))
+    total, lower = -np.real(1 / (model.response(w) * late)) * force / shape
+    if not 1 / ALIKE < total / lower < ALIKE or total < 0:  # a loop holds the axis
+        return None
+    load = float(total * (1 - (w_a / w_r) ** 2))
+    return TwoMasses(float(total) - load, load, float(w_a**2 * load))
 
 
 def _ringing(roots: np.ndarray, dt: float) -> np.ndarray:
