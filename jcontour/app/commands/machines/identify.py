@@ -39,16 +39,16 @@ from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import of_axes
 from jcontour.app.runs.lifecycle import finished
 from jcontour.export.code_text import heading
-from jcontour.linear.continuous_axes import speed_axis
+from jcontour.linear.continuous_axes import sampled_axis, speed_axis
 from tuning.identification.linear.identified_axes import IdentifiedMachine, MachineRecord
 from tuning.identification.linear.machine import identify_machine
-from tuning.identification.linear.recording import RecordedAxis, recorded
 
 MODEL, DATA = "machine.json", "data.csv"
 MOST_POLES, MOST_DELAY = 8, 40
 GAIN_ASKED = 1000.0  # m/s or m per unit: more is a wrong unit
 TINY, FINE = 1e-3, 5e-9  # [m]: a whole record, and a count, that are questioned together
-DEMO_DT, DEMO_LIMITS = 1e-3, (0.2, 0.2, 4.0)  # travel [m], speed [m/s], acceleration [m/s^2]
+DEMO_DT, DEMO_COUNT = 1e-3, 1e-6  # [s], [m] of an encoder
+DEMO_LIMITS = (0.2, 0.2, 4.0)  # travel [m], speed [m/s], acceleration [m/s^2]
 DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time constant, delay
 
 
@@ -165,13 +165,18 @@ def _simulated(seed: int) -> tuple[Log, str]:
     """A log of two drives that take a speed in V, while what `--excite` writes ran."""
     random = np.random.default_rng(seed)
     asked = program(Excited(tuple(DEMO), DEMO_DT, *(np.full(2, one) for one in DEMO_LIMITS)))
-    signals = []
-    for k, (gain, constant, delay) in enumerate(DEMO.values()):
-        axis = RecordedAxis(
-            speed_axis(gain, constant, delay), "speed", 1e-6, 0.3e-6, 2e-3, (60.0 / gain,)
-        )
-        signals.append(recorded(axis, asked[:, k], DEMO_DT, random))
-    command, position = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
+    command, position = np.zeros_like(asked), np.zeros_like(asked)
+    for axis, (gain, constant, delay) in enumerate(DEMO.values()):
+        A, B, C, late = sampled_axis(speed_axis(gain, constant, delay), DEMO_DT)
+        noise, shocks = random.standard_normal(len(asked)), random.standard_normal(len(asked))
+        x, waiting, largest = np.zeros(len(A)), [0.0] * (late + 1), 0.0
+        for k, wanted in enumerate(asked[:, axis]):  # a position loop of 60 / s
+            place = DEMO_COUNT * np.round((C[0] @ x + 0.3e-6 * noise[k]) / DEMO_COUNT)
+            u = 60.0 / gain * (wanted - place)
+            largest = max(largest, abs(u))
+            waiting = [u + 2e-3 * largest * shocks[k], *waiting[:-1]]
+            x = A @ x + B[:, 0] * waiting[late]
+            command[k, axis], position[k, axis] = u, place
     words = "simulated: " + "; ".join(
         f"{name} {1e3 * gain:g} mm/s per V, {1e3 * constant:g} ms, {1e3 * delay:g} ms of delay"
         for name, (gain, constant, delay) in DEMO.items()

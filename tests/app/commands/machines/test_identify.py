@@ -11,12 +11,12 @@ from jcontour.app.flags.machines import Identify
 from jcontour.app.machines.from_file import load_machine
 from jcontour.linear.continuous_axes import speed_axis
 from tests.app.small_runs import partly
+from tests.tuning.identification.linear.recorded_axes import RecordedAxis, recorded
 from tuning.identification.linear.identified_axes import (
     IdentifiedAxis,
     IdentifiedMachine,
     MachineRecord,
 )
-from tuning.identification.linear.recording import RecordedAxis, recorded
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.linear.continuous_axes import sampled_axis, speed_axis, with_resonance
+from tests.tuning.identification.linear.recorded_axes import RecordedAxis, recorded
 from tuning.identification.estimates import Estimate
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.nonparametric import (
@@ -13,7 +14,6 @@ from tuning.identification.linear.nonparametric import (
     response_of_lines,
 )
 from tuning.identification.linear.output_error import AxisRecord, simulated
-from tuning.identification.linear.recording import RecordedAxis, recorded
 from tuning.identification.linear.rigid_axis import Simple
 from tuning.identification.linear.vector_fitting import fitted_to
 

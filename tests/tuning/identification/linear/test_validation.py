@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from jcontour.linear.continuous_axes import force_axis, position_axis
+from tests.tuning.identification.linear.recorded_axes import RecordedAxis, recorded
 from tuning.identification.linear import validation
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.output_error import (
@@ -14,7 +15,6 @@ from tuning.identification.linear.output_error import (
     simulated,
     with_slopes,
 )
-from tuning.identification.linear.recording import RecordedAxis, recorded
 from tuning.identification.linear.validation import encoder_noise
 
 DT, ROWS, K, T = 1e-3, 4000, 0.03, 0.012

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 from jcontour.linear.continuous_axes import force_axis, speed_axis, with_resonance
-from tuning.identification.linear.recording import RecordedAxis, recorded
+from tests.tuning.identification.linear.recorded_axes import RecordedAxis, recorded
 
 DT = 1e-3
 
