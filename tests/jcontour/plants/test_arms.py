@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jcontour.plants.arms import (
-    LVDT_QUANTUM,
-    SERVO_GAIN,
-    SERVO_POLE,
-    ThreeLink,
-    manipulator_path,
-)
+from jcontour.plants.arms import LVDT_QUANTUM, SERVO_GAIN, SERVO_POLE, ThreeLink, manipulator_path
 from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.plants.linear_machines import servo_axes
 

@@ -7,12 +7,7 @@ from scipy.integrate import simpson
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.motion.point_to_point import thesis_task_a
-from jcontour.plants.flexible_axis.axis import (
-    FlexibleAxis,
-    Motion,
-    SmoothFlexibleAxis,
-    thesis_axis,
-)
+from jcontour.plants.flexible_axis.axis import FlexibleAxis, Motion, SmoothFlexibleAxis, thesis_axis
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import simulate
 
