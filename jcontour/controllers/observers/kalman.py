@@ -52,7 +52,6 @@ class _Observer(Wrapper):
         controller: fed the estimate.
         model: model of the machine; its output is the tool.
         gain: filter gain L (n, q).
-        start: first estimate; from the reference when not given.
         measured: C (q, n) of the measurement; the model's when not given.
 
     Raises:
@@ -63,7 +62,6 @@ class _Observer(Wrapper):
     controller: Controller
     model: LinearPlant
     gain: Float[Array, "n q"] = eqx.field(converter=jnp.asarray)
-    start: Float[Array, " n"] | None = eqx.field(converter=_array, default=None)
     measured: Float[Array, "q n"] | None = eqx.field(converter=_array, default=None)
 
     def __check_init__(self):
@@ -76,9 +74,7 @@ class _Observer(Wrapper):
     def initial_memory(self, reference: Reference) -> ObserverMemory:
         """The estimate starts where the reference says the run begins."""
         check_period(self.model.dt, reference)
-        start = self.start
-        if start is None:
-            start = self.model.initial_state(reference.position[0], reference.start_increment)
+        start = self.model.initial_state(reference.position[0], reference.start_increment)
         return ObserverMemory(start, self.controller.initial_memory(reference))
 
     def _update(self, memory: ObserverMemory, measurement: Any) -> Float[Array, " n"]:
@@ -256,22 +252,16 @@ def kalman_gain(
 
 @jax.jit
 def _designed(A, B, C, control_noise, measurement_noise):
-    """Dual equation, which is not checked, and the gain of its solution."""
-    dual = _dual(A, B, C, control_noise, measurement_noise)
-    return dual, _filter_gain(*dual)
+    """Dual equation A', C', W and V, which is not checked, and the gain of its solution.
 
-
-def _dual(A, B, C, control_noise, measurement_noise):
-    """A', C', W and V, with the largest deviation of the measurement for its unit."""
+    The largest deviation of the measurement is the unit.
+    """
     deviation = jnp.broadcast_to(measurement_noise, (C.shape[0],))
     unit = jnp.max(deviation)
     B = B * jnp.atleast_2d(control_noise) / unit
-    return A.T, C.T, B @ B.T, jnp.diag((deviation / unit) ** 2)
-
-
-def _filter_gain(A_dual, C_dual, W, V) -> Float[Array, "n m"]:
-    PC = dare(A_dual, C_dual, W, V) @ C_dual
-    return PC @ jnp.linalg.inv(C_dual.T @ PC + V)
+    W, V = B @ B.T, jnp.diag((deviation / unit) ** 2)
+    PC = dare(A.T, C.T, W, V) @ C.T
+    return (A.T, C.T, W, V), PC @ jnp.linalg.inv(C @ PC + V)
 
 
 def offset_free_gain(
