@@ -159,10 +159,9 @@ def _listed_name(asked: str, machine: Machine) -> str:
         if name in CONTROLLERS and _needs(name).met_by(machine):
             return name
     if asked in CONSTRAINED:
-        entry = CONSTRAINED[asked]
         raise ValueError(
-            f"controller: {asked}, {entry.line}: nothing is tuned of it, run it with "
-            f"`jcontour {entry.command}`"
+            f"controller: {asked}, {CONSTRAINED[asked].line}: nothing is tuned of it, run it with "
+            "`jcontour simulate`"
         )
     if asked not in CONTROLLERS:
         raise ValueError(

@@ -40,18 +40,6 @@ def loaded(place: str) -> Any:
     return getattr(import_module(module), name)
 
 
-class Constrained(NamedTuple):
-    """A controller on the host that solves a QP at every sample; nothing is tuned of it.
-
-    Attributes:
-        command: that runs it.
-        line: description in one line.
-    """
-
-    command: str
-    line: str
-
-
 CONTOUR = "jcontour.app.jobs.contours:BUILT_IN"  # table of makers by name
 BEAM = "a tenth of a metre around {} m on the gantry's beam"
 CONTOURS = {
@@ -108,15 +96,11 @@ MACHINES = {
     ),
 }
 
+# on the host, a quadratic program at every sample: `simulate` runs them, nothing is tuned of them
+PREDICTIVE = "jcontour.app.designs.predictive:PREDICTIVE"
 CONSTRAINED = {
-    "mpcc": Constrained(
-        "simulate",
-        "model predictive contouring control (Lam), chooses its own speed",
-    ),
-    "tracking-mpc": Constrained(
-        "simulate",
-        "tracking MPC at a constant speed (Lam's other one)",
-    ),
+    "mpcc": Entry("model predictive contouring control (Lam), chooses its own speed", PREDICTIVE),
+    "tracking-mpc": Entry("tracking MPC at a constant speed (Lam's other one)", PREDICTIVE),
 }
 CONTROLLERS = {  # name -> module and class
     "contouring-lq": "jcontour.app.designs.receding_horizon:LQDesign",
