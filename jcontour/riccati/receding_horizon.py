@@ -97,31 +97,6 @@ def _composed(model: LinearPlant, Q, y_d, preview: int, R, terminal: CostToGo | 
     return sliding_plan(model.A, model.B, model.C, Q[seen], y_d[seen], R, end, steps, length)
 
 
-def scheduled_plan(
-    models: LinearPlant,
-    Q: Float[Array, "S m m"],
-    y_d: Float[Array, "S m"],
-    stage: Float[Array, " N_p"],
-    R: Float[Array, "p p"],
-    terminal: CostToGo,
-) -> AffinePlan:
-    """Gains of every step for a machine that changes along the path.
-
-    A_j, B_j, C_j are those of sample k + j; `models` is stacked over all S samples.
-    """
-    steps, preview = terminal.g.shape[0], stage.shape[0]
-
-    def at(rows, j):
-        return jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, j, steps), rows)
-
-    def sweep(cost, j):
-        model, Q_j, y_j = at((models, Q, y_d), j)
-        return one_stage_back(model, R, cost, stage[j - 1] * Q_j, y_j), None
-
-    first, _ = jax.lax.scan(sweep, terminal, jnp.arange(preview - 1, 0, -1))
-    return first_control(at(models, 0), R, first)
-
-
 def block_ends(steps: int, preview: int) -> slice:
     """Samples that the blocks' horizons end at, in the order of the blocks."""
     return slice((steps - 1) % preview + preview, steps + preview, preview)
@@ -211,18 +186,24 @@ def readable_plan(
 ) -> AffinePlan:
     """Gains of every step as the equations say it, stage by stage.
 
-    The definition: `window_sweep`, `sliding_window` and `decoupled` are tested equal to it.
+    The definition: `window_sweep`, `sliding_window` and `decoupled` are tested equal to it. For a
+    machine that changes along the path, A_j, B_j, C_j are those of sample k + j: `model` is then
+    stacked over all S samples.
     """
     steps, preview = terminal.g.shape[0], stage.shape[0]
     Q, y_d, stage = jnp.asarray(Q), jnp.asarray(y_d), jnp.asarray(stage)  # NumPy has no index j
+    changing = model.A.ndim == 3
+
+    def at(rows, j):
+        return jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, j, steps), rows)
 
     def sweep(cost, j):
-        Q_j = stage[j - 1] * jax.lax.dynamic_slice_in_dim(Q, j, steps)
-        y_j = jax.lax.dynamic_slice_in_dim(y_d, j, steps)
-        return one_stage_back(model, R, cost, Q_j, y_j), None
+        Q_j, y_j = at((Q, y_d), j)
+        model_j = at(model, j) if changing else model
+        return one_stage_back(model_j, R, cost, stage[j - 1] * Q_j, y_j), None
 
     first, _ = jax.lax.scan(sweep, terminal, jnp.arange(preview - 1, 0, -1))
-    return first_control(model, R, first)
+    return first_control(at(model, 0) if changing else model, R, first)
 
 
 def output_cost(model: LinearPlant, Q: Float[Array, "T m m"], y_d: Float[Array, "T m"]) -> CostToGo:

@@ -34,7 +34,7 @@ from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import AffinePlan, LinearPlant, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare
-from jcontour.riccati.receding_horizon import CostToGo, block_ends, blockwise_plan, scheduled_plan
+from jcontour.riccati.receding_horizon import CostToGo, block_ends, blockwise_plan, readable_plan
 
 
 class ScheduledLQ(PlannedFeedback):
@@ -77,7 +77,7 @@ class ScheduledLQ(PlannedFeedback):
         Q = contour_weight(weights.alpha, weights.beta, tangent)
         R = control_weight(self.schedule.models, weights)
         models, terminal = self.schedule.along(position), self._terminal(position, stage[-1])
-        return scheduled_plan(models, Q, position, stage, R, terminal)
+        return readable_plan(models, Q, position, stage, R, terminal)
 
     def _terminal(self, position: Float[Array, "S m"], scale: Float[Array, ""]) -> CostToGo:
         end, before = position[self.preview :], position[self.preview - 1 : -1]

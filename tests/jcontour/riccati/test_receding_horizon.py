@@ -8,8 +8,8 @@ from jcontour.riccati.receding_horizon import (
     CostToGo,
     block_ends,
     blockwise_plan,
+    readable_plan,
     receding_horizon_plan,
-    scheduled_plan,
 )
 
 
@@ -54,7 +54,7 @@ def test_scheduled_gains_take_the_model_of_each_sample():
     arrays, terminal = (Q, y_d, stage, R), CostToGo(H_N, g_N)
     models = eqx.filter_vmap(lambda *matrices: LinearPlant(*matrices, 1.0))
     models = eqx.filter_jit(models)(A, B, C)
-    plan = jax.device_get(eqx.filter_jit(scheduled_plan)(models, *arrays, terminal))
+    plan = jax.device_get(eqx.filter_jit(readable_plan)(models, *arrays, terminal))
     for k in range(T):
         H, g = H_N[k], g_N[k]
         for j in range(N - 1, 0, -1):
