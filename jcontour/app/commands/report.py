@@ -4,14 +4,16 @@ from pathlib import Path
 
 from jcontour.app.files import run_folder
 from jcontour.app.files.results.stored import to_json
-from jcontour.app.flags.others import Report
+from jcontour.app.files.results.tuned_result import TunedResult
+from jcontour.app.flags.others import Drive, Report
 from jcontour.app.reports.comparison import (
     comparison,
     comparison_answer,
     is_comparable,
     show_comparison,
 )
-from jcontour.app.reports.page.page_data import FILE, write_page
+from jcontour.app.reports.drives import drive_gains
+from jcontour.app.reports.page.page_data import FILE, stored_result, write_page
 from jcontour.app.reports.screen import Entry, screen
 from jcontour.app.reports.tables import console_of, say
 
@@ -22,19 +24,23 @@ def command(flags: Report) -> int:
     """The whole command: write the page, compare the runs, exit code.
 
     Raises:
-        ValueError: one of the runs has no page, `out` is a file that is no page, or there is
-            nothing to compare where no page is asked for.
+        ValueError: one of the runs has no page, `out` is a file that is no page, there is nothing
+            to compare where no page is asked for, or no simple loop whose gains are asked for.
     """
     runs: tuple[Path, ...] = flags.runs
+    first = runs[0]
     several = len(runs) > 1 and is_comparable(runs)
-    if not flags.page and not several:
+    gains = [] if flags.drive is None else _gains(first, flags.drive)
+    if not (flags.page or several or gains):
         raise ValueError("report: --no-page needs two runs of tune, or two of simulate or audit")
     compared = comparison(runs) if several else None
-    page = write_page(runs, page_at(flags.out or runs[0])) if flags.page else None
+    page = write_page(runs, page_at(flags.out or first)) if flags.page else None
     if flags.json:
         written = {} if page is None else {"page": str(page), "bytes": page.stat().st_size}
         if compared is not None:
             written["comparison"] = to_json(compared)
+        if gains:
+            written["gains"] = gains
         print(run_folder.json_text(written))
         return 0
     console, entries = console_of(), []
@@ -43,13 +49,26 @@ def command(flags: Report) -> int:
             show_comparison(compared, console)
             say(console, "")
         entries += comparison_answer(compared)
+    entries += [Entry("" if k else "Drive", line) for k, line in enumerate(gains)]
     if page is not None:
         entries.append(Entry("Page", f"{page}, {1e-6 * page.stat().st_size:.2g} MB"))
         entries.append(Entry("Next", "open it in a browser; it needs no network, and prints"))
-    elif not flags.details:
+    elif several and not flags.details:
         entries.append(Entry("Next", "--details prints every number of each"))
     say(console, *screen(None, entries))
     return 0
+
+
+def _gains(run: Path, drive: Drive) -> list[str]:
+    """Gains of the nearest simple loop of a run, a line each.
+
+    Raises:
+        RunError: there is none.
+    """
+    result = stored_result(run)
+    if not isinstance(result, TunedResult) or result.drive is None:
+        raise run_folder.RunError(f"{run}: --drive needs a run of tune that tried a simple loop")
+    return drive_gains(result.drive.weights, result.machine.control_unit, drive)
 
 
 def page_at(out: Path) -> Path:

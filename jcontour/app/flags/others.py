@@ -8,6 +8,8 @@ from tyro.conf import Positional
 
 from jcontour.app.flags.shared import Common
 
+Drive = Literal["general", "linuxcnc-pid", "siemens", "beckhoff", "odrive"]
+
 
 @dataclass(frozen=True)
 class Report(Common):
@@ -20,7 +22,9 @@ class Report(Common):
     runs: Positional[tuple[Path, ...]] = ()
     """Run folders of `jcontour tune`, `simulate`, `audit` or `front`."""
     page: bool = True
-    """The page; --no-page leaves the comparison alone."""
+    """The page; --no-page leaves the comparison and the gains alone."""
+    drive: Drive | None = None
+    """Gains of the nearest simple loop of a tuned run, in the parameters of a product."""
     out: Path | None = None
     """Folder for report.html, or the page itself where the name ends in .html.
     The first run's folder when not given."""

@@ -7,13 +7,13 @@ controller on the position error that does the same is found by sorting these te
 
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from jcontour.app.files.results.stored import Weight
+from jcontour.app.flags.others import Drive
 
-Drive = Literal["general", "linuxcnc-pid", "siemens", "beckhoff", "odrive"]
 FULL = 1.0  # velocity feedforward of a loop that does not name it
 
 

@@ -6,8 +6,11 @@ import pytest
 
 from jcontour.app.cli import main
 from jcontour.app.commands.report import page_at
+from jcontour.app.files.results.stored import write_result
+from jcontour.app.files.results.tuned_result import DriveLoop
 from jcontour.app.files.run_folder import RunError
 from jcontour.app.reports.page.page_data import FILE
+from tests.app import small_runs
 
 
 def test_faults_are_told_in_a_line(tmp_path, capsys):
@@ -46,3 +49,17 @@ def test_a_run_has_its_page_beside_it_and_two_runs_share_one(tour, tmp_path, cap
     assert '"name":"simulate"' in out.read_text() and '"name":"tune"' in out.read_text()
     assert main(["report", str(runs[0]), "--out", str(tmp_path / "new" / "folder")]) == 0
     assert (tmp_path / "new" / "folder" / FILE).read_text().startswith("<!")
+
+
+def test_the_gains_of_a_drive_are_printed_in_the_parameters_of_a_product(tmp_path, capsys):
+    loop = DriveLoop(
+        controller="p", weights={"position": 20.0}, error=3e-6, tuned_error=1e-6, kept=True
+    )
+    (tmp_path / "settings.json").write_text('{"command": "tune"}')
+    write_result(tmp_path, small_runs.tuned_result(drive=loop))
+    asked = ["report", str(tmp_path), "--no-page", "--drive"]
+    assert main([*asked, "siemens"]) == 0
+    assert "MD32200 POSCTRL_GAIN 1.2 1000/min" in capsys.readouterr().out
+    write_result(tmp_path, small_runs.tuned_result())
+    assert main([*asked, "siemens"]) == 2
+    assert "a run of tune that tried a simple loop" in capsys.readouterr().err
