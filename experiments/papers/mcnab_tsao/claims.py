@@ -26,7 +26,6 @@ from experiments.papers.mcnab_tsao.experiment import (
 from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.verdicts import Claim, Verdict, falls, in_order, listed, verdict
 from experiments.tables import Table
-from jcontour.app.reports.tables import digits
 
 STEADY = 0.25  # relative spread that still counts as constant in Figs 9 and 10
 KNEE = 9  # [samples] the preview after which the paper sees no gain (its section 4)
@@ -285,7 +284,7 @@ def _rows_of_table_1(result: Result) -> Iterator[Claim]:
 
 
 def tables(result: Result) -> Iterator[Table]:
-    """Table 1, and its weights on the family."""
+    """Table 1."""
     yield Table(
         "Table 1: RMS errors over a lap of the circle [um], "
         "the machine (paper) beside the simulation (ours)",
@@ -303,33 +302,6 @@ def tables(result: Result) -> Iterator[Table]:
         },
         words=2,
     )
-    rows = [("Table 1", case, result.on_family(*case)) for case in (row[1:4] for row in PUBLISHED)]
-    for terminal in TERMINALS:
-        cases = [(terminal, *weights) for weights in product(ALPHAS, BETAS)]
-        grid = [("best stable of the grid", case, result.on_family(*case)) for case in cases]
-        stable = [row for row in grid if _worst(row, "spectral_radius") < 1]
-        rows += sorted(stable, key=lambda row: _worst(row, "ce_um"))[:1]
-    yield Table(
-        "Table 1's weights on the family of machines: unknown input gains and delays [um]",
-        rows,
-        {
-            "weights": lambda row: f"{row[0]}: {row[1][1]:g}/{row[1][2]:g}",
-            "terminal": lambda row: row[1][0],
-            "ce\nnominal": lambda row: f"{row[2][0].ce_um:.4g}",
-            "ce\nworst": lambda row: digits(_worst(row, "ce_um")),
-            "te\nworst": lambda row: digits(_worst(row, "te_um")),
-            "largest\nradius": lambda row: f"{_worst(row, 'spectral_radius'):.4f}",
-            "verdict": lambda row: (
-                "stable on every machine"
-                if _worst(row, "spectral_radius") < 1
-                else "a frozen loop is unstable"
-            ),
-        },
-    )
-
-
-def _worst(row: tuple, name: str) -> float:
-    return max(getattr(machine, name) for machine in row[2])
 
 
 NAMES = {"output": "output terminal C'QC", "dare": "terminal H_s(Q_max)"}
@@ -423,29 +395,9 @@ def errors_over_the_preview(result: Result) -> Figure:
     return drawn(panels, (11.0, 4.5), columns=2, legend=2)
 
 
-def radii_over_the_horizon(result: Result) -> Figure:
-    """Theorem 1: largest spectral radius over all directions, per weight set and horizon."""
-    rhos = sorted({one.rho for one in result.sets}, reverse=True)
-    horizons = np.arange(1, THEOREM_HORIZON + 1)
-    panels = []
-    for terminal, name in NAMES.items():
-        curves = []
-        for one in sorted(result.sets, key=lambda one: -one.rho):
-            style = {"color": f"C{rhos.index(one.rho)}", "linewidth": 0.7, "markersize": 3}
-            radii = getattr(one, terminal)
-            curves.append(Curve(horizons, radii, f"rho {one.rho:.0e}", {"marker": ".", **style}))
-        limit = {"color": "0.2", "linestyle": "--", "linewidth": 1.0}
-        curves.append(Curve(None, 1.0, "limit of stability", limit))
-        title = f"{name}, {len(result.sets)} weight sets"
-        panels.append(Panel(title, "horizon N_p", "largest spectral radius", curves, LOG))
-    title = "Theorem 1: largest spectral radius over all directions"
-    return drawn(panels, (11.0, 4.8), title, columns=2, legend=4, sharey=True)
-
-
 FIGURES = {
     "figure-2": points_along_the_circle,
     "figures-3-and-5": errors_on_the_family,
     "figures-4-and-6": errors_over_the_weights,
     "figures-9-and-10": errors_over_the_preview,
-    "theorem-1": radii_over_the_horizon,
 }

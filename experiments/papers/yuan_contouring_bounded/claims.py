@@ -150,7 +150,7 @@ def _on_the_bench(result: Result) -> Iterator[Claim]:
 
 
 def tables(result: Result) -> Iterator[Table]:
-    """The promises, and the boxes of the disturbances."""
+    """What is promised and reached."""
     yield Table(
         "Fig. 5.11: contour error, the thesis wants 4 mm",
         result.loops,
@@ -164,22 +164,6 @@ def tables(result: Result) -> Iterator[Table]:
             "X, Y\nreached": lambda row: _pair(row.reached_axes_um),
             "twist\nurad": "reached_twist_urad:.4g",
             "current\nA": "current_a:.4g",
-        },
-        words=2,
-    )
-    yield Table(
-        "What the tubes are made for, and what the runs met",
-        result.loops,
-        {
-            "controller, models": "label",
-            "machine,\nwhat acts": "place",
-            "model\nerror A": "remainder_a:.4g",
-            "needed\nof it": "closed:.4g",
-            "met\nof it": "remainder_share:.4g",
-            "motors\nof 0.5 A": "motor_share:.4g",
-            "QPs un-\nsolved": "unsolved",
-            "step ms\nmedian": "median_ms:.4g",
-            "step ms\nlargest": "slowest_ms:.4g",
         },
         words=2,
     )

@@ -106,14 +106,12 @@ class LoopRow:
     reached_axes_um: tuple[float, float]
     promised_twist_urad: float
     reached_twist_urad: float
-    remainder_a: float  # model error, in the current of a motor that does as much to a state
     closed: float  # share of the model error's box that the tube needs, to second order
     motor_share: float  # disturbance of a motor over its box
     remainder_share: float  # model error over its box
     current_a: float
     unsolved: int  # QPs without an answer
     median_ms: float  # processor time of a step of all controllers, building and solving
-    slowest_ms: float
     samples: int
     diverged: bool
     contour_error_um: Float[np.ndarray, " T"]
@@ -211,8 +209,6 @@ def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> Lo
     contour = np.linalg.norm(np.asarray(contour_error(rollout.output, reference)), axis=1)
     tracked = np.abs(np.asarray(tracking_error(rollout.output, reference))).max(axis=0)
     motors, remainder = _in_boxes(found, rollout.measurement, rollout.control, force)
-    # of the remainder per what 1 A does to the same state: speeds alone, positions follow them
-    by_motors = np.abs(found.machine.run.B[:, 3:]).max(axis=(0, 2))
     return LoopRow(
         name=design.name,
         models=design.models,
@@ -225,14 +221,12 @@ def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> Lo
         reached_axes_um=(1e6 * float(tracked[0]), 1e6 * float(tracked[1])),
         promised_twist_urad=1e6 * promise.twist,
         reached_twist_urad=1e6 * float(np.abs(np.asarray(rollout.measurement)[:, 2]).max()),
-        remainder_a=float((found.remainder[3:MOVING] / by_motors).max()),
         closed=found.closed,
         motor_share=motors,
         remainder_share=remainder,
         current_a=float(np.abs(np.asarray(rollout.control)).max()),
         unsolved=run.report.fallbacks,
         median_ms=1e3 * float(np.median(times)),
-        slowest_ms=1e3 * max(times),
         samples=reference.steps,
         diverged=bool(score(rollout, reference).diverged),
         contour_error_um=1e6 * contour,

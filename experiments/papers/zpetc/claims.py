@@ -14,7 +14,6 @@ from experiments.papers.zpetc.experiment import (
     GAIN,
     POLE,
     PREFILTER,
-    TABLE_2,
     WITH_INTEGRATOR,
     WITHOUT_INTEGRATOR,
     IntegralRun,
@@ -227,22 +226,7 @@ def _adaptation(result: Result) -> Iterator[Claim]:
 
 
 def tables(result: Result) -> Iterator[Table]:
-    """Models, the sweep of the integral time, and adaptive runs."""
-    yield Table(
-        "Models: = all digits as printed",
-        result.models,
-        {
-            "model": "item",
-            "servo pole\nrad/s": "pole_rad_s:.6g",
-            "gain": lambda one: f"{one.ours[0]:.5g}",
-            "gain\nprint": lambda one: one.printed[0],
-            "zero": lambda one: f"{one.ours[1]:.5g}",
-            "zero\nprint": lambda one: one.printed[1],
-            "poles": lambda one: ", ".join(f"{pole:.5g}" for pole in one.ours[2:]),
-            "poles\nprint": lambda one: ", ".join(one.printed[2:]),
-            "": lambda one: "=" if agrees(one) else "x",
-        },
-    )
+    """The sweep of the integral time, and adaptive runs."""
     for friction in (None, *FRICTIONS):
         runs = _by_servo(result, friction)
         means = {(name, row.integral_time): row.mean_um for name in runs for row in runs[name]}
@@ -254,12 +238,6 @@ def tables(result: Result) -> Iterator[Table]:
             title = f"current limited as printed, {friction:g} A of friction assumed"
         times = dict.fromkeys(row.integral_time for row in result.integral)
         yield Table(f"Mean error in um over the integral time in s: {title}", [*times], columns)
-    yield Table(
-        f"Table 2, measured mean error in um; T_i is lost but for the best, {BEST_TIME:g} s",
-        TABLE_2,
-        {"good model": lambda row: f"{row[0]:g}", "poor model": lambda row: f"{row[1]:g}"},
-        words=0,
-    )
     yield Table(
         "Adaptive runs at 16.8 ms: forgetting factor corrected, as printed, no adaptation",
         result.adaptive,
