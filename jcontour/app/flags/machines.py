@@ -135,11 +135,7 @@ class Machine(Common):
     delay_uncertainty: int = 1  # a bus
     """Most samples of delay beyond those given."""
     encoder_um: tuple[float, ...] = (1.0,)  # usual for a linear encoder
-    """Resolution of the encoders [um]."""
-    counts_per_turn: tuple[float, ...] = ()
-    """Instead of --encoder-um: counts of a rotary encoder per turn of the screw, all edges."""
-    pitch_mm: tuple[float, ...] = ()
-    """Travel per turn of the screw [mm], with --counts-per-turn."""
+    """Resolution of the encoders [um]; of rotary ones the pitch over the counts of a turn."""
     name: str = "machine"
     """Name of the machine."""
     out: Path | None = None

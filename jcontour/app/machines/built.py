@@ -65,6 +65,12 @@ def built_machine(flags: Machine) -> BuiltMachine:
         given = _above_zero(f"max_{name}", getattr(flags, f"max_{name}"), len(flags.axes))
         if given is not None:
             found[name] = _short(given)
+    counts = _above_zero("encoder_um", flags.encoder_um, len(flags.axes))
+    if counts is None:
+        raise ValueError("encoder-um: needs one number or one for each axis, received none")
+    known_to = GAIN_KNOWN_TO[flags.takes]
+    if flags.gain_uncertainty is not None:
+        known_to = flags.gain_uncertainty
     fields = {
         "name": flags.name,
         "length_unit": flags.length_unit,
@@ -77,20 +83,13 @@ def built_machine(flags: Machine) -> BuiltMachine:
         "limits": found,
         "known_delay": shared,
         "uncertainty": {
-            "gain": _gain_uncertainty(flags),
+            "gain": known_to,
             "delay": flags.delay_uncertainty,
             **_resonance_uncertainty(flags, dt),
         },
-        "encoder_resolution": _resolution(flags, metre),
+        "encoder_resolution": _short([one * METRES["um"] / metre for one in counts]),
     }
     return BuiltMachine(fields, words, warnings)
-
-
-def _gain_uncertainty(flags: Machine) -> float:
-    """Fraction to which the gains are known, as given or as the drive is."""
-    if flags.gain_uncertainty is not None:
-        return flags.gain_uncertainty
-    return GAIN_KNOWN_TO[flags.takes]
 
 
 def _resonance_uncertainty(flags: Machine, dt: float) -> dict[str, Any]:
@@ -107,30 +106,6 @@ def _resonance_uncertainty(flags: Machine, dt: float) -> dict[str, Any]:
         return {}
     assert hertz is not None
     return {"response": unsure_resonances(hertz, flags.damping, part, dt)}
-
-
-def _resolution(flags: Machine, metre: float) -> float | list[float]:
-    """Way per count of the encoders, of all or of each, in units of that many metres."""
-    count = len(flags.axes)
-    turn = {"counts_per_turn": flags.counts_per_turn, "pitch_mm": flags.pitch_mm}
-    given = [_flag(name) for name, values in turn.items() if values]
-    if not given:
-        counts = _above_zero("encoder_um", flags.encoder_um, count)
-        if counts is None:
-            raise ValueError("encoder-um: needs one number or one for each axis, received none")
-        return _short([one * METRES["um"] / metre for one in counts])
-    if flags.encoder_um != Machine.encoder_um:
-        raise ValueError(f"encoder-um: the screw says it; leave it out, or --{given[0]}")
-    each = {name: _above_zero(name, values, count) for name, values in turn.items()}
-    for name, values in each.items():
-        if values is None:
-            raise ValueError(
-                f"{_flag(name)}: missing; --counts-per-turn and --pitch-mm go together"
-            )
-    counts, pitches = each["counts_per_turn"], each["pitch_mm"]
-    assert counts is not None and pitches is not None
-    pairs = zip(pitches, counts, strict=True)
-    return _short([pitch * METRES["mm"] / counted / metre for pitch, counted in pairs])
 
 
 def _short(values: list[float]) -> float | list[float]:

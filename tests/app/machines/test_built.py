@@ -91,19 +91,10 @@ def test_limits_are_of_all_axes_or_of_each():
     assert loaded(replace(MILL, max_control=())).limits.control is None
 
 
-def test_a_screw_and_its_encoder_give_the_resolution():
-    machine = loaded(replace(MILL, counts_per_turn=(4000.0,), pitch_mm=(5.0,)))
-    assert machine.resolution == pytest.approx(1.25e-6)  # [m]
-
-
 def test_every_axis_may_have_an_encoder_of_its_own():
     assert loaded(replace(MILL, encoder_um=(1.0, 5.0))).resolution == pytest.approx(
         np.array([1e-6, 5e-6])
     )
-    screws = loaded(replace(MILL, counts_per_turn=(4000.0, 10000.0), pitch_mm=(5.0,)))
-    assert screws.resolution == pytest.approx(np.array([1.25e-6, 0.5e-6]))
-    alike = replace(MILL, counts_per_turn=(4000.0, 8000.0), pitch_mm=(5.0, 10.0))
-    assert built_machine(alike).fields["encoder_resolution"] == pytest.approx(1.25e-3)  # [mm]
 
 
 def test_bad_flags_are_told():
@@ -117,12 +108,6 @@ def test_bad_flags_are_told():
         ({"max_control": (1.0, 2.0, 3.0)}, "^max-control: needs one number or 2, received 3$"),
         ({"max_speed": (1.0, -2.0)}, "^max-speed: needs to be above zero, received -2$"),
         ({"max_acceleration": (0.0,)}, "^max-acceleration: needs to be above zero, received 0$"),
-        ({"pitch_mm": (5.0,)}, "counts-per-turn: missing"),
-        (
-            {"pitch_mm": (5.0,), "counts_per_turn": (0.0,)},
-            "counts-per-turn: needs to be above zero",
-        ),
-        ({"pitch_mm": (5.0,), "encoder_um": (2.0,)}, "encoder-um: the screw says it"),
         ({"encoder_um": (1.0, 2.0, 3.0)}, "^encoder-um: needs one number or 2, received 3$"),
         ({"encoder_um": (1.0, 0.0)}, "^encoder-um: needs to be above zero, received 0$"),
         ({"encoder_um": ()}, "^encoder-um: needs one number or one for each axis"),
