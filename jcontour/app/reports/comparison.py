@@ -31,6 +31,7 @@ SAME = 1e-3  # relative: a smaller difference is called none
 KINDS = {"tune": TunedResult, "simulate": SimulatedResult, "audit": AuditedResult}
 ALIKE = ({"tune"}, {"simulate", "audit"})  # commands whose runs are compared
 NOT_SETTINGS = ("json", "out", "resume", "rollouts")
+MS = "peak sensitivity Ms"
 SHOWN = ("rms_contour_error", "rms_tracking_error", "rms_increment")  # on the screen
 
 
@@ -118,7 +119,7 @@ def comparison(folders: Sequence[Path]) -> Comparison:
     if len(margins) == len(results):
         peaks = [one.sensitivity for one in margins]
         least = _least(peaks, verdicts, same_machine)
-        numbers.append(ComparedNumber("peak sensitivity Ms", peaks, least=least))
+        numbers.append(ComparedNumber(MS, peaks, least=least))
         numbers.append(ComparedNumber("delay samples", [one.delay_samples for one in margins]))
     return Comparison(
         command=commands[0],
@@ -223,7 +224,8 @@ def show_comparison(compared: Comparison, console: Console) -> None:
         tables.say(console, f"{number}: {folder}", verdict.heading, *because)
     heads = [str(number) for number in range(1, len(compared.runs) + 1)]
     rows = [[name, *map(_value, values)] for name, values in compared.differing.items()]
-    console.print(tables.plain_table("What differs", ["", *heads], rows, 1 + len(heads)))
+    if rows:
+        console.print(tables.plain_table("What differs", ["", *heads], rows, 1 + len(heads)))
     numbers = [
         [one.contour, one.plant, one.name, *map(_value, one.values), one.least]
         for one in compared.numbers
@@ -239,12 +241,17 @@ def comparison_answer(compared: Comparison) -> list[Entry]:
         zip(compared.runs, compared.verdicts, strict=True), 1
     ):
         entries.append(Entry(f"Run {number}", f"{folder}: {verdict.heading}"))
-    shown = {_heading(name) for name in SHOWN}
+    rows: dict[str, list[list[float | None]]] = {name: [] for name in (*map(_heading, SHOWN), MS)}
     for one in compared.numbers:
-        if one.name == "peak sensitivity Ms" or (one.name in shown and one.plant == "worst"):
-            which = {"": "", "same": ", the same"}.get(one.least, f", least in run {one.least}")
-            values = " against ".join(map(_value, one.values))
-            entries.append(Entry("Compared", f"{one.name} {one.contour}: {values}{which}"))
+        if one.name in rows and one.least and one.plant in ("", "worst"):
+            rows[one.name].append(one.values)
+    for name, values in rows.items():
+        if values:  # the largest of all contours that are ranked
+            largest = np.max(np.array(values, float), axis=0).tolist()
+            least = _least(largest, compared.verdicts, True)
+            which = {"": "", "same": ", the same"}.get(least, f", least in run {least}")
+            sizes = " against ".join(map(_value, largest))
+            entries.append(Entry("Compared", f"{name}, largest: {sizes}{which}"))
     return [*entries, *(Entry("Warning", line) for line in compared.warnings)]
 
 
