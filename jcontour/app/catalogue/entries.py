@@ -172,7 +172,7 @@ CONTROLLERS = {  # name -> module and class
     "adaptive-robust": "jcontour.app.designs.any_machine:AdaptiveRobustLoops",
     "predictive-cascade": "jcontour.app.designs.any_machine:GeneralisedPredictiveCascade",
     "predictive-repetitive": "jcontour.app.designs.any_machine:RepeatedRegulator",
-    "h-infinity": "jcontour.app.designs.robust:MixedSensitivity",
+    "h-infinity": "jcontour.app.designs.any_machine:MixedSensitivity",
 }
 # of the names on some kinds of machines: `cascade` is `gantry-cascade` on a gantry
 PREFIXES = ("gantry-friction-", "gantry-", "flexible-", "linear-")

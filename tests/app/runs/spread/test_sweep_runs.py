@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 from jcontour.app.catalogue.choices import design_for, machine_named
-from jcontour.app.flags.tuning import Sweep
+from jcontour.app.flags.tuning import Sweep, Tune
+from jcontour.app.runs.spread.devices import batching_of, count_of
 from jcontour.app.runs.spread.sweep_runs import (
     Swept,
     sampled_designs,
     sampled_values,
     swept_of,
 )
+from jcontour.simulation.devices import Spread
 
 
 def test_a_grid_has_all_pairs_and_a_random_sample_lies_between():
@@ -101,3 +103,14 @@ def test_what_varies_can_be_named():
         (2, 5),
         (2, 20),
     ]
+
+
+def test_devices_of_the_flags():
+    assert count_of(Sweep()) is None and count_of(Tune()) == 1 and count_of(Tune(devices="4")) == 4
+    for devices in ("0", "-1", "two", "1.5", ""):
+        with pytest.raises(ValueError, match="devices: needs 'all' or a number"):
+            count_of(Tune(devices=devices))
+    assert batching_of(Tune()) is None
+    assert isinstance(batching_of(Tune(devices="all")), Spread)
+    with pytest.raises(ValueError, match="devices: needs 1 to 2"):
+        batching_of(Tune(devices="3"))
