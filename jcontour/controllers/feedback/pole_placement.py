@@ -179,9 +179,8 @@ class SelfTuning(Controller):
     forgetting: Float[Array, ""] = eqx.field(converter=numbers, default=0.95)
     # a wrong sample makes no control more than ten times as large
     least: Float[Array, ""] = eqx.field(converter=numbers, default=0.1)
-    growth: Float[Array, ""] = eqx.field(
-        converter=numbers, default=100.0
-    )  # without excitation P would grow for ever
+    # without excitation P would grow for ever
+    growth: Float[Array, ""] = eqx.field(converter=numbers, default=100.0)
     preview: int = eqx.field(static=True, init=False, default=0)
 
     def __check_init__(self):
