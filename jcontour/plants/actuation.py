@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
 from jcontour._tracing import is_concrete
-from jcontour.linear.plant import LinearPlant, small_product
+from jcontour.linear.plant import LinearPlant, decoupled_axes, small_product
 from jcontour.plant import State
 from jcontour.plants.friction import Friction
 from jcontour.wrapper import Remembering, Wrapper
@@ -127,6 +127,7 @@ class Backlash(Remembering):
 
 SLOWEST = 2e-4  # [m/s] within which friction turns, at least
 SAMPLES = 4.0  # times what it changes the speed in a sample
+INTEGRATOR = 3e-5  # distance of its pole from one: printed matrices are rounded
 RESPONSE = 20  # samples of which the quickest counts
 
 
@@ -189,6 +190,19 @@ class LostMotion(Remembering):
         return self.plant.step(state[0], acts), acts
 
 
+def _integrate(plant: LinearPlant) -> list[bool]:
+    """Whether the parts of a plant that nothing couples have an integrator each: a pole at one.
+
+    Where one has none its drive takes a position.
+    """
+    found = []
+    for axis in decoupled_axes(plant.pattern):
+        rows = np.array(axis.states)
+        poles = np.linalg.eigvals(np.asarray(plant.A)[np.ix_(rows, rows)])
+        found.append(bool(np.abs(poles - 1).min() < INTEGRATOR))
+    return found
+
+
 def with_dry_friction(
     plant: LinearPlant,
     entry: Float[np.ndarray, "n m"],
@@ -206,11 +220,11 @@ def with_dry_friction(
     """
     A, C = np.asarray(plant.A), np.asarray(plant.C)
     friction = Friction(np.asarray(force), 0.0, 1.0, 0.0)
-    takes_position = np.asarray(plant.holding_control(jnp.ones(len(C)))) != 0.0
-    if takes_position.any():
-        if not takes_position.all():
-            raise ValueError("friction: some axes take positions and others do not")
+    integrate = _integrate(plant)
+    if not any(integrate):
         return LostMotion(plant, friction)
+    if not all(integrate):
+        raise ValueError("friction: some axes take positions and others do not")
     speed = (C @ A - C) / plant.dt
     responses, state = [np.zeros(speed.shape[0])], np.asarray(entry)
     for _ in range(RESPONSE):

@@ -34,6 +34,7 @@ from jcontour.plants.friction import without_dry_friction
 from jcontour.sensors import Sensors
 from jcontour.simulation.metrics import contour_error
 from tuning.identification.error_causes import shares
+from tuning.identification.linear.axis_model import AxisModel
 
 GAINS = np.array([1.2, 0.7])
 PLACE = jnp.array([0.03, -0.05])  # [m]
@@ -349,3 +350,16 @@ def test_a_loop_is_looked_at_without_its_play():
     by_control, _ = jax.jacobian(free.step, argnums=1)(start, jnp.zeros(1))
     assert float(state[0][0, 0]) == 0.9 and float(by_control[0, 0]) == 0.1
     assert not np.any(np.asarray(state[1])) and not np.any(np.asarray(held[1]))
+
+
+def test_a_force_of_a_machine_of_many_states_is_no_lost_motion():
+    """Slides behind a resonance and a delay, as they are identified: they integrate."""
+    masses = with_input_delay(slides(), 3)
+    assert isinstance(
+        with_dry_friction(masses, np.asarray(masses.A)[:, -1:], np.array([FORCE])), WithDryFriction
+    )
+    below = np.poly([1 + 4e-11, 0.997, 0.983 * np.exp(0.3j), 0.983 * np.exp(-0.3j), 0.9])
+    model = AxisModel(np.real(below[1:]), 1e-7 * np.ones(4), 0, 0, DT)
+    resonant = LinearPlant(*model.realisation(), DT)
+    entry = np.asarray(resonant.B)
+    assert isinstance(with_dry_friction(resonant, entry, np.array([FORCE])), WithDryFriction)
