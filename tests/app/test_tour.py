@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from jcontour.app.commands.loops.check import Verified
-from jcontour.app.files.results.bound_results import CertifiedResult, LearnedResult
 from jcontour.app.files.results.loop_results import (
     BentResult,
+    CertifiedResult,
     ExportedResult,
+    LearnedResult,
     SimulatedResult,
 )
 from jcontour.app.files.results.machine_results import LinearMachineResult

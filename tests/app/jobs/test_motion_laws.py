@@ -11,7 +11,7 @@ from jcontour.app.files.results.run_metrics import MotionSummary
 from jcontour.app.flags.shared import MachineFlags
 from jcontour.app.jobs import job, motion_laws
 from jcontour.app.jobs.job import Job, Pace, from_file
-from jcontour.app.reports.simulated_tables import motion_table
+from jcontour.app.reports.run_tables import motion_table
 from jcontour.app.runs.contour_summary import motion_summary
 from jcontour.geometry.toolpath_rules import ToolpathError
 

@@ -10,7 +10,7 @@ from jcontour.app.jobs.contours import BUILT_IN
 from jcontour.app.jobs.job import Job, Pace, at_constant_feed, from_file
 from jcontour.app.jobs.stretches import shortened
 from jcontour.app.machines.machine import MachineLimits
-from jcontour.app.reports.simulated_tables import motion_table
+from jcontour.app.reports.run_tables import motion_table
 from jcontour.app.reports.tables import read_line
 from jcontour.app.runs.contour_summary import (
     contour_runs,

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_dataset
-from jcontour.app.files.results.bound_results import CertifiedResult, CertifiedRow
+from jcontour.app.files.results.loop_results import CertifiedResult, CertifiedRow
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import LimitCheck, Verdict, kept_words
 from jcontour.app.flags.loops import Check

@@ -10,7 +10,7 @@ from jcontour._devices import on_cpu
 from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from jcontour.app.designs.design import plain_weights
 from jcontour.app.files.bent_reference import SAMPLES, save_samples
-from jcontour.app.files.results.bound_results import LearnedMachine, LearnedResult, StoredLap
+from jcontour.app.files.results.loop_results import LearnedMachine, LearnedResult, StoredLap
 from jcontour.app.files.results.stored import Weight, write_result
 from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.flags.loops import Learn

@@ -22,8 +22,8 @@ from jcontour.app.reports.figures.contours import figures_of
 from jcontour.app.reports.figures.motion import motion_figure
 from jcontour.app.reports.figures.png import drawn_by, image
 from jcontour.app.reports.rollouts import save_rollouts
+from jcontour.app.reports.run_tables import show_simulated, simulated_answer
 from jcontour.app.reports.screen import Entry
-from jcontour.app.reports.simulated_tables import show_simulated, simulated_answer
 from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.checks.run_checks import (
     NAN,

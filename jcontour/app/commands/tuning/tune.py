@@ -22,8 +22,8 @@ from jcontour.app.reports.figures.png import drawn_beside, save_figure
 from jcontour.app.reports.figures.searches import history_figure, sensitivity_figure
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.reports.rollouts import save_rollouts, save_sensitivity
+from jcontour.app.reports.run_tables import limit_words, show_tuned, tuned_answer
 from jcontour.app.reports.screen import Entry
-from jcontour.app.reports.tuned_tables import limit_words, show_tuned, tuned_answer
 from jcontour.app.runs.checks.recommendation import lost_at_start
 from jcontour.app.runs.contour_summary import contour_runs, read_of
 from jcontour.app.runs.lifecycle import finished, opened, ranked_words

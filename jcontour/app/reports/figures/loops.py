@@ -7,8 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from jcontour.app.files.results.bound_results import LearnedResult
-from jcontour.app.files.results.loop_results import CauseShare
+from jcontour.app.files.results.loop_results import CauseShare, LearnedResult
 from jcontour.app.reports.figures.axes import (
     CYCLE,
     DESIRED,

@@ -26,10 +26,9 @@ from jcontour.app.flags.tuning import Front, Tune
 from jcontour.app.reports.causes import audit_answer
 from jcontour.app.reports.drives import PRODUCTS, drive_gains
 from jcontour.app.reports.rollouts import ROLLOUTS, SENSITIVITY
+from jcontour.app.reports.run_tables import margin_rows, simulated_answer, tuned_answer
 from jcontour.app.reports.screen import Entry, screen
-from jcontour.app.reports.simulated_tables import simulated_answer
 from jcontour.app.reports.tables import weight_digits
-from jcontour.app.reports.tuned_tables import margin_rows, tuned_answer
 
 Shown = TunedResult | SimulatedResult | FrontResult
 

@@ -10,7 +10,7 @@ from itertools import product
 import jax
 import numpy as np
 
-from jcontour.app.files.results.bound_results import CertifiedRow
+from jcontour.app.files.results.loop_results import CertifiedRow
 from jcontour.app.files.results.run_metrics import PeakPlace
 from jcontour.app.machines.linear import Bounds, as_linear, box_of
 from jcontour.app.runs.stored_loops import StoredLoop

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.app.designs.design import Design
-from jcontour.app.files.results.bound_results import LearnedMachine, StoredLap
+from jcontour.app.files.results.loop_results import LearnedMachine, StoredLap
 from jcontour.app.flags.loops import Learn
 from jcontour.app.jobs.job import Task
 from jcontour.app.machines.machine import Machine, MachineLimits

@@ -8,7 +8,7 @@ import pytest
 from jcontour.app.cli import main
 from jcontour.app.commands.loops.check_bound import ATTACK, verdict_on
 from jcontour.app.files.netcdf import load_dataset
-from jcontour.app.files.results.bound_results import CertifiedResult, CertifiedRow
+from jcontour.app.files.results.loop_results import CertifiedResult, CertifiedRow
 from jcontour.app.files.results.run_metrics import PeakPlace
 
 ROW = CertifiedRow(

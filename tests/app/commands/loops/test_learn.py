@@ -9,7 +9,7 @@ import pytest
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.cli import main
 from jcontour.app.commands.loops.learn import before, loading, verdict_on
-from jcontour.app.files.results.bound_results import LearnedResult, StoredLap
+from jcontour.app.files.results.loop_results import LearnedResult, StoredLap
 from jcontour.app.files.results.stored import from_json, to_json
 from jcontour.app.files.results.verdict import LimitCheck
 from jcontour.app.jobs.job import Pace, from_file

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from jcontour.app.files.results.tuned_result import TunedContour
-from jcontour.app.reports.tuned_tables import change_words, limit_words
+from jcontour.app.reports.run_tables import change_words, limit_words
 from tests.app import small_runs
 
 LOST = small_runs.family_metrics(9e-6, diverged=True)

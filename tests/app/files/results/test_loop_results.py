@@ -1,6 +1,6 @@
 """The stored certificate comes back as it was."""
 
-from jcontour.app.files.results.bound_results import CertifiedResult, CertifiedRow
+from jcontour.app.files.results.loop_results import CertifiedResult, CertifiedRow
 from jcontour.app.files.results.run_metrics import MachineSummary, PeakPlace
 from jcontour.app.files.results.verdict import Verdict
 
