@@ -26,6 +26,7 @@ from jcontour.plants.actuation import (
     Gained,
     LostMotion,
     Saturated,
+    WithDryFriction,
     with_dry_friction,
 )
 from jcontour.plants.delays import Delayed, PartlyDelayed
