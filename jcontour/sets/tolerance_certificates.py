@@ -75,11 +75,11 @@ def least_tolerance_of_any(
         )
     )
     values = (acting @ model.E.T).ravel()
-    program = _Rows(model, acting)
-    for signal, middle in zip(limited, middles, strict=True):
-        program.limit(signal, middle)
-    program.follow(wanted, target)
-    rows, bounds = program.stacked()
+    moving = [one for one in zip(limited, middles, strict=True) if one[0].state.any()]
+    kept = [_kept(model, acting, signal, middle, signal.limit, 0.0) for signal, middle in moving]
+    kept.append(_kept(model, acting, wanted, target, 0.0, 1.0))
+    rows = sparse.csr_array(sparse.vstack([one for one, _ in kept]))
+    bounds = np.concatenate([one for _, one in kept])
     box = _box(model, limited, middles, T)
     cost = np.zeros((T + 1) * n + T * p + 1)
     cost[-1] = 1.0
@@ -102,46 +102,29 @@ def least_tolerance_of_any(
     return Certificate(proven, float(found.fun))
 
 
-class _Rows:
-    """Rows of the program over x_0..x_T, u_0..u_{T-1} and the tolerance."""
+def _kept(
+    model: DisturbedModel,
+    acting: Float[np.ndarray, "T q"],
+    signal: Signal,
+    middle: float | Float[np.ndarray, " t"],
+    limit: float,
+    share: float,
+) -> tuple[sparse.sparray, Float[np.ndarray, " rows"]]:
+    """Rows over x_0..x_T, u_0..u_{T-1} and the tolerance, and their bounds.
 
-    def __init__(self, model: DisturbedModel, acting: Float[np.ndarray, "T q"]):
-        self.model, self.acting, self.T = model, acting, len(acting)
-        self._rows: list = []
-        self._bounds: list[np.ndarray] = []
-
-    def limit(self, signal: Signal, middle: float) -> None:
-        """|c x + d u - middle| <= limit at every sample; states before the disturbance acts."""
-        if not signal.state.any():
-            return  # a control alone: in the box of the variables
-        loss, acted = self._disturbed(signal)
-        room = signal.limit - loss
-        for sign in (1.0, -1.0):
-            self._add(sign * signal.state, sign * signal.control, 0.0)
-            self._bounds.append(room + sign * (middle + acted))
-
-    def follow(self, signal: Signal, target: Float[np.ndarray, " t"]) -> None:
-        """|c x - reference| <= tolerance at every sample."""
-        loss, acted = self._disturbed(signal)
-        for sign in (1.0, -1.0):
-            self._add(sign * signal.state, sign * signal.control, -1.0)
-            self._bounds.append(sign * (target + acted) - loss)
-
-    def stacked(self) -> tuple[sparse.csr_array, np.ndarray]:
-        return sparse.csr_array(sparse.vstack(self._rows)), np.concatenate(self._bounds)
-
-    def _disturbed(self, signal: Signal) -> tuple[np.ndarray, np.ndarray]:
-        """Room that a disturbance unknown takes, and what the one that acts adds; none at first."""
-        effect = signal.state @ self.model.E
-        loss = np.full(self.T + 1, np.abs(effect).sum())
-        loss[0] = 0.0
-        return loss, np.concatenate([[0.0], self.acting @ effect])
-
-    def _add(self, state: np.ndarray, control: np.ndarray, tolerance: float) -> None:
-        states = sparse.kron(sparse.eye_array(self.T + 1), state)
-        controls = sparse.kron(sparse.eye_array(self.T + 1, self.T), control)
-        last = sparse.csr_array(np.full((self.T + 1, 1), tolerance))
-        self._rows.append(sparse.hstack([states, controls, last]))
+    |c x + d u - middle| <= limit + share * tolerance at every sample; states before the disturbance
+    acts, of which the largest one takes its share of the limit but at the first sample.
+    """
+    T, effect = len(acting), signal.state @ model.E
+    loss = np.full(T + 1, np.abs(effect).sum())
+    loss[0] = 0.0
+    acted = np.concatenate([[0.0], acting @ effect])
+    states = sparse.kron(sparse.eye_array(T + 1), signal.state)
+    controls = sparse.kron(sparse.eye_array(T + 1, T), signal.control)
+    both, last = sparse.hstack([states, controls]), np.full((T + 1, 1), -share)
+    rows = [sparse.hstack([sign * both, sparse.csr_array(last)]) for sign in (1.0, -1.0)]
+    bounds = [limit - loss + sign * (middle + acted) for sign in (1.0, -1.0)]
+    return sparse.vstack(rows), np.concatenate(bounds)
 
 
 def _box(
