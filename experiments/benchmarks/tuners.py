@@ -4,7 +4,6 @@ All begin at the same random points. An evaluation with slopes counts as three. 
 many evaluations a search needs to come within 2 % of the best value that anything has found.
 """
 
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -28,7 +27,7 @@ from jcontour.controller import Controller
 from jcontour.plant import Plant
 from tuning.loops import Looked, Loops
 from tuning.parameters import Chart, Weights
-from tuning.point import FEASIBLE, Evaluated, evaluate_point, evaluate_values
+from tuning.point import FEASIBLE, Evaluated, evaluate_values
 from tuning.problem import THOROUGH, Effort, Problem
 from tuning.tuner import TuneState, advance
 
@@ -66,8 +65,6 @@ WITH_SLOPES = 3  # evaluations that one with slopes counts as
 REACH = 7.0  # half width in ln(weight) of the box that others search: three decades up and down
 AWAY = 3.0  # half width of the box of first points
 CLOSE = 1.02  # of the best value known
-EARLY = 100  # evaluations after which values are compared, and at the end
-REPEATED = 5  # evaluations that are timed
 LOST = 100.0  # merit of a point that diverges
 DEAR = 10.0  # price of a limit's excess in the merit of a search without limits of its own
 
@@ -80,8 +77,6 @@ class Trace:
     """Every better feasible value that one search found, in the order of its evaluations.
 
     >>> one = Trace("p", "Sobol", 0, [3.0, 9.0], [5.0, 2.0])
-    >>> [one.at(count) for count in (1, 3, 8, 9, 99)]
-    [inf, 5.0, 5.0, 2.0, 2.0]
     >>> one.until(2.5), one.until(1.0)
     (9.0, inf)
 
@@ -96,10 +91,10 @@ class Trace:
     spent: list[float]
     best: list[float]
 
-    def at(self, count: float) -> float:
-        """Best value within so many evaluations; infinite before the first."""
-        pairs = zip(self.spent, self.best, strict=True)
-        return min((best for spent, best in pairs if spent <= count), default=np.inf)
+    @property
+    def least(self) -> float:
+        """The best value; infinite where there is none."""
+        return self.best[-1] if self.best else np.inf
 
     def until(self, value: float) -> float:
         """Evaluations to come to a value; infinite where it does not."""
@@ -118,26 +113,15 @@ class TunerRow:
     reached: int  # seeds that came within 2 % of the best value known
     # to come there, quartiles and median; None where that many seeds did not
     evaluations: tuple[float | None, float | None, float | None]
-    medians: tuple[float, float]  # value over the best known: after `EARLY`, at the end
     best: float  # value known [um, or a ratio]
 
 
 @dataclass(frozen=True)
-class Cost:
-    """Processor time of a value, and of a value with slopes."""
-
-    problem: str
-    compiling: tuple[float, float]  # once [s]
-    evaluating: tuple[float, float]  # every time afterwards [s]
-
-
-@dataclass(frozen=True)
 class TunersBench:
-    """One row for every search and problem, and the costs of every problem."""
+    """One row for every search and problem."""
 
     budget: int
     rows: list[TunerRow]
-    costs: list[Cost]
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
@@ -156,10 +140,10 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
     for name in flags.searches:
         if name not in known:
             raise ValueError(f"searches: needs names of {', '.join(known)}, received {name}")
-    prepared = {name: _prepared(name) for name in PROBLEMS}
+    problems = {name: problem_of(name) for name in PROBLEMS}
 
     def run(seed: int, name: str, method: str, budget: int) -> list[Trace]:
-        search = _searched(prepared[name], method, seed, budget)
+        search = _searched(*problems[name], method, seed, budget)
         tell(f"start {seed + 1} of {flags.seeds}: {name}: {method}")
         return [_better(name, method, seed, *search)]
 
@@ -168,42 +152,11 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
         for seed, name, method in product(range(flags.seeds), PROBLEMS, flags.searches or known)
     ]
     traces = kept(flags.keep, Trace, keys, run)
-    rows = [
-        row
-        for name, one in prepared.items()
-        for row in _summed_up(
-            one.first.size, [t for t in traces if t.problem == name], flags.evaluations
-        )
-    ]
-    return TunersBench(flags.evaluations, rows, [one.cost for one in prepared.values()])
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A problem with its programs compiled."""
-
-    problem: Problem
-    start: Weights
-    first: Float[np.ndarray, " d"]  # coordinates of its start, the middle of the box
-    cost: Cost
-
-
-def _prepared(name: str) -> Prepared:
-    problem, start = problem_of(name)
-    first = np.asarray(Chart(problem.space, start).coordinates())
-    compiling, evaluating = [], []
-    for evaluate in (evaluate_values, evaluate_point):
-        clock = time.process_time()
-        evaluate(problem, start, first)
-        compiled = time.process_time()
-        for _ in range(REPEATED):
-            evaluate(problem, start, first)
-        each = (time.process_time() - compiled) / REPEATED
-        compiling.append(max(0.0, compiled - clock - each))
-        evaluating.append(each)
-    _ours(problem, start, first, 0, 2 * WITH_SLOPES)  # what is small
-    cost = Cost(name, (compiling[0], compiling[1]), (evaluating[0], evaluating[1]))
-    return Prepared(problem, start, first, cost)
+    rows: list[TunerRow] = []
+    for name, (problem, start) in problems.items():
+        some = [trace for trace in traces if trace.problem == name]
+        rows += _summed_up(Chart(problem.space, start).coordinates().size, some)
+    return TunersBench(flags.evaluations, rows)
 
 
 class CountedLoops(Loops):
@@ -260,13 +213,14 @@ def measure_of(problem: Problem, start: Weights) -> Callable[[Float[np.ndarray, 
     return measure
 
 
-def _searched(one: Prepared, method: str, seed: int, budget: int) -> Search:
-    """Values of a search from one start, and what they took."""
-    begin = one.first + np.random.default_rng(seed).uniform(-AWAY, AWAY, one.first.size)
+def _searched(problem: Problem, start: Weights, method: str, seed: int, budget: int) -> Search:
+    """Values of a search from one random point, and what they took."""
+    first = np.asarray(Chart(problem.space, start).coordinates())  # the middle of the box
+    begin = first + np.random.default_rng(seed).uniform(-AWAY, AWAY, first.size)
     if method == OURS:
-        return _ours(one.problem, one.start, begin, seed, budget)
-    measure = measure_of(one.problem, one.start)
-    box = np.stack([one.first - REACH, one.first + REACH])
+        return _ours(problem, start, begin, seed, budget)
+    measure = measure_of(problem, start)
+    box = np.stack([first - REACH, first + REACH])
     values: list[float] = []
 
     def counted(z: np.ndarray) -> float:
@@ -317,36 +271,25 @@ def _better(
     return Trace(name, method, seed, [spent[k] for k in better], [values[k] for k in better])
 
 
-def _summed_up(weights: int, traces: list[Trace], budget: int) -> list[TunerRow]:
+def _summed_up(weights: int, traces: list[Trace]) -> list[TunerRow]:
     """Rows of one problem by search, beside the best of all of them."""
-    best = min((trace.at(np.inf) for trace in traces), default=np.inf)
+    best = min((trace.least for trace in traces), default=np.inf)
     rows = []
     for method in dict.fromkeys(trace.method for trace in traces):
         several = [trace for trace in traces if trace.method == method]
         until = np.full(len(several), np.inf)  # where no search has come within the limits
-        medians = np.inf, np.inf
         if np.isfinite(best):
             until = np.array([trace.until(CLOSE * best) for trace in several])
-            early, late = (
-                float(_quartiles(np.array([trace.at(count) for trace in several]))[1] / best)
-                for count in (EARLY, budget)
-            )
-            medians = early, late
-        low, middle, high = (
-            float(count) if np.isfinite(count) else None for count in _quartiles(until)
-        )
+        quartiles = np.quantile(until, [0.25, 0.5, 0.75], method="inverted_cdf")
+        low, middle, high = (float(count) if np.isfinite(count) else None for count in quartiles)
         reached = int(np.isfinite(until).sum())
-        numbers = len(several), reached, (low, middle, high), medians, best
+        numbers = len(several), reached, (low, middle, high), best
         rows.append(TunerRow(several[0].problem, weights, method, *numbers))
     return rows
 
 
-def _quartiles(values: np.ndarray) -> np.ndarray:
-    return np.quantile(values, [0.25, 0.5, 0.75], axis=0, method="inverted_cdf")
-
-
 def tables(result: TunersBench) -> Iterator[Table | str]:
-    """A table for every problem, and what an evaluation costs."""
+    """A table for every problem."""
     yield (
         f"Evaluations to come within 2 % of the best value known, at most {result.budget}; "
         f"one with slopes counts {WITH_SLOPES}\n"
@@ -356,19 +299,6 @@ def tables(result: TunersBench) -> Iterator[Table | str]:
         "starts that\narrive": lambda row: f"{row.reached} of {row.seeds}",
         "evaluations\nmedian": lambda row: digits(row.evaluations[1]),
         "quartiles": lambda row: f"{digits(row.evaluations[0])} to {digits(row.evaluations[2])}",
-        f"over the best\nafter {EARLY}": lambda row: digits(row.medians[0]),
-        "and at\nthe end": lambda row: digits(row.medians[1]),
     }
     for (problem, weights), rows in groupby(result.rows, lambda row: (row.problem, row.weights)):
         yield Table(f"{problem} ({weights} weights)", list(rows), columns)
-    yield Table(
-        "Processor time of one evaluation",
-        result.costs,
-        {
-            "problem": "problem",
-            "value [ms]": lambda one: digits(1e3 * one.evaluating[0]),
-            "with slopes [ms]": lambda one: digits(1e3 * one.evaluating[1]),
-            "compiling [s]": lambda one: digits(one.compiling[0]),
-            "with slopes [s]": lambda one: digits(one.compiling[1]),
-        },
-    )
