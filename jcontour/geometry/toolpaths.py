@@ -18,7 +18,7 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
                (MSG, ...), as in LinuxCNC; under G61.1 after every move, under G61 in corners;
                moves along Z alone where two axes are traced
     modes      G20 G21 (G70 G71) inch and mm; G90 G91 end points; G90.1 G91.1 centres; F feed per
-               minute (G94) or one over the minutes of a move (G93); @ ^ polar end points
+               minute (G94)
     values     numbers, #1, #<name>, [expressions], functions
     flow       O-words: sub, call, return, if, while, do, repeat, break, continue; M98 M99;
                subprograms in files NAME.ngc beside the program
@@ -32,10 +32,10 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
                nothing; a line that begins with / is skipped, as with the block-delete switch on;
                (ABORT, ...) is an error
 
-Anything else is an error with its line number: probing, threads, splines, a feed per turn (G95),
-axes other than X, Y and Z. Programs of 3D printers are not read. The machine starts at X0 Y0 Z0 in
-mm, absolute, XY plane, G98 (LinuxCNC: G99), without a feed; a first move that no motion code leads
-is a rapid one.
+Anything else is an error with its line number: probing, threads, splines, inverse time (G93), a
+feed per turn (G95), the modal state kept (M70 to M73), axes other than X, Y and Z. Programs of 3D
+printers are not read. The machine starts at X0 Y0 Z0 in mm, absolute, XY plane, G98 (LinuxCNC:
+G99), without a feed; a first move that no motion code leads is a rapid one.
 """
 
 from os import PathLike

@@ -68,9 +68,7 @@ class Author:
             (self.offset, 2),
             (self.home, 1),
             (self.flow, 2 if self.depth < 3 else 0),
-            (self.polar, 1),
             (self.dwell, 1),
-            (self.inverse_time, 1),
             (self.parameters, 2),
         ]
         choices, weights = zip(*kinds, strict=True)
@@ -197,19 +195,9 @@ class Author:
         code = self.chance.choice(("G28", "G30"))
         self.say(self.chance.choice((code, f"{code}.1", f"{code} {self.words('XYZ')}")))
 
-    def polar(self) -> None:
-        """End points by radius and angle."""
-        if not self.incremental and self.plane == 17:
-            self.say(f"G1 @{self.chance.uniform(1, 20):.4f} ^{self.length(180.0)}")
-
     def dwell(self) -> None:
         """A rest."""
         self.say(f"G4 P{self.chance.uniform(0, 2):.3f}")
-
-    def inverse_time(self) -> None:
-        """Feeds in one over minutes."""
-        turns, feed = self.chance.uniform(1, 9), self.chance.randint(60, 900)
-        self.say(f"G93 G1 {self.words('XYZ')} F{turns:.3f}\nG94 F{feed}")
 
     def parameters(self) -> None:
         """Set some, and use them."""

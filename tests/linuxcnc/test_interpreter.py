@@ -45,8 +45,6 @@ G10 L2 P1 R45; G92 X3; G0 X1 Y1; G92.1; X1; G28.1; X9 Y9; G28 Y2
 G10 L2 P9 Y3; G59.3 G0 Y0; G54 Y0
 G43.1 X1 Y2 Z3; G43.1 X5; G0 X0 Y0 Z0; G49; X0; G43.1 X3; Y0 Z0
 G28.1; G92 X5; G28 X1 Y2; G30.1; G0 X9 Y9; G91 G30 X1; G28
-G93 F5 G1 X1; F2 X3; G94 F60 X4
-G1 @5 ^30; ^60; @7; G91 G1 @1 ^10; ^20
 G4 P1; G0 X1; G4 P.5
 G1 X1; G4 P1 X2
 G98 G0 Z5; G81 X1 Z-1 R1 L2; X2 Z-2; R3 X4; G80
@@ -74,8 +72,6 @@ o1 repeat [3]; G91 G0 X1; o1 endrepeat
 #1=0; o1 while [#1 lt 4]; #1=[#1+1]; o2 if [#1 eq 2]; o1 continue; o2 endif; G0 X#1; o1 endwhile
 #1=0; o1 do; #1=[#1+1]; o2 if [#1 eq 3]; o1 break; o2 endif; G0 X#1; o1 while [#1 lt 9]
 M98 P1 L2; M2; O1; G91 G0 X1; M99
-M70; G91 G20; M72; G0 X1; X1
-o1 sub; M73; G91 G0 X1; o1 endsub; o1 call; G0 X5; X5
 M3 S9; G1 X1 M8; M62 P1 X2; M5 M9
 G61 G1 X1; G61.1 Y1; G64 P.1 X2; G64 P.1 Q.1
 n10 g0x1(a)y1; G0 X2 ; (x); /G0 X3; G00 X04.; N5
@@ -103,7 +99,9 @@ REFUSED_HERE = {  # what LinuxCNC accepts, and why it is not read
     "o1 repeat [2.5];G0 X1;o1 endrepeat": "half a round has no meaning",
     "G1 X200000": "no machine is that large",
     "G18 G41.1 D4": "compensation beside the XZ plane, of lathes",
-    "G41.1 D4;G93 G1 X9 F2": "inverse time under compensation",
+    "G93 G1 X9 F2": "inverse time, of machines that turn the part",
+    "G1 @5 ^30 F60": "polar end points, which no CAM system writes",
+    "M70": "the modal state kept",
     "G41.1 D0": "a tool without a diameter needs no compensation: the D is wrong",
     "G41.1 D4;G1 X10;Y10;X9.5;G2 X19.5 I5": "LinuxCNC runs X9.5 backwards into the contour",
 }

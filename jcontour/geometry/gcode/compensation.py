@@ -70,9 +70,9 @@ class Compensation:
         """
         if self.leaving:
             return
-        groups = ("compensation", "plane", "once", "system", "tool length", "feed")
+        groups = ("compensation", "plane", "once", "system", "tool length")
         changed = [found.codes[group] for group in groups if group in found.codes]
-        changed = [code for code in changed if code not in (40, 400, 940, plane)]
+        changed = [code for code in changed if code not in (40, 400, plane)]
         changed += [found.codes["motion"]] if found.codes.get("motion") in CYCLES else []
         words = [f"G{code / 10:g}" for code in changed] + ["M6"] * (6 in found.m_codes)
         if words:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, field
 
 from jcontour.geometry.gcode import words as codes
@@ -32,8 +31,8 @@ from jcontour.geometry.gcode.words import LineWords, sorted_words
 from jcontour.geometry.toolpath_rules import FASTEST, MM, SHORTEST, SLOWEST, ToolpathError
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
-MOVING = frozenset("XYZIJKR@^")
-LENGTHS = frozenset("XYZIJKR@Q")
+MOVING = frozenset("XYZIJKR")
+LENGTHS = frozenset("XYZIJKRQ")
 TOLD = frozenset("ABCDEHSTUVW$")  # letters without meaning for the path
 TOLD_WITH_CODES = frozenset("LPQ")  # of codes without meaning for it
 MM_PER_MIN = MM / 60.0  # [m/s]
@@ -96,10 +95,8 @@ class Machine:
             self._switch(found)
         if not codes.STOPPING.isdisjoint(found.m_codes):
             self._stop(found.m_codes, codes.STOPPING)
-        if "F" in values and not self.modes.inverse_time:
+        if "F" in values:
             self._set_feed(values["F"])
-        elif "F" in values and not values["F"] > 0:
-            raise ToolpathError(f"G93 needs F above 0, received F{values['F']:g}")
         told = set(TOLD)
         if found.codes.get("compensation", 400) != 400:
             told.discard("D")
@@ -128,11 +125,6 @@ class Machine:
 
     def _switch(self, found: LineWords) -> None:
         switched = found.codes
-        if "feed" in switched:
-            inverse = switched["feed"] == 930
-            if inverse != self.modes.inverse_time:
-                self.modes.feed = self.first_feed
-            self.modes.inverse_time = inverse
         if "T" in found.values:
             self.next_tool = int(found.values["T"])
         if 6 in found.m_codes:
@@ -290,7 +282,7 @@ class Machine:
             if motion not in (0, 10):
                 raise ToolpathError("G53 needs G0 or G1")
             end = replaced(self.at, self._by_axis(values))
-            self._trace_line(end, motion == 0, values)
+            self._trace_line(end, motion == 0)
         elif motion in codes.CYCLES:
             self._drill(motion, values)
         elif motion > 10:
@@ -298,7 +290,7 @@ class Machine:
         elif not values.keys().isdisjoint("IJKR"):
             raise ToolpathError(f"I, J, K and R belong to arcs (G2, G3), not to G{motion // 10}")
         else:
-            self._trace_line(self._on_machine(self._target(values)), motion == 0, values)
+            self._trace_line(self._on_machine(self._target(values)), motion == 0)
 
     def _here(self) -> Point:
         """Coordinates in the program of where the machine is."""
@@ -323,8 +315,7 @@ class Machine:
         rise = there[normal] - here[normal]
         turned = sum(abs(angle) for _, _, angle in arcs)
         slope = rise / turned if abs(rise) >= SHORTEST else 0.0
-        lengths = [math.hypot(abs(end - centre), slope) * abs(angle) for end, centre, angle in arcs]
-        feed = self._feed(sum(lengths), values)
+        feed = self._feed()
         level = here[normal]
         for end, centre, angle in arcs:
             middle = self._on_machine(_in_space(plane, centre, level))
@@ -339,8 +330,6 @@ class Machine:
         """
         normal = PLANES[self.modes.plane][2]
         axis, incremental = "XYZ"[normal], self.modes.incremental
-        if self.modes.inverse_time:
-            raise ToolpathError("a canned cycle in inverse time (G93)")
         if not values.keys().isdisjoint("IJK"):
             raise ToolpathError(
                 "I, J and K do not belong to a canned cycle; L is a number of holes"
@@ -382,18 +371,8 @@ class Machine:
         point = replaced(self._here(), {PLANES[self.modes.plane][2]: level})
         self._trace_line(self._on_machine(point), rapid)
 
-    def _feed(self, length: float, values: dict[str, float]) -> float:
-        """Speed of a cutting move of a length [m/s]."""
-        if self.modes.inverse_time:
-            if "F" not in values:
-                raise ToolpathError("a cutting move in inverse time (G93) needs F in its line")
-            feed = length * values["F"] / 60.0
-            if length >= SHORTEST and not SLOWEST <= feed <= FASTEST:
-                raise ToolpathError(
-                    f"the feed needs to be {RANGE}; F{values['F']:g} in inverse time makes it "
-                    f"{feed / MM_PER_MIN:.3g}"
-                )
-            return feed
+    def _feed(self) -> float:
+        """Speed of a cutting move [m/s]."""
         feed = self.modes.feed
         if feed is None:
             raise ToolpathError(
@@ -403,9 +382,8 @@ class Machine:
             raise ToolpathError("a cutting move at a feed of 0; --feed-mm-per-min gives another")
         return feed
 
-    def _trace_line(self, end: Point, rapid: bool, values: dict[str, float] | None = None) -> None:
-        feed = math.nan if rapid else self._feed(math.dist(self.at, end), values or {})
-        self._trace(end, end, 0.0, feed)
+    def _trace_line(self, end: Point, rapid: bool) -> None:
+        self._trace(end, end, 0.0, math.nan if rapid else self._feed())
         self._joint()
 
     def _trace(self, end: Point, centre: Point, angle: float, feed: float) -> None:
@@ -427,16 +405,6 @@ class Machine:
         if system != self.offsets.system:
             self.tracer.stop(f"G{53 + system}" if system <= 6 else f"G59.{system - 6}")
         self.offsets.system = system
-
-    def kept_modes(self) -> tuple[Modes, int]:
-        """Copy of the modes and the work system in force (M70)."""
-        return copy(self.modes), self.offsets.system
-
-    def restore(self, kept: tuple[Modes, int]) -> None:
-        """Put modes and a work system in force again (M72)."""
-        modes, system = kept
-        self._choose_system(system)
-        self.modes = copy(modes)
 
 
 def _in_space(plane: int, point: complex, level: float) -> Point:

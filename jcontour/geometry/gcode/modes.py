@@ -39,7 +39,6 @@ class Modes:
         unit_said: whether the program has said so.
         incremental: whether end points count from the start of the move.
         absolute_centres: whether centres of arcs do not.
-        inverse_time: whether F is one over the minutes of a move.
         to_r_plane: whether cycles go back to R only.
         feed: speed along the path [m/s], None before the first F.
         path: code of how joints of moves are passed: G61 stops in corners, G61.1 after every move.
@@ -50,7 +49,6 @@ class Modes:
     unit_said: bool = False
     incremental: bool = False
     absolute_centres: bool = False
-    inverse_time: bool = False
     to_r_plane: bool = False
     feed: float | None = None
     path: int = 640

@@ -167,28 +167,17 @@ class Tracer:
 
 
 def target(values: dict[str, float], here: Point, modes: Modes) -> Point:
-    """End point [m] that the letters X, Y, Z or @ and ^ say, seen from `here` [m].
+    """End point [m] that the letters X, Y and Z say, seen from `here` [m].
 
     >>> target({"X": 5.0, "Z": 1.0}, (1e-3, 2e-3, 0.0), Modes())
     (0.005, 0.002, 0.001)
 
     Raises:
-        ToolpathError: it is too far away, or @ or ^ comes with X or Y.
+        ToolpathError: it is too far away.
     """
     x, y, z = here
     unit = modes.unit
-    if "@" in values or "^" in values:
-        if "X" in values or "Y" in values:
-            raise ToolpathError("@ and ^ beside X or Y")
-        radius, angle = math.hypot(x, y), math.atan2(y, x)
-        if "@" in values:
-            length = values["@"] * unit
-            radius = length + (radius if modes.incremental else 0.0)
-        if "^" in values:
-            turn = math.radians(values["^"])
-            angle = turn + (angle if modes.incremental else 0.0)
-        x, y = radius * math.cos(angle), radius * math.sin(angle)
-    elif modes.incremental:
+    if modes.incremental:
         x += values.get("X", 0.0) * unit
         y += values.get("Y", 0.0) * unit
     else:

@@ -11,7 +11,7 @@ from jcontour.geometry.gcode.expressions import Locals, Parameters, evaluated, w
 from jcontour.geometry.gcode.flow import Structure, structure, told_label
 from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.gcode.machine_values import machine_values
-from jcontour.geometry.gcode.modes import Modes, Tool
+from jcontour.geometry.gcode.modes import Tool
 from jcontour.geometry.gcode.moves import Tracer
 from jcontour.geometry.gcode.words import NOTHING, SKIPPED, Block, OWord, read_block
 from jcontour.geometry.toolpath_rules import ToolpathError, lines_of, read_program, shown
@@ -74,8 +74,6 @@ class Frame:
     by_m98: bool = False
     loops: dict[int, int] = field(default_factory=dict)  # rounds left of repeats, by first line
     branched: set[int] = field(default_factory=set)  # branches whose turn was skipped to
-    modes: tuple[Modes, int] | None = None  # and work system, that M70 or M73 kept
-    restores: bool = False  # whether they come back at the end (M73)
 
 
 @dataclass
@@ -203,14 +201,7 @@ class Program:
                 frame.laps -= 1
                 frame.next = frame.begin
             else:
-                self._leave(frame)
-        elif code in (codes.SAVE, codes.SAVE_IN_SUBPROGRAM):
-            frame.modes = machine.kept_modes()
-            frame.restores = code == codes.SAVE_IN_SUBPROGRAM and len(self.frames) > 1
-        elif code == codes.RESTORE and frame.modes is not None:
-            machine.restore(frame.modes)
-        elif code == codes.INVALIDATE:
-            frame.modes = None
+                self.frames.pop()
 
     def _flow(self, frame: Frame, index: int, word: OWord) -> None:
         places, keyword = frame.source.structure, word.keyword
@@ -232,7 +223,7 @@ class Program:
                 self.parameters.return_value(self._value(word))
             if frame.kept is not None:
                 self.parameters.leave(frame.kept)
-            self._leave(frame)
+            self.frames.pop()
         elif keyword in ("if", "elseif", "else"):
             self._branch(frame, index, word)
         elif keyword in ("break", "continue"):
@@ -304,11 +295,6 @@ class Program:
         if len(self.frames) > DEEPEST_CALL:
             raise ToolpathError(f"subprograms call each other more than {DEEPEST_CALL} deep")
         self.frames.append(frame)
-
-    def _leave(self, frame: Frame) -> None:
-        self.frames.pop()
-        if frame.restores and frame.modes is not None:
-            self.machine.restore(frame.modes)
 
 
 def interpreted(

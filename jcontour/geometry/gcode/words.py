@@ -32,7 +32,7 @@ GROUPS = {
     "units": frozenset({200, 210, 700, 710}),  # G70, G71: of other controls
     "distance": frozenset({900, 910}),
     "centres": frozenset({901, 911}),
-    "feed": frozenset({930, 940}),
+    "feed": frozenset({940}),
     "path": frozenset({610, 611, 640}),
     "compensation": frozenset({400, 410, 411, 420, 421}),
     "tool length": frozenset({430, 431, 490}),
@@ -50,7 +50,7 @@ SHIFTING = frozenset({520, 920, 921, 922, 923})
 IGNORED = frozenset({131, 150, 401, 500, 501, 690, 960, 970})
 NO_PRINTERS = "programs of 3D printers are not read"
 HEATERS = frozenset({104, 109, 140, 190})  # M codes of printers
-JUMPS = frozenset({96, 97})  # M codes of Haas
+REFUSED_M = frozenset({70, 71, 72, 73, 96, 97})  # the modal state kept; jumps of Haas
 LETTERS = {  # that belong to a code, besides those of motion
     20: "P",
     30: "P",
@@ -72,10 +72,9 @@ FANS = frozenset({106, 107})  # of Marlin, which lasers burn by: they stop no mo
 # (M62, M63, M67) do not stop it; neither does S here, of which lasers have one a line.
 STOPPING = frozenset({3, 4, 5, 6, 7, 8, 9, 19, 52, 61, 64, 65, 66, 68, *range(100, 200)}) - FANS
 PAUSES = frozenset({0, 1, 60})
-INVALIDATE, SAVE, RESTORE, SAVE_IN_SUBPROGRAM = 71, 70, 72, 73  # M codes of the modal state
 MOST_M = 9999
 LARGEST = 1e9  # of any number in a program
-KNOWN = frozenset("DEFHIJKLNPQRSTXYZ@^$")
+KNOWN = frozenset("DEFHIJKLNPQRSTXYZ$")
 OTHER_AXES = frozenset("ABCUVW")
 NEED_A_CODE = frozenset("LPQ$")
 NOT_NEGATIVE = frozenset("NST")
@@ -86,7 +85,7 @@ ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
 MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
 PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
 WORD = re.compile(rf"([A-Za-z])({NUMBER})")
-LETTER = re.compile(r"[A-Za-z@^$]")
+LETTER = re.compile(r"[A-Za-z$]")
 LINE_NUMBER = re.compile(r"[Nn][0-9.]+")
 DIGITS = re.compile(r"[0-9]+")
 VALUE = re.compile(rf"[+-]*(?:[\[#.0-9]|(?:{'|'.join(FUNCTIONS)}|ATAN|EXISTS)\[)", re.IGNORECASE)
@@ -139,7 +138,7 @@ def sorted_words(words: Sequence[tuple[str, float]], motion: int | None) -> Line
             _add_g_code(found, value)
         elif letter == "M":
             code = whole(value, "an M code")
-            if not 0 <= code <= MOST_M or code in JUMPS | HEATERS:
+            if not 0 <= code <= MOST_M or code in REFUSED_M | HEATERS:
                 reason = f" ({NO_PRINTERS})" if code in HEATERS else ""
                 raise ToolpathError(f"'M{code}' is not supported{reason}")
             found.m_codes.append(code)
