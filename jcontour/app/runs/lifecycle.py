@@ -71,12 +71,6 @@ def created(flags: Any, command: str) -> Path:
     return run_folder.create(folder, command, kept, inputs(flags))
 
 
-def same_task(folder: Path, command: str) -> str:
-    """Parts, machine and pace of a stored run as words of a command line, with a space before."""
-    flags = run_folder.opened(folder, command)["flags"]
-    return task_words(flags["parts"], flags)
-
-
 def task_words(
     parts: Sequence[str], flags: Mapping[str, Any], kind: type[MachineFlags] = MachineFlags
 ) -> str:

@@ -7,9 +7,16 @@ import pytest
 from jcontour.app.catalogue.own_classes import trust
 from jcontour.app.cli import COMMANDS, _chosen
 from jcontour.app.commands.loops.simulate import next_steps
+from jcontour.app.files import run_folder
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Rank, Tune
-from jcontour.app.runs.lifecycle import created, ranked_words, same_task, stored_flags, tuning_words
+from jcontour.app.runs.lifecycle import (
+    created,
+    ranked_words,
+    stored_flags,
+    task_words,
+    tuning_words,
+)
 
 
 @pytest.mark.parametrize(
@@ -26,7 +33,8 @@ from jcontour.app.runs.lifecycle import created, ranked_words, same_task, stored
 def test_parts_machine_and_pace_are_told_again(flags, words, tmp_path):
     command = type(flags).__name__.lower()
     folder = created(flags.__class__(**{**vars(flags), "out": tmp_path / "run"}), command)
-    assert same_task(folder, command) == words
+    stored = run_folder.opened(folder, command)["flags"]
+    assert task_words(stored["parts"], stored) == words
 
 
 @pytest.mark.parametrize("kind", [kind for kind in COMMANDS if hasattr(kind, "out")])

@@ -78,7 +78,7 @@ def command(flags: Precompensate) -> int:
     about = title, machine.error, machine.axes, bend.reference, bend.correction
     save_figure(bent_figure(*about, *errors), folder / "bent.png")
     write_result(folder, result)
-    answer = [Entry("Error", words) for words in sentences(result)]
+    answer = [Entry("Error", gain_words(result))]
     answer += [Entry("Note", words) for words in (*ending(result), *result.doubts)]
     answer += [Entry("Load", line) for line in _loading(result)] if verdict.usable else []
     return finished(folder, result, flags, show, answer, verdict)
@@ -133,7 +133,7 @@ def show(result: BentResult, console: Console) -> None:
         "peak control\nafter": lambda plant: after[plant].peak_control,
     }
     console.print(tables.table_of(title, before, columns))
-    tables.say(console, *ending(result), *sentences(result))
+    tables.say(console, *ending(result), gain_words(result))
     if result.weights:
         tables.say(console, f"Bent for {result.controller} with these gains, and for no others:")
         tables.say(console, *(f"  {line}" for line in result.weights))
@@ -160,16 +160,15 @@ def ending(result: BentResult) -> list[str]:
     ]
 
 
-def sentences(result: BentResult) -> list[str]:
-    """What it brings."""
-    gain = (
+def gain_words(result: BentResult) -> str:
+    """Errors with the bend against those without, and what the bend asks for."""
+    return (
         f"RMS {result.error} error: nominal {_change(*result.nominal)}, "
         f"worst of the family {_change(*result.worst)}. "
         f"The reference moves by up to {tables.digits(1e6 * result.largest)} um; "
         f"it asks an axis for up to {tables.digits(result.asked[0])} m/s and "
         f"{tables.digits(result.asked[1])} m/s^2."
     )
-    return [gain, *_larger(result)]
 
 
 def verdict_on(result: BentResult) -> Verdict:
@@ -208,20 +207,6 @@ def verdict_on(result: BentResult) -> Verdict:
         return verdict
     left_out = warning(f"not written for that reason: {files}")
     return replace(verdict, messages=[*verdict.messages, left_out])
-
-
-def _larger(result: BentResult) -> list[str]:
-    """The plant whose largest error grows most, where one does."""
-    error = result.error
-    peaks = {
-        name: (run.peak(error), result.after[name].peak(error))
-        for name, run in result.before.items()
-    }
-    name, (before, after) = max(peaks.items(), key=lambda one: one[1][1] - one[1][0])
-    if after <= before * (1 + SAME):
-        return []
-    sizes = f"{tables.digits(1e6 * before)} to {tables.digits(1e6 * after)} um"
-    return [f"The largest {result.error} error grows on one plant: from {sizes} ({name})."]
 
 
 def _change(before: float, after: float) -> str:

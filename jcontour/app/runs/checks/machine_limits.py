@@ -37,31 +37,6 @@ def machine_limits(replay: Replay, scenarios: Scenarios, machine: Machine) -> li
     return list(_checks(_replayed(replay, scenarios, scored(scenarios)), machine))
 
 
-def limits_of_groups(
-    seen: Signals, machine: Machine, within: Bool[np.ndarray, " plants"]
-) -> list[LimitCheck]:
-    """Every limit of the machine with the largest value of some plants, before that of the others.
-
-    Args:
-        seen: the runs; one that diverged is left out.
-        machine: with its limits.
-        within: plants whose largest value counts where it exceeds a limit; else that of the rest.
-    """
-    checks: dict[str, LimitCheck] = {}
-    for chosen in (within, ~within):
-        if not chosen.any():
-            continue
-        part = seen._replace(
-            output=seen.output[:, chosen],
-            control=seen.control[:, chosen],
-            plants=[name for name, here in zip(seen.plants, chosen, strict=True) if here],
-        )
-        for one in _checks(part, machine):
-            if one.name not in checks or checks[one.name].kept:
-                checks[one.name] = max(one, checks.get(one.name, one), key=lambda c: c.value)
-    return list(checks.values())
-
-
 def beyond_limits_asked(
     position: Float[np.ndarray, "T m"],
     before: Float[np.ndarray, "T m"],

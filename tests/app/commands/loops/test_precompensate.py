@@ -8,7 +8,7 @@ import pytest
 
 from jcontour.app.cli import main
 from jcontour.app.commands.loops import precompensate
-from jcontour.app.commands.loops.precompensate import sentences, verdict_on
+from jcontour.app.commands.loops.precompensate import gain_words, verdict_on
 from jcontour.app.files.results.loop_results import BentResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.files.results.verdict import LimitCheck, exceeded
@@ -79,21 +79,21 @@ def test_a_drive_that_holds_the_last_point_sees_no_more_than_what_is_told(bent, 
 
 def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
     result = read_result(bent, BentResult)
-    assert "times smaller" in sentences(result)[0] and len(sentences(result)) == 1
+    assert "times smaller" in gain_words(result)
     limited = replace(result, limits=[BEYOND])
     assert verdict_on(limited).reasons[0].startswith("speed of X EXCEEDS its limit: 18000 of 12000")
     assert verdict_on(limited).exit_code == 3 and verdict_on(result).exit_code == 0
     anyway = replace(limited, limits_before=[BEYOND])
     assert "exceeds a limit of the machine without any bend" in verdict_on(anyway).reasons[1]
     worse = replace(result, before=result.after, after=result.before)
-    assert "times LARGER" in sentences(worse)[0]
+    assert "times LARGER" in gain_words(worse)
     assert "the worst machine is no better" in verdict_on(worse).reasons[0]
     traded = replace(result, before=_runs(result, 1e-6, 10e-6), after=_runs(result, 3e-6, 9e-6))
     assert "gains less than the nominal one loses" in verdict_on(traded).reasons[0]
     fair = replace(traded, after=_runs(result, 1.05e-6, 9e-6))
-    assert len(sentences(fair)) == 1 and verdict_on(fair).usable
+    assert verdict_on(fair).usable
     as_before = replace(result, after=result.before, largest=0.0)
-    assert "nominal the same, worst of the family the same" in sentences(as_before)[0]
+    assert "nominal the same, worst of the family the same" in gain_words(as_before)
 
 
 def unbent(loop, roughness, status):

@@ -7,10 +7,8 @@ from jcontour.app.files.results.verdict import exceeded
 from jcontour.app.jobs.job import Program
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.app.runs.checks.machine_limits import (
-    Signals,
     beyond_limits_asked,
     drives_at_limits_in_rapids,
-    limits_of_groups,
     machine_limits,
 )
 from tests.app import small_runs
@@ -164,32 +162,3 @@ def test_a_step_at_the_begin_counts_where_a_motion_begins_at_rest():
 def test_what_was_asked_for_before_is_not_told_again():
     quick = motion(50, 2.0)
     assert beyond_limits_asked(quick, quick, limited(acceleration=1.0), at_rest=True) == []
-
-
-ACCELERATED = small_runs.machine(LIMITS._replace(acceleration=np.full(2, 2.0)))
-
-
-def runs():
-    """Three runs at rest along one contour, the first two of them promised."""
-    still = np.zeros((1, 3, SAMPLES, 2))
-    names = "nominal, an attack", "nominal, at random", "late, encoder counts"
-    return Signals(still.copy(), still, SCORED[None], ["ring"], names)
-
-
-def test_runs_that_are_promised_come_before_larger_ones_of_the_others():
-    seen, within = runs(), np.array([True, True, False])
-    assert exceeded(limits_of_groups(seen, ACCELERATED, within)) == []
-    seen.output[0, 1, 12, 0] = 3e-6  # [m] of a sample: 3, -6 and 3 m/s^2
-    seen.output[0, 2, 12, :] = 5e-6
-    place = "ring, nominal, at random", "ring, late, encoder counts"
-    assert exceeded(limits_of_groups(seen, ACCELERATED, within)) == [
-        f"acceleration of X EXCEEDS its limit: 6 of 2 m/s^2 ({place[0]})",
-        f"acceleration of Y EXCEEDS its limit: 10 of 2 m/s^2 ({place[1]})",
-    ]
-    seen.output[0, 2, -1, 0] = np.nan  # it diverged: its numbers mean nothing
-    assert [line[:17] for line in exceeded(limits_of_groups(seen, ACCELERATED, within))] == [
-        "acceleration of X"
-    ]
-    assert (
-        exceeded(limits_of_groups(seen, MACHINE, within)) == []
-    )  # states no limit of the acceleration
