@@ -51,7 +51,6 @@ MOST_POLES, MOST_DELAY = 5, 10
 PERIODS = (1e-3, 0.25e-3)  # [s]
 TRAVEL, SPEED, ACCELERATION = 0.4, 0.25, 4.0
 STEP_LAG = 50e-6  # [s] of a current loop that hardly lags
-PARTS = ("circle",)
 USE = "USE THESE VALUES"
 NOISE = 0.3  # of a count
 REST = 4.0  # [s] behind a contour: in its second half nothing may move on
@@ -283,7 +282,7 @@ def way_of(seed: int, place: Path) -> Way:
             fields["limits"]["control"] = [one.largest for one in axes]
         (place / "machine.json").write_text(json.dumps(fields))
         plant = str(place / "machine.json")
-        flags = Tune(plant=plant, parts=PARTS, out=place / "tuned", json=True)
+        flags = Tune(plant=plant, out=place / "tuned", json=True)
         told, folder = tune.run(flags, console_of(quiet=True))
     except (ValueError, RuntimeError) as error:
         return replace(nothing, verdict="refused", reasons=str(error))
