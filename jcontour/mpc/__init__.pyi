@@ -1,6 +1,6 @@
 from .bounded_mpc import BoundedMPC as BoundedMPC
 from .bounded_mpc import KeptRows as KeptRows
-from .contouring.contouring_weights import ContouringWeights as ContouringWeights
+from .contouring.contouring_qp import ContouringWeights as ContouringWeights
 from .contouring.mpcc import MPCC as MPCC
 from .contouring.mpcc import Traversal as Traversal
 from .contouring.mpcc import growing_blocks as growing_blocks

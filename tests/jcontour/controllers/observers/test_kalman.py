@@ -69,9 +69,7 @@ def test_estimation_error_decays_as_a_minus_alc(form, two_axes, law, reference):
     L = kalman_gain(two_axes, 0.01, 1e-6)
     error = 1e-4 * np.array([1.0, -2.0, 0.5, 3.0])
     start = two_axes.initial_state(np.asarray(reference.position)[0], reference.start_increment)
-    rollout = simulate(
-        Encoders(two_axes), form(law, two_axes, L, np.asarray(start) - error), reference, start
-    )
+    rollout = simulate(Encoders(two_axes), form(law, two_axes, L), reference, start + error)
     found = np.asarray(rollout.state) - np.asarray(rollout.memory.estimate)
     for row in found:
         np.testing.assert_allclose(row, error, rtol=0, atol=1e-15)
