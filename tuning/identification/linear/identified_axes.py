@@ -7,9 +7,9 @@ from jaxtyping import Float
 from scipy.linalg import block_diag
 
 from jcontour.linear.plant import LinearPlant
-from tuning.identification.estimates import Estimate
 from tuning.identification.linear import validation
 from tuning.identification.linear.output_error import AxisFit
+from tuning.identification.linear.validation import Estimate
 
 FAIR = 0.99  # part of the variance explained on held-out data below which a model is doubted
 RESONANT = 100.0  # [Hz] up to which a drive may ring; of a slow clock what its rate allows

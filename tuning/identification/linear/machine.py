@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from tuning.identification.estimates import Estimate
 from tuning.identification.linear import validation
 from tuning.identification.linear.diagnosis import (
     POOR,
@@ -47,7 +46,7 @@ from tuning.identification.linear.rigid_axis import (
     reversal_error,
     simplest,
 )
-from tuning.identification.linear.validation import Response, encoder_noise
+from tuning.identification.linear.validation import Estimate, Response, encoder_noise
 from tuning.identification.linear.vector_fitting import FLOOR, fitted_to, joined
 
 FEWEST = 500  # samples

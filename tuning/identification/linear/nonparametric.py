@@ -20,11 +20,17 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import coherence, csd, fftconvolve, welch
 from scipy.stats import norm
 
-from tuning.identification.estimates import CONFIDENCE
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.output_error import AxisRecord, simulated
 from tuning.identification.linear.rigid_axis import Simple
-from tuning.identification.linear.validation import HIDDEN, HIGHEST, POINTS, Response, noise_of
+from tuning.identification.linear.validation import (
+    CONFIDENCE,
+    HIDDEN,
+    HIGHEST,
+    POINTS,
+    Response,
+    noise_of,
+)
 
 SHORTEST = 0.25  # [s] of a period
 SMOOTH = 5e-3  # [s] over which a command is looked at for periods

@@ -20,7 +20,6 @@ from jaxtyping import Float
 from scipy.optimize import nnls
 from scipy.signal import fftconvolve
 
-from tuning.identification.estimates import Estimate
 from tuning.identification.linear import validation
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.output_error import (
@@ -31,6 +30,7 @@ from tuning.identification.linear.output_error import (
     solved,
     with_slopes,
 )
+from tuning.identification.linear.validation import Estimate
 
 KERNELS = (0.02, 0.04, 0.08, 0.16)  # [s] half width of the kernel
 FEWEST = 5  # samples of it

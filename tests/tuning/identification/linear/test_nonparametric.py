@@ -5,7 +5,6 @@ import pytest
 
 from jcontour.linear.continuous_axes import sampled_axis, speed_axis, with_resonance
 from tests.tuning.identification.linear.recorded_axes import RecordedAxis, recorded
-from tuning.identification.estimates import Estimate
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.nonparametric import (
     measured,
@@ -15,6 +14,7 @@ from tuning.identification.linear.nonparametric import (
 )
 from tuning.identification.linear.output_error import AxisRecord, simulated
 from tuning.identification.linear.rigid_axis import Simple
+from tuning.identification.linear.validation import Estimate
 from tuning.identification.linear.vector_fitting import fitted_to
 
 DT, PERIOD, PERIODS, SECTIONS = 1e-3, 1000, 4, 3

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tuning.identification.estimates import (
+from tuning.identification.linear.validation import (
     Estimate,
     autocorrelation,
     coloured_covariance,
