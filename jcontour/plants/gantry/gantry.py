@@ -352,6 +352,11 @@ class Gantry(GantryPlant):
     ((6,), True)
     """
 
+    def __init__(
+        self, parameters: GantryParameters, dt: float, substeps: int | float | None = None
+    ):
+        super().__init__(parameters, dt, substeps)
+
     def initial_state(self, position, increment) -> Float[Array, "6"]:
         return self.straight(position, increment)
 

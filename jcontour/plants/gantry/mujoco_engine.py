@@ -148,7 +148,7 @@ class GantryMuJoCo(EngineGantry):
     def __init__(
         self, parameters: GantryParameters, dt: float, substeps: int | float | None = None
     ):
-        super().__init__(parameters, dt, substeps)
+        GantryPlant.__init__(self, parameters, dt, substeps)
         self.model = mjcf(parameters, self.dt / self.substeps)
 
     def step(self, state: EngineState, control) -> EngineState:
@@ -199,7 +199,7 @@ class GantryMJX(EngineGantry):
     def __init__(
         self, parameters: GantryParameters, dt: float, substeps: int | float | None = None
     ):
-        super().__init__(parameters, dt, substeps)
+        GantryPlant.__init__(self, parameters, dt, substeps)
         self.model = _mjx().put_model(loaded(mjcf(parameters, self.dt / self.substeps)))
 
     def step(self, state: EngineState, control) -> EngineState:
