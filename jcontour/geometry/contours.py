@@ -22,7 +22,7 @@ from jcontour.geometry.coordinates import (
     vector,
 )
 from jcontour.geometry.pieces import Piece
-from jcontour.geometry.quintics import quintic_pieces
+from jcontour.geometry.quintics import fitted
 
 __all__ = [
     "Contour",
@@ -77,7 +77,7 @@ def polyline(points: Numbers) -> Contour:
     extent = np.linalg.norm(delta, axis=1)
     polynomial = np.zeros((extent.size, 6, points.shape[1]))
     polynomial[:, 0], polynomial[:, 1] = points[:-1], delta / extent[:, None]
-    return from_pieces(_polynomial_pieces(polynomial, extent))
+    return from_pieces(Piece.polynomials(polynomial, extent))
 
 
 def polygon(points: Numbers) -> Contour:
@@ -354,11 +354,6 @@ def _ends(pieces: Piece) -> Float[np.ndarray, "2 m"]:
     return np.stack([first.jet(np.zeros(()))[0], last.jet(np.asarray(last.extent))[0]])
 
 
-def _polynomial_pieces(polynomial, extent) -> Piece:
-    still, zero = np.zeros((extent.size, polynomial.shape[-1])), np.zeros(extent.size)
-    return Piece(polynomial, still, still, zero, zero, extent)
-
-
 def _turn(start, radial, normal, angle: float, rise: float) -> Contour:
     """Arc or helix around the axis through start - radial along the unit normal.
 
@@ -376,10 +371,9 @@ def _turn(start, radial, normal, angle: float, rise: float) -> Contour:
 
 
 def _smooth(name: str, curve, knots, tolerance: float) -> Contour:
-    polynomial, extent, fit_error = quintic_pieces(
-        name, curve, knots, positive(f"{name} tolerance", tolerance)
-    )
-    return from_pieces(_polynomial_pieces(polynomial, extent), fit_error, NEWTON_STEPS)
+    within = positive(f"{name} tolerance", tolerance)
+    fit = fitted(name, curve, lambda t, frame: frame, knots[:-1], knots[1:], within)
+    return from_pieces(fit.pieces(), fit.error, NEWTON_STEPS)
 
 
 def _check_alike(name: str, contours: Sequence[Contour]) -> None:

@@ -56,9 +56,7 @@ def periodic_spline(points: Numbers, length: float | None = None) -> Contour:
     spacing = length / count
     knots = np.arange(count, dtype=float)
     power = [fitted(knots, i) / factorial(i) / spacing**i for i in range(6)]
-    still, zero = np.zeros((count, points.shape[1])), np.zeros(count)
-    extent = np.full(count, spacing)
-    pieces = Piece(np.stack(power, axis=1), still, still, zero, zero, extent)
+    pieces = Piece.polynomials(np.stack(power, axis=1), np.full(count, spacing))
     return from_pieces(pieces, newton_steps=NEWTON_STEPS)
 
 

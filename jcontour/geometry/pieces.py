@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Float
 
 Some = Any  # NumPy or JAX array
@@ -34,6 +35,14 @@ class Piece(NamedTuple):
     rate: Float[Some, "..."]
     start: Float[Some, "..."]
     extent: Float[Some, "..."]
+
+    @classmethod
+    def polynomials(
+        cls, polynomial: Float[np.ndarray, "... D m"], extent: Float[np.ndarray, "..."]
+    ) -> "Piece":
+        """Pieces without waves, of lengths [m]; where each starts is left to the contour."""
+        still, none = np.zeros_like(polynomial[..., 0, :]), np.zeros_like(extent)
+        return cls(polynomial, still, still, none, none, extent)
 
     def taken(self, index: Any) -> "Piece":
         """Some of the pieces, by what indexes an array."""

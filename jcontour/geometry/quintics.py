@@ -36,9 +36,8 @@ class Fit(NamedTuple):
     error: float
 
     def pieces(self) -> Piece:
-        """Pieces of a contour that does not turn; where each starts is left to the contour."""
-        still, none = np.zeros_like(self.polynomial[:, 0]), np.zeros_like(self.extent)
-        return Piece(self.polynomial, still, still, none, none, self.extent)
+        """Pieces of a contour that does not turn."""
+        return Piece.polynomials(self.polynomial, self.extent)
 
 
 MOST_PIECES = 20_000  # 10 m of path in pieces of 0.5 mm; a fit that needs more has met a cusp
@@ -48,21 +47,6 @@ AT_ONCE = 2048  # pieces: each takes some kilobytes while it is fitted
 QUADRATURE, QUADRATURE_WEIGHT = np.polynomial.legendre.leggauss(8)
 SAMPLES = np.arange(1, 8) / 8  # fractions of a piece at which the fit is measured
 BETWEEN_SAMPLES = 1.1  # the error may peak between two of them
-
-
-def quintic_pieces(
-    name: str, curve: Curve, knots: Float[np.ndarray, " K"], tolerance: float
-) -> tuple[Float[np.ndarray, "P 6 m"], Float[np.ndarray, " P"], float]:
-    """Polynomials, lengths [m] and measured fit error [m] of pieces between the knots.
-
-    The pieces are halved until each fits within `tolerance` [m]. The curve needs to be smooth
-    between two given knots and to have a continuous curvature.
-
-    Raises:
-        ValueError: the tolerance is out of reach.
-    """
-    fit = fitted(name, curve, lambda t, frame: frame, knots[:-1], knots[1:], tolerance)
-    return fit.polynomial, fit.extent, fit.error
 
 
 def fitted(
@@ -152,7 +136,5 @@ def _arc_length(curve, a, b):
 def _deviation(curve, a, b, polynomial, extent):
     t = a[:, None] + (b - a)[:, None] * SAMPLES
     s = _arc_length(curve, np.broadcast_to(a[:, None], t.shape), t)
-    still = np.zeros((extent.size, 1, polynomial.shape[-1]))
-    none = np.zeros((extent.size, 1))
-    pieces = Piece(polynomial[:, None], still, still, none, none, extent[:, None])
+    pieces = Piece.polynomials(polynomial[:, None], extent[:, None])
     return np.linalg.norm(pieces.jet(s)[0] - curve(t)[0], axis=-1).max(axis=-1)

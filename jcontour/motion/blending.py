@@ -93,9 +93,8 @@ class Blends(NamedTuple):
         gap, turn, bend = p1 - p - v - c / 2, v1 - v - c, c1 - c
         cubic, quartic = 10 * gap - 4 * turn + bend / 2, -15 * gap + 7 * turn - bend
         quintic = 6 * gap - 3 * turn + bend / 2
-        none = np.zeros(self.reach.size)
         polynomial = np.stack([p, v, c / 2, cubic, quartic, quintic], axis=1)
-        return Piece(polynomial, 0.0 * p, 0.0 * p, none, none, none + 1.0)
+        return Piece.polynomials(polynomial, np.ones(self.reach.size))
 
     @staticmethod
     def beyond(u: np.ndarray, corner: np.ndarray) -> np.ndarray:

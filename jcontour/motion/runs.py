@@ -240,8 +240,8 @@ def _fitted(
     which = np.zeros(runs.tangents.shape[1], bool)
     which[numbers] = determined
     powers = [spline(splines.knots, k) / factorial(k) for k in range(DEGREE + 1)]
-    still, none = np.zeros_like(powers[0]), np.zeros_like(splines.knots)
-    return Piece(np.stack(powers, axis=1), still, still, none, splines.knots, none), which
+    lengths = np.diff(splines.knots, append=splines.knots[-1:])
+    return Piece.polynomials(np.stack(powers, axis=1), lengths), which
 
 
 def _distance(
@@ -284,8 +284,7 @@ def _curves(
     )
     order = np.argsort(run, kind="stable")
     splines = _Splines(knots[order], run[order])
-    still, none = np.zeros_like(polynomial[:, 0]), np.zeros_like(knots)
-    whole = Piece(polynomial[order], still, still, none, splines.knots, none)
+    whole = Piece.polynomials(polynomial[order], np.zeros_like(knots))
 
     def curve(s):
         cell = np.searchsorted(splines.knots, s, side="right") - 1
