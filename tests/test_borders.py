@@ -36,7 +36,6 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.app.files.results.stored": {"cattrs"},
     "jcontour.app.files.schema": {"pydantic"},
     "jcontour.app.files.machine_file": {"pydantic"},
-    "jcontour.app.files.machine_documents": {"pydantic"},
     "jcontour.app.files.log_table": {"pandas"},
     "jcontour.app.jobs.excitation": {"pydantic"},
     "jcontour.app.jobs.memory": {"psutil"},

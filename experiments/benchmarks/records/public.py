@@ -310,7 +310,7 @@ def _motor_bench(folder: Path) -> Iterator[Prediction]:
         "response measured to [Hz]",
         wanted,
         f"{one.measured_to:.0f}",
-        one.measured_to == 250,
+        round(one.measured_to) == 250,
     )
 
 

@@ -4,10 +4,12 @@
 `thesis-axis.json` is a flexible axis, and `jcontour.plants.flexible_axis` has the equations.
 """
 
+import json
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, TypeAdapter, model_validator
 
 from jcontour.app.files.checks import MachineError
 from jcontour.app.files.schema import (
@@ -257,3 +259,54 @@ class FlexibleAxisFile(Schema):
                 f"{name}: needs one list of harmonics, or {self.count} of equal length"
             )
         return np.array(rows, float).reshape(self.count, -1)
+
+
+FOLDER = Path(__file__).parents[1] / "machines"
+PAGE = FOLDER.parents[2] / "experiments" / "docs" / "reference" / "machine-file.md"
+SCHEMA = FOLDER / "machine-file.schema.json"
+TEXT = """# Machine file
+
+JSON. With `machine-file.schema.json` of `jcontour/app/machines` an editor completes it.
+
+{linear}
+
+## A flexible axis
+
+{flexible}
+"""
+
+
+def documents() -> dict[Path, str]:
+    """Text of both files."""
+    schema = TypeAdapter(LinearMachineFile | FlexibleAxisFile).json_schema()
+    page = TEXT.format(linear=_section(LinearMachineFile), flexible=_section(FlexibleAxisFile))
+    return {PAGE: page, SCHEMA: json.dumps(schema) + "\n"}
+
+
+def _section(kind: type[Schema]) -> str:
+    schema = kind.model_json_schema()
+    head = ["| field | value | default | |", "|---|---|---|---|"]
+    return "\n".join([schema["description"], "", *head, *_rows(schema, schema["$defs"], "")])
+
+
+def _rows(schema: dict[str, Any], nested: dict[str, Any], outer: str) -> list[str]:
+    """A row of the table for each field, those of an object after it."""
+    rows = []
+    for name, field in schema["properties"].items():
+        form = field.get("anyOf", [field])[0]
+        inner = nested.get(form.get("$ref", "").rpartition("/")[2])
+        value = f"`{form['const']}`" if "const" in form else form.get("title", "list of texts")
+        default = "" if inner or field.get("default") is None else f"`{field['default']}`"
+        if name in schema.get("required", ()):
+            default = "required"
+        words = " ".join(field["description"].split())
+        shown = "object" if inner else value
+        rows.append(f"| `{outer}{name}` | {shown} | {default} | {words} |")
+        if inner:
+            rows += _rows(inner, nested, f"{outer}{name}.")
+    return rows
+
+
+if __name__ == "__main__":
+    for path, text in documents().items():
+        path.write_text(text)

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 import jcontour.app.machines
 from jcontour._arrays import placed
 from jcontour.app.files.checks import MachineError
-from jcontour.app.files.machine_documents import SCHEMA, documents
-from jcontour.app.files.machine_file import FlexibleAxisFile, LinearMachineFile
+from jcontour.app.files.machine_file import SCHEMA, FlexibleAxisFile, LinearMachineFile, documents
 from jcontour.app.files.schema import read
 from jcontour.app.machines.flexible_axis import flexible_machine
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
@@ -19,7 +18,7 @@ from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 
 @pytest.mark.parametrize("path", documents(), ids=lambda path: path.name)
 def test_the_documents_are_those_of_the_schemas(path):
-    again = "run python -m jcontour.app.files.machine_documents"
+    again = "run python -m jcontour.app.files.machine_file"
     assert path.read_text() == documents()[path], again
 
 
