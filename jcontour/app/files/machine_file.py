@@ -2,6 +2,8 @@
 
 `example.json` beside the machines is a linear one; `jcontour machine --example FILE` writes it.
 `thesis-axis.json` is a flexible axis, and `jcontour.plants.flexible_axis` has the equations.
+`python -m jcontour.app.files.machine_file` writes the page of the fields, and a JSON Schema for
+editors.
 """
 
 import json
