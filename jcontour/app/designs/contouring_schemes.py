@@ -80,7 +80,8 @@ class PolarCascade(ContouringScheme):
     )
 
     def build(self, weights: Gains) -> Controller:
-        return Polar(self.cascade(weights), *picked("radial radial_integral", weights))
+        radial, integral = picked("radial radial_integral", weights)
+        return Polar(cascade=self.cascade(weights), radial=radial, integral=integral)
 
 
 class PrecompensatedCascade(ContouringScheme):

@@ -129,10 +129,10 @@ class ZeroPhaseCascade(ZeroPhase, LinearCascade):
 
     def build(self, weights: Gains) -> Controller:
         return InverseFeedforward(
-            super().build({**weights, "feedforward": 1.0}),  # fed the speed
-            self.inverse(weights),
-            self.inverted.nominal,
-            drives_of(self.machine).limit,
+            controller=super().build({**weights, "feedforward": 1.0}),  # fed the speed
+            ahead=self.inverse(weights),
+            machine=self.inverted.nominal,
+            limit=drives_of(self.machine).limit,
         )
 
 
@@ -170,8 +170,10 @@ class AxisZeroPhase(ZeroPhase, AxisCascade):
     def build(self, weights: Gains) -> Controller:
         loops = {key: value for key, value in weights.items() if key != "coulomb"}
         cascade = self.cascade({**loops, "feedforward": 1.0})
-        behind = InverseFeedforward(cascade, self.inverse(weights), self.inverted.nominal)
-        return FrictionFeedforward(behind, weights["coulomb"], cascade.limit)
+        ahead, machine = self.inverse(weights), self.inverted.nominal
+        behind = InverseFeedforward(controller=cascade, ahead=ahead, machine=machine)
+        dry = weights["coulomb"]
+        return FrictionFeedforward(controller=behind, coulomb=dry, limit=cascade.limit)
 
 
 class AxisCausal(Causal, AxisZeroPhase):
@@ -201,10 +203,12 @@ class GantryZeroPhase(ZeroPhase, gantry.GantryCascade):
     def build(self, weights: Gains) -> Controller:
         loops = {one.name: weights[one.name] for one in gantry.LOOPS}
         cascade = self.cascade({**loops, "feedforward": jnp.ones(2)})
-        behind = InverseFeedforward(cascade, self.inverse(weights), self.inverted.nominal)
+        ahead, machine = self.inverse(weights), self.inverted.nominal
+        behind = InverseFeedforward(controller=cascade, ahead=ahead, machine=machine)
         dry = gantry.MOTORS @ weights.get("coulomb", jnp.zeros(2))
         limit = jnp.asarray(self.machine.limits.control)
-        return OfMotors(FrictionFeedforward(behind, dry, limit), gantry.MOTORS)
+        fed = FrictionFeedforward(controller=behind, coulomb=dry, limit=limit)
+        return OfMotors(fed, gantry.MOTORS)
 
 
 class GantryOptimal(Optimal, GantryZeroPhase):
