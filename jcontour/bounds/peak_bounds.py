@@ -80,12 +80,12 @@ def peak_bounds(
     some = np.asarray(loop.M)[:: max(1, loop.M.shape[0] // LOOKED_AT)]
     radius = float(np.clip(spectral_radius(some).max(), 1e-3, 1 - 1e-9))
     forgotten = max(np.log(REMAINDER) / np.log(radius), SHORTEST_BLOCK)
-    block = 2 ** int(np.ceil(np.log2(forgotten)))
+    samples = 2 ** int(np.ceil(np.log2(forgotten)))
     while True:
-        found = _blocked(loop, rows, size, direct, min(block, T))
-        if block >= T or found.remainder.max() <= REMAINDER * found.bound.max():
+        found = _blocked(loop, rows, size, direct, min(samples, T))
+        if samples >= T or found.remainder.max() <= REMAINDER * found.bound.max():
             return found
-        block *= 2
+        samples *= 2
 
 
 def state_tubes(

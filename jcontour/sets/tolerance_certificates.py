@@ -109,7 +109,7 @@ def _kept(
     middle: float | Float[np.ndarray, " t"],
     limit: float,
     share: float,
-) -> tuple[sparse.sparray, Float[np.ndarray, " rows"]]:
+) -> tuple[sparse.csr_array, Float[np.ndarray, " rows"]]:
     """Rows over x_0..x_T, u_0..u_{T-1} and the tolerance, and their bounds.
 
     |c x + d u - middle| <= limit + share * tolerance at every sample; states before the disturbance
@@ -124,7 +124,7 @@ def _kept(
     both, last = sparse.hstack([states, controls]), np.full((T + 1, 1), -share)
     rows = [sparse.hstack([sign * both, sparse.csr_array(last)]) for sign in (1.0, -1.0)]
     bounds = [limit - loss + sign * (middle + acted) for sign in (1.0, -1.0)]
-    return sparse.vstack(rows), np.concatenate(bounds)
+    return sparse.csr_array(sparse.vstack(rows)), np.concatenate(bounds)
 
 
 def _box(
