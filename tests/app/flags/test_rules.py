@@ -120,7 +120,7 @@ def test_help_names_the_value_and_no_default_of_nothing(capsys):
     assert "--depth INT How deep. (default: 3)" in said
 
 
-def test_help_of_tune_has_twenty_flags_and_all_of_them_when_asked(capsys):
+def test_help_of_tune_has_at_most_twenty_flags_and_all_of_them_when_asked(capsys):
     shown = {}
     for asked in ("--help", "--help-all"):
         with pytest.raises(SystemExit) as ended:
@@ -129,7 +129,7 @@ def test_help_of_tune_has_twenty_flags_and_all_of_them_when_asked(capsys):
         found = re.findall(r"(?m)^[^\w-]*--([a-z-]+)", text)
         shown[asked] = {one.name for one in fields(Tune) if one.name.replace("_", "-") in found}
         assert ended.value.code == 0
-    assert len(shown["--help"]) == 20 and "max_sensitivity" in shown["--help"]
+    assert len(shown["--help"]) <= 20 and "max_sensitivity" in shown["--help"]
     assert shown["--help-all"] == {one.name for one in fields(Tune)} - {"parts"}
 
 
