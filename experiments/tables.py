@@ -15,18 +15,12 @@ Column = str | Callable[[Any], str]  # "attribute", "attribute:format", or a fun
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of a result under headings; a dash stands for None and for what is not finite.
+    """Rows of a result under headings; a dash stands for None and for what is not finite."""
 
-    Attributes:
-        title: above the table.
-        rows: any objects.
-        columns: by heading.
-        words: number of first columns that are text and wrap; one headed "verdict" does as well.
-    """
-
-    title: str
-    rows: Sequence[Any]
-    columns: Mapping[str, Column]
+    title: str  # above the table
+    rows: Sequence[Any]  # any objects
+    columns: Mapping[str, Column]  # by heading
+    # number of first columns that are text and wrap; one headed "verdict" does as well
     words: int = 1
 
     @property

@@ -36,17 +36,11 @@ STABLE = 0.9999
 
 
 class Exchanged(NamedTuple):
-    """A problem that looks at more loops.
+    """A problem that looks at more loops."""
 
-    Attributes:
-        problem: with the windows of the loops that were worse.
-        added: number of them.
-        unstable: whether one of them was unstable.
-    """
-
-    problem: Problem
-    added: int
-    unstable: bool
+    problem: Problem  # with the windows of the loops that were worse
+    added: int  # number of them
+    unstable: bool  # whether one of them was unstable
 
 
 def exchanged(

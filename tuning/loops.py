@@ -23,17 +23,11 @@ from jcontour.plant import Plant
 
 
 class Looked(NamedTuple):
-    """Peaks and radii of frozen loops, or their derivatives in the coordinates, which come last.
+    """Peaks and radii of frozen loops, or their derivatives in the coordinates, which come last."""
 
-    Attributes:
-        peaks: of the sensitivities; None where the loops are not looked at.
-        late: spectral radius with more delay; None where it is not looked at.
-        count_noise: RMS of the control by the counts of encoders; likewise.
-    """
-
-    peaks: LoopPeaks | None = None
-    late: Any = None
-    count_noise: Any = None
+    peaks: LoopPeaks | None = None  # of the sensitivities; None where the loops are not looked at
+    late: Any = None  # spectral radius with more delay; None where it is not looked at
+    count_noise: Any = None  # RMS of the control by the counts of encoders; likewise
 
 
 class Loops(eqx.Module):

@@ -117,29 +117,20 @@ def typical_tracking_error(outcome: Outcome) -> Float[Array, "c p"]:
 
 
 class Before(eqx.Module):
-    """Errors before the tuning, which a limit on `error_ratio` compares with.
+    """Errors before the tuning, which a limit on `error_ratio` compares with."""
 
-    Attributes:
-        errors: the family's worst RMS error of every contour [m]; infinite where nothing is asked.
-        error: which RMS error counts.
-    """
-
+    # the family's worst RMS error of every contour [m]; infinite where nothing is asked
     errors: Float[Array, " c"]
+    # which RMS error counts
     error: Literal["contour", "tracking"] = eqx.field(static=True, default="contour")
 
 
 class Entry(NamedTuple):
-    """One entry of the limits.
+    """One entry of the limits."""
 
-    Attributes:
-        name: of the limit.
-        row: index of the contour, or of the probe for a limit on the loops.
-        plant: index in the family.
-    """
-
-    name: str
-    row: int
-    plant: int
+    name: str  # of the limit
+    row: int  # index of the contour, or of the probe for a limit on the loops
+    plant: int  # index in the family
 
 
 def no_limits(outcome: Outcome) -> Float[Array, " 0"]:

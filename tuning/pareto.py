@@ -33,15 +33,11 @@ class FrontPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class FrontState:
-    """Complete state of a search.
+    """Complete state of a search."""
 
-    Attributes:
-        histories: one for every budget that is finished.
-        run: the run in progress.
-    """
-
+    # one for every budget that is finished
     histories: list[list[Evaluated]] = field(default_factory=list)
-    run: TuneState = field(default_factory=TuneState)
+    run: TuneState = field(default_factory=TuneState)  # the run in progress
 
 
 def trade_off_front(

@@ -40,24 +40,16 @@ class Judged(NamedTuple):
 
 
 class Point(NamedTuple):
-    """One evaluated point, as NumPy arrays.
+    """One evaluated point, as NumPy arrays."""
 
-    Attributes:
-        errors: logarithms of the objective's values.
-        limits: must not be above zero.
-        departures: ln(largest tracking error / size of the contour) of every run; a run diverges
-            above zero.
-        slopes: of the three; in no direction where none are asked for.
-        outcome: metrics of the runs, and peaks of the loops.
-        diverged: whether a run diverges, a loop is unstable, or a number is not finite; then only
-            departures may be used.
-    """
-
-    errors: Float[np.ndarray, "g v"]
-    limits: Float[np.ndarray, " c"]
+    errors: Float[np.ndarray, "g v"]  # logarithms of the objective's values
+    limits: Float[np.ndarray, " c"]  # must not be above zero
+    # ln(largest tracking error / size of the contour) of every run; a run diverges above zero
     departures: Float[np.ndarray, " r"]
-    slopes: Judged
-    outcome: Outcome
+    slopes: Judged  # of the three; in no direction where none are asked for
+    outcome: Outcome  # metrics of the runs, and peaks of the loops
+    # whether a run diverges, a loop is unstable, or a number is not finite; then only departures
+    # may be used
     diverged: bool
 
     @property

@@ -102,17 +102,11 @@ class Bounds(NamedTuple):
 
 
 class Copy(NamedTuple):
-    """The copy of a bend.
+    """The copy of a bend."""
 
-    Attributes:
-        place: z [m].
-        multiplier: u [m].
-        penalty: of their distance.
-    """
-
-    place: Float[Array, "T m"]
-    multiplier: Float[Array, "T m"]
-    penalty: Float[Array, ""]
+    place: Float[Array, "T m"]  # z [m]
+    multiplier: Float[Array, "T m"]  # u [m]
+    penalty: Float[Array, ""]  # of their distance
 
     @classmethod
     def of(cls, bounds: Bounds) -> "Copy":

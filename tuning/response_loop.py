@@ -33,23 +33,14 @@ UNSTABLE = 1e3  # sensitivity of a line that its deviation may hold unstable
 
 @dataclass(frozen=True)
 class ResponseLoop:
-    """A PI control with two filters.
+    """A PI control with two filters."""
 
-    Attributes:
-        gain: K [input per output].
-        reset_time: T_n [s].
-        lowpass: w_l / 2 pi [Hz].
-        notch: w_n / 2 pi [Hz].
-        depth: d_z.
-        width: d_p.
-    """
-
-    gain: float
-    reset_time: float
-    lowpass: float
-    notch: float
-    depth: float
-    width: float
+    gain: float  # K [input per output]
+    reset_time: float  # T_n [s]
+    lowpass: float  # w_l / 2 pi [Hz]
+    notch: float  # w_n / 2 pi [Hz]
+    depth: float  # d_z
+    width: float  # d_p
 
     def response(self, frequency: Float[np.ndarray, " F"]) -> Complex[np.ndarray, " F"]:
         """Control over error at frequencies [Hz]."""

@@ -43,65 +43,41 @@ SAME = 0.05  # in z: a descent this near to the best point, and no better, ends 
 
 @dataclass(frozen=True)
 class TuneState:
-    """Complete state of a run: enough to go on with the same bits.
+    """Complete state of a run: enough to go on with the same bits."""
 
-    Attributes:
-        history: every point evaluated.
-        start: number of the descent in progress; -1 before the first.
-        descent: its state; None where its start diverged.
-        prices: multipliers of the limits at the end of every descent before, (descents, c).
-        stationary: whether each of these ended stationary.
-        stabilised: whether a start diverged and was stabilised.
-        least_radius: smallest spectral radius of the frozen loops that was found on the way.
-        least_z: coordinates of that.
-        done: whether the run has ended.
-        begin: coordinates that the first descent begins at; those of the start when empty.
-    """
-
-    history: list[Evaluated] = field(default_factory=list)
-    start: int = -1
-    descent: Descent | None = None
+    history: list[Evaluated] = field(default_factory=list)  # every point evaluated
+    start: int = -1  # number of the descent in progress; -1 before the first
+    descent: Descent | None = None  # its state; None where its start diverged
+    # multipliers of the limits at the end of every descent before, (descents, c)
     prices: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    # whether each of these ended stationary
     stationary: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
-    stabilised: bool = False
+    stabilised: bool = False  # whether a start diverged and was stabilised
+    # smallest spectral radius of the frozen loops that was found on the way
     least_radius: float = np.inf
-    least_z: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    done: bool = False
+    least_z: np.ndarray = field(default_factory=lambda: np.zeros(0))  # coordinates of that
+    done: bool = False  # whether the run has ended
+    # coordinates that the first descent begins at; those of the start when empty
     begin: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 class Price(NamedTuple):
-    """What one limit costs: d ln(objective) / d ln(bound) = -price.
+    """What one limit costs: d ln(objective) / d ln(bound) = -price."""
 
-    Attributes:
-        name: of the limit.
-        row: index of the contour, or of the probe for a limit on the loops.
-        plant: index in the family.
-        price: zero for a limit that does not act.
-    """
-
-    name: str
-    row: int
-    plant: int
-    price: float
+    name: str  # of the limit
+    row: int  # index of the contour, or of the probe for a limit on the loops
+    plant: int  # index in the family
+    price: float  # zero for a limit that does not act
 
 
 class Exceeded(NamedTuple):
-    """A limit that the weights do not keep, where they exceed it most.
+    """A limit that the weights do not keep, where they exceed it most."""
 
-    Attributes:
-        name: of the limit.
-        row: index of the contour, or of the probe for a limit on the loops.
-        plant: index in the family.
-        value: what the weights reach, in the unit of the limit.
-        allowed: the limit; 1 where the limits are a function, and the value is relative to it.
-    """
-
-    name: str
-    row: int
-    plant: int
-    value: float
-    allowed: float
+    name: str  # of the limit
+    row: int  # index of the contour, or of the probe for a limit on the loops
+    plant: int  # index in the family
+    value: float  # what the weights reach, in the unit of the limit
+    allowed: float  # the limit; 1 where the limits are a function, and the value is relative to it
 
     def __str__(self) -> str:
         where = f"row {self.row}, plant {self.plant}"

@@ -21,26 +21,18 @@ from jcontour.simulation.metrics import Metrics, score
 
 
 class Gap(NamedTuple):
-    """One contour on one plant.
+    """One contour on one plant."""
 
-    Attributes:
-        contour, plant: names.
-        without: metrics of the tuned controller.
-        within: metrics under the limits; None when the run stopped.
-        reached: largest magnitude of every limited signal by component, under the limits.
-        stopped: step without an answer that ended the run, None when it went through.
-        failure: why, in one line; empty when it went through.
-        run: the constrained run, or the part of it before it stopped.
-    """
-
+    # contour, plant: names
     contour: str
     plant: str
-    without: Metrics
-    within: Metrics | None
+    without: Metrics  # metrics of the tuned controller
+    within: Metrics | None  # metrics under the limits; None when the run stopped
+    # largest magnitude of every limited signal by component, under the limits
     reached: dict[str, Float[np.ndarray, " d"]]
-    stopped: int | None
-    failure: str
-    run: HostRun
+    stopped: int | None  # step without an answer that ended the run, None when it went through
+    failure: str  # why, in one line; empty when it went through
+    run: HostRun  # the constrained run, or the part of it before it stopped
 
     @property
     def active_fraction(self) -> float:

@@ -79,17 +79,13 @@ class Trace:
     >>> one = Trace("p", "Sobol", 0, [3.0, 9.0], [5.0, 2.0])
     >>> one.until(2.5), one.until(1.0)
     (9.0, inf)
-
-    Attributes:
-        spent: evaluations until then.
-        best: the value.
     """
 
     problem: str
     method: str
     seed: int
-    spent: list[float]
-    best: list[float]
+    spent: list[float]  # evaluations until then
+    best: list[float]  # the value
 
     @property
     def least(self) -> float:

@@ -24,20 +24,13 @@ class Curve:
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves in one pair of axes.
+    """Curves in one pair of axes."""
 
-    Attributes:
-        title: above it.
-        x: label of its axis.
-        y: label of its axis.
-        curves: from back to front.
-        axes: other properties of the axes, as `xscale="log"`.
-    """
-
-    title: str
-    x: str
-    y: str
-    curves: list[Curve]
+    title: str  # above it
+    x: str  # label of its axis
+    y: str  # label of its axis
+    curves: list[Curve]  # from back to front
+    # other properties of the axes, as `xscale="log"`
     axes: dict[str, Any] = field(default_factory=dict)
 
 

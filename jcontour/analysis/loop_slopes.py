@@ -63,19 +63,12 @@ def real_outer(a: Array | np.ndarray, b: Array | np.ndarray) -> Float[np.ndarray
 
 
 class Ends(NamedTuple):
-    """Where a disturbance comes into a loop, and what of its answer counts, by weights.
+    """Where a disturbance comes into a loop, and what of its answer counts, by weights."""
 
-    Attributes:
-        control: added to the control.
-        reading: added to what the controller reads.
-        of_control: weights of the control.
-        of_reading: weights of what the sensors show.
-    """
-
-    control: Complex[np.ndarray, "*loops p"]
-    reading: Complex[np.ndarray, "*loops q"]
-    of_control: Complex[np.ndarray, "*loops p"]
-    of_reading: Complex[np.ndarray, "*loops q"]
+    control: Complex[np.ndarray, "*loops p"]  # added to the control
+    reading: Complex[np.ndarray, "*loops q"]  # added to what the controller reads
+    of_control: Complex[np.ndarray, "*loops p"]  # weights of the control
+    of_reading: Complex[np.ndarray, "*loops q"]  # weights of what the sensors show
 
 
 NO_ENDS = Ends(*[np.zeros(())] * 4)

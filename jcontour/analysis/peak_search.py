@@ -31,15 +31,10 @@ MEASURES = 4  # peak of S, peak of T, spectral radius, peak of W T
 
 
 class Brackets(NamedTuple):
-    """Peaks between three places each, the middle one the highest; curves S and T in axis -3.
+    """Peaks between three places each, the middle one the highest; curves S and T in axis -3."""
 
-    Attributes:
-        place: logarithms of frequencies.
-        height: there.
-    """
-
-    place: Float[np.ndarray, "*loops 2 R 3"]
-    height: Float[np.ndarray, "*loops 2 R 3"]
+    place: Float[np.ndarray, "*loops 2 R 3"]  # logarithms of frequencies
+    height: Float[np.ndarray, "*loops 2 R 3"]  # there
 
 
 def loop_measures(

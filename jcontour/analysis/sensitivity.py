@@ -50,19 +50,14 @@ from jcontour.wrapper import Wrapper
 
 
 class LoopPeaks(NamedTuple):
-    """Peaks of frozen loops, by probe and plant; the larger of plant input and output.
+    """Peaks of frozen loops, by probe and plant; the larger of plant input and output."""
 
-    Attributes:
-        sensitivity: Ms, largest singular value of S; infinite for a loop that is not stable.
-        complementary: Mt, largest singular value of T; likewise.
-        spectral_radius: of the closed loop; stable below 1.
-        doubt: largest singular value of W T_u, see `uncertain_loops`; infinite for a loop that is
-            not stable, 0 where nothing is said of W.
-    """
-
+    # Ms, largest singular value of S; infinite for a loop that is not stable
     sensitivity: Float[Array, "K P"]
-    complementary: Float[Array, "K P"]
-    spectral_radius: Float[Array, "K P"]
+    complementary: Float[Array, "K P"]  # Mt, largest singular value of T; likewise
+    spectral_radius: Float[Array, "K P"]  # of the closed loop; stable below 1
+    # largest singular value of W T_u, see `uncertain_loops`; infinite for a loop that is not
+    # stable, 0 where nothing is said of W
     doubt: Float[Array, "K P"]
 
 

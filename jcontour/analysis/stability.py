@@ -40,24 +40,18 @@ PROBED_LOOPS = 48  # frozen loops that guide a search; all of them confirm it
 
 
 class Margins(NamedTuple):
-    """Margins that every frozen loop along a path survives.
+    """Margins that every frozen loop along a path survives."""
 
-    Attributes:
-        spectral_radius: the largest of all frozen loops; the loop is stable below 1.
-        gain: (p, 2) lower and upper factor on each control, alone, within which every loop stays
-            stable.
-        gain_at: (p, 2) sample whose frozen loop becomes unstable first when the gain leaves the
-            interval; -1 if all do at once, or none does within `GAIN_SEARCH`.
-        delay: most whole samples of extra control delay; -1 when a loop is unstable without any.
-        saturated: number of scored samples at which a control is saturated (by the controller or
-            the plant) or has zero gain, so that the loop is open. The other margins ignore these
-            samples. If every sample is open, there are no margins: they describe the open loops.
-    """
-
-    spectral_radius: float
+    spectral_radius: float  # the largest of all frozen loops; the loop is stable below 1
+    # (p, 2) lower and upper factor on each control, alone, within which every loop stays stable
     gain: np.ndarray
+    # (p, 2) sample whose frozen loop becomes unstable first when the gain leaves the interval; -1
+    # if all do at once, or none does within `GAIN_SEARCH`
     gain_at: np.ndarray
-    delay: int
+    delay: int  # most whole samples of extra control delay; -1 when a loop is unstable without any
+    # number of scored samples at which a control is saturated (by the controller or the plant) or
+    # has zero gain, so that the loop is open. The other margins ignore these samples. If every
+    # sample is open, there are no margins: they describe the open loops.
     saturated: int
 
 

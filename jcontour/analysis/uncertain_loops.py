@@ -25,31 +25,21 @@ BORNE = 0.5  # of W T_u: a factor of two stays on everything that is not known
 
 
 class Lines(NamedTuple):
-    """What was measured of the response behind one control, at some frequencies.
+    """What was measured of the response behind one control, at some frequencies."""
 
-    Attributes:
-        frequency: [rad per sample].
-        off: P_true / P - 1.
-        half_width: of its 95 % interval.
-    """
-
-    frequency: Float[np.ndarray, " F"]
-    off: Complex[np.ndarray, " F"]
-    half_width: Float[np.ndarray, " F"]
+    frequency: Float[np.ndarray, " F"]  # [rad per sample]
+    off: Complex[np.ndarray, " F"]  # P_true / P - 1
+    half_width: Float[np.ndarray, " F"]  # of its 95 % interval
 
 
 class Doubt(NamedTuple):
-    """How far off the response of a plant may be.
+    """How far off the response of a plant may be."""
 
-    Attributes:
-        frequency: [rad per sample], rising, above 0.
-        relative: largest |P_true / P - 1| behind each control. In between it is linear in the
-            logarithm of the frequency; beyond the ends it stays.
-        lines: what was measured of the nominal plant behind each control; empty where nothing was.
-    """
-
-    frequency: Float[np.ndarray, " F"]
+    frequency: Float[np.ndarray, " F"]  # [rad per sample], rising, above 0
+    # largest |P_true / P - 1| behind each control. In between it is linear in the logarithm of the
+    # frequency; beyond the ends it stays.
     relative: Float[np.ndarray, "F p"]
+    # what was measured of the nominal plant behind each control; empty where nothing was
     lines: tuple[Lines, ...] = ()
 
     def at(self, frequency: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any p"]:

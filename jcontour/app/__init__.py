@@ -2,6 +2,9 @@
 
 Its door is for notebooks: `main` runs a command, `StoredRun` shows a run, and figures are drawn of
 rollouts.
+
+A fault of the user's input is a `ValueError` whose text is the line that the command prints, from
+every function of the application; a docstring names only what else it raises.
 """
 
 import lazy_loader

@@ -152,11 +152,7 @@ def _answered(arguments: list[str]) -> int:
 
 
 def _check_precision() -> None:
-    """Refuse single precision: cycle times and errors would be others.
-
-    Raises:
-        ValueError: the environment, or the program that calls, has chosen it.
-    """
+    """Refuse single precision: cycle times and errors would be others."""
     asked = os.environ.get("JAX_ENABLE_X64", "")
     single = asked.lower() in import_module("jcontour")._SINGLE
     if "jax" in sys.modules:

@@ -18,9 +18,6 @@ def number_in(text: str) -> float:
     -0.0025
 
     Python's own `float` also reads `1_0`, blanks and the digits of other scripts.
-
-    Raises:
-        ValueError: it is not a number.
     """
     if PLAIN.fullmatch(text) or NOT_FINITE.fullmatch(text):
         return float(text)
@@ -28,11 +25,7 @@ def number_in(text: str) -> float:
 
 
 def whole_in(text: str) -> int:
-    """Whole number that a text is, in plain digits.
-
-    Raises:
-        ValueError: it is not a whole number.
-    """
+    """Whole number that a text is, in plain digits."""
     if WHOLE.fullmatch(text):
         return int(text)
     raise ValueError(f"needs a whole number in plain digits, received {text!r}")
@@ -43,9 +36,6 @@ def named_numbers(flag: str, words: str) -> tuple[str, tuple[float, ...]]:
 
     >>> named_numbers("weights", "gain=2,3.5")
     ('gain', (2.0, 3.5))
-
-    Raises:
-        ValueError: words of another form, or a number that is not finite.
     """
     name, _, values = words.partition("=")
     try:

@@ -27,19 +27,12 @@ INTERVALS = 64  # along the tangent; across a corner they add 1/64 of tau
 
 
 class Frames(NamedTuple):
-    """Frames at the points of the path nearest to the undisturbed run.
+    """Frames at the points of the path nearest to the undisturbed run."""
 
-    Attributes:
-        tangent: unit vectors along the motion.
-        normals: orthonormal, one fewer than axes.
-        error: distance of the undisturbed run from the path [m].
-        lag: its distance from the sample of the reference [m].
-    """
-
-    tangent: Float[np.ndarray, "T m"]
-    normals: Float[np.ndarray, "T m-1 m"]
-    error: Float[np.ndarray, " T"]
-    lag: Float[np.ndarray, " T"]
+    tangent: Float[np.ndarray, "T m"]  # unit vectors along the motion
+    normals: Float[np.ndarray, "T m-1 m"]  # orthonormal, one fewer than axes
+    error: Float[np.ndarray, " T"]  # distance of the undisturbed run from the path [m]
+    lag: Float[np.ndarray, " T"]  # its distance from the sample of the reference [m]
 
     @property
     def basis(self) -> Float[np.ndarray, "T m m"]:

@@ -163,15 +163,10 @@ def _swept(
 
 
 class Attack(NamedTuple):
-    """Disturbances of every sample, inside the box; zero from the attacked sample on.
+    """Disturbances of every sample, inside the box; zero from the attacked sample on."""
 
-    Attributes:
-        force: adds to the control.
-        noise: adds to the measurement [m].
-    """
-
-    force: Float[np.ndarray, "T p"]
-    noise: Float[np.ndarray, "T q"]
+    force: Float[np.ndarray, "T p"]  # adds to the control
+    noise: Float[np.ndarray, "T q"]  # adds to the measurement [m]
 
     def on(self, plant: Plant) -> Disturbed:
         """The plant under this attack."""

@@ -62,26 +62,19 @@ class Window:
         sum_j stage_j (total |e_j|^2 - beta (t_j' e_j)^2 / t_j' t_j) + w' diag(weight) w,
     u = inputs w. The weight R = (inputs^-1)' diag(weight) inputs^-1 takes the controls one at a
     time, so that every stage is a few updates of rank one.
-
-    Attributes:
-        A, B, C: of the model, B for the controls w.
-        inputs: u = inputs w.
-        weight: of every w.
-        total: alpha + beta, of the error of a sample [1/m^2].
-        beta: of the contour error [1/m^2].
-        stage: profile over the samples ahead.
-        H: terminal cost where there is one beside that of the last sample, with the maps of steady
-            motion `at` and `per` that give its target.
     """
 
+    # A, B, C: of the model, B for the controls w
     A: Matrix
     B: Matrix
     C: Matrix
-    inputs: Matrix
-    weight: Vector
-    total: float
-    beta: float
-    stage: Vector
+    inputs: Matrix  # u = inputs w
+    weight: Vector  # of every w
+    total: float  # alpha + beta, of the error of a sample [1/m^2]
+    beta: float  # of the contour error [1/m^2]
+    stage: Vector  # profile over the samples ahead
+    # terminal cost where there is one beside that of the last sample, with the maps of steady
+    # motion `at` and `per` that give its target
     H: Matrix | None = None
     at: Matrix | None = None
     per: Matrix | None = None

@@ -21,19 +21,12 @@ Frame = tuple[np.ndarray, np.ndarray, np.ndarray]  # point, unit tangent, curvat
 
 
 class Fit(NamedTuple):
-    """Quintic pieces of a curve.
+    """Quintic pieces of a curve."""
 
-    Attributes:
-        polynomial: coefficients in the arc length.
-        extent: lengths [m].
-        begin: the curve's parameter at which each begins.
-        error: measured fit error [m].
-    """
-
-    polynomial: Float[np.ndarray, "P 6 m"]
-    extent: Float[np.ndarray, " P"]
-    begin: Float[np.ndarray, " P"]
-    error: float
+    polynomial: Float[np.ndarray, "P 6 m"]  # coefficients in the arc length
+    extent: Float[np.ndarray, " P"]  # lengths [m]
+    begin: Float[np.ndarray, " P"]  # the curve's parameter at which each begins
+    error: float  # measured fit error [m]
 
     def pieces(self) -> Piece:
         """Pieces of a contour that does not turn."""

@@ -102,15 +102,10 @@ Point = tuple[float, ...]  # [m]
 
 
 class CsvPoints(NamedTuple):
-    """Points of a file in order.
+    """Points of a file in order."""
 
-    Attributes:
-        places: coordinates of each [m].
-        lines: of the file that they are from, from 1.
-    """
-
-    places: list[Point]
-    lines: list[int]
+    places: list[Point]  # coordinates of each [m]
+    lines: list[int]  # of the file that they are from, from 1
 
 
 def csv_points(lines: Iterable[str]) -> CsvPoints:

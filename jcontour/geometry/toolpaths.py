@@ -87,37 +87,30 @@ CORNER = 5e-3
 
 
 class Toolpath(NamedTuple):
-    """A file from its first to its last cutting move.
+    """A file from its first to its last cutting move."""
 
-    Attributes:
-        contour: path of the tool, rapid moves in between included.
-        feed: (P,) programmed speed along every piece [m/s], NaN for rapid moves, which have none.
-        rapid: (P,) which pieces are rapid moves (G0): traced, but no part is cut there.
-        line: (P,) line of the file that every piece is from; 0 where a drawing does not say.
-        ignored: words of a program that mean nothing for the path, as S or M3.
-        rest: (P,) how long the tool dwells at the end of every piece [s]; NaN where it goes on.
-        z_alone: (P,) how long Z then moves alone at its programmed feed [s], where two axes are
-            traced; its rapid moves count as 0.
-        doubts: what of the program may be meant otherwise.
-        stops: where and why it stops, in words; empty where it does not.
-        asks: stops for more than a rest, as for M3 or while Z moves alone; `after` counts pieces.
-            Why "start": something comes before the first cut.
-        ramps: numbers of the cut pieces along which Z moves too, where two axes are traced.
-        tolerance: how far from its path the program allows the tool to go, P of G64 [m]; None where
-            it does not say.
-    """
-
-    contour: Contour
+    contour: Contour  # path of the tool, rapid moves in between included
+    # (P,) programmed speed along every piece [m/s], NaN for rapid moves, which have none
     feed: Float[np.ndarray, " P"]
+    # (P,) which pieces are rapid moves (G0): traced, but no part is cut there
     rapid: Bool[np.ndarray, " P"]
+    # (P,) line of the file that every piece is from; 0 where a drawing does not say
     line: Int[np.ndarray, " P"]
-    ignored: tuple[str, ...]
+    ignored: tuple[str, ...]  # words of a program that mean nothing for the path, as S or M3
+    # (P,) how long the tool dwells at the end of every piece [s]; NaN where it goes on
     rest: Float[np.ndarray, " P"]
+    # (P,) how long Z then moves alone at its programmed feed [s], where two axes are traced; its
+    # rapid moves count as 0
     z_alone: Float[np.ndarray, " P"]
-    doubts: tuple[str, ...] = ()
-    stops: str = ""
+    doubts: tuple[str, ...] = ()  # what of the program may be meant otherwise
+    stops: str = ""  # where and why it stops, in words; empty where it does not
+    # stops for more than a rest, as for M3 or while Z moves alone; `after` counts pieces. Why
+    # "start": something comes before the first cut.
     asks: tuple[Stop, ...] = ()
+    # numbers of the cut pieces along which Z moves too, where two axes are traced
     ramps: tuple[int, ...] = ()
+    # how far from its path the program allows the tool to go, P of G64 [m]; None where it does not
+    # say
     tolerance: float | None = None
 
 

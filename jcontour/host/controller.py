@@ -15,21 +15,14 @@ from jcontour.motion.references import Reference
 
 
 class StepReport(NamedTuple):
-    """Account of one step.
+    """Account of one step."""
 
-    Attributes:
-        active: how many limits were active.
-        residual: the largest scaled KKT residual of the QP.
-        iterations: of the solver.
-        slack: the largest violation of a soft limit, in that limit's unit.
-        acting: how many of the active limits are on what the control of the step alone decides:
-            the control itself, its change, the speed and the acceleration that come next.
-    """
-
-    active: int = 0
-    residual: float = 0.0
-    iterations: int = 0
-    slack: float = 0.0
+    active: int = 0  # how many limits were active
+    residual: float = 0.0  # the largest scaled KKT residual of the QP
+    iterations: int = 0  # of the solver
+    slack: float = 0.0  # the largest violation of a soft limit, in that limit's unit
+    # how many of the active limits are on what the control of the step alone decides: the control
+    # itself, its change, the speed and the acceleration that come next
     acting: int = 0
 
 

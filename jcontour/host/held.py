@@ -16,19 +16,12 @@ from jcontour.motion.references import Reference
 
 
 class HeldMemory(NamedTuple):
-    """State of a held controller.
+    """State of a held controller."""
 
-    Attributes:
-        inner: memory of the wrapped controller.
-        control: its last control.
-        age: samples for which that has acted.
-        report: of the step that found it.
-    """
-
-    inner: Any
-    control: Float[np.ndarray, " p"]
-    age: int
-    report: StepReport
+    inner: Any  # memory of the wrapped controller
+    control: Float[np.ndarray, " p"]  # its last control
+    age: int  # samples for which that has acted
+    report: StepReport  # of the step that found it
 
 
 class Held(HostController):

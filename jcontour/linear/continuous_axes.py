@@ -24,17 +24,13 @@ WHOLE = 1e-9  # of a sample: a delay this close to whole samples is whole
 
 @dataclass(frozen=True)
 class ContinuousAxis:
-    """One axis in continuous time, dx/dt = A x + B u(t - delay), y = C x.
+    """One axis in continuous time, dx/dt = A x + B u(t - delay), y = C x."""
 
-    Attributes:
-        A, B, C: matrices; y is a position [m].
-        delay: L [s].
-    """
-
+    # A, B, C: matrices; y is a position [m]
     A: Float[np.ndarray, "n n"]
     B: Float[np.ndarray, "n 1"]
     C: Float[np.ndarray, "1 n"]
-    delay: float = 0.0
+    delay: float = 0.0  # L [s]
 
     def response(self, frequency: Float[np.ndarray, " F"]) -> Complex[np.ndarray, " F"]:
         """Complex transfer from the control to the position, over frequency [rad/s]."""

@@ -74,17 +74,11 @@ def _steady_state(Sy, Sv, position, increment):
 
 
 class OperatingPoint(NamedTuple):
-    """A standstill that a linear law counts from.
+    """A standstill that a linear law counts from."""
 
-    Attributes:
-        position: of the tool [m].
-        state: of the model there.
-        control: that holds it there.
-    """
-
-    position: Float[Array, " m"]
-    state: Float[Array, " n"]
-    control: Float[Array, " p"]
+    position: Float[Array, " m"]  # of the tool [m]
+    state: Float[Array, " n"]  # of the model there
+    control: Float[Array, " p"]  # that holds it there
 
 
 class LinearPlant(Plant):

@@ -43,20 +43,13 @@ class TransferFunction:
     (1, [-1.7308])
     >>> slide.numerator.round(6).tolist()
     [0.0, 0.045, 0.026]
-
-    Attributes:
-        gain: g, the first sample of the impulse response that is not zero.
-        delay: d, the relative degree [samples].
-        zeros_z: finite zeros in z.
-        poles_z: poles in z.
-        dt: sample period [s].
     """
 
-    gain: float
-    delay: int
-    zeros_z: Roots
-    poles_z: Roots
-    dt: float
+    gain: float  # g, the first sample of the impulse response that is not zero
+    delay: int  # d, the relative degree [samples]
+    zeros_z: Roots  # finite zeros in z
+    poles_z: Roots  # poles in z
+    dt: float  # sample period [s]
 
     @cached_property
     def numerator(self) -> Polynomial:

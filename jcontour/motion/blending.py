@@ -203,23 +203,16 @@ def without_gaps(blends: Blends) -> Blends:
 
 @dataclass(frozen=True)
 class BlendedPath:
-    """A path with blends, and where it lies on the true contour.
+    """A path with blends, and where it lies on the true contour."""
 
-    Attributes:
-        path: contour that is followed.
-        contour: the true one.
-        piece: (P',) number of the true piece that a piece is part of; of a blend, the one before.
-        blend: (P',) which pieces belong to blends.
-        place: (P'+1,) arc length on the true contour where each begins, and the end [m].
-        apart: (P',) bound of the distance between each and the contour [m].
-    """
-
-    path: Contour
-    contour: Contour
+    path: Contour  # contour that is followed
+    contour: Contour  # the true one
+    # (P',) number of the true piece that a piece is part of; of a blend, the one before
     piece: Int[np.ndarray, " P"]
-    blend: Bool[np.ndarray, " P"]
+    blend: Bool[np.ndarray, " P"]  # (P',) which pieces belong to blends
+    # (P'+1,) arc length on the true contour where each begins, and the end [m]
     place: Float[np.ndarray, " ends"]
-    apart: Float[np.ndarray, " P"]
+    apart: Float[np.ndarray, " P"]  # (P',) bound of the distance between each and the contour [m]
 
     @property
     def deviation(self) -> float:

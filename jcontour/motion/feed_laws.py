@@ -41,14 +41,10 @@ class Rests(NamedTuple):
     A law of motion is planned without them. Time then stands still for each: with rests r_i that
     begin at the law's own times b_i, the time t of the whole is the law's time
     max(t - r_0 - ... - r_i, b_i), i being the last rest that has begun.
-
-    Attributes:
-        begin: times at which they begin, of the motion without rests [s].
-        lasting: how long each lasts [s].
     """
 
-    begin: Float[np.ndarray, " k"]
-    lasting: Float[np.ndarray, " k"]
+    begin: Float[np.ndarray, " k"]  # times at which they begin, of the motion without rests [s]
+    lasting: Float[np.ndarray, " k"]  # how long each lasts [s]
 
     @property
     def total(self) -> float:

@@ -35,25 +35,18 @@ SHORT = 1e-9  # [m]
 
 
 class ControlLimits(NamedTuple):
-    """Settings of a control, SI units.
+    """Settings of a control, SI units."""
 
-    Attributes:
-        control: whose they are.
-        speed, acceleration: (m,) greatest of every axis.
-        path_speed, path_acceleration: greatest along the path.
-        tolerance: P of G64, from the path [m]; None as G64 without P.
-        junction_deviation: of grbl [m].
-        arc_tolerance: of grbl's chords from an arc [m].
-    """
-
-    control: Control
+    control: Control  # whose they are
+    # speed, acceleration: (m,) greatest of every axis
     speed: Float[np.ndarray, " m"]
     acceleration: Float[np.ndarray, " m"]
+    # path_speed, path_acceleration: greatest along the path
     path_speed: float = math.inf
     path_acceleration: float = math.inf
-    tolerance: float | None = None
-    junction_deviation: float = 10e-6
-    arc_tolerance: float = 2e-6
+    tolerance: float | None = None  # P of G64, from the path [m]; None as G64 without P
+    junction_deviation: float = 10e-6  # of grbl [m]
+    arc_tolerance: float = 2e-6  # of grbl's chords from an arc [m]
 
     def along(self, direction: np.ndarray) -> tuple[float, float]:
         """Greatest speed and acceleration along a direction."""
@@ -69,34 +62,23 @@ class ControlLimits(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """A line or an arc that is run at once.
+    """A line or an arc that is run at once."""
 
-    Attributes:
-        begin, end: arc length on the contour there [m].
-        start: its first point [m].
-        leaves, arrives: unit tangents at its ends.
-        length: of it [m].
-        speed: greatest [m/s].
-        acceleration: along it [m/s^2].
-        after: piece of the contour that it ends with; -1 inside of one.
-        rapid: whether it is a rapid move.
-        bent: whether it is the curved piece `after`.
-        radius: of a rounded corner [m]; 0 for others.
-        tolerance: within which the next leg begins before this one has ended [m]; 0 for not.
-    """
-
+    # begin, end: arc length on the contour there [m]
     begin: float
     end: float
-    start: np.ndarray
+    start: np.ndarray  # its first point [m]
+    # leaves, arrives: unit tangents at its ends
     leaves: np.ndarray
     arrives: np.ndarray
-    length: float
-    speed: float
-    acceleration: float
-    after: int
-    rapid: bool
-    bent: bool = False
-    radius: float = 0.0
+    length: float  # of it [m]
+    speed: float  # greatest [m/s]
+    acceleration: float  # along it [m/s^2]
+    after: int  # piece of the contour that it ends with; -1 inside of one
+    rapid: bool  # whether it is a rapid move
+    bent: bool = False  # whether it is the curved piece `after`
+    radius: float = 0.0  # of a rounded corner [m]; 0 for others
+    # within which the next leg begins before this one has ended [m]; 0 for not
     tolerance: float = 0.0
 
 

@@ -37,18 +37,13 @@ FIT = 1e-3  # of the tolerance: what the pieces in arc length may be off the spl
 
 
 class Runs(NamedTuple):
-    """Pieces that stand for curves, run by run.
+    """Pieces that stand for curves, run by run."""
 
-    Attributes:
-        pieces: of all runs, n.
-        of: run of every piece, from 0.
-        ends: parameter at which the pieces begin, and the end of the last one [m].
-        tangents: unit vectors in which every run begins and ends; NaN where any will do.
-    """
-
-    pieces: Piece
-    of: Int[np.ndarray, " n"]
+    pieces: Piece  # of all runs, n
+    of: Int[np.ndarray, " n"]  # run of every piece, from 0
+    # parameter at which the pieces begin, and the end of the last one [m]
     ends: Float[np.ndarray, " ends"]
+    # unit vectors in which every run begins and ends; NaN where any will do
     tangents: Float[np.ndarray, "2 R m"]
 
     @property
@@ -62,29 +57,18 @@ class Runs(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """Runs as quintic pieces.
+    """Runs as quintic pieces."""
 
-    Attributes:
-        fit: pieces, which begin at parameters of the runs.
-        run: of every piece; some runs may have none.
-        deviation: bound of the distance of every run from its curve [m].
-    """
-
-    fit: Fit
-    run: Int[np.ndarray, " P"]
-    deviation: Float[np.ndarray, " R"]
+    fit: Fit  # pieces, which begin at parameters of the runs
+    run: Int[np.ndarray, " P"]  # of every piece; some runs may have none
+    deviation: Float[np.ndarray, " R"]  # bound of the distance of every run from its curve [m]
 
 
 class _Splines(NamedTuple):
-    """Splines of some runs.
+    """Splines of some runs."""
 
-    Attributes:
-        knots: of the splines, one behind the other [m].
-        run: of every knot.
-    """
-
-    knots: Float[np.ndarray, " K"]
-    run: Int[np.ndarray, " K"]
+    knots: Float[np.ndarray, " K"]  # of the splines, one behind the other [m]
+    run: Int[np.ndarray, " K"]  # of every knot
 
     def only(self, kept: Bool[np.ndarray, " R"]) -> "_Splines":
         """Those of some of the runs."""
@@ -114,21 +98,13 @@ class _Splines(NamedTuple):
 
 
 class _Sampled(NamedTuple):
-    """Points of runs: some of every part of a piece between two knots, both its ends included.
+    """Points of runs: some of every part of a piece between two knots, both its ends included."""
 
-    Attributes:
-        cell: knot before every part.
-        arc: parameter [m], just before the end of a part at its last point.
-        points: there [m].
-        bend: second derivative of the piece [1/m].
-        fourth: bound of its fourth derivative in every part [1/m^3].
-    """
-
-    cell: Int[np.ndarray, " I"]
-    arc: Float[np.ndarray, "I p"]
-    points: Float[np.ndarray, "I p m"]
-    bend: Float[np.ndarray, "I p m"]
-    fourth: Float[np.ndarray, " I"]
+    cell: Int[np.ndarray, " I"]  # knot before every part
+    arc: Float[np.ndarray, "I p"]  # parameter [m], just before the end of a part at its last point
+    points: Float[np.ndarray, "I p m"]  # there [m]
+    bend: Float[np.ndarray, "I p m"]  # second derivative of the piece [1/m]
+    fourth: Float[np.ndarray, " I"]  # bound of its fourth derivative in every part [1/m^3]
 
 
 def followed(runs: Runs, tolerance: Numbers, asked: Asked | None = None) -> Curves:

@@ -56,28 +56,18 @@ class LateMemory(NamedTuple):
 
 
 class BoundedPlan(NamedTuple):
-    """Numbers of the QP of every sample; z are the deviations of the controls in units.
+    """Numbers of the QP of every sample; z are the deviations of the controls in units."""
 
-    Attributes:
-        state: nominal state (T, n).
-        control: nominal control (T, p).
-        H: weight (T, z, z).
-        pull: of the deviation e_0 (T, z, n).
-        rows: of the limits, then of the end (T, r, z).
-        known: what e_0 makes of them (T, r, n).
-        low, high: their bounds (T, r).
-        most: largest |z| (T, z).
-    """
-
-    state: Float[np.ndarray, "*T n"]
-    control: Float[np.ndarray, "*T p"]
-    H: Float[np.ndarray, "*T z z"]
-    pull: Float[np.ndarray, "*T z n"]
-    rows: Float[np.ndarray, "*T r z"]
-    known: Float[np.ndarray, "*T r n"]
+    state: Float[np.ndarray, "*T n"]  # nominal state (T, n)
+    control: Float[np.ndarray, "*T p"]  # nominal control (T, p)
+    H: Float[np.ndarray, "*T z z"]  # weight (T, z, z)
+    pull: Float[np.ndarray, "*T z n"]  # of the deviation e_0 (T, z, n)
+    rows: Float[np.ndarray, "*T r z"]  # of the limits, then of the end (T, r, z)
+    known: Float[np.ndarray, "*T r n"]  # what e_0 makes of them (T, r, n)
+    # low, high: their bounds (T, r)
     low: Float[np.ndarray, "*T r"]
     high: Float[np.ndarray, "*T r"]
-    most: Float[np.ndarray, "*T z"]
+    most: Float[np.ndarray, "*T z"]  # largest |z| (T, z)
 
 
 class BoundedMPC(HostController):

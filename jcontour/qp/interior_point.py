@@ -81,25 +81,18 @@ PASSES = 4  # of a derivative: each makes what that changes smaller by as much a
 
 
 class Answer(NamedTuple):
-    """Answer to a problem.
+    """Answer to a problem."""
 
-    Attributes:
-        trajectory: the controls, and the states that they lead to.
-        multipliers: of the upper limits, and of the lower ones; zero where there is none.
-        residual: largest of three: what violates a limit, over the limit's width; what the
-            Lagrangian's slope with a control is, over the largest term in it; multipliers times
-            slacks, over the terms of the cost. Infinite where a limit or a penalty is none.
-        solved: whether it is at most 1e-6; never where a number is not finite.
-        iterations: until then.
-        beyond: largest amount by which a limit that gives way is exceeded.
-    """
-
-    trajectory: Trajectory
+    trajectory: Trajectory  # the controls, and the states that they lead to
+    # of the upper limits, and of the lower ones; zero where there is none
     multipliers: Float[Array, "2 N r"]
+    # largest of three: what violates a limit, over the limit's width; what the Lagrangian's slope
+    # with a control is, over the largest term in it; multipliers times slacks, over the terms of
+    # the cost. Infinite where a limit or a penalty is none.
     residual: Float[Array, ""]
-    solved: Bool[Array, ""]
-    iterations: Int[Array, ""]
-    beyond: Float[Array, ""]
+    solved: Bool[Array, ""]  # whether it is at most 1e-6; never where a number is not finite
+    iterations: Int[Array, ""]  # until then
+    beyond: Float[Array, ""]  # largest amount by which a limit that gives way is exceeded
 
 
 def solve(qp: StagedQP, guess: Float[Array, "N p"] | None = None) -> Answer:

@@ -58,18 +58,12 @@ class Changes(NamedTuple):
 
 
 class Newton(NamedTuple):
-    """Newton's equations of limits at a point.
+    """Newton's equations of limits at a point."""
 
-    Attributes:
-        missed: by how much s + g' v - t = b is.
-        price_missed: by how much l + g = r is.
-        weight: W.
-        over_l, over_g: inverses of l and g; zero where there is no limit, and none that gives way.
-    """
-
-    missed: Numbers
-    price_missed: Numbers
-    weight: Numbers
+    missed: Numbers  # by how much s + g' v - t = b is
+    price_missed: Numbers  # by how much l + g = r is
+    weight: Numbers  # W
+    # over_l, over_g: inverses of l and g; zero where there is no limit, and none that gives way
     over_l: Numbers
     over_g: Numbers
 

@@ -36,29 +36,21 @@ class QP(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """An answer that passed its check.
+    """An answer that passed its check."""
 
-    Attributes:
-        z: the minimiser (n,).
-        multipliers: box, then rows (n + r,); positive at an upper limit, negative at a lower one.
-        primal_residual: largest violation of a limit b, over min(max(1, s), max(1, |b|)); s is
-            below.
-        dual_residual: largest entry of H z + g + mu + C' lambda, or of a multiplier whose limit is
-            infinite, over s.
-        duality_gap: |z' H z + g' z + sum of multiplier times bound| over s = max(min(1, |H|), |H
-            z|, |g|, |mu + C' lambda|), largest entries; |H| instead of 1 where it is smaller, or a
-            cost in small units would pass with any answer.
-        solver: who solved it.
-        iterations: of that solver.
-    """
-
-    z: Float[np.ndarray, " n"]
+    z: Float[np.ndarray, " n"]  # the minimiser (n,)
+    # box, then rows (n + r,); positive at an upper limit, negative at a lower one
     multipliers: Float[np.ndarray, " n+r"]
+    # largest violation of a limit b, over min(max(1, s), max(1, |b|)); s is below
     primal_residual: float
+    # largest entry of H z + g + mu + C' lambda, or of a multiplier whose limit is infinite, over s
     dual_residual: float
+    # |z' H z + g' z + sum of multiplier times bound| over s = max(min(1, |H|), |H z|, |g|, |mu + C'
+    # lambda|), largest entries; |H| instead of 1 where it is smaller, or a cost in small units
+    # would pass with any answer
     duality_gap: float
-    solver: str
-    iterations: int
+    solver: str  # who solved it
+    iterations: int  # of that solver
 
     @property
     def residual(self) -> float:

@@ -15,30 +15,25 @@ from jaxtyping import Array, Float
 
 
 class StagedQP(NamedTuple):
-    """The numbers of one problem; limits may be infinite, and differ from stage to stage.
+    """The numbers of one problem; limits may be infinite, and differ from stage to stage."""
 
-    Attributes:
-        A, B, c: model of a stage, and what is added to its next state.
-        x0: first state.
-        H, h: cost of the stages, H symmetric and its part of the controls positive definite where
-            nothing behind makes it so.
-        H_end, h_end: cost of the last state.
-        D: rows that are limited.
-        lower, upper: their limits.
-        penalty: cost of a unit beyond a limit, by row; infinite where the limit is hard.
-    """
-
+    # A, B, c: model of a stage, and what is added to its next state
     A: Float[Array, "n n"]
     B: Float[Array, "n p"]
     c: Float[Array, "N n"]
-    x0: Float[Array, " n"]
+    x0: Float[Array, " n"]  # first state
+    # H, h: cost of the stages, H symmetric and its part of the controls positive definite where
+    # nothing behind makes it so
     H: Float[Array, "N v v"]
     h: Float[Array, "N v"]
+    # H_end, h_end: cost of the last state
     H_end: Float[Array, "n n"]
     h_end: Float[Array, " n"]
-    D: Float[Array, "r v"]
+    D: Float[Array, "r v"]  # rows that are limited
+    # lower, upper: their limits
     lower: Float[Array, "N r"]
     upper: Float[Array, "N r"]
+    # cost of a unit beyond a limit, by row; infinite where the limit is hard
     penalty: Float[Array, " r"]
 
 
@@ -50,17 +45,11 @@ class Trajectory(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """Feedback law of a backward sweep: u_j = -R^-1 (Y x_j + y) with R'R = H_uu + B' P B.
+    """Feedback law of a backward sweep: u_j = -R^-1 (Y x_j + y) with R'R = H_uu + B' P B."""
 
-    Attributes:
-        Y: R'^-1 (H_ux + B' P A).
-        y: R'^-1 (h_u + B' q).
-        R: by its rows, with the inverse of the diagonal in its place.
-    """
-
-    Y: Float[Array, "N p n"]
-    y: Float[Array, "N p"]
-    R: Float[Array, "N p p"]
+    Y: Float[Array, "N p n"]  # R'^-1 (H_ux + B' P A)
+    y: Float[Array, "N p"]  # R'^-1 (h_u + B' q)
+    R: Float[Array, "N p p"]  # by its rows, with the inverse of the diagonal in its place
 
 
 def rollout(qp: StagedQP, controls: Float[Array, "N p"]) -> Trajectory:

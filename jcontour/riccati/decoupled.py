@@ -40,27 +40,16 @@ LONGEST_ON_GPU = 16  # samples: beyond, the systems of all steps fill its memory
 
 
 class ContouringProblem(eqx.Module):
-    """Receding-horizon contouring problem of a run: output terminal, control weight rho I.
+    """Receding-horizon contouring problem of a run: output terminal, control weight rho I."""
 
-    Attributes:
-        model: A, B, C.
-        alpha: weight on the tracking error.
-        beta: weight on the contour error.
-        rho: weight on the control.
-        stage: profile over the horizon; None for ones.
-        tangent: of every sample, S = T + N_p.
-        y_d: desired output at every sample [m].
-        preview: N_p.
-    """
-
-    model: LinearPlant
-    alpha: Float[Array, ""]
-    beta: Float[Array, ""]
-    rho: Float[Array, ""]
-    stage: Float[Array, " N_p"] | None
-    tangent: Float[Array, "S m"]
-    y_d: Float[Array, "S m"]
-    preview: int = eqx.field(static=True)
+    model: LinearPlant  # A, B, C
+    alpha: Float[Array, ""]  # weight on the tracking error
+    beta: Float[Array, ""]  # weight on the contour error
+    rho: Float[Array, ""]  # weight on the control
+    stage: Float[Array, " N_p"] | None  # profile over the horizon; None for ones
+    tangent: Float[Array, "S m"]  # of every sample, S = T + N_p
+    y_d: Float[Array, "S m"]  # desired output at every sample [m]
+    preview: int = eqx.field(static=True)  # N_p
 
 
 class AxisWindow(NamedTuple):

@@ -43,17 +43,13 @@ class Packing(NamedTuple):
     """Entries of Hz that are kept, and their places.
 
     States count from 0 in this order, the 1 is n, inputs count from n + 1.
-
-    Attributes:
-        order: the states, axis by axis.
-        blocks: one for every two axes, then one for the column of g.
-        rows: for every input, the pieces (block, first, last) of its row of Hz_ux.
-        square: for every two inputs, the place (block, row) of their entry of Hz_uu.
     """
 
-    order: Int[np.ndarray, " n"]
-    blocks: tuple[Block, ...]
+    order: Int[np.ndarray, " n"]  # the states, axis by axis
+    blocks: tuple[Block, ...]  # one for every two axes, then one for the column of g
+    # for every input, the pieces (block, first, last) of its row of Hz_ux
     rows: tuple[tuple[tuple[int, int, int], ...], ...]
+    # for every two inputs, the place (block, row) of their entry of Hz_uu
     square: dict[tuple[int, int], tuple[int, int]]
 
 

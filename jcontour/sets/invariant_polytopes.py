@@ -98,15 +98,10 @@ def box(magnitudes: Numbers) -> Polytope:
 
 
 class InvariantSet(NamedTuple):
-    """An invariant set and how it was found.
+    """An invariant set and how it was found."""
 
-    Attributes:
-        polytope: the set.
-        steps: after which the iteration stopped.
-    """
-
-    polytope: Polytope
-    steps: int
+    polytope: Polytope  # the set
+    steps: int  # after which the iteration stopped
 
 
 def control_invariant(

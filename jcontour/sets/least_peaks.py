@@ -25,18 +25,13 @@ ACTIVE = 1e-7  # share of a limit in the optimum from which it counts as one tha
 
 @dataclass(frozen=True)
 class LeastPeak:
-    """Optimum of the linear program.
+    """Optimum of the linear program."""
 
-    Attributes:
-        response: one of the optimal responses; the tolerance is unique, the responses are not.
-        tolerance: the smallest largest peak of the signals that are made small.
-        peaks: peak of every signal by name.
-        limiting: names of the signals whose limits keep the tolerance from being smaller.
-    """
-
+    # one of the optimal responses; the tolerance is unique, the responses are not
     response: FiniteResponse
-    tolerance: float
-    peaks: dict[str, float]
+    tolerance: float  # the smallest largest peak of the signals that are made small
+    peaks: dict[str, float]  # peak of every signal by name
+    # names of the signals whose limits keep the tolerance from being smaller
     limiting: tuple[str, ...]
 
 

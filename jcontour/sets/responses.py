@@ -35,17 +35,11 @@ AT_REST = 1e-9  # size of X_N, relative to the largest X_j, that counts as zero
 
 @dataclass(frozen=True)
 class FiniteResponse:
-    """Responses X_0..X_N and U_0..U_{N-1} of a model to its disturbances.
+    """Responses X_0..X_N and U_0..U_{N-1} of a model to its disturbances."""
 
-    Attributes:
-        model: matrices A, B, E.
-        state: X (M, n, q), M = N + 1, the last one zero.
-        control: U (N, p, q).
-    """
-
-    model: DisturbedModel
-    state: Float[np.ndarray, "M n q"]
-    control: Float[np.ndarray, "N p q"]
+    model: DisturbedModel  # matrices A, B, E
+    state: Float[np.ndarray, "M n q"]  # X (M, n, q), M = N + 1, the last one zero
+    control: Float[np.ndarray, "N p q"]  # U (N, p, q)
 
     @property
     def length(self) -> int:
@@ -96,17 +90,11 @@ class VaryingModel(NamedTuple):
 
 @dataclass(frozen=True)
 class VaryingResponse:
-    """Responses to the disturbances of samples 0..R-1, R = S - N.
+    """Responses to the disturbances of samples 0..R-1, R = S - N."""
 
-    Attributes:
-        model: of S samples.
-        state: X (R, M, n, q), M = N + 1, the last one of each zero.
-        control: U (R, N, p, q).
-    """
-
-    model: VaryingModel
-    state: Float[np.ndarray, "R M n q"]
-    control: Float[np.ndarray, "R N p q"]
+    model: VaryingModel  # of S samples
+    state: Float[np.ndarray, "R M n q"]  # X (R, M, n, q), M = N + 1, the last one of each zero
+    control: Float[np.ndarray, "R N p q"]  # U (R, N, p, q)
 
     @property
     def length(self) -> int:

@@ -27,21 +27,14 @@ DEAD = 1e-9  # magnitude of a pole, below which its mode is a delay and no motio
 
 
 class AxisLimits(NamedTuple):
-    """Greatest magnitudes per axis or input; None where there is no limit.
+    """Greatest magnitudes per axis or input; None where there is no limit."""
 
-    Attributes:
-        speed: (m,) [m/s].
-        acceleration: (m,) [m/s^2].
-        control: (p,) [control unit].
-        increment: (p,) [control unit per sample].
-        hidden: (m, p) acceleration between samples per unit of a control that alternates
-            [m/s^2 per control unit], as `hidden_acceleration` gives it; None to leave it out.
-    """
-
-    speed: Float[Array | np.ndarray, " m"] | None = None
-    acceleration: Float[Array | np.ndarray, " m"] | None = None
-    control: Float[Array | np.ndarray, " p"] | None = None
-    increment: Float[Array | np.ndarray, " p"] | None = None
+    speed: Float[Array | np.ndarray, " m"] | None = None  # (m,) [m/s]
+    acceleration: Float[Array | np.ndarray, " m"] | None = None  # (m,) [m/s^2]
+    control: Float[Array | np.ndarray, " p"] | None = None  # (p,) [control unit]
+    increment: Float[Array | np.ndarray, " p"] | None = None  # (p,) [control unit per sample]
+    # (m, p) acceleration between samples per unit of a control that alternates [m/s^2 per control
+    # unit], as `hidden_acceleration` gives it; None to leave it out
     hidden: Float[Array | np.ndarray, "m p"] | None = None
 
 

@@ -21,20 +21,14 @@ class Score(NamedTuple):
     """A run up to where its tool has passed the end of the path less the margin.
 
     The first sample, t = 0, does not count, the last one does.
-
-    Attributes:
-        time: until then [s]; NaN when the tool did not get there.
-        rms: contour error [m].
-        peak: largest contour error [m].
-        arc: path parameter nearest to the tool [m], all samples of the run, laps unrolled.
-        error: distance from the path [m], all samples.
     """
 
-    time: float
-    rms: float
-    peak: float
+    time: float  # until then [s]; NaN when the tool did not get there
+    rms: float  # contour error [m]
+    peak: float  # largest contour error [m]
+    # path parameter nearest to the tool [m], all samples of the run, laps unrolled
     arc: Float[np.ndarray, " T"]
-    error: Float[np.ndarray, " T"]
+    error: Float[np.ndarray, " T"]  # distance from the path [m], all samples
 
 
 def traversal_score(

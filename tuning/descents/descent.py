@@ -49,42 +49,26 @@ Evaluate = Callable[[Float[np.ndarray, " d"]], Model | None]  # None for a point
 
 
 class Descent(NamedTuple):
-    """Complete state of a descent.
+    """Complete state of a descent."""
 
-    Attributes:
-        z: the point.
-        model: errors, limits and slopes there.
-        curvature: H.
-        move: largest step in any coordinate.
-        penalty: of an excess.
-        shares: of the errors, in the last quadratic program; so are the prices of the limits.
-        prices: d f / d ln(bound) = -price.
-        spare: curvature of the limits alone, while they are what is made small.
-        guessed: whether H is a guess still.
-        spare_guessed: whether the other one is.
-        restoring: whether the limits alone were made small in the last iteration.
-        confirming: whether H was forgotten since the last gain.
-        steps: iterations made.
-        done: whether it has ended.
-        stationary: whether the model promises nothing at the point.
-        landed: whether its end was brought inside the limits, or could not be (`landing`).
-    """
-
-    z: Float[np.ndarray, " d"]
-    model: Model
-    curvature: Float[np.ndarray, "d d"]
-    move: float
-    penalty: float
+    z: Float[np.ndarray, " d"]  # the point
+    model: Model  # errors, limits and slopes there
+    curvature: Float[np.ndarray, "d d"]  # H
+    move: float  # largest step in any coordinate
+    penalty: float  # of an excess
+    # of the errors, in the last quadratic program; so are the prices of the limits
     shares: Float[np.ndarray, "g v"]
-    prices: Float[np.ndarray, " c"]
+    prices: Float[np.ndarray, " c"]  # d f / d ln(bound) = -price
+    # curvature of the limits alone, while they are what is made small
     spare: Float[np.ndarray, "d d"]
-    guessed: bool = True
-    spare_guessed: bool = True
-    restoring: bool = False
-    confirming: bool = False
-    steps: int = 0
-    done: bool = False
-    stationary: bool = False
+    guessed: bool = True  # whether H is a guess still
+    spare_guessed: bool = True  # whether the other one is
+    restoring: bool = False  # whether the limits alone were made small in the last iteration
+    confirming: bool = False  # whether H was forgotten since the last gain
+    steps: int = 0  # iterations made
+    done: bool = False  # whether it has ended
+    stationary: bool = False  # whether the model promises nothing at the point
+    # whether its end was brought inside the limits, or could not be (`landing`)
     landed: bool = False
 
 

@@ -30,19 +30,12 @@ FAR = 50.0  # in ln(error): no step changes an error by more
 
 
 class Model(NamedTuple):
-    """Errors and limits at a point, and their slopes in z.
+    """Errors and limits at a point, and their slopes in z."""
 
-    Attributes:
-        errors: logarithms of the objective's values, in rows.
-        limits: ln(value / limit).
-        error_slopes: of the errors.
-        limit_slopes: of the limits.
-    """
-
-    errors: Float[np.ndarray, "g v"]
-    limits: Float[np.ndarray, " c"]
-    error_slopes: Float[np.ndarray, "g v d"]
-    limit_slopes: Float[np.ndarray, "c d"]
+    errors: Float[np.ndarray, "g v"]  # logarithms of the objective's values, in rows
+    limits: Float[np.ndarray, " c"]  # ln(value / limit)
+    error_slopes: Float[np.ndarray, "g v d"]  # of the errors
+    limit_slopes: Float[np.ndarray, "c d"]  # of the limits
 
     @property
     def objective(self) -> float:
@@ -66,23 +59,14 @@ class Model(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Answer of the quadratic program.
+    """Answer of the quadratic program."""
 
-    Attributes:
-        d: step in z.
-        gain: decrease of the merit that the model promises.
-        excess: what the model leaves of the violation.
-        shares: multipliers of the errors; every row sums to 1/g.
-        prices: multipliers of the limits.
-        penalty: of the excess; not below the one given.
-    """
-
-    d: Float[np.ndarray, " d"]
-    gain: float
-    excess: float
-    shares: Float[np.ndarray, "g v"]
-    prices: Float[np.ndarray, " c"]
-    penalty: float
+    d: Float[np.ndarray, " d"]  # step in z
+    gain: float  # decrease of the merit that the model promises
+    excess: float  # what the model leaves of the violation
+    shares: Float[np.ndarray, "g v"]  # multipliers of the errors; every row sums to 1/g
+    prices: Float[np.ndarray, " c"]  # multipliers of the limits
+    penalty: float  # of the excess; not below the one given
 
 
 def quadratic_step(

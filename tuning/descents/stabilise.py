@@ -52,17 +52,11 @@ STILL = 1e-6  # fall of s below which nothing is left to gain
 
 
 class Measured(NamedTuple):
-    """The measure at a point.
+    """The measure at a point."""
 
-    Attributes:
-        numbers: a of all loops or runs, not finite where nothing can be said.
-        slopes: of them.
-        sound: whether the search may end here.
-    """
-
-    numbers: Float[np.ndarray, " n"]
-    slopes: Float[np.ndarray, "n d"]
-    sound: bool
+    numbers: Float[np.ndarray, " n"]  # a of all loops or runs, not finite where nothing can be said
+    slopes: Float[np.ndarray, "n d"]  # of them
+    sound: bool  # whether the search may end here
 
     @property
     def largest(self) -> float:

@@ -27,17 +27,12 @@ SLOW = 125  # samples of half a period of a slow disturbance
 
 
 class Promise(NamedTuple):
-    """Bounds that a controller keeps.
+    """Bounds that a controller keeps."""
 
-    Attributes:
-        contour: largest contour error [m].
-        axes: largest tracking error of the tool along X and Y [m]; None where none is kept.
-        twist: largest |theta| [rad].
-    """
-
-    contour: float
+    contour: float  # largest contour error [m]
+    # largest tracking error of the tool along X and Y [m]; None where none is kept
     axes: tuple[float, float] | None
-    twist: float
+    twist: float  # largest |theta| [rad]
 
 
 class Parted(HostController):

@@ -50,11 +50,7 @@ def machine_named(name: str) -> Machine:
 
 
 def job_named(name: str, pace: Pace) -> Task:
-    """Job of a catalogue name or a toolpath file.
-
-    Raises:
-        ValueError: no such name, and no such file or a bad one.
-    """
+    """Job of a catalogue name or a toolpath file."""
     check_contour(name)
     if name in CONTOURS:
         return CONTOURS[name].load()[name](pace)
@@ -90,9 +86,6 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     """The controller that the flags name, for this machine.
 
     Its start has been built once, on the host.
-
-    Raises:
-        ValueError: no such controller, it does not suit the machine, or a weight is wrong.
     """
     if isinstance(flags.preview, WholePath):
         raise ValueError(
@@ -123,11 +116,7 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
 
 
 def _compensated(design: Design, machine: Machine) -> Design:
-    """The design with motors that lead by half the backlash.
-
-    Raises:
-        ValueError: the machine states none.
-    """
+    """The design with motors that lead by half the backlash."""
     if not (isinstance(machine, LinearMachine) and np.any(machine.backlash)):
         raise ValueError(f"backlash: {machine.name} states none; a machine file may")
     build, gaps = design.build, jnp.asarray(machine.gaps)

@@ -15,15 +15,10 @@ ROOT = Path(__file__).parents[3]
 
 
 class Entry(NamedTuple):
-    """A thing with a name.
+    """A thing with a name."""
 
-    Attributes:
-        line: description in one line.
-        place: `module:name` of what makes it.
-    """
-
-    line: str
-    place: str
+    line: str  # description in one line
+    place: str  # `module:name` of what makes it
 
     def load(self) -> Any:
         """Maker of the thing, or a table of makers."""

@@ -65,12 +65,7 @@ def check_controller(name: str) -> None:
 
 
 def check_flags(flags: Any) -> None:
-    """Check numbers, feed law, plant, controller, contour and parts of any command.
-
-    Raises:
-        ValueError: a number or a weight that is not finite, a flag of another feed law, an unknown
-            name, a file that is not there, or a toolpath file with a fault among its first lines.
-    """
+    """Check numbers, feed law, plant, controller, contour and parts of any command."""
     _check_numbers(flags)
     _check_feed_law(flags)
     plant, controller = getattr(flags, "plant", None), getattr(flags, "controller", None)

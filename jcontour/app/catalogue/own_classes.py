@@ -105,11 +105,7 @@ def _dotted(name: str) -> bool:
 
 
 def own_controller(own: OwnName, machine: "Machine", flags: "Controlled") -> "Design":
-    """Design of a controller from a file; its weights are its own fields that are floats.
-
-    Raises:
-        ValueError: file or name is missing, it makes no controller, or it fails on this machine.
-    """
+    """Design of a controller from a file; its weights are its own fields that are floats."""
     from jcontour.app.designs.design import Design, OwnDesign, made
     from jcontour.controller import Controller
 
@@ -122,11 +118,7 @@ def own_controller(own: OwnName, machine: "Machine", flags: "Controlled") -> "De
 
 
 def own_machine(own: OwnName) -> "Machine":
-    """Machine around a plant from a file.
-
-    Raises:
-        ValueError: file or name is missing, or it makes no plant that a machine can be made of.
-    """
+    """Machine around a plant from a file."""
     from jcontour.app.catalogue.own_contracts import ContractError, check_plant
     from jcontour.app.machines.from_file import linear_machine
     from jcontour.app.machines.own_plant import axes_of, machine_of

@@ -46,9 +46,6 @@ def command(flags: Bench) -> int:
 
     A part is a module with `measured(flags, tell)` and `tables(result)`. `tell` receives a line
     after every measurement; the lines appear on stderr as they come.
-
-    Raises:
-        ValueError: not in a checkout, a batch or a number is below one, or a seed below zero.
     """
     for name, least in (("seeds", 1), ("evaluations", 1), ("first_seed", 0)):
         if (value := getattr(flags, name)) < least:

@@ -21,12 +21,7 @@ SUFFIXES = (".html", ".htm")
 
 
 def command(flags: Report) -> int:
-    """The whole command: write the page, compare the runs, exit code.
-
-    Raises:
-        ValueError: one of the runs has no page, `out` is a file that is no page, there is nothing
-            to compare where no page is asked for, or no simple loop whose gains are asked for.
-    """
+    """The whole command: write the page, compare the runs, exit code."""
     runs: tuple[Path, ...] = flags.runs
     first = runs[0]
     several = len(runs) > 1 and is_comparable(runs)

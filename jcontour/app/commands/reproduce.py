@@ -24,11 +24,7 @@ from jcontour.app.flags.shared import Common
 
 
 def experiments_found() -> dict[str, str]:
-    """Name and first docstring line of every experiment module, read without importing them.
-
-    Raises:
-        ValueError: not in a checkout.
-    """
+    """Name and first docstring line of every experiment module, read without importing them."""
     papers = in_checkout("reproduce", "experiments.papers")
     found = {}
     for path in sorted(Path(papers.__path__[0]).glob("*/experiment.py")):
@@ -38,11 +34,7 @@ def experiments_found() -> dict[str, str]:
 
 
 def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], int]]:
-    """Flags and runner of an experiment.
-
-    Raises:
-        ValueError: no such experiment, or not in a checkout.
-    """
+    """Flags and runner of an experiment."""
     known = experiments_found()
     if name not in known:
         raise ValueError(
@@ -108,11 +100,7 @@ def command(flags: Any) -> int:
 
 
 def in_checkout(command: str, module: str) -> ModuleType:
-    """A module of the papers or the benchmarks.
-
-    Raises:
-        ValueError: it is not there.
-    """
+    """A module of the papers or the benchmarks."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:

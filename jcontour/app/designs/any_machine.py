@@ -65,21 +65,14 @@ class Quadratic(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """A kind of machine.
+    """A kind of machine."""
 
-    Attributes:
-        machine: its class.
-        observed: its LQ controller behind an observer.
-        loops: its cascade with feedforward.
-        weight: weight Q on the state, from the model and the weights.
-        shares: controls of the law that its drives share.
-    """
-
-    machine: type[Machine]
-    observed: type[Design]
-    loops: type[Design]
+    machine: type[Machine]  # its class
+    observed: type[Design]  # its LQ controller behind an observer
+    loops: type[Design]  # its cascade with feedforward
+    # weight Q on the state, from the model and the weights
     weight: Callable[[Machine, LinearPlant, Gains], Matrix]
-    shares: np.ndarray | None = None
+    shares: np.ndarray | None = None  # controls of the law that its drives share
 
 
 def _of_outputs(machine: Machine, model: LinearPlant, gains: Gains) -> Matrix:

@@ -41,17 +41,11 @@ Gains = dict[str, Any]  # name -> number, or one for each axis
 
 
 class Needs(NamedTuple):
-    """Machines that a controller is for.
+    """Machines that a controller is for."""
 
-    Attributes:
-        words: what they are.
-        kind: form that they have.
-        also: what such a form has to fulfil besides.
-    """
-
-    words: str
-    kind: type[Machine] = Machine
-    also: Callable[[Any], bool] = lambda _: True
+    words: str  # what they are
+    kind: type[Machine] = Machine  # form that they have
+    also: Callable[[Any], bool] = lambda _: True  # what such a form has to fulfil besides
 
     def met_by(self, machine: Machine) -> bool:
         """Whether the controller suits this machine."""
@@ -82,9 +76,6 @@ class Design(abc.ABC, Generic[M]):
         first: its weights by name, with start and range on this machine.
         start, space: first value and range of every weight by name.
         preview: samples of the future that it needs.
-
-    Raises:
-        ValueError: a flag or a weight is wrong.
     """
 
     line: str = ""
@@ -137,11 +128,7 @@ class Design(abc.ABC, Generic[M]):
         return other
 
     def freed(self: D, names: Sequence[str]) -> D:
-        """The same with these weights free and all others fixed; a group stands for its weights.
-
-        Raises:
-            ValueError: there is no such weight or group.
-        """
+        """The same with these weights free and all others fixed; a group stands for its weights."""
         known = list(self.space)
         wanted = [name for group in names for name in self.groups.get(group, (group,))]
         for name in wanted:
@@ -158,11 +145,7 @@ class Design(abc.ABC, Generic[M]):
     def constrained(
         self, weights: Weights, limits: "Limits", solver: "Solver"
     ) -> "HostController | None":
-        """The controller with these weights under limits at every sample; None where there is none.
-
-        Raises:
-            ValueError: the limits do not fit the machine.
-        """
+        """The controller with these weights under limits at every sample; None if there is none."""
         return None
 
     @property
@@ -227,11 +210,7 @@ class Design(abc.ABC, Generic[M]):
                 )
 
     def model_delay(self, most: int, usual: int) -> int:
-        """Samples of the unknown delay that the model predicts over; the usual ones if not given.
-
-        Raises:
-            ValueError: the flag is not within the most that the machine may have.
-        """
+        """Samples of the unknown delay that the model predicts over; the usual if not given."""
         asked = self.flags.model_delay
         if asked is not None and not 0 <= asked <= most:
             raise ValueError(
@@ -286,12 +265,7 @@ def given(flags: Controlled) -> list[str]:
 
 
 def changed(start: Gains, changes: Sequence[str]) -> Gains:
-    """The start with some weights given as NAME=VALUE, or NAME=VALUE,VALUE,... for several axes.
-
-    Raises:
-        ValueError: there is no such weight, its value is not a finite number, or there are more or
-            fewer numbers than it has.
-    """
+    """The start with some weights given as NAME=VALUE, or NAME=VALUE,VALUE,... for several axes."""
     values = {}
     for change in changes:
         name, numbers = named_numbers("weights", change)
@@ -315,11 +289,7 @@ def with_values(weights: Gains, values: dict[str, Any]) -> Gains:
 
 
 def own_design(name: str, thing: Any, machine: Machine, flags: Controlled) -> Design:
-    """Design of a `Controller` class of the catalogue, described by its first line.
-
-    Raises:
-        ValueError: a flag or a weight is wrong.
-    """
+    """Design of a `Controller` class of the catalogue, described by its first line."""
     controller = made(thing, machine.model, flags.preview)
     return OwnDesign(name, first_line(thing), controller, machine, flags)
 
@@ -337,11 +307,7 @@ def made(thing: Any, model: LinearPlant, preview: int) -> Any:
 
 
 class OwnDesign(Design[Machine]):
-    """A controller that somebody has made for a machine.
-
-    Raises:
-        ValueError: what the class says is of no such field.
-    """
+    """A controller that somebody has made for a machine."""
 
     needs = Needs("a machine that it is made for")
 

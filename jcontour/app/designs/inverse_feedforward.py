@@ -53,26 +53,17 @@ INVERSE = SMOOTHING._replace(start=0.2)  # the inverse of a link takes the fourt
 
 
 class Inverted(NamedTuple):
-    """Nominal machine that is inverted.
+    """Nominal machine that is inverted."""
 
-    Attributes:
-        transfers: from the control of each motor to the tool along its axis.
-        nominal: the machine of the nominal motion, measured as the cascade reads it.
-    """
-
-    transfers: list[TransferFunction]
-    nominal: Plant
+    transfers: list[TransferFunction]  # from the control of each motor to the tool along its axis
+    nominal: Plant  # the machine of the nominal motion, measured as the cascade reads it
 
 
 class ZeroPhase(Design):
-    """Zero phase error tracking; it takes the preview it needs.
+    """Zero phase error tracking; it takes the preview it needs."""
 
-    Attributes:
-        order: of the model that is followed.
-        ringing: zeros that ring more are left to the optimum, see `sorted_zeros`.
-    """
-
-    order: ClassVar[int] = LINKS
+    order: ClassVar[int] = LINKS  # of the model that is followed
+    # zeros that ring more are left to the optimum, see `sorted_zeros`
     ringing: ClassVar[float] = RINGING
 
     @cached_property
@@ -141,11 +132,7 @@ class CausalCascade(Causal, ZeroPhaseCascade):
 
 
 class OptimalCascade(Optimal, ZeroPhaseCascade):
-    """Feedforward optimal in l1 with preview (Alter & Tsao) in front of the cascade.
-
-    Raises:
-        ValueError: the preview is shorter than the delay, or an axis has a zero on the unit circle.
-    """
+    """Feedforward optimal in l1 with preview (Alter & Tsao) in front of the cascade."""
 
     weights = (*ZeroPhaseCascade.weights, WEIGHT)
 

@@ -53,11 +53,7 @@ def limited_lq(
     limits: Limits,
     solver: Solver,
 ) -> HostController:
-    """Contouring LQ under limits, behind an observer; without one it is fed the state.
-
-    Raises:
-        ValueError: as `TrackingMPC` and the observer.
-    """
+    """Contouring LQ under limits, behind an observer; without one it is fed the state."""
     form = OffsetFreeForm() if isinstance(observer, OffsetFreeGain) else AbsoluteForm()
     tracking = TrackingMPC(
         model, TrackingWeights.of(weights), preview, limits, terminal, solver, form=form
@@ -66,11 +62,7 @@ def limited_lq(
 
 
 def control_limit(machine: Machine) -> np.ndarray:
-    """Limit on every control of the machine.
-
-    Raises:
-        ValueError: it states none.
-    """
+    """Limit on every control of the machine."""
     if machine.limits.control is None:
         raise ValueError(f"plant: {machine.name} states no limit on its controls; give it one")
     return np.asarray(machine.limits.control, float)
@@ -115,33 +107,21 @@ def at_speed(contour: Contour, speed: float, dt: float, preview: int) -> Referen
 
 
 class PredictiveDesign(NamedTuple):
-    """One design.
+    """One design."""
 
-    Attributes:
-        weights: by name; those that are not named have their usual values.
-        horizon: steps of the controller that it looks ahead.
-        speed_mm_s: along the path [mm/s]; the highest one where the controller chooses it.
-    """
-
-    weights: Mapping[str, float]
-    horizon: int
-    speed_mm_s: float
+    weights: Mapping[str, float]  # by name; those that are not named have their usual values
+    horizon: int  # steps of the controller that it looks ahead
+    speed_mm_s: float  # along the path [mm/s]; the highest one where the controller chooses it
 
 
 class HostedRun(NamedTuple):
-    """A run that is ready to begin.
+    """A run that is ready to begin."""
 
-    Attributes:
-        plant: as it is.
-        controller: in a loop of the plant's sample period.
-        reference: where the tool should be, or how long the run may take.
-        progress: arc length at which the controller holds the tool to be, from its memories [m];
-            None where it holds none.
-    """
-
-    plant: Plant
-    controller: Held
-    reference: Reference
+    plant: Plant  # as it is
+    controller: Held  # in a loop of the plant's sample period
+    reference: Reference  # where the tool should be, or how long the run may take
+    # arc length at which the controller holds the tool to be, from its memories [m]; None where it
+    # holds none
     progress: Callable[[Any], Any] | None
 
 
@@ -175,25 +155,16 @@ def _tracking(machine: Machine, contour: Contour, design: PredictiveDesign) -> H
 
 
 class PredictiveKind(NamedTuple):
-    """A kind of predictive controller.
+    """A kind of predictive controller."""
 
-    Attributes:
-        make: run of a design along a contour of a machine.
-        weights: its weights by name: value where nothing is said, None for the machine's.
-        share: of the machine's `speed_limit`, where no speed is given.
-    """
-
+    # run of a design along a contour of a machine
     make: Callable[[Machine, Contour, PredictiveDesign], HostedRun]
+    # its weights by name: value where nothing is said, None for the machine's
     weights: Mapping[str, float | None]
-    share: float
+    share: float  # of the machine's `speed_limit`, where no speed is given
 
     def hosted(self, machine: Machine, contour: Contour, design: PredictiveDesign) -> HostedRun:
-        """The run of a design.
-
-        Raises:
-            ValueError: a weight, the horizon or the speed is wrong, or the machine states no limit
-                on its controls.
-        """
+        """The run of a design."""
         if not 1 <= design.horizon <= LONGEST_HORIZON:
             raise ValueError(
                 f"preview: needs 1 to {LONGEST_HORIZON} steps, received {design.horizon}"

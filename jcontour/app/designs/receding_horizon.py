@@ -128,9 +128,6 @@ class LQDesign(LinearDesign):
         observer: form of the observer; None where the law is fed the state.
         ends: name of the cost at the end of the horizon; None where the flags choose.
         at_first_loop: it starts at its first loop.
-
-    Raises:
-        ValueError: a weight, the delay or the preview is wrong.
     """
 
     weights = (
@@ -206,11 +203,7 @@ class LQDesign(LinearDesign):
 
     @cached_property
     def late(self) -> int:
-        """Samples of the unknown delay that the model predicts over.
-
-        Raises:
-            ValueError: the flag is negative, or more than the machine may have.
-        """
+        """Samples of the unknown delay that the model predicts over."""
         if self.fed == "state":
             if self.flags.model_delay:
                 raise ValueError(

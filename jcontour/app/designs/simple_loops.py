@@ -134,11 +134,7 @@ def _steady_control(axis: TransferFunction, level: float) -> tuple[float, float]
 
 
 def axes_of(model: LinearPlant) -> list[TransferFunction]:
-    """Transfer function of every axis from its own control.
-
-    Raises:
-        ValueError: the axes are coupled, or axis i is not driven by control i.
-    """
+    """Transfer function of every axis from its own control."""
     for axis in decoupled_axes(model.pattern):
         if axis.inputs != axis.outputs or len(axis.inputs) != 1:
             raise ValueError(
@@ -283,9 +279,6 @@ def simple_names(machine: LinearMachine) -> list[str]:
     """Names of the simple loops that suit a machine, the simplest first.
 
     None where a positive control moves an axis backwards: their gains are not negative.
-
-    Raises:
-        ValueError: the axes are coupled, or axis i is not driven by control i.
     """
     axes_of(machine.model)
     steady = [steady_response(machine.model, axis) for axis in range(machine.model.axes)]

@@ -34,19 +34,12 @@ from tuning.parameters import Interval, Weight
 
 
 class Loops(NamedTuple):
-    """How fast the loops are that the gains start from.
+    """How fast the loops are that the gains start from."""
 
-    Attributes:
-        speed: bandwidth of the speed loop [rad/s].
-        position: k_p [1/s].
-        coupling: beta.
-        integral_time: time in which the adaptation to a load does what the proportional part does
-            [s].
-    """
-
-    speed: float
-    position: float
-    coupling: float
+    speed: float  # bandwidth of the speed loop [rad/s]
+    position: float  # k_p [1/s]
+    coupling: float  # beta
+    # time in which the adaptation to a load does what the proportional part does [s]
     integral_time: float
 
 

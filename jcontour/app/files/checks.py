@@ -16,11 +16,7 @@ class MachineError(ValueError):
 
 
 def json_value(content: bytes) -> Any:
-    """Value of a JSON text in UTF-8, with a byte order mark or without.
-
-    Raises:
-        ValueError: it is no JSON, or an object has a field twice.
-    """
+    """Value of a JSON text in UTF-8, with a byte order mark or without."""
     try:
         return json.loads(content.decode("utf-8-sig"), object_pairs_hook=_fields)
     except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:

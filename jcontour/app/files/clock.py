@@ -35,12 +35,7 @@ def likely_unit(time: Float[np.ndarray, " T"]) -> str:
 
 
 def even_period(time: Float[np.ndarray, " T"]) -> float:
-    """Sample period of times [s] that are evenly spaced all along.
-
-    Raises:
-        ValueError: fewer than three samples, time does not grow, or it jitters or has a gap; the
-            first place is named.
-    """
+    """Sample period of times [s] that are evenly spaced all along."""
     usual, odd = _odd_steps(time, JITTER)
     if odd.size:
         raise ValueError(_uneven(time, usual, int(odd[0])))
@@ -51,10 +46,6 @@ def longest_even_part(time: Float[np.ndarray, " T"]) -> EvenPart:
     """Longest part of times [s] without a gap and without a restart of the clock.
 
     Its steps may jitter by `MOST_JITTER` of a period: it is for `resampled`.
-
-    Raises:
-        ValueError: fewer than three samples, time does not grow, or no part without a gap is a
-            quarter of the record.
     """
     usual, odd = _odd_steps(time, MOST_JITTER)
     edges = np.concatenate([[0], odd + 1, [len(time)]])

@@ -58,10 +58,6 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
 
     A gap, or a clock that starts again, splits the record: its longest part is used, and that is
     said. Stamps that jitter are interpolated to even ones, with their largest deviation said.
-
-    Raises:
-        ValueError: the file cannot be read, a column is missing, time does not grow evenly, or a
-            number is not finite; one line in the user's words.
     """
     table = read_table(path)
     called, in_units = (ASKED_WORDS, LENGTHS) if columns.asked else (COMMAND_WORDS, COMMAND_UNITS)

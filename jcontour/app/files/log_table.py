@@ -30,9 +30,6 @@ def read_table(path: Path) -> Table:
     Columns of text are left out, and where names alternate with numbers they name the columns.
     Stamps of date and time become seconds. A column of a netCDF or MAT file is a vector, or a
     column of a matrix: `q` of two columns gives q_1 and q_2; `rec.q` is the field of a struct.
-
-    Raises:
-        ValueError: the file cannot be read, or holds no column of numbers.
     """
     try:
         content = content_of(path, MOST_BYTES)
@@ -57,9 +54,6 @@ def finite(path: Path, name: str, values: Float[np.ndarray, " T"], above: int = 
         name: of the column.
         values: of its rows.
         above: rows of the file before them.
-
-    Raises:
-        ValueError: a value is NaN or infinite; the first such row is named.
     """
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:

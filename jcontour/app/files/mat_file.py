@@ -18,11 +18,7 @@ NUMERIC = "fiu"  # kinds of arrays that are columns; text and cells are none
 
 
 def read_mat(path: Path) -> dict[str, np.ndarray]:
-    """Arrays of numbers by name, those in a struct as `struct.field`.
-
-    Raises:
-        ValueError: the file cannot be read.
-    """
+    """Arrays of numbers by name, those in a struct as `struct.field`."""
     reader = [sys.executable, "-P", "-m", __name__, str(path)]  # -P: nothing of the folder it is in
     done = subprocess.run(reader, capture_output=True)
     if done.returncode:

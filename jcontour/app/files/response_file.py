@@ -53,11 +53,7 @@ class MeasuredResponse:
 
 
 def read_response(path: Path) -> MeasuredResponse:
-    """A measured response.
-
-    Raises:
-        ValueError: the file cannot be read, has no phase, too few lines, or a number that is none.
-    """
+    """A measured response."""
     if path.suffix.lower() == ".xml":
         columns = _tuned(path)
     else:
@@ -150,12 +146,7 @@ class StepRecord(NamedTuple):
 
 
 def read_step(path: Path, length_unit: str) -> StepRecord:
-    """Record of a file whose positions are in a unit: m, mm or um.
-
-    Raises:
-        ValueError: the file cannot be read, a column is missing or no number, or the samples are
-            not evenly spaced.
-    """
+    """Record of a file whose positions are in a unit: m, mm or um."""
     table = read_table(path)
     if list(table) == ["1", "2", "3"]:
         table = dict(zip(NAMES, table.values(), strict=True))

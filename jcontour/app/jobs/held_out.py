@@ -66,9 +66,6 @@ def held_out_like(jobs: Sequence[Job], pace: Pace) -> list[Job]:
     contour that would have more ends early and so keeps curvature and feed of the part; the square
     is made smaller as well, so that it keeps its corners. At constant feed a contour that ends
     early has its entry before these samples, and it is not scored.
-
-    Raises:
-        ValueError: no parts, or a machine of a single axis.
     """
     if not jobs:
         raise ValueError("jobs: needs at least one part to be like, received none")

@@ -106,11 +106,7 @@ class Job(NamedTuple):
         return int(self.program.line[_piece_at(self.contour, self.arc[last])]) or None
 
     def reference(self, dt: float, preview: int) -> Reference:
-        """Samples of the run, with `preview` more appended.
-
-        Raises:
-            ValueError: as `references.along`, or the run is shorter than the preview.
-        """
+        """Samples of the run, with `preview` more appended."""
         if preview > self.arc.size:
             raise ValueError(
                 f"preview: {preview} samples are more than the {self.arc.size} "
@@ -162,11 +158,7 @@ class AxisMove(NamedTuple):
         return None
 
     def reference(self, dt: float, preview: int) -> Reference:
-        """Samples of the run, with `preview` more appended.
-
-        Raises:
-            ValueError: as `references.in_time`.
-        """
+        """Samples of the run, with `preview` more appended."""
         return in_time(self.contour, self.law, self.duration, dt, preview, self.dwell)
 
 
@@ -208,9 +200,6 @@ def along_contour(name: str, contour: Contour, pace: Pace) -> Job:
     """Run at the pace's feed: constant, or by its feed law where the machine states acceleration.
 
     Such a machine passes no sharp corner at feed.
-
-    Raises:
-        ValueError: the contour has more axes than the machine.
     """
     if pace.axis_acceleration is None:
         return at_constant_feed(name, contour, pace)

@@ -99,13 +99,7 @@ class Pace(NamedTuple):
 
     @classmethod
     def of(cls, flags: MachineFlags, machine: Machine) -> "Pace":
-        """Pace that the flags ask for.
-
-        Raises:
-            ValueError: a feed, acceleration or jerk that is not finite and above zero, a corner
-                tolerance or a distance to join that is negative, a jerk that no sample shows, or
-                limits of a control that cannot be read.
-        """
+        """Pace that the flags ask for."""
         for name, value in (
             ("feed-mm-per-min", flags.feed_mm_per_min),
             ("acceleration", flags.acceleration),
@@ -145,12 +139,7 @@ class Pace(NamedTuple):
 
 
 def _control(flags: MachineFlags, machine: Machine) -> tuple[ControlLimits | None, tuple[str, ...]]:
-    """Limits of the control that the flags name, and questions about them; None for none.
-
-    Raises:
-        ValueError: the file cannot be read, the machine states no limits, or a flag is another
-            control's.
-    """
+    """Limits of the control that the flags name, and questions about them; None for none."""
     if flags.junction_deviation_um is not None and flags.planner != "grbl":
         raise ValueError("junction-deviation-um: --planner grbl alone has one")
     doubts: tuple[str, ...] = ()

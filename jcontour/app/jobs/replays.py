@@ -76,11 +76,7 @@ class Scenarios(NamedTuple):
 
 
 def replay(controller: Controller, scenarios: Scenarios) -> Replay:
-    """Run the controller over all scenarios.
-
-    Raises:
-        ValueError: the preview or the sample period does not fit.
-    """
+    """Run the controller over all scenarios."""
     check_run(scenarios.family, controller, scenarios.references)
     references, plans = scenarios.references, prepared_plans(controller, scenarios.references)
     return replayed(*_runs(scenarios.family, controller, references, plans), references)

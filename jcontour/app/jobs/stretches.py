@@ -16,11 +16,7 @@ PLACES = 33  # of a piece at which its curvature is measured; smooth pieces chan
 
 
 def moved(contour: Contour, by: Float[np.ndarray, " m"]) -> Contour:
-    """Contour moved by a vector [m]; lifted to the plane z = 0 first where that has more axes.
-
-    Raises:
-        ValueError: the vector has fewer axes than the contour.
-    """
+    """Contour moved by a vector [m]; lifted to the plane z = 0 first where that has more axes."""
     missing = by.size - contour.axes
     if missing < 0:
         raise ValueError(f"by: needs at least {contour.axes} axes, received {by.size}")
@@ -32,11 +28,7 @@ def moved(contour: Contour, by: Float[np.ndarray, " m"]) -> Contour:
 
 
 def beginning(contour: Contour, length: float) -> Contour:
-    """First stretch of a contour, of this length [m]; the contour itself where it is no longer.
-
-    Raises:
-        ValueError: the length is not above zero.
-    """
+    """First stretch of a contour, of this length [m]; the contour itself where it is no longer."""
     if not length > 0:
         raise ValueError(f"length: needs to be above zero, received {length}")
     if length >= float(contour.length):
@@ -49,11 +41,7 @@ def beginning(contour: Contour, length: float) -> Contour:
 
 
 def between(contour: Contour, low: float, high: float) -> Contour:
-    """Stretch of a contour from one arc length to another [m], open; its arc length begins at 0.
-
-    Raises:
-        ValueError: the two are not in this order, or not on the contour.
-    """
+    """Stretch of a contour from one arc length to another [m], open; its arc length begins at 0."""
     length = float(contour.length)
     if not 0 <= low < high <= length * (1 + 1e-12):
         raise ValueError(f"low, high: needs 0 <= low < high <= {length:g}, received {low}, {high}")

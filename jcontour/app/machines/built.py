@@ -41,11 +41,7 @@ class BuiltMachine:
 
 
 def built_machine(flags: Machine) -> BuiltMachine:
-    """Fields of the machine file that the flags describe.
-
-    Raises:
-        ValueError: a flag is missing, one too many, or its number is impossible.
-    """
+    """Fields of the machine file that the flags describe."""
     names = list(flags.axes)
     if len(set(names)) != len(names) or len(names) not in (2, 3):
         raise ValueError(f"axes: needs two or three different names, received {' '.join(names)}")
@@ -93,11 +89,7 @@ def built_machine(flags: Machine) -> BuiltMachine:
 
 
 def _resonance_uncertainty(flags: Machine, dt: float) -> dict[str, Any]:
-    """How far off the response may be beside resonances; nothing without one.
-
-    Raises:
-        ValueError: the fraction is none.
-    """
+    """How far off the response may be beside resonances; nothing without one."""
     part = flags.resonance_uncertainty
     if not 0 <= part < 1:
         raise ValueError(f"resonance-uncertainty: needs a fraction below 1, received {part:g}")

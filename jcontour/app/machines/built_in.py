@@ -58,11 +58,7 @@ def xy_table_machine() -> LinearMachine:
 
 
 def hosted(period: float | None) -> Hosted:
-    """The X-Y table with friction at 1 ms, and its model at the controller's period.
-
-    Raises:
-        ValueError: the period is not a whole number of samples.
-    """
+    """The X-Y table with friction at 1 ms, and its model at the controller's period."""
     period = PERIOD if period is None else period
     every = whole_samples(period, SAMPLE)
     return Hosted(FrictionXYTable(SAMPLE), xy_table(period), every)

@@ -48,11 +48,7 @@ class GainsAndDelayMachine(Machine):
 
     @abc.abstractmethod
     def counted(self, plant: Plant, fed: Fed = "outputs") -> Plant:
-        """A plant of the family behind its sensors, or its state measured.
-
-        Raises:
-            ValueError: this machine does not measure that.
-        """
+        """A plant of the family behind its sensors, or its state measured."""
 
     @property
     def members(self) -> list[GainMember]:
@@ -134,11 +130,7 @@ class MotorMeasuredMachine(Machine):
 
     @abc.abstractmethod
     def true_plant(self, member: Member, fed: Fed = "outputs") -> Plant:
-        """A member with what has no derivative.
-
-        Raises:
-            ValueError: this machine does not measure that.
-        """
+        """A member with what has no derivative."""
 
     @abc.abstractmethod
     def _model(self, member: Member, path: Float[Array, "T m"]) -> LinearPlant:

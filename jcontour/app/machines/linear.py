@@ -274,11 +274,7 @@ class Bounds(NamedTuple):
 
 
 def as_linear(machine: Machine) -> LinearMachine:
-    """The machine, where it is linear.
-
-    Raises:
-        ValueError: it is not.
-    """
+    """The machine, where it is linear."""
     linear = machine.form(LinearMachine)
     if linear is None:
         raise ValueError(
@@ -302,9 +298,6 @@ def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | N
     """Bounds as given; else the machine's control noise or its friction, and what encoders err.
 
     That is half a count, and three deviations of their noise.
-
-    Raises:
-        ValueError: a bound is negative, or the encoders' error smaller than half a count.
     """
     for name, value in (("force", force), ("encoder-um", encoder_um)):
         if value is not None and not (np.isfinite(value) and value >= 0):

@@ -57,11 +57,7 @@ class Hosted(NamedTuple):
 
 
 def whole_samples(period: float, sample: float) -> int:
-    """How many samples make a period.
-
-    Raises:
-        ValueError: it is not a whole number of them.
-    """
+    """How many samples make a period."""
     every = round(period / sample)
     if every < 1 or abs(every * sample - period) > 1e-9:
         raise ValueError(
@@ -156,27 +152,16 @@ class Machine(abc.ABC):
 
     @abc.abstractmethod
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """Every plant of the family, all of one structure, with derivatives: what is tuned on.
-
-        Raises:
-            ValueError: this machine does not measure that.
-        """
+        """Every plant of the family, all of one structure, with derivatives: what is tuned on."""
 
     @abc.abstractmethod
     def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The same plants with what has no derivative: what is confirmed on.
-
-        Raises:
-            ValueError: this machine does not measure that.
-        """
+        """The same plants with what has no derivative: what is confirmed on."""
 
     def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
         """Plants drawn from the family's intervals, and its corners; sensors as they are, stacked.
 
         None where the family is a single plant.
-
-        Raises:
-            ValueError: this machine does not measure that.
         """
         return None
 
@@ -192,11 +177,7 @@ class Machine(abc.ABC):
         return None
 
     def hosted(self, period: float | None = None) -> Hosted:
-        """Plant and model for a controller of this period [s] on the host, the model's if None.
-
-        Raises:
-            ValueError: the machine is not modelled at that period.
-        """
+        """Plant and model for a controller of this period [s] on the host, the model's if None."""
         own = self.model.dt
         if period is not None and whole_samples(period, own) != 1:
             raise ValueError(
@@ -210,19 +191,11 @@ class Machine(abc.ABC):
         return self
 
     def positions(self, fed: Fed) -> Callable[[Any], Float[Array, " m"]]:
-        """Positions of the axes in a measurement: of the tool, or of the motors that measure it.
-
-        Raises:
-            ValueError: as `linear_family`.
-        """
+        """Positions of the axes in a measurement: of the tool, or of the motors that measure it."""
         raise self._no_linear_models()
 
     def linear_family(self, fed: Fed, path: Float[Array, "T m"]) -> Sequence[Plant]:
-        """Every plant of the family, linear along this path [m]: no dry friction, counts, limits.
-
-        Raises:
-            ValueError: the machine has no linear models of its family.
-        """
+        """Every plant of the family, linear along this path [m]: no friction, counts, limits."""
         raise self._no_linear_models()
 
     def linear_nominal(self, fed: Fed, path: Float[Array, "T m"]) -> Plant:
@@ -230,11 +203,7 @@ class Machine(abc.ABC):
         return self.nominal(fed)
 
     def noisy_nominal(self, key: jax.Array, fed: Fed, path: Float[Array, "T m"]) -> Plant:
-        """The same behind encoders with noise, uniform within half a count, in place of counts.
-
-        Raises:
-            ValueError: as `linear_family`.
-        """
+        """The same behind encoders with noise, uniform within half a count, in place of counts."""
         raise self._no_linear_models()
 
     def with_noise(self, plant: Plant, key: jax.Array, steps: int, fed: Fed) -> Plant:
@@ -249,11 +218,7 @@ class Machine(abc.ABC):
 
     @abc.abstractmethod
     def nominal(self, fed: Fed = "outputs") -> Plant:
-        """Smooth nominal plant behind its sensors: margins are found on it.
-
-        Raises:
-            ValueError: this machine does not measure that.
-        """
+        """Smooth nominal plant behind its sensors: margins are found on it."""
 
     @abc.abstractmethod
     def description(self) -> dict[str, str]:

@@ -57,9 +57,6 @@ def check_memory(job: Task, plants: int, there: float | None = None) -> None:
         job: what is run.
         plants: how many plants it is run on.
         there: free memory [bytes]; None asks the computer.
-
-    Raises:
-        ValueError: it needs more memory than is free.
     """
     there = free_memory() if there is None else there
     takes = needed(job.samples, plants)

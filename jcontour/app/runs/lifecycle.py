@@ -40,9 +40,6 @@ def opened(flags: F, command: str, read: Callable[[F], Asked]) -> Iterator[tuple
 
     `read` comes first: bad input is told before anything is written. The folder is held until the
     run ends, and whoever interrupts it is told how it goes on.
-
-    Raises:
-        ValueError: bad input; RunError where the folder cannot be used.
     """
     if flags.resume:
         folder, flags = resumed(flags, command)
@@ -139,10 +136,6 @@ def resumed(flags: F, command: str) -> tuple[Path, F]:
     """Folder and flags of the run that `--resume` names.
 
     It reads its own copies of its input files, on the devices named now.
-
-    Raises:
-        ValueError: other flags are given as well, or the folder does not hold a run of this
-            command.
     """
     folder = flags.resume
     assert folder is not None
@@ -164,11 +157,7 @@ def _typed(flags: Any, one: Field) -> str:
 
 
 def stored_flags(folder: Path, command: str, kind: type[Kept], **now: Any) -> Kept:
-    """Flags of a stored run, with the folder's copies of its input files.
-
-    Raises:
-        ValueError: the folder does not hold a run of this command.
-    """
+    """Flags of a stored run, with the folder's copies of its input files."""
     stored = run_folder.opened(folder, command)
     try:
         return kind(**{**_with_copies(stored, folder), **now, "out": None})

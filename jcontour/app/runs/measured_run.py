@@ -61,9 +61,6 @@ def measured_run(log: Log, name: str, part: str | None, axes: tuple[str, ...]) -
         name: of the log.
         part: name or file of the part; None for the path of the commands.
         axes: names.
-
-    Raises:
-        ValueError: nothing moves, the log is too long, or the commands are not along the part.
     """
     if len(log.command) > MOST:
         raise ValueError(f"{name}: has {len(log.command)} samples, more than {MOST}: take a part")
@@ -103,12 +100,7 @@ def measured_run(log: Log, name: str, part: str | None, axes: tuple[str, ...]) -
 
 
 def _check_columns(name: str, log: Log, axes: tuple[str, ...]) -> None:
-    """Refuse positions that are not those of their commands.
-
-    Raises:
-        ValueError: a position stands still, belongs to another command or to none, or has another
-            unit.
-    """
+    """Refuse positions that are not those of their commands."""
     asked, seen = (one - one.mean(axis=0) for one in (log.command, log.position))
     size = np.linalg.norm(asked, axis=0), np.linalg.norm(seen, axis=0)
     moving = np.ptp(log.command, axis=0) > STILL
@@ -174,11 +166,7 @@ def _nearest(path: Contour, places: np.ndarray) -> np.ndarray:
 
 
 def _along(name: str, path: Contour, command: np.ndarray) -> slice:
-    """Samples from the first on the part to the last.
-
-    Raises:
-        ValueError: most of the commands between them are elsewhere.
-    """
+    """Samples from the first on the part to the last."""
     nearest = np.asarray(path.position(_nearest(path, command)))
     distance = np.linalg.norm(command - nearest, axis=1)
     near = np.flatnonzero(distance <= FARTHEST * float(path.size))

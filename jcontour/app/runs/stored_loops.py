@@ -33,11 +33,7 @@ class StoredLoop:
 
 
 def stored_loop(folder: Path) -> StoredLoop:
-    """Loop of a run folder, with the folder's own copies of its files.
-
-    Raises:
-        ValueError: the folder holds no finished run of `tune` or `simulate`.
-    """
+    """Loop of a run folder, with the folder's own copies of its files."""
     command = run_folder.read_json(folder, run_folder.SETTINGS).get("command")
     if command == "tune":
         run, weights = stored_tuning(folder)
@@ -58,11 +54,7 @@ def stored_loop(folder: Path) -> StoredLoop:
 
 
 def loop_named(flags: Controlled, part: str | None) -> StoredLoop:
-    """Loop of a run folder, where the part is one; else that of the flags on the part.
-
-    Raises:
-        ValueError: bad input, or flags of another machine or controller beside a run.
-    """
+    """Loop of a run folder, where the part is one; else that of the flags on the part."""
     if part is None or not Path(part).is_dir():
         return loop_of(flags, part)
     left_out = {one.name: one.default for one in fields(flags)}
@@ -74,11 +66,7 @@ def loop_named(flags: Controlled, part: str | None) -> StoredLoop:
 
 
 def stored_tuning(folder: Path) -> tuple[TuningRun, Weights]:
-    """Tuning run of a folder, of the controller that it recommends, and its tuned weights.
-
-    Raises:
-        ValueError: the folder holds no finished run of `tune`.
-    """
+    """Tuning run of a folder, of the controller that it recommends, and its tuned weights."""
     _, flags = resumed(Tune(resume=folder), "tune")
     result = run_folder.read_json(folder, run_folder.RESULT)
     run = tuning_run(replace(flags, controller=flags.controller or result["controller"]))
@@ -87,11 +75,7 @@ def stored_tuning(folder: Path) -> tuple[TuningRun, Weights]:
 
 
 def loop_of(flags: Controlled, part: str | None) -> StoredLoop:
-    """Loop of the controller that flags name, with its first weights, on one part.
-
-    Raises:
-        ValueError: bad input.
-    """
+    """Loop of the controller that flags name, with its first weights, on one part."""
     machine = machine_named(flags.plant)
     part, pace = part or machine.usual.simulated, Pace.of(flags, machine)
     job = job_named(part, pace)

@@ -65,18 +65,12 @@ class LoopLimits(NamedTuple):
 
 
 class GovernedLoop(eqx.Module):
-    """A loop and its admissible pairs: |state x + command v - centre| <= 1, row by row.
+    """A loop and its admissible pairs: |state x + command v - centre| <= 1, row by row."""
 
-    Attributes:
-        gain: K.
-        feed: U + K X, of the command in the control.
-        lag: of the outputs behind a steady motion of the command [samples].
-        state, command, centre: rows, over their limits; those of z_t first, the resting ones last.
-    """
-
-    gain: Float[Array, "p n"]
-    feed: Float[Array, "p m"]
-    lag: Float[Array, "m m"]
+    gain: Float[Array, "p n"]  # K
+    feed: Float[Array, "p m"]  # U + K X, of the command in the control
+    lag: Float[Array, "m m"]  # of the outputs behind a steady motion of the command [samples]
+    # state, command, centre: rows, over their limits; those of z_t first, the resting ones last
     state: Float[Array, "r n"]
     command: Float[Array, "r m"]
     centre: Float[Array, " r"]

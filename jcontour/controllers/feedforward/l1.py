@@ -38,17 +38,11 @@ Circle = Complex[np.ndarray, " c"]  # zeros on the upper half of the unit circle
 
 @dataclass(frozen=True, eq=False)
 class L1Optimum:
-    """An l1-optimal error filter and its certificate.
+    """An l1-optimal error filter and its certificate."""
 
-    Attributes:
-        taps: e_0, e_1, ...
-        cost: sum |e_k|.
-        bound: value of a dual solution that is feasible for every k: no filter costs less.
-    """
-
-    taps: Polynomial
-    cost: float
-    bound: float
+    taps: Polynomial  # e_0, e_1,
+    cost: float  # sum |e_k|
+    bound: float  # value of a dual solution that is feasible for every k: no filter costs less
 
     @property
     def numerator(self) -> Polynomial:

@@ -90,23 +90,15 @@ class ModelFollowing:
 
 @dataclass(frozen=True, eq=False)
 class OptimalFeedforward:
-    """An optimal feedforward filter and what it promises.
+    """An optimal feedforward filter and what it promises."""
 
-    Attributes:
-        numerator: of F, the control that a reference needs without feedback.
-        denominator: of F.
-        wanted: W, numerator and denominator: what the machine makes of the previewed reference.
-        optimum: the error filter E', with its cost.
-        preview: N_p [samples].
-        remarks: what a user should know about the design, a line each.
-    """
-
-    numerator: Polynomial
-    denominator: Polynomial
+    numerator: Polynomial  # of F, the control that a reference needs without feedback
+    denominator: Polynomial  # of F
+    # W, numerator and denominator: what the machine makes of the previewed reference
     wanted: tuple[Polynomial, Polynomial]
-    optimum: ErrorFilter
-    preview: int
-    remarks: tuple[str, ...]
+    optimum: ErrorFilter  # the error filter E', with its cost
+    preview: int  # N_p [samples]
+    remarks: tuple[str, ...]  # what a user should know about the design, a line each
 
 
 def optimal_feedforward(

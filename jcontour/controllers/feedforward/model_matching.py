@@ -178,19 +178,13 @@ SHARED = 1e-6  # largest distance of a zero and a pole that cancel
 
 @dataclass(frozen=True, eq=False)
 class HinfOptimum:
-    """An H-infinity optimal error filter and its certificate.
+    """An H-infinity optimal error filter and its certificate."""
 
-    Attributes:
-        numerator: of E, ascending in lambda.
-        denominator: of E; all roots are outside the unit circle.
-        cost: J.
-        margin: smallest eigenvalue of J^2 I - M(S) M(S)*, Pick's matrix in orthonormal
-            coordinates: filters below J exist only if it stays above zero for a smaller J.
-    """
-
-    numerator: Polynomial
-    denominator: Polynomial
-    cost: float
+    numerator: Polynomial  # of E, ascending in lambda
+    denominator: Polynomial  # of E; all roots are outside the unit circle
+    cost: float  # J
+    # smallest eigenvalue of J^2 I - M(S) M(S)*, Pick's matrix in orthonormal coordinates: filters
+    # below J exist only if it stays above zero for a smaller J
     margin: float
 
     def response(self, points) -> Complex[np.ndarray, "*f"]:

@@ -35,18 +35,12 @@ NEGLECTED = 1e-9  # sum of |M_k| at the ends of the answers that is added instea
 
 
 class Convergence(NamedTuple):
-    """What is known before the first lap.
+    """What is known before the first lap."""
 
-    Attributes:
-        estimate: largest |M| over the family.
-        member: which of the family has it.
-        frequency: where it is [rad per sample].
-        invariant: whether the iteration is the same at every sample, so that `estimate` is a bound.
-    """
-
-    estimate: float
-    member: int
-    frequency: float
+    estimate: float  # largest |M| over the family
+    member: int  # which of the family has it
+    frequency: float  # where it is [rad per sample]
+    # whether the iteration is the same at every sample, so that `estimate` is a bound
     invariant: bool
 
     @property
@@ -61,19 +55,13 @@ class Convergence(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """Answers of the iteration to impulses, and their size over frequency.
+    """Answers of the iteration to impulses, and their size over frequency."""
 
-    Attributes:
-        sizes: |M| at even frequencies from zero to pi, the largest of all places; by member.
-        degree: n, the largest of all members.
-        neglected: largest sum of |M_k| that is not in `sizes`.
-        invariant: whether the iteration of every member is the same at every sample.
-    """
-
+    # |M| at even frequencies from zero to pi, the largest of all places; by member
     sizes: Float[np.ndarray, "members W"]
-    degree: int
-    neglected: float
-    invariant: bool
+    degree: int  # n, the largest of all members
+    neglected: float  # largest sum of |M_k| that is not in `sizes`
+    invariant: bool  # whether the iteration of every member is the same at every sample
 
     def convergence(self, smoothing: int = 0) -> Convergence:
         """Convergence with the filter of `PType` behind the law; what is not finite is infinite.

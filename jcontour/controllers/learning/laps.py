@@ -37,19 +37,12 @@ Errors = ArrayLike | Sequence  # of numbers, one for each lap
 
 
 class Lap(NamedTuple):
-    """One lap, or all of them with a leading axis.
+    """One lap, or all of them with a leading axis."""
 
-    Attributes:
-        correction: c that it was run with.
-        error: reference less what is measured; what the law learns from.
-        output: tool point.
-        control: of the controller.
-    """
-
-    correction: Float[Array, "*laps T m"]
-    error: Float[Array, "*laps T m"]
-    output: Float[Array, "*laps T m"]
-    control: Float[Array, "*laps T p"]
+    correction: Float[Array, "*laps T m"]  # c that it was run with
+    error: Float[Array, "*laps T m"]  # reference less what is measured; what the law learns from
+    output: Float[Array, "*laps T m"]  # tool point
+    control: Float[Array, "*laps T p"]  # of the controller
 
 
 class LearningLaw(eqx.Module):

@@ -42,14 +42,10 @@ class SpeedAxes(NamedTuple):
     >>> axes = speed_axes(pole=10.0, gain=[50.0, 40.0])
     >>> axes.feedforward().tolist()
     [[0.2, 0.02, 0.0], [0.25, 0.025, 0.0]]
-
-    Attributes:
-        pole: a [rad/s].
-        gain: b [speed per second and unit of control].
     """
 
-    pole: Float[np.ndarray, " m"]
-    gain: Float[np.ndarray, " m"]
+    pole: Float[np.ndarray, " m"]  # a [rad/s]
+    gain: Float[np.ndarray, " m"]  # b [speed per second and unit of control]
 
     def sampled(self, dt: float) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
         """(a_d, b_d) under zero-order hold."""
@@ -86,34 +82,21 @@ ACCURACY = 1e-12  # relative and absolute, of the integrator: results are good t
 
 
 class ContinuousGains(NamedTuple):
-    """Gains of the law.
+    """Gains of the law."""
 
-    Attributes:
-        proportional: k_c of every axis (2,).
-        adaptation: gamma.
-        coupling: beta.
-        bias: v_c.
-    """
-
-    proportional: Float[np.ndarray, "2"]
-    adaptation: float
-    coupling: float
-    bias: float = 1.0
+    proportional: Float[np.ndarray, "2"]  # k_c of every axis (2,)
+    adaptation: float  # gamma
+    coupling: float  # beta
+    bias: float = 1.0  # v_c
 
 
 class Motion(NamedTuple):
-    """What happens to the axes.
+    """What happens to the axes."""
 
-    Attributes:
-        speed: w_d at a time [s].
-        slope: its derivative.
-        load: d of both axes at a time, in units of control.
-        jumps: times at which one of them jumps; the integrator starts anew there.
-    """
-
-    speed: Callable[[float], float]
-    slope: Callable[[float], float]
-    load: Callable[[float], Float[np.ndarray, "2"]]
+    speed: Callable[[float], float]  # w_d at a time [s]
+    slope: Callable[[float], float]  # its derivative
+    load: Callable[[float], Float[np.ndarray, "2"]]  # d of both axes at a time, in units of control
+    # times at which one of them jumps; the integrator starts anew there
     jumps: Sequence[float] = ()
 
 
@@ -201,19 +184,12 @@ GRID = 400  # couplings in which the first crossing is looked for
 
 
 class SampledLoop(NamedTuple):
-    """Two sampled axes under the law, all but beta.
+    """Two sampled axes under the law, all but beta."""
 
-    Attributes:
-        a_d: poles (2,).
-        b_d: gains (2,).
-        proportional: k_c (2,).
-        adaptation: K = max (gamma/2) phi.phi.
-    """
-
-    a_d: Float[np.ndarray, "2"]
-    b_d: Float[np.ndarray, "2"]
-    proportional: Float[np.ndarray, "2"]
-    adaptation: float
+    a_d: Float[np.ndarray, "2"]  # poles (2,)
+    b_d: Float[np.ndarray, "2"]  # gains (2,)
+    proportional: Float[np.ndarray, "2"]  # k_c (2,)
+    adaptation: float  # K = max (gamma/2) phi.phi
 
 
 def sampled_loop(

@@ -210,19 +210,14 @@ def at_line(line: int) -> str:
 
 @dataclass
 class Drawing:
-    """What a file draws, in metres, as far as it is taken.
+    """What a file draws, in metres, as far as it is taken."""
 
-    Attributes:
-        strokes: segments that meet, in the order of the file.
-        left_out: what is not taken, in words, with its count.
-        count: of the segments.
-        doubts: what of it may be meant otherwise.
-    """
-
+    # segments that meet, in the order of the file
     strokes: list[Stroke] = field(default_factory=list)
+    # what is not taken, in words, with its count
     left_out: Counter[str] = field(default_factory=Counter)
-    count: int = 0
-    doubts: tuple[str, ...] = ()
+    count: int = 0  # of the segments
+    doubts: tuple[str, ...] = ()  # what of it may be meant otherwise
 
     def add(self, segments: list[Segment], line: int) -> None:
         """Add a stroke of a line of the file, 0 where it is not known.

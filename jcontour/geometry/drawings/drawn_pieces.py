@@ -62,22 +62,14 @@ class Ellipses(NamedTuple):
 
 
 class RationalCurves(NamedTuple):
-    """Parts of rational curves, without a cusp inside.
+    """Parts of rational curves, without a cusp inside."""
 
-    Attributes:
-        owner: number of the segment that each is from.
-        top: coefficients of the numerator.
-        bottom: coefficients of the denominator.
-        begin: parameter at which the part begins, of 0 to 1.
-        width: range of the parameter.
-        stands: whether the curve stands still at its beginning, and at its end.
-    """
-
-    owner: Int[np.ndarray, " n"]
-    top: Complex[np.ndarray, "n d"]
-    bottom: Float[np.ndarray, "n d"]
-    begin: Float[np.ndarray, " n"]
-    width: Float[np.ndarray, " n"]
+    owner: Int[np.ndarray, " n"]  # number of the segment that each is from
+    top: Complex[np.ndarray, "n d"]  # coefficients of the numerator
+    bottom: Float[np.ndarray, "n d"]  # coefficients of the denominator
+    begin: Float[np.ndarray, " n"]  # parameter at which the part begins, of 0 to 1
+    width: Float[np.ndarray, " n"]  # range of the parameter
+    # whether the curve stands still at its beginning, and at its end
     stands: Bool[np.ndarray, "n 2"]
 
     @classmethod
@@ -188,17 +180,11 @@ def _valley(values: np.ndarray) -> np.ndarray:
 
 
 class DrawnPieces(NamedTuple):
-    """Pieces in the order of the segments.
+    """Pieces in the order of the segments."""
 
-    Attributes:
-        pieces: of the plane.
-        owner: number of the segment that each piece is from.
-        fit_error: measured, of the ellipses and curves [m].
-    """
-
-    pieces: Piece
-    owner: Int[np.ndarray, " P"]
-    fit_error: float
+    pieces: Piece  # of the plane
+    owner: Int[np.ndarray, " P"]  # number of the segment that each piece is from
+    fit_error: float  # measured, of the ellipses and curves [m]
 
 
 class _Group(NamedTuple):

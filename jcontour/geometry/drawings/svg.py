@@ -92,19 +92,12 @@ def _inkscape_pixel(root: Element) -> float | None:
 
 
 class _Setting(NamedTuple):
-    """What an element has from those around it.
+    """What an element has from those around it."""
 
-    Attributes:
-        place: map of its user units.
-        whole: size of its viewport in them.
-        hidden: its visibility, unless it has its own.
-        used: how many `use` deep it is.
-    """
-
-    place: Affine
-    whole: tuple[float, float]
-    hidden: bool
-    used: int = 0
+    place: Affine  # map of its user units
+    whole: tuple[float, float]  # size of its viewport in them
+    hidden: bool  # its visibility, unless it has its own
+    used: int = 0  # how many `use` deep it is
 
 
 @dataclass

@@ -39,20 +39,13 @@ FAULTS = (ValueError, TypeError, IndexError, ZeroDivisionError)  # of words that
 
 @dataclass
 class Element:
-    """An element of a file.
+    """An element of a file."""
 
-    Attributes:
-        name: without its namespace; empty for one of another language.
-        line: of the file.
-        attributes: by name, those of other languages by their last part, those of Inkscape as
-            `inkscape:version`.
-        children: in order.
-    """
-
-    name: str
-    line: int
+    name: str  # without its namespace; empty for one of another language
+    line: int  # of the file
+    # by name, those of other languages by their last part, those of Inkscape as `inkscape:version`
     attributes: dict[str, str]
-    children: list["Element"] = field(default_factory=list)
+    children: list["Element"] = field(default_factory=list)  # in order
 
     def text(self, name: str, default: str = "") -> str:
         """An attribute, or its property in `style`."""

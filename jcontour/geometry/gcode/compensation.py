@@ -23,44 +23,29 @@ GOUGES = "the tool cannot reach an inside corner without gouging"
 
 
 class Side(NamedTuple):
-    """A line or an arc that the tool passes on its side.
+    """A line or an arc that the tool passes on its side."""
 
-    Attributes:
-        begins, ends: programmed directions, of length 1.
-        centre: of an arc [m]; None for a line.
-        angle: turned, 0 for a line [rad].
-    """
-
+    # begins, ends: programmed directions, of length 1
     begins: complex
     ends: complex
-    centre: complex | None
-    angle: float
+    centre: complex | None  # of an arc [m]; None for a line
+    angle: float  # turned, 0 for a line [rad]
 
 
 @dataclass
 class Compensation:
-    """Path of a tool's centre beside the programmed one.
+    """Path of a tool's centre beside the programmed one."""
 
-    Attributes:
-        tracer: makes the moves.
-        offset: from the path to the tool, per unit of direction: i r to the left, -i r to the
-            right, r the tool's radius [m].
-        at: programmed place on the machine [m].
-        line: of the program that began it.
-        code: that did, in tenths.
-        last: side that was passed last; None before the first one.
-        piece: number of its last move.
-        leaving: whether G40 has ended it; the next move leads out.
-    """
-
-    tracer: Tracer
+    tracer: Tracer  # makes the moves
+    # from the path to the tool, per unit of direction: i r to the left, -i r to the right, r the
+    # tool's radius [m]
     offset: complex
-    at: Point
-    line: int
-    code: int
-    last: Side | None = None
-    piece: int = -1
-    leaving: bool = False
+    at: Point  # programmed place on the machine [m]
+    line: int  # of the program that began it
+    code: int  # that did, in tenths
+    last: Side | None = None  # side that was passed last; None before the first one
+    piece: int = -1  # number of its last move
+    leaving: bool = False  # whether G40 has ended it; the next move leads out
 
     def check(self, found: LineWords, plane: int) -> None:
         """Refuse codes that it does not go on with, as LinuxCNC does.

@@ -57,11 +57,9 @@ class Parameters:
     >>> parameters.set(31, 2.5)
     >>> parameters.value(31), parameters.value(32)
     (2.5, 0.0)
-
-    Attributes:
-        said_by_machine: value of a parameter that the machine keeps, such as its position.
     """
 
+    # value of a parameter that the machine keeps, such as its position
     said_by_machine: Said = lambda _: None
     _numbered: dict[int, float] = field(default_factory=dict)
     _common: dict[str, float] = field(default_factory=dict)

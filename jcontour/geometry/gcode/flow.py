@@ -24,20 +24,16 @@ LOOPS = frozenset({"while", "do", "repeat"})
 
 @dataclass
 class Structure:
-    """Places of a program, as indices of its lines.
+    """Places of a program, as indices of its lines."""
 
-    Attributes:
-        subprograms: first line of each, by label, and whether M99 ends it.
-        following: next branch of a branch; the end of a loop or a subprogram.
-        beginning: first line of the loop that a line ends, leaves or begins again.
-        ending: last line of a branch's whole, of a loop.
-        faults: what is wrong with a line, told if it is carried out.
-    """
-
+    # first line of each, by label, and whether M99 ends it
     subprograms: dict[str, tuple[int, bool]] = field(default_factory=dict)
+    # next branch of a branch; the end of a loop or a subprogram
     following: dict[int, int] = field(default_factory=dict)
+    # first line of the loop that a line ends, leaves or begins again
     beginning: dict[int, int] = field(default_factory=dict)
-    ending: dict[int, int] = field(default_factory=dict)
+    ending: dict[int, int] = field(default_factory=dict)  # last line of a branch's whole, of a loop
+    # what is wrong with a line, told if it is carried out
     faults: dict[int, str] = field(default_factory=dict)
 
 

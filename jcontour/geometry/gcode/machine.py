@@ -41,17 +41,12 @@ RANGE = f"{SLOWEST / MM_PER_MIN:g} to {FASTEST / MM_PER_MIN:.0f} mm/min"
 
 @dataclass
 class Machine:
-    """The modal state of a machine control, and the moves it has made.
+    """The modal state of a machine control, and the moves it has made."""
 
-    Attributes:
-        tracer: where the machine is, and the moves it has made.
-        first_feed: in force at the beginning [m/s]; None where the program has to give one.
-        tools: of the tool table, by number; None without one.
-    """
-
-    tracer: Tracer
+    tracer: Tracer  # where the machine is, and the moves it has made
+    # in force at the beginning [m/s]; None where the program has to give one
     first_feed: float | None
-    tools: dict[int, Tool] | None = None
+    tools: dict[int, Tool] | None = None  # of the tool table, by number; None without one
     modes: Modes = field(default_factory=Modes)
     offsets: Offsets = field(default_factory=Offsets)
     motion: int | None = None  # code in force, in tenths

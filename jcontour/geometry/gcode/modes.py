@@ -31,26 +31,16 @@ TABLE_LETTERS = frozenset("TPXYZABCUVWDIJQ")
 
 @dataclass(slots=True)
 class Modes:
-    """Modes in force, with those that a control has when it is switched on.
+    """Modes in force, with those that a control has when it is switched on."""
 
-    Attributes:
-        plane: code of the plane of arcs and cycles, G17, G18 or G19, in tenths.
-        unit: length of one [m].
-        unit_said: whether the program has said so.
-        incremental: whether end points count from the start of the move.
-        absolute_centres: whether centres of arcs do not.
-        to_r_plane: whether cycles go back to R only.
-        feed: speed along the path [m/s], None before the first F.
-        path: code of how joints of moves are passed: G61 stops in corners, G61.1 after every move.
-    """
-
-    plane: int = 170
-    unit: float = MM
-    unit_said: bool = False
-    incremental: bool = False
-    absolute_centres: bool = False
-    to_r_plane: bool = False
-    feed: float | None = None
+    plane: int = 170  # code of the plane of arcs and cycles, G17, G18 or G19, in tenths
+    unit: float = MM  # length of one [m]
+    unit_said: bool = False  # whether the program has said so
+    incremental: bool = False  # whether end points count from the start of the move
+    absolute_centres: bool = False  # whether centres of arcs do not
+    to_r_plane: bool = False  # whether cycles go back to R only
+    feed: float | None = None  # speed along the path [m/s], None before the first F
+    # code of how joints of moves are passed: G61 stops in corners, G61.1 after every move
     path: int = 640
 
     def switch(self, codes: dict[str, int]) -> None:
@@ -71,25 +61,16 @@ class Modes:
 
 @dataclass
 class Offsets:
-    """Offsets in force, and those of the work systems that are not [m].
+    """Offsets in force, and those of the work systems that are not [m]."""
 
-    Attributes:
-        system: number of the work system, 1 for G54.
-        origins: of all systems.
-        angles: by which each is rotated around Z [rad].
-        shift: of G52 and G92.
-        shifted: whether one of them is in force.
-        tool: offset of the tool.
-        kept_shift: what G92.3 brings back after G92.2.
-    """
-
-    system: int = 1
-    origins: list[Point] = field(default_factory=lambda: [ZERO] * SYSTEMS)
+    system: int = 1  # number of the work system, 1 for G54
+    origins: list[Point] = field(default_factory=lambda: [ZERO] * SYSTEMS)  # of all systems
+    # by which each is rotated around Z [rad]
     angles: list[float] = field(default_factory=lambda: [0.0] * SYSTEMS)
-    shift: Point = ZERO
-    shifted: bool = False
-    tool: Point = ZERO
-    kept_shift: Point = ZERO
+    shift: Point = ZERO  # of G52 and G92
+    shifted: bool = False  # whether one of them is in force
+    tool: Point = ZERO  # offset of the tool
+    kept_shift: Point = ZERO  # what G92.3 brings back after G92.2
 
     @property
     def origin(self) -> Point:

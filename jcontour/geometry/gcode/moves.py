@@ -42,47 +42,27 @@ EXACT = {"G61.1": "after every move", "G61": "in corners"}  # why, and where
 
 
 class Move(NamedTuple):
-    """A line, or an arc or helix where `angle` is not zero.
+    """A line, or an arc or helix where `angle` is not zero."""
 
-    Attributes:
-        start: first point [m].
-        end: last point [m].
-        centre: of the arc, in the plane of its start [m].
-        angle: turned [rad], positive counter-clockwise around the plane's normal.
-        normal: axis number of the plane's normal.
-        feed: speed along the move [m/s], NaN for a rapid move.
-        rapid: whether it is one (G0).
-        line: of the program, from 1.
-    """
-
-    start: Point
-    end: Point
-    centre: Point
-    angle: float
-    normal: int
-    feed: float
-    rapid: bool
-    line: int
+    start: Point  # first point [m]
+    end: Point  # last point [m]
+    centre: Point  # of the arc, in the plane of its start [m]
+    angle: float  # turned [rad], positive counter-clockwise around the plane's normal
+    normal: int  # axis number of the plane's normal
+    feed: float  # speed along the move [m/s], NaN for a rapid move
+    rapid: bool  # whether it is one (G0)
+    line: int  # of the program, from 1
 
 
 class Stop(NamedTuple):
-    """A place between two moves where the tool comes to rest, for a time in a dwell.
+    """A place between two moves where the tool comes to rest, for a time in a dwell."""
 
-    Attributes:
-        after: how many moves come before it.
-        place: where it rests [m].
-        lasting: for how long [s], 0 for a stop alone.
-        line: of the program, from 1.
-        why: words of the program that ask for it, as G4 or M8 M3.
-        besides: how long an axis that is not traced moves meanwhile [s]; NaN at traverse.
-    """
-
-    after: int
-    place: Point
-    lasting: float
-    line: int
-    why: str
-    besides: float = 0.0
+    after: int  # how many moves come before it
+    place: Point  # where it rests [m]
+    lasting: float  # for how long [s], 0 for a stop alone
+    line: int  # of the program, from 1
+    why: str  # words of the program that ask for it, as G4 or M8 M3
+    besides: float = 0.0  # how long an axis that is not traced moves meanwhile [s]; NaN at traverse
 
 
 def check_near(lengths: Iterable[float]) -> None:
@@ -94,21 +74,13 @@ def check_near(lengths: Iterable[float]) -> None:
 
 @dataclass
 class Tracer:
-    """Place of a machine, and its moves so far.
+    """Place of a machine, and its moves so far."""
 
-    Attributes:
-        axes: 3, or 2 where only X and Y are traced.
-        at: place on the machine [m].
-        line: of the program that is carried out.
-        moves: made so far.
-        stops: between them, so far.
-    """
-
-    axes: int
-    at: Point = ZERO
-    line: int = 0
-    moves: list[Move] = field(default_factory=list)
-    stops: list[Stop] = field(default_factory=list)
+    axes: int  # 3, or 2 where only X and Y are traced
+    at: Point = ZERO  # place on the machine [m]
+    line: int = 0  # of the program that is carried out
+    moves: list[Move] = field(default_factory=list)  # made so far
+    stops: list[Stop] = field(default_factory=list)  # between them, so far
 
     def add(self, end: Point, centre: Point, angle: float, feed: float, plane: int) -> None:
         """Add a move; one too short to see only moves the axes that are not traced, and stops.

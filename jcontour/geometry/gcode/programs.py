@@ -78,21 +78,13 @@ class Frame:
 
 @dataclass
 class Program:
-    """A program under way on a machine.
+    """A program under way on a machine."""
 
-    Attributes:
-        machine: what carries out its words.
-        files: files of subprograms.
-        parameters: of the program.
-        frames: the program, and the subprograms it is in.
-        repeated: lines that were carried out again.
-    """
-
-    machine: Machine
-    files: ProgramFiles
-    parameters: Parameters
-    frames: list[Frame]
-    repeated: int = 0
+    machine: Machine  # what carries out its words
+    files: ProgramFiles  # files of subprograms
+    parameters: Parameters  # of the program
+    frames: list[Frame]  # the program, and the subprograms it is in
+    repeated: int = 0  # lines that were carried out again
     moves_before: int = 0  # at the last line carried out again that came after a move
     repeated_before: int = 0
     marked: bool = False  # by a first %

@@ -104,19 +104,12 @@ Key = Callable[[Parameters], int | str]
 
 
 class LineWords(NamedTuple):
-    """Words of one line.
+    """Words of one line."""
 
-    Attributes:
-        codes: G code by its group, in tenths.
-        without_motion: G codes that do not move this machine, in tenths.
-        m_codes: M codes in order.
-        values: numbers of the other letters, line numbers left out.
-    """
-
-    codes: dict[str, int]
-    without_motion: list[int]
-    m_codes: list[int]
-    values: dict[str, float]
+    codes: dict[str, int]  # G code by its group, in tenths
+    without_motion: list[int]  # G codes that do not move this machine, in tenths
+    m_codes: list[int]  # M codes in order
+    values: dict[str, float]  # numbers of the other letters, line numbers left out
 
 
 def sorted_words(words: Sequence[tuple[str, float]], motion: int | None) -> LineWords:
@@ -191,35 +184,24 @@ def _add_g_code(found: LineWords, value: float) -> None:
 
 
 class OWord(NamedTuple):
-    """Flow of the program: `o100 while [#1 LT 5]`.
+    """Flow of the program: `o100 while [#1 LT 5]`."""
 
-    Attributes:
-        keyword: sub, call, if, ...; empty where the number of a program stands alone, O1000.
-        label: number or name.
-        values: in brackets behind: the condition, the count, the arguments.
-    """
-
-    keyword: str
-    label: Callable[[Parameters], str]
+    keyword: str  # sub, call, if, ...; empty where the number of a program stands alone, O1000
+    label: Callable[[Parameters], str]  # number or name
+    # in brackets behind: the condition, the count, the arguments
     values: tuple[Expression, ...] = ()
 
 
 class Block(NamedTuple):
-    """Content of one line.
+    """Content of one line."""
 
-    Attributes:
-        words: letters in upper case and their numbers, or what computes them.
-        settings: parameters and values, in force once all words have their numbers.
-        flow: O-word, which stands alone.
-        abort: message of (ABORT, ...), None without one.
-        shows_message: whether it has (MSG, ...), before which the motion stops.
-    """
-
+    # letters in upper case and their numbers, or what computes them
     words: tuple[tuple[str, float | Expression], ...] = ()
+    # parameters and values, in force once all words have their numbers
     settings: tuple[tuple[Key, Expression], ...] = ()
-    flow: OWord | None = None
-    abort: str | None = None
-    shows_message: bool = False
+    flow: OWord | None = None  # O-word, which stands alone
+    abort: str | None = None  # message of (ABORT, ...), None without one
+    shows_message: bool = False  # whether it has (MSG, ...), before which the motion stops
 
 
 NOTHING = Block()

@@ -29,21 +29,14 @@ THIRD = 1 / (9 * 3**0.5)  # most of |t (t - 1) (t - 2)| / 6 between two samples
 
 
 class Cells(NamedTuple):
-    """Cells of a mesh: what they lie on.
+    """Cells of a mesh: what they lie on."""
 
-    Attributes:
-        piece: number of the path's piece.
-        place: arc length at which the piece begins [m].
-        elapsed: time of the old motion from its own node to the beginning of the cell [s].
-        cell: number of the old motion's cell.
-        length: of the cell in the old motion's time [s].
-    """
-
-    piece: Int[np.ndarray, " n"]
-    place: Float[np.ndarray, " n"]
+    piece: Int[np.ndarray, " n"]  # number of the path's piece
+    place: Float[np.ndarray, " n"]  # arc length at which the piece begins [m]
+    # time of the old motion from its own node to the beginning of the cell [s]
     elapsed: Float[np.ndarray, " n"]
-    cell: Int[np.ndarray, " n"]
-    length: Float[np.ndarray, " n"]
+    cell: Int[np.ndarray, " n"]  # number of the old motion's cell
+    length: Float[np.ndarray, " n"]  # of the cell in the old motion's time [s]
 
     def taken(self, some: Bool[np.ndarray, " n"] | slice) -> "Cells":
         """Some of the cells."""
@@ -76,15 +69,10 @@ def old_motion(cells, at, x):
 
 
 class Ordinates(NamedTuple):
-    """How the Bernstein ordinates of a cell follow from the unknowns: a window of three of them.
+    """How the Bernstein ordinates of a cell follow from the unknowns: a window of three of them."""
 
-    Attributes:
-        first: number of the first unknown of the window.
-        weights: (n, ordinate, unknown).
-    """
-
-    first: Int[np.ndarray, " n"]
-    weights: Float[np.ndarray, "n 3 3"]
+    first: Int[np.ndarray, " n"]  # number of the first unknown of the window
+    weights: Float[np.ndarray, "n 3 3"]  # (n, ordinate, unknown)
 
     def of(self, unknowns: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
         """Ordinates of all cells."""
@@ -125,24 +113,18 @@ class Conditions(NamedTuple):
     """Conditions of every cell on its window of three unknowns; eight cells side by side.
 
     A stretch begins a block of eight cells; its last cell fills what is left of its last block.
-
-    Attributes:
-        blocks: (b, 3 rows + 4, 8). Rows of three numbers: the middle ordinate of u, which is kept
-            above zero, and u with it; from `SQUARE` on u at the three points; from `SPEED` on the
-            speed there; from `STILL` on the acceleration of all axes at one point after the other,
-            and so the jerk. Then the weights of 1 / sqrt(u) at the points in the duration [s]; and
-            1, but 0 in lanes that only fill.
-        cell: (b, 8) number of the cell of every lane.
-        first: (stretches + 1,) first block of every stretch.
-        window: (b, 8) first unknown of the window of every lane.
-        axes: number m.
     """
 
+    # (b, 3 rows + 4, 8). Rows of three numbers: the middle ordinate of u, which is kept above zero,
+    # and u with it; from `SQUARE` on u at the three points; from `SPEED` on the speed there; from
+    # `STILL` on the acceleration of all axes at one point after the other, and so the jerk. Then
+    # the weights of 1 / sqrt(u) at the points in the duration [s]; and 1, but 0 in lanes that only
+    # fill.
     blocks: Float[np.ndarray, "b entries lanes"]
-    cell: Int[np.ndarray, "b lanes"]
-    first: Int[np.ndarray, " ends"]
-    window: Int[np.ndarray, "b lanes"]
-    axes: int
+    cell: Int[np.ndarray, "b lanes"]  # (b, 8) number of the cell of every lane
+    first: Int[np.ndarray, " ends"]  # (stretches + 1,) first block of every stretch
+    window: Int[np.ndarray, "b lanes"]  # (b, 8) first unknown of the window of every lane
+    axes: int  # number m
 
     def values(self, unknowns: Float[np.ndarray, " n"]) -> Float[np.ndarray, "rows b lanes"]:
         """Every row times its window of the unknowns."""

@@ -44,15 +44,11 @@ def composed(path: Float[np.ndarray, "3 ... m"], motion: MotionSamples) -> Jet:
 
 
 class CubicMotion(NamedTuple):
-    """Motion s(tau), a cubic between neighbouring times, with continuous acceleration.
+    """Motion s(tau), a cubic between neighbouring times, with continuous acceleration."""
 
-    Attributes:
-        time: of the nodes [s].
-        coefficients: (n, 4) of every stretch between nodes: arc length, speed, half the
-            acceleration, a sixth of the jerk.
-    """
-
-    time: Float[np.ndarray, " nodes"]
+    time: Float[np.ndarray, " nodes"]  # of the nodes [s]
+    # (n, 4) of every stretch between nodes: arc length, speed, half the acceleration, a sixth of
+    # the jerk
     coefficients: Float[np.ndarray, "n 4"]
 
     def on_cell(self, cell: Int[np.ndarray, "..."], elapsed: np.ndarray) -> MotionSamples:

@@ -18,17 +18,11 @@ SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]  # of a piece
 
 
 class AxisLimits(NamedTuple):
-    """Greatest magnitudes per axis.
+    """Greatest magnitudes per axis."""
 
-    Attributes:
-        speed: [m/s], infinite for none.
-        acceleration: [m/s^2].
-        jerk: [m/s^3].
-    """
-
-    speed: Float[np.ndarray, " m"]
-    acceleration: Float[np.ndarray, " m"]
-    jerk: Float[np.ndarray, " m"]
+    speed: Float[np.ndarray, " m"]  # [m/s], infinite for none
+    acceleration: Float[np.ndarray, " m"]  # [m/s^2]
+    jerk: Float[np.ndarray, " m"]  # [m/s^3]
 
     @property
     def at_ease(self) -> "AxisLimits":
@@ -58,27 +52,17 @@ class AxisLimits(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """What is asked of a motion along a path.
+    """What is asked of a motion along a path."""
 
-    Attributes:
-        feed: of every piece of the path, at most [m/s].
-        limits: of the axes.
-    """
-
-    feed: Float[np.ndarray, " P"]
-    limits: AxisLimits
+    feed: Float[np.ndarray, " P"]  # of every piece of the path, at most [m/s]
+    limits: AxisLimits  # of the axes
 
 
 class Joints(NamedTuple):
-    """What changes from piece to piece.
+    """What changes from piece to piece."""
 
-    Attributes:
-        turn: (P-1,) jump of p' [1].
-        bend: (P-1,) jump of p'' [1/m], 0 where it is rounding.
-    """
-
-    turn: Float[np.ndarray, " joints"]
-    bend: Float[np.ndarray, " joints"]
+    turn: Float[np.ndarray, " joints"]  # (P-1,) jump of p' [1]
+    bend: Float[np.ndarray, " joints"]  # (P-1,) jump of p'' [1/m], 0 where it is rounding
 
     def smooth(self, feed: Float[np.ndarray, " P"], acceleration: float) -> Bool[np.ndarray, "..."]:
         """Which joints can be passed at the feed [m/s] without a jump of the acceleration."""

@@ -28,17 +28,11 @@ ROUNDING = 1e-6  # of a sample
 
 
 class Warp(NamedTuple):
-    """Times t of nodes tau, and how tau runs between them.
+    """Times t of nodes tau, and how tau runs between them."""
 
-    Attributes:
-        node: tau of the nodes [s].
-        time: t of the nodes [s].
-        square: (n, 3) Bernstein ordinates of u in every cell.
-    """
-
-    node: Float[np.ndarray, " nodes"]
-    time: Float[np.ndarray, " nodes"]
-    square: Float[np.ndarray, "n 3"]
+    node: Float[np.ndarray, " nodes"]  # tau of the nodes [s]
+    time: Float[np.ndarray, " nodes"]  # t of the nodes [s]
+    square: Float[np.ndarray, "n 3"]  # (n, 3) Bernstein ordinates of u in every cell
 
     @classmethod
     def of(cls, node: Float[np.ndarray, " nodes"], square: Float[np.ndarray, "n 3"]) -> "Warp":
@@ -94,25 +88,17 @@ def _swing(z: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class JerkLimitedMotion:
-    """Motion from rest to rest along a path, exact at any time.
+    """Motion from rest to rest along a path, exact at any time."""
 
-    Attributes:
-        path: contour that is followed.
-        limits: of the axes.
-        feed: (P,) greatest speed on every piece [m/s].
-        stops: arc lengths at which it rests, both ends among them [m].
-        gap: about the time that the search left to gain [s]; a ten-thousandth is usual.
-    """
-
-    path: Contour
-    limits: AxisLimits
-    feed: Float[np.ndarray, " P"]
-    stops: Float[np.ndarray, " k"]
+    path: Contour  # contour that is followed
+    limits: AxisLimits  # of the axes
+    feed: Float[np.ndarray, " P"]  # (P,) greatest speed on every piece [m/s]
+    stops: Float[np.ndarray, " k"]  # arc lengths at which it rests, both ends among them [m]
     _pieces: Piece
     _old: CubicMotion
     _cells: Cells
     _warp: Warp
-    gap: float
+    gap: float  # about the time that the search left to gain [s]; a ten-thousandth is usual
 
     @property
     def duration(self) -> float:

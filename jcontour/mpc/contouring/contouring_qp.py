@@ -98,54 +98,34 @@ class ContouringWeights:
 
 
 class ContouringConstants(NamedTuple):
-    """The parts that stay the same during a run, lengths in the unit of the QP.
+    """The parts that stay the same during a run, lengths in the unit of the QP."""
 
-    Attributes:
-        output: C of the model.
-        free: y at the evaluation points without a change of the control, from [dx, du(k-1), y,
-            u(k-1)]: (B, m, n + 2 p + m).
-        forced: y from the controls u of the blocks, absolute (B, m, B p).
-        curvature: forced' w q_c forced and the increments' weights: the constant part of H / 2 in
-            u, (B p, B p).
-        ends: first sample after each block.
-        share: w_b, the part of T for which each evaluation point counts; also the theta that v_b =
-            1 gains over its block.
-        change: r_b R_v for dv_b.
-        push: r_0 R_u, which ties u_0 to u(k-1): (p, p).
-        reward: what v_b = 1 gains in q_theta sum_i theta_i h / T.
-        weights: q_c, q_l.
-    """
-
-    output: Float[np.ndarray, "m n"]
+    output: Float[np.ndarray, "m n"]  # C of the model
+    # y at the evaluation points without a change of the control, from [dx, du(k-1), y, u(k-1)]: (B,
+    # m, n + 2 p + m)
     free: Float[np.ndarray, "B m f"]
-    forced: Float[np.ndarray, "B m Bp"]
+    forced: Float[np.ndarray, "B m Bp"]  # y from the controls u of the blocks, absolute (B, m, B p)
+    # forced' w q_c forced and the increments' weights: the constant part of H / 2 in u, (B p, B p)
     curvature: Float[np.ndarray, "Bp Bp"]
-    ends: Int[np.ndarray, " B"]
+    ends: Int[np.ndarray, " B"]  # first sample after each block
+    # w_b, the part of T for which each evaluation point counts; also the theta that v_b = 1 gains
+    # over its block
     share: Float[np.ndarray, " B"]
-    change: Float[np.ndarray, " B"]
-    push: Float[np.ndarray, "p p"]
-    reward: Float[np.ndarray, " B"]
-    weights: Float[np.ndarray, "2"]
+    change: Float[np.ndarray, " B"]  # r_b R_v for dv_b
+    push: Float[np.ndarray, "p p"]  # r_0 R_u, which ties u_0 to u(k-1): (p, p)
+    reward: Float[np.ndarray, " B"]  # what v_b = 1 gains in q_theta sum_i theta_i h / T
+    weights: Float[np.ndarray, "2"]  # q_c, q_l
 
 
 class Sample(NamedTuple):
-    """The state of a run at sample k.
+    """The state of a run at sample k."""
 
-    Attributes:
-        theta: path parameter now.
-        plan: v of the blocks solved one sample before.
-        control: u(k-1).
-        before: u(k-2).
-        state: x(k-1).
-        measurement: x(k).
-    """
-
-    theta: float
-    plan: Float[np.ndarray, " B"]
-    control: Float[np.ndarray, " p"]
-    before: Float[np.ndarray, " p"]
-    state: Float[np.ndarray, " n"]
-    measurement: Float[np.ndarray, " n"]
+    theta: float  # path parameter now
+    plan: Float[np.ndarray, " B"]  # v of the blocks solved one sample before
+    control: Float[np.ndarray, " p"]  # u(k-1)
+    before: Float[np.ndarray, " p"]  # u(k-2)
+    state: Float[np.ndarray, " n"]  # x(k-1)
+    measurement: Float[np.ndarray, " n"]  # x(k)
 
 
 def contouring_constants(

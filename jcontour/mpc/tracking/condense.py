@@ -42,20 +42,13 @@ class Prediction(NamedTuple):
 
 
 class Window(NamedTuple):
-    """The reference over one horizon.
+    """The reference over one horizon."""
 
-    Attributes:
-        Q: output weights, j = 1..N-1.
-        y_d: desired outputs, likewise.
-        P: terminal weight, the stage profile included.
-        xi_d: its target.
-        held: control that holds the machine where the run begins: it costs nothing.
-    """
-
-    Q: Float[np.ndarray, "N-1 m m"]
-    y_d: Float[np.ndarray, "N-1 m"]
-    P: Float[np.ndarray, "t t"]
-    xi_d: Float[np.ndarray, " t"]
+    Q: Float[np.ndarray, "N-1 m m"]  # output weights, j = 1..N-1
+    y_d: Float[np.ndarray, "N-1 m"]  # desired outputs, likewise
+    P: Float[np.ndarray, "t t"]  # terminal weight, the stage profile included
+    xi_d: Float[np.ndarray, " t"]  # its target
+    # control that holds the machine where the run begins: it costs nothing
     held: Float[np.ndarray, " p"]
 
 
@@ -68,43 +61,31 @@ class TerminalMaps(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """Constant parts of the cost, `scale` is what it is multiplied by.
+    """Constant parts of the cost, `scale` is what it is multiplied by."""
 
-    Attributes:
-        base: part of H that the controls and their increments cost, scaled.
-        gu: part of g that u_{-1} and d bring, scaled: g = gu s + ...
-        Fy, Gy: maps to the outputs, j = 1..N-1.
-        stage: their profile.
-        FT, GT: maps to xi_N.
-        scale: 1 / the largest entry of a typical H.
-    """
-
-    base: Float[np.ndarray, "z z"]
-    gu: Float[np.ndarray, "z q"]
+    base: Float[np.ndarray, "z z"]  # part of H that the controls and their increments cost, scaled
+    gu: Float[np.ndarray, "z q"]  # part of g that u_{-1} and d bring, scaled: g = gu s +
+    # Fy, Gy: maps to the outputs, j = 1..N-1
     Fy: Float[np.ndarray, "N-1 m q"]
     Gy: Float[np.ndarray, "N-1 m z"]
-    stage: Float[np.ndarray, " N-1"]
+    stage: Float[np.ndarray, " N-1"]  # their profile
+    # FT, GT: maps to xi_N
     FT: Float[np.ndarray, "t q"]
     GT: Float[np.ndarray, "t z"]
-    scale: float
+    scale: float  # 1 / the largest entry of a typical H
 
 
 class Rows(NamedTuple):
-    """Limits lower <= C z + F s <= upper.
+    """Limits lower <= C z + F s <= upper."""
 
-    Attributes:
-        C, F: maps of z and s.
-        lower, upper: bounds.
-        size: what each row was divided by.
-        soft: rows that give way when there is a penalty.
-    """
-
+    # C, F: maps of z and s
     C: Float[np.ndarray, "r z"]
     F: Float[np.ndarray, "r q"]
+    # lower, upper: bounds
     lower: Float[np.ndarray, " r"]
     upper: Float[np.ndarray, " r"]
-    size: Float[np.ndarray, " r"]
-    soft: Bool[np.ndarray, " r"]
+    size: Float[np.ndarray, " r"]  # what each row was divided by
+    soft: Bool[np.ndarray, " r"]  # rows that give way when there is a penalty
 
 
 def predict(model: LinearPlant, horizon: int) -> Prediction:

@@ -41,54 +41,36 @@ NEGLIGIBLE = 1e-12  # of the largest entry of a kind of row: what the controls c
 
 
 class LimitedMemory(NamedTuple):
-    """Memory of `ConstrainedLQ`.
+    """Memory of `ConstrainedLQ`."""
 
-    Attributes:
-        control: that acted last.
-        output: of the model then [m].
-        failed: steps so far whose problem was not solved.
-    """
-
-    control: Float[Array, " p"]
-    output: Float[Array, " m"]
-    failed: Int[Array, ""]
+    control: Float[Array, " p"]  # that acted last
+    output: Float[Array, " m"]  # of the model then [m]
+    failed: Int[Array, ""]  # steps so far whose problem was not solved
 
 
 class Ahead(NamedTuple):
-    """The reference over the horizon of every step.
+    """The reference over the horizon of every step."""
 
-    Attributes:
-        Q: output weights of samples 1..N-1 with the stage profile.
-        y_d: desired outputs there [m].
-        H_end, g_end: cost to go at sample N, x' H x + 2 g' x.
-        held: u_0, from which the control counts in the cost.
-    """
-
-    Q: Float[Array, "T N-1 m m"]
-    y_d: Float[Array, "T N-1 m"]
+    Q: Float[Array, "T N-1 m m"]  # output weights of samples 1..N-1 with the stage profile
+    y_d: Float[Array, "T N-1 m"]  # desired outputs there [m]
+    # H_end, g_end: cost to go at sample N, x' H x + 2 g' x
     H_end: Float[Array, "T n n"]
     g_end: Float[Array, "T n"]
-    held: Float[Array, "T p"]
+    held: Float[Array, "T p"]  # u_0, from which the control counts in the cost
 
 
 class LimitRows(eqx.Module):
-    """Limits on (z, u) of a stage, z the state and what is beside it.
+    """Limits on (z, u) of a stage, z the state and what is beside it."""
 
-    Attributes:
-        D: rows.
-        load: what a constant load of the controls adds to them.
-        lower, upper: limits; infinite where nothing in the horizon can change a row.
-        soft: rows that give way.
-        size: largest entry that the controls of the horizon have in a row.
-        beside: what is beside the state: the last control, the last output.
-    """
-
-    D: Float[Array | np.ndarray, "r v"]
-    load: Float[Array | np.ndarray, "r p"]
+    D: Float[Array | np.ndarray, "r v"]  # rows
+    load: Float[Array | np.ndarray, "r p"]  # what a constant load of the controls adds to them
+    # lower, upper: limits; infinite where nothing in the horizon can change a row
     lower: Float[Array | np.ndarray, "N r"]
     upper: Float[Array | np.ndarray, "N r"]
-    soft: Bool[Array | np.ndarray, " r"]
+    soft: Bool[Array | np.ndarray, " r"]  # rows that give way
+    # largest entry that the controls of the horizon have in a row
     size: Float[Array | np.ndarray, " r"]
+    # what is beside the state: the last control, the last output
     beside: tuple[bool, bool] = eqx.field(static=True)
 
     def none(self) -> "LimitRows":

@@ -40,19 +40,12 @@ class Beam(NamedTuple):
 
 
 class BeamModes(NamedTuple):
-    """The first n modes of a clamped beam.
+    """The first n modes of a clamped beam."""
 
-    Attributes:
-        beta: roots of the characteristic equation.
-        frequency: w_i [rad/s].
-        tip: phi_i(L) [kg^-1/2].
-        share: c_i [kg^1/2].
-    """
-
-    beta: Float[np.ndarray, " n"]
-    frequency: Float[np.ndarray, " n"]
-    tip: Float[np.ndarray, " n"]
-    share: Float[np.ndarray, " n"]
+    beta: Float[np.ndarray, " n"]  # roots of the characteristic equation
+    frequency: Float[np.ndarray, " n"]  # w_i [rad/s]
+    tip: Float[np.ndarray, " n"]  # phi_i(L) [kg^-1/2]
+    share: Float[np.ndarray, " n"]  # c_i [kg^1/2]
 
 
 def thesis_beam(load: float = 0.0) -> Beam:

@@ -35,11 +35,7 @@ OF_BOUND = ("force", "encoder_um")
 
 
 def command(flags: Check) -> int:
-    """The check that is asked for; exit code.
-
-    Raises:
-        ValueError: a flag of another check is given, or as the check.
-    """
+    """The check that is asked for; exit code."""
     if flags.bound and flags.in_linuxcnc:
         raise ValueError("check: --in-linuxcnc does not go with --bound")
     kind = "bound" if flags.bound else "in-linuxcnc" if flags.in_linuxcnc else ""
@@ -184,11 +180,7 @@ def check_limits(flags: Check) -> int:
 
 
 def limits_of(flags: Check, machine: Machine) -> Limits:
-    """The machine's limits, each replaced where a flag gives another.
-
-    Raises:
-        ValueError: a limit is not finite and above zero, or there is none at all.
-    """
+    """The machine's limits, each replaced where a flag gives another."""
     sizes = {}
     for name, (flag, factor) in FLAGS.items():
         value = getattr(flags, flag)

@@ -78,11 +78,7 @@ def command(flags: Check) -> int:
 
 
 def run(flags: Check) -> tuple[CertifiedResult, Path]:
-    """Certify all contours and plants of a stored run; the result and the run folder.
-
-    Raises:
-        ValueError: bad input, or a loop that has no certificate; nothing has been written then.
-    """
+    """Certify all contours and plants of a stored run; the result and the run folder."""
     loop = stored_loop(flags.run)
     machine = as_linear(loop.machine)
     warn_of_doubt(machine)
@@ -218,9 +214,6 @@ def certified_runs(loop: StoredLoop, bounds: Bounds) -> Iterator[CertifiedRun]:
     Args:
         loop: of a linear machine.
         bounds: of what acts on it.
-
-    Raises:
-        ValueError: a loop has no certificate; contour and plant are named.
     """
     machine, fed, controller = as_linear(loop.machine).frictionless, loop.fed, loop.controller
     box = box_of(machine.nominal(fed), bounds, machine, fed)

@@ -55,11 +55,7 @@ def command(flags: Check) -> int:
 
 
 def run(flags: Check) -> tuple[InLinuxcncResult, Path]:
-    """Run every program of a stored run in LinuxCNC; the result and the run folder.
-
-    Raises:
-        ValueError: LinuxCNC is not here, a part is no program, or the loop cannot run in it.
-    """
+    """Run every program of a stored run in LinuxCNC; the result and the run folder."""
     if lacking := missing():
         raise ValueError(f"in-linuxcnc: {lacking}")
     loop = stored_loop(flags.run)

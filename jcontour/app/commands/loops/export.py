@@ -94,12 +94,7 @@ def _measured(result: ExportedResult) -> list[Entry]:
 
 
 def run(flags: Export) -> tuple[ExportedResult, Path]:
-    """Write the code of a stored run's controller; the result and the run folder.
-
-    Raises:
-        ValueError: bad input, or a controller that no streaming law gives; nothing has been written
-            then.
-    """
+    """Write the code of a stored run's controller; the result and the run folder."""
     loop = stored_loop(flags.run)
     named = {job.name: job for job in loop.jobs}
     along = loop.jobs[0].name if flags.along is None else flags.along
@@ -173,11 +168,7 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
 
 
 def exported_code(loop: StoredLoop, job: Task, single: bool = False) -> tuple[Code, Recorded]:
-    """Law and limits of a stored loop, without notes, and the run that it is checked on.
-
-    Raises:
-        ValueError: no streaming law gives the controller.
-    """
+    """Law and limits of a stored loop, without notes, and the run that it is checked on."""
     machine, controller = loop.machine, loop.controller
     dt = machine.model.dt
     reference = job.reference(dt, max(controller.preview, 1) + 1)
@@ -204,11 +195,7 @@ def exported_code(loop: StoredLoop, job: Task, single: bool = False) -> tuple[Co
 def linuxcnc_components(
     loop: StoredLoop, code: Code, display: str = "axis", stock: bool = False
 ) -> Mapping[str, str]:
-    """Files for LinuxCNC by name; with its own PID in place of the law where that is asked for.
-
-    Raises:
-        ValueError: LinuxCNC cannot run the law or its machine.
-    """
+    """Files for LinuxCNC by name; with its own PID in place of the law where that is asked for."""
     machine = loop.machine.form(LinearMachine)
     if machine is None:
         raise ValueError(
@@ -269,11 +256,7 @@ def _stated(
 
 
 def _difference(python: str, recorded: Recorded, name: str) -> float:
-    """Largest of the exported controls to those of the run.
-
-    Raises:
-        ValueError: it is more than rounding: a limit acts, or gains change along the path.
-    """
+    """Largest of the exported controls to those of the run."""
     first = slice(0, LOOKED_AT)
     controls, trip = replayed(python, recorded.reference, recorded.y[first], recorded.u)
     apart = float(np.abs(controls - recorded.u[first]).max())

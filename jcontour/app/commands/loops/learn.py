@@ -51,11 +51,7 @@ def command(flags: Learn) -> int:
 
 
 def run(flags: Learn) -> tuple[LearnedResult, Path]:
-    """Run all laps and store them; the result and the run folder.
-
-    Raises:
-        ValueError: bad input; nothing has been written then.
-    """
+    """Run all laps and store them; the result and the run folder."""
     _check(flags)
     machine = machine_named(flags.plant)
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))

@@ -60,9 +60,6 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
     """Simulate and store; the result and the run folder.
 
     The status shows what is being done, and how long it will take.
-
-    Raises:
-        ValueError: bad input; nothing has been written then.
     """
     machine = machine_named(flags.plant)
     # the part comes before the design: a fault in line 1 of a program is told at once

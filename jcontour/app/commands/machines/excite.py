@@ -16,11 +16,7 @@ CSV, GCODE = "excite.csv", "excite.ngc"
 
 
 def command(flags: Identify) -> int:
-    """Write both programs; exit code.
-
-    Raises:
-        ValueError: the limits cannot be read.
-    """
+    """Write both programs; exit code."""
     path = flags.excite
     assert path is not None
     limits = read_limits(path, _read(path))

@@ -52,11 +52,7 @@ def command(flags: Flags) -> int:
 
 
 def _built(flags: Flags) -> tuple[MachineResult, Machine, Path]:
-    """Write the file that the flags describe, and draw it.
-
-    Raises:
-        ValueError: bad input, or the file exists; nothing has been written then.
-    """
+    """Write the file that the flags describe, and draw it."""
     path = _new("out", flags.out or Path(flags.name))
     found = built_machine(flags)
     text = run_folder.json_text(found.fields) + "\n"
@@ -65,11 +61,7 @@ def _built(flags: Flags) -> tuple[MachineResult, Machine, Path]:
 
 
 def _example(flags: Flags, given: Path) -> tuple[MachineResult, Machine, Path]:
-    """Write the example, and draw it.
-
-    Raises:
-        ValueError: the file exists, or other flags describe a machine; nothing has been written.
-    """
+    """Write the example, and draw it."""
     _check_alone(flags, "write the example")
     if flags.file is not None:
         raise ValueError("file: is to be checked; leave it out to write the example")

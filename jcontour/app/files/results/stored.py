@@ -26,11 +26,7 @@ def to_json(result: Any) -> Any:
 
 
 def from_json(values: Any, kind: type[T]) -> T:
-    """Result of this kind from what `to_json` made of it.
-
-    Raises:
-        ValueError: a field is missing, or its value is of another type.
-    """
+    """Result of this kind from what `to_json` made of it."""
     try:
         return _converter.structure(values, kind)
     except BaseValidationError as error:

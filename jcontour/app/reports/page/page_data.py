@@ -89,9 +89,6 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
     Args:
         folder: of the run.
         room: bytes that its signals may take.
-
-    Raises:
-            RunError: as `stored_result`.
     """
     result = stored_result(folder)
     settings = run_folder.read_json(folder, run_folder.SETTINGS)

@@ -90,9 +90,6 @@ def bent(loop: StoredLoop, roughness: float, console: Console) -> Bent:
         loop: controller, machine and part.
         roughness: first price of the correction's bends.
         console: hears what is being done.
-
-    Raises:
-        ValueError: there is no linear family of this machine.
     """
     machine, controller, job = loop.machine, loop.controller, loop.jobs[0]
     dt = machine.model.dt

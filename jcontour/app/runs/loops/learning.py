@@ -61,11 +61,7 @@ class Setting(NamedTuple):
 
 
 def setting(design: Design, job: Task) -> Setting:
-    """The design's start on a part.
-
-    Raises:
-        ValueError: there is no learning on this kind of machine.
-    """
+    """The design's start on a part."""
     machine = design.machine
     machine.positions(design.fed)  # raises where laps have nothing to read
     reference = job.reference(machine.model.dt, design.preview)

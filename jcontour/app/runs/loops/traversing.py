@@ -70,11 +70,7 @@ LOST = {  # how a run did not end well -> what is said, and what may help
 
 
 def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
-    """Run the controller of the flags along a contour.
-
-    Raises:
-        ValueError: a flag is wrong, or one that predictive control has no use for.
-    """
+    """Run the controller of the flags along a contour."""
     assert flags.controller is not None
     unread = [name for name in set_of(flags) if name != "preview"]
     if unread:

@@ -7,11 +7,7 @@ from jcontour.simulation.evaluation import Batching
 
 
 def count_of(flags: Storage) -> int | None:
-    """Devices that the flags ask for; None is all.
-
-    Raises:
-        ValueError: neither `all` nor a number above zero.
-    """
+    """Devices that the flags ask for; None is all."""
     if flags.devices == "all":
         return None
     if not flags.devices.isdecimal() or int(flags.devices) < 1:
@@ -31,11 +27,7 @@ def set_up(flags: Storage) -> None:
 
 
 def batching_of(flags: Storage) -> Batching | None:
-    """Batches spread over the devices; None on a single device.
-
-    Raises:
-        ValueError: this computer has fewer devices.
-    """
+    """Batches spread over the devices; None on a single device."""
     from jcontour.simulation.devices import Spread, device_mesh
 
     mesh = device_mesh(count_of(flags))

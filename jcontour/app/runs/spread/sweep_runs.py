@@ -42,10 +42,6 @@ def sampled_designs(
     """The grid of all values, or so many random designs where `samples` is above zero.
 
     A random sample lies between the least value and the largest, even in the logarithm.
-
-    Raises:
-        ValueError: fewer than zero samples, or a random sample from values that are not all above
-            zero.
     """
     if samples < 0:
         raise ValueError(f"samples: needs at least 0, received {samples}")
@@ -64,17 +60,12 @@ def sampled_designs(
 
 @dataclass(frozen=True)
 class Swept:
-    """A sweep that is asked for.
+    """A sweep that is asked for."""
 
-    Attributes:
-        flags: with the previews that make different controllers.
-        values: of the weights that vary, one entry per design.
-    """
-
-    flags: Sweep
+    flags: Sweep  # with the previews that make different controllers
     machine: Machine
     jobs: list[Task]
-    values: dict[str, Float[Array, " D"]]
+    values: dict[str, Float[Array, " D"]]  # of the weights that vary, one entry per design
     _designs: dict[int, Design] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def design(self, preview: int) -> Design:
@@ -95,11 +86,7 @@ class Swept:
 
 
 def swept_of(flags: Sweep) -> Swept:
-    """The sweep that flags describe.
-
-    Raises:
-        ValueError: a flag, a file or their combination is wrong.
-    """
+    """The sweep that flags describe."""
     if flags.preview != Sweep.preview:
         raise ValueError("preview: a sweep has --previews, for one or several")
     for limits in (named_limits, loop_limits):  # they refuse what is no limit
@@ -118,11 +105,7 @@ def swept_of(flags: Sweep) -> Swept:
 
 
 def sampled_values(flags: Sweep, design: Design) -> dict[str, Float[Array, " D"]]:
-    """Values of the weights that vary: a grid, or a random sample.
-
-    Raises:
-        ValueError: nothing to sweep, or a value is wrong.
-    """
+    """Values of the weights that vary: a grid, or a random sample."""
     if not flags.previews:
         raise ValueError("previews: need at least one")
     varied = dict(named_numbers("vary", one) for one in flags.vary) or around_start(design)
@@ -133,9 +116,6 @@ def around_start(design: Design) -> dict[str, tuple[float, ...]]:
     """Factors around the start of the first free weights, more decades of weights of a cost.
 
     Only weights count that are one positive number, equal on all axes.
-
-    Raises:
-        ValueError: there is no such weight.
     """
     starts = {}
     for name in design.free():

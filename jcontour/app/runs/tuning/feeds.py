@@ -28,11 +28,7 @@ OF_SEARCH = (  # flags of a search, which feeds are not
 
 
 def front_of_feeds(flags: Front) -> FrontResult:
-    """The part at every feed of the flags, from the slowest; limits of the flags hold at each.
-
-    Raises:
-        ValueError: a flag of a search, several parts, a feed out of range, or bad input.
-    """
+    """The part at every feed of the flags, from the slowest; limits of the flags hold at each."""
     _check(flags)
     limits = named_limits(flags)
     loop = loop_named(flags, flags.parts[0] if flags.parts else None)
@@ -91,9 +87,6 @@ def _points(loop: StoredLoop, flags: Front, limits: dict[str, float]) -> Iterato
     All runs are as long as that of the slowest feed, with samples that do not count behind their
     ends: to compile a program for each length would take more time than they do. A preview that is
     the whole path has other samples at every feed.
-
-    Raises:
-        ValueError: a feed that the machine's samples cannot hold.
     """
     longest, error = 0, loop.machine.error
     for override in sorted(set(flags.overrides)):

@@ -53,11 +53,7 @@ LATE_RADIUS = 0.999  # of a loop at its delay margin: a ring has decayed after a
 
 
 def named_limits(flags: Limited) -> dict[str, float]:
-    """Metric and bound in SI of every limit that the flags name.
-
-    Raises:
-        ValueError: a limit is not above zero.
-    """
+    """Metric and bound in SI of every limit that the flags name."""
     given = {name: getattr(flags, name) for name in LIMITS}
     return {
         LIMITS[name]: _above_zero(name, value) / METRICS[LIMITS[name]].factor
@@ -67,11 +63,7 @@ def named_limits(flags: Limited) -> dict[str, float]:
 
 
 def _above_zero(name: str, value: float) -> float:
-    """A limit of that flag.
-
-    Raises:
-        ValueError: it is not finite and above zero.
-    """
+    """A limit of that flag."""
     if not (np.isfinite(value) and value > 0):
         flag = name.replace("_", "-")
         raise ValueError(f"{flag}: a limit needs to be finite and above zero, received {value}")
@@ -79,11 +71,7 @@ def _above_zero(name: str, value: float) -> float:
 
 
 def ratio_limit(flags: Tune) -> dict[str, float]:
-    """Bound on the errors over those of the start, where the flags ask for it.
-
-    Raises:
-        ValueError: it is not finite and above zero.
-    """
+    """Bound on the errors over those of the start, where the flags ask for it."""
     ratio = flags.max_error_ratio
     return {} if ratio is None else {RATIO: _above_zero("max_error_ratio", ratio)}
 
@@ -111,9 +99,6 @@ def effort_limit(flags: Aimed, usual: Usual, problem: Problem, start: Weights) -
     """Bound on the RMS control, as a multiple of what the start needs.
 
     None where the RMS control is bounded otherwise, or neither flags nor machine ask for it.
-
-    Raises:
-        ValueError: the flag is not above zero, or both kinds of bound are given.
     """
     effort = flags.max_effort
     if effort is not None and flags.max_rms_control is not None:
@@ -134,11 +119,7 @@ def start_metrics(problem: Problem, start: Weights) -> Metrics:
 
 
 def loop_limits(flags: Limited) -> dict[str, float]:
-    """Bounds on the peak sensitivity, and on the radius with more delay, where flags ask for them.
-
-    Raises:
-        ValueError: the bound is not above 1, which no loop keeps; or the delay is not one.
-    """
+    """Bounds on the peak sensitivity and on the radius with more delay, where flags ask."""
     bound, more = flags.max_sensitivity, flags.min_delay_margin
     if bound is not None and not bound > 1:
         raise ValueError(f"max-sensitivity: no loop keeps 1 or less, received {bound}")
@@ -155,9 +136,6 @@ def noise_limit(flags: Limited, machine: Machine, design: Design) -> dict[str, f
     search keeps `AT_REST` of what is allowed.
 
     None where nothing is counted, or the machine states no limit of its control.
-
-    Raises:
-        ValueError: the flag is not above zero.
     """
     part, largest = flags.max_count_noise, machine.limits.control
     share = None if part is None else _above_zero("max_count_noise", part)
@@ -194,17 +172,11 @@ FREQUENCIES = np.geomspace(1e-3, 1.0, 241) * np.pi  # [rad per sample]
 
 
 class LeastKnown(NamedTuple):
-    """Where a loop rests most on what is not known of the response.
+    """Where a loop rests most on what is not known of the response."""
 
-    Attributes:
-        hertz: frequency [Hz].
-        relative: by how much the response may be off there.
-        complementary: largest complementary sensitivity of the family there.
-    """
-
-    hertz: float
-    relative: float
-    complementary: float
+    hertz: float  # frequency [Hz]
+    relative: float  # by how much the response may be off there
+    complementary: float  # largest complementary sensitivity of the family there
 
 
 def family_peaks(
@@ -239,11 +211,7 @@ def family_curves(
 def least_known(
     controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
 ) -> LeastKnown:
-    """Where the loops of the family rest most on what is not known of the response.
-
-    Raises:
-        ValueError: the machine says nothing of its response.
-    """
+    """Where the loops of the family rest most on what is not known of the response."""
     if (doubt := machine.doubt) is None:
         raise ValueError("machine: nothing is said of its response")
     family, windows = _probed(machine, scenarios, fed)

@@ -58,26 +58,18 @@ RESERVED = 0.97  # of a limit that the machine states: contours not trained may 
 
 @dataclass(frozen=True)
 class TuningRun:
-    """Everything that a tuning run consists of.
-
-    Attributes:
-        before: design that the tuned one is compared with.
-        design: of the controller that is tuned; its start is where the run begins.
-        problem: on the smooth machines; the tuner sees nothing else.
-        learned: what is tuned on: the training contours, long programs by stretches of them.
-        scenarios: training and held-out contours as a whole, on the true machines.
-        limits: metric and bound in SI.
-    """
+    """Everything that a tuning run consists of."""
 
     flags: Tune
     machine: Machine
-    before: Design
-    design: Design
-    problem: Problem
+    before: Design  # design that the tuned one is compared with
+    design: Design  # of the controller that is tuned; its start is where the run begins
+    problem: Problem  # on the smooth machines; the tuner sees nothing else
     settings: Effort
+    # what is tuned on: the training contours, long programs by stretches of them
     learned: tuple[Task, ...]
-    scenarios: Scenarios
-    limits: dict[str, float]
+    scenarios: Scenarios  # training and held-out contours as a whole, on the true machines
+    limits: dict[str, float]  # metric and bound in SI
 
     @property
     def start(self) -> Weights:
@@ -105,9 +97,6 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     Args:
         flags: of the run.
         made: design of these flags, where it is known; a first loop takes a while to find.
-
-    Raises:
-        ValueError: a flag, a file or their combination is wrong.
     """
     asked = ratio_limit(flags) | loop_limits(flags)
     machine = machine_named(flags.plant) if made is None else made.machine
@@ -152,11 +141,7 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
 
 
 def _jobs(flags: Tune, machine: Machine, pace: Pace) -> tuple[list[Task], list[Task]]:
-    """Training and held-out contours.
-
-    Raises:
-        ValueError: a name or a file is wrong.
-    """
+    """Training and held-out contours."""
     usual = machine.usual
     own = [job_named(name, pace) for name in flags.parts]
     jobs = [job for job in own if isinstance(job, Job)]

@@ -50,18 +50,13 @@ TIMED = 3  # runs, of which the fastest counts: others wait for the computer
 
 @dataclass(frozen=True)
 class Ranking:
-    """A ranking that is asked for.
+    """A ranking that is asked for."""
 
-    Attributes:
-        flags: as they are given.
-        machine: what the controllers are for.
-        designs: by name, in the order in which they are tuned; None of one that cannot be made.
-        begun: the first run that can be, made already.
-    """
-
-    flags: Rank
-    machine: Machine
+    flags: Rank  # as they are given
+    machine: Machine  # what the controllers are for
+    # by name, in the order in which they are tuned; None of one that cannot be made
     designs: Mapping[str, Design | None]
+    # the first run that can be, made already
     begun: Mapping[str, TuningRun] = field(default_factory=dict)
 
     @property
@@ -72,11 +67,7 @@ class Ranking:
         return [name for name in controllers_for(self.machine) if learns(name)]
 
     def run_of(self, name: str) -> TuningRun:
-        """Tuning run of one controller.
-
-        Raises:
-            ValueError: as `tuning_run`.
-        """
+        """Tuning run of one controller."""
         if name in self.begun:
             return self.begun[name]
         shared: dict[str, Any] = {one.name: getattr(self.flags, one.name) for one in fields(Aimed)}
@@ -85,11 +76,7 @@ class Ranking:
 
 
 def ranking_of(flags: Rank) -> Ranking:
-    """The ranking that flags describe.
-
-    Raises:
-        ValueError: a flag, a file or their combination is wrong.
-    """
+    """The ranking that flags describe."""
     if flags.controller is not None:
         raise ValueError("controller: a ranking takes several; name them with --controllers")
     if given(flags):

@@ -31,20 +31,14 @@ class NothingSound(RuntimeError):
 
 @dataclass(frozen=True)
 class Searched:
-    """End of a search.
+    """End of a search."""
 
-    Attributes:
-        run: with the loops and limits that it ended with.
-        tuned: what was found, with the points of all rounds.
-        descents: of all rounds.
-        flat: coordinates that had no slope where the last descent ended.
-        idle: names of the weights without any effect on the runs, which are left at their start.
-    """
-
-    run: TuningRun
-    tuned: Tuned
-    descents: int
+    run: TuningRun  # with the loops and limits that it ended with
+    tuned: Tuned  # what was found, with the points of all rounds
+    descents: int  # of all rounds
+    # coordinates that had no slope where the last descent ended
     flat: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    # names of the weights without any effect on the runs, which are left at their start
     idle: tuple[str, ...] = ()
 
 

@@ -36,17 +36,11 @@ Search = Callable[[TuningRun], Searched | None]
 
 
 class SimpleLoop(NamedTuple):
-    """A simple loop where it begins.
+    """A simple loop where it begins."""
 
-    Attributes:
-        run: the tuning run with it in place of the controller.
-        error: objective; infinite where a run or a loop is unstable.
-        violation: largest ln(value / limit).
-    """
-
-    run: TuningRun
-    error: float
-    violation: float
+    run: TuningRun  # the tuning run with it in place of the controller
+    error: float  # objective; infinite where a run or a loop is unstable
+    violation: float  # largest ln(value / limit)
 
     @property
     def kept(self) -> bool:

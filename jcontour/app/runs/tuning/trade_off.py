@@ -52,17 +52,11 @@ CALM, FREE, CALMEST, BUDGETS = "first-weights", "without-budget", "least-increme
 
 @dataclass(frozen=True)
 class Search:
-    """A front that is asked for.
+    """A front that is asked for."""
 
-    Attributes:
-        flags: as they are given.
-        run: the tuning run without a budget.
-        tracking_cap: limit on the RMS tracking error that no flag asks for [m].
-    """
-
-    flags: Front
-    run: TuningRun
-    tracking_cap: float | None = None
+    flags: Front  # as they are given
+    run: TuningRun  # the tuning run without a budget
+    tracking_cap: float | None = None  # limit on the RMS tracking error that no flag asks for [m]
 
     def within(self, budget: float) -> Problem:
         """The tuning problem under a budget; problems that differ in it only share one program."""
@@ -72,11 +66,7 @@ class Search:
 
 
 def search_of(flags: Front) -> Search:
-    """The search that flags describe.
-
-    Raises:
-        ValueError: a flag, a file or their combination is wrong.
-    """
+    """The search that flags describe."""
     _check(flags)
     shared = {one.name: getattr(flags, one.name) for one in fields(Aimed)}
     shared["parts"] = flags.parts or machine_named(flags.plant).usual.front
@@ -106,11 +96,7 @@ def _check(flags: Front) -> None:
 
 
 def traced(search: Search, folder: Path, console: Console) -> FrontResult:
-    """The front; what is stored in the run folder counts.
-
-    Raises:
-        ValueError: every start diverges, or the smallest budget is above the largest.
-    """
+    """The front; what is stored in the run folder counts."""
     flags, run = search.flags, search.run
     problems: list[Problem] = []
     places: list[Path] = []
@@ -239,9 +225,6 @@ def _budgets(
         least_kept: least increment within the other limits.
         needed: increment of the best weights without a budget.
         folder: of the run.
-
-    Raises:
-        ValueError: the smallest is above the largest.
     """
     path = folder / BUDGETS
     if not path.exists():
