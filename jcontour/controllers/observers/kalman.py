@@ -52,6 +52,7 @@ class _Observer(Wrapper):
         controller: fed the estimate.
         model: model of the machine; its output is the tool.
         gain: filter gain L (n, q).
+        start: first estimate; from the reference when not given.
         measured: C (q, n) of the measurement; the model's when not given.
 
     Raises:
@@ -62,6 +63,7 @@ class _Observer(Wrapper):
     controller: Controller
     model: LinearPlant
     gain: Float[Array, "n q"] = eqx.field(converter=jnp.asarray)
+    start: Float[Array, " n"] | None = eqx.field(converter=_array, default=None)
     measured: Float[Array, "q n"] | None = eqx.field(converter=_array, default=None)
 
     def __check_init__(self):
@@ -74,7 +76,9 @@ class _Observer(Wrapper):
     def initial_memory(self, reference: Reference) -> ObserverMemory:
         """The estimate starts where the reference says the run begins."""
         check_period(self.model.dt, reference)
-        start = self.model.initial_state(reference.position[0], reference.start_increment)
+        start = self.start
+        if start is None:
+            start = self.model.initial_state(reference.position[0], reference.start_increment)
         return ObserverMemory(start, self.controller.initial_memory(reference))
 
     def _update(self, memory: ObserverMemory, measurement: Any) -> Float[Array, " n"]:

@@ -73,7 +73,7 @@ def test_backlash_is_compensated_in_a_run_and_left_to_the_control_in_its_code(
     loose, led = errors
     assert led.rms_contour_error < 0.8 * loose.rms_contour_error
     assert led.rms_tracking_error < 0.7 * loose.rms_tracking_error
-    assert "--backlash" in capsys.readouterr().out.split("Next")[-1].splitlines()[0]
+    assert "--backlash" in capsys.readouterr().out.split("Next")[-1].split("Folder")[0]
     assert main(["export", "led", "--python", "--out", "code"]) == 0
     found = read_result(tmp_path / "code", ExportedResult)
     assert found.difference < 1e-12 * found.largest_control

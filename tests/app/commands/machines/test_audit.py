@@ -42,10 +42,10 @@ def test_a_measured_run_has_the_error_of_the_simulated_one(audited, capsys):
     assert total == pytest.approx(found.rms_contour_error, rel=1e-6)
     assert {path.suffix for path in out.iterdir()} >= {".png", ".html", ".nc"}
     assert main(["report", str(out), str(run), "--json"]) == 0
-    (compared,) = json.loads(capsys.readouterr().out)["comparisons"]
-    rows = [row for row in compared["metrics"] if row["metric"] == "peak_contour_error"]
-    assert rows[0]["plant"] == "nominal"
-    assert rows[0]["first"] == pytest.approx(rows[0]["second"], rel=1e-3)
+    numbers = json.loads(capsys.readouterr().out)["comparison"]["numbers"]
+    nominal = [one for one in numbers if one.get("plant") == "nominal"]
+    (peaks,) = (one["values"] for one in nominal if one["name"] == "peak contour error um")
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-3)
 
 
 def test_what_is_no_run_of_the_part_is_refused_in_a_line(audited, tmp_path, capsys):
