@@ -320,6 +320,7 @@ class LQDesign(LinearDesign):
     def observer_file(self, gain: Array) -> dict[str, Any]:
         """Equations and matrices of the observer; floats in JSON come back to the last bit."""
         model = self.model
+        assert self.observer is not None  # one is behind every controller that is fed outputs
         return {
             "form": EQUATIONS[self.observer],
             "units": {"y": "m", "u": self.machine.control_unit},

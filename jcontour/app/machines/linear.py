@@ -224,7 +224,7 @@ class LinearMachine(GainsAndDelayMachine):
         return np.broadcast_to(np.asarray(self.backlash, float), self.model.axes)
 
     @cached_property
-    def mechanics(self) -> Plant:
+    def mechanics(self) -> Plant:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The model with friction, which the model's delay does not delay."""
         if self.friction is None or not self.largest_friction:
             return self.model

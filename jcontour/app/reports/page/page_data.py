@@ -171,7 +171,7 @@ class StoredRun:
     """
 
     def __init__(self, folder: Path | str):
-        self.result = stored_result(Path(folder))
+        self.result: Any = stored_result(Path(folder))  # of its command
 
     def _repr_html_(self) -> str:
         one = self.result
