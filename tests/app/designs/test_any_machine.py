@@ -18,7 +18,11 @@ from jcontour.simulation.closed_loop import simulate
 
 NAMES = [name for name in CONTROLLERS if getattr(design_class(name), "needs", None) == ANY]
 STEP = 1e-6  # of a logarithm: a larger one meets the kinks of limits and layers
-STEPS = {"h-infinity": 1e-4}  # it has none, and its Riccati solutions have fewer digits
+STEPS = {  # of laws without kinks, whose solutions have fewer digits
+    "h-infinity": 1e-4,
+    "causal-inverse": 1e-3,
+    "flexible-causal-inverse": 1e-3,
+}
 KINDS = ("xy-table", "flexible-axis", "gantry")
 SUITED = {  # others, each on a machine that suits it
     "contouring-lq-zero": "xy-table",

@@ -157,11 +157,11 @@ def test_notebook_demo(run, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_notebook_my_machine(run, tmp_path, monkeypatch):
-    """The family holds gains of both signs around the nominal machine, and none diverges."""
+    """The family holds gains on both sides of the nominal machine, and none diverges."""
     monkeypatch.chdir(tmp_path)
     found, _ = run("notebook_my_machine")
     plants = found["part"].result.plants
-    assert len(plants) > 4 and not any(one.diverged for one in plants.values())
+    assert len(plants) >= 3 and not any(one.diverged for one in plants.values())
 
 
 def test_notebook_my_controller(run):

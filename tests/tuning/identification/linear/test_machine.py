@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tuning.identification.linear import validation
 from tuning.identification.linear.machine import identify_machine
 
 DT, ROWS = 1e-3, 8000
@@ -55,7 +56,7 @@ def test_what_hides_much_and_is_no_noise_is_refused(record, monkeypatch):
     push = np.where(np.arange(ROWS) // 1000 % 2, 1.0, -1.0).cumsum() * 3e-5
     position = record.position[:, :1] + push[:, None]
     lost = replace(record, axes=("X",), command=record.command[:, :1], position=position)
-    monkeypatch.setattr(evidence, "dispersion", lambda fit: 9.0)
+    monkeypatch.setattr(validation, "dispersion", lambda fit: 9.0)
     with pytest.raises(ValueError, match="X: DO NOT USE: the model explains 6"):
         identify_machine(lost, 2, 5)
 
