@@ -17,6 +17,6 @@ class DoctestBlocks(Extension):
             obj.docstring.value = DOCTEST.sub(_fenced, obj.docstring.value)
 
 
-def _fenced(found: re.Match[str]) -> str:
-    indent = found[1]
-    return f"{indent}```pycon\n{found[0].rstrip()}\n{indent}```\n"
+def _fenced(block: re.Match[str]) -> str:
+    indent = block[1]
+    return f"{indent}```pycon\n{block[0].rstrip()}\n{indent}```\n"

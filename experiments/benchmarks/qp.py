@@ -84,12 +84,12 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> QPBench:
 
 def rates(result: QPBench) -> dict[str, float]:
     """Problems per second by name, for `stored_results`."""
-    found = {}
+    named = {}
     for row in result.times:
-        found[f"{row.solver}, {row.batch} problems, solve"] = 1e3 * row.batch / row.solving
+        named[f"{row.solver}, {row.batch} problems, solve"] = 1e3 * row.batch / row.solving
         if row.with_slopes is not None:
-            found[f"{row.solver}, {row.batch} problems, slopes"] = 1e3 * row.batch / row.with_slopes
-    return found
+            named[f"{row.solver}, {row.batch} problems, slopes"] = 1e3 * row.batch / row.with_slopes
+    return named
 
 
 def random_problems(batch: int) -> StagedQP:

@@ -43,7 +43,11 @@ def seconds(call: Callable[[], Any], clock: Callable[[], float] = time.perf_coun
 
 
 def _memory(program: Any) -> int:
-    found = program.memory_analysis()
-    if not found:
+    analysis = program.memory_analysis()
+    if not analysis:
         return 0
-    return found.temp_size_in_bytes + found.argument_size_in_bytes + found.output_size_in_bytes
+    return (
+        analysis.temp_size_in_bytes
+        + analysis.argument_size_in_bytes
+        + analysis.output_size_in_bytes
+    )

@@ -35,9 +35,9 @@ for name, controller in {"Kalman filter": filtered, "with load": offset_free}.it
     rollouts[name] = simulate(machine, controller, reference)
     second_half = (reference.steps // 2, reference.steps)
     errors[name] = float(score(rollouts[name], reference, second_half).rms_tracking_error)
-found = np.asarray(rollouts["with load"].final_memory.disturbance)
+estimate = np.asarray(rollouts["with load"].final_memory.disturbance)
 print(
     f"Under the load the RMS tracking error is {1e6 * errors['Kalman filter']:.2f} um, "
     f"and {1e6 * errors['with load']:.2f} um if the observer estimates the load too: "
-    f"it finds {found[0]:.4f} and {found[1]:.4f} control units."
+    f"it finds {estimate[0]:.4f} and {estimate[1]:.4f} control units."
 )

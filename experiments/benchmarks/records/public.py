@@ -159,8 +159,8 @@ def cascade_factors(table: LogTable) -> Float[np.ndarray, " 2"]:
     parts = [wanted, emps.SPEED_GAIN * speed, np.ones(len(speed))]  # the noisy speed apart
     if PULSES in table:
         parts.append(table[PULSES])
-    found = np.linalg.lstsq(np.stack(parts, axis=1), table["vir"])[0]
-    return np.array([found[0], found[-1] if PULSES in table else 1.0])
+    factors = np.linalg.lstsq(np.stack(parts, axis=1), table["vir"])[0]
+    return np.array([factors[0], factors[-1] if PULSES in table else 1.0])
 
 
 class Sliding(NamedTuple):
@@ -176,9 +176,9 @@ class Sliding(NamedTuple):
         """The one that a record shows by instruments."""
         log = read_log(path, ("X",), columns)
         record = AxisRecord(log.dt, log.command[:, 0], log.position[:, 0])
-        found = simplest(record, resolution_of(record.position), MOST_DELAY)
-        assert found is not None
-        model, (friction, offset) = found.fit.model, found.fit.drag.tolist()
+        simple = simplest(record, resolution_of(record.position), MOST_DELAY)
+        assert simple is not None
+        model, (friction, offset) = simple.fit.model, simple.fit.drag.tolist()
         gain = model.numerator.sum() / (1 + model.denominator.sum()) / log.dt
         return cls(float(gain), float(-log.dt / np.log(model.poles[0].real)), friction, offset)
 
@@ -223,9 +223,9 @@ def emps_error(
 def _emps(folder: Path) -> Iterator[Prediction]:
     name, columns = folder.name, LogColumns("t", ("vir",), ("qm",), "m")
     files = {"estimation": "DATA_EMPS.mat", "pulses": "DATA_EMPS_PULSES.mat"}
-    found = {kind: axis_of(folder / file, columns) for kind, file in files.items()}
+    axes = {kind: axis_of(folder / file, columns) for kind, file in files.items()}
     gain, friction = 177.8, 0.596
-    for kind, one in found.items():
+    for kind, one in axes.items():
         low, high = (1e3 * value for value in one.gain_interval)
         yield Prediction(
             name,

@@ -258,8 +258,8 @@ def line_30(zero: float) -> Line30:
         return periodic_ratio(value * np.array([1.0, -1.0]), np.array([1 + eps, -1.0]), reference)
 
     def eps_of(size, printed: str) -> float:
-        found = brentq(lambda eps: size(error(eps)) - float(printed), *SEARCHED_EPS, xtol=1e-14)
-        return float(np.asarray(found))
+        root = brentq(lambda eps: size(error(eps)) - float(printed), *SEARCHED_EPS, xtol=1e-14)
+        return float(np.asarray(root))
 
     step = value / (1 - zero) * (np.roll(reference, -1) - reference)
     return Line30(
@@ -336,19 +336,19 @@ def feedbacks(plant: LinearPlant) -> dict[str, Feedback]:
         "A": (lead, (1.0,)),
         "B": (tuple(np.convolve(a, b) for a, b in zip(lead, integral, strict=True)), (-1.0, 1.0)),
     }
-    found = {}
+    laws = {}
     for name, ((top, below), shared) in forms.items():
         gain = 1 / abs(drive * np.polyval(top, s) / np.polyval(below, s))
         # descending in z is ascending in lambda
-        found[name] = Feedback(*map(np.asarray, bilinear(gain * top, below, 1 / plant.dt)), shared)
+        laws[name] = Feedback(*map(np.asarray, bilinear(gain * top, below, 1 / plant.dt)), shared)
     gain = gain_at(plant, plant.C, CROSSOVER)
     mixed = mixed_sensitivity(plant, plant.C, MIXED, gain)
     law, _ = central_controller(mixed, jnp.asarray(ABOVE * least_gamma(mixed)))
     A, B, C, F, D, L = map(np.asarray, law)
     acting = F - D @ C  # its control from its state
     top, below = ss2tf(A - L @ C + B @ acting, L + B @ D, -acting / gain, -D / gain)
-    found["H-infinity"] = Feedback(np.asarray(top)[0], np.asarray(below), (1.0,))
-    return found
+    laws["H-infinity"] = Feedback(np.asarray(top)[0], np.asarray(below), (1.0,))
+    return laws
 
 
 def alone(zero: float) -> dict[str, tuple[float, float]]:

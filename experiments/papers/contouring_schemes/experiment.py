@@ -167,12 +167,12 @@ class Scheme:
 
 def schemes() -> dict[str, Scheme]:
     """All schemes of the survey, the plain cascade first."""
-    machine, found = biaxial_machine(), {}
+    machine, around = biaxial_machine(), {}
     for name, known in CATALOGUE.items():
         design = design_for(machine, Simulate(controller=known))
         own = [gain for gain in design.start if gain not in CascadeGains.__dataclass_fields__]
-        found[name] = Scheme(design, tuple(own))
-    return found
+        around[name] = Scheme(design, tuple(own))
+    return around
 
 
 def family(names: Sequence[str], smooth: bool) -> Plant:
@@ -358,14 +358,14 @@ def run(settings: Settings) -> Result:
     if settings.quick:
         plants, budget = TUNED_ON, max(LEAST, budget // QUICK_PART)
     setup = Setup(TUNED_ON, budget)
-    tuning, found = compared(setup, plants)
+    tuning, runs = compared(setup, plants)
     bounds = np.asarray(setup.limits.bounds).tolist()
     return Result(
         quick=settings.quick,
         evaluations=budget,
         limits=dict(zip(setup.limits.names, bounds, strict=True)),
         tuning=tuple(tuning),
-        rows=tuple(found),
+        rows=tuple(runs),
     )
 
 

@@ -33,7 +33,7 @@ def claims(result: Result) -> Iterator[Claim]:
         curvature = np.abs(trace.curvature_per_mm)[start:]
         correlations.append(float(np.corrcoef(trace.speed_mm_s[start:], curvature)[0, 1]))
     pairs = zip(correlations, result.traces, strict=True)
-    words = ", ".join(f"{found:.2f} at q_theta = {trace.q_theta:g}" for found, trace in pairs)
+    words = ", ".join(f"{value:.2f} at q_theta = {trace.q_theta:g}" for value, trace in pairs)
     yield Claim(
         "Fig. 10",
         "the path speed falls around the tight curves",
@@ -124,11 +124,11 @@ def _over_mpcc(result: Result, other: str, chosen) -> tuple[list[float], str]:
     """Ratio of the errors at the longest or shortest time in MPCC's range, plant by plant."""
     ratios, words = [], []
     for plant in result.plants:
-        times, found = _against(result, other, plant)
+        times, there = _against(result, other, plant)
         if times.size:
             k = int(chosen(times))
-            ratios.append(float(found[k]))
-            words.append(f"{found[k]:.2f} at {times[k]:.2f} s ({plant})")
+            ratios.append(float(there[k]))
+            words.append(f"{there[k]:.2f} at {times[k]:.2f} s ({plant})")
     if not ratios:
         return [], f"no run of {other} within the range of MPCC's times"
     return ratios, f"error of {other} over MPCC's: {', '.join(words)}"

@@ -116,20 +116,20 @@ def run(settings: Settings) -> Result:
     points: list[Point] = []
     for plant in plants:
         fine, coarse = machines(SAMPLE)[plant], machines(PERIOD)[plant]
-        found = []
+        several = []
         for weight in WEIGHTS:
             outcome, controller = traced(fine, contour, weight)
-            found.append(point(MPCC_4MS, plant, f"q_theta {weight:g}", outcome, radius))
+            several.append(point(MPCC_4MS, plant, f"q_theta {weight:g}", outcome, radius))
             if weight in TRACE_WEIGHTS and plant == SHOWN_PLANT:
                 traces.append(trace_of(contour, controller, outcome, weight))
         for speed in SPEEDS:
             setting = f"{1e3 * speed:g} mm/s"
-            found += [
+            several += [
                 point(MPTC_4MS, plant, setting, tracked(fine, contour, speed), radius),
                 point(PI_4MS, plant, setting, cascaded(coarse, contour, speed), radius),
                 point(PI_1MS, plant, setting, cascaded(fine, contour, speed), radius),
             ]
-        points += sorted(found, key=lambda one: (one.controller, one.time_s))
+        points += sorted(several, key=lambda one: (one.controller, one.time_s))
     return Result(
         plants,
         1e3 * float(contour.length),

@@ -298,7 +298,7 @@ SOURCE = (
 # the paper's weights and what lies between
 ALPHAS, BETAS = (0.25, 0.5, 1.2, 3.0, 4.0, 8.0), (0.0, 1.0, 5.0, 15.0, 20.0)
 TOO_HIGH_ALPHA = 20.0  # beyond the paper's, for the U-shape
-FIGURE_2_ALPHA = 1.2  # the largest at which the points of Fig. 2 can still be told apart
+FIGURE_2_ALPHA = 1.2  # the largest at which the points of Fig. 2 still differ by eye
 FIGURE_9, FIGURE_10 = (4.0, 0.0), (0.25, 15.0)  # the paper's alpha, beta
 LINE_ALPHA, LINE_BETAS = 3.0, (0.0, 1.0, 5.0, 20.0)  # 3/0 -> 3/5
 LINE_SCALES = (1.0, 10.0)  # and the same at ten times the weights

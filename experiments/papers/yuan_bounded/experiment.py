@@ -263,8 +263,8 @@ def certificate(size: float, speed: float) -> CertificateRow:
     wanted = Signal("tool", np.array([0.0, 0.0, 1.0, 0.0]), np.zeros(1), 1.0)
     acting = -np.ones((len(reference) - 1, 1))
     middles = [0.05, 0.0, 0.05, 0.0, 0.0]
-    found = least_tolerance_of_any(model, wanted, limited, reference, acting, middles)
-    return CertificateRow(1e3 * size, speed, 1e3 * found.bound)
+    least = least_tolerance_of_any(model, wanted, limited, reference, acting, middles)
+    return CertificateRow(1e3 * size, speed, 1e3 * least.bound)
 
 
 def least_row(reference: str, length: int) -> LeastRow:
@@ -274,10 +274,10 @@ def least_row(reference: str, length: int) -> LeastRow:
     small = model.state_signals(["tool"], np.eye(4)[2])
     limited = [*bounds.signals, *model.control_signals(bounds.control)]
     try:
-        found = least_peak(model, small, limited, length)
+        least = least_peak(model, small, limited, length)
     except NoResponse as none:
         return LeastRow(reference, length, None, none.limiting)
-    return LeastRow(reference, length, 1e3 * found.tolerance, found.limiting)
+    return LeastRow(reference, length, 1e3 * least.tolerance, least.limiting)
 
 
 def loop_row(reference: str, length: int, samples: int) -> LoopRow:
@@ -390,12 +390,12 @@ def algorithm_1() -> InvariantSetRun | None:
         for one in zoh([[0.0, 1.0], [0.0, -viscous / mass]], [[0.0], [force / mass]], RIGID_PERIOD)
     )
     scaled = A * scale / scale[:, None], B / scale[:, None], np.array([0.0, DISTURBANCE]) / scale
-    found = control_invariant(
+    invariant = control_invariant(
         DisturbedModel.of(*scaled), box([1.0, 1.0]), np.array([CURRENT]), MARGIN
     )
-    if found is None:
+    if invariant is None:
         return None
-    H, h = found.polytope
+    H, h = invariant.polytope
     corners = HalfspaceIntersection(np.column_stack([H, -h]), np.zeros(2)).intersections
     around = np.argsort(np.arctan2(corners[:, 1], corners[:, 0]))
-    return InvariantSetRun(found.steps, len(h), corners[np.append(around, around[0])] * scale)
+    return InvariantSetRun(invariant.steps, len(h), corners[np.append(around, around[0])] * scale)

@@ -70,8 +70,8 @@ class Parted(HostController):
         each = zip(self.parts, self.controllers, memory, plan, strict=True)
         for part, one, inner, row in each:
             seen = measurement[[i for i in part.states if i < len(measurement)]]
-            following, found, report = one.step(inner, row, seen)
-            control[list(part.inputs)] = found
+            following, currents, report = one.step(inner, row, seen)
+            control[list(part.inputs)] = currents
             memories.append(following)
             reports.append(report)
         active, residual, iterations, *_ = zip(*reports, strict=True)
@@ -154,7 +154,7 @@ def attack(tube: Tube, whole: Parted, steps: int) -> Float[np.ndarray, "T p"]:
 
     Every N samples they aim at the side of the path that is opposite to the last one's.
     """
-    found, design = np.zeros((steps, 3)), tube.design
+    forces, design = np.zeros((steps, 3)), tube.design
     tangent = np.asarray(tube.machine.reference.tangent)
     parts = zip(design.parts, tube.responses, whole.controllers, strict=True)
     for axis, (part, response, one) in enumerate(parts):
@@ -164,8 +164,8 @@ def attack(tube: Tube, whole: Parted, steps: int) -> Float[np.ndarray, "T p"]:
             if design.apart:  # both axes towards one side of the path
                 side *= np.sign((-tangent[end, 1], tangent[end, 0])[axis]) or 1.0
             worst = response.attack(one.kept.state[end, 0], end)[:, : len(inputs)]
-            found[end - N : end, inputs] = side * worst
-    return DISTURBANCE * found
+            forces[end - N : end, inputs] = side * worst
+    return DISTURBANCE * forces
 
 
 def random_forces(steps: int) -> Float[np.ndarray, "T p"]:

@@ -194,13 +194,13 @@ def tube(design: Design) -> Tube:
 
 def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> LoopRow:
     """A controller along the path, or its first steps."""
-    found = tube(design)
-    whole, promise = controller(found)
-    reference = found.machine.reference
+    kept = tube(design)
+    whole, promise = controller(kept)
+    reference = kept.machine.reference
     reference = reference if steps is None else reference.first(steps)
     force = None if acting == FRICTION else random_forces(reference.steps)
     if acting == ATTACKED:
-        force = attack(found, whole, reference.steps)
+        force = attack(kept, whole, reference.steps)
     plant = _plant(design, machine, force)
     reported_loop(plant, whole, reference.first(1))  # no time of a step is that of the first use
     whole.seconds.clear()
@@ -208,7 +208,7 @@ def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> Lo
     rollout, axes, times = run.rollout, promise.axes, whole.seconds
     contour = np.linalg.norm(np.asarray(contour_error(rollout.output, reference)), axis=1)
     tracked = np.abs(np.asarray(tracking_error(rollout.output, reference))).max(axis=0)
-    motors, remainder = _in_boxes(found, rollout.measurement, rollout.control, force)
+    motors, remainder = _in_boxes(kept, rollout.measurement, rollout.control, force)
     return LoopRow(
         name=design.name,
         models=design.models,
@@ -221,7 +221,7 @@ def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> Lo
         reached_axes_um=(1e6 * float(tracked[0]), 1e6 * float(tracked[1])),
         promised_twist_urad=1e6 * promise.twist,
         reached_twist_urad=1e6 * float(np.abs(np.asarray(rollout.measurement)[:, 2]).max()),
-        closed=found.closed,
+        closed=kept.closed,
         motor_share=motors,
         remainder_share=remainder,
         current_a=float(np.abs(np.asarray(rollout.control)).max()),
@@ -244,16 +244,16 @@ def _plant(design: Design, machine: str, force: np.ndarray | None) -> Plant:
     return Delayed(plant, jnp.asarray(design.late), design.late, 3) if design.late else plant
 
 
-def _in_boxes(found: Tube, states, controls, force: np.ndarray | None) -> tuple[float, float]:
+def _in_boxes(kept: Tube, states, controls, force: np.ndarray | None) -> tuple[float, float]:
     """Largest disturbance of a motor, and largest model error, over their boxes.
 
     Under an unknown force the motors explain as much as they can.
     """
     x, u = np.asarray(states), np.asarray(controls)
-    machine, late, T = found.machine, found.design.late, len(u)
+    machine, late, T = kept.machine, kept.design.late, len(u)
     acting = np.concatenate([np.zeros((late, 3)), u])[:T]  # a late drive acts on the one before
-    model = found.model
-    A, B = model.A[: T - 1, :MOVING, :MOVING], _acting_columns(found)[: T - 1]
+    model = kept.model
+    A, B = model.A[: T - 1, :MOVING, :MOVING], _acting_columns(kept)[: T - 1]
     e, du = x - machine.run.state[:T], acting - machine.run.control[:T]
     rest = e[1:] - _times(A, e[:-1]) - _times(B, du[:-1])
     E = model.E[: T - 1, :MOVING]
@@ -263,18 +263,18 @@ def _in_boxes(found: Tube, states, controls, force: np.ndarray | None) -> tuple[
     else:
         shares = force[: T - 1] / np.abs(force).max()
     own = np.zeros_like(rest)
-    for part in found.design.parts:  # what a part's motors do to another is its model error
+    for part in kept.design.parts:  # what a part's motors do to another is its model error
         states, inputs = [i for i in part.states if i < MOVING], list(part.inputs)
         own[:, states] += _times(E[:, states][:, :, inputs], shares[:, inputs])
-    error = np.abs(rest - own) / found.remainder[:MOVING]
+    error = np.abs(rest - own) / kept.remainder[:MOVING]
     return float(np.abs(shares).max()), float(error.max())
 
 
-def _acting_columns(found: Tube) -> Float[np.ndarray, "S n p"]:
+def _acting_columns(kept: Tube) -> Float[np.ndarray, "S n p"]:
     """Columns of the acting currents: the model's change of the machine's states in a sample."""
-    if found.design.late:
-        return found.model.A[:, :MOVING, MOVING : MOVING + 3]
-    return found.model.B
+    if kept.design.late:
+        return kept.model.A[:, :MOVING, MOVING : MOVING + 3]
+    return kept.model.B
 
 
 def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:

@@ -93,10 +93,10 @@ class Driven(NamedTuple):
 
     def modelled(self, A: np.ndarray, B: np.ndarray) -> VaryingModel:
         """Model with these matrices under the disturbances that the machine feels."""
-        found = VaryingModel(A, B, DISTURBANCE * self.run.B)
+        model = VaryingModel(A, B, DISTURBANCE * self.run.B)
         for _ in range(self.late):
-            found = found.with_input_delay()
-        return found
+            model = model.with_input_delay()
+        return model
 
 
 def driven(preview: int, late: int) -> Driven:
@@ -193,18 +193,18 @@ def tube_of(design: Design, machine: Driven) -> Tube:
     (model, which), curvature = design.modelled(machine), machine.curvature()
     first = _turning(design, model)
     first[:MOVING] += GUESS
-    found = Tube(design, machine, model, (), np.zeros_like(first), np.zeros(3), first, np.inf)
+    grown = Tube(design, machine, model, (), np.zeros_like(first), np.zeros(3), first, np.inf)
     for _ in range(ROUNDS):
-        responses = tuple(_response(found, part, which) for part in design.parts)
-        state, current = _sizes(found, responses)
-        needed = _needed(found, state, current)
+        responses = tuple(_response(grown, part, which) for part in design.parts)
+        state, current = _sizes(grown, responses)
+        needed = _needed(grown, state, current)
         needed[:MOVING] += _second_order(design, curvature, state, current)
-        closed = float((needed[:MOVING] / found.remainder[:MOVING]).max())
-        found = replace(found, responses=responses, state=state, current=current, closed=closed)
+        closed = float((needed[:MOVING] / grown.remainder[:MOVING]).max())
+        grown = replace(grown, responses=responses, state=state, current=current, closed=closed)
         if closed <= 1:
-            return found
-        found = replace(found, remainder=MARGIN * needed)
-    return found
+            return grown
+        grown = replace(grown, remainder=MARGIN * needed)
+    return grown
 
 
 def _turning(design: Design, model: VaryingModel) -> np.ndarray:
@@ -292,8 +292,8 @@ def _pattern(
     one = DisturbedModel.of(A * unit / unit[:, None], B / unit[:, None], E * sizes)
     wanted = rows * unit / np.abs(rows * unit).max()
     small = one.state_signals([f"tool {i + 1}" for i in range(len(rows))], wanted)
-    found = least_peak(one, small, one.control_signals(current), length).response
-    return replace(found, control=found.control / sizes)
+    response = least_peak(one, small, one.control_signals(current), length).response
+    return replace(response, control=response.control / sizes)
 
 
 def _each(samples: int, size: int) -> np.ndarray:

@@ -30,12 +30,12 @@ MODEL_DIFFERENCE = 1e-9  # of a step, above which two engines are not one model
 
 def claims(result: Result) -> Iterator[Claim]:
     """Every statement with what is found."""
-    found = {head: result.response(head, False).antiresonance_hz for head in PRINTED_HZ}
-    near = all(abs(found[head] - wanted) < NEAR_HZ for head, wanted in PRINTED_HZ.items())
+    hertz = {head: result.response(head, False).antiresonance_hz for head in PRINTED_HZ}
+    near = all(abs(hertz[head] - wanted) < NEAR_HZ for head, wanted in PRINTED_HZ.items())
     yield Claim(
         "Fig. 5.6, (5.12)",
         "the anti-resonance falls from 47 to 45 Hz as the head moves from 0 to -0.66 m",
-        f"{found[0.0]:.2f} and {found[-0.66]:.2f} Hz by (5.12): "
+        f"{hertz[0.0]:.2f} and {hertz[-0.66]:.2f} Hz by (5.12): "
         "our k_r and M_n are chosen for these two numbers",
         verdict(near),
     )

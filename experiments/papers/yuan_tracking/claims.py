@@ -57,7 +57,7 @@ def claims(result: Result, published: Published = PUBLISHED) -> Iterator[Claim]:
     """Statements of section 3.4.3, then of the smooth twin, which is ours, and of the beam."""
     yield _tool_vibrates_more(result, published)
     by_task = {task: _changes(result, "cascade-notch", task) for task in TASKS}
-    changes = [change for found in by_task.values() for change in found.values()]
+    changes = [change for several in by_task.values() for change in several.values()]
     yield Claim(
         SECTION,
         "the notch changes most metrics marginally",
@@ -106,26 +106,26 @@ def _ordered(holds: bool, pairs: Iterable[tuple[float, float]]) -> Verdict:
     return Verdict.REPRODUCED if sized else Verdict.SAME_ORDERING
 
 
-def _excess(found: Columns) -> float:
+def _excess(columns: Columns) -> float:
     """Largest error of the end effector over the motor's, less 1."""
-    return found.ee_max / found.em_max - 1
+    return columns.ee_max / columns.em_max - 1
 
 
 def _tool_vibrates_more(result: Result, published: Published) -> Claim:
-    found = [
+    ratios = [
         (f"{ours} on {row.task}", _excess(result.row(ours).on(row.task)), _excess(row.columns))
         for row in published
         for ours in OURS[row.name]
     ]
-    lost = [where for where, excess, _ in found if excess <= 0]
-    worst, printed = max(ours for _, ours, _ in found), max(wanted for *_, wanted in found)
+    lost = [where for where, excess, _ in ratios if excess <= 0]
+    worst, printed = max(ours for _, ours, _ in ratios), max(wanted for *_, wanted in ratios)
     words = (
         f"largest error of the end effector up to {1 + worst:.2f} x the motor's, "
         f"in print up to {1 + printed:.2f} x"
     )
     if lost:
         words += f"; not for {', '.join(lost)}"
-    fares = _ordered(not lost, [(excess, wanted) for _, excess, wanted in found])
+    fares = _ordered(not lost, [(excess, wanted) for _, excess, wanted in ratios])
     return Claim(SECTION, "the end effector vibrates more than the motor", words, fares)
 
 
@@ -140,30 +140,30 @@ def _in_print(published: Published, name: str, task: str) -> dict[str, float]:
     return _relative(rows[name, task], rows[PI, task])
 
 
-def _relative(found: Columns, plain: Columns) -> dict[str, float]:
-    return {column: getattr(found, column) / getattr(plain, column) - 1 for column in COLUMNS}
+def _relative(columns: Columns, plain: Columns) -> dict[str, float]:
+    return {column: getattr(columns, column) / getattr(plain, column) - 1 for column in COLUMNS}
 
 
 def _observer(result: Result, published: Published) -> Iterator[Claim]:
     """The extended state observer: better on task A, worse on task B."""
-    found = {name: _changes(result, name, "A") for name in OURS[LESO]}
+    changes = {name: _changes(result, name, "A") for name in OURS[LESO]}
     wanted = _in_print(published, LESO, "A")
-    pairs = _pairs(found, wanted, ("em_max", "em_mean"))
+    pairs = _pairs(changes, wanted, ("em_max", "em_mean"))
     words = "; ".join(
         f"{name}: {100 * one['em_max']:+.1f} % largest, {100 * one['em_mean']:+.1f} % mean"
-        for name, one in {**found, "in print": wanted}.items()
+        for name, one in {**changes, "in print": wanted}.items()
     )
     fares = _ordered(all(ours < 0 for ours, _ in pairs), pairs)
     claim = "the LESO improves the motor's largest and mean error on task A"
     yield Claim(SECTION, claim, words, fares)
-    found = {name: _changes(result, name, "B") for name in OURS[LESO]}
+    changes = {name: _changes(result, name, "B") for name in OURS[LESO]}
     wanted = _in_print(published, LESO, "B")
-    pairs = _pairs(found, wanted, ("em_max", "ee_max", "ee_mean"))
+    pairs = _pairs(changes, wanted, ("em_max", "ee_max", "ee_mean"))
     fares = _ordered(all(ours > 0 for ours, _ in pairs), pairs)
     words = "; ".join(
         f"{name}: motor {100 * change['em_max']:+.1f} %, tool {100 * change['ee_max']:+.1f} % "
         f"largest, {100 * change['ee_mean']:+.1f} % mean"
-        for name, change in {**found, "in print": wanted}.items()
+        for name, change in {**changes, "in print": wanted}.items()
     )
     if fares is Verdict.NOT_REPRODUCED:
         words += "; the tool of the model hardly vibrates, that of the bench does"
@@ -171,10 +171,10 @@ def _observer(result: Result, published: Published) -> Iterator[Claim]:
 
 
 def _pairs(
-    found: dict[str, dict[str, float]], wanted: dict[str, float], columns: Sequence[str]
+    changes: dict[str, dict[str, float]], wanted: dict[str, float], columns: Sequence[str]
 ) -> list[tuple[float, float]]:
     """Our change and the printed one, of every form of the observer."""
-    return [(change[one], wanted[one]) for change in found.values() for one in columns]
+    return [(change[one], wanted[one]) for change in changes.values() for one in columns]
 
 
 HEADINGS = {

@@ -162,8 +162,8 @@ def run(settings: Settings) -> Result:
     every = round(KEPT_PERIOD / setup.machine.model.dt)
     return Result(
         rows=tuple(
-            ControllerRow(name, columns(found["A"]), columns(found["B"]))
-            for name, found in whole.items()
+            ControllerRow(name, columns(by_task["A"]), columns(by_task["B"]))
+            for name, by_task in whole.items()
         ),
         signals={
             name: {

@@ -248,14 +248,14 @@ def models() -> tuple[Model, ...]:
         for dt, open_, loop in ((FAST, "(6)", "(7)"), (SLOW, "(16)", "(17)")):
             plant = servo(dt, pole=pole)
             rows += [(open_, pole, plant), (loop, pole, closed(plant, placing_gain(plant)))]
-    found = []
+    described = []
     for item, pole, function in (*rows, ("(7)", FITTED_POLE, fitted_loop())):
         integrating = PRINTED[item][2] == "1"  # a plant: its gain is per mm, its pole at 1 is first
         poles = sorted((float(np.real(p)) for p in function.poles_z), key=abs, reverse=integrating)
         gain = function.gain * (1e3 if integrating else 1.0)
         zero = -float(np.real(function.zeros_z[0]))
-        found.append(Model(item, PRINTED[item], pole, (gain, zero, *poles)))
-    return tuple(found)
+        described.append(Model(item, PRINTED[item], pole, (gain, zero, *poles)))
+    return tuple(described)
 
 
 def prefilter_of(loop: TransferFunction) -> tuple[float, ...]:
@@ -288,8 +288,8 @@ def equation_5(hertz: float = 3.0, integral: float = 0.06) -> tuple[float, float
         # (5) holds for the plant's own B^a B^u; printed is B^u B^u
         added = x * integral * zero * cancelled
         through = fed * x * truth.gain * zero * (1 - x)
-        found = (through + added) / (below + added)
-        apart.append(float(abs(found - wanted) / abs(wanted)))
+        ratio = (through + added) / (below + added)
+        apart.append(float(abs(ratio - wanted) / abs(wanted)))
     return apart[0], apart[1]
 
 
@@ -297,12 +297,12 @@ def units() -> tuple[Units, ...]:
     """Gain and pole of (1) from Table 1: inches and 750 A/V give the printed number."""
     torque, lead, inertia = 0.17011, 0.7958, 2.4434e-4  # N m/A, mm/rad, kg m^2
     velocity, feedback, viscous = 0.01752, 0.0780, 1.03e-6  # V s/mm, -, N m s/rad
-    found = []
+    rows = []
     for source, amplifier in AMPLIFIER.items():
         gain = amplifier * torque * lead / inertia  # mm / (s^2 V)
         pole = gain * velocity * feedback + viscous / inertia
-        found.append(Units(source, amplifier, gain / 25.4, pole))
-    return tuple(found)
+        rows.append(Units(source, amplifier, gain / 25.4, pole))
+    return tuple(rows)
 
 
 def gain_left() -> GainError:
@@ -352,15 +352,15 @@ def integral_runs(
     friction: float | None = None,
 ) -> tuple[IntegralRun, ...]:
     """Mean and largest error over the integral time; with a friction [A] as the leg is built."""
-    found = []
+    rows = []
     for truth, time in product(truths, times):
         leg = truth.axis(FAST)
         if friction is not None:
             leg = LimitedServo(truth.gain * SERVO_GAIN, truth.pole, friction, FAST)
         size = np.abs(errors(tracking(time), leg)[0])
         row = IntegralRun(truth.name, time, float(size.mean()), float(size.max()), friction)
-        found.append(row)
-    return tuple(found)
+        rows.append(row)
+    return tuple(rows)
 
 
 class ServoState(NamedTuple):
@@ -432,7 +432,7 @@ def adaptive(theta: tuple[float, float], trace: float, dead_zone: float = 0.0):
 def adaptive_runs(truths: Iterable[Truth] = TRUTHS[:3]) -> tuple[AdaptiveRun, ...]:
     """Runs without adaptation, with our forgetting factor, and with the printed one."""
     rules = ("none", TRACES[0]), *(("ours", trace) for trace in TRACES), ("printed", TRACES[1])
-    found = []
+    rows = []
     for truth, theta, (rule, trace) in product(truths, STARTS, rules):
         if rule == "printed":
             error, final, F = as_printed(truth, theta, trace)
@@ -454,8 +454,8 @@ def adaptive_runs(truths: Iterable[Truth] = TRUTHS[:3]) -> tuple[AdaptiveRun, ..
             fitted_theta=one_pole_fit(truth),
             final_trace=float(np.trace(F)),
         )
-        found.append(row)
-    return tuple(found)
+        rows.append(row)
+    return tuple(rows)
 
 
 def one_pole_fit(truth: Truth) -> tuple[float, float]:

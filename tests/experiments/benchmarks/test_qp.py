@@ -30,6 +30,6 @@ def test_half_of_the_controls_are_at_a_limit_and_the_host_has_the_same_answers()
     problems, active = qp.tight(qp.random_problems(3))
     assert active == pytest.approx(0.5, abs=0.02)
     controls = np.asarray(qp._solved(problems).trajectory.stages)[:, :, qp.STATES :]
-    for found, one in zip(controls, qp.condensed(problems), strict=True):
+    for ours, one in zip(controls, qp.condensed(problems), strict=True):
         wanted = DAQP().solve(one).z
-        np.testing.assert_allclose(found.ravel(), wanted, rtol=0, atol=1e-5 * np.abs(wanted).max())
+        np.testing.assert_allclose(ours.ravel(), wanted, rtol=0, atol=1e-5 * np.abs(wanted).max())

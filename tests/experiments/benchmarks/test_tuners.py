@@ -65,18 +65,18 @@ def small(monkeypatch, proportional_problem):
 @pytest.mark.slow
 def test_a_run_goes_on_from_its_file(small, tmp_path):
     flags = Bench(what="tuners", seeds=1, evaluations=60, keep=tmp_path / "kept.json")
-    told = []
-    first = measured(flags, told.append)
-    assert told == [f"start 1 of 1: gains: {name}" for name in ("jcontour", *METHODS)]
+    lines = []
+    first = measured(flags, lines.append)
+    assert lines == [f"start 1 of 1: gains: {name}" for name in ("jcontour", *METHODS)]
     assert {row.method for row in first.rows} == {"jcontour", *METHODS}
     assert all(row.weights == 2 and row.seeds == 1 for row in first.rows)
     ours = first.rows[0]
     assert ours.method == "jcontour" and ours.reached == 1
     (needed,) = set(ours.evaluations)
     assert needed % 3 == 0 and needed <= 60
-    assert measured(flags, told.append).rows == first.rows and len(told) == 1 + len(METHODS)
-    more = measured(replace(flags, seeds=2, searches=("Sobol",)), told.append)
-    assert told[1 + len(METHODS) :] == ["start 2 of 2: gains: Sobol"]
+    assert measured(flags, lines.append).rows == first.rows and len(lines) == 1 + len(METHODS)
+    more = measured(replace(flags, seeds=2, searches=("Sobol",)), lines.append)
+    assert lines[1 + len(METHODS) :] == ["start 2 of 2: gains: Sobol"]
     assert {row.method: row.seeds for row in more.rows} == {"Sobol": 2}
 
 
@@ -92,8 +92,8 @@ def test_looks_without_a_run_count_too(monkeypatch):
     monkeypatch.setattr(tuners, "advance", advance)
     space, start = {"x": Positive()}, {"x": 1.0}
     problem = with_counted_loops(Posed(Silent(), space))
-    found = tuners._ours(problem, start, np.zeros(1), 0, 16)
-    assert found == ([5.0, 4.0, 3.0], [9.0, 12.0, 15.0])
+    search = tuners._ours(problem, start, np.zeros(1), 0, 16)
+    assert search == ([5.0, 4.0, 3.0], [9.0, 12.0, 15.0])
 
 
 def test_scattered_points_without_slopes_count_once(monkeypatch):
@@ -104,8 +104,8 @@ def test_scattered_points_without_slopes_count_once(monkeypatch):
 
     monkeypatch.setattr(tuners, "advance", advance)
     problem = Posed(None, {"x": Positive()})
-    found = tuners._ours(problem, {"x": jnp.asarray(1.0)}, np.zeros(1), 0, 6)
-    assert found == ([5.0, 4.0, 3.0, 2.0], [3.0, 4.0, 5.0, 6.0])
+    search = tuners._ours(problem, {"x": jnp.asarray(1.0)}, np.zeros(1), 0, 6)
+    assert search == ([5.0, 4.0, 3.0, 2.0], [3.0, 4.0, 5.0, 6.0])
 
 
 class Silent(Loops):

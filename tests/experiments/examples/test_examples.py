@@ -40,69 +40,69 @@ def test_every_script_is_tested():
 
 def test_own_plant(run):
     """A velocity loop with an integral follows a ramp: the lag is feed over position gain."""
-    found, printed = run("own_plant")
-    assert found["lags"]["line"] == pytest.approx(0.1 / 40, rel=1e-3)
-    assert 0 < found["errors"]["circle"] < 0.02 / 10
+    result, printed = run("own_plant")
+    assert result["lags"]["line"] == pytest.approx(0.1 / 40, rel=1e-3)
+    assert 0 < result["errors"]["circle"] < 0.02 / 10
     assert "2.50 mm behind" in printed
 
 
 @pytest.mark.slow
 def test_own_controller(run):
     """The tuned weights lie in a valley: no weight moved by 3 % is better and within the limit."""
-    found, printed = run("own_controller")
-    assert found["tuned"].feasible and "to" in printed
-    assert found["worst_after"] < 0.7 * found["worst_before"]
-    metrics = eqx.filter_jit(found["problem"].metrics)
+    result, printed = run("own_controller")
+    assert result["tuned"].feasible and "to" in printed
+    assert result["worst_after"] < 0.7 * result["worst_before"]
+    metrics = eqx.filter_jit(result["problem"].metrics)
     for name in ("gain", "feedforward"):
         for factor in (0.97, 1.03):
-            weights = dict(found["tuned"].weights)
+            weights = dict(result["tuned"].weights)
             weights[name] = weights[name] * factor
             moved = metrics(weights)
-            worse = moved.rms_contour_error.max() > found["worst_after"] * (1 - 1e-3)
+            worse = moved.rms_contour_error.max() > result["worst_after"] * (1 - 1e-3)
             assert worse or moved.rms_increment.max() > 0.5
 
 
 def test_gradient(run):
     """Each slope is that of central differences."""
-    found, printed = run("gradient")
+    result, printed = run("gradient")
     step = 1e-4
     for k in range(3):
         moved = np.zeros(3)
         moved[k] = step
-        ahead, behind = (found["contour_error"](jnp.asarray(sign * moved))[0] for sign in (1, -1))
-        assert float(found["slope"][k]) == pytest.approx(float(ahead - behind) / (2 * step), 1e-5)
-    assert f"{1e6 * float(found['error']):.3f} um" in printed
+        ahead, behind = (result["contour_error"](jnp.asarray(sign * moved))[0] for sign in (1, -1))
+        assert float(result["slope"][k]) == pytest.approx(float(ahead - behind) / (2 * step), 1e-5)
+    assert f"{1e6 * float(result['error']):.3f} um" in printed
 
 
 def test_family(run):
     """The nominal and the worst machine, each simulated by itself."""
-    found, _ = run("family")
-    reference = found["runs"][0]
-    for k in (found["nominal"], found["worst"]):
-        alone = score(simulate(found["members"][k], found["controller"], reference), reference)
-        together = float(found["errors"][0, k])
+    result, _ = run("family")
+    reference = result["runs"][0]
+    for k in (result["nominal"], result["worst"]):
+        alone = score(simulate(result["members"][k], result["controller"], reference), reference)
+        together = float(result["errors"][0, k])
         assert float(alone.rms_contour_error) == pytest.approx(together, rel=1e-9)
-    assert found["errors"][0, found["worst"]] > found["errors"][0, found["nominal"]]
+    assert result["errors"][0, result["worst"]] > result["errors"][0, result["nominal"]]
 
 
 def test_weight_sweep(run):
     """The best design, built and simulated by itself."""
-    found, printed = run("weight_sweep")
-    best, reference = found["best"], found["reference"]
-    weights = type(found["designs"])(found["alphas"][best // 3], found["betas"][best % 3], 2e-9)
-    rollout = simulate(found["model"], found["build"](weights), reference)
+    result, printed = run("weight_sweep")
+    best, reference = result["best"], result["reference"]
+    weights = type(result["designs"])(result["alphas"][best // 3], result["betas"][best % 3], 2e-9)
+    rollout = simulate(result["model"], result["build"](weights), reference)
     error = 1e6 * float(score(rollout, reference).rms_contour_error)
-    assert error == pytest.approx(float(found["table"].min()), rel=1e-9)
+    assert error == pytest.approx(float(result["table"].min()), rel=1e-9)
     assert len(printed.splitlines()) == 6
 
 
 @pytest.mark.slow
 def test_constrained_replay(run):
     """The limit holds at every sample where the free run breaks it, and it costs accuracy."""
-    found, _ = run("constrained_replay")
-    changes = np.abs(np.diff(np.asarray(found["within"].control), axis=0))
-    assert changes.max() <= 0.5 * found["largest"] * (1 + 1e-9)
-    gap = found["gap"]
+    result, _ = run("constrained_replay")
+    changes = np.abs(np.diff(np.asarray(result["within"].control), axis=0))
+    assert changes.max() <= 0.5 * result["largest"] * (1 + 1e-9)
+    gap = result["gap"]
     assert 0 < gap.acting_fraction < 1 and gap.residual < 1e-8
     assert gap.within.rms_contour_error > gap.without.rms_contour_error
 
@@ -110,9 +110,9 @@ def test_constrained_replay(run):
 @pytest.mark.slow
 def test_observer_stack(run):
     """The estimated load is the one that acts; without it the error is several times as large."""
-    found, _ = run("observer_stack")
-    np.testing.assert_allclose(found["found"], [0.2, -0.1], atol=0.005)
-    assert found["errors"]["Kalman filter"] > 2 * found["errors"]["with load"]
+    result, _ = run("observer_stack")
+    np.testing.assert_allclose(result["estimate"], [0.2, -0.1], atol=0.005)
+    assert result["errors"]["Kalman filter"] > 2 * result["errors"]["with load"]
 
 
 def test_gantry_ring(run):
@@ -120,20 +120,20 @@ def test_gantry_ring(run):
 
     A step of the acceleration on an undamped joint doubles the angle at most.
     """
-    found, _ = run("gantry_ring")
-    p, position = found["parameters"], np.asarray(found["reference"].position)
-    along, across = (np.diff(position, 2, axis=0) / found["dt"] ** 2).T
+    result, _ = run("gantry_ring")
+    p, position = result["parameters"], np.asarray(result["reference"].position)
+    along, across = (np.diff(position, 2, axis=0) / result["dt"] ** 2).T
     torque = float(p.head_mass) * (position[1:-1, 0] * across + float(p.tool_offset) * along)
     static = np.abs(torque).max() / (2 * float(p.joint_stiffness))
-    assert static < found["twist"] < 2 * static
-    assert 0 < found["error"] < 1e-3
+    assert static < result["twist"] < 2 * static
+    assert 0 < result["error"] < 1e-3
 
 
 def test_gcode_part(run):
     """Length and time of a slot by hand: the arcs are passed at sqrt(a r)."""
-    found, _ = run("gcode_part")
+    result, _ = run("gcode_part")
     line, radius, feed, acceleration = 10e-3, 2e-3, 0.05, 1.0
-    assert found["length"] == pytest.approx(2 * line + 2 * np.pi * radius, rel=1e-9)
+    assert result["length"] == pytest.approx(2 * line + 2 * np.pi * radius, rel=1e-9)
     slow = np.sqrt(acceleration * radius)
     change = (feed - slow) / acceleration
     way = (feed**2 - slow**2) / (2 * acceleration)
@@ -141,36 +141,36 @@ def test_gcode_part(run):
     second = 2 * change + (line - 2 * way) / feed
     arcs = 2 * np.pi * radius / slow
     stop = slow / (2 * acceleration)  # the last millimetre takes that much longer
-    assert found["duration"] == pytest.approx(first + second + arcs + stop, abs=4e-3)
+    assert result["duration"] == pytest.approx(first + second + arcs + stop, abs=4e-3)
 
 
 @pytest.mark.slow
 def test_notebook_demo(run, tmp_path, monkeypatch):
     """The tuned weights keep every limit, and follow the part better than the start or baseline."""
     monkeypatch.chdir(tmp_path)
-    found, printed = run("notebook_demo")
-    (part,) = [one for one in found["tuned"].result.contours if one.training]
+    result, printed = run("notebook_demo")
+    (part,) = [one for one in result["tuned"].result.contours if one.training]
     before, after = (part.metrics[name].worst for name in (part.compared, "tuned"))
     assert after.rms_contour_error < before.rms_contour_error and "um" in printed
-    assert found["tuned"].result.verdict.heading in found["tuned"]._repr_html_()
+    assert result["tuned"].result.verdict.heading in result["tuned"]._repr_html_()
 
 
 @pytest.mark.slow
 def test_notebook_my_machine(run, tmp_path, monkeypatch):
     """The family holds gains on both sides of the nominal machine, and none diverges."""
     monkeypatch.chdir(tmp_path)
-    found, _ = run("notebook_my_machine")
-    plants = found["part"].result.plants
+    result, _ = run("notebook_my_machine")
+    plants = result["part"].result.plants
     assert len(plants) >= 3 and not any(one.diverged for one in plants.values())
 
 
 def test_notebook_my_controller(run):
     """The slope is that of central differences; the figure has the contour's axes."""
-    found, _ = run("notebook_my_controller")
-    error, weights = found["contour_error"], np.array([4000.0, 20.0])
+    result, _ = run("notebook_my_controller")
+    error, weights = result["contour_error"], np.array([4000.0, 20.0])
     for k, step in enumerate((1.0, 1e-2)):
         moved = step * np.eye(2)[k]
         difference = (error(weights + moved) - error(weights - moved)) / (2 * step)
-        assert float(found["slope"][k]) == pytest.approx(float(difference), rel=1e-4)
-    assert found["figure"].axes[0].get_xlabel() == "X [mm]"
-    assert "um" in score(found["rollout"], found["reference"])._repr_html_()
+        assert float(result["slope"][k]) == pytest.approx(float(difference), rel=1e-4)
+    assert result["figure"].axes[0].get_xlabel() == "X [mm]"
+    assert "um" in score(result["rollout"], result["reference"])._repr_html_()

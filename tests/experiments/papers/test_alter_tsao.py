@@ -83,25 +83,25 @@ def test_table_2_is_the_reference():
 
 
 def test_line_30_is_the_reference():
-    found, wanted = line_30(WANTED["b_fitted"]), WANTED["table3_line30"]
-    assert found.eps_from_max == pytest.approx(wanted["eps_from_max"], rel=1e-8)
-    assert found.eps_from_rms == pytest.approx(wanted["eps_from_rms"], rel=1e-8)
-    assert found.optimal_max == pytest.approx(wanted["l1_optimal_fir_max"], rel=1e-8)
+    row, wanted = line_30(WANTED["b_fitted"]), WANTED["table3_line30"]
+    assert row.eps_from_max == pytest.approx(wanted["eps_from_max"], rel=1e-8)
+    assert row.eps_from_rms == pytest.approx(wanted["eps_from_rms"], rel=1e-8)
+    assert row.optimal_max == pytest.approx(wanted["l1_optimal_fir_max"], rel=1e-8)
 
 
 def test_feedbacks_are_the_reference():
-    loop, found = WANTED["explicit_loop"], feedbacks(linear_motor_drive())
+    loop, laws = WANTED["explicit_loop"], feedbacks(linear_motor_drive())
     for name, key in (("A", "A_lead"), ("B", "B_lead_integral")):
-        np.testing.assert_allclose(found[name].numerator, loop[key]["num_lambda"], rtol=1e-8)
-        np.testing.assert_allclose(found[name].denominator, loop[key]["den_lambda"], rtol=1e-8)
+        np.testing.assert_allclose(laws[name].numerator, loop[key]["num_lambda"], rtol=1e-8)
+        np.testing.assert_allclose(laws[name].denominator, loop[key]["den_lambda"], rtol=1e-8)
 
 
 def test_loops_are_the_reference():
     wanted = WANTED["explicit_loop"]["runs"]
-    found = {(r.controller, r.order, r.preview, r.constraint): r for r in loop_runs(-0.3075)}
-    assert len(found) == len(wanted) + 3 == 18
+    loops = {(r.controller, r.order, r.preview, r.constraint): r for r in loop_runs(-0.3075)}
+    assert len(loops) == len(wanted) + 3 == 18
     for row in wanted:
-        one = found[row["controller"][0], row["m"], row["Np"], row["N"]]
+        one = loops[row["controller"][0], row["m"], row["Np"], row["N"]]
         assert one.apart < 1e-11
         assert one.max_error == pytest.approx(row["max_err_m"], abs=1e-11)
         assert one.slowest_pole == pytest.approx(row["min_pole_modulus_lambda"], rel=1e-8)
@@ -139,19 +139,19 @@ def test_the_attained_cost_is_below_the_printed_one(result):
 
 def test_costs_over_eps_are_the_reference():
     rows = WANTED["explicit_loop"]["perturbation_0_9_0"]["sweep"]
-    found = perturbed_costs(-0.3075, [row["eps"] for row in rows])
-    for one, row in zip(found, rows, strict=True):
+    costs = perturbed_costs(-0.3075, [row["eps"] for row in rows])
+    for one, row in zip(costs, rows, strict=True):
         assert one.l1 == pytest.approx(row["J_eps"], abs=1e-9)
 
 
 def test_verdicts_follow_the_numbers(result):
-    found = {(claim.item, claim.claim): claim.verdict for claim in claims(result)}
-    assert len(found) == 24
-    assert found["Table 1", "simulated max errors of lines 1 to 28"] is NEAR  # 20 of 28
-    assert found["Table 1", "simulated rms errors of lines 1 to 28"] is NEAR  # 24 of 28
-    assert found["Table 3, lines 31, 32", "equal lines 16 and 26 of Table 1"] is YES
-    assert found["Table 2, N = 2", "no filter costs less than J_1"] is NO
-    assert found["sec. 4.3", "-3 dB at 364 Hz for m = 1, 261 Hz for m = 2"] is YES
+    verdicts = {(claim.item, claim.claim): claim.verdict for claim in claims(result)}
+    assert len(verdicts) == 24
+    assert verdicts["Table 1", "simulated max errors of lines 1 to 28"] is NEAR  # 20 of 28
+    assert verdicts["Table 1", "simulated rms errors of lines 1 to 28"] is NEAR  # 24 of 28
+    assert verdicts["Table 3, lines 31, 32", "equal lines 16 and 26 of Table 1"] is YES
+    assert verdicts["Table 2, N = 2", "no filter costs less than J_1"] is NO
+    assert verdicts["sec. 4.3", "-3 dB at 364 Hz for m = 1, 261 Hz for m = 2"] is YES
     for verdict in (NO, YES):
         lines = tuple(replace(line, max_verdict=verdict) for line in result.table_1)
         assert next(claims(replace(result, table_1=lines))).verdict is verdict
@@ -169,9 +169,9 @@ def test_the_marks_of_the_table_are_those_that_the_statement_counts(result):
     """Line 18 is 3.1899e-3: it does not round to 3.1900e-3, to a digit less it does."""
     maxima, values = ([row[-2] for row in one["cells"]] for one in stored([*tables(result)])[:2])
     assert maxima[17] == "~" and values[17] == "="
-    for found, claim in zip((maxima, values), claims(result), strict=False):
-        assert claim.finding.startswith(f"{found.count('=')} of 28 round")
-        others = [line for line, mark in enumerate(found, 1) if mark != "="]
+    for marks, claim in zip((maxima, values), claims(result), strict=False):
+        assert claim.finding.startswith(f"{marks.count('=')} of 28 round")
+        others = [line for line, mark in enumerate(marks, 1) if mark != "="]
         named = re.findall(r"(\d+) \([-+]", claim.finding)
         assert named == [str(line) for line in others]
 
@@ -183,6 +183,6 @@ def test_lines_31_and_32_are_judged_by_their_digits(result, spoilt, wanted, colu
         replace(line, **{column: 1.01 * getattr(line, column)}) if line.line in spoilt else line
         for line in result.table_1
     )
-    found = {claim.item: claim for claim in claims(replace(result, table_1=lines))}
-    row = found["Table 3, lines 31, 32"]
+    judged = {claim.item: claim for claim in claims(replace(result, table_1=lines))}
+    row = judged["Table 3, lines 31, 32"]
     assert row.verdict is wanted and f"{2 - len(spoilt)} of 2" in row.finding

@@ -36,10 +36,10 @@ FRICTION_CURVE = {
 @pytest.mark.parametrize("progress", FRICTION_CURVE)
 def test_trade_off_on_the_friction_machine(progress):
     outcome, _ = traced(machines(1e-3)["friction"], lobes(), progress)
-    found = point(MPCC, "friction", "", outcome, 40e-3)
+    row = point(MPCC, "friction", "", outcome, 40e-3)
     percent, time = FRICTION_CURVE[progress]
-    assert found.finished
-    np.testing.assert_allclose([found.rms_percent, found.time_s], [percent, time], rtol=5e-3)
+    assert row.finished
+    np.testing.assert_allclose([row.rms_percent, row.time_s], [percent, time], rtol=5e-3)
 
 
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED

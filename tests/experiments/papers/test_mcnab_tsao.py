@@ -86,8 +86,8 @@ def test_u_shape_falls_then_rises_then_loses_stability(setup):
 def test_one_recursion_gives_the_radii_of_all_horizons(setup, row):
     weights = LQWeights(row["alpha"], row["beta"], row["rho"])
     radii = radii_on_lines(setup.model, weights, np.deg2rad(row["theta_deg"]), 50)
-    found = radii[np.array(row["Np"]) - 1, ("output", "dare").index(row["terminal"])]
-    np.testing.assert_allclose(found, row["radius"], rtol=1e-6)
+    radius = radii[np.array(row["Np"]) - 1, ("output", "dare").index(row["terminal"])]
+    np.testing.assert_allclose(radius, row["radius"], rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -124,8 +124,8 @@ def test_every_run_on_the_circle(result, table, count):
     assert len(rows) == count
     for row in rows:
         ours = result.on_family(row["terminal"], row["alpha"], row["beta"], row["Np"])[0]
-        found = {key: getattr(ours, name) for key, name in NUMBERS.items()}
-        assert found == pytest.approx({key: row[key] for key in NUMBERS}, rel=1e-6)
+        numbers = {key: getattr(ours, name) for key, name in NUMBERS.items()}
+        assert numbers == pytest.approx({key: row[key] for key in NUMBERS}, rel=1e-6)
 
 
 @pytest.mark.slow

@@ -48,13 +48,13 @@ def test_responses_are_those_of_the_reference(result):
     for name, period, row, rounding in wanted_rows():
         if row["beta"] not in BETAS.get((name, period), ()):
             continue
-        found, compared = result.row(name, period, row["beta"]), compared + 1
+        response, compared = result.row(name, period, row["beta"]), compared + 1
         if row["peak_sync"] == "diverged":
-            assert found.diverged
+            assert response.diverged
             continue
         for column in ("peak_sync", "iae_sync", "peak_e1", "peak_e2"):
-            np.testing.assert_allclose(getattr(found, column), row[column], 1e-8, rounding)
-        final = abs(found.e1[-1] - found.e2[-1])
+            np.testing.assert_allclose(getattr(response, column), row[column], 1e-8, rounding)
+        final = abs(response.e1[-1] - response.e2[-1])
         np.testing.assert_allclose(final, row["final_sync"], 1e-8, rounding)
     assert compared >= 20
 
@@ -62,10 +62,10 @@ def test_responses_are_those_of_the_reference(result):
 def test_bounds_are_those_of_the_reference(result):
     for name, key in NAMES.items():
         for sampled in REFERENCE[key]["discrete"]:
-            found = result.bound(name, 1e3 * sampled["T_s"])
-            assert -1e-9 < 1 - found.proven / sampled["beta_limit_spr"] < 1e-4  # it is a proof
-            assert found.exact == pytest.approx(sampled["beta_limit_lti"], rel=1e-8)
-            assert found.continuous is None and REFERENCE[key]["beta_limit_eq9"] == "unbounded"
+            bound = result.bound(name, 1e3 * sampled["T_s"])
+            assert -1e-9 < 1 - bound.proven / sampled["beta_limit_spr"] < 1e-4  # it is a proof
+            assert bound.exact == pytest.approx(sampled["beta_limit_lti"], rel=1e-8)
+            assert bound.continuous is None and REFERENCE[key]["beta_limit_eq9"] == "unbounded"
 
 
 def test_every_statement_has_its_verdict(result):
@@ -108,8 +108,8 @@ def test_a_loop_near_instability_is_stable(result, exact, verdict):
 
 
 def test_what_our_plant_was_chosen_for_is_told(result):
-    told = [claim.item for claim in claims(result) if "our plant was chosen" in claim.finding]
-    assert told == ["after Fig. 11", "Figs 12-14"]
+    chosen = [claim.item for claim in claims(result) if "our plant was chosen" in claim.finding]
+    assert chosen == ["after Fig. 11", "Figs 12-14"]
 
 
 def test_a_bound_that_proves_too_much_is_no_proof(result):

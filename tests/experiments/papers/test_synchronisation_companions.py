@@ -29,9 +29,9 @@ def ended(rate, time):
 
 
 def test_the_frozen_matrix_is_that_of_the_reference():
-    found = np.sort_complex(np.linalg.eigvals(turned(0.3)))
+    poles = np.sort_complex(np.linalg.eigvals(turned(0.3)))
     wanted = np.sort_complex([complex(ast.literal_eval(text)) for text in EIGENVALUES])
-    np.testing.assert_allclose(found, wanted, rtol=1e-8)
+    np.testing.assert_allclose(poles, wanted, rtol=1e-8)
     everywhere = [np.linalg.eigvals(turned(a)) for a in np.linspace(0, 7, 29)]
     np.testing.assert_allclose(np.real(everywhere), -0.25, rtol=1e-12)
 
@@ -40,11 +40,11 @@ def test_it_grows_all_the_same():
     def slopes(t, x):
         return np.asarray(turned(t)) @ x
 
-    found = solve_ivp(slopes, (0, 10), [1.0, 0.0], "DOP853", rtol=1e-11, atol=1e-11).y[:, -1]
-    np.testing.assert_allclose(found, EXACT, rtol=1e-8)
-    np.testing.assert_allclose(found, INTEGRATED, rtol=1e-8)
+    end = solve_ivp(slopes, (0, 10), [1.0, 0.0], "DOP853", rtol=1e-11, atol=1e-11).y[:, -1]
+    np.testing.assert_allclose(end, EXACT, rtol=1e-8)
+    np.testing.assert_allclose(end, INTEGRATED, rtol=1e-8)
     exact = np.exp(5) * np.array([np.cos(10), -np.sin(10)])
-    np.testing.assert_allclose(found, exact, rtol=1e-8)
+    np.testing.assert_allclose(end, exact, rtol=1e-8)
 
 
 def test_below_the_admissible_rate_it_dies_out():

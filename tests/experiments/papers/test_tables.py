@@ -109,9 +109,9 @@ def test_a_verdict_holds_in_full_in_part_or_not():
 
 def test_a_quick_run_takes_the_verdicts_back():
     rows = (Claim("1", "a", "b", Verdict.REPRODUCED), Claim("2", "c", "d", Verdict.EXPERIMENTAL))
-    found = undecided(rows)
-    assert {row.verdict for row in found} == {Verdict.UNDECIDED}
-    assert [row.claim for row in found] == ["a", "c"]
+    taken_back = undecided(rows)
+    assert {row.verdict for row in taken_back} == {Verdict.UNDECIDED}
+    assert [row.claim for row in taken_back] == ["a", "c"]
     assert tally(rows) == (
         "Verdicts on 2 statements: 1 reproduced; 1 experimental: shown, not matched."
     )

@@ -52,16 +52,16 @@ def test_forty_samples_are_too_few_against_an_unknown_reference(numbers):
     row = least_row(UNKNOWN, 40)
     assert row.tolerance_mm is None and "control" in row.limiting
     wanted = [case for case in numbers["cases"] if case["N"] == 40 and case["previewed"]]
-    found = least_row(PREVIEWED, 40)
-    assert found.tolerance_mm == pytest.approx(1e3 * wanted[0]["least_tolerance_m"], rel=1e-4)
+    previewed = least_row(PREVIEWED, 40)
+    assert previewed.tolerance_mm == pytest.approx(1e3 * wanted[0]["least_tolerance_m"], rel=1e-4)
 
 
 @pytest.mark.slow
 def test_the_certificate_is_the_reference():
     wanted = json.loads((DATA / "single_axis.json").read_text())["eps_min_m"]
     for (size, speed), value in zip(((0.005, 0.1), (0.0025, 0.1)), wanted.values(), strict=False):
-        found = certificate(size, speed)
-        assert found.bound_mm == pytest.approx(1e3 * value, rel=1e-6)
+        row = certificate(size, speed)
+        assert row.bound_mm == pytest.approx(1e3 * value, rel=1e-6)
 
 
 def made_up():

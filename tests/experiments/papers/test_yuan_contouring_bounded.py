@@ -100,24 +100,24 @@ def without(result: Result, place: int, **others) -> dict[str, Verdict]:
     return verdicts(replace(result, loops=tuple(loops)))
 
 
-def of(found: dict[str, Verdict], words: str) -> Verdict:
-    (one,) = [verdict for claim, verdict in found.items() if words in claim]
+def of(verdicts: dict[str, Verdict], words: str) -> Verdict:
+    (one,) = [verdict for claim, verdict in verdicts.items() if words in claim]
     return one
 
 
 def test_verdicts_follow_the_numbers():
     result = made_up()
-    found = verdicts(result)
-    assert of(found, "bounded tracking errors") is YES
-    assert of(found, "X and Y stay within") is YES
-    assert of(found, "contour error itself") is YES
-    assert of(found, "smaller contour error") is YES
-    assert of(found, "stay feasible") is PARTLY
-    assert of(found, "10 and 10 sides") is NO
-    assert of(found, "more linearisation points") is PARTLY
-    assert of(found, "longer time") is NO
-    assert of(found, "one sample late") is Verdict.EXPERIMENTAL
-    assert of(found, "nonlinear friction") is Verdict.EXPERIMENTAL
+    judged = verdicts(result)
+    assert of(judged, "bounded tracking errors") is YES
+    assert of(judged, "X and Y stay within") is YES
+    assert of(judged, "contour error itself") is YES
+    assert of(judged, "smaller contour error") is YES
+    assert of(judged, "stay feasible") is PARTLY
+    assert of(judged, "10 and 10 sides") is NO
+    assert of(judged, "more linearisation points") is PARTLY
+    assert of(judged, "longer time") is NO
+    assert of(judged, "one sample late") is Verdict.EXPERIMENTAL
+    assert of(judged, "nonlinear friction") is Verdict.EXPERIMENTAL
     assert of(without(result, 0, reached_um=41.0), "bounded tracking errors") is NO
     assert of(without(result, 0, closed=1.01), "bounded tracking errors") is NO
     assert of(without(result, 0, reached_axes_um=(31.0, 9.0)), "X and Y stay within") is NO
@@ -135,8 +135,8 @@ def test_verdicts_follow_the_numbers():
 def test_a_quick_run_says_nothing_of_what_it_leaves_out():
     result = made_up()
     quick = replace(result, loops=(result.loops[0], result.loops[3]))
-    found = verdicts(quick)
-    assert not any("linearisation" in one or "friction" in one for one in found)
+    judged = verdicts(quick)
+    assert not any("linearisation" in one or "friction" in one for one in judged)
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case['R']}-{case['eps']}")
@@ -147,10 +147,10 @@ def test_side_numbers_are_the_reference(case):
 
 
 def test_polygons_of_algorithm_2():
-    found = polygons()
-    assert (found.inner, found.outer) == (10, 11)
-    assert found.printed_side_mm == pytest.approx(84 * np.cos(np.pi / 10), rel=1e-12)
-    assert found.printed_side_mm < found.radius_mm < found.side_mm
+    sides = polygons()
+    assert (sides.inner, sides.outer) == (10, 11)
+    assert sides.printed_side_mm == pytest.approx(84 * np.cos(np.pi / 10), rel=1e-12)
+    assert sides.printed_side_mm < sides.radius_mm < sides.side_mm
 
 
 def test_every_run_has_its_panel():
@@ -188,11 +188,11 @@ def test_models_switch_half_way_between_the_places_of_linearisation():
 @pytest.mark.parametrize("design", [EXACT, LATE_TRACKED])
 def test_the_tube_covers_the_error_of_its_models_on_the_machine_itself(design):
     """One sample of the gantry from corners of the tube, motors at their worst."""
-    found, rng = tube(design), np.random.default_rng(1)
-    run, model, wide = found.machine.run, found.model, 6 + 3 * design.late
+    closed, rng = tube(design), np.random.default_rng(1)
+    run, model, wide = closed.machine.run, closed.model, 6 + 3 * design.late
     k = rng.integers(0, len(run.A), 400)
-    e = found.state * rng.choice([-1.0, 1.0], size=(400, wide))
-    du = found.current * rng.choice([-1.0, 1.0], size=(400, 3))
+    e = closed.state * rng.choice([-1.0, 1.0], size=(400, wide))
+    du = closed.current * rng.choice([-1.0, 1.0], size=(400, 3))
     share = rng.choice([-1.0, 1.0], size=(400, 3))
     acting = e[:, 6:9] if design.late else du
     step = jax.vmap(Gantry(thesis_gantry(), SAMPLE).step)
@@ -206,8 +206,8 @@ def test_the_tube_covers_the_error_of_its_models_on_the_machine_itself(design):
         predicted += np.einsum("kij,kj->ki", model.E[k][:, *motors], share[:, inputs])
         moving = [place for place, state in enumerate(states) if state < 6]
         kept = [states[place] for place in moving]
-        assert (np.abs(after[:, kept] - predicted[:, moving]) <= found.remainder[kept]).all()
-    assert found.closed <= 1
+        assert (np.abs(after[:, kept] - predicted[:, moving]) <= closed.remainder[kept]).all()
+    assert closed.closed <= 1
 
 
 @pytest.mark.slow
@@ -223,8 +223,8 @@ def test_the_runs_stay_inside_and_the_attack_reaches_nine_tenths():
 
 @pytest.mark.slow
 def test_friction_is_inside_its_box():
-    found = loop_row(RUBBED, GUIDES, FRICTION, 700)
-    assert found.kept and found.motor_share <= 1 and found.remainder_share <= 1
+    row = loop_row(RUBBED, GUIDES, FRICTION, 700)
+    assert row.kept and row.motor_share <= 1 and row.remainder_share <= 1
 
 
 @pytest.mark.slow

@@ -42,7 +42,7 @@ def result():
 
 def test_frequencies_of_the_reference_data(result):
     """Printed: 47 and 45 Hz; with the coupling by another program (reference data, `linear`)."""
-    found = {(row.head_m, row.coupling): row.antiresonance_hz for row in result.responses}
+    hertz = {(row.head_m, row.coupling): row.antiresonance_hz for row in result.responses}
     wanted = {
         (0.0, False): 47.0,
         (-0.66, False): 45.0,
@@ -50,9 +50,9 @@ def test_frequencies_of_the_reference_data(result):
         (-0.66, True): 51.19,
         (0.66, True): 40.62,
     }
-    assert found.keys() == wanted.keys()
+    assert hertz.keys() == wanted.keys()
     for case, frequency in wanted.items():
-        assert found[case] == pytest.approx(frequency, abs=0.01)
+        assert hertz[case] == pytest.approx(frequency, abs=0.01)
 
 
 def test_the_least_gain_is_at_the_antiresonance(result):
@@ -96,7 +96,7 @@ def test_drives_apart_turn_the_beam_by_what_is_asked():
     )
     moment = float(p.drive_constant * p.half_span) * (damped[2] - damped[1])
     assert moment == pytest.approx(-DAMPED * 3e-3, rel=1e-9)
-    sums = [[found[0], found[1] + found[2]] for found in (damped, plain)]
+    sums = [[currents[0], currents[1] + currents[2]] for currents in (damped, plain)]
     np.testing.assert_allclose(*sums, rtol=1e-14)
 
 

@@ -43,7 +43,7 @@ def setup():
 
 
 def test_metrics_of_signals_by_hand():
-    found = columns(
+    row = columns(
         Signals(
             np.array([0.0, 2e-3]),
             np.array([1e-3, 4e-3]),
@@ -51,24 +51,24 @@ def test_metrics_of_signals_by_hand():
             np.array([-3.0, 100.0]),
         )
     )
-    assert astuple(found) == pytest.approx((2, 1.5, 4, 2, 2, 3))
+    assert astuple(row) == pytest.approx((2, 1.5, 4, 2, 2, 3))
 
 
 def test_the_cascade_is_the_reference(setup):
-    found = setup.signals(setup.controller("cascade"))
+    signals = setup.signals(setup.controller("cascade"))
     for task in TASKS:
         row = PLAIN[f"{task} PI"]
-        current = found[task].current[:-1][:: row["every"]]
+        current = signals[task].current[:-1][:: row["every"]]
         np.testing.assert_allclose(current, row["U"][: current.size], atol=1e-8)
-        np.testing.assert_allclose(columns(found[task]).ee_mean, row["ee_mean_mm"], rtol=1e-8)
+        np.testing.assert_allclose(columns(signals[task]).ee_mean, row["ee_mean_mm"], rtol=1e-8)
 
 
 @pytest.mark.parametrize("row", LESO)
 def test_observers_are_the_reference(setup, row):
     task, _, form = row.split()
-    found = columns(setup.signals(setup.controller(FORMS[form]))[task])
+    ours = columns(setup.signals(setup.controller(FORMS[form]))[task])
     for name in COLUMNS:
-        assert getattr(found, name) == pytest.approx(LESO[row][name], rel=1e-6), name
+        assert getattr(ours, name) == pytest.approx(LESO[row][name], rel=1e-6), name
 
 
 @pytest.mark.slow
@@ -98,12 +98,12 @@ def made_up(observed=0.95):
 
 def printed_as(excess, mean):
     """Tables in print: the end effector's largest error, and the mean that the LESO leaves."""
-    found = []
+    rows = []
     for row in PUBLISHED:
         left = mean if "LESO" in row.name else 1.0
         columns = replace(row.columns, em_max=left, em_mean=left, ee_max=(1 + excess) * left)
-        found.append(row._replace(columns=columns))
-    return found
+        rows.append(row._replace(columns=columns))
+    return rows
 
 
 @pytest.mark.parametrize(
@@ -117,10 +117,10 @@ def printed_as(excess, mean):
     ],
 )
 def test_an_order_is_reproduced_where_its_sizes_are(excess, mean, wanted):
-    found = tuple(claims(made_up(), printed_as(excess, mean)))
-    assert (found[0].verdict, found[3].verdict) == wanted
-    assert f"in print up to {1 + excess:.2f} x" in found[0].finding
-    assert f"in print: {100 * (mean - 1):+.1f} % largest" in found[3].finding
+    judged = tuple(claims(made_up(), printed_as(excess, mean)))
+    assert (judged[0].verdict, judged[3].verdict) == wanted
+    assert f"in print up to {1 + excess:.2f} x" in judged[0].finding
+    assert f"in print: {100 * (mean - 1):+.1f} % largest" in judged[3].finding
 
 
 def test_an_order_that_does_not_hold_is_not_reproduced():

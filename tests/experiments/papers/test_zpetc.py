@@ -84,7 +84,7 @@ def test_the_path_is_the_reference():
 
 
 def test_integral_runs_are_the_reference():
-    found = {
+    means = {
         (r.truth, r.integral_time): r for r in integral_runs(TRUTHS[2:3], times=(None, 0.01, 0.2))
     }
     rows = [
@@ -94,15 +94,15 @@ def test_integral_runs_are_the_reference():
     ]
     assert len(rows) == 3
     for row in rows:
-        one = found["gain x1.5", row["T_i"]]
+        one = means["gain x1.5", row["T_i"]]
         assert one.mean_um == pytest.approx(row["mae_um"], rel=1e-7)
         assert one.peak_um == pytest.approx(row["max_um"], rel=1e-7)
 
 
 def test_adaptive_runs_are_the_reference():
-    found = adaptive_runs(TRUTHS[1:2])
+    runs = adaptive_runs(TRUTHS[1:2])
     rows = [r for r in WANTED["azpetc"] if r["case"] == "good: gain x1.1"]
-    for one, row in zip(found, rows, strict=True):
+    for one, row in zip(runs, rows, strict=True):
         assert (one.rule == "printed") == row["printed_lambda_15"]
         if one.rule == "printed":  # rounding grows: only the loss of the trace is a result
             assert abs(one.final_trace) < 10
@@ -153,8 +153,8 @@ def test_equation_5_is_judged_as_printed(result):
 
 def test_convergence_is_that_of_the_parameters(result):
     claim = "the parameters converge in all simulations"
-    finding, found = judged(result, claim)
-    assert found is NEAR and "in 6 of 12 runs" in finding
+    finding, fares = judged(result, claim)
+    assert fares is NEAR and "in 6 of 12 runs" in finding
     assert "tr F = 2: at most" in finding and "tr F = 200: they drift away" in finding
     for gap, wanted in ((0.0, YES), (0.1, NO)):
         moved = tuple(
@@ -175,18 +175,18 @@ def test_adaptive_is_better_overall_only_with_every_servo(result, ahead, wanted)
         replace(row, mean_um=1.0 if row.truth in names else 1e4) for row in result.adaptive
     )
     claim = "the adaptive controller performs better overall"
-    finding, found = judged(replace(result, adaptive=rows), claim)
-    assert found is wanted and f"better for {len(ahead)} of 3 servos" in finding
+    finding, fares = judged(replace(result, adaptive=rows), claim)
+    assert fares is wanted and f"better for {len(ahead)} of 3 servos" in finding
     assert judged(result, claim)[1] is NO
 
 
 def test_verdicts_follow_the_numbers(result):
-    found = tuple(claims(result))
-    assert len(found) == 15
-    by_claim = {(claim.item, claim.claim): claim.verdict for claim in found}
+    judged_all = tuple(claims(result))
+    assert len(judged_all) == 15
+    by_claim = {(claim.item, claim.claim): claim.verdict for claim in judged_all}
     assert by_claim["(6), (16), (17)", "models of a servo with the pole 567 rad/s"] is NO
     assert by_claim["(6), (16), (17)", "models of a servo with the pole 567.5 rad/s"] is NEAR
-    assert found[4].verdict is YES and found[5].verdict is NEAR
+    assert judged_all[4].verdict is YES and judged_all[5].verdict is NEAR
     assert judged(result, "the trace of F stays constant")[1] is NO
     kept = tuple(replace(row, final_trace=row.trace) for row in result.adaptive)
     other = {c.claim: c.verdict for c in claims(replace(result, adaptive=kept))}
@@ -209,8 +209,8 @@ def with_best_at(rows, time):
 
 def test_a_best_integral_time_is_one_between_for_every_servo(result):
     """Without friction and with the exact model no integrator is the best."""
-    finding, found = judged(result, SHAPE)
-    assert found is NEAR and "friction of 0 A: 3 of 4 servos, not exact" in finding
+    finding, fares = judged(result, SHAPE)
+    assert fares is NEAR and "friction of 0 A: 3 of 4 servos, not exact" in finding
     assert "6 A: 4 of 4" in finding
     rows = with_best_at(result.integral, 0.01)
     assert judged(replace(result, integral=rows), SHAPE)[1] is YES
@@ -219,8 +219,8 @@ def test_a_best_integral_time_is_one_between_for_every_servo(result):
 
 
 def test_the_printed_integral_time_is_the_best_with_much_friction(result):
-    finding, found = judged(result, BEST)
-    assert found is NEAR and finding.count("0.05 s") >= 3
+    finding, fares = judged(result, BEST)
+    assert fares is NEAR and finding.count("0.05 s") >= 3
     rows = with_best_at(result.integral, 0.05)
     assert judged(replace(result, integral=rows), BEST)[1] is YES
     rows = with_best_at(result.integral, 0.2)

@@ -47,14 +47,14 @@ def test_friction_holds_and_slides(axis):
 def test_a_record_of_the_excitation_shows_the_machine(axis):
     """The mode, the friction, and an interval that a tuned loop may trust."""
     _, dt, axes = machine(0)
-    found = identify_machine(recorded(axes, dt, 0), 3, 4)
-    one = found.axes[0]
+    identified = identify_machine(recorded(axes, dt, 0), 3, 4)
+    one = identified.axes[0]
     assert one.friction is not None
     assert one.friction[0] == pytest.approx(60.0 / 35.0, rel=0.02)
     rates = np.log(one.fit.model.poles[np.imag(one.fit.model.poles) > 0]) / dt
     assert np.abs(rates) / (2 * np.pi) == pytest.approx(55.0, rel=0.01)
-    doubt = machine_fields(found, "two masses", "A")["uncertainty"]["response"]
-    hertz, stated = np.array(doubt["hertz"]), np.array(doubt["relative"])[0]
+    uncertainty = machine_fields(identified, "two masses", "A")["uncertainty"]["response"]
+    hertz, stated = np.array(uncertainty["hertz"]), np.array(uncertainty["relative"])[0]
     inside = (hertz > 2) & (hertz < 200)
     off = response(axis, dt, 2 * np.pi * hertz * dt) / one.fit.model.response(2 * np.pi * hertz)
     assert np.all(np.abs(off - 1)[inside] <= stated[inside] + 0.01)

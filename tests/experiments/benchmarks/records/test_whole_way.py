@@ -15,9 +15,9 @@ def test_machines_that_are_kept_are_not_run_again(monkeypatch, tmp_path, capsys)
     monkeypatch.setattr(whole_way, "way_of", lambda *_: next(waiting))
     monkeypatch.setattr(whole_way.jax, "clear_caches", lambda: None)  # other tests need them
     flags = Bench(what="whole_way", seeds=2, first_seed=3, keep=tmp_path / "ways.csv")
-    told = []
-    before = measured(flags, told.append).machines
-    assert str(measured(flags, told.append).machines) == str(before) and len(told) == 2
+    lines = []
+    before = measured(flags, lines.append).machines
+    assert str(measured(flags, lines.append).machines) == str(before) and len(lines) == 2
     show(console_of(), tables(whole_way.WholeWayBench(before)))
     assert "1 of 2 end in USE, 0 of these fail" in capsys.readouterr().out
 
