@@ -18,7 +18,7 @@ Result = TypeVar("Result")
 
 
 class _Answer(NamedTuple):
-    """What a process has found, and what it would have warned of."""
+    """Result of a process, and what it would have warned of."""
 
     result: Any
     warned: list[str]
@@ -63,12 +63,12 @@ class Beside:
         answer = self._exchange.submit(self._answer, task)
 
         def result() -> Result:
-            found = answer.result()
-            if found is None:
+            outcome = answer.result()
+            if outcome is None:
                 return function(*arguments)
-            for message in found.warned:
+            for message in outcome.warned:
                 warnings.warn(message, stacklevel=2)
-            return found.result
+            return outcome.result
 
         return result
 
@@ -95,8 +95,8 @@ def _work(modules: list[str], tasks: BinaryIO, answers: BinaryIO) -> None:
             return
         with warnings.catch_warnings(record=True) as warned:
             result = function(*arguments)
-        told = [str(one.message) for one in warned if one.category is UserWarning]
-        answers.write(pickle.dumps((result, told)))
+        warnings_raised = [str(one.message) for one in warned if one.category is UserWarning]
+        answers.write(pickle.dumps((result, warnings_raised)))
         answers.flush()
 
 

@@ -103,7 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _told(message, category, filename, lineno, file=None, line=None) -> None:
-    """Tell a warning as every message of the program is told; those of others stay as they are."""
+    """Print a warning of the program as a message; those of others stay as they are."""
     if category is UserWarning:
         said = " ".join(str(message).split())
         if said.startswith("Error reading persistent compilation cache"):  # cut off by `kill -9`

@@ -87,8 +87,8 @@ def hardware() -> Hardware:
 
     load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else UNKNOWN
     devices = jax.devices()
-    found = {name: run_folder.version_of(name) for name in PACKAGES}
-    named = [f"{name} {version}" for name, version in found.items() if version]
+    versions = {name: run_folder.version_of(name) for name in PACKAGES}
+    named = [f"{name} {version}" for name, version in versions.items() if version]
     return Hardware(
         cpu=f"{_processor()}, {os.cpu_count()} cores",
         devices=f"{len(devices)} x {devices[0].device_kind} ({devices[0].platform})",

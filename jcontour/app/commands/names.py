@@ -30,12 +30,12 @@ def run() -> dict[str, dict[str, str]]:
 
 def command(flags: Listing) -> int:
     """The whole command: list, exit code."""
-    found = run()
+    named = run()
     if flags.json:
-        print(run_folder.json_text(found))
+        print(run_folder.json_text(named))
         return 0
     console = console_of()
-    for kind, entries in found.items():
+    for kind, entries in named.items():
         console.print(
             plain_table(
                 HEADINGS.get(kind, kind.capitalize()),

@@ -26,11 +26,11 @@ from jcontour.app.flags.shared import Common
 def experiments_found() -> dict[str, str]:
     """Name and first docstring line of every experiment module, read without importing them."""
     papers = in_checkout("reproduce", "experiments.papers")
-    found = {}
+    described = {}
     for path in sorted(Path(papers.__path__[0]).glob("*/experiment.py")):
         text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-        found[path.parent.name.replace("_", "-")] = text.partition("\n")[0]
-    return found
+        described[path.parent.name.replace("_", "-")] = text.partition("\n")[0]
+    return described
 
 
 def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], int]]:

@@ -16,7 +16,7 @@ class Report(Common):
     """Write one page of stored runs for a browser, and compare runs of one command.
 
     The page has everything inside and loads nothing. Of several runs of `tune`, or of `simulate`
-    and `audit`, it is told what differs, and which has the least of every number.
+    and `audit`, it says what differs, and which has the least of every number.
     """
 
     runs: Positional[tuple[Path, ...]] = ()

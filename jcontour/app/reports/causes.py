@@ -16,12 +16,12 @@ ALIKE = 0.02  # relative, of two lags
 SLOW = 1e-3  # [s] of a lag that a position gain makes
 
 
-def told(found: Shares, axes: tuple[str, ...]) -> list[CauseShare]:
+def cause_shares(shares: Shares, axes: tuple[str, ...]) -> list[CauseShare]:
     """Every cause with its share, in words."""
     rows = []
-    for cause, rms, peak in zip(found.causes, found.rms, found.peak, strict=True):
+    for cause, rms, peak in zip(shares.causes, shares.rms, shares.peak, strict=True):
         axis = "" if cause.axis is None else axes[cause.axis]
-        text, remedy = _words(cause, axis, found, axes)
+        text, remedy = _words(cause, axis, shares, axes)
         row = CauseShare(
             kind=cause.kind, axis=axis, rms=float(rms), peak=float(peak), text=text, remedy=remedy
         )
@@ -29,11 +29,11 @@ def told(found: Shares, axes: tuple[str, ...]) -> list[CauseShare]:
     return rows
 
 
-def _words(cause: Cause, axis: str, found: Shares, axes: tuple[str, ...]) -> tuple[str, str]:
+def _words(cause: Cause, axis: str, shares: Shares, axes: tuple[str, ...]) -> tuple[str, str]:
     um, ms = 1e6 * cause.size, 1e3 * cause.lasts
     match cause.kind:
         case "lag":
-            return _lag(found.lags, axes)
+            return _lag(shares.lags, axes)
         case "scale":
             each = f"{digits(100 * cause.size)} %"
             return f"scale and zero of {axis}: it goes {each} farther than asked", (

@@ -28,7 +28,7 @@ from jcontour.app.reports.tables import (
 from tuning.objectives import COUNT_NOISE, LATE, RATIO
 
 SEEN, HELD_OUT = "training", "held out"
-STEP = 1.1  # of a limit, whose worth is told
+STEP = 1.1  # of a limit, whose worth is shown
 EFFORT = ("peak_{error}_error", "rms_tracking_error", "rms_control", "rms_increment")
 
 
@@ -269,7 +269,7 @@ def _delay(margins: PathMargins) -> str:
     return f"{margins.delay_samples}{more} extra samples"
 
 
-TOLD = 0.01  # of the cycle time, that the planner may leave to gain without a word
+TO_GAIN = 0.01  # of the cycle time, that the planner may leave to gain without a word
 
 
 def show_simulated(result: SimulatedResult, console: Console) -> None:
@@ -316,7 +316,7 @@ def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
         *peaks,
     ]
     left = motion.gap / motion.cycle_time
-    if left > TOLD:
+    if left > TO_GAIN:
         rows.insert(1, ["NOT THE QUICKEST, by about", f"{100 * left:.1f} %"])
     return plain_table("Motion that the machine is asked for (motion.png)", ["", ""], rows)
 

@@ -134,11 +134,11 @@ def table_of(
     columns: Mapping[str, Callable[[Row], str | float | None]],
     text_columns: int = 1,
 ) -> Table:
-    """A table of things: under each heading what is told of one; numbers in four digits."""
+    """A table of things: under each heading what is said of one; numbers in four digits."""
     cells = []
     for row in rows:
-        told = [tell(row) for tell in columns.values()]
-        cells.append([one if isinstance(one, str) else digits(one) for one in told])
+        values = [tell(row) for tell in columns.values()]
+        cells.append([one if isinstance(one, str) else digits(one) for one in values])
     return plain_table(title, list(columns), cells, text_columns)
 
 
@@ -156,7 +156,7 @@ def metric_cells(metrics: RunMetrics, error: str) -> list[str]:
 
 
 def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
-    """Summary of a contour as it was read, in one line, then its stops and each doubt."""
+    """Summary of a contour in one line, then its stops and what may be meant otherwise."""
     box = ", ".join(
         f"{axis} {_millimetres(low)} ... {_millimetres(high)}"
         for axis, low, high in zip(axes, read.low, read.high, strict=True)

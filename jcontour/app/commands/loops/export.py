@@ -36,7 +36,7 @@ from jcontour.sensors import row
 from jcontour.simulation.closed_loop import simulate
 
 ALIKE = 1e-8  # of the largest control: sums in another order differ by less, a limit by more
-ROUNDED = 1e-3  # of the largest control: rounding that is told as a warning
+ROUNDED = 1e-3  # of the largest control: rounding that gives a warning
 LOOKED_AT = 400  # samples on which the Python code is run: a millisecond or two each
 SMALLEST = 1e-7  # [m] of a count, where a machine states none
 LOOSE = (
@@ -327,9 +327,9 @@ def _margins(folder: Path) -> tuple[list[str], list[str]]:
     margins = tuned.margins
     gains = "; ".join(f"{low:.3g} to {high:.3g}" for low, high in margins.gain_range)
     peak = "" if margins.sensitivity is None else f", Ms {margins.sensitivity:.3g} in the family"
-    told = f"Margins: gain {gains}, delay {margins.delay_samples} samples{peak}."
+    line = f"Margins: gain {gains}, delay {margins.delay_samples} samples{peak}."
     against = [] if tuned.verdict.usable else [f"the run ended with {tuned.verdict.heading}"]
-    return [told], against
+    return [line], against
 
 
 def show_exported(result: ExportedResult, console: Console) -> None:

@@ -52,7 +52,7 @@ def axes_of(plant: str) -> int:
     if Path(plant).suffix == ".json":
         try:
             axes = json.loads(Path(plant).read_text()).get("axes")
-        except (OSError, ValueError, AttributeError):  # told below
+        except (OSError, ValueError, AttributeError):  # handled below
             axes = None
         if isinstance(axes, list) and axes:
             return len(axes)
@@ -188,8 +188,8 @@ def _around(centre: Sequence[float], degrees: float) -> str:
 
 
 def _count(moves: int, ignored: Sequence[str]) -> str:
-    told = f"; ignored: {', '.join(ignored)}" if ignored else ""
-    return f"{moves} move{'' if moves == 1 else 's'}{told}"
+    left_out = f"; ignored: {', '.join(ignored)}" if ignored else ""
+    return f"{moves} move{'' if moves == 1 else 's'}{left_out}"
 
 
 def _kind(move: Move) -> str:

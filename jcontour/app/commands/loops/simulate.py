@@ -62,7 +62,7 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
     The status shows what is being done, and how long it will take.
     """
     machine = machine_named(flags.plant)
-    # the part comes before the design: a fault in line 1 of a program is told at once
+    # the part comes before the design: a fault in line 1 of a program stops at once
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
     plants = len(machine.family_names)
     with Beside(image.__module__) as process:

@@ -14,7 +14,7 @@ from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.flags.machines import Audit
 from jcontour.app.jobs.replays import Replay, Scenarios
-from jcontour.app.reports.causes import audit_answer, show_causes, told
+from jcontour.app.reports.causes import audit_answer, cause_shares, show_causes
 from jcontour.app.reports.figures.contours import ContourRuns, DrawnRun, figures_of
 from jcontour.app.reports.figures.loops import causes_figure
 from jcontour.app.reports.figures.png import save_figure
@@ -44,7 +44,9 @@ def command(flags: Audit) -> int:
         np.array([resolution_of(one) for one in signal.T]) for signal in (run.tool, run.command)
     )
     scored = np.asarray(run.reference.mask)
-    found = shares(run.command, run.tool, log.dt, np.hypot(of_tool, of_command), run.error, scored)
+    explained = shares(
+        run.command, run.tool, log.dt, np.hypot(of_tool, of_command), run.error, scored
+    )
     unknown = cast(Plant, None)
     references = jax.tree.map(lambda leaf: leaf[None], run.reference)
     scenarios = Scenarios((run.job,), (False,), (MEASURED,), references, unknown)
@@ -65,8 +67,8 @@ def command(flags: Audit) -> int:
         verdict=Verdict.of([], passed="MEASURED"),
         sample_period=log.dt,
         words=[*log.words, *run.words],
-        lags=found.lags.tolist(),
-        causes=told(found, flags.axes),
+        lags=explained.lags.tolist(),
+        causes=cause_shares(explained, flags.axes),
     )
     folder = run_folder.create(
         flags.out or run_folder.default_folder("audit"), "audit", flags, [flags.data]
@@ -76,7 +78,7 @@ def command(flags: Audit) -> int:
     drawn = DrawnRun(MEASURED, flags.data.name, run.tool, run.command, error)
     time = log.dt * np.arange(len(run.tool))
     runs = ContourRuns(run.job.name, time, scored, run.command, flags.axes, "m", ((drawn,),))
-    figures = figures_of(runs) | {"causes": causes_figure(runs, found, result.causes)}
+    figures = figures_of(runs) | {"causes": causes_figure(runs, explained, result.causes)}
     for name, figure in figures.items():
         save_figure(figure, folder / f"{name}.png")
     write_result(folder, result)

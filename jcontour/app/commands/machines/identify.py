@@ -66,13 +66,13 @@ def command(flags: Identify) -> int:
     else:
         log, source = log_of(flags), str(flags.data)
     record = MachineRecord(log.dt, flags.axes, log.command, log.position)
-    found = identify_machine(record, flags.most_order, flags.most_delay)
+    machine = identify_machine(record, flags.most_order, flags.most_delay)
     name = "identified" if flags.data is None else flags.data.stem
-    text = run_folder.json_text(_fields(found, name, flags.control_unit)) + "\n"
+    text = run_folder.json_text(_fields(machine, name, flags.control_unit)) + "\n"
     try:  # what the other commands would refuse is not written
         machine_from(text.encode(), name)
     except MachineError as error:
-        questions = [] if any(log.angles) else _tiny(flags, found)
+        questions = [] if any(log.angles) else _tiny(flags, machine)
         raise ValueError(
             f"no controller could be tuned for what fits the record ({error}): record a livelier "
             "program: jcontour identify --excite" + "".join(f". {line}" for line in questions)
@@ -83,8 +83,8 @@ def command(flags: Identify) -> int:
         flags,
         [] if flags.data is None else [flags.data],
     )
-    _store(flags, log, found, text, folder)
-    result = _result(flags, log, source, found)
+    _store(flags, log, machine, text, folder)
+    result = _result(flags, log, source, machine)
     write_result(folder, result)
     path = folder / MODEL
     quoted = shlex.quote(str(path))
@@ -112,13 +112,13 @@ def axis_words(one: LinearAxisResult, control_unit: str) -> str:
     )
 
 
-def _fields(found: IdentifiedMachine, name: str, control_unit: str) -> dict[str, Any]:
+def _fields(machine: IdentifiedMachine, name: str, control_unit: str) -> dict[str, Any]:
     """Fields of the machine file; of one axis it has a copy, as a contour needs two."""
-    if len(found.axes) > 1:
-        return machine_fields(found, name, control_unit)
-    axis = found.axes[0].name
+    if len(machine.axes) > 1:
+        return machine_fields(machine, name, control_unit)
+    axis = machine.axes[0].name
     note = f"{_other(axis)} was not measured: it is a copy of {axis}"
-    fields = machine_fields(found.twice(_other(axis)), name, control_unit)
+    fields = machine_fields(machine.twice(_other(axis)), name, control_unit)
     return fields | {"note": "; ".join([note, *filter(None, [fields.get("note")])])}
 
 
@@ -185,22 +185,22 @@ def _simulated(seed: int) -> tuple[Log, str]:
 
 
 def _result(
-    flags: Identify, log: Log, source: str, found: IdentifiedMachine
+    flags: Identify, log: Log, source: str, machine: IdentifiedMachine
 ) -> LinearMachineResult:
-    axes = [axis_result(one) for one in found.axes]
-    limits = largest(found)
-    encoders = f"Encoders: counts of {of_axes(counts(found), flags.axes)}"
-    if noise := noises(found):
+    axes = [axis_result(one) for one in machine.axes]
+    limits = largest(machine)
+    encoders = f"Encoders: counts of {of_axes(counts(machine), flags.axes)}"
+    if noise := noises(machine):
         encoders += f"; noise beside them of {of_axes(noise, flags.axes)} RMS"
-    coarse = coarse_counts(found.record.axes, np.array([one.resolution for one in found.axes]))
+    coarse = coarse_counts(machine.record.axes, np.array([one.resolution for one in machine.axes]))
     named = "If so, name the columns as x_position_um, or give --length-unit um"
     lengths = _questions(flags, axes, limits)
     lengths += [f"{line} {named}" for line in coarse]
-    lengths += _tiny(flags, found)
+    lengths += _tiny(flags, machine)
     masses = []
     if flags.force_constant is not None:
-        turns = log.angles or (False,) * len(found.axes)
-        each = zip(found.axes, turns, strict=True)
+        turns = log.angles or (False,) * len(machine.axes)
+        each = zip(machine.axes, turns, strict=True)
         masses = [mass_words(one, flags.force_constant, rotary) for one, rotary in each]
     copied = []
     if len(flags.axes) == 1:
@@ -217,14 +217,14 @@ def _result(
         control_unit=flags.control_unit,
         axes=axes,
         limits=limits,
-        gain=found.gain,
-        delay=found.late,
+        gain=machine.gain,
+        delay=machine.late,
         notes=[
             *_period(log.dt),
             *([] if any(log.angles) else lengths),
             *copied,
             *masses,
-            *found.notes,
+            *machine.notes,
         ],
         model=MODEL,
     )
@@ -255,19 +255,19 @@ def _questions(
     return lines
 
 
-def _tiny(flags: Identify, found: IdentifiedMachine) -> list[str]:
+def _tiny(flags: Identify, machine: IdentifiedMachine) -> list[str]:
     """One line for each axis that hardly moves, on an encoder as fine as none: m taken for mm."""
-    moved = np.ptp(found.record.position, axis=0)
+    moved = np.ptp(machine.record.position, axis=0)
     return [
         f"{one.name}: moves by {1e3 * way:.3g} mm in all, by counts of "
         f"{1e9 * one.resolution:.3g} nm; are the positions in {flags.length_unit}? If not, give "
         "--length-unit"
-        for one, way in zip(found.axes, moved, strict=True)
+        for one, way in zip(machine.axes, moved, strict=True)
         if way < TINY and one.resolution < FINE
     ]
 
 
-def _store(flags: Identify, log: Log, found: IdentifiedMachine, text: str, folder: Path) -> None:
+def _store(flags: Identify, log: Log, machine: IdentifiedMachine, text: str, folder: Path) -> None:
     from jcontour.app.reports.figures.identification import figures
     from jcontour.app.reports.figures.png import save_figures
 
@@ -284,7 +284,7 @@ def _store(flags: Identify, log: Log, found: IdentifiedMachine, text: str, folde
                 temporary, rows, "%.10g", ",", header=",".join(heads), comments=""
             ),
         )
-    save_figures(figures(flags.control_unit), found, folder)
+    save_figures(figures(flags.control_unit), machine, folder)
 
 
 def show(result: LinearMachineResult, console: Console) -> None:

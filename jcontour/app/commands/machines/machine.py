@@ -54,10 +54,10 @@ def command(flags: Flags) -> int:
 def _built(flags: Flags) -> tuple[MachineResult, Machine, Path]:
     """Write the file that the flags describe, and draw it."""
     path = _new("out", flags.out or Path(flags.name))
-    found = built_machine(flags)
-    text = run_folder.json_text(found.fields) + "\n"
+    built = built_machine(flags)
+    text = run_folder.json_text(built.fields) + "\n"
     machine = machine_from(text.encode(), flags.name)
-    return _written(machine, text, path, found.words, found.warnings)
+    return _written(machine, text, path, built.words, built.warnings)
 
 
 def _example(flags: Flags, given: Path) -> tuple[MachineResult, Machine, Path]:
@@ -113,7 +113,7 @@ def _result(
     axes = axis_behaviours(machine)
     # Limits of the axes in words, one number where all axes have the same
     limits, unit = machine.limits, machine.control_unit
-    told = [
+    stated = [
         f"{quantity} {_each(scale * limit)} {shown}"
         for quantity, limit, scale, shown in (
             ("speed", limits.speed, 1e3, "mm/s"),
@@ -130,7 +130,7 @@ def _result(
         figure=str(picture),
         control_unit=machine.control_unit,
         period=machine.model.dt,
-        description=machine.description() | {"Limits": ("; ".join(told) or "none is stated")},
+        description=machine.description() | {"Limits": ("; ".join(stated) or "none is stated")},
         family=list(machine.family_names),
         words=words,
         axes=[
@@ -151,19 +151,19 @@ def _result(
 
 def _each(values: np.ndarray) -> str:
     """Numbers of all axes, one where all are the same."""
-    told = [f"{one:.4g}" for one in values]
-    return ", ".join(told[:1] if len(set(told)) == 1 else told)
+    texts = [f"{one:.4g}" for one in values]
+    return ", ".join(texts[:1] if len(set(texts)) == 1 else texts)
 
 
 def _draw(machine: Machine, path: Path) -> None:
     # Speed after a step of the control; magnitude and phase from control to position
-    found = axis_behaviours(machine)
+    behaviours = axis_behaviours(machine)
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     panels = figure.subplot_mosaic([["step", "size"], ["step", "phase"]])
     step, size, phase = panels["step"], panels["size"], panels["phase"]
     dt, unit = machine.model.dt, machine.control_unit
     frequency = np.geomspace(1e-3 / dt, 0.499 / dt, POINTS)
-    for k, one in enumerate(found):
+    for k, one in enumerate(behaviours):
         colour = CYCLE[k % len(CYCLE)]
         rise = one.rise if np.isfinite(one.rise) and one.rise > 0 else 100 * dt
         last = min(int((SHOWN * rise) / dt) + one.delay + 3, len(one.step) - 2)
@@ -173,7 +173,7 @@ def _draw(machine: Machine, path: Path) -> None:
         values = response(machine.model, k, frequency)
         size.plot(frequency, 1e3 * np.abs(values), color=colour)
         phase.plot(frequency, np.degrees(np.unwrap(np.angle(values))), color=colour)
-    what = "position [mm]" if all(one.kind == "position" for one in found) else "speed [mm/s]"
+    what = "position [mm]" if all(one.kind == "position" for one in behaviours) else "speed [mm/s]"
     grid(step, f"{machine.name}: after a step of one {unit}", "time [ms]", what)
     size.set(xscale="log", yscale="log")
     phase.set(xscale="log")
@@ -185,10 +185,10 @@ def _draw(machine: Machine, path: Path) -> None:
     save_figure(figure, path)
 
 
-def show(found: MachineResult, console: Console) -> None:
+def show(result: MachineResult, console: Console) -> None:
     """What the machine is, axis by axis."""
-    lines = [f"{heading:<11} {words}" for heading, words in found.description.items()]
-    tables.say(console, *lines, f"{'Family':<11} {'; '.join(found.family)}", *found.words)
+    lines = [f"{heading:<11} {words}" for heading, words in result.description.items()]
+    tables.say(console, *lines, f"{'Family':<11} {'; '.join(result.family)}", *result.words)
     columns: dict[str, Callable[[AxisSummary], str | float]] = {
         "axis": lambda axis: axis.name,
         "settles to": lambda axis: axis.kind,
@@ -198,16 +198,16 @@ def show(found: MachineResult, console: Console) -> None:
         "most m/s^2": lambda axis: axis.acceleration,
         "resonance Hz": lambda axis: axis.resonance,
     }
-    title = f"One {found.control_unit} on each axis by itself"
-    console.print(tables.table_of(title, found.axes, columns, text_columns=3))
-    tables.say(console, *(f"WARNING: {line}" for line in found.warnings))
+    title = f"One {result.control_unit} on each axis by itself"
+    console.print(tables.table_of(title, result.axes, columns, text_columns=3))
+    tables.say(console, *(f"WARNING: {line}" for line in result.warnings))
 
 
-def _next(found: MachineResult, path: Path, built: bool) -> list[str]:
-    name = path if built or path.suffix else found.name
-    sound = "The file can be read, but look at the warnings." if found.warnings else SOUND
+def _next(result: MachineResult, path: Path, built: bool) -> list[str]:
+    name = path if built or path.suffix else result.name
+    sound = "The file can be read, but look at the warnings." if result.warnings else SOUND
     return [
-        f"Drawn: {found.figure}",
+        f"Drawn: {result.figure}",
         f"Written: {path}" if built else sound,
         f"Next: jcontour tune --plant {shlex.quote(str(name))}",
     ]

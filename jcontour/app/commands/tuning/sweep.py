@@ -31,7 +31,7 @@ def command(flags: Sweep) -> int:
         dataset, picks = judged(asked, found_along(asked, folder))
         names, error = list(asked.values), asked.machine.error
         save_dataset(dataset, folder / "sweep.nc")
-        figures = {"sweep": lambda found: sweep_figure(found, names, error)}
+        figures = {"sweep": lambda best: sweep_figure(best, names, error)}
         save_figures(figures, dataset, folder)
         diverged, within = worst_errors(dataset, error)[1], int(dataset.within_limits.values.sum())
         result = SweepResult(diverged.size, int(diverged.sum()), within, picks)

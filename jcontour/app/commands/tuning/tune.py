@@ -58,12 +58,12 @@ FIRST = 3  # of many contours, that are named before the tuning
 def command(flags: Tune) -> int:
     """The whole command: tune, print, exit code."""
     try:
-        found, folder = run(flags, tables.console_of(quiet=flags.json or not flags.details))
+        result, folder = run(flags, tables.console_of(quiet=flags.json or not flags.details))
     except RuntimeError as error:
         print(f"jcontour: {error}", file=sys.stderr)
         return 1
-    answer = [*tuned_answer(found), *next_steps(found, folder)]
-    return finished(folder, found, flags, show_tuned, answer, found.verdict)
+    answer = [*tuned_answer(result), *next_steps(result, folder)]
+    return finished(folder, result, flags, show_tuned, answer, result.verdict)
 
 
 def run(flags: Tune, console: Console) -> tuple[TunedResult, Path]:
@@ -84,8 +84,8 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     with Beside(tried.__module__) as process:
         start = start_trial(run, process)
         loops = [] if is_chosen(run.flags) else simple_loops(run)
-        found = _chosen(run, loops, folder, console)
-        asked, run, tuned = run, found.run, found.tuned
+        chosen = _chosen(run, loops, folder, console)
+        asked, run, tuned = run, chosen.run, chosen.tuned
         trials = {"start": start(), "tuned": trial_of(run, tuned)}
         baseline = baseline_trial(asked, trials["start"], loops)
         with drawn_beside(figures(run, trials, folder)):
@@ -103,14 +103,14 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
             in_engine = confirmed(run, tuned, trials["tuned"].replay)
     if baseline is not None:
         trials["baseline"] = baseline
-    told = tuned_result(found, trials, robust, in_engine, loops, time.perf_counter() - began)
+    result = tuned_result(chosen, trials, robust, in_engine, loops, time.perf_counter() - began)
     # Write the points that were tried, and at last the result
     points = history_of(run, tuned)
     run_folder.write_json(folder / "history.json", to_json(points))
     history = history_figure(points, run.flags.objective, run.machine.error)
     save_figure(history, folder / "history.png")
-    write_result(folder, told)
-    return told
+    write_result(folder, result)
+    return result
 
 
 def _chosen(
@@ -127,9 +127,9 @@ def _chosen(
     if best is None:
         return _descended(run, folder, console)
     try:
-        found = _descended(run, folder, console)
+        descended = _descended(run, folder, console)
     except RuntimeError:
-        found = None
+        descended = None
 
     def search(simple: TuningRun) -> Searched | None:
         place = folder / SIMPLE
@@ -139,7 +139,7 @@ def _chosen(
         except RuntimeError:
             return None
 
-    chosen = simplest(best, found, search)
+    chosen = simplest(best, descended, search)
     if chosen is None:
         return _descended(run, folder, console)  # tells why
     if (name := chosen.run.design.name) != run.design.name:
@@ -231,14 +231,14 @@ def figures(run: TuningRun, trials: Mapping[str, Trial], folder: Path) -> dict[P
     return {folder / f"{name}.png": figure for name, figure in made.items()}
 
 
-def next_steps(found: TunedResult, folder: Path) -> list[Entry]:
+def next_steps(result: TunedResult, folder: Path) -> list[Entry]:
     """What to load, and the next step with a tuned run; none where it is not to be used."""
-    if not found.verdict.usable:
+    if not result.verdict.usable:
         return []
-    entries = [Entry("Load", ", ".join(str(folder / name) for name in found.files))]
-    if found.terminal is not None:
+    entries = [Entry("Load", ", ".join(str(folder / name) for name in result.files))]
+    if result.terminal is not None:
         entries.append(Entry("Next", f"jcontour check {folder} --bound"))
-    elif found.limitable:
+    elif result.limitable:
         entries.append(Entry("Next", f"jcontour check {folder}"))
     else:
         entries.append(Entry("Next", f"jcontour rank{ranked_words(folder)}"))

@@ -24,12 +24,12 @@ SHOWN = 4000  # samples of the prediction: more is a solid block
 WIDTH, HEIGHT = 4.6, 3.4  # of one axes [inch]
 
 
-def prediction(found: IdentifiedMachine) -> Figure:
+def prediction(machine: IdentifiedMachine) -> Figure:
     """Position on data that the model was not fitted to, simulated from the command alone."""
-    figure, panels = _panels(found, 2)
-    cut, dt = int(TRAINING * len(found.record.position)), found.record.dt
+    figure, panels = _panels(machine, 2)
+    cut, dt = int(TRAINING * len(machine.record.position)), machine.record.dt
     for (above, below), axis, measured in zip(
-        panels, found.axes, found.record.position.T, strict=True
+        panels, machine.axes, machine.record.position.T, strict=True
     ):
         rest = measured[cut:]
         some = slice(0, min(SHOWN, len(rest)))
@@ -45,10 +45,10 @@ def prediction(found: IdentifiedMachine) -> Figure:
     return figure
 
 
-def bode(found: IdentifiedMachine, control_unit: str) -> Figure:
+def bode(machine: IdentifiedMachine, control_unit: str) -> Figure:
     """Frequency response with its 95 % interval; grey where it is wider than 10 %."""
-    figure, panels = _panels(found, 2)
-    for (magnitude, phase), axis in zip(panels, found.axes, strict=True):
+    figure, panels = _panels(machine, 2)
+    for (magnitude, phase), axis in zip(panels, machine.axes, strict=True):
         response = axis.response
         half = np.minimum(response.half_width, 3.0)
         size = 1e3 * np.abs(response.value)
@@ -75,10 +75,10 @@ def bode(found: IdentifiedMachine, control_unit: str) -> Figure:
     return figure
 
 
-def whiteness(found: IdentifiedMachine) -> Figure:
+def whiteness(machine: IdentifiedMachine) -> Figure:
     """Correlation of neighbouring errors, inside the band if only noise is left."""
-    figure, panels = _panels(found, 1)
-    for (white,), axis in zip(panels, found.axes, strict=True):
+    figure, panels = _panels(machine, 1)
+    for (white,), axis in zip(panels, machine.axes, strict=True):
         values = validation.correlations(axis.fit)
         band = 1.96 / np.sqrt(len(axis.fit.errors))
         white.axhspan(-band, band, color="0.85")
@@ -89,8 +89,8 @@ def whiteness(found: IdentifiedMachine) -> Figure:
     return figure
 
 
-def _panels(found: IdentifiedMachine, rows: int) -> tuple[Figure, list]:
-    count = len(found.axes)
+def _panels(machine: IdentifiedMachine, rows: int) -> tuple[Figure, list]:
+    count = len(machine.axes)
     figure = Figure(figsize=(WIDTH * count, HEIGHT * rows), layout="constrained")
     return figure, list(figure.subplots(rows, count, squeeze=False).T)
 
@@ -99,7 +99,7 @@ def figures(control_unit: str) -> dict[str, Callable[[IdentifiedMachine], Figure
     """Figures by name, with the unit of the commands."""
     return {
         "prediction": prediction,
-        "bode": lambda found: bode(found, control_unit),
+        "bode": lambda machine: bode(machine, control_unit),
         "residuals": whiteness,
     }
 

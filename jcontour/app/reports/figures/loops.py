@@ -129,15 +129,15 @@ def learning(result: LearnedResult) -> Figure:
     return figure
 
 
-def causes_figure(runs: ContourRuns, found: Shares, causes: Sequence[CauseShare]) -> Figure:
+def causes_figure(runs: ContourRuns, shares: Shares, causes: Sequence[CauseShare]) -> Figure:
     """The error, below it the part that each of the largest causes has, and what is unexplained."""
     rows = [*range(min(SHOWN, len(causes) - 1)), len(causes) - 1]
     figure = Figure(figsize=(9.0, 2.0 + 1.5 * len(rows)), layout="constrained")
     above, *panels = figure.subplots(1 + len(rows), 1, sharex=True)
-    draw_curve(above, runs.time, runs.shown(1e6 * found.along.sum(axis=0)), DESIRED, 0.8, "error")
+    draw_curve(above, runs.time, runs.shown(1e6 * shares.along.sum(axis=0)), DESIRED, 0.8, "error")
     grid(above, f"{short(runs.name)}: measured error and its causes", "", "error [um]")
     for row, axes, colour in zip(rows, panels, CYCLE, strict=False):
-        part = runs.shown(1e6 * found.along[row])
+        part = runs.shown(1e6 * shares.along[row])
         draw_curve(axes, runs.time, part, colour, 0.8, causes[row].text)
         grid(axes, causes[row].text, "", "um")
     panels[-1].set_xlabel("time [s]")

@@ -27,9 +27,9 @@ def worst_errors(
 
     The error of a diverged design is infinite.
     """
-    found = 1e6 * dataset[f"rms_{error}_error"].values.max(axis=(2, 3))
+    errors = 1e6 * dataset[f"rms_{error}_error"].values.max(axis=(2, 3))
     diverged = dataset.diverged.values.astype(bool).any(axis=(2, 3))
-    return np.where(diverged, np.inf, found), diverged
+    return np.where(diverged, np.inf, errors), diverged
 
 
 def sweep_figure(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:

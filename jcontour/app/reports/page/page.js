@@ -70,13 +70,13 @@ function plantsShown() {
 
 // Every line to draw: all plants thin where the family is shown, the nominal one thick.
 function runsShown() {
-  const found = [];
+  const runs = [];
   for (const design of state.shown) {
     for (const plant of plantsShown()) {
-      found.push({ design, plant, colour: colour(design), thick: state.plant >= 0 || plant === 0 });
+      runs.push({ design, plant, colour: colour(design), thick: state.plant >= 0 || plant === 0 });
     }
   }
-  return found.sort((a, b) => Number(a.thick) - Number(b.thick));
+  return runs.sort((a, b) => Number(a.thick) - Number(b.thick));
 }
 
 const abscissa = () => signals(contour())[state.along];
@@ -141,11 +141,11 @@ function drawPart() {
 // --- sensitivity and front
 
 function drawSensitivity() {
-  const found = run().sensitivity;
-  $("sensitivity-figure").hidden = !found;
-  if (!found) return;
-  const x = found.frequency.map(Math.log10);
-  const designs = Object.entries(found.designs).map(([name, packed]) => ({
+  const sensitivity = run().sensitivity;
+  $("sensitivity-figure").hidden = !sensitivity;
+  if (!sensitivity) return;
+  const x = sensitivity.frequency.map(Math.log10);
+  const designs = Object.entries(sensitivity.designs).map(([name, packed]) => ({
     colour: START[name] || COLOURS[2], values: numbers(packed).map(Math.log10) }));
   const plot = frame($("sensitivity"), [x[0], x[x.length - 1]],
     range(designs.map((one) => one.values)), { logx: true, logy: true });
@@ -164,15 +164,15 @@ function drawSensitivity() {
 }
 
 function drawFront() {
-  const found = run().points;
-  $("front-figure").hidden = !found || !found.points.length;
-  if (!found || !found.points.length) return;
-  const x = found.points.map((one) => Math.log10(one.x)), y = found.points.map((one) => Math.log10(one.y));
+  const front = run().points;
+  $("front-figure").hidden = !front || !front.points.length;
+  if (!front || !front.points.length) return;
+  const x = front.points.map((one) => Math.log10(one.x)), y = front.points.map((one) => Math.log10(one.y));
   const plot = frame($("front"), range([x]), range([y]), { logx: true, logy: true });
   views.front = plot && { ...plot, xs: x, ys: y };
   if (!plot) return;
-  found.points.forEach((one, k) => dot(plot, x[k], y[k], one.feasible ? COLOURS[1] : "#999", 3.5, !one.feasible));
-  found.points.forEach((one, k) => { if (one.recommended) mark(plot, x[k], y[k], "recommended"); });
+  front.points.forEach((one, k) => dot(plot, x[k], y[k], one.feasible ? COLOURS[1] : "#999", 3.5, !one.feasible));
+  front.points.forEach((one, k) => { if (one.recommended) mark(plot, x[k], y[k], "recommended"); });
   dot(plot, x[state.point], y[state.point], COLOURS[0], 8, true);
   plot.end();
 }
@@ -182,8 +182,8 @@ function choosePoint(index) {
   $("point").value = String(index);
   const one = run().points.points[index];
   const weights = Object.entries(one.weights).map(([name, value]) => `${name}  ${[value].flat().map(number).join(" ")}`);
-  const told = [`error ${number(one.y)} um, ${run().points.x.split(" [")[0]} ${number(one.x)}${one.feasible ? "" : ", beyond a limit"}`];
-  $("point-weights").textContent = [...told, ...weights].join("\n");
+  const lines = [`error ${number(one.y)} um, ${run().points.x.split(" [")[0]} ${number(one.x)}${one.feasible ? "" : ", beyond a limit"}`];
+  $("point-weights").textContent = [...lines, ...weights].join("\n");
   const design = run().designs.indexOf(one.design);
   if (design >= 0) {
     state.shown = new Set([design]);
@@ -210,7 +210,7 @@ function fill(table, rows, head) {
 function tellCursor() {
   const read = signals(contour()), k = state.cursor, names = run().axes;
   const place = names.map((name, axis) => `${name} ${number(read.reference[k * names.length + axis])}`).join(", ");
-  $("cursor-told").textContent = `${number(read.time[k])} s, ${number(read.arc[k])} mm along, ${place} mm`;
+  $("cursor-value").textContent = `${number(read.time[k])} s, ${number(read.arc[k])} mm along, ${place} mm`;
   const rows = [["weights", "plant", "error um", "feed mm/min", `control ${run().control_unit}`]];
   for (const one of runsShown()) {
     const control = Array.from({ length: run().inputs }, (_, i) => number(column("control", one.design, one.plant, i, run().inputs)[k]));
@@ -328,9 +328,9 @@ function chooseContour(index) {
     $("factor").value = String(Math.round(20 * Math.log10(state.factor)));
     moveCursor(loudest());
     tellMetrics();
-    $("told").textContent = `${contour().samples} samples, ${contour().kept} of them drawn: no peak is left out.`;
+    $("samples-drawn").textContent = `${contour().samples} samples, ${contour().kept} of them drawn: no peak is left out.`;
   } else {
-    $("told").textContent = "The run kept no signals (--rollouts none).";
+    $("samples-drawn").textContent = "The run kept no signals (--rollouts none).";
   }
   draw();
 }
@@ -365,8 +365,8 @@ function draw() { // once a frame, however often it is asked for
 
 function drawNow() {
   waiting = 0;
-  $("factor-told").textContent = number(state.factor);
-  $("zoom-told").textContent = number(state.zoom);
+  $("factor-value").textContent = number(state.factor);
+  $("zoom-value").textContent = number(state.zoom);
   drawFront();
   drawSensitivity();
   if (!run().contours.length) return;

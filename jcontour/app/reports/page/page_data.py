@@ -380,7 +380,7 @@ def write_page(folders: Sequence[Path], path: Path) -> Path:
         "PROGRAM": (HERE / "page.js").read_text(),
     }
     place = re.compile(f"@({'|'.join(parts)})@")
-    text = place.sub(lambda found: parts[found[1]], (HERE / "page.html").read_text())
+    text = place.sub(lambda match: parts[match[1]], (HERE / "page.html").read_text())
     if len(text.encode()) > MOST_BYTES:
         raise run_folder.RunError(
             f"{path}: the page would take {len(text.encode())} bytes; give fewer runs"

@@ -41,22 +41,22 @@ function range(arrays, low = Infinity, high = -Infinity) {
 function ticks(low, high, count) {
   const raw = (high - low) / Math.max(count, 1), power = 10 ** Math.floor(Math.log10(raw));
   const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= raw) || power;
-  const found = [];
-  for (let k = Math.ceil(low / step); k * step <= high; k++) found.push(k * step);
-  return found;
+  const places = [];
+  for (let k = Math.ceil(low / step); k * step <= high; k++) places.push(k * step);
+  return places;
 }
 
 // Logarithms of round numbers.
 function decades(low, high) {
   if (high - low < 1) return ticks(10 ** low, 10 ** high, 4).filter((one) => one > 0).map(Math.log10);
-  const found = [];
+  const places = [];
   for (let k = Math.floor(low); k <= Math.ceil(high); k++) {
     for (const one of high - low < 2 ? [1, 2, 5] : [1]) {
       const value = k + Math.log10(one);
-      if (value >= low && value <= high) found.push(value);
+      if (value >= low && value <= high) places.push(value);
     }
   }
-  return found;
+  return places;
 }
 
 function number(value) {

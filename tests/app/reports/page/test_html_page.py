@@ -72,7 +72,7 @@ def test_text_of_the_user_is_no_markup(page, nasty):
     }
 
 
-def test_too_large_a_page_is_told(run_folder, tmp_path, monkeypatch):
+def test_too_large_a_page_is_refused(run_folder, tmp_path, monkeypatch):
     monkeypatch.setattr(page_data, "MOST_BYTES", 1000)
     with pytest.raises(RunError, match="give fewer runs"):
         write_page([run_folder], tmp_path / "page.html")
@@ -180,8 +180,8 @@ def test_the_page_works_with_the_keyboard_alone(browser, page):
     assert pressed("contour", Keys.ARROW_DOWN, text("metrics"))
     assert pressed("plant", Keys.END, text("readout"))
     assert pressed("along", Keys.ARROW_DOWN, text("error-title"))
-    assert pressed("factor", Keys.ARROW_LEFT, picture("part"), text("factor-told"))
-    assert pressed("zoom", Keys.ARROW_RIGHT, picture("part"), text("zoom-told"))
+    assert pressed("factor", Keys.ARROW_LEFT, picture("part"), text("factor-value"))
+    assert pressed("zoom", Keys.ARROW_RIGHT, picture("part"), text("zoom-value"))
     assert pressed("cursor", Keys.HOME, text("readout"))
     assert pressed("point", Keys.ARROW_DOWN, text("point-weights"))
     assert browser.get_log("browser") == []
