@@ -50,12 +50,12 @@ def exchanged(
 
     A loop is worse where it is unstable, or exceeds the limits on loops by more than any that the
     search has seen. A problem that looks at no loops is given `few` for each contour, and a limit
-    on their spectral radius, once one is found unstable.
+    on their spectral radius, once one is unstable.
 
     Args:
         problem: that was tuned.
         start: its first weights.
-        tuned: what was found.
+        tuned: the result.
         few: probes of each contour that a search begins with.
         many: probes of each contour that are looked at now, a multiple of `few`.
 
@@ -80,8 +80,8 @@ def exchanged(
         return None
     more = jax.tree.map(lambda old, new: _joined(old, new[np.array(rows)]), probed.windows, windows)
     loops = eqx.tree_at(lambda one: one.windows, probed, more)
-    found = replace(problem, loops=loops, limits=_limits(problem))
-    return Exchanged(found, len(rows), bool(unstable.any()))
+    extended = replace(problem, loops=loops, limits=_limits(problem))
+    return Exchanged(extended, len(rows), bool(unstable.any()))
 
 
 def _probed(problem: Problem, few: int) -> ProbedLoops:
@@ -172,7 +172,7 @@ def put_back(
     Args:
         problem: the tuning problem.
         start: where the search began.
-        weights: that it found.
+        weights: where it ended.
         flat: coordinates that may be without effect; the others are not looked at.
     """
     none = np.zeros(flat.shape, bool)

@@ -111,16 +111,16 @@ class ProbedLoops(Loops):
     def _look(self, matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[Looked, Looked]:
         values, gradients = loop_measures(matrices, self.encoding, self.doubt)
         change = _along(gradients, slopes, "...mij,...ijd->...md")
-        found = [LoopPeaks(*np.moveaxis(values, -1, 0)), None, None]
+        looked = [LoopPeaks(*np.moveaxis(values, -1, 0)), None, None]
         moved = [LoopPeaks(*np.moveaxis(change, -2, 0)), None, None]
         if self.more:
-            found[1], gradient = late_measures(matrices, self.more)
+            looked[1], gradient = late_measures(matrices, self.more)
             moved[1] = _along(gradient, slopes, "...ij,...ijd->...d")
         if self.count is not None:
             deviation = np.asarray(self.count) / np.sqrt(12)
-            found[2], gradient = count_noise(matrices, self.encoding, deviation)
+            looked[2], gradient = count_noise(matrices, self.encoding, deviation)
             moved[2] = _along(gradient, slopes, "...ij,...ijd->...d")
-        return Looked(*found), Looked(*moved)
+        return Looked(*looked), Looked(*moved)
 
 
 def _different(matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[list[int], list[int]]:

@@ -23,7 +23,7 @@ from tuning.tuner import TuneState, advance
 
 
 class FrontPoint(NamedTuple):
-    """The best point found within one budget; the least violating one when `feasible` is False."""
+    """The best point within one budget; the least violating one when `feasible` is False."""
 
     weights: Weights
     outcome: Outcome

@@ -1,7 +1,7 @@
 """Evaluated points: errors, limits and their slopes, and the next start among them.
 
-Runs and frozen loops are two programs; the peaks of the loops are found on the host; a third, small
-program judges both.
+Runs and frozen loops are two programs; the peaks of the loops are computed on the host; a third,
+small program judges both.
 """
 
 from collections.abc import Sequence
@@ -110,8 +110,8 @@ def looked_at(
     if problem.loops is None:
         return Looked(), Looked()
     with on_cpu():  # in forward mode
-        found = jax.device_get(_loops(problem, start, jnp.asarray(z)))
-    return problem.loops.look(*found)
+        loops = jax.device_get(_loops(problem, start, jnp.asarray(z)))
+    return problem.loops.look(*loops)
 
 
 @eqx.filter_jit
@@ -139,11 +139,11 @@ def _with_slopes(function, chart: Chart, z: Float[Array, " d"]) -> tuple[Any, An
     """
 
     def moving(z):
-        found = function(chart.weights(z))
-        return eqx.filter(found, eqx.is_inexact_array), found
+        arrays = function(chart.weights(z))
+        return eqx.filter(arrays, eqx.is_inexact_array), arrays
 
-    slopes, found = jax.jacfwd(moving, has_aux=True)(z)
-    return found, slopes
+    slopes, arrays = jax.jacfwd(moving, has_aux=True)(z)
+    return arrays, slopes
 
 
 @eqx.filter_jit

@@ -291,7 +291,7 @@ def _improved(
     within: tuple[Array, Array],
 ) -> tuple[Float[Array, "T m"], Copy]:
     """Minimum of the weighted square sum beside a copy, of the loops linearised here."""
-    found, slopes = jax.linearize(errors, correction)
+    here, slopes = jax.linearize(errors, correction)
     back = jax.linear_transpose(slopes, correction)
     each = weight[:, None, None]
     # prices count per sample, as the mean square does
@@ -310,7 +310,7 @@ def _improved(
         inside = eased(free * residual, 1 / steps + size, rough)
         return free * inside + (1 - free) * residual
 
-    (pulled,) = back(each * found)
+    (pulled,) = back(each * here)
     wanted = free * bend_back(copy.place - copy.multiplier) * copy.penalty / steps
     change, _ = cg(
         normal,

@@ -97,7 +97,7 @@ class Effort:
         seed: of the Sobol sequence.
         every_start: whether every start is descended from; else a descent that ends stationary
             within the limits is the last one.
-        evaluations: of a run, at most; it ends with the best that was found until then.
+        evaluations: of a run, at most; it ends with the best until then.
 
     Raises:
         ValueError: a number is below its least sensible value.

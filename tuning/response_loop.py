@@ -97,9 +97,9 @@ def tuned(
         low, place = wanted * np.exp(np.abs(x[:2]))
         width = np.exp(-np.abs(x[3]))
         depth = width * np.exp(-np.abs(x[2]))
-        found = ResponseLoop(1.0, INTEGRAL / (2 * np.pi * wanted), low, place, depth, width)
-        size = np.log(np.abs(found.response(frequency) * value))
-        return replace(found, gain=float(np.exp(-np.interp(np.log(wanted), logarithm, size))))
+        controller = ResponseLoop(1.0, INTEGRAL / (2 * np.pi * wanted), low, place, depth, width)
+        size = np.log(np.abs(controller.response(frequency) * value))
+        return replace(controller, gain=float(np.exp(-np.interp(np.log(wanted), logarithm, size))))
 
     def worst(x: np.ndarray) -> float:
         loop = control(x).response(frequency) * value
@@ -112,10 +112,10 @@ def tuned(
         [np.log(LOW), np.log(place / wanted), 1.0, 1.0]
         for place in _peaks(frequency, value, wanted)
     ]
-    found = [
+    searches = [
         minimize(worst, start, method="Nelder-Mead", options={"maxiter": STEPS}) for start in starts
     ]
-    return control(min(found, key=lambda one: one.fun).x)
+    return control(min(searches, key=lambda one: one.fun).x)
 
 
 def quickest(
@@ -130,11 +130,11 @@ def quickest(
         ValueError: none of those that were tried is.
     """
     for wanted in np.geomspace(frequency[-1] / 4, 4 * frequency[0], TRIED):
-        found = tuned(frequency, value, deviation, wanted)
-        loop = found.response(frequency) * value
+        candidate = tuned(frequency, value, deviation, wanted)
+        loop = candidate.response(frequency) * value
         once = crossover(frequency, loop) <= SURE * wanted
         if once and stable(loop) and sensitivity(loop, deviation).max() <= most:
-            return found
+            return candidate
     raise ValueError(f"no crossover within the lines has a sensitivity of at most {most:g}")
 
 

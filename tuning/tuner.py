@@ -53,7 +53,7 @@ class TuneState:
     # whether each of these ended stationary
     stationary: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     stabilised: bool = False  # whether a start diverged and was stabilised
-    # smallest spectral radius of the frozen loops that was found on the way
+    # smallest spectral radius of the frozen loops on the way
     least_radius: float = np.inf
     least_z: np.ndarray = field(default_factory=lambda: np.zeros(0))  # coordinates of that
     done: bool = False  # whether the run has ended
@@ -95,11 +95,11 @@ class Tuned(NamedTuple):
         diverged_points: number of evaluated points with a diverging member; they were rejected.
         diverged_starts: number of descents that could not begin because their start diverged.
         history: every point evaluated.
-        prices: of every entry of the limits, from the descent that found the weights; empty when
+        prices: of every entry of the limits, from the descent that ended at the weights; empty when
             none did.
-        stabilised: whether a start diverged, and its descent began at weights that were found for
+        stabilised: whether a start diverged, and its descent began at weights chosen for
             their stable loops.
-        stationary: whether the descent that found the weights ended where nothing promises more.
+        stationary: whether the descent that ended at the weights ended where nothing promises more.
         exceeded: every limit that is not kept; empty of a feasible result.
     """
 
@@ -268,7 +268,7 @@ def _met(descent: Descent, state: TuneState, tolerance: float) -> int | None:
 
 def _stabilised(problem, start, state: TuneState, z, point: Point):
     """State, first point of the descent and its outcome, once it is sound; else as they were."""
-    history, found = list(state.history), point
+    history, latest = list(state.history), point
     least, least_z = state.least_radius, state.least_z
 
     def evaluate(there) -> Point:
@@ -277,20 +277,20 @@ def _stabilised(problem, start, state: TuneState, z, point: Point):
         return point
 
     def of_loops(there) -> Measured:
-        nonlocal found, least, least_z
+        nonlocal latest, least, least_z
         radii, slopes = loop_radii(problem, start, there)
         largest = float(radii.max())
         if np.exp(largest) < least:
             least, least_z = float(np.exp(largest)), there
         if largest < 0:
-            found = evaluate(there)
-        return Measured(radii, slopes, largest < 0 and not found.diverged)
+            latest = evaluate(there)
+        return Measured(radii, slopes, largest < 0 and not latest.diverged)
 
     def of_runs(there) -> Measured:
-        nonlocal found
-        found = evaluate(there)
-        departures, slopes = map(np.asarray, (found.departures, found.slopes.departures))
-        return Measured(departures, slopes, not found.diverged)
+        nonlocal latest
+        latest = evaluate(there)
+        departures, slopes = map(np.asarray, (latest.departures, latest.slopes.departures))
+        return Measured(departures, slopes, not latest.diverged)
 
     first, end = z, None
     for measure in (of_runs,) if problem.loops is None else (of_loops, of_runs):
@@ -299,7 +299,7 @@ def _stabilised(problem, start, state: TuneState, z, point: Point):
             z = end.z
     assert end is not None
     state = replace(state, history=history, least_radius=least, least_z=least_z)
-    return (replace(state, stabilised=True), z, found) if end.sound else (state, first, point)
+    return (replace(state, stabilised=True), z, latest) if end.sound else (state, first, point)
 
 
 def _ended(state: TuneState) -> TuneState:
@@ -324,16 +324,16 @@ def _nothing_stable(problem: Problem, start: Weights, state: TuneState) -> str:
             "every start diverges: begin with a stabilising controller (see frozen_spectral_radius)"
         )
     weights = Chart(problem.space, start).weights(jnp.asarray(state.least_z))
-    found = f"found at {jax.tree.map(lambda w: f'{w:.4g}', weights)}"
+    place = f"found at {jax.tree.map(lambda w: f'{w:.4g}', weights)}"
     if abs(state.least_radius - 1) < STILL:
         return (
             "no start is stable: the frozen loops keep a mode that neither decays nor grows, as a "
-            f"counter in the memory of the controller (spectral radius 1, {found}); what counts "
+            f"counter in the memory of the controller (spectral radius 1, {place}); what counts "
             "samples belongs in its plan (prepare)"
         )
     return (
         "every start diverges: the smallest spectral radius of the frozen loops is "
-        f"{state.least_radius:.4g}, {found}"
+        f"{state.least_radius:.4g}, {place}"
     )
 
 

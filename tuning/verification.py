@@ -98,8 +98,8 @@ def reached(
     """Largest magnitude of every limited signal of a run by component; 0 without a sample.
 
     >>> output, control = np.array([[0.0], [1e-3], [3e-3]]), np.ones((3, 1))
-    >>> found = reached(output, control, 1e-3, Limits.within(speed=1.0))
-    >>> found["speed"].tolist()
+    >>> largest = reached(output, control, 1e-3, Limits.within(speed=1.0))
+    >>> largest["speed"].tolist()
     [2.0]
     """
     y, u = np.asarray(output), np.asarray(control)

@@ -25,8 +25,8 @@ class Gains(Loops):
         below = jnp.where(stable, 2 - gain, 1.0)
         largest = jnp.max(jnp.where(stable, 2 / below, jnp.inf), axis=1)
         most = jnp.max(jnp.where(stable, jnp.maximum(1.0, gain / below), jnp.inf), axis=1)
-        found = (largest, most, radius + self.more, 0 * radius)
-        return LoopPeaks(*(jnp.stack([peak, peak]) for peak in found))
+        columns = (largest, most, radius + self.more, 0 * radius)
+        return LoopPeaks(*(jnp.stack([peak, peak]) for peak in columns))
 
     def look(self, matrices, slopes):
         return Looked(matrices), Looked(slopes)

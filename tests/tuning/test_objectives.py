@@ -110,9 +110,9 @@ def test_errors_are_limited_by_those_before_the_tuning():
     """A contour that nothing is asked of, infinite before, has no slope and no excess."""
     before = Before(placed(np.array([2e-6, np.inf])))
     limits = AtMost(before, error_ratio=0.5)
-    found = np.asarray(limits(outcome(rms_contour_error=ERRORS))).reshape(ERRORS.shape)
-    np.testing.assert_allclose(found[0], np.log(ERRORS[0] / 1e-6), rtol=1e-12)
-    assert (found[1] < -60).all()
+    bounds = np.asarray(limits(outcome(rms_contour_error=ERRORS))).reshape(ERRORS.shape)
+    np.testing.assert_allclose(bounds[0], np.log(ERRORS[0] / 1e-6), rtol=1e-12)
+    assert (bounds[1] < -60).all()
     slope = jax.jit(jax.jacfwd(lambda e: limits(outcome(rms_contour_error=e))))(ERRORS)
     slope = np.asarray(slope)
     np.testing.assert_allclose(slope[0, 0, 0], 1 / ERRORS[0, 0], rtol=1e-12)
@@ -122,8 +122,8 @@ def test_errors_are_limited_by_those_before_the_tuning():
 def test_the_ratio_of_a_contour_is_to_its_own_error():
     before = Before(placed(np.array([2e-6, 3e-6])), "tracking")
     limits = AtMost(before, error_ratio=1.0)
-    found = np.asarray(limits(Outcome(metrics(rms_tracking_error=np.full((2, 2), 6e-6)))))
-    np.testing.assert_allclose(np.sort(found), np.log([2.0, 2.0, 3.0, 3.0]), rtol=1e-12)
+    bounds = np.asarray(limits(Outcome(metrics(rms_tracking_error=np.full((2, 2), 6e-6)))))
+    np.testing.assert_allclose(np.sort(bounds), np.log([2.0, 2.0, 3.0, 3.0]), rtol=1e-12)
 
 
 def test_a_ratio_needs_the_errors_before():
@@ -144,8 +144,8 @@ def test_unknown_names_are_told(name):
 
 def test_the_noise_of_counts_is_limited_for_every_probe_and_plant():
     limits, noise = AtMost(count_noise=0.1), np.array([[0.1, 0.05]])
-    found = limits(Outcome(metrics(), count_noise=noise))
-    np.testing.assert_allclose(found, [0.0, -np.log(2.0)], atol=1e-12)
+    bounds = limits(Outcome(metrics(), count_noise=noise))
+    np.testing.assert_allclose(bounds, [0.0, -np.log(2.0)], atol=1e-12)
     with pytest.raises(ValueError, match="count_noise: needs a problem that looks at the noise"):
         limits(Outcome(metrics()))
 

@@ -27,10 +27,10 @@ def test_round_trip(a, b, part, free):
     chart = Chart(space, start)
     z = chart.coordinates()
     assert z.shape == (5,)
-    found = chart.weights(z)
+    weights = chart.weights(z)
     for name in start:
-        np.testing.assert_allclose(found[name], start[name], rtol=1e-9, atol=1e-9)
-    assert found["b"] is start["b"]
+        np.testing.assert_allclose(weights[name], start[name], rtol=1e-9, atol=1e-9)
+    assert weights["b"] is start["b"]
 
 
 @settings(max_examples=25)

@@ -113,8 +113,8 @@ def row(start, z, error, violation=-1.0, diverged=False):
 
 
 def chosen(*rows, prices=()):
-    found = next_start(rows, np.array(prices, float))
-    return None if found is None else float(found[0])
+    z = next_start(rows, np.array(prices, float))
+    return None if z is None else float(z[0])
 
 
 def test_the_least_violation_comes_first_and_then_the_objective():

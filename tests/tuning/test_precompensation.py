@@ -59,11 +59,11 @@ class Dense:
         first = np.asarray(plant.initial_state(wanted[0], np.zeros(2)))
 
         def tool(p):
-            x, found = first, []
+            x, iterates = first, []
             for target in p:
-                found.append(C @ x)
+                iterates.append(C @ x)
                 x = A @ x + B @ (GAIN * (target - C @ x))
-            return np.array(found)
+            return np.array(iterates)
 
         roots = []
         for k, t in enumerate(np.asarray(reference.tangent)[:steps]):
@@ -101,9 +101,11 @@ def test_where_it_rests_or_is_held_the_rest_is_the_minimum(table, controller, mo
     reference, stays = arc(60, moving), np.isin(np.arange(60), held)
     wanted = Dense(table, reference, held).least()
     plants = seen([table])
-    found = precompensate(plants, controller, reference, **PRICES, rounds=12, held=stays)
-    assert np.array_equal(~found.correction.any(axis=1), stays | np.isin(np.arange(60), (0, 59)))
-    np.testing.assert_allclose(found.correction, wanted, atol=1e-4 * np.abs(wanted).max())
+    corrected = precompensate(plants, controller, reference, **PRICES, rounds=12, held=stays)
+    assert np.array_equal(
+        ~corrected.correction.any(axis=1), stays | np.isin(np.arange(60), (0, 59))
+    )
+    np.testing.assert_allclose(corrected.correction, wanted, atol=1e-4 * np.abs(wanted).max())
 
 
 @pytest.mark.slow
@@ -126,7 +128,7 @@ def test_within_bounds_it_is_nearly_the_minimum_of_its_quadratic_program(table, 
         """Of the corrections that keep a part of the reach."""
         rows = np.flatnonzero(np.isfinite(reach.ravel()))
         low, high = ((middle + sign * inside * reach).ravel()[rows] for sign in (-1, 1))
-        found = solve_qp(
+        corrected = solve_qp(
             quadratic[np.ix_(free, free)],
             scale * linear[free],
             np.vstack([bend[rows][:, free], -bend[rows][:, free]]),
@@ -134,21 +136,23 @@ def test_within_bounds_it_is_nearly_the_minimum_of_its_quadratic_program(table, 
             solver="daqp",
         )
         whole = np.zeros(80)
-        whole[free] = found / scale
+        whole[free] = corrected / scale
         return cost(whole)
 
     bounds = Bounds(middle, reach)
-    found = precompensate(seen([table]), controller, reference, **PRICES, rounds=200, bounds=bounds)
-    assert bounds.keep(found.correction) and not bounds.keep(2 * found.correction)
-    assert least(1.0) <= cost(found.correction.ravel()) <= 1.02 * least(INSIDE)
+    corrected = precompensate(
+        seen([table]), controller, reference, **PRICES, rounds=200, bounds=bounds
+    )
+    assert bounds.keep(corrected.correction) and not bounds.keep(2 * corrected.correction)
+    assert least(1.0) <= cost(corrected.correction.ravel()) <= 1.02 * least(INSIDE)
     assert least(INSIDE) < 0.9 * cost(np.zeros(80))
 
 
 def test_bounds_that_are_not_kept_in_time_leave_the_reference_as_it_is(table, controller):
     bounds = Bounds(np.full((40, 2), 1e-3), np.full((40, 2), 1e-6))  # not even by a straight one
-    found = precompensate(seen([table]), controller, arc(40), **PRICES, rounds=1, bounds=bounds)
-    assert not found.correction.any()
-    np.testing.assert_array_equal(found.after, found.before)
+    corrected = precompensate(seen([table]), controller, arc(40), **PRICES, rounds=1, bounds=bounds)
+    assert not corrected.correction.any()
+    np.testing.assert_array_equal(corrected.after, corrected.before)
 
 
 @pytest.mark.slow
@@ -160,12 +164,12 @@ def test_the_worst_of_a_family_is_nearly_as_good_as_it_can_be(table, controller)
     def largest(correction):
         return max(np.linalg.norm(one.error + one.slope @ correction) for one in loops)
 
-    found, mean = (
+    minimax, mean = (
         precompensate(seen(family), controller, reference, **PRICES, rounds=rounds)
         for rounds in (40, 1)
     )
-    assert found.after.max() == pytest.approx(largest(found.correction.ravel()), rel=1e-9)
-    assert found.weight.sum() == pytest.approx(1.0)
+    assert minimax.after.max() == pytest.approx(largest(minimax.correction.ravel()), rel=1e-9)
+    assert minimax.weight.sum() == pytest.approx(1.0)
     # the same by a general method: the least bound of all squares, and the prices
     error, slope = 1e4, 1e1  # errors in 0.1 mm, corrections in mm
     price = slope**2 * loops[0].price
@@ -184,7 +188,7 @@ def test_the_worst_of_a_family_is_nearly_as_good_as_it_can_be(table, controller)
         }
         for one in loops
     ]
-    start, even = (1e3 * one.correction.ravel() for one in (found, mean))
+    start, even = (1e3 * one.correction.ravel() for one in (minimax, mean))
     best = minimize(
         lambda z: z[-1] + z[:-1] @ price @ z[:-1],
         np.append(even, 1.01 * cost(even)),
@@ -198,7 +202,7 @@ def test_the_worst_of_a_family_is_nearly_as_good_as_it_can_be(table, controller)
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"size": -1.0}, "size: needs to be finite and not negative"),
         ({"roughness": np.nan}, "roughness: needs to be finite"),
@@ -206,8 +210,8 @@ def test_the_worst_of_a_family_is_nearly_as_good_as_it_can_be(table, controller)
         ({"rounds": 0}, "rounds: needs at least one"),
     ],
 )
-def test_bad_prices_are_named(table, controller, change, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_prices_are_named(table, controller, change, message):
+    with pytest.raises(ValueError, match=message):
         precompensate(seen([table]), controller, arc(10), **change)
 
 
@@ -230,8 +234,10 @@ def test_the_second_difference_and_its_transpose():
 def test_eased_is_the_inverse_of_a_square():
     size, rough = 1.3, 40.0
     root = np.sqrt(size) * np.eye(STEPS) - np.sqrt(rough) * matrix()
-    found = eased(jnp.asarray(rows()), jnp.asarray(size), jnp.asarray(rough))
-    np.testing.assert_allclose(found, np.linalg.solve(root @ root, rows()), rtol=1e-10, atol=1e-12)
+    smoothed = eased(jnp.asarray(rows()), jnp.asarray(size), jnp.asarray(rough))
+    np.testing.assert_allclose(
+        smoothed, np.linalg.solve(root @ root, rows()), rtol=1e-10, atol=1e-12
+    )
 
 
 def test_bounds_hold_the_bend_beside_its_middle():

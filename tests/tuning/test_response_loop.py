@@ -25,11 +25,11 @@ LINES = two_masses(2j * np.pi * FREQUENCY) * np.exp(-2j * np.pi * FREQUENCY * 2e
 
 
 def test_the_loop_has_its_crossover_and_a_better_sensitivity_than_without_filters():
-    found = tuned(FREQUENCY, LINES, 0 * FREQUENCY, 120.0)
-    loop = found.response(FREQUENCY) * LINES
+    control = tuned(FREQUENCY, LINES, 0 * FREQUENCY, 120.0)
+    loop = control.response(FREQUENCY) * LINES
     assert crossover(FREQUENCY, loop) == pytest.approx(120, rel=0.01)
     s = 2j * np.pi * FREQUENCY
-    plain = (1 + 1 / (s * found.reset_time)) * LINES
+    plain = (1 + 1 / (s * control.reset_time)) * LINES
     plain = plain / np.exp(np.interp(np.log(120), np.log(FREQUENCY), np.log(np.abs(plain))))
     assert np.abs(1 / (1 + loop)).max() <= 1.01 * np.abs(1 / (1 + plain)).max()
 
@@ -54,8 +54,8 @@ def test_lines_tell_a_stable_loop_as_a_simulation_does(gain):
 
 def test_the_quickest_keeps_its_sensitivity_within_the_deviation():
     deviation = np.where(FREQUENCY > 500, 0.1, 0.02)
-    found = quickest(FREQUENCY, LINES, deviation, 1.5)
-    loop = found.response(FREQUENCY) * LINES
+    control = quickest(FREQUENCY, LINES, deviation, 1.5)
+    loop = control.response(FREQUENCY) * LINES
     turned = np.exp(2j * np.pi * np.linspace(0, 1, 60))[:, None]
     worst = np.abs(1 / (1 + loop * (1 + deviation * turned))).max()
     assert worst <= 1.5 and worst == pytest.approx(sensitivity(loop, deviation).max(), rel=0.01)
@@ -84,10 +84,10 @@ def test_no_more_sensitive_than_a_commercial_tuning_of_the_same_lines():
     seen = lines.frequency >= 3
     at = crossover(lines.frequency[seen], (siemens.response(lines.frequency) * lines.value)[seen])
     calm = lines.coherence >= 0.8
-    found = tuned(lines.frequency[calm], lines.value[calm], lines.deviation[calm], at)
+    control = tuned(lines.frequency[calm], lines.value[calm], lines.deviation[calm], at)
     worst = [
         sensitivity((one.response(lines.frequency) * lines.value)[seen]).max()
-        for one in (siemens, found)
+        for one in (siemens, control)
     ]
     assert worst[0] == pytest.approx(1.29, abs=0.005)
-    assert worst[1] <= worst[0] and found.reset_time < siemens.reset_time
+    assert worst[1] <= worst[0] and control.reset_time < siemens.reset_time

@@ -10,21 +10,21 @@ def test_sweep_is_a_loop_over_designs(proportional_problem):
     problem = proportional_problem()
     designs = grid(x=[0.3, 5.0], y=[0.2, 0.6])
     given = problem.build, designs, problem.plants, problem.references, (2, 15)
-    found = jax.device_get(sweep(*given))
-    assert found.rms_control.shape == (4, 1, 2)
+    result = jax.device_get(sweep(*given))
+    assert result.rms_control.shape == (4, 1, 2)
     single = jax.jit(
         lambda w: evaluate(problem.plants, problem.build(w), problem.references, (2, 15))
     )
     for k in range(4):
         for a, b in zip(
-            jax.tree.leaves(design(found, k)),
+            jax.tree.leaves(design(result, k)),
             jax.tree.leaves(single(design(designs, k))),
             strict=True,
         ):
             np.testing.assert_allclose(a, b, rtol=1e-9)
-    assert found.diverged[2:].all() and not found.diverged[:2].any()  # flagged, not dropped
+    assert result.diverged[2:].all() and not result.diverged[:2].any()  # flagged, not dropped
     together = np.asarray(sweep(*given, all_at_once).rms_contour_error)
-    np.testing.assert_allclose(together[:2], found.rms_contour_error[:2], rtol=1e-9)
+    np.testing.assert_allclose(together[:2], result.rms_contour_error[:2], rtol=1e-9)
 
 
 def test_grid_has_the_last_name_fastest():

@@ -213,14 +213,18 @@ def test_a_family_without_stable_weights_tells_its_smallest_radius(
         tune(problem, FAR, FEW)
 
 
-@pytest.mark.parametrize(("loops", "told"), [("counting_loops", True), ("unstable_loops", False)])
-def test_a_mode_that_neither_decays_nor_grows_is_told(proportional_problem, request, loops, told):
+@pytest.mark.parametrize(
+    ("loops", "counting"), [("counting_loops", True), ("unstable_loops", False)]
+)
+def test_a_mode_that_neither_decays_nor_grows_is_told(
+    proportional_problem, request, loops, counting
+):
     problem = proportional_problem(loops=request.getfixturevalue(loops))
     with pytest.raises(ValueError, match="spectral radius") as raised:
         tune(problem, FAR, FEW)
-    assert ("every start diverges" in str(raised.value)) is not told
+    assert ("every start diverges" in str(raised.value)) is not counting
     for words in ("radius 1, found at", "neither decays nor grows, as a counter in the memory"):
-        assert (words in str(raised.value)) is told
+        assert (words in str(raised.value)) is counting
 
 
 def test_prices_are_slopes_of_the_optimum_in_its_bounds(proportional_problem, loop_peaks):
@@ -232,8 +236,8 @@ def test_prices_are_slopes_of_the_optimum_in_its_bounds(proportional_problem, lo
             proportional_problem(limits, typical_contour_error, loops=loop_peaks), START, CAREFUL
         )
 
-    def objective(found):
-        return np.log(float(found.outcome.metrics.rms_contour_error.max()))
+    def objective(end):
+        return np.log(float(end.outcome.metrics.rms_contour_error.max()))
 
     for bounds, name in (((1.3, 1.0), "peak_sensitivity"), ((10.0, 2e-5), "rms_increment")):
         here = tuned(*bounds)
@@ -343,8 +347,8 @@ def test_robust_optimum():
     tuned = tune(problem, LQWeights(0.01, 850.0, 2e-9))
     assert tuned.feasible and tuned.stationary and len(tuned.history) <= 400
     wanted = robust["rows"][0]["worst_ce_um"]
-    found = 1e6 * float(tuned.outcome.metrics.rms_contour_error.max())
-    assert found == pytest.approx(wanted, rel=5e-3)
+    error = 1e6 * float(tuned.outcome.metrics.rms_contour_error.max())
+    assert error == pytest.approx(wanted, rel=5e-3)
     assert float(tuned.outcome.metrics.rms_tracking_error.max()) <= cap * (1 + 1e-6)
 
 

@@ -29,12 +29,12 @@ def gaps():
     references = {"circle": along(circle(1e-3), 5e-5 * np.arange(120), DT, PREVIEW, at_rest=False)}
     tuned = FilterObserver(ContouringLQ(model, WEIGHTS, PREVIEW), model, gain)
 
-    def found(limits, fallback=None):
+    def gaps_within(limits, fallback=None):
         mpc = TrackingMPC(model, TrackingWeights.of(WEIGHTS), PREVIEW, limits)
         constrained = ObservedHost(mpc, model, gain)
         return list(verify(tuned, constrained, limits, references, plants, fallback))
 
-    return found
+    return gaps_within
 
 
 @pytest.mark.slow
@@ -75,8 +75,10 @@ def test_a_limit_on_acceleration_acts_where_the_model_is_at_it():
     limits = Limits.within(acceleration=limit)
     mpc = TrackingMPC(model, weights, PREVIEW, limits, penalty=1e4)
     run = reported_loop(model, mpc, reference)
-    found = np.abs(np.diff(np.asarray(run.rollout.output), 2, axis=0) / DT**2)
-    at = np.any(np.abs(found - limit) <= 1e-6 * limit, axis=1)  # row k: sample k + 2, by u(k + 1)
+    acceleration = np.abs(np.diff(np.asarray(run.rollout.output), 2, axis=0) / DT**2)
+    at = np.any(
+        np.abs(acceleration - limit) <= 1e-6 * limit, axis=1
+    )  # row k: sample k + 2, by u(k + 1)
     np.testing.assert_array_equal(run.report.acting[1:-1] > 0, at)
     assert 0 < run.report.acting_fraction <= run.report.active_fraction
 
@@ -85,11 +87,11 @@ def test_what_is_reached_is_in_the_units_of_its_limit():
     output = 1e-3 * np.array([[0.0, 0.0], [1.0, -3.0], [3.0, -4.0]])  # [m], a sample a millisecond
     control = np.array([[0.0, 0.5], [0.0, 1.0], [-3.0, 0.6]])
     every = Limits.within(control=9.0, increment=9.0, speed=9.0, acceleration=9.0)
-    found = reached(output, control, 1e-3, every)
-    assert found["control"].tolist() == [3.0, 1.0]
-    assert found["increment"].tolist() == [3.0, 0.5]
-    np.testing.assert_allclose(found["speed"], [2.0, 3.0])
-    np.testing.assert_allclose(found["acceleration"], [1e3, 2e3])
+    largest = reached(output, control, 1e-3, every)
+    assert largest["control"].tolist() == [3.0, 1.0]
+    assert largest["increment"].tolist() == [3.0, 0.5]
+    np.testing.assert_allclose(largest["speed"], [2.0, 3.0])
+    np.testing.assert_allclose(largest["acceleration"], [1e3, 2e3])
     assert list(reached(output, control, 1e-3, Limits.within(speed=1.0))) == ["speed"]
     assert reached(output[:1], control[:1], 1e-3, every)["acceleration"].tolist() == [0.0, 0.0]
 

@@ -138,7 +138,7 @@ def _restored(descent: Descent, evaluate: Evaluate, box) -> Descent:
 
     A penalty would have to be so large that the curvature of the limits is lost beside it.
     """
-    found = {descent.z.tobytes(): descent.model}
+    models = {descent.z.tobytes(): descent.model}
     slopes = descent.model.limit_slopes[np.argmax(descent.model.limits)]
     size = float(np.max(np.abs(slopes), initial=1e-9))  # one that holds may be far steeper
 
@@ -146,7 +146,7 @@ def _restored(descent: Descent, evaluate: Evaluate, box) -> Descent:
         model = evaluate(z)
         if model is None:
             return None
-        found[z.tobytes()] = model
+        models[z.tobytes()] = model
         return _limits_alone(model, size)
 
     inner = descent._replace(
@@ -157,7 +157,7 @@ def _restored(descent: Descent, evaluate: Evaluate, box) -> Descent:
     )
     after = _iterated(inner, limits_alone, box, NEAREST * descent.model.excess / size)
     return after._replace(
-        model=found[after.z.tobytes()],
+        model=models[after.z.tobytes()],
         curvature=descent.curvature,
         guessed=descent.guessed,
         spare=after.curvature if after.guessed else after.curvature * size,

@@ -8,7 +8,7 @@ of all loops or runs a:
     s(z) = 1/p ln(mean over them of exp(p a / scale)),   p = SHARPNESS
 
 The scale is how far the numbers lie from zero and from each other where the descent begins: loops
-that hardly lose their stability, at radii of 1.0001 and 0.9997, are told apart as well as those at
+that hardly lose their stability, at radii of 1.0001 and 0.9997, are kept apart as well as those at
 2 and 0.5. Steps go along L-BFGS directions from optax.
 
 A descent follows curved limits from outside: it may end a hair beyond them, at a point that nothing
@@ -115,11 +115,11 @@ def stabilised(
         fall = float(direction @ here.slope)
         length = 1.0
         for _ in range(TRIALS):
-            found = measure(z + length * direction)
-            there = found.smooth(scale)
-            if found.largest < best.largest or found.sound:
-                best = Stabilised(z + length * direction, found.largest, found.sound)
-            if found.sound:
+            measured = measure(z + length * direction)
+            there = measured.smooth(scale)
+            if measured.largest < best.largest or measured.sound:
+                best = Stabilised(z + length * direction, measured.largest, measured.sound)
+            if measured.sound:
                 return best
             if there.usable and there.value <= here.value + LEAST_FALL * fall * length:
                 break
@@ -191,7 +191,7 @@ def landed(
     tolerance: float,
     tries: int = TRIES,
 ) -> Descent:
-    """The descent, done, at a point within the limits; where it was if none is found.
+    """The descent, done, at a point within the limits; where it was if there is none.
 
     Args:
         descent: that stands outside.

@@ -42,20 +42,20 @@ def steps(places: Float[np.ndarray, "M m"], lasting: Float[np.ndarray, " moves"]
         places: as the program has them [mm].
         lasting: time of every move [s].
     """
-    found, late, rest = [], 0.0, 0.0  # late: of the program's clock
+    written, late, rest = [], 0.0, 0.0  # late: of the program's clock
     for end, (way, time) in enumerate(zip(_lengths(places), lasting, strict=True), start=1):
         if way == 0:
             rest += float(time)
             continue
         if rest:
-            found.append(_dwell(rest - late))
-            late += found[-1].word - rest
+            written.append(_dwell(rest - late))
+            late += written[-1].word - rest
             rest = 0.0
-        found.append(Step(end, max(_digits(60 * way / (time - late)), LEAST_FEED)))
-        late += 60 * way / found[-1].word - float(time)
+        written.append(Step(end, max(_digits(60 * way / (time - late)), LEAST_FEED)))
+        late += 60 * way / written[-1].word - float(time)
         if late < -EARLY * time:  # its feed would be too slow for a program
             late, rest = 0.0, -late
-    return [*found, _dwell(rest - late)] if rest else found
+    return [*written, _dwell(rest - late)] if rest else written
 
 
 def clock(

@@ -1,4 +1,4 @@
-"""Faults of a file that a user wrote, each told in one line."""
+"""Faults of a file that a user wrote, each reported in one line."""
 
 import json
 from math import pi
@@ -6,7 +6,7 @@ from typing import Any
 
 METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}  # units of length in files
 RADIANS = {"rad": 1.0, "mrad": 1e-3, "deg": pi / 180, "rev": 2 * pi}  # and of angles
-LONGEST = 200  # characters of an error of others that is told
+LONGEST = 200  # characters of an error of others that is printed
 EXAMPLE = "`jcontour machine --example FILE` writes one"  # of a machine file
 LARGEST = 1e12  # of any number: beyond it squares overflow somewhere
 

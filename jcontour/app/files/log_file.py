@@ -141,19 +141,19 @@ def _named(
                 f"{what}-columns: needs {len(axes)} names, one per axis, received {len(given)}"
             )
         return [one.lower() for one in given]
-    found = []
+    columns = []
     for axis in axes:
         name = axis.lower()
         wanted = [f"{name}_{word}" for word in words] + [f"{word}_{name}" for word in words]
-        wanted.append(f"joint.{len(found)}.motor-pos-{HAL[what]}")
+        wanted.append(f"joint.{len(columns)}.motor-pos-{HAL[what]}")
         column = _first(table, wanted, tuple(units))
         if column is None:
             raise ValueError(
                 f"{path}: has no column {name}_{what}; name one per axis with --{what}-columns; "
                 f"has {_listed(table)}"
             )
-        found.append(column)
-    return found
+        columns.append(column)
+    return columns
 
 
 def _first(table: Table, words: Sequence[str], units: Sequence[str]) -> str | None:
@@ -168,8 +168,8 @@ def _first(table: Table, words: Sequence[str], units: Sequence[str]) -> str | No
 def _unit(name: str, units: dict[str, float]) -> str | None:
     """Unit at the end of a column's name, or before the number of a matrix's column."""
     name = re.sub(r"_\d+$", "", name.strip().lower())
-    found = re.search(r"(?:_([^\W_]+)|\[(\w+)\]|\((\w+)\))$", name)
-    end = next((one for one in found.groups() if one), None) if found else None
+    match = re.search(r"(?:_([^\W_]+)|\[(\w+)\]|\((\w+)\))$", name)
+    end = next((one for one in match.groups() if one), None) if match else None
     end = None if end is None else end.rsplit("_", 1)[-1]
     return end if end in units else None
 
@@ -177,10 +177,10 @@ def _unit(name: str, units: dict[str, float]) -> str | None:
 def _column(path: Path, table: Table, name: str) -> np.ndarray:
     """A column by its name, or by the last part of it, as `pos_1` of rec.pos_1."""
     ends = [one for one in table if one.endswith(f".{name.lower()}")]
-    found = name.lower() if name.lower() in table or len(ends) != 1 else ends[0]
-    if found not in table:
+    column = name.lower() if name.lower() in table or len(ends) != 1 else ends[0]
+    if column not in table:
         raise ValueError(f"{path}: has no column of numbers {name!r}; has {_listed(table)}")
-    return table[found]
+    return table[column]
 
 
 def _listed(table: Table) -> str:

@@ -87,8 +87,8 @@ def _text(path: Path, content: bytes) -> Table:
             low_memory=False,
         )
     except ValueError as error:
-        found = re.search(r"Expected (\d+) fields in line (\d+)", str(error))
-        what = f"line {found[2]} does not hold {found[1]} cells" if found else line(error)
+        match = re.search(r"Expected (\d+) fields in line (\d+)", str(error))
+        what = f"line {match[2]} does not hold {match[1]} cells" if match else line(error)
         raise ValueError(f"{path}: {what}") from None
     frame = frame.dropna(axis=1, how="all").dropna(how="all")
     columns = {int(k): frame[k].to_numpy() for k in frame.columns}
@@ -147,9 +147,9 @@ def _numbers(column: np.ndarray, comma: bool) -> Float[np.ndarray, " T"]:
         return column.astype(float)
     words = np.array([str(cell).strip() for cell in column])
     points = np.char.replace(words, ",", ".") if comma else words
-    found = np.asarray(pd.to_numeric(points, errors="coerce"), float)
-    if np.isfinite(found).mean() >= 0.5:
-        return found
+    numbers = np.asarray(pd.to_numeric(points, errors="coerce"), float)
+    if np.isfinite(numbers).mean() >= 0.5:
+        return numbers
     stamps = pd.to_datetime(pd.Series(words), format="ISO8601", errors="coerce", utc=True)
     return (stamps - stamps.iloc[0]).dt.total_seconds().to_numpy()
 
@@ -186,10 +186,10 @@ def _netcdf(path: Path) -> dict[str, np.ndarray]:
         raise ValueError(f"{path}: not a readable netCDF file ({line(error)})") from None
 
 
-def _vectors(found: dict[str, np.ndarray]) -> Table:
+def _vectors(arrays: dict[str, np.ndarray]) -> Table:
     """Every vector, and every column of a matrix longer than wide, that holds numbers."""
     table: Table = {}
-    for name, values in found.items():
+    for name, values in arrays.items():
         array = np.squeeze(np.asarray(values))
         if array.dtype.kind not in NUMERIC or array.ndim not in (1, 2) or array.shape[0] < 2:
             continue

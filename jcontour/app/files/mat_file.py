@@ -33,15 +33,15 @@ def _numbers(path: str) -> dict[str, np.ndarray]:
 
     if not h5py.is_hdf5(path):
         return dict(_fields("", loadmat(path)))
-    found: dict[str, np.ndarray] = {}
+    arrays: dict[str, np.ndarray] = {}
     with h5py.File(path) as file:  # version 7.3
-        file.visititems(lambda name, one: found.update(_dataset(name, one)))
-    return found
+        file.visititems(lambda name, one: arrays.update(_dataset(name, one)))
+    return arrays
 
 
-def _fields(above: str, found: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray]]:
+def _fields(above: str, arrays: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray]]:
     """Arrays of numbers of a struct and of those inside it, as `rec.position`."""
-    for name, values in found.items():
+    for name, values in arrays.items():
         if name.startswith("__") or not isinstance(values, np.ndarray):
             continue
         if values.dtype.kind in NUMERIC:

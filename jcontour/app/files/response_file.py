@@ -76,22 +76,22 @@ def read_response(path: Path) -> MeasuredResponse:
 
 def _columns(path: Path, table: Table) -> dict[str, np.ndarray]:
     """Columns by what they hold; of several of a kind the first."""
-    found = {}
+    columns = {}
     for name, values in table.items():
         words = re.findall(r"[a-z]+", name)
         for kind, known in WORDS.items():
             if set(known) & set(words):
-                found.setdefault(kind, values)
+                columns.setdefault(kind, values)
                 break
-    if "frequency" not in found or not (
-        {"real", "imaginary"} <= found.keys() or {"decibels", "degrees"} <= found.keys()
+    if "frequency" not in columns or not (
+        {"real", "imaginary"} <= columns.keys() or {"decibels", "degrees"} <= columns.keys()
     ):
-        lacks = "phase" if "frequency" in found and "decibels" in found else "response"
+        lacks = "phase" if "frequency" in columns and "decibels" in columns else "response"
         raise ValueError(
             f"{path}: has no {lacks}; it needs columns frequency_hz, and real and imaginary or db "
             f"and degrees; has {', '.join(table)}"
         )
-    return found
+    return columns
 
 
 def _tuned(path: Path) -> dict[str, np.ndarray]:

@@ -135,12 +135,12 @@ def opened(folder: Path, command: str) -> dict[str, Any]:
     Raises:
         RunError: it is not a run folder, or that of another command.
     """
-    found = read_json(folder, SETTINGS)
-    if found.get("command") != command:
-        raise RunError(f"{folder}: holds a run of {found.get('command')!r}, not of {command!r}")
-    if not isinstance(found.get("flags"), dict):
+    stored = read_json(folder, SETTINGS)
+    if stored.get("command") != command:
+        raise RunError(f"{folder}: holds a run of {stored.get('command')!r}, not of {command!r}")
+    if not isinstance(stored.get("flags"), dict):
         raise RunError(f"{folder}: a run of another version of jcontour (it has no flags)")
-    return found
+    return stored
 
 
 def read_json(folder: Path, name: str) -> dict[str, Any]:
@@ -150,7 +150,7 @@ def read_json(folder: Path, name: str) -> dict[str, Any]:
         RunError: it is missing or not a JSON object.
     """
     try:
-        found = json_value(content_of(folder / name, MOST_BYTES))
+        value = json_value(content_of(folder / name, MOST_BYTES))
     except (FileNotFoundError, NotADirectoryError):
         raise RunError(
             f"{folder}: is not a run folder, or its run has not ended ({name} is missing)"
@@ -159,9 +159,9 @@ def read_json(folder: Path, name: str) -> dict[str, Any]:
         raise RunError(f"{folder / name}: cannot be read ({error.strerror or error})") from None
     except ValueError:
         raise RunError(f"{folder / name}: is not JSON") from None
-    if not isinstance(found, dict):
+    if not isinstance(value, dict):
         raise RunError(f"{folder / name}: needs a JSON object")
-    return found
+    return value
 
 
 @contextmanager

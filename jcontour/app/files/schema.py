@@ -1,7 +1,7 @@
 """Schemas of the JSON files that users write: the checks of their fields, and what documents them.
 
-A fault is told in one line that names its field. Lengths of lists that depend on the number of axes
-are checked by `per_axis` and `axis_names`.
+A fault is one line that names its field. Lengths of lists that depend on the number of axes are
+checked by `per_axis` and `axis_names`.
 """
 
 import re
@@ -61,7 +61,7 @@ def read(kind: type[Kind], given: Any, name: str = "") -> Kind:
 
 
 def _words(fault: Any) -> str:
-    """A fault as the library found it, in the words of the other messages."""
+    """A fault as the library reports it, in the words of the other messages."""
     if fault["type"] == "value_error":
         return line(fault["ctx"]["error"])
     if fault["type"] == "missing":

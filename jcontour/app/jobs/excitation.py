@@ -4,7 +4,7 @@ As CSV: random-phase multisines, periodic in `PERIOD`, on a slow move that keeps
 backlash on one side, for two realisations at two levels; each section runs one period for the
 transient and `KEPT` more. From these the best linear approximation and its total variance follow
 (Pintelon & Schoukens, System Identification, 2nd ed., section 4.3). No two axes share a frequency:
-coupling is then told from an axis's own answer. All lines have the same speed up to where the
+coupling is then distinct from an axis's own answer. All lines have the same speed up to where the
 acceleration asks for less. Then strokes to and fro, as a part has them, for dry friction and
 backlash. As G-code: moves to and fro that get shorter, each axis by itself and then all together.
 The speed stays within half of its limit, positions within a fifth of the travel either side of the

@@ -113,8 +113,8 @@ class Job(NamedTuple):
                 f"of the whole run along {self.name}"
             )
         arc = np.pad(self.arc, (0, self.settling), mode="edge")
-        found = along(self.contour, arc, dt, preview, self.at_rest, self.counted)
-        return found if self.aside is None else found.aside(*self.aside.held(self.settling))
+        reference = along(self.contour, arc, dt, preview, self.at_rest, self.counted)
+        return reference if self.aside is None else reference.aside(*self.aside.held(self.settling))
 
 
 class AxisMove(NamedTuple):

@@ -47,13 +47,13 @@ def sections(job: Task) -> list[Section]:
             begun[sample] = piece, [*earlier, *asked]
     firsts = sorted(begun)
     corners = _corners(job, read.rapid)
-    found = []
+    parts = []
     for first, end in zip(firsts, [*firsts[1:], last], strict=True):
         piece, asked = begun[first]
         rapid = bool(read.rapid[piece])
         within = tuple(k for k in corners if rapid and first < k < end)
-        found.append(Section(first, end, rapid, within, tuple(asked)))
-    return found
+        parts.append(Section(first, end, rapid, within, tuple(asked)))
+    return parts
 
 
 def halted(job: Task) -> np.ndarray:
@@ -61,12 +61,12 @@ def halted(job: Task) -> np.ndarray:
 
     There the tool has to come to the program's place: it rests for as long as that takes.
     """
-    found = np.zeros(job.steps, bool)
+    stopped = np.zeros(job.steps, bool)
     for section in sections(job):
         if section.rapid:
-            found[section.first : section.last + 1] = True
-        found[section.first] |= bool(section.asked)
-    return found
+            stopped[section.first : section.last + 1] = True
+        stopped[section.first] |= bool(section.asked)
+    return stopped
 
 
 def _changes(rapid: np.ndarray) -> list[tuple[int]]:

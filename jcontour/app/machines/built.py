@@ -56,11 +56,11 @@ def built_machine(flags: Machine) -> BuiltMachine:
         )
     metre = METRES[flags.length_unit]
     # Limits of the file: one number where one is given, else one for each axis
-    found: dict[str, float | list[float]] = {}
+    limits: dict[str, float | list[float]] = {}
     for name in LIMITS:
         given = _above_zero(f"max_{name}", getattr(flags, f"max_{name}"), len(flags.axes))
         if given is not None:
-            found[name] = _short(given)
+            limits[name] = _short(given)
     counts = _above_zero("encoder_um", flags.encoder_um, len(flags.axes))
     if counts is None:
         raise ValueError("encoder-um: needs one number or one for each axis, received none")
@@ -76,7 +76,7 @@ def built_machine(flags: Machine) -> BuiltMachine:
         "A": np.asarray(plant.A).tolist(),
         "B": np.asarray(plant.B).tolist(),
         "C": (np.asarray(plant.C) / metre).tolist(),
-        "limits": found,
+        "limits": limits,
         "known_delay": shared,
         "uncertainty": {
             "gain": known_to,
@@ -192,26 +192,26 @@ def _stepped(flags: Machine, warnings: list[str]) -> tuple[list[ContinuousAxis],
             )
     for name, path, one in zip(flags.axes, flags.steps, records, strict=True):
         try:
-            found = fit_step(one.control, one.position, one.dt, flags.takes)
+            fit = fit_step(one.control, one.position, one.dt, flags.takes)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
         make = speed_axis if flags.takes == "speed" else position_axis
-        axes.append(make(found.gain, found.time_constant, found.delay))
-        words.append(f"{name}: {_fitted(found, flags)}")
-        if found.explained < TRUSTED:
+        axes.append(make(fit.gain, fit.time_constant, fit.delay))
+        words.append(f"{name}: {_fitted(fit, flags)}")
+        if fit.explained < TRUSTED:
             warnings.append(
-                f"{path}: the model explains {100 * found.explained:.3g} % of the record; "
+                f"{path}: the model explains {100 * fit.explained:.3g} % of the record; "
                 f"does the drive take a {flags.takes}, or are columns swapped?"
             )
     # The period without the rounding of printed times: to a nanosecond
     return axes, words, round(dt, 9)
 
 
-def _fitted(found: FittedStep, flags: Machine) -> str:
-    gain = found.gain / METRES[flags.length_unit]
+def _fitted(fit: FittedStep, flags: Machine) -> str:
+    gain = fit.gain / METRES[flags.length_unit]
     return (
-        f"gain {gain:.4g}, time constant {1e3 * found.time_constant:.4g} ms, delay "
-        f"{1e3 * found.delay:.3g} ms; left unexplained {1e6 * found.residual:.3g} um RMS"
+        f"gain {gain:.4g}, time constant {1e3 * fit.time_constant:.4g} ms, delay "
+        f"{1e3 * fit.delay:.3g} ms; left unexplained {1e6 * fit.residual:.3g} um RMS"
     )
 
 

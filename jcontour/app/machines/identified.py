@@ -18,25 +18,27 @@ THINNED = 4  # frequencies of the intervals for one of the file, but around shar
 UNKNOWN = 1e4  # |G_true / G - 1| that stands for more
 ALIKE = 1.01  # ratio of counts that a log does not tell apart
 RINGS = 0.3  # damping below which a pair of poles is a resonance: it answers 1.75 times
-DISTURBED = 10.0  # times the noise of the encoder, that a disturbance is told from
+DISTURBED = 10.0  # times the noise of the encoder, from which on it is a disturbance
 HIGH = 99.9  # percentile that counts as the largest: encoders have outliers
 
 
-def machine_fields(found: IdentifiedMachine, name: str, control_unit: str) -> dict[str, Any]:
+def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) -> dict[str, Any]:
     """Fields of the machine file, lengths in m; the format is `files.machine_file`'s.
 
     Limits are the largest values of the record: what is known to have gone well.
     """
-    plant = found.plant()
+    plant = identified.plant()
     # Intervals of the responses at a few frequencies, the largest around each
-    dt, modes = found.record.dt, [_ringing(one.fit.model) for one in found.axes]
+    dt, modes = identified.record.dt, [_ringing(one.fit.model) for one in identified.axes]
     places = [places_around(hertz, dt) for each in modes for hertz, _ in each]
-    own = [_thinned(one.response.frequency) for one in found.axes]
+    own = [_thinned(one.response.frequency) for one in identified.axes]
     kept = np.unique([float(f"{one:.6g}") for one in np.concatenate([*own, *places])])
-    frequency = np.union1d(kept, np.concatenate([one.response.frequency for one in found.axes]))
+    frequency = np.union1d(
+        kept, np.concatenate([one.response.frequency for one in identified.axes])
+    )
     edges = np.sqrt(kept[1:] * kept[:-1])
     rows = []
-    for one, each in zip(found.axes, modes, strict=True):
+    for one, each in zip(identified.axes, modes, strict=True):
         width = np.interp(
             np.log(frequency), np.log(one.response.frequency), one.response.half_width
         )
@@ -49,30 +51,30 @@ def machine_fields(found: IdentifiedMachine, name: str, control_unit: str) -> di
         "name": name,
         "length_unit": "m",
         "control_unit": control_unit,
-        "axes": list(found.record.axes),
-        "dt": found.record.dt,
+        "axes": list(identified.record.axes),
+        "dt": identified.record.dt,
         "A": np.asarray(plant.A).tolist(),
         "B": np.asarray(plant.B).tolist(),
         "C": np.asarray(plant.C).tolist(),
-        "limits": largest(found),
-        "known_delay": found.known_delay,
+        "limits": largest(identified),
+        "known_delay": identified.known_delay,
         "uncertainty": {
-            "gain": found.gain,
-            "delay": found.late,
+            "gain": identified.gain,
+            "delay": identified.late,
             "response": {"hertz": kept.tolist(), "relative": rows},
-            "measured": _measured(found),
+            "measured": _measured(identified),
         },
-        "encoder_resolution": counts(found),
-        "encoder_noise": noises(found),
-        "friction": _friction(found),
-        **_note(found),
+        "encoder_resolution": counts(identified),
+        "encoder_noise": noises(identified),
+        "friction": _friction(identified),
+        **_note(identified),
     }
 
 
-def _note(found: IdentifiedMachine) -> dict[str, str]:
+def _note(identified: IdentifiedMachine) -> dict[str, str]:
     """What moves a drive that takes a position beside its command, where that is much."""
     parts = []
-    for one in found.axes:
+    for one in identified.axes:
         left = float(np.sqrt(np.mean(one.fit.residual**2)))
         noise = np.hypot(one.resolution / np.sqrt(12), one.encoder_noise)
         if one.fit.model.integrators == 0 and left > DISTURBED * noise:
@@ -83,17 +85,17 @@ def _note(found: IdentifiedMachine) -> dict[str, str]:
     return {"note": f"{moved}: the machine has it beside every error of a run here"}
 
 
-def _friction(found: IdentifiedMachine) -> float | list[float] | None:
+def _friction(identified: IdentifiedMachine) -> float | list[float] | None:
     """Command that dry friction takes by axis; None where it could not be separated on some."""
-    if any(one.hides_friction for one in found.axes):
+    if any(one.hides_friction for one in identified.axes):
         return None
-    each = [0.0 if one.friction is None else one.friction[0] for one in found.axes]
+    each = [0.0 if one.friction is None else one.friction[0] for one in identified.axes]
     return each if any(each) else 0.0
 
 
-def _measured(found: IdentifiedMachine) -> dict[str, list]:
+def _measured(identified: IdentifiedMachine) -> dict[str, list]:
     """What the record shows without the models, by field and axis."""
-    each = [_lines(one) for one in found.axes]
+    each = [_lines(one) for one in identified.axes]
     return {name: [one[name] for one in each] for name in each[0]}
 
 
@@ -125,29 +127,29 @@ def _thinned(frequency: Float[np.ndarray, " F"]) -> Float[np.ndarray, " K"]:
     return np.sort(np.concatenate([frequency[close], frequency[~close][::THINNED]]))
 
 
-def largest(found: IdentifiedMachine) -> dict[str, list[float]]:
+def largest(identified: IdentifiedMachine) -> dict[str, list[float]]:
     """Largest speed [m/s], acceleration [m/s^2] and command of the record, by axis."""
-    dt, window = found.record.dt, validation.WINDOW
-    speed = _differences(found.record.position, window) / (window * dt)
+    dt, window = identified.record.dt, validation.WINDOW
+    speed = _differences(identified.record.position, window) / (window * dt)
     wide = ROUGH * window
-    smooth = _differences(found.record.position, wide) / (wide * dt)
+    smooth = _differences(identified.record.position, wide) / (wide * dt)
     acceleration = _differences(smooth, wide) / (wide * dt)
     return {
         "speed": np.percentile(np.abs(speed), HIGH, axis=0).tolist(),
         "acceleration": np.percentile(np.abs(acceleration), HIGH, axis=0).tolist(),
-        "control": np.abs(found.record.command).max(axis=0).tolist(),
+        "control": np.abs(identified.record.command).max(axis=0).tolist(),
     }
 
 
-def counts(found: IdentifiedMachine) -> float | list[float]:
+def counts(identified: IdentifiedMachine) -> float | list[float]:
     """Counts of the encoders by axis [m]; one number, the coarsest, where they hardly differ."""
-    each = [one.resolution for one in found.axes]
+    each = [one.resolution for one in identified.axes]
     return max(each) if max(each) <= ALIKE * min(each) else each
 
 
-def noises(found: IdentifiedMachine) -> float | list[float]:
+def noises(identified: IdentifiedMachine) -> float | list[float]:
     """Noise of the encoders beside their counts, by axis [m]; one number where all have none."""
-    each = [one.encoder_noise for one in found.axes]
+    each = [one.encoder_noise for one in identified.axes]
     return each if any(each) else 0.0
 
 

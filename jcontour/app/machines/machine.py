@@ -218,7 +218,7 @@ class Machine(abc.ABC):
 
     @abc.abstractmethod
     def nominal(self, fed: Fed = "outputs") -> Plant:
-        """Smooth nominal plant behind its sensors: margins are found on it."""
+        """Smooth nominal plant behind its sensors: margins are computed on it."""
 
     @abc.abstractmethod
     def description(self) -> dict[str, str]:

@@ -70,10 +70,10 @@ def _own_part(model: LinearPlant, axis: int) -> tuple[np.ndarray, np.ndarray, np
 
 def _reached(linked: np.ndarray, first: np.ndarray) -> np.ndarray:
     """States that others reach; `linked[i, j]` where state j acts on state i."""
-    found = first
+    states = first
     for _ in first:
-        found = found | linked @ found
-    return found
+        states = states | linked @ states
+    return states
 
 
 def _slowest(sizes: np.ndarray) -> float:
@@ -86,8 +86,10 @@ def _terms(A: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[float, float, f
     """R(1), c b and c N b of `steady_response`."""
     A, scale = matrix_balance(A)
     b, c = np.linalg.solve(scale, b), c @ scale
-    found: Any = schur(A.astype(complex), "complex", sort=lambda pole: abs(pole - 1) < AT_ONE)
-    T, Q, m = found
+    decomposition: Any = schur(
+        A.astype(complex), "complex", sort=lambda pole: abs(pole - 1) < AT_ONE
+    )
+    T, Q, m = decomposition
     b, c = Q.conj().T @ b, c @ Q
     X = solve_sylvester(T[:m, :m], -T[m:, m:], -T[:m, m:]) if 0 < m < len(A) else T[:m, m:]
     at_one, rest = b[:m] - X @ b[m:], c[:m] @ X + c[m:]
@@ -121,7 +123,7 @@ def axis_behaviours(machine: Machine) -> list[AxisBehaviour]:
     return [_behaviour(machine.model, k, name) for k, name in enumerate(machine.axes)]
 
 
-def questions(machine: Machine, found: list[AxisBehaviour]) -> list[str]:
+def questions(machine: Machine, behaviours: list[AxisBehaviour]) -> list[str]:
     """What cannot be true of a machine, most likely a wrong unit."""
     lines = [*_doubtful_period(machine.model.dt), *_doubtful_limits(machine)]
     if machine.resolution is not None:
@@ -129,8 +131,8 @@ def questions(machine: Machine, found: list[AxisBehaviour]) -> list[str]:
     largest = machine.limits.control
     if largest is None:
         return [*lines, "limits.control is not given: what the machine reaches is not known"]
-    for k, one in enumerate(found):
-        most = float(np.broadcast_to(largest, len(found))[k])
+    for k, one in enumerate(behaviours):
+        most = float(np.broadcast_to(largest, len(behaviours))[k])
         acceleration = most * one.acceleration
         if one.kind != "position" and acceleration > QUESTIONED:
             lines.append(
@@ -144,7 +146,7 @@ def questions(machine: Machine, found: list[AxisBehaviour]) -> list[str]:
             )
         speed = machine.limits.speed
         if one.kind == "speed" and speed is not None:
-            allowed = float(np.broadcast_to(speed, len(found))[k])
+            allowed = float(np.broadcast_to(speed, len(behaviours))[k])
             if most * one.gain < (1.0 - UNSEEN) * allowed:
                 lines.append(
                     f"{one.name}: the largest control gives {1e3 * most * one.gain:.4g} mm/s, "

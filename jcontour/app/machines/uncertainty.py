@@ -74,12 +74,12 @@ def family_members(inputs: int, gain: float, delay: int) -> list[GainMember]:
     """The nominal plant, gains off both ways, and every whole sample of delay."""
     sign = np.where(np.arange(inputs) % 2 == 0, 1.0, -1.0)
     unchanged = 1 + 0 * sign
-    found = [GainMember("nominal", unchanged, 0)]
+    members = [GainMember("nominal", unchanged, 0)]
     for side in (1, -1) if gain > 0 else ():
         gains = 1 + side * gain * sign
-        found.append(GainMember(_gains(gains), gains, 0))
-    found += [GainMember(_late(late), unchanged, late) for late in range(1, delay + 1)]
-    return found
+        members.append(GainMember(_gains(gains), gains, 0))
+    members += [GainMember(_late(late), unchanged, late) for late in range(1, delay + 1)]
+    return members
 
 
 def _gains(gains: Float[np.ndarray, " p"]) -> str:
@@ -126,15 +126,15 @@ def _lines(one: MeasuredFields | None, plant: LinearPlant) -> tuple[Lines, ...]:
     fields = (one.hertz, one.real, one.imaginary, one.half_width)
     if any(len(field) != plant.axes for field in fields):
         raise MachineError(f"uncertainty.measured: needs {plant.axes} lists in every field")
-    found = []
+    lines = []
     for axis in zip(*fields, strict=True):
         if len({len(part) for part in axis}) > 1:
             raise MachineError("uncertainty.measured: its lists need one number per frequency")
         hertz, real, imaginary, half_width = (np.array(part) for part in axis)
         if np.any(hertz <= 0) or np.any(hertz * plant.dt > 0.5) or np.any(half_width < 0):
             raise MachineError("uncertainty.measured: needs frequencies up to half the sample rate")
-        found.append(Lines(2 * np.pi * plant.dt * hertz, real + 1j * imaginary, half_width))
-    return tuple(found)
+        lines.append(Lines(2 * np.pi * plant.dt * hertz, real + 1j * imaginary, half_width))
+    return tuple(lines)
 
 
 def _doubt(fields: UncertaintyFields, plant: LinearPlant) -> Doubt | None:
@@ -156,7 +156,7 @@ def _doubt(fields: UncertaintyFields, plant: LinearPlant) -> Doubt | None:
 LESS_DAMPED = 0.5  # of the damping, at least: it is known worse than the frequency
 TRIED = 21  # frequencies of the resonance within its interval
 AROUND, BESIDE = 40, 12  # frequencies where it may be, and on either side
-WIDE, FAR = 1.5, 10.0  # times the resonance: around, and as far as the response is told
+WIDE, FAR = 1.5, 10.0  # times the resonance: around, and as far as the response is stated
 
 
 def unsure_resonances(
@@ -190,8 +190,8 @@ def places_around(hertz: float, dt: float) -> Float[np.ndarray, " F"]:
             np.geomspace(WIDE, FAR, BESIDE),
         ]
     )
-    found = hertz * parts
-    return found[found < 0.5 / dt]
+    frequencies = hertz * parts
+    return frequencies[frequencies < 0.5 / dt]
 
 
 def moved(

@@ -1,4 +1,4 @@
-"""Length of a long run, the time and the memory that it will take, told before it begins."""
+"""Length of a long run, the time and the memory that it will take, printed before it begins."""
 
 from jcontour.app.jobs.job import Task
 from jcontour.app.jobs.memory import free_memory, needed

@@ -1,4 +1,4 @@
-"""First and last lines of every command: a run folder is made or found again; a result is told."""
+"""First and last lines of every command: its run folder and its answer."""
 
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -38,8 +38,8 @@ Result = TypeVar("Result")
 def opened(flags: F, command: str, read: Callable[[F], Asked]) -> Iterator[tuple[Path, Asked]]:
     """Folder of a new run or of the one to go on with, and what `read` makes of its flags.
 
-    `read` comes first: bad input is told before anything is written. The folder is held until the
-    run ends, and whoever interrupts it is told how it goes on.
+    `read` comes first: bad input is refused before anything is written. The folder is held until
+    the run ends, and whoever interrupts it reads how it goes on.
     """
     if flags.resume:
         folder, flags = resumed(flags, command)
@@ -76,7 +76,7 @@ def task_words(
     Args:
         parts: toolpaths or names.
         flags: values by name.
-        kind: the flags that are told: machine and pace, or `Controlled` for the controller as well.
+        kind: flags that become words: machine and pace, or `Controlled` for the controller too.
     """
     words = [*parts]
     for one in fields(kind):

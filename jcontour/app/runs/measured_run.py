@@ -134,9 +134,11 @@ def _part(name: str, axes: int) -> tuple[str, Contour, np.ndarray, Program | Non
         job = job_named(name, Pace(machine_named("bridgeport"), None, None))
         assert isinstance(job, Job)
         return job.name, job.contour, job.rapid, job.program
-    found = read(name, FED, "XY" if axes == 2 else "XYZ")
-    program = Program(found.line, found.ignored, found.doubts, found.stops, found.rapid)
-    return Path(name).stem, found.contour, found.rapid, program
+    toolpath = read(name, FED, "XY" if axes == 2 else "XYZ")
+    program = Program(
+        toolpath.line, toolpath.ignored, toolpath.doubts, toolpath.stops, toolpath.rapid
+    )
+    return Path(name).stem, toolpath.contour, toolpath.rapid, program
 
 
 def _offset(path: Contour, command: np.ndarray) -> np.ndarray:

@@ -18,9 +18,9 @@ def test_chunks_go_on_where_they_ended(tmp_path):
         chunks = SweepChunks(folder)
         assert chunks.rows == first
         chunks.add(chunk(first, count))
-    for found in (chunks.whole(), SweepChunks(folder).whole()):
-        np.testing.assert_array_equal(found["rms_control"], chunk(0, 16)["rms_control"])
-        np.testing.assert_array_equal(found["diverged"], chunk(0, 16)["diverged"])
+    for rows in (chunks.whole(), SweepChunks(folder).whole()):
+        np.testing.assert_array_equal(rows["rms_control"], chunk(0, 16)["rms_control"])
+        np.testing.assert_array_equal(rows["diverged"], chunk(0, 16)["diverged"])
 
 
 def test_lost_and_damaged_chunks_are_named(tmp_path):

@@ -40,10 +40,14 @@ def limits(tmp_path, text, axes=2):
 
 
 def test_linuxcnc(tmp_path):
-    found, doubts = limits(tmp_path, INI)
-    np.testing.assert_allclose(found.speed, [0.2, 0.1])
-    np.testing.assert_allclose(found.acceleration, [3.0, 2.0])
-    assert (found.control, found.path_speed, found.tolerance) == ("linuxcnc", 0.15, 5e-6)
+    limits_read, doubts = limits(tmp_path, INI)
+    np.testing.assert_allclose(limits_read.speed, [0.2, 0.1])
+    np.testing.assert_allclose(limits_read.acceleration, [3.0, 2.0])
+    assert (limits_read.control, limits_read.path_speed, limits_read.tolerance) == (
+        "linuxcnc",
+        0.15,
+        5e-6,
+    )
     assert doubts == ()
     inches, doubts = limits(tmp_path, INI.replace("= mm", "= inch"))
     np.testing.assert_allclose(inches.speed, [5.08, 2.54])
@@ -51,11 +55,11 @@ def test_linuxcnc(tmp_path):
 
 
 def test_grbl(tmp_path):
-    found, doubts = limits(tmp_path, GRBL)
-    np.testing.assert_allclose(found.speed, [5 / 60, 4 / 60])
-    np.testing.assert_allclose(found.acceleration, [0.5, 0.4])
-    assert (found.control, found.junction_deviation) == ("grbl", 20e-6)
-    assert found.arc_tolerance == pytest.approx(3e-6) and doubts == ()
+    limits_read, doubts = limits(tmp_path, GRBL)
+    np.testing.assert_allclose(limits_read.speed, [5 / 60, 4 / 60])
+    np.testing.assert_allclose(limits_read.acceleration, [0.5, 0.4])
+    assert (limits_read.control, limits_read.junction_deviation) == ("grbl", 20e-6)
+    assert limits_read.arc_tolerance == pytest.approx(3e-6) and doubts == ()
 
 
 def test_units_that_look_wrong_are_questioned(tmp_path):

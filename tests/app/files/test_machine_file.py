@@ -40,10 +40,10 @@ TWO = FIELDS | {
 
 def test_the_example_is_the_axis_of_the_thesis():
     axis = read(FlexibleAxisFile, FIELDS)
-    for found, printed in zip(
+    for computed, printed in zip(
         jax.tree.leaves(axis.parameters), jax.tree.leaves(thesis_axis()), strict=True
     ):
-        np.testing.assert_array_equal(found, printed)
+        np.testing.assert_array_equal(computed, printed)
     assert axis.dt == 1e-3 and axis.count == 1
     FlexibleAxis(axis.parameters, axis.dt)
 

@@ -73,9 +73,9 @@ def test_a_servo_tuning_in_xml(tmp_path):
         head = f'<FrequencyResponseFunction satclassid="6" name="{name}">'
         text += f"{head}{arrays}</FrequencyResponseFunction>"
     (tmp_path / "ast.xml").write_text(text)
-    found = read_response(tmp_path / "ast.xml")
-    np.testing.assert_array_equal(found.value, VALUE)
-    np.testing.assert_array_equal(found.frequency, FREQUENCY)
+    record = read_response(tmp_path / "ast.xml")
+    np.testing.assert_array_equal(record.value, VALUE)
+    np.testing.assert_array_equal(record.frequency, FREQUENCY)
     (tmp_path / "cut.xml").write_text(text.replace(in_base_85(FREQUENCY)[:9], "", 1))
     with pytest.raises(ValueError, match="cut off"):
         read_response(tmp_path / "cut.xml")
@@ -103,8 +103,8 @@ def test_columns_by_name_or_by_place(tmp_path, mark):
 
 def test_times_that_cannot_be_seconds_are_in_the_unit_that_suits_a_drive(tmp_path):
     rows = [(1e6 * t, u, p) for t, u, p in ROWS]
-    found = read_step(step_log(tmp_path / "a.csv", rows=rows), "mm")
-    assert found.unit == "us" and found.dt == pytest.approx(1e-3)
+    record = read_step(step_log(tmp_path / "a.csv", rows=rows), "mm")
+    assert record.unit == "us" and record.dt == pytest.approx(1e-3)
 
 
 def test_faults_are_told_with_their_place(tmp_path):

@@ -33,9 +33,9 @@ def coarse(points, tolerance: float = 2e-6, feed: float = 0.05) -> Coarse | None
 def test_the_step_of_the_coordinates_is_found(step):
     """In millimetres and in inches; a place of the whole off the steps does not matter."""
     for points in (circle(step), circle(step) + 0.123456789e-3):
-        found = coarse(points)
-        assert found is not None
-        assert found.step == pytest.approx(step) and found.moves > 0.8 * len(points)
+        rounding = coarse(points)
+        assert rounding is not None
+        assert rounding.step == pytest.approx(step) and rounding.moves > 0.8 * len(points)
     assert coarse(circle(step), step) is None
 
 

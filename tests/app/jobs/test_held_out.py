@@ -92,8 +92,8 @@ def test_size_feed_and_samples_of_a_part(part, moves_within, name, size, feed):
 @pytest.mark.parametrize("radius", [1, 10, 100])
 def test_a_disc_has_a_circle_of_its_radius_held_out(part, radius):
     job = part(disc(radius), "part.csv")
-    found, *_ = held_out_like([job], pace_of("bridgeport"))
-    assert 1e3 / float(found.contour.curvature(0.0)) == pytest.approx(radius, rel=0.03)
+    contours, *_ = held_out_like([job], pace_of("bridgeport"))
+    assert 1e3 / float(contours.contour.curvature(0.0)) == pytest.approx(radius, rel=0.03)
 
 
 def test_every_contour_turns_as_much_as_the_part(part):
@@ -114,9 +114,9 @@ def test_a_smooth_part_has_a_rounded_square(part):
 def test_small_curves_of_a_large_part(part):
     """Two holes of 2 mm radius, 300 mm apart."""
     job = part("G0 X2 Y0\nG2 I-2 F600\nG0 X302\nG2 I-2\n")
-    found = held_out_like([job], pace_of("bridgeport"))
-    assert 1 / float(found[0].contour.curvature(0.0)) == pytest.approx(2e-3, rel=0.05)
-    np.testing.assert_allclose(found[0].contour.position(0.0), [0.152, 0.0], atol=3e-3)
+    contours = held_out_like([job], pace_of("bridgeport"))
+    assert 1 / float(contours[0].contour.curvature(0.0)) == pytest.approx(2e-3, rel=0.05)
+    np.testing.assert_allclose(contours[0].contour.position(0.0), [0.152, 0.0], atol=3e-3)
 
 
 @pytest.mark.parametrize(("points", "least"), [(721, 0.99), (5, 0.01)])
@@ -152,10 +152,10 @@ def test_the_same_circle_is_scored_behind_its_entry_as_in_training():
     """Half a lap held out: as many samples as before, none of them of the entry."""
     pace = pace_of("bridgeport")
     ring = at_constant_feed("ring", circle(1e-3), pace)
-    found = held_out_like([ring], pace)[0]
-    assert float(found.contour.length) == pytest.approx(2e-3 * np.pi, rel=1e-3)
-    np.testing.assert_array_equal(np.flatnonzero(found.scored), np.arange(ENTRY, ENTRY + 150))
-    np.testing.assert_allclose(found.arc, ring.arc[: found.samples], rtol=1e-3)
+    contours = held_out_like([ring], pace)[0]
+    assert float(contours.contour.length) == pytest.approx(2e-3 * np.pi, rel=1e-3)
+    np.testing.assert_array_equal(np.flatnonzero(contours.scored), np.arange(ENTRY, ENTRY + 150))
+    np.testing.assert_allclose(contours.arc, ring.arc[: contours.samples], rtol=1e-3)
 
 
 def test_most_parts_decide(part):
@@ -224,19 +224,19 @@ def test_corners_turn_too(part, scale):
 
 
 def test_a_straight_part_has_its_half_diagonal(part, scale):
-    found = scale(part("0,0\n30,40\n", "part.csv"))
-    assert found.radius == found.half_diagonal
-    assert found.half_diagonal == pytest.approx(25e-3, rel=0.02)
-    np.testing.assert_allclose(found.low, [15e-3, 20e-3], rtol=0.02)
+    size = scale(part("0,0\n30,40\n", "part.csv"))
+    assert size.radius == size.half_diagonal
+    assert size.half_diagonal == pytest.approx(25e-3, rel=0.02)
+    np.testing.assert_allclose(size.low, [15e-3, 20e-3], rtol=0.02)
 
 
 def test_rapid_moves_do_not_count(part, scale):
     """Two holes of 2 mm radius, 80 mm apart: large part, small curves."""
     holes = "G0 X2 Y0\nG2 I-2 F600\nG0 X82\nG2 I-2\n"
-    found = scale(part(holes))
-    assert found.radius == pytest.approx(2e-3, rel=0.05)
-    assert found.half_diagonal == pytest.approx(0.5e-3 * np.hypot(84, 4), rel=0.02)
-    assert found.feed == pytest.approx(0.01, rel=0.01)
+    size = scale(part(holes))
+    assert size.radius == pytest.approx(2e-3, rel=0.05)
+    assert size.half_diagonal == pytest.approx(0.5e-3 * np.hypot(84, 4), rel=0.02)
+    assert size.feed == pytest.approx(0.01, rel=0.01)
 
 
 @pytest.mark.parametrize(("slow", "feed"), [(30, 1200), (10, 3000)])
@@ -250,11 +250,11 @@ def test_medians_and_the_box_of_middles(pace, scale):
         at_constant_feed("circle", circle(radius, [x, -x]), pace._replace(feed=feed))
         for radius, x, feed in ((10e-3, 0.0, 0.1), (20e-3, 0.1, 0.05), (50e-3, 0.3, 0.2))
     ]
-    found = scale(*jobs)
-    assert found.radius == pytest.approx(20e-3, rel=5e-3)
-    assert found.feed == pytest.approx(0.1)
-    np.testing.assert_allclose(found.low, [0.0, -0.3], atol=1e-3)
-    np.testing.assert_allclose(found.high, [0.3, 0.0], atol=1e-3)
+    size = scale(*jobs)
+    assert size.radius == pytest.approx(20e-3, rel=5e-3)
+    assert size.feed == pytest.approx(0.1)
+    np.testing.assert_allclose(size.low, [0.0, -0.3], atol=1e-3)
+    np.testing.assert_allclose(size.high, [0.3, 0.0], atol=1e-3)
 
 
 def test_sharpest_corner(pace, part):

@@ -32,8 +32,10 @@ def test_a_program_that_takes_for_ever(tmp_path):
     path = tmp_path / "slow.ngc"
     path.write_text("G1 X1 F600\nX90000 F0.1\n")
     pace = Pace(MACHINES["bridgeport"](), None, None)
-    told = r"slow\.ngc: line 2: the program takes 5\.4e\+07 s at least, longest here; that is more"
-    with pytest.raises(ToolpathError, match=told):
+    message = (
+        r"slow\.ngc: line 2: the program takes 5\.4e\+07 s at least, longest here; that is more"
+    )
+    with pytest.raises(ToolpathError, match=message):
         from_file(path, pace)
 
 
@@ -41,10 +43,10 @@ def test_a_plunge_that_takes_for_ever_is_told(tmp_path):
     path = tmp_path / "slow.ngc"
     path.write_text("G1 X1 F600\nZ-90000 F0.1\nX2 F600\n")
     pace = Pace(MACHINES["bridgeport"](), None, None)
-    told = (
+    message = (
         r"line 1: the program takes 5\.4e\+07 s at least, longest here, 5\.4e\+07 s of it while Z"
     )
-    with pytest.raises(ToolpathError, match=told):
+    with pytest.raises(ToolpathError, match=message):
         from_file(path, pace)
 
 
@@ -101,12 +103,12 @@ def test_a_tool_that_rests_where_a_cut_ends_is_scored(law, tmp_path):
     path = tmp_path / "part.ngc"
     path.write_text("G21 F1000 G1 X4\nG4 P.3\nG0 X8\nG4 P.2\nG1 X9\n")
     machine = MACHINES["bridgeport"]()
-    found = from_file(path, Pace.of(MachineFlags(feed_law=law), machine))
-    at_end, at_start = (abs(found.arc - place) < 1e-12 for place in (4e-3, 8e-3))
-    assert found.scored[at_end].sum() * machine.model.dt == pytest.approx(0.3, abs=0.01)
-    assert found.scored[at_start].sum() * machine.model.dt == pytest.approx(0.2, abs=0.01)
-    between = (found.arc > 4e-3) & (found.arc < 8e-3)
-    np.testing.assert_array_equal(found.scored, ~between | at_end | at_start)
+    job = from_file(path, Pace.of(MachineFlags(feed_law=law), machine))
+    at_end, at_start = (abs(job.arc - place) < 1e-12 for place in (4e-3, 8e-3))
+    assert job.scored[at_end].sum() * machine.model.dt == pytest.approx(0.3, abs=0.01)
+    assert job.scored[at_start].sum() * machine.model.dt == pytest.approx(0.2, abs=0.01)
+    between = (job.arc > 4e-3) & (job.arc < 8e-3)
+    np.testing.assert_array_equal(job.scored, ~between | at_end | at_start)
 
 
 @pytest.mark.parametrize("law", ["trapezoidal", "jerk"])
@@ -116,19 +118,19 @@ def test_x_and_y_wait_while_z_moves_alone(law, tmp_path):
     path.write_text("G21 F600 G1 X4\nZ-5\nX5\nG0 Z9\nX8\nG1 Z7\nX9\nG0 Z9\n")
     pace = Pace.of(MachineFlags(feed_law=law), MACHINES["bridgeport"]())
     for override in (1.0, 0.5):
-        found = from_file(path, pace._replace(override=override))
-        resting = [abs(found.arc - place) < 1e-12 for place in (4e-3, 8e-3)]
+        job = from_file(path, pace._replace(override=override))
+        resting = [abs(job.arc - place) < 1e-12 for place in (4e-3, 8e-3)]
         times = [here.sum() * pace.machine.model.dt * override for here in resting]
         np.testing.assert_allclose(times, [0.5, 0.2], atol=0.01)
-        assert found.scored[resting[0]].all() and not found.scored[resting[1]].any()
+        assert job.scored[resting[0]].all() and not job.scored[resting[1]].any()
 
 
 def test_a_drawing_is_run_at_the_feed_with_rapid_moves_between_contours():
     plate = Path(__file__).parents[2] / "data" / "drawings" / "plate.dxf"
-    found = from_file(plate, Pace(machine_named(EXAMPLE), 0.1, None))
-    assert found.ignored == ("1 TEXT (layer notes)",) and found.line_at(0) == 20
-    assert 0 < np.count_nonzero(~found.scored) < found.samples / 2
-    assert found.line_at(found.steps - 1) == found.line_at(found.samples - 1)
+    job = from_file(plate, Pace(machine_named(EXAMPLE), 0.1, None))
+    assert job.ignored == ("1 TEXT (layer notes)",) and job.line_at(0) == 20
+    assert 0 < np.count_nonzero(~job.scored) < job.samples / 2
+    assert job.line_at(job.steps - 1) == job.line_at(job.samples - 1)
 
 
 def test_a_machine_that_states_its_acceleration_runs_contours_within_half_of_it():
@@ -145,10 +147,10 @@ def test_a_machine_that_states_its_acceleration_runs_contours_within_half_of_it(
 
 def test_a_run_from_rest_to_rest_holds_its_end_for_a_quarter_of_a_second_that_is_scored():
     pace = Pace(machine_named(EXAMPLE), None, None)
-    found = along_contour("line", line([0.0, 0.0], [9e-3, 0.0]), pace)
-    reference = found.reference(pace.machine.model.dt, 3)
-    held = slice(found.samples, reference.steps)
-    assert (reference.steps - found.samples) * pace.machine.model.dt == pytest.approx(0.25)
+    job = along_contour("line", line([0.0, 0.0], [9e-3, 0.0]), pace)
+    reference = job.reference(pace.machine.model.dt, 3)
+    held = slice(job.samples, reference.steps)
+    assert (reference.steps - job.samples) * pace.machine.model.dt == pytest.approx(0.25)
     np.testing.assert_allclose(np.asarray(reference.position)[held], [[9e-3, 0.0]] * 250)
     assert np.asarray(reference.mask)[: reference.steps].all()
     free = along_contour("square", polygon(SQUARE), Pace(MACHINES["bridgeport"](), None, None))
@@ -181,10 +183,10 @@ def test_a_unit_for_drawings_is_not_taken_for_that_of_points(tmp_path):
     path = tmp_path / "points.csv"
     path.write_text("x,y\n0,0\n1,0\n")
     pace = Pace(MACHINES["bridgeport"](), None, None)
-    found = from_file(path, pace._replace(drawing_unit=0.0254))
-    assert float(found.contour.length) == pytest.approx(1e-3)
-    assert "--drawing-unit does not act on points.csv: points are read in mm" in found.doubts
-    assert not [doubt for doubt in from_file(path, pace).doubts if "--drawing-unit" in doubt]
+    job = from_file(path, pace._replace(drawing_unit=0.0254))
+    assert float(job.contour.length) == pytest.approx(1e-3)
+    assert "--drawing-unit does not act on points.csv: points are read in mm" in job.doubts
+    assert not [line for line in from_file(path, pace).doubts if "--drawing-unit" in line]
 
 
 @pytest.mark.parametrize(

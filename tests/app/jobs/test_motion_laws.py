@@ -27,9 +27,9 @@ def planned_job(folder: Path, program: str = PROGRAM, **given) -> Job:
 
 
 def test_samples_keep_the_limits_of_the_machine(tmp_path):
-    found = planned_job(tmp_path)
+    job = planned_job(tmp_path)
     dt = 1e-3
-    position = np.asarray(found.reference(dt, 5).position)
+    position = np.asarray(job.reference(dt, 5).position)
     acceleration = np.diff(position, n=2, axis=0) / dt**2
     jerk = np.diff(position, n=3, axis=0) / dt**3
     # half of 3 and 2.5 m/s^2, built up in 20 ms; differences are means over samples
@@ -38,35 +38,35 @@ def test_samples_keep_the_limits_of_the_machine(tmp_path):
 
 
 def test_corners_leave_the_contour_within_the_tolerance(tmp_path):
-    found = planned_job(tmp_path, corner_tolerance_um=20.0)
-    reference = found.reference(1e-3, 1)
+    job = planned_job(tmp_path, corner_tolerance_um=20.0)
+    reference = job.reference(1e-3, 1)
     points = np.asarray(reference.position)[: reference.steps]
-    nearest = found.contour.position(found.contour.nearest_anywhere(points))
+    nearest = job.contour.position(job.contour.nearest_anywhere(points))
     apart = np.linalg.norm(points - np.asarray(nearest), axis=1)
     assert 5e-6 < apart.max() <= 20e-6
-    assert found.planned is not None and found.planned.motion.stops.size == 4  # at the rapid move
+    assert job.planned is not None and job.planned.motion.stops.size == 4  # at the rapid move
 
 
 def test_without_tolerance_it_stops_in_every_corner(tmp_path):
-    found = planned_job(tmp_path, corner_tolerance_um=0.0)
-    assert found.planned is not None and found.planned.motion.stops.size == 5
-    assert np.abs(np.asarray(found.aside.offset)).max() == 0.0
+    job = planned_job(tmp_path, corner_tolerance_um=0.0)
+    assert job.planned is not None and job.planned.motion.stops.size == 5
+    assert np.abs(np.asarray(job.aside.offset)).max() == 0.0
 
 
 def test_summary_adds_up(tmp_path):
-    found = planned_job(tmp_path, jerk=500.0)
-    assert found.planned is not None
-    summary = motion_summary(found.planned)
-    assert abs(summary.cycle_time - (found.samples - 1) * 1e-3) <= 1e-3
+    job = planned_job(tmp_path, jerk=500.0)
+    assert job.planned is not None
+    summary = motion_summary(job.planned)
+    assert abs(summary.cycle_time - (job.samples - 1) * 1e-3) <= 1e-3
     assert sum(summary.shares.values()) == pytest.approx(1.0)
     assert max(summary.peak_jerk) <= 500.0 * (1 + 1e-9)
 
 
 def test_summary_sees_ramps_of_a_millisecond_in_a_minute(tmp_path):
     """The speed v is reached at the acceleration sqrt(v j)."""
-    found = planned_job(tmp_path, "G21 G90 G0 X0 Y0\nG1 X1 F1\n", jerk=100.0)
-    assert found.planned is not None
-    summary = motion_summary(found.planned)
+    job = planned_job(tmp_path, "G21 G90 G0 X0 Y0\nG1 X1 F1\n", jerk=100.0)
+    assert job.planned is not None
+    summary = motion_summary(job.planned)
     np.testing.assert_allclose(summary.peak_jerk, [100.0, 0.0], rtol=1e-9)
     np.testing.assert_allclose(
         summary.peak_acceleration, [np.sqrt(1e-3 / 60 * 100.0), 0.0], rtol=1e-6
@@ -95,10 +95,10 @@ def test_short_moves_at_one_feed_become_a_curve(tmp_path):
     moves = "\n".join(f"X{x:.3f} Y{y:.3f}" for x, y in points[1:])
     path.write_text(f"G21 G90 G0 X10 Y0\nG1 F3000\n{moves}\n")
     pace = Pace.of(MachineFlags(plant=EXAMPLE, feed_law="jerk"), machine_named(EXAMPLE))
-    found = from_file(path, pace)
-    assert found.planned is not None
-    assert found.planned.around.path.rate.size < 100
-    assert found.samples * 1e-3 < 1.1 * np.pi * 10e-3 / 0.05
+    job = from_file(path, pace)
+    assert job.planned is not None
+    assert job.planned.around.path.rate.size < 100
+    assert job.samples * 1e-3 < 1.1 * np.pi * 10e-3 / 0.05
 
 
 def test_a_circle_in_two_arcs_on_unequal_axes_has_no_stop(tmp_path):
@@ -107,24 +107,24 @@ def test_a_circle_in_two_arcs_on_unequal_axes_has_no_stop(tmp_path):
     machine = machine_named(EXAMPLE)
     unequal = machine.limits._replace(acceleration=np.array([3.0, 9.0]))
     flags = MachineFlags(plant=EXAMPLE, feed_law="jerk")
-    found = from_file(path, Pace.of(flags, replace(machine, limits=unequal)))
-    assert found.planned is not None and found.planned.motion.stops.size == 2
+    job = from_file(path, Pace.of(flags, replace(machine, limits=unequal)))
+    assert job.planned is not None and job.planned.motion.stops.size == 2
 
 
 @pytest.mark.parametrize("law", ["jerk", "trapezoidal"])
 def test_a_dwell_holds_the_tool_where_it_is(tmp_path, law):
     """In a blended corner, between two lines that go on straight, and at the end."""
     dwelling = "G21 G90 G0 X0 Y0\nG1 X4 F3000\nG4 P.2\nY3\nG4 P.1\nG4 P.2\nG1 Y6\nG4 P.05\n"
-    found = planned_job(tmp_path, dwelling, feed_law=law)
-    held = [np.isclose(found.arc, place, rtol=0, atol=1e-12) for place in (4e-3, 7e-3, 10e-3)]
+    job = planned_job(tmp_path, dwelling, feed_law=law)
+    held = [np.isclose(job.arc, place, rtol=0, atol=1e-12) for place in (4e-3, 7e-3, 10e-3)]
     np.testing.assert_allclose([each.sum() for each in held], [201, 301, 51], atol=3)
-    assert [found.line_at(int(np.argmax(each))) for each in held] == [4, 7, 7]
-    reference = found.reference(1e-3, 1)
+    assert [job.line_at(int(np.argmax(each))) for each in held] == [4, 7, 7]
+    reference = job.reference(1e-3, 1)
     np.testing.assert_allclose(
-        np.asarray(reference.position)[: found.samples][held[0]][1], [4e-3, 0], atol=1e-12
+        np.asarray(reference.position)[: job.samples][held[0]][1], [4e-3, 0], atol=1e-12
     )
     without = "\n".join(line for line in dwelling.split("\n") if not line.startswith("G4"))
-    assert 550 < found.samples - planned_job(tmp_path, without, feed_law=law).samples < 800
+    assert 550 < job.samples - planned_job(tmp_path, without, feed_law=law).samples < 800
 
 
 def test_dwells_are_in_the_cycle_time(tmp_path):
@@ -146,10 +146,10 @@ def test_dwells_that_are_too_long_name_their_unit(tmp_path):
 
 def test_rapid_moves_that_go_on_straight_are_stopped_between(tmp_path):
     """As LinuxCNC does; the tolerance is kept in the corner between both."""
-    found = planned_job(tmp_path, "G1 X4 F3000\nG0 X8\nG1 X12\nG0 Y4\nG1 Y8\n")
-    assert found.planned is not None
-    np.testing.assert_allclose(found.planned.motion.stops, 1e-3 * np.array([0, 4, 8, 12, 16, 20]))
-    assert np.abs(found.aside.offset).max() < 1e-12
+    job = planned_job(tmp_path, "G1 X4 F3000\nG0 X8\nG1 X12\nG0 Y4\nG1 Y8\n")
+    assert job.planned is not None
+    np.testing.assert_allclose(job.planned.motion.stops, 1e-3 * np.array([0, 4, 8, 12, 16, 20]))
+    assert np.abs(job.aside.offset).max() < 1e-12
 
 
 def test_a_motion_that_is_not_the_quickest_is_told():
@@ -164,9 +164,9 @@ def test_a_motion_that_is_not_the_quickest_is_told():
         gap=0.005,
     )
     assert [*motion_table(planned, "X").columns[0].cells][1] == "stops on the way"
-    told = motion_table(replace(planned, gap=0.25), "X")
-    assert [next(iter(column.cells)) for column in told.columns] == ["cycle time", "10.000 s"]
-    assert [[*column.cells][1] for column in told.columns] == [
+    table = motion_table(replace(planned, gap=0.25), "X")
+    assert [next(iter(column.cells)) for column in table.columns] == ["cycle time", "10.000 s"]
+    assert [[*column.cells][1] for column in table.columns] == [
         "NOT THE QUICKEST, by about",
         "2.5 %",
     ]
@@ -188,14 +188,14 @@ def test_motion_of_another_control(tmp_path, planner):
     """From end to end on the path, or within P of G64, at its own limits."""
     (tmp_path / "sim.ini").write_text(INI)
     given = {"planner": planner, "machine_limits": str(tmp_path / "sim.ini")}
-    found = planned_job(tmp_path, f"G64 P0.02\n{PROGRAM}", **given)
-    reference = found.reference(1e-3, 5)
+    job = planned_job(tmp_path, f"G64 P0.02\n{PROGRAM}", **given)
+    reference = job.reference(1e-3, 5)
     position = np.asarray(reference.position)[: reference.steps]
-    nearest = found.contour.position(found.contour.nearest_anywhere(position))
+    nearest = job.contour.position(job.contour.nearest_anywhere(position))
     apart = np.linalg.norm(position - np.asarray(nearest), axis=1)
     assert apart.max() < (20e-6 if planner == "linuxcnc" else 1e-9)
-    assert found.feed_law.lower().startswith(f"as {planner} plans it, 3000 mm/min")
-    assert found.arc[-1] == pytest.approx(float(found.contour.length))
+    assert job.feed_law.lower().startswith(f"as {planner} plans it, 3000 mm/min")
+    assert job.arc[-1] == pytest.approx(float(job.contour.length))
     full = planned_job(tmp_path, machine_limits=given["machine_limits"])
     assert "acceleration" not in full.feed_law and full.samples < planned_job(tmp_path).samples
 

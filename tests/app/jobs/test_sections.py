@@ -40,19 +40,19 @@ def places(job, machine, samples):
 
 def test_a_run_stops_where_the_tool_is_lifted_lowered_or_switched(machine, tmp_path):
     job = run_of(PART, machine, tmp_path)
-    found = sections(job)
-    assert [one.rapid for one in found] == [False, True, False, False]
-    assert [one.asked for one in found] == [
+    parts = sections(job)
+    assert [one.rapid for one in parts] == [False, True, False, False]
+    assert [one.asked for one in parts] == [
         ((5, PREPARED),),
         ((6, "Z moves"), (7, "rapid move begins")),
         ((9, "Z moves"), (10, "cut goes on")),
         ((11, "M5"),),
     ]
-    ends = places(job, machine, [one.first for one in found] + [found[-1].last])
+    ends = places(job, machine, [one.first for one in parts] + [parts[-1].last])
     np.testing.assert_allclose(ends, [[1, 0], [5, 0], [8, 3], [12, 3], [12, 6]], atol=2e-3)
-    (corner,) = found[1].corners
+    (corner,) = parts[1].corners
     np.testing.assert_allclose(places(job, machine, [corner]), [[5, 3]], atol=2e-2)
-    assert [one.last for one in found[:-1]] == [one.first for one in found[1:]]
+    assert [one.last for one in parts[:-1]] == [one.first for one in parts[1:]]
 
 
 def test_the_tool_is_down_where_it_rests_before_a_cut(machine, tmp_path):

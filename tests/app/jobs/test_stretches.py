@@ -115,8 +115,8 @@ def test_corners_of_closed_and_open_paths():
 
 @given(st.floats(1e-9, np.pi))
 def test_angles_are_exact_when_they_are_small(angle):
-    found = angle_between(np.array([[2.0, 0.0]]), 3.0 * np.array([[np.cos(angle), np.sin(angle)]]))
-    assert found[0] == pytest.approx(angle, rel=1e-7)
+    angles = angle_between(np.array([[2.0, 0.0]]), 3.0 * np.array([[np.cos(angle), np.sin(angle)]]))
+    assert angles[0] == pytest.approx(angle, rel=1e-7)
 
 
 def test_shortened_runs(pace):
@@ -143,10 +143,10 @@ def program(tmp_path_factory):
 
 
 def test_stretches_are_samples_of_the_program_in_motion(program):
-    found = representatives(program, DT)
-    assert program.samples > module.LONG and 2 <= len(found) <= module.COUNT
+    stretches = representatives(program, DT)
+    assert program.samples > module.LONG and 2 <= len(stretches) <= module.COUNT
     whole = np.asarray(program.reference(DT, 5).position)
-    for one in found:
+    for one in stretches:
         reference = one.reference(DT, 5)
         position = np.asarray(reference.position)[:WINDOW]
         apart = np.linalg.norm(whole[:, None] - position[:1], axis=-1).ravel()
@@ -157,8 +157,8 @@ def test_stretches_are_samples_of_the_program_in_motion(program):
 
 
 def test_the_hardest_part_is_among_them(program):
-    found = representatives(program, DT)
-    x = [np.asarray(one.reference(DT, 0).position)[:, 0] for one in found]
+    stretches = representatives(program, DT)
+    x = [np.asarray(one.reference(DT, 0).position)[:, 0] for one in stretches]
     assert any(((150e-3 < one) & (one < 170e-3)).sum() > 100 for one in x)
 
 
@@ -180,8 +180,8 @@ def test_a_stretch_of_a_contour_is_the_same_curve():
         part = between(contour, low, high)
         assert float(part.length) == pytest.approx(high - low, rel=1e-12)
         s = np.linspace(0.0, high - low, 57)
-        found, wanted = np.asarray(part.position(s)), np.asarray(contour.position(low + s))
-        np.testing.assert_allclose(found, wanted, atol=1e-15)
+        points, wanted = np.asarray(part.position(s)), np.asarray(contour.position(low + s))
+        np.testing.assert_allclose(points, wanted, atol=1e-15)
         assert not bool(part.closed)
 
 

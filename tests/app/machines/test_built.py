@@ -25,10 +25,10 @@ def test_a_speed_drive_is_its_transfer_function():
     s = 2j * np.pi * 3
     z = np.exp(s * 1e-3)
     for axis, constant in enumerate((0.02, 0.01)):
-        found = C[axis] @ np.linalg.solve(z * np.eye(len(A)) - A, B[:, axis])
+        response = C[axis] @ np.linalg.solve(z * np.eye(len(A)) - A, B[:, axis])
         held = np.exp(-0.5e-3 * s)  # half a sample, of the hold
         wanted = 2e-3 * np.exp(-1.5e-3 * s) / (s * (constant * s + 1)) * held
-        assert found == pytest.approx(wanted, rel=1e-3)
+        assert response == pytest.approx(wanted, rel=1e-3)
     assert machine.limits.control is not None and machine.limits.control.tolist() == [100.0, 100.0]
     assert machine.resolution == pytest.approx(1e-6)
 

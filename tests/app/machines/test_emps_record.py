@@ -85,7 +85,7 @@ def test_the_record_obeys_the_balance_of_forces():
 @pytest.mark.slow
 def test_all_four_numbers_within_one_percent():
     u, y = emps_record(program(), 1)
-    found = identify_machine(MachineRecord(DT, ("X",), u[:, None], y[:, None]), 1, 1)
-    one = axis_result(found.axes[0])
+    machine_read = identify_machine(MachineRecord(DT, ("X",), u[:, None], y[:, None]), 1, 1)
+    one = axis_result(machine_read.axes[0])
     wanted = (emps.MASS, emps.VISCOUS, emps.COULOMB, emps.OFFSET)
     assert physical(one) == pytest.approx(wanted, rel=0.01)

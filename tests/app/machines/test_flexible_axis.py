@@ -100,11 +100,11 @@ def test_biaxial_axes_differ():
 
 
 def test_a_file_is_the_built_in_machine(machine, tmp_path):
-    found = load_machine(THESIS_AXIS)
-    assert found.error == "tracking" and found.axes == ("X",)
-    np.testing.assert_array_equal(found.model.A, machine.model.A)
+    machine_read = load_machine(THESIS_AXIS)
+    assert machine_read.error == "tracking" and machine_read.axes == ("X",)
+    np.testing.assert_array_equal(machine_read.model.A, machine.model.A)
     np.testing.assert_array_equal(
-        found.true_family()[2].plant.plant.parameters.stiffness, [1.2 * 2908.0]
+        machine_read.true_family()[2].plant.plant.parameters.stiffness, [1.2 * 2908.0]
     )
     fields = json.loads(THESIS_AXIS.read_text())
     path = tmp_path / "mine.json"
@@ -126,9 +126,9 @@ def test_machine_says_what_it_is(machine):
 def test_motions_are_the_tasks_of_the_thesis(machine, name, task):
     wanted = task()
     motion = job_named(name, Pace(machine, None, None))
-    found = motion.reference(1e-3, 1)
-    assert found.steps == motion.samples == wanted.steps
-    np.testing.assert_allclose(found.position, wanted.position, rtol=0, atol=1e-15)
+    reference = motion.reference(1e-3, 1)
+    assert reference.steps == motion.samples == wanted.steps
+    np.testing.assert_allclose(reference.position, wanted.position, rtol=0, atol=1e-15)
 
 
 def test_another_pace(machine):

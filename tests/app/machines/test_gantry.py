@@ -102,9 +102,9 @@ def test_the_nominal_machine_shows_where_its_currents_are_saturated(machine):
     jump = along(line([0.0, 0.0], [0.1, 0.0]), arc, machine.model.dt, design.preview, at_rest=True)
     law = design.build(design.start)
     beyond = (np.abs(np.asarray(simulate(plant, law, jump).control)) > CURRENT).any(axis=1)
-    found = margins(plant, law, jump)
-    assert found.saturated == beyond.sum() and 10 < beyond.sum() < beyond.size - 10
-    assert found.spectral_radius < 1 <= found.delay
+    at_jump = margins(plant, law, jump)
+    assert at_jump.saturated == beyond.sum() and 10 < beyond.sum() < beyond.size - 10
+    assert at_jump.spectral_radius < 1 <= at_jump.delay
 
 
 def test_smooth_encoders_have_the_noise_of_counts(machine):

@@ -17,7 +17,7 @@ HERTZ, DAMPING = 45.0, 0.08
 
 
 @pytest.fixture(scope="module")
-def found():
+def identified():
     rows, most_poles, most_delay = 8000, 3, 4
     soft = with_resonance(position_axis(1.0, 0.004, 2 * DT), 2 * np.pi * HERTZ, DAMPING)
     axes = (
@@ -33,8 +33,8 @@ def found():
     return identify_machine(MachineRecord(DT, ("X", "Y"), u, y), most_poles, most_delay)
 
 
-def test_numbers_of_an_axis_as_engineers_say_them(found):
-    x, y = (axis_result(one) for one in found.axes)
+def test_numbers_of_an_axis_as_engineers_say_them(identified):
+    x, y = (axis_result(one) for one in identified.axes)
     assert x.integrators == 1 and x.delay == 2
     assert x.gain == pytest.approx(0.02, rel=0.01)
     assert x.gain_interval[0] < 0.02 < x.gain_interval[1]
@@ -45,59 +45,59 @@ def test_numbers_of_an_axis_as_engineers_say_them(found):
     assert x.explained > 0.99 and len(x.intervals) == len(x.denominator) + len(x.numerator)
 
 
-def test_the_file_is_read_by_the_other_commands(found):
-    fields = machine_fields(found, "mine", "V")
+def test_the_file_is_read_by_the_other_commands(identified):
+    fields = machine_fields(identified, "mine", "V")
     machine = machine_from(json.dumps(fields).encode())
     assert machine.name == "mine" and machine.control_unit == "V"
     assert fields["known_delay"] == 2 and fields["uncertainty"]["gain"] >= 0.02
     assert fields["encoder_resolution"] == pytest.approx(1e-6, rel=1e-3)
 
 
-def test_a_record_without_periods_measures_no_response(found):
+def test_a_record_without_periods_measures_no_response(identified):
     """So that `tune` recommends no loop."""
-    machine = machine_from(json.dumps(machine_fields(found, "mine", "V")).encode())
+    machine = machine_from(json.dumps(machine_fields(identified, "mine", "V")).encode())
     assert [one.frequency.size for one in machine.measured] == [0, 0]
     assert _unmeasured(machine) == ["X", "Y"]
 
 
-def test_the_file_has_the_count_of_every_axis_where_they_differ(found):
-    x, y = found.axes
-    mixed = replace(found, axes=[x, replace(y, resolution=5e-6)])
+def test_the_file_has_the_count_of_every_axis_where_they_differ(identified):
+    x, y = identified.axes
+    mixed = replace(identified, axes=[x, replace(y, resolution=5e-6)])
     each = machine_fields(mixed, "mine", "V")["encoder_resolution"]
     assert each == [x.resolution, 5e-6]
     machine = machine_from(json.dumps(machine_fields(mixed, "mine", "V")).encode())
     assert machine.resolution == pytest.approx(np.array([1e-6, 5e-6]), rel=1e-3)
-    alike = replace(found, axes=[replace(x, resolution=1e-6), replace(y, resolution=1.005e-6)])
+    alike = replace(identified, axes=[replace(x, resolution=1e-6), replace(y, resolution=1.005e-6)])
     assert counts(alike) == 1.005e-6
 
 
-def test_the_file_has_the_noise_of_every_encoder(found):
+def test_the_file_has_the_noise_of_every_encoder(identified):
     """Half a count in the records; none where none was sure."""
-    each = machine_fields(found, "mine", "V")["encoder_noise"]
+    each = machine_fields(identified, "mine", "V")["encoder_noise"]
     assert each == pytest.approx([0.5e-6, 0.5e-6], rel=0.1)
-    machine = machine_from(json.dumps(machine_fields(found, "mine", "V")).encode())
+    machine = machine_from(json.dumps(machine_fields(identified, "mine", "V")).encode())
     assert machine.encoder_noise == pytest.approx(np.array(each))
-    quiet = replace(found, axes=[replace(one, encoder_noise=0.0) for one in found.axes])
+    quiet = replace(identified, axes=[replace(one, encoder_noise=0.0) for one in identified.axes])
     assert machine_fields(quiet, "mine", "V")["encoder_noise"] == 0.0
 
 
-def test_the_file_doubts_the_response_where_the_intervals_are_wide(found):
-    fields = machine_fields(found, "mine", "V")
+def test_the_file_doubts_the_response_where_the_intervals_are_wide(identified):
+    fields = machine_fields(identified, "mine", "V")
     machine, given = machine_from(json.dumps(fields).encode()), fields["uncertainty"]["response"]
     assert machine.doubt is not None
     inner = np.array(given["hertz"][1:-1])
     widths = machine.doubt.at(2 * np.pi * DT * inner)
-    for k, one in enumerate(found.axes):
+    for k, one in enumerate(identified.axes):
         own = np.interp(inner, one.response.frequency, one.response.half_width)
         assert (widths[:, k] >= 0.98 * own).all()
-    x = found.axes[0].response  # of an axis that does not ring
+    x = identified.axes[0].response  # of an axis that does not ring
     assert max(given["relative"][0]) <= max(0.02, 1.01 * x.half_width.max())
 
 
-def test_an_identified_resonance_is_no_surer_than_that_of_a_data_sheet(found):
+def test_an_identified_resonance_is_no_surer_than_that_of_a_data_sheet(identified):
     """Its frequency 5 % off either way and half of its damping, as `jcontour machine` writes it."""
-    machine = machine_from(json.dumps(machine_fields(found, "mine", "V")).encode())
-    hertz, damping = axis_result(found.axes[1]).resonances[0]
+    machine = machine_from(json.dumps(machine_fields(identified, "mine", "V")).encode())
+    hertz, damping = axis_result(identified.axes[1]).resonances[0]
     s = 2j * np.pi * (places := np.linspace(20.0, 90.0, 71))
     said, *true = (
         (w**2 / (s**2 + 2 * z * w * s + w**2))
@@ -120,10 +120,10 @@ def test_a_file_keeps_the_frequencies_around_a_sharp_mode():
     np.testing.assert_array_equal(_thinned(usual), usual[::4])
 
 
-def test_limits_are_those_of_the_record(found):
-    limits = largest(found)
-    assert limits["control"] == np.abs(found.record.command).max(axis=0).tolist()
-    fastest = np.abs(np.diff(found.record.position, axis=0)).max(axis=0) / DT
+def test_limits_are_those_of_the_record(identified):
+    limits = largest(identified)
+    assert limits["control"] == np.abs(identified.record.command).max(axis=0).tolist()
+    fastest = np.abs(np.diff(identified.record.position, axis=0)).max(axis=0) / DT
     assert (np.array(limits["speed"]) <= fastest * 1.001).all()
     assert (np.array(limits["speed"]) > 0.3 * fastest).all()
     assert min(limits["acceleration"]) > 0

@@ -95,11 +95,11 @@ def test_noise_of_encoders_comes_before_their_counts():
 
     def read(plant):
         """At a standstill, sample by sample."""
-        state, found = plant.initial_state(place, still), []
+        state, measurements = plant.initial_state(place, still), []
         for _ in range(samples // 20):
-            found.append(plant.measure(state))
+            measurements.append(plant.measure(state))
             state = plant.step(state, still)
-        return np.array(found) - np.asarray(place)
+        return np.array(measurements) - np.asarray(place)
 
     counted = read(machine.true_family()[0])
     assert counted.std(axis=0) == pytest.approx([np.sqrt(3e-7**2 + 1e-14 / 12), 0.0], rel=0.15)

@@ -59,8 +59,8 @@ def test_a_slide_that_settles_slowly_is_told_where_it_settles():
 
 def test_a_response_at_low_frequency_is_an_integrator():
     machine = loaded(replace(MILL, delay_ms=(0.0,)))
-    found = response(machine.model, 1, np.array([0.01]))
-    assert abs(found[0]) == pytest.approx(2e-3 / (2 * np.pi * 0.01), rel=1e-3)
+    value = response(machine.model, 1, np.array([0.01]))
+    assert abs(value[0]) == pytest.approx(2e-3 / (2 * np.pi * 0.01), rel=1e-3)
 
 
 def test_wrong_units_are_questioned():
@@ -73,9 +73,14 @@ def test_wrong_units_are_questioned():
     assert "200 mm/s, less than its limit of 500 mm/s" in questions(slow, axis_behaviours(slow))[0]
     just = loaded(replace(MILL, max_speed=(200.0,)))  # the same number, computed two ways
     assert questions(just, axis_behaviours(just)) == []
-    for stated, told in ((2.5, "0.0025 m/s^2; is length_unit"), (2.5e6, "2.5e+03 m/s^2; is len")):
+    for stated, message in (
+        (2.5, "0.0025 m/s^2; is length_unit"),
+        (2.5e6, "2.5e+03 m/s^2; is len"),
+    ):
         metres = loaded(replace(MILL, max_acceleration=(stated,)))  # [mm/s^2]
-        assert [told in line for line in questions(metres, axis_behaviours(metres))] == [True] * 2
+        assert [message in line for line in questions(metres, axis_behaviours(metres))] == [
+            True
+        ] * 2
     unknown = loaded(replace(MILL, max_control=()))
     assert "limits.control is not given" in questions(unknown, axis_behaviours(unknown))[0]
 
@@ -114,9 +119,9 @@ def test_a_slide_with_viscous_friction_goes_at_force_over_friction(mass):
     axis = force_axis(gain=31.0, mass=mass, viscous=5.0, delay=0.6e-3)
     other = speed_axis(2.0, 0.01)
     model = with_input_delay(sampled_machine([axis, other], 1e-3)[0], 3)
-    found = steady_response(model, 0)
-    assert found.kind == "speed" and found.gain == pytest.approx(31.0 / 5.0, rel=1e-8)
-    assert found.slowest == pytest.approx(mass / 5.0 / 1e-3, rel=1e-6)
+    steady = steady_response(model, 0)
+    assert steady.kind == "speed" and steady.gain == pytest.approx(31.0 / 5.0, rel=1e-8)
+    assert steady.slowest == pytest.approx(mass / 5.0 / 1e-3, rel=1e-6)
     assert steady_response(model, 1).gain == pytest.approx(2.0, rel=1e-10)
 
 
@@ -124,9 +129,9 @@ def test_drives_settle_as_their_transfer_function_says():
     soft = with_resonance(force_axis(10.0, 5.0), 2 * np.pi * 40, 0.02)
     place = with_resonance(position_axis(0.7, 0.004), 2 * np.pi * 60, 0.05)
     model, _ = sampled_machine([soft, place, speed_axis(3.0, 0.0, 1e-3)], 1e-3)
-    found = [steady_response(model, axis) for axis in range(3)]
-    assert [one.kind for one in found] == ["acceleration", "position", "speed"]
-    assert [one.gain for one in found] == pytest.approx([2.0, 0.7, 3.0], rel=1e-6)
+    steady = [steady_response(model, axis) for axis in range(3)]
+    assert [one.kind for one in steady] == ["acceleration", "position", "speed"]
+    assert [one.gain for one in steady] == pytest.approx([2.0, 0.7, 3.0], rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -144,8 +149,8 @@ def test_states_that_are_mixed_settle_where_a_long_run_ends(seed):
             x = M @ x + columns[:, axis]
             y.append(rows[axis] @ x)
         ends = {"speed": (y[-1] - y[-2]) / 1e-3, "position": y[-1]}
-        found = steady_response(LinearPlant(M, columns, rows, 1e-3), axis)
-        assert found.kind == kind and found.gain == pytest.approx(ends[kind], rel=1e-6)
+        steady = steady_response(LinearPlant(M, columns, rows, 1e-3), axis)
+        assert steady.kind == kind and steady.gain == pytest.approx(ends[kind], rel=1e-6)
 
 
 def test_nothing_lasts_of_an_axis_that_runs_away():

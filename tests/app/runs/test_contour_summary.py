@@ -1,4 +1,4 @@
-"""The lengths and the time of a run that are told of its program."""
+"""The lengths and the time of a run that are stated for its program."""
 
 import math
 
@@ -42,9 +42,9 @@ def read(program, law):
 
 
 def test_the_length_of_the_rapid_moves_is_that_of_their_lines(program):
-    _, found = read(program, "jerk")
-    assert found.rapid_length == pytest.approx(50e-3)
-    assert found.length - found.rapid_length == pytest.approx(1e-3 * (20 + 10 * math.pi))
+    _, summary = read(program, "jerk")
+    assert summary.rapid_length == pytest.approx(50e-3)
+    assert summary.length - summary.rapid_length == pytest.approx(1e-3 * (20 + 10 * math.pi))
 
 
 def test_the_box_is_that_of_the_program_and_not_of_the_smoothed_path(tmp_path):
@@ -57,30 +57,30 @@ def test_the_box_is_that_of_the_program_and_not_of_the_smoothed_path(tmp_path):
     pace = Pace(MACHINES["bridgeport"](), None, None, "jerk", corner_tolerance=20e-6)
     job = from_file(path, pace)
     assert job.reference(5e-4, 1).position.min() != pytest.approx(-4e-3, abs=1e-8)
-    found = read_of(job, 5e-4)
-    assert found.low == pytest.approx((-4e-3, -4e-3), abs=1e-12)
-    assert found.high == pytest.approx((4e-3, 4e-3), abs=1e-12)
+    summary = read_of(job, 5e-4)
+    assert summary.low == pytest.approx((-4e-3, -4e-3), abs=1e-12)
+    assert summary.high == pytest.approx((4e-3, 4e-3), abs=1e-12)
 
 
 def test_the_time_of_a_run_is_the_cycle_time_of_its_motion(program):
-    job, found = read(program, "jerk")
+    job, summary = read(program, "jerk")
     cells = motion_table(motion_summary(job.planned), "XY").columns[1].cells
-    assert f"in {next(iter(cells))}," in read_line("part", found, "XY")
+    assert f"in {next(iter(cells))}," in read_line("part", summary, "XY")
 
 
 def test_the_time_of_a_run_is_that_from_its_first_sample_to_its_last(program):
     """By the trapezoidal law, 20 mm at 10 mm/s and 2 m/s^2: both ramps cost v / a, in samples."""
     program.write_text("G21 F600\nG1 X20\n")
-    _, found = read(program, "trapezoidal")
+    _, summary = read(program, "trapezoidal")
     dt = MACHINES["bridgeport"]().model.dt
-    assert found.duration == pytest.approx(dt * math.ceil((2.0 + 0.005) / dt))
-    assert found.rapid_length == 0.0
+    assert summary.duration == pytest.approx(dt * math.ceil((2.0 + 0.005) / dt))
+    assert summary.rapid_length == 0.0
 
 
 PACE = Pace(MACHINES["bridgeport"](), None, None)  # 3000 mm/min, 25 um in a sample of 0.5 ms
 
 
-def told(job: Job) -> str:
+def line_of(job: Job) -> str:
     return read_line(job.name, read_of(job, 5e-4), "XY")
 
 
@@ -88,24 +88,24 @@ def test_a_run_that_ends_early_tells_how_far_it_goes():
     """249 steps are 6.225 mm, the entry of 100 is 2.5 mm; 219 steps of the small one 5.475 mm."""
     eight = shortened(BUILT_IN["lemniscate"](PACE), 150)
     length = 1e3 * float(eight.contour.length)
-    assert f", the first 6.225 of {length:.5g} mm in 0.124 s, X" in told(eight)
-    assert told(eight).endswith("; scored behind the first 2.5 mm")
+    assert f", the first 6.225 of {length:.5g} mm in 0.124 s, X" in line_of(eight)
+    assert line_of(eight).endswith("; scored behind the first 2.5 mm")
     small = shortened(at_constant_feed("small", circle(0.6e-3), PACE), 120)
     lap = 1.2 * math.pi
-    assert f", {lap:.5g} mm in {lap / 50:.3f} s, X" in told(small)
-    assert told(small).endswith(f"; {5.475 / lap:.3g} laps, scored behind the first 2.5 mm")
+    assert f", {lap:.5g} mm in {lap / 50:.3f} s, X" in line_of(small)
+    assert line_of(small).endswith(f"; {5.475 / lap:.3g} laps, scored behind the first 2.5 mm")
 
 
 def test_an_open_contour_at_constant_feed_is_run_once():
     way = at_constant_feed("way", line([0.0, 0.0], [8e-3, 0.0]), PACE)
-    assert told(way) == "way: 1 move, 8 mm in 0.160 s, X 0 ... 8, Y 0 ... 0 mm; " + (
+    assert line_of(way) == "way: 1 move, 8 mm in 0.160 s, X 0 ... 8, Y 0 ... 0 mm; " + (
         "scored behind the first 2.5 mm"
     )
 
 
 def test_a_run_from_rest_to_rest_tells_nothing_of_laps(program):
-    job, found = read(program, "jerk")
-    assert found.way is None and found.entry == 0.0 and ";" not in told(job)
+    job, summary = read(program, "jerk")
+    assert summary.way is None and summary.entry == 0.0 and ";" not in line_of(job)
 
 
 def test_rapid_moves_and_plunges_are_in_the_cycle_time_at_every_feed(tmp_path):

@@ -75,16 +75,16 @@ def test_all_samples_of_a_run_are_not_a_preview_for_tuning():
 
 def test_words_of_a_stored_run_are_read_as_its_flags():
     stored = vars(Tune(controller=OWN)) | {"weights": ["gain=2"]}  # JSON has no tuples
-    found = parsed("jcontour tune" + tuning_words(["circle", "cam"], stored))
-    assert found == Tune(parts=("circle", "cam"), controller=OWN, weights=("gain=2",))
+    flags_read = parsed("jcontour tune" + tuning_words(["circle", "cam"], stored))
+    assert flags_read == Tune(parts=("circle", "cam"), controller=OWN, weights=("gain=2",))
 
 
 def test_a_controller_of_ones_own_is_ranked_beside_the_usual_one(tmp_path):
     (tmp_path / "mine.py").write_text("")
     own = f"{tmp_path / 'mine.py'}:Proportional"
     folder = created(Tune(parts=("circle",), controller=own, out=tmp_path / "run"), "tune")
-    found = parsed("jcontour rank" + ranked_words(folder))
-    assert found == Rank(parts=("circle",), controllers=("contouring-lq", own))
+    flags_read = parsed("jcontour rank" + ranked_words(folder))
+    assert flags_read == Rank(parts=("circle",), controllers=("contouring-lq", own))
     of_ours = created(Tune(controller="preview-lq", out=tmp_path / "other"), "tune")
     assert parsed("jcontour rank" + ranked_words(of_ours)) == Rank()
 

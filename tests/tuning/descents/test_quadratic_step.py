@@ -36,7 +36,7 @@ def test_the_step_is_that_of_scipy(seed):
     g, v = model.errors.shape
     rows = [np.concatenate([-model.error_slopes[r, i], np.eye(g)[r]]) for r, i in np.ndindex(g, v)]
     limits = np.hstack([-model.limit_slopes, np.zeros((4, g))])
-    found = minimize(
+    solution = minimize(
         lambda x: np.mean(x[3:]) + 0.5 * x[:3] @ H @ x[:3],
         np.concatenate([np.zeros(3), model.errors.max(axis=1)]),
         method="SLSQP",
@@ -49,8 +49,8 @@ def test_the_step_is_that_of_scipy(seed):
         },
         options={"ftol": 1e-12, "maxiter": 500},
     )
-    assert found.status in (0, 8)  # 8: no further fall within its last digits
-    wanted = promised(model, H, found.x[:3])
+    assert solution.status in (0, 8)  # 8: no further fall within its last digits
+    wanted = promised(model, H, solution.x[:3])
     assert promised(model, H, step.d) == pytest.approx(wanted, abs=1e-4 * abs(step.gain))
     assert step.gain == pytest.approx(model.objective - promised(model, H, step.d), abs=1e-12)
     assert np.all(model.limits + model.limit_slopes @ step.d <= 1e-8)

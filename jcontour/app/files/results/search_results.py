@@ -57,7 +57,7 @@ class RankedResult:
 
 @dataclass(frozen=True)
 class BudgetPoint:
-    """The best weights found within one budget, on the smooth machines; or the loop at one feed."""
+    """The best weights within one budget, on the smooth machines; or the loop at one feed."""
 
     # largest RMS control increment [control unit per sample], or peak sensitivity; or the feed in
     # per cent of the programmed one

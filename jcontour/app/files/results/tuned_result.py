@@ -144,7 +144,7 @@ class TunedContour:
 
 @dataclass(frozen=True, kw_only=True)
 class TunedResult:
-    """Everything that a tuning run found."""
+    """Everything that a tuning run results in."""
 
     machine: MachineSummary
     controller: str

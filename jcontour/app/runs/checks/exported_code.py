@@ -67,10 +67,10 @@ def _checked(folder: Path, compiler: str) -> Compiled:
         if shutil.which("size"):
             text, data, bss = _said(["size", law], folder).splitlines()[1].split()[:3]
             code = int(text) + int(data) + int(bss)
-    found = SAID.search(said)
-    if found is None:
+    match = SAID.search(said)
+    if match is None:
         raise RuntimeError(f"export: the program of {compiler} said {said!r}")
-    difference, *times = (float(word) for word in found.groups()[:4])
+    difference, *times = (float(word) for word in match.groups()[:4])
     return Compiled(
         compiler=f"{compiler} {' '.join(FLAGS)}",
         difference=difference,
@@ -78,7 +78,7 @@ def _checked(folder: Path, compiler: str) -> Compiled:
         slow=times[1],
         slowest=times[2],
         code_bytes=code,
-        memory_bytes=int(found[5]),
+        memory_bytes=int(match[5]),
     )
 
 
@@ -201,9 +201,11 @@ def distance_to_path(
     """Distance of place k from the pieces of a path within `reach` samples of its sample k [m]."""
     a, along = path[:-1], np.diff(path, axis=0)
     square = np.maximum((along**2).sum(axis=1), 1e-300)
-    found = np.full(len(place), np.inf)
+    distance = np.full(len(place), np.inf)
     for shift in range(-reach, reach + 1):
         k = np.clip(np.arange(len(place)) + shift, 0, len(a) - 1)
         part = np.clip(((place - a[k]) * along[k]).sum(axis=1) / square[k], 0.0, 1.0)
-        found = np.minimum(found, np.linalg.norm(a[k] + part[:, None] * along[k] - place, axis=1))
-    return found
+        distance = np.minimum(
+            distance, np.linalg.norm(a[k] + part[:, None] * along[k] - place, axis=1)
+        )
+    return distance

@@ -15,7 +15,7 @@ from jcontour.simulation.limit_use import alternating
 RESTS = 0.05  # of the largest step of a motion: the last one, where it ends at rest
 FAR = 2.0  # largest contour errors that the tool may be from the end
 FOLLOWED = 0.5  # of the length of a motion, that the tool needs to move
-MUCH = 0.2  # of the RMS error, from which on a swing is told
+MUCH = 0.2  # of the RMS error, from which on a swing is reported
 PARABOLA = np.sqrt(8 / 15)  # RMS of an arc of it over its height
 LEAST = 1e-9  # error [m], below which nothing is measured
 SOUGHT = "look for 0 / 0, inf - inf, and roots and logarithms of negative numbers in"
@@ -56,7 +56,7 @@ def arrival_warnings(replay: Replay, scenarios: Scenarios) -> list[str]:
     """
     lost = np.asarray(replay.metrics.diverged)
     peaks = np.asarray(replay.metrics.peak_contour_error)
-    told = []
+    late = []
     for c, (job, points, counted) in enumerate(
         zip(scenarios.jobs, desired(scenarios), scored(scenarios), strict=True)
     ):
@@ -68,10 +68,10 @@ def arrival_warnings(replay: Replay, scenarios: Scenarios) -> list[str]:
         apart = np.where(lost[c], 0.0, apart)
         worst = int(np.argmax(apart))
         if apart[worst] > FAR * np.where(lost[c], 0.0, peaks[c]).max():
-            told.append((float(apart[worst]), job.name, scenarios.plants[worst]))
-    if not told:
+            late.append((float(apart[worst]), job.name, scenarios.plants[worst]))
+    if not late:
         return []
-    distance, name, plant = max(told)
+    distance, name, plant = max(late)
     return [
         f"when the run is over the tool is still {1e6 * distance:.4g} um from its end ({name}, "
         f"{plant}): the loop is slow, or swings; what follows is not scored"
@@ -81,7 +81,7 @@ def arrival_warnings(replay: Replay, scenarios: Scenarios) -> list[str]:
 def swing_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
     """A line where the tool swings between samples by much of the error that the samples show.
 
-    Swings within a count of the encoders are not told.
+    Swings within a count of the encoders are not reported.
 
     An acceleration a that alternates from sample to sample takes the tool a dt^2 / 8 aside, on a
     parabola.
@@ -94,8 +94,8 @@ def swing_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> li
     rms = PARABOLA * np.sqrt(squares)
     errors = np.asarray(getattr(replay.metrics, f"rms_{machine.error}_error"))
     most = np.where(counted, aside, 0.0).max(axis=2)
-    told = ~lost[..., None] & (most > (0.0 if machine.resolution is None else machine.resolution))
-    shares = np.where(told, rms / np.maximum(errors, LEAST)[..., None], 0.0)
+    seen = ~lost[..., None] & (most > (0.0 if machine.resolution is None else machine.resolution))
+    shares = np.where(seen, rms / np.maximum(errors, LEAST)[..., None], 0.0)
     place = np.unravel_index(np.argmax(shares), shares.shape)
     if not shares[place] > MUCH:
         return []
@@ -109,14 +109,14 @@ def swing_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> li
     ]
 
 
-def lost_numbers(found: Replay, scenarios: Scenarios) -> list[str]:
+def lost_numbers(replay: Replay, scenarios: Scenarios) -> list[str]:
     """One line where the nominal plant's run on a contour meets NaN out of moderate numbers.
 
     The output is known before the control of the same sample.
     """
     lines = []
     for k, job in enumerate(scenarios.jobs):
-        signals = {"output": found.output[k, 0], "control": found.control[k, 0]}
+        signals = {"output": replay.output[k, 0], "control": replay.control[k, 0]}
         # Index of the first row with a NaN; their number where there is none
         first = {
             name: int(np.argmax(np.append(np.isnan(rows).any(axis=-1), True)))
@@ -186,8 +186,8 @@ def _place(job: Task, asked: np.ndarray, limit: np.ndarray, machine: Machine) ->
     rests = int(isinstance(job, Job) and job.at_rest)
     sample = int(np.clip(row + 1 - rests, 0, job.samples - 1))  # which the difference ends or turns
     line = job.line_at(sample)
-    told = "" if line is None else f", line {line} of the file"
-    return f"{machine.axes[int(axis)]} at t {sample * machine.model.dt:.4g} s{told}"
+    where = "" if line is None else f", line {line} of the file"
+    return f"{machine.axes[int(axis)]} at t {sample * machine.model.dt:.4g} s{where}"
 
 
 def _help(job: Task, quantity: str) -> str:

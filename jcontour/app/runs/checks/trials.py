@@ -109,21 +109,21 @@ def path_margins(
     trained = np.flatnonzero(scenarios.training).tolist()
     references = jax.device_get(scenarios.references)
     paths = [_thinned(member(references, k)) for k in trained]
-    found = [margins(plant, controller, path) for path in paths]
-    open_loops = np.array([one.saturated for one in found])
+    each = [margins(plant, controller, path) for path in paths]
+    open_loops = np.array([one.saturated for one in each])
     without = open_loops == np.array([np.sum(path.mask) for path in paths])
-    gains = np.stack([one.gain for one in found])
+    gains = np.stack([one.gain for one in each])
     low, high = gains[:, :, 0].max(axis=0), gains[:, :, 1].min(axis=0)
     return PathMargins(
-        spectral_radius=float(max(one.spectral_radius for one in found)),
+        spectral_radius=float(max(one.spectral_radius for one in each)),
         gain_range=tuple(zip(low.tolist(), high.tolist(), strict=True)),
         gain_search=(1 / GAIN_SEARCH, GAIN_SEARCH),
-        delay_samples=int(min(one.delay for one in found)),
+        delay_samples=int(min(one.delay for one in each)),
         delay_search=DELAY_SEARCH,
         probes_per_contour=PROBES,
         probes_left_out=int(open_loops[~without].sum()),
         contours_without_margins=tuple(np.array(names)[without].tolist()),
-        lost_first=lost_first(found, paths, names),
+        lost_first=lost_first(each, paths, names),
         measured=measured_peak(controller, machine, scenarios, fed),
         **_largest(peaks, doubted=machine.doubt is not None),
     )
@@ -139,10 +139,12 @@ def _largest(peaks: LoopPeaks, doubted: bool) -> dict[str, float | None]:
     return {name: peak if np.isfinite(peak) else None for name, peak in largest.items()}
 
 
-def lost_first(found: list[Margins], paths: list[Reference], names: list[str]) -> LostFirst | None:
+def lost_first(
+    margins_of_paths: list[Margins], paths: list[Reference], names: list[str]
+) -> LostFirst | None:
     """Where the smallest gain margin is; None where all loops are lost at once, or none."""
-    gains = np.stack([one.gain for one in found])
-    samples = np.stack([one.gain_at for one in found])
+    gains = np.stack([one.gain for one in margins_of_paths])
+    samples = np.stack([one.gain_at for one in margins_of_paths])
     contour, index, side = np.unravel_index(np.argmin(np.abs(np.log(gains))), gains.shape)
     sample = samples[contour, index, side]
     if sample < 0:

@@ -136,16 +136,16 @@ def bent(loop: StoredLoop, roughness: float, console: Console) -> Bent:
             job, held, rests, reference, correction, price, *runs, limits, limits_before, most
         )
 
-    found = priced(roughness)
+    result = priced(roughness)
     for attempt in range(1, TRIES):
-        broken = bool(exceeded(found.limits)) or _lost(found.after)
+        broken = bool(exceeded(result.limits)) or _lost(result.after)
         if not broken or _lost(before) or exceeded(limits_before):
             break  # no smoother shift mends what is so without one
         smoother = roughness * 10**attempt
         more = f"{ROUNDS} more rounds, with roughness {smoother:.3g}"
         tables.say(console, f"A limit is exceeded or a plant does not follow: {more}.")
-        found = priced(smoother)
-    return found
+        result = priced(smoother)
+    return result
 
 
 def _bounds(wanted: np.ndarray, machine: Machine, at_rest: bool) -> Bounds | None:

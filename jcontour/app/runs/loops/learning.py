@@ -197,16 +197,18 @@ class Learner:
         stacked = jnp.zeros((count - len(self.singles), *self.one.shape))
         rows: list[LapScores] = []
         for lap in range(laps):
-            number, found = jnp.asarray(lap), []
+            number, all_scores = jnp.asarray(lap), []
             for k, advance in enumerate((self._first, self._second)):
                 used = corrections[k]
                 corrections[k], scores, _ = advance(used, number)
                 if k == 0:
                     self._keep(BestLap(lap + 1, float(scores.tool), used))
-                found.append(jax.tree.map(lambda x: np.asarray(x)[None], scores))
+                all_scores.append(jax.tree.map(lambda x: np.asarray(x)[None], scores))
             stacked, scores = self._together(self.family, stacked, number)
-            found.append(jax.tree.map(np.asarray, scores))
-            rows.append(LapScores(*(np.concatenate(each) for each in zip(*found, strict=True))))
+            all_scores.append(jax.tree.map(np.asarray, scores))
+            rows.append(
+                LapScores(*(np.concatenate(each) for each in zip(*all_scores, strict=True)))
+            )
             done(1)
             if all(diverged_lap(_measured(rows, k)) for k in range(count)):
                 break
@@ -238,13 +240,13 @@ class Learner:
 
     def _lap(self, plant: Callable[[Any], Plant], correction: Array, number: Array):
         """Correction of the next lap, the scores of this one, and its output."""
-        found, reference = self.one.laps(plant)(correction, number), self.one.reference
-        measured = reference.position[: reference.steps] - found.error
+        run, reference = self.one.laps(plant)(correction, number), self.one.reference
+        measured = reference.position[: reference.steps] - run.error
         tool, seen = (
-            score_signals(signal, found.control, reference) for signal in (found.output, measured)
+            score_signals(signal, run.control, reference) for signal in (run.output, measured)
         )
         scores = LapScores(self._error(tool), self._error(seen), tool.rms_control)
-        return self.law.update(correction, found.error), scores, found.output
+        return self.law.update(correction, run.error), scores, run.output
 
     def _error(self, metrics: Metrics) -> Array:
         return getattr(metrics, f"rms_{self.one.machine.error}_error")

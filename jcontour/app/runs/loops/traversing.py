@@ -107,9 +107,11 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
     if isinstance(job, Job):  # its samples are those of the run
         job = job._replace(arc=arc, scored=np.ones(len(arc), bool), planned=None, settling=0)
     scenarios = Scenarios((job,), (False,), ("nominal",), references, stack_plants([hosted.plant]))
-    found = replayed(output[None, None], control[None, None], references)
+    replay = replayed(output[None, None], control[None, None], references)
     lost = np.full((1, 1), ending is Ending.DIVERGED)
-    found = found._replace(metrics=replace(found.metrics, diverged=lost | found.metrics.diverged))
+    replay = replay._replace(
+        metrics=replace(replay.metrics, diverged=lost | replay.metrics.diverged)
+    )
     messages = []
     if ending is not Ending.ARRIVED:
         words, helps = LOST[ending]
@@ -121,7 +123,7 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
     lost_ones = (Ending.DIVERGED, Ending.UNSOLVED)
     if score is not None and ending not in lost_ones and np.isfinite(score.time):
         time = float(score.time)
-    limits = machine_limits(found, scenarios, machine)
+    limits = machine_limits(replay, scenarios, machine)
     result = SimulatedResult(
         machine=machine_summary(machine),
         controller=flags.controller,
@@ -131,13 +133,13 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
         feed_law=f"at most {60 * design.speed_mm_s:.4g} mm/min",
         samples=len(output),
         preview=design.horizon,
-        plants={"nominal": RunMetrics.of(found.metrics, lambda values: values[0, 0])},
+        plants={"nominal": RunMetrics.of(replay.metrics, lambda values: values[0, 0])},
         read=replace(read, duration=time),  # that of the run, not of the motion as programmed
-        peak=peak_place(scenarios, found, 0, machine.error),
+        peak=peak_place(scenarios, replay, 0, machine.error),
         verdict=Verdict.of(limits, messages, passed=kept_words(limits)),
         sample_period=float(hosted.plant.dt),
     )
-    return Simulated(result, scenarios, found)
+    return Simulated(result, scenarios, replay)
 
 
 def ended(run: HostRun, hosted: HostedRun, contour: Contour) -> tuple[Ending, Score | None]:

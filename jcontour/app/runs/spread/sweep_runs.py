@@ -129,11 +129,11 @@ def around_start(design: Design) -> dict[str, tuple[float, ...]]:
             f"vary: {design.name} has no weight that is one positive number; "
             f"name some of {', '.join(starts)} with their values"
         )
-    found = {}
+    values_of = {}
     for name in list(single)[:VARIED]:
         factors = COST_FACTORS if name in design.costs else FACTORS
-        found[name] = tuple(factor * single[name] for factor in factors)
-    return found
+        values_of[name] = tuple(factor * single[name] for factor in factors)
+    return values_of
 
 
 def _check(asked: Swept) -> None:
@@ -166,13 +166,13 @@ def found_along(asked: Swept, folder: Path) -> xr.Dataset:
     for number, preview in enumerate(asked.flags.previews):
         if chunks.rows < (number + 1) * asked.count:
             _sweep_preview(asked, preview, number * asked.count, chunks, batching)
-    found = chunks.whole()
+    metrics = chunks.whole()
     machine, previews = asked.machine, list(asked.flags.previews)
     designs = [asked.design(preview) for preview in previews]
     units = designs[0].units()
     shape = (len(previews), asked.count, len(asked.jobs), len(machine.family_names))
     data = {}
-    for name, rows in found.items():
+    for name, rows in metrics.items():
         column = rows.reshape(shape)
         if column.dtype == bool:
             column = column.astype("i1")
@@ -209,8 +209,8 @@ def _sweep_preview(
         # always as many, the last one again and again: one program
         rows = np.minimum(np.arange(first, first + at_once), count - 1)
         designs = {name: column[rows] for name, column in asked.values.items()}
-        found = sweep(make, designs, family, references, batching=batching)
-        metrics = vars(found).items()
+        swept = sweep(make, designs, family, references, batching=batching)
+        metrics = vars(swept).items()
         chunks.add({name: np.asarray(row)[: count - first] for name, row in metrics})
 
 

@@ -101,7 +101,7 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     asked = ratio_limit(flags) | loop_limits(flags)
     machine = machine_named(flags.plant) if made is None else made.machine
     settings, pace, usual = tuner_settings(flags), Pace.of(flags, machine), machine.usual
-    # parts come before the design: a fault in line 1 of a program is told at once
+    # parts come before the design: a fault in line 1 of a program is reported at once
     training, held_out = _jobs(flags, machine, pace)
     before = design_for(machine, flags) if made is None else made
     # so do references before the first loop is searched: a preview longer than a run

@@ -85,7 +85,7 @@ def ranking_of(flags: Rank) -> Ranking:
         raise ValueError(f"evaluations: needs at least 1, received {flags.evaluations}")
     loop_limits(flags)
     machine = machine_named(flags.plant)
-    for part in flags.parts:  # a fault in one is told before any first loop is searched
+    for part in flags.parts:  # a fault in one is reported before any first loop is searched
         job_named(part, Pace.of(flags, machine))
     designs = _designs(flags, machine)
     if not designs:
@@ -108,7 +108,7 @@ def _designs(flags: Rank, machine: Machine) -> dict[str, Design | None]:
             with warnings.catch_warnings():  # the flags are for those that read them
                 warnings.simplefilter("ignore", UnreadFlagWarning)
                 design = design_for(machine, replace(flags, controller=name))
-        except ValueError:  # told as its row
+        except ValueError:  # reported in its row
             designs[name] = None
             continue
         if design.fed == "outputs" or flags.controllers:  # the state is more than the others see
@@ -195,7 +195,7 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
         seen: float(np.exp(np.mean(np.log(list(of.values()))))) if of else None
         for seen, of in errors.items()
     }
-    found = replace(
+    tuned_row = replace(
         row,
         held_out_errors=errors[False],
         training_errors=errors[True],
@@ -212,9 +212,9 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
     )
     lost = np.asarray(tried.metrics.diverged)
     if not lost.any():
-        return found
+        return tuned_row
     names = [job.name for job, one in zip(run.scenarios.jobs, lost, strict=True) if one.any()]
-    return replace(found, failure=f"a plant of the family diverges on {', '.join(names)}")
+    return replace(tuned_row, failure=f"a plant of the family diverges on {', '.join(names)}")
 
 
 def _place(row: Ranked) -> tuple[bool, bool, float]:

@@ -144,8 +144,8 @@ def tried(
     """A controller tried on every contour and every plant; `known` are its peaks, if they are."""
     on = controller, machine, scenarios, fed
     peaks = family_peaks(*on) if known is None else known
-    found = path_margins(*on, peaks), family_curves(*on, peaks)
-    return Trial(replay(controller, scenarios), *found, standstill(controller, machine, fed))
+    loops = path_margins(*on, peaks), family_curves(*on, peaks)
+    return Trial(replay(controller, scenarios), *loops, standstill(controller, machine, fed))
 
 
 def tuned_result(
@@ -158,7 +158,7 @@ def tuned_result(
 ) -> TunedResult:
     """The whole result; `trials` are those of the start, a baseline and the tuned weights."""
     run, tuned = searched.run, searched.tuned
-    found, margins = trials["tuned"].replay, trials["tuned"].margins
+    replayed, margins = trials["tuned"].replay, trials["tuned"].margins
     replays = {name: trial.replay for name, trial in trials.items()}
     shown = shown_contours(run, replays)
     contours = [_contour(run, replays, c, c in shown) for c in range(len(run.scenarios.jobs))]
@@ -218,7 +218,7 @@ def tuned_result(
         margins=margins,
         start_margins=trials["start"].margins,
         contours=contours,
-        gap=gap(run, tuned, found),
+        gap=gap(run, tuned, replayed),
         training_samples=run.training_samples,
         confirmed=confirmed,
         seconds=seconds,
@@ -302,7 +302,7 @@ def _contour(
     )
 
 
-def gap(run: TuningRun, tuned: Tuned, found: Replay) -> list[GapRow]:
+def gap(run: TuningRun, tuned: Tuned, replay: Replay) -> list[GapRow]:
     """RMS error of every training contour as the tuner saw it, and on the machine with all effects.
 
     Nominal plant, and worst of the family that was tuned on. None where the tuner has seen
@@ -312,7 +312,7 @@ def gap(run: TuningRun, tuned: Tuned, found: Replay) -> list[GapRow]:
         return []
     name = f"rms_{run.machine.error}_error"
     smooth = np.asarray(getattr(tuned.outcome.metrics, name))
-    replayed = np.asarray(getattr(found.metrics, name))
+    replayed = np.asarray(getattr(replay.metrics, name))
     rows = []
     for c, job in enumerate(run.scenarios.jobs_seen(True)):
         members = replayed[c, : smooth.shape[1]]
@@ -333,7 +333,7 @@ def gap(run: TuningRun, tuned: Tuned, found: Replay) -> list[GapRow]:
     return rows
 
 
-def confirmed(run: TuningRun, tuned: Tuned, found: Replay) -> list[EngineRow]:
+def confirmed(run: TuningRun, tuned: Tuned, tuned_replay: Replay) -> list[EngineRow]:
     """The nominal plant in an independent engine, where there is one."""
     independent = run.machine.independent()
     if independent is None:
@@ -342,8 +342,8 @@ def confirmed(run: TuningRun, tuned: Tuned, found: Replay) -> list[EngineRow]:
     scenarios = run.scenarios._replace(plants=("nominal",), family=stack_plants([plant]))
     other = replay(run.controller(tuned.weights), scenarios)
     name, counts = f"rms_{run.machine.error}_error", scored(scenarios)
-    apart = np.linalg.norm(other.output[:, 0] - found.output[:, 0], axis=-1)
-    ours, theirs = getattr(found.metrics, name), getattr(other.metrics, name)
+    apart = np.linalg.norm(other.output[:, 0] - tuned_replay.output[:, 0], axis=-1)
+    ours, theirs = getattr(tuned_replay.metrics, name), getattr(other.metrics, name)
     return [
         EngineRow(
             engine=engine,

@@ -34,7 +34,7 @@ class Searched:
     """End of a search."""
 
     run: TuningRun  # with the loops and limits that it ended with
-    tuned: Tuned  # what was found, with the points of all rounds
+    tuned: Tuned  # the best weights, with the points of all rounds
     descents: int  # of all rounds
     # coordinates that had no slope where the last descent ended
     flat: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
@@ -54,26 +54,26 @@ def searched(
         NothingSound: every point of the first round diverged.
     """
     # The same, with weights that have no effect where they started
-    found = _rounds(run, folder, show, console)
-    problem, start = found.run.problem, found.run.start
-    weights, idle = put_back(problem, start, found.tuned.weights, found.flat)
+    end = _rounds(run, folder, show, console)
+    problem, start = end.run.problem, end.run.start
+    weights, idle = put_back(problem, start, end.tuned.weights, end.flat)
     if not idle.any():
-        return found
+        return end
     z = Chart(problem.space, start).coordinates()
     beside = jnp.where(idle, z + 1, z)
     first, moved = (Chart(problem.space, start).weights(at) for at in (z, beside))
     names = tuple(name for name in first if not np.array_equal(first[name], moved[name]))
-    return replace(found, tuned=found.tuned._replace(weights=weights), idle=names)
+    return replace(end, tuned=end.tuned._replace(weights=weights), idle=names)
 
 
 def _rounds(
     run: TuningRun, folder: Path, show: Callable[[TuneState], None], console: Console
 ) -> Searched:
-    found = _round(run, folder, show, TuneState())
+    end = _round(run, folder, show, TuneState())
     for number in range(1, ROUNDS + 1):
-        more = exchanged(found.run.problem, found.run.start, found.tuned, WINDOWS)
+        more = exchanged(end.run.problem, end.run.start, end.tuned, WINDOWS)
         if more is None:
-            return found
+            return end
         # A round of exchange in one line
         what = "is unstable" if more.unstable else "exceeds the limit on loops"
         looked = "1 more loop is" if more.added == 1 else f"{more.added} more loops are"
@@ -83,24 +83,24 @@ def _rounds(
         )
         place = folder / ROUND.format(number)
         place.mkdir(exist_ok=True)
-        begin = Chart(more.problem.space, found.tuned.weights).coordinates()
+        begin = Chart(more.problem.space, end.tuned.weights).coordinates()
         try:
-            later = _round(_going_on(found, more), place, show, TuneState(begin=np.asarray(begin)))
+            later = _round(_going_on(end, more), place, show, TuneState(begin=np.asarray(begin)))
         except NothingSound:  # the checks that follow tell of the loop
-            return found
+            return end
         # The later round, with the points of those before
         moved = [
-            (row._replace(start=row.start + found.descents) if row.start >= 0 else row)
+            (row._replace(start=row.start + end.descents) if row.start >= 0 else row)
             for row in later.tuned.history
         ]
         tuned = later.tuned._replace(
-            history=[*found.tuned.history, *moved],
-            diverged_points=found.tuned.diverged_points + later.tuned.diverged_points,
-            diverged_starts=found.tuned.diverged_starts + later.tuned.diverged_starts,
-            stabilised=found.tuned.stabilised,
+            history=[*end.tuned.history, *moved],
+            diverged_points=end.tuned.diverged_points + later.tuned.diverged_points,
+            diverged_starts=end.tuned.diverged_starts + later.tuned.diverged_starts,
+            stabilised=end.tuned.stabilised,
         )
-        found = Searched(later.run, tuned, found.descents + later.descents, later.flat)
-    return found
+        end = Searched(later.run, tuned, end.descents + later.descents, later.flat)
+    return end
 
 
 def _round(
@@ -119,9 +119,9 @@ def _round(
         raise NothingSound(str(error)) from None
 
 
-def _going_on(found: Searched, more: Exchanged) -> TuningRun:
+def _going_on(end: Searched, more: Exchanged) -> TuningRun:
     """The run with more loops, and one descent."""
-    run, limits = found.run, found.run.limits
+    run, limits = end.run, end.run.limits
     if run.problem.loops is None:
         limits = {**limits, "spectral_radius": STABLE}
     return replace(

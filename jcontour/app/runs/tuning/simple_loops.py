@@ -135,39 +135,43 @@ def _evaluated(run: TuningRun) -> SimpleLoop:
     return SimpleLoop(run, point.objective, float(np.max(point.limits, initial=-np.inf)))
 
 
-def simplest(simple: SimpleLoop, found: Searched | None, search: Search) -> Searched | None:
-    """The simple loop where it is recommended; else what was found of the controller.
+def simplest(simple: SimpleLoop, searched: Searched | None, search: Search) -> Searched | None:
+    """The simple loop where it is recommended; else the search of the controller.
 
     Args:
         simple: best of the simple loops.
-        found: search of the usual controller; None where nothing was sound.
+        searched: search of the usual controller; None where nothing was sound.
         search: searches a run; None where nothing was sound.
     """
-    if found is not None and found.tuned.feasible and simple.error > REACH * _error(found):
-        return found
+    if searched is not None and searched.tuned.feasible and simple.error > REACH * _error(searched):
+        return searched
     tuned = search(simple.run)
-    if tuned is None or found is None:
-        return tuned or found
-    return tuned if _recommended(tuned, found) else found
+    if tuned is None or searched is None:
+        return tuned or searched
+    return tuned if _recommended(tuned, searched) else searched
 
 
-def _recommended(simple: Searched, found: Searched) -> bool:
+def _recommended(simple: Searched, searched: Searched) -> bool:
     """Whether the simple loop is as good as the controller within the limits."""
     if not simple.tuned.feasible:
-        return not found.tuned.feasible and simple.tuned.violation < found.tuned.violation
-    return not found.tuned.feasible or _error(simple) <= AS_GOOD * _error(found)
+        return not searched.tuned.feasible and simple.tuned.violation < searched.tuned.violation
+    return not searched.tuned.feasible or _error(simple) <= AS_GOOD * _error(searched)
 
 
-def _error(found: Searched) -> float:
-    """Objective of what was found."""
-    return objective_value(np.asarray(found.run.problem.objective(found.tuned.outcome)))
+def _error(searched: Searched) -> float:
+    """Objective of the tuned weights."""
+    return objective_value(np.asarray(searched.run.problem.objective(searched.tuned.outcome)))
 
 
-def drive_loop(found: Searched, loops: Sequence[SimpleLoop]) -> DriveLoop | None:
+def drive_loop(searched: Searched, loops: Sequence[SimpleLoop]) -> DriveLoop | None:
     """The controller itself where a drive has it, else the best of the simple loops."""
-    design, best = found.run.design, best_simple(loops)
+    design, best = searched.run.design, best_simple(loops)
     if TERMS.issuperset(design.start):
-        weights, error, kept = found.tuned.weights, _error(found), bool(found.tuned.feasible)
+        weights, error, kept = (
+            searched.tuned.weights,
+            _error(searched),
+            bool(searched.tuned.feasible),
+        )
     elif best is not None:
         design, error, kept = best.run.design, best.error, best.kept
         weights = design.start
@@ -177,7 +181,7 @@ def drive_loop(found: Searched, loops: Sequence[SimpleLoop]) -> DriveLoop | None
         controller=design.name,
         weights=plain_weights(weights),
         error=error,
-        tuned_error=_error(found),
+        tuned_error=_error(searched),
         kept=kept,
     )
 

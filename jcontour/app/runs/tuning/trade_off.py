@@ -122,13 +122,13 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
         problems += [search.within(budget) for budget in budgets]
         places = [folder / f"budget-{k}" for k in range(len(budgets))]
         state = _searched(problems, places, run, show_progress, state.histories)
-    found = front_points(problems, run.start, state)[-len(budgets) :]
+    front = front_points(problems, run.start, state)[-len(budgets) :]
     return FrontResult(
         machine=machine_summary(run.machine),
         error=run.machine.error,
         controller=run.design.name,
         weights=list(run.design.free()),
-        points=[_point(search, budget, one) for budget, one in zip(budgets, found, strict=True)],
+        points=[_point(search, budget, one) for budget, one in zip(budgets, front, strict=True)],
         tracking_cap=search.tracking_cap,
         against=flags.against,
         nominal_only=flags.nominal_only,
@@ -148,7 +148,7 @@ def _searched(
         problems: all.
         places: folders of those that are not in `before`.
         run: that is tuned.
-        show_progress: is told every state.
+        show_progress: receives every state.
         before: histories of the first problems.
     """
     state = _load(places, before)
@@ -184,7 +184,7 @@ def _calmest(
         search: the front.
         before: searches that are done; the calmest of their points is the first.
         place: folder of this search.
-        show_progress: is told every state.
+        show_progress: receives every state.
     """
     run, problem, state = search.run, search.within(NO_BUDGET), load_state(place)
     known = sound([row for history in before.histories for row in history])
@@ -256,22 +256,22 @@ def _worst(metrics: Metrics, name: str) -> float:
     return float(np.max(getattr(metrics, f"rms_{name}")))
 
 
-def _point(search: Search, budget: float, found: FrontPoint) -> BudgetPoint:
+def _point(search: Search, budget: float, best: FrontPoint) -> BudgetPoint:
     problem, known = search.run.problem, search.run.design.units()
-    weights = plain_weights(found.weights).items()
-    loops = found.outcome.loops
+    weights = plain_weights(best.weights).items()
+    loops = best.outcome.loops
     if loops is None:
         windows = probe_windows(problem.references, WINDOWS)
-        loops = probed_peaks(problem.plants, problem.build(found.weights), windows)
+        loops = probed_peaks(problem.plants, problem.build(best.weights), windows)
     point = BudgetPoint(
         budget=budget,
         # a number for each sample of the horizon has no unit
         weights={name: w for name, w in weights if isinstance(w, float) or name in known},
-        rms_contour_error=_worst(found.outcome.metrics, "contour_error"),
-        rms_tracking_error=_worst(found.outcome.metrics, "tracking_error"),
-        rms_increment=_worst(found.outcome.metrics, "increment"),
-        objective=found.objective,
-        feasible=bool(found.feasible),
+        rms_contour_error=_worst(best.outcome.metrics, "contour_error"),
+        rms_tracking_error=_worst(best.outcome.metrics, "tracking_error"),
+        rms_increment=_worst(best.outcome.metrics, "increment"),
+        objective=best.objective,
+        feasible=bool(best.feasible),
         slack=False,
         peak_sensitivity=float(np.max(loops.sensitivity)),
     )

@@ -103,8 +103,8 @@ def test_a_drive_at_its_limit_in_rapid_moves_of_programs_is_told():
     seen.output[:, :, 5:, 1] = 1.2e-3
     assert beyond(seen, MACHINE) == near(seen) == []
     program = Program(np.ones(1, int), (), (), "", np.zeros(1, bool))
-    [told] = drives_at_limits_in_rapids(seen, scenarios(program), MACHINE)
-    assert told.startswith(
+    [lines] = drives_at_limits_in_rapids(seen, scenarios(program), MACHINE)
+    assert lines.startswith(
         "control of input 1 is at its limit in a rapid move: 10 of 10 A (eight, late); a lower"
     )
     seen.control[1, 0, 5, 1] = -9.5  # in the first scored sample
@@ -128,12 +128,12 @@ def motion(steps, acceleration, dt=1e-3):
 
 
 def limited(speed=None, acceleration=None):
-    found = (None if one is None else np.full(2, one) for one in (speed, acceleration))
-    return small_runs.machine(MachineLimits(*found))
+    each = (None if one is None else np.full(2, one) for one in (speed, acceleration))
+    return small_runs.machine(MachineLimits(*each))
 
 
 @pytest.mark.parametrize(
-    ("limits", "told"),
+    ("limits", "lines"),
     [
         ({"acceleration": 1.9}, ["acceleration of X"]),
         ({"acceleration": 2.1}, []),
@@ -142,10 +142,10 @@ def limited(speed=None, acceleration=None):
         ({}, []),
     ],
 )
-def test_what_a_reference_asks_for_is_held_against_the_limits(limits, told):
+def test_what_a_reference_asks_for_is_held_against_the_limits(limits, lines):
     calm, quick = motion(50, 1.0), motion(50, 2.0)
-    found = beyond_limits_asked(quick, calm, limited(**limits), at_rest=True)
-    assert [one.name.partition(" that the reference")[0] for one in found] == told
+    exceeded = beyond_limits_asked(quick, calm, limited(**limits), at_rest=True)
+    assert [one.name.partition(" that the reference")[0] for one in exceeded] == lines
 
 
 def test_a_step_at_the_begin_counts_where_a_motion_begins_at_rest():

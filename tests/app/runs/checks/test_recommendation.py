@@ -28,7 +28,7 @@ from tuning.problem import Problem
 from tuning.tuner import Price
 
 
-def found(feasible=True, violation=-0.1, sensitivity=1.9):
+def end_of_search(feasible=True, violation=-0.1, sensitivity=1.9):
     loops = LoopPeaks(*(np.full((2, 2), value) for value in (sensitivity, 1.2, 0.9, 0.0)))
     outcome = Outcome(small_runs.metrics((2, 2)), loops)
     return small_runs.tuned(outcome=outcome, feasible=feasible, violation=violation)
@@ -55,7 +55,7 @@ def warnings(**changes):
 
 def evidence(**changes):
     given = {
-        "tuned": found(),
+        "tuned": end_of_search(),
         "contours": GOOD,
         "margins": margins(),
         "robust": SOUND,
@@ -88,7 +88,7 @@ def test_a_loop_that_drifts_is_no_loop():
     assert not may_drift(margins(spectral_radius=0.9899), GOOD) and may_drift(
         margins(spectral_radius=0.9901), GOOD
     )
-    assert not may_drift(margins(spectral_radius=1.0), GOOD)  # unstable: told as that
+    assert not may_drift(margins(spectral_radius=1.0), GOOD)  # unstable: reported as that
     assert reasons(margins=margins(spectral_radius=1 - 1e-7), lasting=99.0) == []
     (line,) = reasons(lasting=1e7)
     assert "the feedback does next to nothing" in line and "takes 1e+07 samples" in line
@@ -109,7 +109,7 @@ def test_weights_that_saw_a_single_plant_are_not_loaded():
 
 
 @pytest.mark.parametrize(("law", "calmer"), [("trapezoidal", True), ("jerk", False)])
-def test_what_asks_for_less_is_told_where_a_limit_is_exceeded(law, calmer):
+def test_what_asks_for_less_is_reported_where_a_limit_is_exceeded(law, calmer):
     first, second = reasons(limits=[BEYOND], feed_law=law)
     assert first.startswith("speed of X EXCEEDS its limit: 18000 of 12000 mm/min")
     assert "--acceleration" in second and ("--feed-law jerk" in second) is calmer
@@ -126,16 +126,16 @@ def test_less_than_a_per_cent_is_not_worse():
     assert reasons(contours=[*GOOD, contour("cam", True, 1e-6, 1.009e-6)]) == []
 
 
-def test_what_the_encoders_cannot_tell_is_told_and_no_reason():
+def test_what_the_encoders_cannot_tell_is_reported_and_no_reason():
     worse = [contour("cam", True, 3e-6, 3.1e-6), contour("ellipse", False, 2e-6, 3e-6)]
     (line,) = reasons(contours=[*GOOD, *worse], finest=0.2e-6)
     assert "ellipse x 1.50" in line and "cam" not in line
-    (told,) = warnings(contours=[*GOOD, worse[0]], finest=0.2e-6)
-    assert told.endswith("less than the rounding of the encoders, 0.2 um: cam x 1.03")
+    (line,) = warnings(contours=[*GOOD, worse[0]], finest=0.2e-6)
+    assert line.endswith("less than the rounding of the encoders, 0.2 um: cam x 1.03")
     assert warnings(contours=[*GOOD, *worse], finest=0.2e-6) == warnings(contours=GOOD) == []
     near = [*GOOD, contour("square", False, 20e-6, 21e-6)]
-    (told,) = warnings(contours=near, finest=0.2e-6)
-    assert told == "a little worse than the start: square x 1.05" and not reasons(contours=near)
+    (line,) = warnings(contours=near, finest=0.2e-6)
+    assert line == "a little worse than the start: square x 1.05" and not reasons(contours=near)
 
 
 def test_weights_that_are_worse_in_all_are_not_used_however_little_it_is():
@@ -179,8 +179,8 @@ def restless(start, tuned, times, increment=1e-6):
 
 
 def test_a_restless_control_needs_a_gain_that_the_encoders_can_tell():
-    (told,) = reasons(contours=[restless(1.0e-6, 0.9e-6, 30.0)], finest=0.2e-6)
-    assert "0.2 um" in told and "30 times" in told and "--max-rms-increment 2e-06" in told
+    (line,) = reasons(contours=[restless(1.0e-6, 0.9e-6, 30.0)], finest=0.2e-6)
+    assert "0.2 um" in line and "30 times" in line and "--max-rms-increment 2e-06" in line
     assert reasons(contours=[restless(1.0e-6, 0.9e-6, 4.9)], finest=0.2e-6) == []
     assert reasons(contours=[restless(1.0e-6, 0.7e-6, 30.0)], finest=0.2e-6) == []
     one_gains = [restless(1.0e-6, 0.9e-6, 30.0), restless(1.0e-6, 0.7e-6, 30.0)]
@@ -190,10 +190,10 @@ def test_a_restless_control_needs_a_gain_that_the_encoders_can_tell():
     assert reasons(contours=[still], finest=0.2e-6) == []
 
 
-def test_a_limit_that_is_not_kept_is_told_with_the_peak_that_was_found():
+def test_a_limit_that_is_not_kept_is_reported_with_the_peak_that_was_found():
     limit, violation = "peak_sensitivity", math.log(1.3)
     allowing = flag_allowing(limit, violation, Tune(), {limit: 2.0})
-    (line,) = reasons(tuned=found(False, violation, 2.6), limit=limit, allowing=allowing)
+    (line,) = reasons(tuned=end_of_search(False, violation, 2.6), limit=limit, allowing=allowing)
     assert "peak sensitivity by 30 %" in line and line.endswith("--max-sensitivity 2.6")
 
 
@@ -226,7 +226,7 @@ def test_only_the_limit_that_is_exceeded_is_spoken_of(limit, flag):
     """Neither the sensitivity, nor contours that weights beyond a limit make worse."""
     worse = [*GOOD, contour("cam", True, 1e-6, 9e-6)]
     tuned, bounds = (
-        found(False, math.log(1.3), 1.08),
+        end_of_search(False, math.log(1.3), 1.08),
         {"error_ratio": 1, "rms_tracking_error": 1e-4},
     )
     allowing = flag_allowing(limit, tuned.violation, Tune(), bounds)
@@ -236,8 +236,10 @@ def test_only_the_limit_that_is_exceeded_is_spoken_of(limit, flag):
 
 def test_the_limit_that_is_exceeded_most_is_found(proportional):
     problem, outcome = proportional
-    assert exceeded_most(problem, found()._replace(outcome=outcome)) == ""
-    assert exceeded_most(problem, found(False)._replace(outcome=outcome)) == "peak_sensitivity"
+    assert exceeded_most(problem, end_of_search()._replace(outcome=outcome)) == ""
+    assert (
+        exceeded_most(problem, end_of_search(False)._replace(outcome=outcome)) == "peak_sensitivity"
+    )
 
 
 @pytest.fixture
@@ -286,12 +288,12 @@ def of_margins(*given, longest=100, dt=1e-3, asked=0):
     return [one.line for one in margin_warnings(*given, longest, dt, asked)]
 
 
-def test_a_mode_that_outlasts_the_runs_is_told():
+def test_a_mode_that_outlasts_the_runs_is_reported():
     """0.99 is left of a mode after a sample: a third, 1 / e, after 99.5 samples."""
     assert of_margins(frozen_margins(radius=0.99), 0, longest=100) == []
     (line,) = of_margins(frozen_margins(radius=0.99), 0, longest=99)
     assert "99.5 samples (99.5 ms)" in line and "the longest contour has 99" in line
-    assert len(of_margins(frozen_margins(radius=1.0), 0, longest=99)) == 1  # told as unstable
+    assert len(of_margins(frozen_margins(radius=1.0), 0, longest=99)) == 1  # reported as unstable
     assert of_margins(frozen_margins(radius=0.0), 0, longest=99) == []
 
 
@@ -307,7 +309,7 @@ def test_a_loop_that_does_not_bear_the_delay_of_its_machine(delay, unknown, warn
     )
 
 
-def test_a_loop_that_bears_no_delay_is_told_where_none_is_stated():
+def test_a_loop_that_bears_no_delay_is_reported_where_none_is_stated():
     (line,) = of_margins(frozen_margins(delay=0), 0)
     assert "one more sample of delay" in line and "--min-delay-margin 1" in line
     assert of_margins(frozen_margins(delay=1), 0) == []
@@ -329,7 +331,7 @@ def test_open_loops_are_counted_and_without_any_other_there_are_no_margins():
     )
 
 
-def test_a_tool_left_behind_is_told():
+def test_a_tool_left_behind_is_reported():
     """Two contours on two plants; the last of the lags is given."""
 
     def run(lag):
@@ -341,5 +343,5 @@ def test_a_tool_left_behind_is_told():
     jobs = [small_runs.job(name, counted[0]) for name in ("ring", "eight")]
     seen = small_runs.scenarios(jobs, np.zeros((2, 6, 2)), counted)
     assert [*lag_warnings({"start": run(1e-5), "tuned": run(4.9e-5)}, seen)] == []
-    (found,) = lag_warnings({"start": run(1e-5), "tuned": run(1e-3)}, seen)
-    assert "1000 um" in found.text and "on eight" in found.text
+    (message,) = lag_warnings({"start": run(1e-5), "tuned": run(1e-3)}, seen)
+    assert "1000 um" in message.text and "on eight" in message.text

@@ -38,7 +38,7 @@ SCENARIOS = small_runs.scenarios([RING], np.zeros((1, LASTING, 2)), COUNTED[None
 EXAMPLE = Path(jobs.__file__).parents[1] / "machines" / "example.json"
 
 
-def told(apart, path=TO_REST, lost=False, scored=True):
+def arrival_lines(apart, path=TO_REST, lost=False, scored=True):
     """One contour on two plants; the second one ends so far from the end [m]."""
     position = np.stack([path, np.zeros(SAMPLES)], axis=1)[None]
     output = np.repeat(position[:, None], 2, axis=1)
@@ -46,13 +46,13 @@ def told(apart, path=TO_REST, lost=False, scored=True):
     numbers = {"diverged": np.array([[False, lost]])}
     numbers["peak_contour_error"] = np.array([[0.5 * PEAK, PEAK]])
     mask = np.full((1, SAMPLES), scored)
-    found = small_runs.scenarios([small_runs.job("part", mask[0])], position, mask)
+    scenarios = small_runs.scenarios([small_runs.job("part", mask[0])], position, mask)
     replay = small_runs.replay(SAMPLES, **numbers)._replace(output=output)
-    return arrival_warnings(replay, found)
+    return arrival_warnings(replay, scenarios)
 
 
 def test_a_tool_that_has_not_arrived_is_told():
-    [line] = told(2.1 * PEAK)
+    [line] = arrival_lines(2.1 * PEAK)
     assert "the tool is still 4.2 um from its end (part, late)" in line
 
 
@@ -61,12 +61,12 @@ def test_a_tool_that_has_not_arrived_is_told():
     [
         {"apart": 1.9 * PEAK},  # as much as the errors on the way
         {"apart": 9 * PEAK, "path": IN_MOTION},  # it goes on
-        {"apart": 9 * PEAK, "lost": True},  # told as diverged
+        {"apart": 9 * PEAK, "lost": True},  # reported as diverged
         {"apart": 9 * PEAK, "scored": False},  # a rapid move
     ],
 )
 def test_otherwise_nothing_is_told(given):
-    assert told(**given) == []
+    assert arrival_lines(**given) == []
 
 
 @pytest.mark.parametrize(("moved", "lines"), [(0.0, 1), (0.49, 1), (0.51, 0), (1.0, 0)])
@@ -75,21 +75,21 @@ def test_a_tool_that_moves_less_than_half_of_the_way_does_not_follow(moved, line
     path = np.concatenate([TO_REST, TO_REST[::-1]])
     position = np.stack([path, np.zeros(len(path))], axis=1)[None]
     output = np.stack([position, moved * position], axis=1)
-    output[0, 0, -1] = np.nan  # lost: told as diverged
+    output[0, 0, -1] = np.nan  # lost: reported as diverged
     mask = np.ones((1, len(path)), bool)
     job, plants = small_runs.job("part", mask[0]), ("lost", "late")
-    found = small_runs.scenarios([job], position, mask, plants=plants)
-    told = motions_not_followed(small_runs.replay(len(path))._replace(output=output), found)
-    assert len(told) == lines
-    assert all(f"moves {2 * moved:.4g} of 2 mm (part, late)" in line for line in told)
+    scenarios = small_runs.scenarios([job], position, mask, plants=plants)
+    messages = motions_not_followed(small_runs.replay(len(path))._replace(output=output), scenarios)
+    assert len(messages) == lines
+    assert all(f"moves {2 * moved:.4g} of 2 mm (part, late)" in line for line in messages)
 
 
 def seen(amplitude, lost=False):
     """One contour on two plants; the control of the second one alternates."""
     numbers = {"diverged": np.array([[False, lost]]), "rms_contour_error": np.array([[0.0, ERROR]])}
-    found = small_runs.replay(SWINGING, **numbers)
-    found.control[0, 1, :, 1] = amplitude * (-1.0) ** np.arange(SWINGING)
-    return found
+    replay = small_runs.replay(SWINGING, **numbers)
+    replay.control[0, 1, :, 1] = amplitude * (-1.0) ** np.arange(SWINGING)
+    return replay
 
 
 EVERY = np.ones(SWINGING, bool)
@@ -97,16 +97,16 @@ EVERY = np.ones(SWINGING, bool)
 
 def warnings(replay, counted=EVERY, machine=MACHINE):
     position = np.zeros((1, SWINGING, 2))
-    found = small_runs.scenarios([small_runs.job("ring", counted)], position, counted[None])
-    return swing_warnings(replay, found, machine)
+    scenarios = small_runs.scenarios([small_runs.job("ring", counted)], position, counted[None])
+    return swing_warnings(replay, scenarios, machine)
 
 
 def test_a_swing_of_much_of_the_error_is_told():
     """RMS of the fine samples of a parabola, a quarter of the error."""
     arc = 4 * (t := np.linspace(0, 1, 10_001)) * (1 - t)
     height = 0.25 * ERROR / np.sqrt(np.mean(arc**2))
-    [told] = warnings(seen(height / (HIDDEN * DT**2 / 8)))
-    assert told.startswith(
+    [line] = warnings(seen(height / (HIDDEN * DT**2 / 8)))
+    assert line.startswith(
         f"Y swings by 0.25 um RMS between samples, and by up to {1e6 * height:.3g} um, beside an "
         "RMS contour error of 1 um at samples (ring, late)"
     )
@@ -137,10 +137,10 @@ def test_a_run_that_diverged_has_none():
 
 def run(**lost):
     """One contour on two plants, at rest but for what is given: (plant, sample, axis, value)."""
-    found = small_runs.replay(LASTING)
+    replay = small_runs.replay(LASTING)
     for name, (plant, sample, axis, value) in lost.items():
-        getattr(found, name)[0, plant, sample:, axis] = value
-    return found
+        getattr(replay, name)[0, plant, sample:, axis] = value
+    return replay
 
 
 @pytest.mark.parametrize(
@@ -246,15 +246,15 @@ def test_a_move_of_an_axis_begins_as_its_law_has_it():
     rows = 0.05 * np.cos(2.0 * DT * np.arange(1001))
     points = np.stack([rows, 0.0 * rows], axis=1)
     move = AxisMove("task-b", line([0.0], [0.1]), ToAndFro(0.1, 2.0), 1.0, 0.0, DT, "cosine")
-    (told,) = limits_exceeded_by_plan(
+    (message,) = limits_exceeded_by_plan(
         scenarios([move], [points]), machine_of(acceleration=[0.19, 1.0])
     )
-    assert "X 0.2 of 0.19 m/s^2" in told and told.endswith("not the loop")
+    assert "X 0.2 of 0.19 m/s^2" in message and message.endswith("not the loop")
     assert limits_exceeded_by_plan(scenarios([move], [points]), machine_of(None, [0.21, 1])) == []
 
 
-def seen_by(found, machine):
-    return Scenarios.of([found], [False], machine, "outputs", 1)
+def seen_by(job, machine):
+    return Scenarios.of([job], [False], machine, "outputs", 1)
 
 
 PROGRAM = "G21 G90 F3000\nG1 X20\nG1 Y20\n"
@@ -279,9 +279,9 @@ def test_the_trapezoidal_law_in_a_corner(tmp_path, machine):
     along = min(0.5 * allowed.min(), (0.5 * allowed / s).min())  # across the bisector too
     v = math.sqrt(along * 5e-6 * s / (1 - s))
     (line,) = limits_exceeded_by_plan(seen_by(from_file(part, pace), machine), machine)
-    told = re.findall(r"([XY]) ([\d.]+) of ([\d.]+)", line)
-    assert told
-    for axis, value, limit in told:
+    axes = re.findall(r"([XY]) ([\d.]+) of ([\d.]+)", line)
+    assert axes
+    for axis, value, limit in axes:
         most = allowed["XY".index(axis)]
         assert float(limit) == pytest.approx(most, rel=1e-3)
         assert max(most, v / dt / 2) < float(value) <= v / dt + 0.5 * most
@@ -292,5 +292,5 @@ def test_the_trapezoidal_law_in_a_corner(tmp_path, machine):
 @pytest.mark.parametrize("name", ["square", "bracket"])
 def test_the_jerk_limited_law_keeps_every_limit(machine, name, acceleration):
     """Half of what the machine states, or all of it."""
-    found = job_named(name, Pace(machine, None, acceleration))
-    assert limits_exceeded_by_plan(seen_by(found, machine), machine) == []
+    job = job_named(name, Pace(machine, None, acceleration))
+    assert limits_exceeded_by_plan(seen_by(job, machine), machine) == []

@@ -56,8 +56,8 @@ def test_a_limit_of_the_flags_holds_for_the_worst_plant_of_the_training_contours
 
 def test_counts_at_rest_and_loops_have_limits_too():
     rest = Standstill(rms_control=0.1696, rms_increment=0.1)
-    found = checks(Tune(), {COUNT_NOISE: AT_REST * 0.15}, rest, doubt=DOUBT)
-    assert [one.value for one in found.values()] == [1.9, 0.4, 0.1696]
-    assert [one.allowed for one in found.values()] == [2.0, BORNE, 0.15]
-    assert [one.kept for one in found.values()] == [True, True, False]
+    limit_checks = checks(Tune(), {COUNT_NOISE: AT_REST * 0.15}, rest, doubt=DOUBT)
+    assert [one.value for one in limit_checks.values()] == [1.9, 0.4, 0.1696]
+    assert [one.allowed for one in limit_checks.values()] == [2.0, BORNE, 0.15]
+    assert [one.kept for one in limit_checks.values()] == [True, True, False]
     assert list(checks(Tune(), {}, rest)) == ["peak sensitivity Ms"]

@@ -82,8 +82,8 @@ def plant():
 @pytest.mark.parametrize("gain", [1e-2, 1e-3, 1e-7])
 def test_a_gain_takes_the_tool_back_by_its_pole(plant, proportional, path, gain):
     """Of two axes the slower: y(k+1) = (1 - K) y(k), a third is left after -1 / ln(1 - K)."""
-    found = offset_lasts(plant, proportional(jnp.array([0.5, gain])), path)
-    assert found == pytest.approx(-1 / np.log1p(-gain), rel=1e-6)
+    samples = offset_lasts(plant, proportional(jnp.array([0.5, gain])), path)
+    assert samples == pytest.approx(-1 / np.log1p(-gain), rel=1e-6)
 
 
 def test_a_slow_integral_is_no_drift(plant, path):
@@ -94,8 +94,8 @@ def test_a_slow_integral_is_no_drift(plant, path):
     # what is left of the offset is the residue of that mode, (z - 1) / ((z - p) (z - q))
     share = (slow - 1) / (2 * slow - 2 + gain)
     wanted = -path.steps / np.log(abs(share) * slow**path.steps)
-    found = offset_lasts(plant, SlowIntegral(jnp.full(2, gain), integral), path)
-    assert found == pytest.approx(wanted, rel=1e-3) and found < 20
+    samples = offset_lasts(plant, SlowIntegral(jnp.full(2, gain), integral), path)
+    assert samples == pytest.approx(wanted, rel=1e-3) and samples < 20
 
 
 def test_without_feedback_nothing_dies_out(plant, proportional, path):
@@ -125,10 +125,10 @@ def test_it_is_the_worst_of_single_runs(counting_machine):
         controls.append(np.sqrt(np.mean(np.sum(control**2, axis=1))))
         moved = np.diff(control, axis=0)
         increments.append(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
-    found = standstill(controller, counting_machine, "outputs")
-    assert found.rms_control == pytest.approx(max(controls), rel=1e-9) and max(controls) > 1e-6
+    at_rest = standstill(controller, counting_machine, "outputs")
+    assert at_rest.rms_control == pytest.approx(max(controls), rel=1e-9) and max(controls) > 1e-6
     # the metric counts one increment more or less at the ends of its window
-    assert found.rms_increment == pytest.approx(max(increments), rel=1e-2)
+    assert at_rest.rms_increment == pytest.approx(max(increments), rel=1e-2)
 
 
 def test_nothing_is_said_where_nothing_is_counted(counting_machine):
@@ -191,8 +191,8 @@ def test_a_path_that_is_run_at_the_limit_all_along_has_no_margins(two_axes):
     )
     tried = law, machine, scenarios, "state"
     peaks = family_peaks(*tried)  # type: ignore[arg-type]
-    found = path_margins(*tried, peaks)  # type: ignore[arg-type]
-    assert found.contours_without_margins == ("hasty",) and found.probes_left_out == 0
+    margins = path_margins(*tried, peaks)  # type: ignore[arg-type]
+    assert margins.contours_without_margins == ("hasty",) and margins.probes_left_out == 0
     one = scenarios._replace(training=(True, False, False))
     calm = path_margins(law, machine, one, "state", peaks)  # type: ignore[arg-type]
     assert calm.contours_without_margins == () and calm.spectral_radius < 1
@@ -226,7 +226,7 @@ def test_it_counts_what_single_runs_show(drift, machine, monkeypatch):
     design = design_for(machine, Simulate(preview=10))
     controller = design.build(design.start | dict(drift=drift))
     seen = scenarios(machine, design)
-    found = trials.robust_test(controller, machine, seen, design.fed, seed=3)
+    result = trials.robust_test(controller, machine, seen, design.fed, seed=3)
     family = machine.random_family(FEW, 3)
     errors, lost = np.zeros((2, FEW)), np.zeros((2, FEW), bool)
     for c, job in enumerate(seen.jobs_seen(True)):
@@ -234,13 +234,13 @@ def test_it_counts_what_single_runs_show(drift, machine, monkeypatch):
         for k in range(FEW):
             metrics = score(simulate(member(family, k), controller, reference), reference)
             errors[c, k], lost[c, k] = metrics.rms_contour_error, metrics.diverged
-    assert found.members == FEW and found.diverged == lost.any(axis=0).sum()
+    assert result.members == FEW and result.diverged == lost.any(axis=0).sum()
     kept = np.where(lost, -1.0, errors)
-    assert found.error == pytest.approx(kept.max(), rel=1e-6)
+    assert result.error == pytest.approx(kept.max(), rel=1e-6)
     contour, plant = np.unravel_index(np.argmax(kept), kept.shape)
-    assert found.contour == ("arc", "line")[contour]
-    assert found.plant == machine.random_names(FEW, 3)[plant]
-    assert (found.diverged > 0) is (drift > 1e-3)
+    assert result.contour == ("arc", "line")[contour]
+    assert result.plant == machine.random_names(FEW, 3)[plant]
+    assert (result.diverged > 0) is (drift > 1e-3)
 
 
 def test_members_lie_within_the_stated_intervals(machine):

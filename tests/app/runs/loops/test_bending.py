@@ -98,18 +98,18 @@ def test_a_trial_becomes_longer_until_the_end_of_it_is_at_rest(proportional):
 def test_the_last_sample_is_held_and_scored_as_it_is():
     before = run()
     after = with_held_end(before, 7)
-    found, usual = (jax.device_get(one.reference(DT, 3)) for one in (after, before))
-    assert after.steps == STEPS + 7 and found.steps == STEPS + 7
-    assert np.array_equal(found.position[:STEPS], usual.position[:STEPS])
-    assert np.all(found.position[STEPS:] == usual.position[STEPS - 1])
-    assert np.array_equal(np.flatnonzero(found.mask), np.arange(25, STEPS + 7))
+    reference, usual = (jax.device_get(one.reference(DT, 3)) for one in (after, before))
+    assert after.steps == STEPS + 7 and reference.steps == STEPS + 7
+    assert np.array_equal(reference.position[:STEPS], usual.position[:STEPS])
+    assert np.all(reference.position[STEPS:] == usual.position[STEPS - 1])
+    assert np.array_equal(np.flatnonzero(reference.mask), np.arange(25, STEPS + 7))
 
 
 def test_beside_its_contour_the_last_offset_is_held():
     offset = np.linspace(0.0, 1e-5, STEPS)[:, None] * [0.0, 1.0]
     aside = Aside(offset, np.tile([1.0, 0.0], (STEPS, 1)))
-    found = with_held_end(run(aside), 4).reference(DT, 2)
-    assert np.asarray(found.position)[STEPS:, 1] == pytest.approx(1e-5)
+    reference = with_held_end(run(aside), 4).reference(DT, 2)
+    assert np.asarray(reference.position)[STEPS:, 1] == pytest.approx(1e-5)
 
 
 def test_a_move_of_one_axis_lasts_longer():
@@ -117,6 +117,6 @@ def test_a_move_of_one_axis_lasts_longer():
         return np.minimum(time, 0.1)
 
     move = AxisMove("move", line([0.0], [0.1]), law, 0.1, 0.0, DT, "straight")
-    found = with_held_end(move, 5)
-    assert found.samples == move.samples + 5
-    assert np.asarray(found.reference(DT, 1).position)[-6:] == pytest.approx(0.1)
+    held = with_held_end(move, 5)
+    assert held.samples == move.samples + 5
+    assert np.asarray(held.reference(DT, 1).position)[-6:] == pytest.approx(0.1)

@@ -101,10 +101,10 @@ def test_a_gantry_reads_its_tool_from_its_motors():
     """Head 0.3 m along a beam that is turned by a hundredth."""
     parameters = gantry_machine().parameters
     state = jnp.array([0.3, 0.25, 0.01, 0.1, 0.2, 0.3])
-    found = gantry_machine().positions("outputs")(MotorEncoders(parameters)(state))
+    position = gantry_machine().positions("outputs")(MotorEncoders(parameters)(state))
     d, sine, cosine = float(parameters.tool_offset), np.sin(0.01), np.cos(0.01)
     wanted = [0.3 * cosine + d * sine, 0.25 + 0.3 * sine - d * cosine]
-    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+    np.testing.assert_allclose(position, wanted, rtol=1e-12)
 
 
 def test_the_linear_gantry_is_the_gantry_on_a_small_part(gantry):
@@ -215,10 +215,10 @@ def test_the_law_says_before_that_random_stiffnesses_converge_and_they_do(axis):
         steps = jnp.sqrt(jnp.mean(jnp.diff(laps.correction, axis=0) ** 2, axis=(1, 2)))
         return jnp.sqrt(jnp.mean(laps.error**2, axis=(1, 2))), steps
 
-    found, steps = (np.asarray(each) for each in jax.lax.map(errors, rows, batch_size=50))
-    assert found.shape == (MEMBERS, 10)
-    assert not any(diverged_lap(row) for row in found)
-    assert np.all(found[:, -1] < 0.05 * found[:, 0])
+    errors_of_laps, steps = (np.asarray(each) for each in jax.lax.map(errors, rows, batch_size=50))
+    assert errors_of_laps.shape == (MEMBERS, 10)
+    assert not any(diverged_lap(row) for row in errors_of_laps)
+    assert np.all(errors_of_laps[:, -1] < 0.05 * errors_of_laps[:, 0])
     # corrections change less and less, as the bound says; later the ends of the lap are left
     assert np.all(steps[:, 1:4] <= prepared.convergence.bound * steps[:, :3])
     some = [
@@ -242,9 +242,9 @@ def test_the_nominal_machine_falls_to_the_noise_within_eight_laps(axis):
     assert noise > 0
     assert Learner(axis, law, seed=3).noise() == pytest.approx(noise, rel=1e-6)
     # of the motor, which is measured; the tool swings on its spring
-    found = np.sqrt(np.mean(np.asarray(laps.error) ** 2, axis=(1, 2)))
+    rms = np.sqrt(np.mean(np.asarray(laps.error) ** 2, axis=(1, 2)))
     read = axis.machine.encoder_resolution / np.sqrt(12)
-    assert found[0] > 100 * read and found[-1] < 1.5 * np.hypot(noise, read)
+    assert rms[0] > 100 * read and rms[-1] < 1.5 * np.hypot(noise, read)
 
 
 MILL = {
@@ -291,10 +291,10 @@ def lap_of_the_mill(start, wanted, correction, noise, gains):
 def test_laps_of_the_family_are_those_of_numpy_with_noise_of_their_own():
     one, start = mill()
     law, laps = PType(0.2, 20, 1), 4
-    found = Learner(one, law, seed=3).run(laps, lambda more: None)
+    machines = Learner(one, law, seed=3).run(laps, lambda more: None)
     anew, plant = read_anew(one, 3), one.machine.true_family("outputs")[0]
     wanted = 1e3 * np.asarray(one.reference.position[: one.shape[0]])
-    for machine, factors in zip(found[2:], ([1.0, 1.0], [1.1, 0.9], [0.9, 1.1]), strict=True):
+    for machine, factors in zip(machines[2:], ([1.0, 1.0], [1.1, 0.9], [0.9, 1.1]), strict=True):
         correction = np.zeros_like(wanted)
         for lap in range(laps):
             noise = 1e3 * np.asarray(anew(plant, lap).plant.noise)
@@ -318,16 +318,16 @@ def test_a_shift_is_added_and_its_speed_and_acceleration_are_those_of_a_parabola
     best = BestLap(3, 2e-6, np.full((101, 2), [-5e-6, 1e-6]))
     position = shifted(reference, best)
     np.testing.assert_allclose(position, place + [-5e-6, 1e-6], atol=1e-15)
-    found = stored_lap(position, PERIOD, best, MachineLimits(speed=np.full(2, 0.5)), "XY")
-    assert found is not None and found.lap == 3
-    assert found.error_um == pytest.approx(2.0) and found.largest_um == pytest.approx(5.0)
-    assert found.first_um == pytest.approx(26**0.5) and all(one.kept for one in found.limits)
+    lap = stored_lap(position, PERIOD, best, MachineLimits(speed=np.full(2, 0.5)), "XY")
+    assert lap is not None and lap.lap == 3
+    assert lap.error_um == pytest.approx(2.0) and lap.largest_um == pytest.approx(5.0)
+    assert lap.first_um == pytest.approx(26**0.5) and all(one.kept for one in lap.limits)
     tight = MachineLimits(speed=np.full(2, 0.3), acceleration=np.array([5.0, 1.0]))
     late = stored_lap(position, PERIOD, best, tight, "XY")
     assert late is not None and exceeded(late.limits) == [
         "speed of X that the reference asks for EXCEEDS its limit: 23880 of 18000 mm/min"
     ]
-    assert found.speed == pytest.approx(4 * 0.0995) and found.acceleration == pytest.approx(4.0)
+    assert lap.speed == pytest.approx(4 * 0.0995) and lap.acceleration == pytest.approx(4.0)
 
 
 def test_nothing_is_stored_where_the_first_lap_is_the_best():

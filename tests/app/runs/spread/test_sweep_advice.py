@@ -70,8 +70,8 @@ def test_the_best_point_is_run_again_with_what_did_not_vary(tmp_path):
     best = _best(weights={"gain": 0.1 + 0.2})
     [line] = repeated(asked, SweepResult(points=2, diverged=0, within=2, best=[best]))
     weights = ("gain=0.30000000000000004", "feedforward=2.0")  # all digits
-    found = _chosen(shlex.split(line)[1:])[0]
-    assert isinstance(found, Simulate) and found == Simulate(
+    flags_read = _chosen(shlex.split(line)[1:])[0]
+    assert isinstance(flags_read, Simulate) and flags_read == Simulate(
         contour="circle", controller=mine, weights=weights
     )
     assert repeated(asked, SweepResult(points=2, diverged=2, within=0, best=[])) == []

@@ -56,16 +56,16 @@ def test_the_design_of_a_preview_is_found_once():
 
 
 @pytest.mark.parametrize(
-    ("plant", "controller", "found"),
+    ("plant", "controller", "previews"),
     [
         ("flexible-axis", "cascade", (1,)),
         ("gantry", "cascade", (1,)),
         ("gantry", "contouring-lq", (5, 10, 20)),
     ],
 )
-def test_previews_that_differ_are_swept(plant, controller, found):
+def test_previews_that_differ_are_swept(plant, controller, previews):
     flags = Sweep(plant=plant, controller=controller, previews=(5, 10, 20, 10))
-    assert swept_of(flags).flags.previews == found
+    assert swept_of(flags).flags.previews == previews
 
 
 @pytest.mark.parametrize(

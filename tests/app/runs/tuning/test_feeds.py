@@ -63,7 +63,7 @@ def test_the_quickest_feed_within_the_error_is_recommended(tour, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("flags", "told"),
+    ("flags", "message"),
     [
         ("circle --overrides 0", "overrides: a feed of 1 to 1000 % is needed"),
         ("circle --max-peak-contour-error-um 0", "max-peak-contour-error-um: a limit needs"),
@@ -73,9 +73,9 @@ def test_the_quickest_feed_within_the_error_is_recommended(tour, tmp_path):
         (".", "is not a run folder"),
     ],
 )
-def test_bad_input_is_one_line(flags, told, tmp_path, capsys):
+def test_bad_input_is_one_line(flags, message, tmp_path, capsys):
     where = ["--out", str(tmp_path / "feed")]
     assert main(["front", "--against", "feed", *flags.split(), *where]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
-    assert re.search(told, line)
+    assert re.search(message, line)
     assert not (tmp_path / "feed").exists()

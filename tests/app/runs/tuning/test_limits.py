@@ -59,8 +59,8 @@ def test_a_tool_that_stands_still_lags_too_far(lag, wanted):
     """Once around a circle from one place of it: the RMS distance to that is sqrt(2) radii."""
     arc = np.linspace(0, 2 * np.pi * 1e-3, 628, endpoint=False)
     reference = along(circle(1e-3), arc, 1e-3, 0, at_rest=False)
-    found = lag_limit(bridgeport_machine(), partly(Design, lag=lag), stack_references([reference]))
-    assert found["rms_tracking_error"] == pytest.approx(wanted, rel=2e-3)
+    bounds = lag_limit(bridgeport_machine(), partly(Design, lag=lag), stack_references([reference]))
+    assert bounds["rms_tracking_error"] == pytest.approx(wanted, rel=2e-3)
 
 
 def test_loops_are_limited_by_their_peak_and_with_more_delay():
@@ -78,8 +78,8 @@ def test_the_noise_of_counts_is_limited_to_a_part_of_the_least_control():
     """With a reserve for a tool at rest; the limit needs a machine that counts and states one."""
     machine = small_runs.machine(MachineLimits(control=np.array([8.0, 9.0])))
     design = partly(Design, fed="outputs")
-    found = noise_limit(Tune(max_count_noise=0.02), machine, design)
-    assert found == {COUNT_NOISE: pytest.approx(AT_REST * 0.02 * 8.0)}
+    bounds = noise_limit(Tune(max_count_noise=0.02), machine, design)
+    assert bounds == {COUNT_NOISE: pytest.approx(AT_REST * 0.02 * 8.0)}
     assert noise_limit(Tune(max_count_noise=None), machine, design) == {}
     assert noise_limit(Tune(max_count_noise=0.02), small_runs.machine(), design) == {}
     assert noise_limit(Tune(max_count_noise=0.02), machine, partly(Design, fed="state")) == {}
@@ -98,7 +98,7 @@ def integrator(gain):
 
 
 @pytest.fixture(scope="module")
-def found():
+def loops():
     path = along(line([0.0], [1e-2]), 1e-5 * np.arange(20), DT, 4, at_rest=False)
     law = ContouringLQ(integrator(1.0), LQWeights(1.0, 0.0, 1.0), 4)
     gain = float(np.asarray(prepared(law, path).F)[0, 0, 0])
@@ -113,8 +113,8 @@ def found():
     return gain, family_curves(*tried, peaks), peaks, least  # type: ignore[arg-type]
 
 
-def test_curves_are_closed_forms(found):
-    gain, curves, *_ = found
+def test_curves_are_closed_forms(loops):
+    gain, curves, *_ = loops
     np.testing.assert_allclose(curves.frequency[-1], 0.5 / DT)
     z = np.exp(1j * FREQUENCIES)
     for k, size in enumerate((1.0, 0.5)):
@@ -123,16 +123,16 @@ def test_curves_are_closed_forms(found):
     assert np.isnan(curves.sensitivity[2]).all()  # g = 2.5
 
 
-def test_peaks_are_closed_forms(found):
-    gain, _, peaks, _ = found
+def test_peaks_are_closed_forms(loops):
+    gain, _, peaks, _ = loops
     assert peaks.sensitivity.shape == (8, 3)
     np.testing.assert_allclose(peaks.sensitivity[0, :2], [2 / (2 - gain), 2 / (2 - gain / 2)])
     assert np.isinf(peaks.sensitivity[:, 2]).all()
 
 
-def test_a_loop_rests_most_on_the_first_frequency_that_no_record_shows(found):
+def test_a_loop_rests_most_on_the_first_frequency_that_no_record_shows(loops):
     """|T| = g / |exp(j w) - (1 - g)| falls with the frequency; W is five from there on."""
-    gain, _, _, least = found
+    gain, _, _, least = loops
     assert least.hertz == pytest.approx(SHOWN / (2 * np.pi * DT), rel=1e-3)
     wanted = gain / np.abs(np.exp(1j * SHOWN) - (1 - gain))
     assert least.relative == 5.0 and least.complementary == pytest.approx(wanted, rel=1e-3)

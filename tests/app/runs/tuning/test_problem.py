@@ -92,14 +92,14 @@ def test_what_is_not_known_of_the_response_limits_the_loops(machine_file, part_f
     doubted.write_text(json.dumps(fields))
     run = tuning_run(Tune(parts=(str(part_file),), plant=str(doubted), preview=4))
     z = Chart(run.problem.space, run.start).coordinates()
-    found = evaluate_point(run.problem, run.start, np.asarray(z))
+    point = evaluate_point(run.problem, run.start, np.asarray(z))
     assert run.limits["response_doubt"] == 0.5
-    assert 0 < np.max(found.outcome.loops.doubt) <= 0.5  # the first loop keeps it
+    assert 0 < np.max(point.outcome.loops.doubt) <= 0.5  # the first loop keeps it
     fields["uncertainty"]["response"]["relative"] = [[0.02, 4.0]] * 2
     doubted.write_text(json.dumps(fields))
     twice = tuning_run(Tune(parts=(str(part_file),), plant=str(doubted), preview=4))
     other = evaluate_point(twice.problem, run.start, np.asarray(z))
-    np.testing.assert_allclose(other.outcome.loops.doubt, 2 * found.outcome.loops.doubt, rtol=1e-9)
+    np.testing.assert_allclose(other.outcome.loops.doubt, 2 * point.outcome.loops.doubt, rtol=1e-9)
 
 
 class Runs(NamedTuple):
@@ -140,7 +140,7 @@ def test_points_keep_what_they_look_at(tmp_path):
     outcome = Outcome(Metrics(**ones), count_noise=np.array([[0.1, 0.2]]))
     row = Evaluated(0, np.zeros(2), 1e-6, -0.1, outcome, False)
     save_state(tmp_path, TuneState(history=[row]))
-    found = load_state(tmp_path).history[0].outcome
-    np.testing.assert_array_equal(found.count_noise, outcome.count_noise)
-    assert found.late is None
-    assert found.loops is None
+    loaded = load_state(tmp_path).history[0].outcome
+    np.testing.assert_array_equal(loaded.count_noise, outcome.count_noise)
+    assert loaded.late is None
+    assert loaded.loops is None

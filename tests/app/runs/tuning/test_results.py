@@ -28,7 +28,7 @@ def trials(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("loops", "found"),
+    ("loops", "baseline"),
     [
         ([loop("far", 0.2), loop("pi"), loop("notch")], "pi"),
         ([], "p"),  # of a run that tries none
@@ -37,7 +37,7 @@ def trials(monkeypatch):
         ([loop("far", np.inf)], None),
     ],
 )
-def test_a_start_that_is_not_usable_gives_way_to_the_best_simple_loop(loops, found):
+def test_a_start_that_is_not_usable_gives_way_to_the_best_simple_loop(loops, baseline):
     trial = baseline_trial(loop("lq").run, BEYOND, loops)
-    assert (trial and trial.name) == found
+    assert (trial and trial.name) == baseline
     assert baseline_trial(loop("lq").run, KEPT, loops) is None

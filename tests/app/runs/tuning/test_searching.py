@@ -40,27 +40,27 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def found(folder):
+def end(folder):
     return searched(run_from(0.4), folder, lambda state: None, Console(quiet=True))
 
 
 @pytest.mark.slow
-def test_a_loop_between_the_probes_ends_stable_and_points_of_all_rounds_count(found, folder):
+def test_a_loop_between_the_probes_ends_stable_and_points_of_all_rounds_count(end, folder):
     assert not set(SAMPLES) & set(probe_samples(REFERENCE, WINDOWS).tolist())
     first = load_state(folder)
     alone = min(first.history, key=lambda row: row.objective)
     assert np.exp(alone.z[0]) * HIGH > 2  # where the search alone ends
-    gain = float(found.tuned.weights["gain"])
+    gain = float(end.tuned.weights["gain"])
     assert gain == pytest.approx((1 + STABLE) / HIGH, rel=1e-4)
-    assert found.run.limits == {"spectral_radius": STABLE}
+    assert end.run.limits == {"spectral_radius": STABLE}
     rounds = [load_state(folder), load_state(folder / ROUND.format(1))]
     assert rounds[1].begin.size == 1 and not (folder / ROUND.format(2)).exists()
-    assert [row.start for row in found.tuned.history] == [
+    assert [row.start for row in end.tuned.history] == [
         number for number, state in enumerate(rounds) for _ in state.history
     ]
-    assert found.descents == 2
+    assert end.descents == 2
     rejected = sum(row.diverged for state in rounds for row in state.history)
-    assert found.tuned.diverged_points == rejected and not found.tuned.stabilised
+    assert end.tuned.diverged_points == rejected and not end.tuned.stabilised
 
 
 def test_nothing_sound_is_told(tmp_path):
@@ -69,19 +69,19 @@ def test_nothing_sound_is_told(tmp_path):
 
 
 @pytest.mark.slow
-def test_what_is_stored_counts_and_an_interrupted_round_goes_on(found, folder, tmp_path):
+def test_what_is_stored_counts_and_an_interrupted_round_goes_on(end, folder, tmp_path):
     def stop(state):
         if state.begin.size and len(state.history) == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         searched(run_from(0.4), tmp_path, stop, Console(quiet=True))
-    told: dict[Path, list[TuneState]] = {folder: [], tmp_path: []}
-    for stored, states in told.items():
+    shown: dict[Path, list[TuneState]] = {folder: [], tmp_path: []}
+    for stored, states in shown.items():
         again = searched(run_from(0.4), stored, states.append, Console(quiet=True)).tuned
-        np.testing.assert_array_equal(again.weights["gain"], found.tuned.weights["gain"])
-        assert len(again.history) == len(found.tuned.history)
-    assert told[folder] == [] and told[tmp_path] != []
+        np.testing.assert_array_equal(again.weights["gain"], end.tuned.weights["gain"])
+        assert len(again.history) == len(end.tuned.history)
+    assert shown[folder] == [] and shown[tmp_path] != []
 
 
 @pytest.mark.slow
@@ -96,9 +96,9 @@ def test_a_weight_without_effect_stays_at_its_start(tmp_path):
         design=partly(Design, start=start),
         settings=effort,
     )
-    found = searched(run, tmp_path, lambda state: None, Console(quiet=True))
-    assert found.idle == ("spare",)
-    assert float(found.tuned.weights["spare"]) == pytest.approx(30.0)
-    assert float(found.tuned.weights["gain"]) > 0.4
-    scattered = [row.z[1] for row in found.tuned.history if row.start == 1]
+    end = searched(run, tmp_path, lambda state: None, Console(quiet=True))
+    assert end.idle == ("spare",)
+    assert float(end.tuned.weights["spare"]) == pytest.approx(30.0)
+    assert float(end.tuned.weights["gain"]) > 0.4
+    scattered = [row.z[1] for row in end.tuned.history if row.start == 1]
     assert np.exp(scattered[0]) != pytest.approx(30.0)  # where a search may end

@@ -40,7 +40,7 @@ def loop(name, error, violation=-0.1):
 
 
 def search(error, feasible=True, violation=-0.1):
-    """What a search found."""
+    """End of a search."""
     problem = partly(Problem, objective=lambda outcome: np.array([[error]]))
     tuned = small_runs.tuned(feasible=feasible, violation=violation)
     return Searched(partly(TuningRun, problem=problem), tuned, 1)
@@ -101,8 +101,8 @@ def test_the_simple_loop_is_recommended_where_it_is_as_good(controller, tuned, r
         asked.append(run)
         return tuned
 
-    found = simplest(loop("p", 14e-6), controller, tune)
-    assert found is (tuned if recommended else controller) and len(asked) == 1
+    chosen = simplest(loop("p", 14e-6), controller, tune)
+    assert chosen is (tuned if recommended else controller) and len(asked) == 1
 
 
 def test_a_simple_loop_that_is_far_off_is_not_tuned():
@@ -112,7 +112,7 @@ def test_a_simple_loop_that_is_far_off_is_not_tuned():
 
 @pytest.mark.parametrize(("start", "name"), [({"alpha": 1.0}, "p"), ({"position": 5.0}, "own")])
 def test_the_gains_of_a_drive_are_its_own_loop_s_or_those_of_the_best_simple_one(start, name):
-    """A controller that a drive has is told itself, with its tuned gains."""
+    """A controller that a drive has is named itself, with its tuned gains."""
     searched = search(10e-6)
     run = partly(
         TuningRun,
@@ -120,12 +120,12 @@ def test_the_gains_of_a_drive_are_its_own_loop_s_or_those_of_the_best_simple_one
         design=partly(Design, name="own", start=start),
         machine=partly(LinearMachine, control_unit="V"),
     )
-    found = Searched(run, searched.tuned._replace(weights=start), 1)
+    end = Searched(run, searched.tuned._replace(weights=start), 1)
     simple = loop("p", 14e-6)
-    drive = drive_loop(found, [simple])
+    drive = drive_loop(end, [simple])
     assert drive is not None and drive.controller == name
     assert drive.tuned_error == pytest.approx(10e-6)
     gain, error = {"p": (20.0, 14e-6), "own": (5.0, 10e-6)}[name]
     assert drive.weights == {"position": gain}
     assert drive.error == pytest.approx(error)
-    assert (drive_loop(found, []) is None) is (name == "p")
+    assert (drive_loop(end, []) is None) is (name == "p")

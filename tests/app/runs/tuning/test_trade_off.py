@@ -20,9 +20,9 @@ def search(machine_file, part_file):
     flags = Front(
         parts=(str(part_file),), plant=str(machine_file), preview=4, against="sensitivity", points=2
     )
-    found = search_of(flags)
+    result = search_of(flags)
     return replace(
-        found, run=replace(found.run, settings=replace(trade_off.EFFORT, starts=2, scatter=4))
+        result, run=replace(result.run, settings=replace(trade_off.EFFORT, starts=2, scatter=4))
     )
 
 
