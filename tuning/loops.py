@@ -16,7 +16,7 @@ from jcontour.analysis.peak_search import loop_measures
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import LoopPeaks, encoding_of, frozen_family
 from jcontour.analysis.stability import late_measures
-from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -77,7 +77,7 @@ class ProbedLoops(Loops):
     windows: Reference
     encoding: Encoding
     more: int = eqx.field(static=True, default=0)
-    doubt: Doubt | None = None
+    doubt: ResponseUncertainty | None = None
     count: float | tuple[float, ...] | None = eqx.field(static=True, default=None, converter=_fixed)
 
     @classmethod
@@ -87,7 +87,7 @@ class ProbedLoops(Loops):
         references: Reference,
         probes: int,
         more: int = 0,
-        doubt: Doubt | None = None,
+        doubt: ResponseUncertainty | None = None,
         count: float | Float[np.ndarray, " r"] | None = None,
     ) -> "ProbedLoops":
         """Some probes of each of the stacked references."""

@@ -38,7 +38,7 @@ LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
     "peak_sensitivity": "sensitivity",
     "peak_complementary_sensitivity": "complementary",
     "spectral_radius": "spectral_radius",
-    "response_doubt": "doubt",
+    "response_doubt": "uncertainty",
 }
 LATE = "late_radius"
 COUNT_NOISE = "count_noise"

@@ -57,8 +57,8 @@ class Triangular(NamedTuple):
             known = B[..., k, None, :] + later.reshape(*batch, F, p)
             row = known / (z - A[..., k, k, None])[..., None]
             X[..., k, :] = row.reshape(*batch, F * p)
-        found = (C @ X).reshape(*batch, C.shape[-2], F, p)
-        return np.swapaxes(found, -3, -2)
+        values = (C @ X).reshape(*batch, C.shape[-2], F, p)
+        return np.swapaxes(values, -3, -2)
 
 
 class Responses(NamedTuple):

@@ -18,7 +18,11 @@ from jaxtyping import Bool, Complex, Float
 from jcontour.analysis.frequency_response import Encoding, Responses
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks
 from jcontour.analysis.loop_slopes import Ends, dominant, slope_of, times, turned
-from jcontour.analysis.uncertain_loops import Doubt, doubt_measure, measured_sensitivity
+from jcontour.analysis.uncertain_loops import (
+    ResponseUncertainty,
+    measured_sensitivity,
+    uncertainty_measure,
+)
 
 # [rad per sample]; the first stands for 0, where integrators have no response
 GRID = np.pi * np.concatenate([[1e-7], np.geomspace(2e-7, 0.2, 46), np.linspace(0.2, 1, 17)[1:]])
@@ -38,7 +42,7 @@ class Brackets(NamedTuple):
 
 
 def loop_measures(
-    loop: FrozenLoop, encoding: Encoding, doubt: Doubt | None = None
+    loop: FrozenLoop, encoding: Encoding, uncertainty: ResponseUncertainty | None = None
 ) -> tuple[Float[np.ndarray, "*loops 4"], FrozenLoop]:
     """Peak of S, peak of T, spectral radius and peak of W T of a batch of loops, and their slopes.
 
@@ -48,7 +52,7 @@ def loop_measures(
     Args:
         loop: batched in front; plant and controller may have different batches that go together.
         encoding: how the sensors show positions.
-        doubt: W, how far off the response of the plant may be; without it W T is 0. Around the
+        uncertainty: W, how far off the response of the plant may be; without it W T is 0. With
             lines in it the peak of S is that of the first plant of the last axis of the batch.
 
     Returns:
@@ -68,26 +72,33 @@ def loop_measures(
     # a loop that is not stable has no peaks: its numbers are those of one that is
     poles, kept = np.where(stable[..., None], poles, 0.0), np.where(stable[..., None, None], M, 0.0)
     sensitivity, complementary = _peaks(loop, responses, kept, poles, stable)
-    found = [
-        _with_measured(sensitivity, loop, responses, kept, doubt),
+    measures = [
+        _with_measured(sensitivity, loop, responses, kept, uncertainty),
         complementary,
         size,
-        _doubted(loop, responses, kept, poles, stable, doubt),
+        _uncertain(loop, responses, kept, poles, stable, uncertainty),
     ]
-    values = np.stack([value for value, _ in found], axis=-1)
+    values = np.stack([value for value, _ in measures], axis=-1)
     matrices = [
         [np.stack(three, axis=-3) for three in zip(*parts, strict=True)]
-        for parts in zip(*(slope for _, slope in found), strict=True)
+        for parts in zip(*(slope for _, slope in measures), strict=True)
     ]
     return values, FrozenLoop(LinearMachine(*matrices[0]), LinearLaw(*matrices[1]))
 
 
-def _doubted(loop: FrozenLoop, responses: Responses, M, poles, stable, doubt: Doubt | None):
-    """Peak of W T and its slope; 0 without a doubt."""
-    if doubt is None:
+def _uncertain(
+    loop: FrozenLoop,
+    responses: Responses,
+    M,
+    poles,
+    stable,
+    uncertainty: ResponseUncertainty | None,
+):
+    """Peak of W T and its slope; 0 without an uncertainty."""
+    if uncertainty is None:
         still = np.zeros(M.shape[:-1])
         return np.zeros(stable.shape), slope_of(loop, still, still)
-    size, slope = doubt_measure(loop, M, responses, np.exp(_places(poles)), doubt)
+    size, slope = uncertainty_measure(loop, M, responses, np.exp(_places(poles)), uncertainty)
     return np.where(stable, size, np.inf), _only(slope, stable)
 
 
@@ -96,12 +107,12 @@ def _with_measured(
     loop: FrozenLoop,
     responses: Responses,
     M,
-    doubt: Doubt | None,
+    uncertainty: ResponseUncertainty | None,
 ) -> tuple[np.ndarray, FrozenLoop]:
     """Peak of S and its slope, of the first plants those around what was measured if larger."""
-    if doubt is None or not any(one.frequency.size for one in doubt.lines):
+    if uncertainty is None or not any(one.frequency.size for one in uncertainty.lines):
         return peak
-    size, slope = measured_sensitivity(loop, M, responses, doubt.lines)
+    size, slope = measured_sensitivity(loop, M, responses, uncertainty.lines)
     larger = (size > peak[0]) & (np.arange(size.shape[-1]) == 0)
     parts = [
         [np.where(larger[..., None, None], *both) for both in zip(*pair, strict=True)]

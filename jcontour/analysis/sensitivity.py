@@ -37,7 +37,7 @@ from jcontour.analysis.frozen_loops import (
     unlimited,
 )
 from jcontour.analysis.peak_search import loop_measures
-from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -58,7 +58,7 @@ class LoopPeaks(NamedTuple):
     spectral_radius: Float[Array, "K P"]  # of the closed loop; stable below 1
     # largest singular value of W T_u, see `uncertain_loops`; infinite for a loop that is not
     # stable, 0 where nothing is said of W
-    doubt: Float[Array, "K P"]
+    uncertainty: Float[Array, "K P"]
 
 
 def sensitivity_curves(
@@ -84,9 +84,11 @@ def sensitivity_curves(
     return np.broadcast_to(heights, (*batch, heights.shape[-1]))
 
 
-def host_peaks(loops: FrozenLoop, encoding: Encoding, doubt: Doubt | None = None) -> LoopPeaks:
+def host_peaks(
+    loops: FrozenLoop, encoding: Encoding, uncertainty: ResponseUncertainty | None = None
+) -> LoopPeaks:
     """Peaks of frozen loops that a program has made, on the host and without derivatives."""
-    values, _ = loop_measures(loops, encoding, doubt)
+    values, _ = loop_measures(loops, encoding, uncertainty)
     return LoopPeaks(*np.moveaxis(values, -1, 0))
 
 

@@ -108,8 +108,8 @@ def margins(plant: Plant, controller: Controller, reference: Reference) -> Margi
     >>> machine, path = bridgeport(), contours.circle(1e-3)
     >>> controller = ContouringLQ(machine, LQWeights(3.0, 5.0, 1e-6), preview=50)
     >>> reference = references.along(path, 1e-5 * np.arange(4), machine.dt, 50, at_rest=False)
-    >>> found = margins(machine, controller, reference)
-    >>> found.spectral_radius < 1, found.gain.shape, found.saturated
+    >>> limits = margins(machine, controller, reference)
+    >>> limits.spectral_radius < 1, limits.gain.shape, limits.saturated
     (True, (2, 2), 0)
 
     Args:
@@ -135,9 +135,9 @@ def margins(plant: Plant, controller: Controller, reference: Reference) -> Margi
     if largest >= 1:
         lost = np.full((inputs, 2), rows[np.argmax(nominal)])
         return Margins(largest, np.ones((inputs, 2)), lost, -1, saturated)
-    found = [[_gain_limit(loops, i, factor) for factor in (1 / 1.05, 1.05)] for i in range(inputs)]
-    gain = np.array([[inside for inside, _ in pair] for pair in found])
-    lost = np.array([[-1 if row is None else rows[row] for _, row in pair] for pair in found])
+    limits = [[_gain_limit(loops, i, factor) for factor in (1 / 1.05, 1.05)] for i in range(inputs)]
+    gain = np.array([[inside for inside, _ in pair] for pair in limits])
+    lost = np.array([[-1 if row is None else rows[row] for _, row in pair] for pair in limits])
     delay = 0
     while delay < DELAY_SEARCH and spectral_radius(loops.late(delay + 1)).max() < 1:
         delay += 1
@@ -265,10 +265,10 @@ def _late(loop: FrozenLoop, samples: int) -> tuple[np.ndarray, FrozenLoop]:
     """Spectral radius with one delay, and its derivative."""
     M = np.asarray(loop.cut().late(samples), float)
     finite = np.asarray(np.isfinite(M).all(axis=(-2, -1)))
-    found = dominant(np.where(finite[..., None, None], M, 0.0))
+    eigen = dominant(np.where(finite[..., None, None], M, 0.0))
     kept = np.where(finite, 1.0, 0.0)[..., None]
     # of Re(left' M right): the plant hears the last of the line, the controller writes its first
-    left, right = kept * found.left, kept * found.right
+    left, right = kept * eigen.left, kept * eigen.right
     (_, _, H), (_, E, _, D) = (
         [np.nan_to_num(np.asarray(matrix, float)) for matrix in part] for part in loop
     )
@@ -283,4 +283,4 @@ def _late(loop: FrozenLoop, samples: int) -> tuple[np.ndarray, FrozenLoop]:
             real_outer(of_w, w), real_outer(of_w, y), real_outer(written, w), real_outer(written, y)
         ),
     )
-    return np.where(finite, found.radius, np.inf), slope
+    return np.where(finite, eigen.radius, np.inf), slope

@@ -32,7 +32,7 @@ class Lines(NamedTuple):
     half_width: Float[np.ndarray, " F"]  # of its 95 % interval
 
 
-class Doubt(NamedTuple):
+class ResponseUncertainty(NamedTuple):
     """How far off the response of a plant may be."""
 
     frequency: Float[np.ndarray, " F"]  # [rad per sample], rising, above 0
@@ -102,12 +102,12 @@ def _around(T: Complex[np.ndarray, "*any p p"], E: Complex[np.ndarray, "*any p"]
     return np.linalg.solve(eye - T * E[..., None, :], eye + T)
 
 
-def doubt_measure(
+def uncertainty_measure(
     loop: FrozenLoop,
     closed: Float[np.ndarray, "*loops N N"],
     responses: Responses,
     places: Float[np.ndarray, "*loops F"],
-    doubt: Doubt,
+    uncertainty: ResponseUncertainty,
 ) -> tuple[Float[np.ndarray, "*loops"], FrozenLoop]:
     """Largest sigma(W T_u), and its slope in the matrices of the loop (envelope theorem).
 
@@ -115,19 +115,19 @@ def doubt_measure(
         loop: stable, batched in front.
         closed: the matrix of the closed loop.
         responses: of the same loops.
-        places: frequencies [rad per sample], looked at beside `GRID` and those of the doubt.
-        doubt: W.
+        places: frequencies [rad per sample], looked at beside `GRID` and those of the uncertainty.
+        uncertainty: W.
     """
     batch = places.shape[:-1]
-    own = np.concatenate([GRID, doubt.frequency])
+    own = np.concatenate([GRID, uncertainty.frequency])
     own = np.broadcast_to(own, (*batch, own.size))
     frequency = np.concatenate([places, own], axis=-1)
     heights = largest_singular(
-        doubt.at(frequency)[..., None] * responses.control_complementary(frequency)
+        uncertainty.at(frequency)[..., None] * responses.control_complementary(frequency)
     )
     best = np.argmax(np.nan_to_num(heights, posinf=0.0), axis=-1)[..., None]
     top = np.take_along_axis(frequency, best, axis=-1)[..., 0]
-    return _at(loop, closed, np.exp(1j * top), doubt.at(top))
+    return _at(loop, closed, np.exp(1j * top), uncertainty.at(top))
 
 
 def _at(loop: FrozenLoop, closed, z, weight) -> tuple[np.ndarray, FrozenLoop]:

@@ -70,8 +70,8 @@ def _walk(jaxpr: Jaxpr, consts: Any, arguments: list[_Value]) -> list[_Value]:
         return _Value(False, atom.val) if isinstance(atom, Literal) else known[atom]
 
     for equation in jaxpr.eqns:
-        found = _outcome(equation, [value(atom) for atom in equation.invars])
-        known |= dict(zip(equation.outvars, found, strict=True))
+        outcome = _outcome(equation, [value(atom) for atom in equation.invars])
+        known |= dict(zip(equation.outvars, outcome, strict=True))
     return [value(atom) for atom in jaxpr.outvars]
 
 

@@ -86,8 +86,8 @@ def certificate(
     >>> controller = ContouringLQ(machine, LQWeights(3.0, 5.0, 2e-9), preview=5)
     >>> arc = feed_laws.constant_feed(path, 50e-3, machine.dt)
     >>> reference = references.along(path, arc, machine.dt, preview=5, at_rest=False)
-    >>> found = certificate(machine, controller, reference, Box.of(0.02, 0.0, 2, 8))
-    >>> bool(found.nominal.max() < found.largest < 1e-5)
+    >>> proof = certificate(machine, controller, reference, Box.of(0.02, 0.0, 2, 8))
+    >>> bool(proof.nominal.max() < proof.largest < 1e-5)
     True
 
     Args:
@@ -127,9 +127,9 @@ def _peaks(
     direct = np.zeros((T, m + p, p + q))
     direct[:, m:, p:] = loop.D
     both = np.concatenate([rows, loop.K], axis=1)
-    found = peak_bounds(loop, both, box.size, direct).bound
-    controls = np.abs(np.asarray(loop.control)) + found[:, m:]
-    return found[:, :m], (1 + ROUNDING) * controls
+    peaks = peak_bounds(loop, both, box.size, direct).bound
+    controls = np.abs(np.asarray(loop.control)) + peaks[:, m:]
+    return peaks[:, :m], (1 + ROUNDING) * controls
 
 
 def _check_box(loop: DisturbedLoop, box: Box) -> None:

@@ -82,9 +82,9 @@ def peak_bounds(
     forgotten = max(np.log(REMAINDER) / np.log(radius), SHORTEST_BLOCK)
     samples = 2 ** int(np.ceil(np.log2(forgotten)))
     while True:
-        found = _blocked(loop, rows, size, direct, min(samples, T))
-        if samples >= T or found.remainder.max() <= REMAINDER * found.bound.max():
-            return found
+        peaks = _blocked(loop, rows, size, direct, min(samples, T))
+        if samples >= T or peaks.remainder.max() <= REMAINDER * peaks.bound.max():
+            return peaks
         samples *= 2
 
 
@@ -99,7 +99,7 @@ def state_tubes(
     T, N = loop.E.shape[:2]
     begins = np.arange(0, T, block)
     unit = np.broadcast_to(np.eye(N), (begins.size, 1, N, N))
-    sums, carried = (np.asarray(found)[:, 0] for found in _swept(loop.M, loop.E, size, unit, block))
+    sums, carried = (np.asarray(part)[:, 0] for part in _swept(loop.M, loop.E, size, unit, block))
     tubes = np.zeros((begins.size, N))
     for b in range(1, begins.size):
         tubes[b] = sums[b] + np.abs(carried[b]) @ tubes[b - 1]
@@ -114,12 +114,12 @@ def _blocked(loop: DisturbedLoop, rows, size, direct, block: int) -> PeakBounds:
     blocks = np.pad(np.asarray(rows), ((0, after), (0, 0), (0, 0)))
     blocks = blocks.reshape(-1, block, *blocks.shape[1:])
     swept = _swept(loop.M, loop.E, size, blocks, block)
-    sums, carried = (np.concatenate(np.asarray(found))[:T] for found in swept)
+    sums, carried = (np.concatenate(np.asarray(peaks))[:T] for peaks in swept)
     remainder = np.einsum("trn,tn->tr", np.abs(carried), tubes)
-    found = sums + remainder
+    peaks = sums + remainder
     if direct is not None:
-        found = found + np.abs(np.asarray(direct)) @ size
-    return PeakBounds(found, remainder)
+        peaks = peaks + np.abs(np.asarray(direct)) @ size
+    return PeakBounds(peaks, remainder)
 
 
 @jax.jit(static_argnums=4)
@@ -187,11 +187,11 @@ def coefficients(
     if not 0 <= sample < T:
         raise ValueError(f"sample: needs one from 0 to {T - 1}, received {sample}")
     M, E = np.asarray(loop.M), np.asarray(loop.E)
-    found, adjoint = np.zeros((sample, E.shape[2])), np.asarray(row)
+    rows, adjoint = np.zeros((sample, E.shape[2])), np.asarray(row)
     for j in range(sample - 1, -1, -1):
-        found[j] = adjoint @ E[j]
+        rows[j] = adjoint @ E[j]
         adjoint = adjoint @ M[j]
-    return found
+    return rows
 
 
 def worst_attack(
@@ -211,7 +211,7 @@ def worst_attack(
         ValueError: there is no such sample.
     """
     inputs = box.force.size
-    found = np.zeros((loop.E.shape[0], box.size.size))
+    attack = np.zeros((loop.E.shape[0], box.size.size))
     pushed = np.sign(coefficients(loop, row, sample))
-    found[:sample] = np.where(sign < 0, -1.0, 1.0) * pushed * box.size
-    return Attack(found[:, :inputs], found[:, inputs:])
+    attack[:sample] = np.where(sign < 0, -1.0, 1.0) * pushed * box.size
+    return Attack(attack[:, :inputs], attack[:, inputs:])

@@ -190,8 +190,8 @@ def check_stable(name: str, M) -> None:
     M = np.asarray(M)
     values = "not finite"
     if np.isfinite(M).all():
-        found = np.real_if_close(np.linalg.eigvals(M))  # NumPy 2.5 has no others
-        values = np.array2string(found, precision=6, max_line_width=10**6)
+        eigenvalues = np.real_if_close(np.linalg.eigvals(M))  # NumPy 2.5 has no others
+        values = np.array2string(eigenvalues, precision=6, max_line_width=10**6)
     raise ValueError(
         f"{name} is not stable: needs all eigenvalues inside the unit circle, they are {values}"
     )

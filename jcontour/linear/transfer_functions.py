@@ -136,10 +136,10 @@ def transfer_function(plant: LinearPlant, output: int = 0, entry: int = 0) -> Tr
         raise ValueError(unreached)
     A, B = np.asarray(plant.A)[np.ix_(rows, rows)], np.asarray(plant.B)[rows, entry]
     A, B, C = _balanced(A, B, np.asarray(plant.C)[output, rows])
-    found = _first_sample(A, B, C)
-    if found is None:
+    first = _first_sample(A, B, C)
+    if first is None:
         raise ValueError(unreached)
-    gain, delay = found
+    gain, delay = first
     A, B, C = _reached(A, B, C)
     A, C, B = (matrix.T for matrix in _reached(A.T, C, B))
     shown = np.stack([C @ np.linalg.matrix_power(A, k) for k in range(delay)])
@@ -187,8 +187,8 @@ def _from_z_roots(roots: Roots) -> Polynomial:
 
 def _inverted(roots: Roots) -> Roots:
     """Reciprocals of the roots that are not zero, the smallest first."""
-    found = 1 / roots[roots != 0]
-    return found[np.argsort(np.abs(found), kind="stable")]
+    zeros = 1 / roots[roots != 0]
+    return zeros[np.argsort(np.abs(zeros), kind="stable")]
 
 
 def _balanced(A, B, C):

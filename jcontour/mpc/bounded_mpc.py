@@ -171,11 +171,11 @@ class BoundedMPC(HostController):
         known = plan.known @ e
         low, high = plan.low - known, plan.high - known
         qp = QP(plan.H, plan.pull @ e, plan.rows, low, high, -plan.most, plan.most)
-        found = self.solver.solve(qp)
-        control = plan.control + found.z[: self.unit.size] * self.unit
-        forces = np.abs(found.multipliers[: found.multipliers.size - len(e)])
+        answer = self.solver.solve(qp)
+        control = plan.control + answer.z[: self.unit.size] * self.unit
+        forces = np.abs(answer.multipliers[: answer.multipliers.size - len(e)])
         report = StepReport(
-            int(np.count_nonzero(forces > ACTIVE)), found.residual, found.iterations
+            int(np.count_nonzero(forces > ACTIVE)), answer.residual, answer.iterations
         )
         waiting = np.concatenate([memory.waiting, control[None]])[1:]
         return LateMemory(waiting), control, report

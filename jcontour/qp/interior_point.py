@@ -181,8 +181,8 @@ def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) ->
     h, h_end = slope.stages + jnp.einsum("jab,jb->ja", H, free), slope.end + qp.H_end @ end
     factors = factorised(qp, H, jnp.zeros_like(h), jnp.zeros_like(h_end))
 
-    def nearer(_, found):
-        _, change = found  # of the multipliers
+    def nearer(_, carried):
+        _, change = carried  # of the multipliers
         pushed = pulls + share * change
         step = another_step(qp, factors, h + pulled(qp, pushed).stages, h_end)
         step = summed(step, Trajectory(free, end))

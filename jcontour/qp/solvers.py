@@ -149,20 +149,20 @@ class Named(Solver):
         """See `Solver`."""
         self._stacked.limits(self.name, qp)
         parts = _Parts.of(qp)
-        found = self._found(qp, parts)
+        solution = self._solution(qp, parts)
         multipliers = np.zeros(qp.g.size + len(qp.C))
-        if found.z_box is not None and np.size(found.z_box):
-            multipliers[: qp.g.size] = found.z_box
+        if solution.z_box is not None and np.size(solution.z_box):
+            multipliers[: qp.g.size] = solution.z_box
         rows, count = multipliers[qp.g.size :], parts.above.sum()
-        if parts.h.size and found.z is not None and np.size(found.z):
-            rows[parts.above] += found.z[:count]
-            rows[parts.below] -= found.z[count:]
-        if parts.equal.any() and found.y is not None:
-            rows[parts.equal] = found.y
-        z = np.asarray(found.x)
+        if parts.h.size and solution.z is not None and np.size(solution.z):
+            rows[parts.above] += solution.z[:count]
+            rows[parts.below] -= solution.z[count:]
+        if parts.equal.any() and solution.y is not None:
+            rows[parts.equal] = solution.y
+        z = np.asarray(solution.x)
         return _best_checked(self.name, "inaccurate", qp, [(z, multipliers, 0)])
 
-    def _found(self, qp: QP, parts: "_Parts") -> qpsolvers.Solution:
+    def _solution(self, qp: QP, parts: "_Parts") -> qpsolvers.Solution:
         """Answer of the solver, not checked."""
         some, equal = parts.h.size > 0, parts.equal
         problem = qpsolvers.Problem(
@@ -179,13 +179,13 @@ class Named(Solver):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # qpsolvers warns of what the check finds
             try:
-                found = qpsolvers.solve_problem(problem, solver=self.name, **settings)
+                solution = qpsolvers.solve_problem(problem, solver=self.name, **settings)
             except Exception as error:  # every backend has its own kind
                 lines = str(error).splitlines() or [type(error).__name__]
                 raise Unsolved(self.name, lines[0], qp) from error
-        if found.x is None or not found.found:
+        if solution.x is None or not solution.found:
             raise Unsolved(self.name, "infeasible or not converged", qp)
-        return found
+        return solution
 
 
 class _Parts(NamedTuple):
@@ -231,8 +231,8 @@ def _best_checked(
             solution = _checked(solver, qp, *answer, iterations)
             if solution is not None:
                 return solution
-            found = residuals(*qp, *answer)
-            best = found if not max(best) <= max(found) else best
+            other = residuals(*qp, *answer)
+            best = other if not max(best) <= max(other) else best
     raise Unsolved(solver, status, qp, best)
 
 

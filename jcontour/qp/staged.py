@@ -185,19 +185,19 @@ def cholesky(G) -> list[list]:
 
 def eliminated(R, rows) -> list:
     """Solution X of R' X = rows, by its rows."""
-    found: list[Array] = []
+    solution: list[Array] = []
     for i in range(len(R)):
-        found.append((rows[i] - _sum(R[k][i] * found[k] for k in range(i))) * R[i][i])
-    return found
+        solution.append((rows[i] - _sum(R[k][i] * solution[k] for k in range(i))) * R[i][i])
+    return solution
 
 
 def returned(R, values) -> list:
     """Solution x of R x = values."""
     p = len(R)
-    found: list[Array] = [values[0]] * p
+    solution: list[Array] = [values[0]] * p
     for i in reversed(range(p)):
-        found[i] = (values[i] - _sum(R[i][k] * found[k] for k in range(i + 1, p))) * R[i][i]
-    return found
+        solution[i] = (values[i] - _sum(R[i][k] * solution[k] for k in range(i + 1, p))) * R[i][i]
+    return solution
 
 
 def _sum(terms):

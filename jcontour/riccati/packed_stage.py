@@ -189,15 +189,15 @@ def packed_stage(pack: Packing, maps, R: Float[Array, "p p"], H: list[Array]) ->
 
 
 def cost_in_front(
-    pack: Packing, maps, found: Stage, cost: Float[Array, "q T"]
+    pack: Packing, maps, stage: Stage, cost: Float[Array, "q T"]
 ) -> list[Float[Array, "entries T"]]:
     """Cost to go in front of a stage; `cost` holds the entries of [Q, -Q y_d] of its samples."""
     H = []
-    for hz, block, (_, source) in zip(found.Hz, pack.blocks, maps, strict=True):
+    for hz, block, (_, source) in zip(stage.Hz, pack.blocks, maps, strict=True):
         row, (i, k) = cost[block.weighed], block.of_H
         # a product with one row fuses, a matmul does not
         weighed = source * row if len(row) == 1 else source @ row
-        pairs = zip(found.Hux, found.K, strict=True)
+        pairs = zip(stage.Hux, stage.K, strict=True)
         forced = reduce(add, (Hux[i] * K[k] for Hux, K in pairs))
         H.append(hz[: i.size] - forced + weighed)
     return H

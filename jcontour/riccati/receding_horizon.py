@@ -127,8 +127,8 @@ def blockwise_plan(
     rows = jnp.moveaxis(cost_entries(Q, y_d)[:, _seen(steps, preview)], 1, 0)
 
     def back(H, cost):
-        found = packed_stage(pack, maps, R, H)
-        return cost_in_front(pack, maps, found, cost), jnp.stack(found.K)
+        stage = packed_stage(pack, maps, R, H)
+        return cost_in_front(pack, maps, stage, cost), jnp.stack(stage.K)
 
     def ahead(H, cost):
         return back(H, cost)[0], None

@@ -272,9 +272,9 @@ def answer(
 def _answer_jvp(primals, tangents):
     (H, C, V), (dH, dC, dV) = primals, tangents
     factors = _elimination(H, C)
-    found = _answer(factors, V)
-    moved = _inner(dH, V - _inner(C, found))
-    return found, moved + _answer(factors, dV - _inner(C, moved) - _inner(dC, found))
+    X = _answer(factors, V)
+    moved = _inner(dH, V - _inner(C, X))
+    return X, moved + _answer(factors, dV - _inner(C, moved) - _inner(dC, X))
 
 
 def _answer(factors, V):

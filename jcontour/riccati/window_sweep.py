@@ -186,8 +186,8 @@ def _sweep(pattern: Pattern, maps, data: SweepData) -> Gains:
     def back(H, stage):
         j, scale = stage
         cost = scale * jax.lax.dynamic_slice_in_dim(data.cost, j, steps, axis=1)
-        found = packed_stage(pack, maps, data.R, H)
-        return cost_in_front(pack, maps, found, cost), jnp.stack(found.K)
+        packed = packed_stage(pack, maps, data.R, H)
+        return cost_in_front(pack, maps, packed, cost), jnp.stack(packed.K)
 
     H = packed_cost(pack, data.H, data.g)
     stages = jnp.arange(1, preview), data.stage[:-1]

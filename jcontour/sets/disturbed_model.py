@@ -74,10 +74,10 @@ class DisturbedModel(NamedTuple):
         self, names: Sequence[str], rows: Numbers, limits: Numbers = np.inf
     ) -> tuple[Signal, ...]:
         """Signals c x from rows (r, n), with one limit or one for each."""
-        found = np.atleast_2d(np.asarray(rows, float))
-        bounds = np.broadcast_to(np.asarray(limits, float), (len(found),))
+        coefficients = np.atleast_2d(np.asarray(rows, float))
+        bounds = np.broadcast_to(np.asarray(limits, float), (len(coefficients),))
         still = np.zeros(self.inputs)
-        return tuple(map(Signal, names, found, [still] * len(found), bounds.tolist()))
+        return tuple(map(Signal, names, coefficients, [still] * len(coefficients), bounds.tolist()))
 
     def control_signals(
         self, limits: Numbers = np.inf, name: str = "control"

@@ -36,12 +36,12 @@ class Polytope(NamedTuple):
         rows = np.column_stack([self.H, np.linalg.norm(self.H, axis=1)])
         cost = np.append(np.zeros(self.H.shape[1]), -1.0)
         free = [(None, None)] * self.H.shape[1]
-        found = linprog(cost, rows, self.h, bounds=[*free, (0.0, None)], method="highs")
-        if found.status == 2:
+        ball = linprog(cost, rows, self.h, bounds=[*free, (0.0, None)], method="highs")
+        if ball.status == 2:
             return None
-        if found.status != 0:
-            raise ValueError(f"polytope: needs to be bounded, {found.message}")
-        return found.x[:-1] if found.x[-1] > FLAT else None
+        if ball.status != 0:
+            raise ValueError(f"polytope: needs to be bounded, {ball.message}")
+        return ball.x[:-1] if ball.x[-1] > FLAT else None
 
     @property
     def corners(self) -> Float[np.ndarray, "c n"]:
@@ -135,9 +135,9 @@ def control_invariant(
     on_controls = np.concatenate(
         [np.zeros((2 * p, model.states)), np.kron([[1], [-1]], np.eye(p))], axis=1
     )
-    found = allowed.reduced()
+    polytope = allowed.reduced()
     for step in range(1, most_steps + 1):
-        inner = Polytope(found.H, found.h - margin)
+        inner = Polytope(polytope.H, polytope.h - margin)
         # states and controls from which the next state is in the inner set under every disturbance
         eroded = inner.h - np.abs(inner.H @ model.E).sum(axis=1)
         rows = np.concatenate([inner.H @ model.A, inner.H @ model.B], axis=1)
@@ -146,7 +146,7 @@ def control_invariant(
         )
         if inner.middle is None or both.middle is None:
             return None
-        following = found.intersection(both.shadow(model.states))
+        following = polytope.intersection(both.shadow(model.states))
         if following.middle is None:
             return None
         following = following.reduced()
@@ -154,5 +154,5 @@ def control_invariant(
             raise ValueError(f"allowed: more than {MOST_ROWS} rows after {step} steps")
         if inner.within(following):
             return InvariantSet(following, step)
-        found = following
-    raise ValueError(f"most_steps: no end after {most_steps} steps, {len(found.h)} rows")
+        polytope = following
+    raise ValueError(f"most_steps: no end after {most_steps} steps, {len(polytope.h)} rows")

@@ -97,7 +97,7 @@ class PeakProgram:
         cost = np.zeros(self.optimum + 1 + more)
         cost[self.optimum :] = [0.0, *np.ones(more)] if soft else 1.0
         free = [(None, None)] * self.responses_size
-        found = linprog(
+        program = linprog(
             cost,
             peaks,
             most,
@@ -110,26 +110,26 @@ class PeakProgram:
                 "dual_feasibility_tolerance": TOLERANCE,
             },
         )
-        return found if found.status == 0 else None
+        return program if program.status == 0 else None
 
-    def responses(self, found: OptimizeResult, scales: np.ndarray):
+    def responses(self, solution: OptimizeResult, scales: np.ndarray):
         """States X_1..X_{N-1} and controls U_0..U_{N-1} of the optimum."""
         n, p, N, q = *self.model.B.shape, self.length, self.model.disturbances
-        each = found.x[: self.responses_size].reshape(q, self.each)
+        each = solution.x[: self.responses_size].reshape(q, self.each)
         states = each[:, : (N - 1) * n].reshape(q, N - 1, n) * scales
         controls = each[:, (N - 1) * n :].reshape(q, N, p)
         whole = np.concatenate([self.model.E.T[:, None], states], axis=1)
         return whole.transpose(1, 2, 0), controls.transpose(1, 2, 0)
 
-    def limiting(self, found: OptimizeResult) -> tuple[str, ...]:
+    def limiting(self, solution: OptimizeResult) -> tuple[str, ...]:
         """Names of the limits that the optimum leans on."""
-        forces = found.ineqlin.marginals[len(found.ineqlin.marginals) - len(self.bounded) :]
+        forces = solution.ineqlin.marginals[len(solution.ineqlin.marginals) - len(self.bounded) :]
         pairs = zip(self.bounded, np.abs(forces), strict=True)
         return tuple(signal.name for signal, force in pairs if force > ACTIVE)
 
-    def excess(self, found: OptimizeResult) -> np.ndarray:
+    def excess(self, solution: OptimizeResult) -> np.ndarray:
         """Excess over every limit, relative."""
-        return found.x[self.optimum + 1 :]
+        return solution.x[self.optimum + 1 :]
 
     def _equations(self, scales: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
         """Dynamics from X_0 = E to X_N = 0."""
@@ -193,8 +193,8 @@ def least_peak(
     >>> dt = 1e-2
     >>> slide = DisturbedModel.of([[1, dt], [0, 1]], [dt**2 / 2, dt], [dt**2 / 2, dt])
     >>> position = slide.state_signals(["position"], [1, 0])
-    >>> found = least_peak(slide, position, slide.control_signals(4.0), length=10)
-    >>> f"{1e3 * found.tolerance:.3f} mm", found.limiting
+    >>> peak = least_peak(slide, position, slide.control_signals(4.0), length=10)
+    >>> f"{1e3 * peak.tolerance:.3f} mm", peak.limiting
     ('0.100 mm', ())
 
     Args:
@@ -232,31 +232,31 @@ def _rough(program: PeakProgram) -> tuple[OptimizeResult, Float[np.ndarray, " n"
     sizes = np.abs(program.model.E).max(axis=1)
     sizes = np.where(sizes > 0, sizes, 1.0)
     for scales in (np.ones(program.model.states), sizes):
-        if found := program.solved(scales, 1.0):
-            return found, scales
+        if solution := program.solved(scales, 1.0):
+            return solution, scales
     keeping = program.solved(sizes, 1.0, soft=True) if program.bounded else None
     if keeping is not None and program.excess(keeping).max() <= EXCESS:
         scales = _scales(program, keeping, sizes)
-        if found := program.solved(scales, 1.0):
-            return found, scales
+        if solution := program.solved(scales, 1.0):
+            return solution, scales
     raise _impossible(program, keeping, sizes)
 
 
 def _scales(
-    program: PeakProgram, found: OptimizeResult, sizes: Float[np.ndarray, " n"]
+    program: PeakProgram, solution: OptimizeResult, sizes: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
     """Largest state of a response, one where it is always zero."""
-    states, _ = program.responses(found, sizes)
+    states, _ = program.responses(solution, sizes)
     largest = np.abs(states).max(axis=(0, 2))
     return np.where(largest > 0, largest, 1.0)
 
 
 def _impossible(
-    program: PeakProgram, found: OptimizeResult | None, sizes: Float[np.ndarray, " n"]
+    program: PeakProgram, solution: OptimizeResult | None, sizes: Float[np.ndarray, " n"]
 ) -> NoResponse:
     """The exception, with the limits that are too small in the response of least excess."""
     N = program.length
-    if found is None:
+    if solution is None:
         return NoResponse(
             f"length: no response of {N} samples comes to rest; a longer one may, "
             "if the controls reach every state",
@@ -264,7 +264,7 @@ def _impossible(
         )
     needed = {
         signal.name: signal.limit * (1 + float(excess))
-        for signal, excess in zip(program.bounded, program.excess(found), strict=True)
+        for signal, excess in zip(program.bounded, program.excess(solution), strict=True)
         if excess > EXCESS
     }
     if not needed:
@@ -277,10 +277,10 @@ def _impossible(
             {},
         )
     limits = {one.name: one.limit for one in program.bounded if one.name in needed}
-    told = [
+    needs = [
         f"{name} at most {limits[name]:.6g}, {least:.6g} would do" for name, least in needed.items()
     ]
-    message = f"limits: no response of {N} samples keeps them: {'; '.join(told)}"
+    message = f"limits: no response of {N} samples keeps them: {'; '.join(needs)}"
     return NoResponse(message, needed)
 
 

@@ -84,22 +84,22 @@ def least_tolerance_of_any(
     cost = np.zeros((T + 1) * n + T * p + 1)
     cost[-1] = 1.0
     low, high = np.append(box[0], 0.0), np.append(box[1], wanted.limit)
-    found = linprog(
+    program = linprog(
         cost, rows, bounds, equations, values, bounds=np.stack([low, high], axis=1), method="highs"
     )
-    if found.status != 0:
+    if program.status != 0:
         raise ValueError(
             f"limits: nothing keeps them within a tolerance of {wanted.limit:.6g}, "
             "whatever the controller"
         )
-    y, z = found.eqlin.marginals, np.minimum(found.ineqlin.marginals, 0.0)
+    y, z = program.eqlin.marginals, np.minimum(program.ineqlin.marginals, 0.0)
     rest = cost - equations.T @ y - rows.T @ z
     proven = float(y @ values + z @ bounds + np.minimum(rest * low, rest * high).sum())
-    if proven < found.fun - GAP * max(abs(found.fun), np.finfo(float).tiny):
+    if proven < program.fun - GAP * max(abs(program.fun), np.finfo(float).tiny):
         raise ValueError(
-            f"certificate: the multipliers prove {proven:.6g}, the solver claims {found.fun:.6g}"
+            f"certificate: the multipliers prove {proven:.6g}, the solver claims {program.fun:.6g}"
         )
-    return Certificate(proven, float(found.fun))
+    return Certificate(proven, float(program.fun))
 
 
 def _kept(

@@ -27,7 +27,7 @@ from experiments.benchmarks.records.true_machines import (
 )
 from experiments.benchmarks.stored_results import kept
 from experiments.tables import Table
-from jcontour.analysis.uncertain_loops import GRID, Doubt, Lines
+from jcontour.analysis.uncertain_loops import GRID, Lines, ResponseUncertainty
 from jcontour.app.commands.tuning import tune
 from jcontour.app.files.results.tuned_result import TunedContour, TunedResult
 from jcontour.app.flags.others import Bench
@@ -364,7 +364,7 @@ def _sensitivity(loop: TuningRun, controller: Controller, axes: list[TrueAxis]) 
         Lines(w, response(axis, model.dt, w) / own[:, k, k] - 1, np.zeros(len(w)))
         for k, axis in enumerate(axes)
     )
-    still = Doubt(np.ones(1), np.zeros((1, len(axes))), lines)
+    still = ResponseUncertainty(np.ones(1), np.zeros((1, len(axes))), lines)
     true = replace(as_linear(loop.machine), response_doubt=still)
     peak = measured_peak(controller, true, loop.scenarios, loop.design.fed)
     return float("inf") if peak is None else peak

@@ -91,7 +91,7 @@ def trust_named(flags: Any) -> None:
             elif getattr(flags, "trust_code", False) and Path(word).is_dir():
                 files = sorted(Path(word).glob(COPIES))
             for path in files:
-                with suppress(OSError):  # that it cannot be read is told where it is run
+                with suppress(OSError):  # reported where it is run
                     trust(content_of(path, MOST_BYTES))
 
 
@@ -109,9 +109,9 @@ def own_controller(own: OwnName, machine: "Machine", flags: "Controlled") -> "De
     from jcontour.app.designs.design import Design, OwnDesign, made
     from jcontour.controller import Controller
 
-    found = _found(own)
-    if inspect.isclass(found) and issubclass(found, Design):
-        return found(str(own), machine, flags)
+    named = _named(own)
+    if inspect.isclass(named) and issubclass(named, Design):
+        return named(str(own), machine, flags)
     controller = _made(own, Controller, lambda thing: made(thing, machine.model, flags.preview))
     _check_run(own, controller, machine)
     return OwnDesign(str(own), f"{own.name} of {own.path.name}", controller, machine, flags)
@@ -136,24 +136,24 @@ def own_machine(own: OwnName) -> "Machine":
         return make(plant, name, vars(module).get(FAMILY))
     except (ContractError, checks.MachineError) as error:
         raise _broken(own, error) from None
-    except Exception as error:  # the file's code runs in it: whatever fails is told with its line
+    except Exception as error:  # the file's code runs in it: any failure is reported with its line
         raise _fault(own, error, "no machine can be made of this plant") from None
 
 
 def _made(own: OwnName, kind: type, make: Callable[[Any], Any]) -> Any:
     """The named thing if it is of this kind, or else what is made of it."""
-    found = _found(own)
-    if isinstance(found, kind):
-        return found
-    is_class = inspect.isclass(found)
-    if not callable(found) or (is_class and not issubclass(found, kind)):
-        received = "another class" if is_class else type(found).__name__
+    named = _named(own)
+    if isinstance(named, kind):
+        return named
+    is_class = inspect.isclass(named)
+    if not callable(named) or (is_class and not issubclass(named, kind)):
+        received = "another class" if is_class else type(named).__name__
         raise ValueError(
             f"{own}: needs a {kind.__name__}, or a class or function that makes one, "
             f"received {received}"
         )
     try:
-        made = make(found)
+        made = make(named)
     except Exception as error:
         raise _fault(own, error, "cannot be made") from None
     if not isinstance(made, kind):
@@ -161,7 +161,7 @@ def _made(own: OwnName, kind: type, make: Callable[[Any], Any]) -> Any:
     return made
 
 
-def _found(own: OwnName) -> Any:
+def _named(own: OwnName) -> Any:
     try:
         source = content_of(own.path, MOST_BYTES)
     except OSError as error:
@@ -233,7 +233,7 @@ def _folder_first(folder: Path) -> Iterator[None]:
 
 
 def _check_run(own: OwnName, controller: "Controller", machine: "Machine") -> None:
-    """Trace a short run, so that a fault in the file is told with its line."""
+    """Trace a short run, so that a fault in the file is reported with its line."""
     import equinox as eqx
     import numpy as np
 

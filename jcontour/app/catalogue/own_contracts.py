@@ -1,6 +1,6 @@
 """What plants and controllers of the user's return: shapes and types, before anything is compiled.
 
-They are traced piece by piece, so that a fault is told in the words of `Plant` and `Controller`.
+They are traced piece by piece, so that a fault is named in the words of `Plant` and `Controller`.
 """
 
 from typing import Any
@@ -57,14 +57,14 @@ def check_controller(
     if {leaf.shape[:1] for leaf in jax.tree.leaves(plan)} != {(reference.steps,)}:
         return
     row = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), plan)
-    found = eqx.filter_eval_shape(
+    stepped = eqx.filter_eval_shape(
         lambda controller, *seen: _arrays(controller.step(*seen)),
         controller,
         *(memory, row, measurement),
     )
-    if not isinstance(found, tuple | list) or len(found) != 2:
-        raise ContractError(f"step returns (memory, control), received {_seen(found)}")
-    after, control = found
+    if not isinstance(stepped, tuple | list) or len(stepped) != 2:
+        raise ContractError(f"step returns (memory, control), received {_seen(stepped)}")
+    after, control = stepped
     if _is_vector(after, inputs) and _change(memory, after) and not _change(memory, control):
         raise ContractError("step returns (memory, control), received the two swapped")
     if not _is_vector(control, inputs):

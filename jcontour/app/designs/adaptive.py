@@ -120,8 +120,8 @@ class AdaptiveZeroPhase(LinearDesign):
         """Gains of the first loop, and its crossover."""
         machine, axes = self.machine, axes_of(self.machine.model)
         gains = [1 / np.abs([axis.response(np.exp(-1j * w)) for axis in axes]) for w in CROSSOVERS]
-        found = fastest(machine, gains, lambda gain: _adaptive(machine, gain, 0.1, TRACE))
-        return gains[found], float(CROSSOVERS[found])
+        index = fastest(machine, gains, lambda gain: _adaptive(machine, gain, 0.1, TRACE))
+        return gains[index], float(CROSSOVERS[index])
 
     def starts(self) -> Gains:
         return {"position_gain": self.first_loop[0]}

@@ -111,15 +111,15 @@ class Design(abc.ABC, Generic[M]):
         return self.build(first).preview
 
     def _on_machine(self) -> list[Weight]:
-        starts, machine, found = self.starts(), self.machine, []
+        starts, machine, weights = self.starts(), self.machine, []
         for one in self.weights:
             start = starts.get(one.name, one.start)
             start = start(machine) if callable(start) else start
             if start is not None:
                 within = one.range if isinstance(one.range, Parameter) else one.range(machine)
                 unit = one.unit.format(control=machine.control_unit)
-                found.append(one._replace(unit=unit, range=within, start=start))
-        return found
+                weights.append(one._replace(unit=unit, range=within, start=start))
+        return weights
 
     def replaced(self: D, **attributes: Any) -> D:
         """The same with other attributes."""
@@ -343,11 +343,11 @@ class OwnDesign(Design[Machine]):
 
 def _fields(controller: Controller) -> Gains:
     """Its fields that are finite floats, one or several in a row."""
-    found = {}
+    fields = {}
     for name, field in type(controller).__dataclass_fields__.items():
         value = getattr(controller, name)
         if field.metadata.get("static") or not eqx.is_inexact_array_like(value):
             continue
         if np.ndim(value) <= 1 and np.all(np.isfinite(value)):  # a limit may be infinite
-            found[name] = value
-    return found
+            fields[name] = value
+    return fields

@@ -30,7 +30,7 @@ from jcontour._devices import on_cpu
 from jcontour.analysis.frozen_loops import FrozenLoop
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks
-from jcontour.analysis.uncertain_loops import BORNE, Doubt
+from jcontour.analysis.uncertain_loops import BORNE, ResponseUncertainty
 from jcontour.app.designs.design import Gains
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Fed
@@ -105,13 +105,13 @@ def _weights(machine: LinearMachine, bandwidth: float, start: Gains) -> Gains:
     rho = float(start["rho"])
     crossing = rho / _gain(machine, regulator) ** 2 / (1 + CONTOUR_RATIO)
     alpha = max(crossing, rho / _gain(machine, STANDING) ** 2 / BEHIND)
-    found = start | {"alpha": alpha, "beta": CONTOUR_RATIO * alpha}
+    weights = start | {"alpha": alpha, "beta": CONTOUR_RATIO * alpha}
     if "control_noise" not in start:
-        return found
+        return weights
     noise = _reached(machine, machine.measurement_noise, bandwidth)
     if "drift" not in start:
-        return found | {"control_noise": noise}
-    return found | {"control_noise": STATES * noise, "drift": bandwidth * noise}
+        return weights | {"control_noise": noise}
+    return weights | {"control_noise": STATES * noise, "drift": bandwidth * noise}
 
 
 def _regulator(machine: LinearMachine) -> float:
@@ -151,16 +151,16 @@ def straight_windows(machine: LinearMachine, preview: int) -> Reference:
 
 
 def sensitivity_peaks(
-    build, series, family: Plant, windows: Reference, doubt: Doubt | None = None
+    build, series, family: Plant, windows: Reference, uncertainty: ResponseUncertainty | None = None
 ) -> np.ndarray:
     """Largest peak sensitivity of every loop of the series, weights with a leading axis.
 
-    What a doubt of the response uses up counts alike: `SENSITIVITY` is its bound, too.
+    What an uncertain response uses up counts alike: `SENSITIVITY` is its bound, too.
     """
     with on_cpu():  # few and small
         loops = jax.device_get(_loops(build, series, family, windows))
-    peaks = host_peaks(loops, encoding_of(family, windows), doubt)
-    used = np.maximum(peaks.sensitivity, SENSITIVITY * np.asarray(peaks.doubt) / BORNE)
+    peaks = host_peaks(loops, encoding_of(family, windows), uncertainty)
+    used = np.maximum(peaks.sensitivity, SENSITIVITY * np.asarray(peaks.uncertainty) / BORNE)
     return np.max(used, axis=(1, 2))
 
 

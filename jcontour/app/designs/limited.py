@@ -22,7 +22,7 @@ from jcontour.controllers.feedback.governor import (
     governed_loop,
 )
 from jcontour.controllers.feedback.state_feedback import lq_gain
-from jcontour.controllers.observers.kalman import OffsetFreeTold
+from jcontour.controllers.observers.kalman import OffsetFreeWithLoad
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
 from tuning.parameters import Positive, Weight
@@ -107,7 +107,7 @@ class ConstrainedLQDesign(LQDesign):
         )
         loop = self.loop
         inner = ConstrainedLQ(model, loop.cost(weights), self.preview, limits, terminal)
-        return OffsetFreeTold(inner, model, loop.gain(weights), model.C)
+        return OffsetFreeWithLoad(inner, model, loop.gain(weights), model.C)
 
     @property
     def files(self) -> dict[str, str]:
@@ -116,7 +116,7 @@ class ConstrainedLQDesign(LQDesign):
 
     def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
         """The observer as a drive would load it."""
-        assert isinstance(controller, OffsetFreeTold)
+        assert isinstance(controller, OffsetFreeWithLoad)
         run_folder.write_json(folder / "observer.json", self.observer_file(controller.gain))
 
 

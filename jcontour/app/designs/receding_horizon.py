@@ -157,13 +157,13 @@ class LQDesign(LinearDesign):
 
     def starts(self) -> dict[str, float]:
         machine = self.machine
-        found = {"alpha": 1.0, "beta": 10.0, "rho": 1 / machine.largest_control**2}
+        starts = {"alpha": 1.0, "beta": 10.0, "rho": 1 / machine.largest_control**2}
         if self.observer is not None:
-            found["control_noise"] = machine.control_noise
+            starts["control_noise"] = machine.control_noise
             if self.observer == "offset-free":
-                found["drift"] = 1.0
+                starts["drift"] = 1.0
         published = machine.published or {}
-        return {name: published.get(name, start) for name, start in found.items()}
+        return {name: published.get(name, start) for name, start in starts.items()}
 
     def first_preview(self, first: Gains) -> int:
         return self.flags.preview
@@ -215,8 +215,8 @@ class LQDesign(LinearDesign):
 
     def _first_loop(self) -> Gains:
         """Weights of the first loop without limits, but for those that the user has set."""
-        found = first_loop(self.machine, self.loop, self.start, self.preview, self.fed)
-        return changed(found, given(self.flags))
+        weights = first_loop(self.machine, self.loop, self.start, self.preview, self.fed)
+        return changed(weights, given(self.flags))
 
     def constrained(self, weights, limits, solver):
         """The MPC of the same cost; None for preview LQ and for the predictor form."""
@@ -298,10 +298,10 @@ class LQDesign(LinearDesign):
     def files(self) -> dict[str, str]:
         """Gain schedules, and the observer where there is one."""
         law = "u = f - F x" if self.fed == "state" else "u = f - F xf"
-        found = {"gains*.csv": f"a row for every sample of a training contour, {law}"}
+        files = {"gains*.csv": f"a row for every sample of a training contour, {law}"}
         if self.fed == "outputs":
-            found["observer.json"] = "its equations, in the order of a sample, and its matrices"
-        return found
+            files["observer.json"] = "its equations, in the order of a sample, and its matrices"
+        return files
 
     def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
         """Gain schedules of the training contours as CSV, and the observer.

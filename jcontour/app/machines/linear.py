@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.analysis.uncertain_loops import Doubt, Lines
+from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
 from jcontour.app.machines.families import GainsAndDelayMachine
 from jcontour.app.machines.machine import Fed, Hosted, Machine, Usual
 from jcontour.app.machines.uncertainty import (
@@ -61,7 +61,9 @@ class LinearMachine(GainsAndDelayMachine):
     # than the model
     with_friction: Callable[[float | None], Hosted] | None = None
     contours: Usual = USUAL  # what the commands run on it
-    response_doubt: Doubt | None = None  # how far off the response may be beside gains and delays
+    response_doubt: ResponseUncertainty | None = (
+        None  # how far off the response may be beside gains and delays
+    )
     # control that dry friction takes, of all axes or of each (m,): in the runs, not in linear
     # loops; None where it is not known, and nowhere
     friction: float | np.ndarray | None = 0.0
@@ -72,7 +74,7 @@ class LinearMachine(GainsAndDelayMachine):
     states_family: str = ""  # how its file states the family; empty where it does
 
     @property
-    def doubt(self) -> Doubt | None:
+    def doubt(self) -> ResponseUncertainty | None:
         """What the machine file says of the response."""
         return self.response_doubt
 

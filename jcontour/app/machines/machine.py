@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.analysis.uncertain_loops import Doubt, Lines
+from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 from jcontour.simulation.limit_use import hidden_acceleration
@@ -121,7 +121,7 @@ class Machine(abc.ABC):
         return ()
 
     @property
-    def doubt(self) -> Doubt | None:
+    def doubt(self) -> ResponseUncertainty | None:
         """How far off the response may be, beside the family; None where nothing is said."""
         return None
 

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
-from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.app.machines.families import GainsAndDelayMachine
 from jcontour.app.machines.linear import USUAL
 from jcontour.app.machines.machine import NO_EFFECTS, Fed, MachineLimits, Usual
@@ -39,7 +39,7 @@ class PlantMachine(GainsAndDelayMachine):
         return [] if self.stated else [assumed(self.name, gain, delay, IN_PYTHON)]
 
     @property
-    def doubt(self) -> Doubt | None:
+    def doubt(self) -> ResponseUncertainty | None:
         """What its file says of the response."""
         return self.uncertainty.response
 

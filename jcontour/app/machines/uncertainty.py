@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from jcontour._arrays import placed
-from jcontour.analysis.uncertain_loops import Doubt, Lines
+from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
 from jcontour.app.files.checks import MachineError
 from jcontour.app.files.machine_file import MeasuredFields, UncertaintyFields
 from jcontour.app.files.schema import read
@@ -34,7 +34,7 @@ class Uncertainty(NamedTuple):
     gain: float  # relative uncertainty of the input gains
     delay: int  # most samples of delay that the model does not know
     # how far off the frequency response may be beside these; None where nothing is said
-    response: Doubt | None = None
+    response: ResponseUncertainty | None = None
 
 
 class GainMember(NamedTuple):
@@ -137,11 +137,11 @@ def _lines(one: MeasuredFields | None, plant: LinearPlant) -> tuple[Lines, ...]:
     return tuple(lines)
 
 
-def _doubt(fields: UncertaintyFields, plant: LinearPlant) -> Doubt | None:
+def _doubt(fields: UncertaintyFields, plant: LinearPlant) -> ResponseUncertainty | None:
     """What a file says of the response; a frequency in rad per sample."""
     given, lines = fields.response, _lines(fields.measured, plant)
     if given is None:
-        return Doubt(np.ones(1), np.zeros((1, plant.axes)), lines) if lines else None
+        return ResponseUncertainty(np.ones(1), np.zeros((1, plant.axes)), lines) if lines else None
     name, highest = "uncertainty.response", 1 / (2 * plant.dt)
     hertz, relative = np.array(given.hertz), np.array(given.relative)
     if not (hertz[0] > 0 and np.all(np.diff(hertz) > 0) and hertz[-1] <= highest):
@@ -150,7 +150,7 @@ def _doubt(fields: UncertaintyFields, plant: LinearPlant) -> Doubt | None:
         raise MachineError(
             f"{name}.relative: needs {plant.axes} rows of {hertz.size} numbers of at least 0"
         )
-    return Doubt(2 * np.pi * plant.dt * hertz, relative.T, lines)
+    return ResponseUncertainty(2 * np.pi * plant.dt * hertz, relative.T, lines)
 
 
 LESS_DAMPED = 0.5  # of the damping, at least: it is known worse than the frequency

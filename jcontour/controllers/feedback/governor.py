@@ -54,14 +54,16 @@ class LoopLimits(NamedTuple):
             ValueError: a limit is not above zero, or all of them are infinite.
         """
         sizes = {"output": (output, model.axes), "control": (control, model.inputs)}
-        found = {key: np.broadcast_to(np.asarray(one, float), n) for key, (one, n) in sizes.items()}
-        for name, value in found.items():
+        limits = {
+            key: np.broadcast_to(np.asarray(one, float), n) for key, (one, n) in sizes.items()
+        }
+        for name, value in limits.items():
             if not np.all(value > 0):
                 raise ValueError(f"{name}: needs limits above zero, received {value}")
-        if not any(np.isfinite(value).any() for value in found.values()):
+        if not any(np.isfinite(value).any() for value in limits.values()):
             raise ValueError("limits: a governor needs a limit to keep, all of them are infinite")
         middle = np.broadcast_to(np.asarray(centre, float), model.axes)
-        return cls(*(tuple(value.tolist()) for value in (*found.values(), middle)))
+        return cls(*(tuple(value.tolist()) for value in (*limits.values(), middle)))
 
 
 class GovernedLoop(eqx.Module):
@@ -153,8 +155,8 @@ def says_all(loop: GovernedLoop, limits: LoopLimits) -> bool:
     b = np.concatenate([1 + centre[before], 1 - centre[before]])
     for row in last:
         for sign in (1.0, -1.0):
-            found = linprog(-sign * rows[row] / unit, A, b, bounds=(None, None), method="highs")
-            if found.status != 0 or -found.fun > 1 + sign * centre[row] + SAID:
+            farthest = linprog(-sign * rows[row] / unit, A, b, bounds=(None, None), method="highs")
+            if farthest.status != 0 or -farthest.fun > 1 + sign * centre[row] + SAID:
                 return False
     return True
 

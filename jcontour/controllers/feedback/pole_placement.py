@@ -58,8 +58,8 @@ def placed_gain(
     poles = jnp.asarray(poles, complex)
     for axis in axes:
         if len(axis.inputs) != 1:
-            found = f"states {list(axis.states)} have {len(axis.inputs)}"
-            raise ValueError(f"model: pole placement needs one input for each axis, {found}")
+            received = f"states {list(axis.states)} have {len(axis.inputs)}"
+            raise ValueError(f"model: pole placement needs one input for each axis, {received}")
         if poles.shape[-1] != len(axis.states):
             raise ValueError(
                 f"poles: the axis has {len(axis.states)} states, received {poles.shape[-1]} poles"

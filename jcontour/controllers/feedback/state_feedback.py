@@ -23,7 +23,7 @@ The measurement is integrated, not the estimate: a load or a wrong input gain bi
 and its integral would settle at the biased value. Without the integral both leave an error at rest
 and in steady motion; with it they leave none. The integral is kept as its share K_i w of the
 control. While a control is at its limit, its share holds still as long as it would drive the
-control further out. The filter is told the control that acts. So neither of them winds up.
+control further out. The filter reads the control that acts. So neither of them winds up.
 """
 
 from typing import Any, NamedTuple

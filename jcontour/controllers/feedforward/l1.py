@@ -83,8 +83,8 @@ def l1_optimum(
 ) -> L1Optimum:
     """The filter of least l1 norm.
 
-    >>> found = l1_optimum(ModelMatching([0.0, -0.3], numerator=[0.0, 0.0, 1.0]))
-    >>> round(found.cost, 12), found.support, found.gap < 1e-12
+    >>> optimum = l1_optimum(ModelMatching([0.0, -0.3], numerator=[0.0, 0.0, 1.0]))
+    >>> round(optimum.cost, 12), optimum.support, optimum.gap < 1e-12
     (0.3, (1,), True)
 
     Args:
@@ -100,10 +100,12 @@ def l1_optimum(
     circle = _upper(on_circle)
     if problem.zeros.size + circle.size == 0:
         return L1Optimum(np.zeros(1), 0.0, 0.0)
-    found, bound = _grown(problem, circle) if taps is None else _program(problem, circle, taps)[:2]
-    used = np.flatnonzero(found)
-    found = found[: used[-1] + 1] if used.size else found[:1]
-    return L1Optimum(found, float(np.abs(found).sum()), bound)
+    filter_, bound = (
+        _grown(problem, circle) if taps is None else _program(problem, circle, taps)[:2]
+    )
+    used = np.flatnonzero(filter_)
+    filter_ = filter_[: used[-1] + 1] if used.size else filter_[:1]
+    return L1Optimum(filter_, float(np.abs(filter_).sum()), bound)
 
 
 def _grown(problem: ModelMatching, circle: Circle) -> tuple[Polynomial, float]:
@@ -111,9 +113,9 @@ def _grown(problem: ModelMatching, circle: Circle) -> tuple[Polynomial, float]:
     count = _first_count(problem, circle)
     while True:
         try:
-            found, bound, decided = _program(problem, circle, count)
+            response, bound, decided = _program(problem, circle, count)
             if decided or count >= MOST_TAPS:
-                return found, bound
+                return response, bound
         except ValueError:
             if count >= MOST_TAPS:
                 raise
@@ -123,11 +125,11 @@ def _grown(problem: ModelMatching, circle: Circle) -> tuple[Polynomial, float]:
 def _program(problem: ModelMatching, circle: Circle, count: int) -> tuple[Polynomial, float, bool]:
     """Taps, bound, and whether no longer filter is better."""
     conditions = _conditions(problem, circle, count)
-    found, multipliers = _solved(conditions)
-    missed = max(problem.misses(found), _misses(problem, circle, found))
-    if missed > MISSED * max(float(np.abs(found).sum()), 1.0):
+    response, multipliers = _solved(conditions)
+    missed = max(problem.misses(response), _misses(problem, circle, response))
+    if missed > MISSED * max(float(np.abs(response).sum()), 1.0):
         raise ValueError(f"taps: no filter of {count} taps meets the conditions")
-    return found, _bound(conditions, multipliers), _beyond(conditions, multipliers) <= 1
+    return response, _bound(conditions, multipliers), _beyond(conditions, multipliers) <= 1
 
 
 def _misses(problem: ModelMatching, circle: Circle, taps: Polynomial) -> float:
@@ -188,22 +190,22 @@ def _solved(conditions: _Conditions) -> tuple[Polynomial, Float[np.ndarray, " r"
     rows, values = conditions.rows, conditions.values
     scale = max(float(np.max(np.abs(values), initial=0.0)), 1e-300)
     count = rows.shape[1]
-    found = linprog(
+    program = linprog(
         np.ones(2 * count),
         A_eq=np.concatenate([rows, -rows], axis=1),
         b_eq=values / scale,
         method="highs",
         options={"primal_feasibility_tolerance": TIGHT, "dual_feasibility_tolerance": TIGHT},
     )
-    if not found.success:
+    if not program.success:
         raise ValueError(f"taps: no filter of {count} taps meets the conditions")
-    rough = scale * (found.x[:count] - found.x[count:])
+    rough = scale * (program.x[:count] - program.x[count:])
     size = np.abs(rough).sum()
     basis = np.flatnonzero(np.abs(rough) > USED * size)
     taps = np.zeros(count)
     if basis.size:
         taps[basis] = np.linalg.lstsq(rows[:, basis], values, rcond=None)[0]
-    multipliers = np.asarray(found.eqlin.marginals)
+    multipliers = np.asarray(program.eqlin.marginals)
     short = np.sign(taps[basis]) - multipliers @ rows[:, basis]
     if basis.size:
         multipliers = multipliers + np.linalg.lstsq(rows[:, basis].T, short, rcond=None)[0]

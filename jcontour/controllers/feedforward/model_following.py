@@ -76,14 +76,14 @@ class ModelFollowing:
         """Conditions on E' at these unstable zeros, the origin once for each sample of delay."""
         return ModelMatching(zeros, self.response, self.weight)
 
-    def error(self, found: ErrorFilter) -> tuple[Polynomial, Polynomial]:
+    def error(self, filter_: ErrorFilter) -> tuple[Polynomial, Polynomial]:
         """Model following error E = T E': numerator, denominator."""
-        return np.convolve(self.weight, found.numerator), found.denominator
+        return np.convolve(self.weight, filter_.numerator), filter_.denominator
 
-    def tracking_error(self, found: ErrorFilter) -> tuple[Polynomial, Polynomial]:
+    def tracking_error(self, filter_: ErrorFilter) -> tuple[Polynomial, Polynomial]:
         """Error of the machine against the reference itself, lambda^N_p - R + T E'."""
         delayed = np.eye(1, self.preview + 1, self.preview)[0]
-        top, below = self.error(found)
+        top, below = self.error(filter_)
         apart = np.convolve(polynomial.polysub(delayed, self.response), below)
         return polynomial.polyadd(apart, top), below
 
@@ -110,8 +110,8 @@ def optimal_feedforward(
 
     >>> from jcontour.linear.transfer_functions import from_polynomials
     >>> plant = from_polynomials([0.0, 0.3075, 1.0], [1.0, -1.5, 0.5], dt=5e-4)
-    >>> found = optimal_feedforward(plant, ModelFollowing(preview=9))
-    >>> f"{found.optimum.cost:.3e}"
+    >>> design = optimal_feedforward(plant, ModelFollowing(preview=9))
+    >>> f"{design.optimum.cost:.3e}"
     '7.994e-05'
 
     Args:
@@ -129,8 +129,8 @@ def optimal_feedforward(
             "no filter is optimal: leave the integrator out of the plant, or see `unit_circle`"
         )
     unstable = zeros.unstable
-    found = optimum(following.matching(np.concatenate([np.zeros(plant.delay), unstable])))
-    error, below = following.error(found)
+    solution = optimum(following.matching(np.concatenate([np.zeros(plant.delay), unstable])))
+    error, below = following.error(solution)
     wanted = polynomial.polysub(np.convolve(following.response, below), error)
     kept = np.concatenate([np.zeros(plant.delay), polynomial_from_zeros(unstable)])
     quotient = divided(wanted, kept, size=float(np.max(np.abs(below))))
@@ -139,7 +139,7 @@ def optimal_feedforward(
         np.convolve(quotient, plant.denominator),
         np.convolve(stable, below),
         (wanted, below),
-        found,
+        solution,
         following.preview,
         _remarks(plant, following, unstable.size),
     )
@@ -217,12 +217,12 @@ def divided(top, below, size: float = 0.0) -> Polynomial:
 
 
 def _remarks(plant: TransferFunction, following: ModelFollowing, unstable: int) -> tuple[str, ...]:
-    found = []
+    remarks = []
     if unstable == 0:
-        found.append("the plant has no unstable zero: the filter is its plain inverse")
+        remarks.append("the plant has no unstable zero: the filter is its plain inverse")
     if following.preview < plant.delay:
-        found.append(
+        remarks.append(
             f"preview: {following.preview} samples are shorter than the plant's delay of "
             f"{plant.delay}: the error begins with the reference itself"
         )
-    return tuple(found)
+    return tuple(remarks)

@@ -81,13 +81,13 @@ class ModelMatching:
         numerator: Sequence[float | int] | np.ndarray,
         denominator: Sequence[float | int] | np.ndarray = (1.0,),
     ):
-        found = np.atleast_1d(np.asarray(zeros, complex))
-        _check_zeros(found)
+        points = np.atleast_1d(np.asarray(zeros, complex))
+        _check_zeros(points)
         top, below = (np.atleast_1d(np.asarray(one, float)) for one in (numerator, denominator))
-        for zero in found:
+        for zero in points:
             if abs(polynomial.polyval(zero, below)) <= PAIRED * np.abs(below).sum():
                 raise ValueError(f"denominator: the model has a pole at the zero {zero:.6g}")
-        object.__setattr__(self, "zeros", found)
+        object.__setattr__(self, "zeros", points)
         object.__setattr__(self, "numerator", top)
         object.__setattr__(self, "denominator", below)
 
@@ -138,10 +138,10 @@ class ModelMatching:
 
 def _at_matrix(coefficients: Polynomial, S) -> Complex[np.ndarray, "n n"]:
     """Polynomial of a matrix, by Horner's rule."""
-    found = np.zeros_like(S)
+    value = np.zeros_like(S)
     for coefficient in coefficients[::-1]:
-        found = found @ S + coefficient * np.eye(len(S))
-    return found
+        value = value @ S + coefficient * np.eye(len(S))
+    return value
 
 
 def _check_zeros(zeros: Zeros) -> None:
@@ -204,8 +204,8 @@ class HinfOptimum:
 def hinf_optimum(problem: ModelMatching) -> HinfOptimum:
     """The filter of least H-infinity norm.
 
-    >>> found = hinf_optimum(ModelMatching([0.0, -0.3], numerator=[0.0, 0.0, 1.0]))
-    >>> round(found.cost, 12), abs(found.samples(3)).round(12).tolist()
+    >>> optimum = hinf_optimum(ModelMatching([0.0, -0.3], numerator=[0.0, 0.0, 1.0]))
+    >>> round(optimum.cost, 12), abs(optimum.samples(3)).round(12).tolist()
     (0.3, [0.0, 0.3, 0.0])
     """
     if problem.zeros.size == 0:

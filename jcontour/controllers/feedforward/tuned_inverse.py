@@ -40,7 +40,7 @@ from jcontour.linear.transfer_functions import (
 
 RANK_TOLERANCE = 1e-9  # least singular value of the conditions that a set of taps may have
 CONDITIONED = 1e12  # greatest condition number of the square system: four digits are left
-DEARER = 1e-6  # relative cost above the optimum from which on the taps are told to be others
+DEARER = 1e-6  # relative cost above the optimum at which other taps are reported
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +89,17 @@ class OptimalInverse:
     @cached_property
     def zeros(self) -> SortedZeros:
         """Zeros of the plant: to cancel, on the unit circle, unstable; those that ring are none."""
-        found = sorted_zeros(self.plant, self.ringing)
-        rings = self._rings(found.on_circle), self._rings(found.unstable)
-        return SortedZeros(found.cancellable, found.on_circle[~rings[0]], found.unstable[~rings[1]])
+        groups = sorted_zeros(self.plant, self.ringing)
+        rings = self._rings(groups.on_circle), self._rings(groups.unstable)
+        return SortedZeros(
+            groups.cancellable, groups.on_circle[~rings[0]], groups.unstable[~rings[1]]
+        )
 
     @cached_property
     def ringing_polynomial(self) -> Polynomial:
         """B^r."""
-        found = sorted_zeros(self.plant, self.ringing)
-        left = np.concatenate([found.on_circle, found.unstable])
+        groups = sorted_zeros(self.plant, self.ringing)
+        left = np.concatenate([groups.on_circle, groups.unstable])
         return polynomial_from_zeros(left[self._rings(left)])
 
     def _rings(self, zeros: Roots) -> Bool[np.ndarray, "_"]:
@@ -111,16 +113,16 @@ class OptimalInverse:
         """Places of E' that are used: those of the l1 optimum, and others until all is met."""
         problem = self._problem(self.smoothing, self.weight)
         count = problem.zeros.size
-        found = list(l1_optimum(problem).support)
-        samples = problem.powers(max(found, default=0) + count + 1)
+        support = list(l1_optimum(problem).support)
+        samples = problem.powers(max(support, default=0) + count + 1)
         rows = np.concatenate([np.real(samples), np.imag(samples)])
         for k in range(rows.shape[1]):
-            if len(found) == count:
+            if len(support) == count:
                 break
-            larger = [*found, k]
-            if k not in found and np.linalg.svd(rows[:, larger])[1][-1] > RANK_TOLERANCE:
-                found = larger
-        return tuple(sorted(found))
+            larger = [*support, k]
+            if k not in support and np.linalg.svd(rows[:, larger])[1][-1] > RANK_TOLERANCE:
+                support = larger
+        return tuple(sorted(support))
 
     def _problem(self, smoothing: float, weight: float) -> ModelMatching:
         """Conditions on E' at these numbers."""
@@ -172,8 +174,8 @@ class OptimalInverse:
         matrix = self._system(smoothing, weight)
         unknown = matrix.shape[1] - len(self.taps)
         wanted = _padded(self.response(smoothing), matrix.shape[0])
-        found = jnp.linalg.solve(matrix, wanted)
-        return found[:unknown], found[unknown:]
+        solution = jnp.linalg.solve(matrix, wanted)
+        return solution[:unknown], solution[unknown:]
 
     def _system(self, smoothing, weight) -> Float[Array, "s s"]:
         """Columns of lambda^d B^u X + T E'."""
@@ -251,20 +253,20 @@ def _of_axes(pairs: list[tuple[Array, Array]], preview: int) -> PreviewFilter:
 def _model(order: int, smoothing) -> Float[Array, " c"]:
     """lambda^m M_0."""
     q = jnp.asarray(smoothing, float)
-    found = jnp.ones(1)
+    product = jnp.ones(1)
     for _ in range(order):
-        found = jnp.convolve(found, jnp.stack([q, 1 - 2 * q, q]))
-    return found
+        product = jnp.convolve(product, jnp.stack([q, 1 - 2 * q, q]))
+    return product
 
 
 @partial(jax.jit, static_argnums=0)
 def _weight(power: int, weight) -> Float[Array, " c"]:
     """T = (1 - rho lambda)^N."""
     rho = jnp.asarray(weight, float)
-    found = jnp.ones(1)
+    product = jnp.ones(1)
     for _ in range(power):
-        found = jnp.convolve(found, jnp.stack([jnp.ones_like(rho), -rho]))
-    return found
+        product = jnp.convolve(product, jnp.stack([jnp.ones_like(rho), -rho]))
+    return product
 
 
 def _padded(coefficients: Array, size: int) -> Array:

@@ -136,8 +136,8 @@ class PreviewFilter(eqx.Module):
 
     def _rows(self, axes: int) -> tuple[Float[Array, "m c"], Float[Array, "m d"]]:
         """Numerator and denominator of every axis."""
-        found = (self.numerator, self.denominator)
-        top, below = (jnp.broadcast_to(one, (axes, one.shape[-1])) for one in found)
+        polynomials = (self.numerator, self.denominator)
+        top, below = (jnp.broadcast_to(one, (axes, one.shape[-1])) for one in polynomials)
         return top, below
 
 
@@ -207,10 +207,10 @@ def gain_error(transfer: TransferFunction, frequency) -> np.ndarray:
 def uncancelled_zeros(transfer: TransferFunction, ringing: float) -> Float[np.ndarray, " s"]:
     """B^u, one at lambda = 0."""
     zeros = sorted_zeros(transfer, ringing)
-    found = polynomial_from_zeros(np.concatenate([zeros.unstable, zeros.on_circle]))
-    if abs(np.sum(found)) <= 1e-9 * np.sum(np.abs(found)):
+    polynomial = polynomial_from_zeros(np.concatenate([zeros.unstable, zeros.on_circle]))
+    if abs(np.sum(polynomial)) <= 1e-9 * np.sum(np.abs(polynomial)):
         raise ValueError("plant: has a zero at z = 1, it does not follow a constant reference")
-    return found
+    return polynomial
 
 
 class _Plan(NamedTuple):

@@ -133,11 +133,11 @@ def _member(
     def iteration(correction):
         return law.update(correction, -linear(correction))
 
-    found = np.asarray(jax.vmap(iteration)(jax.device_put(signals)))
-    here, shifted = found[-2, places[0] : places[-1] - 1], found[-1, places[0] + 1 : places[-1]]
+    errors = np.asarray(jax.vmap(iteration)(jax.device_put(signals)))
+    here, shifted = errors[-2, places[0] : places[-1] - 1], errors[-1, places[0] + 1 : places[-1]]
     with np.errstate(invalid="ignore"):  # what is not finite is not the same
         same = bool(np.linalg.norm(shifted - here) <= ALIKE * np.linalg.norm(here))
-    first, half, last = np.moveaxis(found[:-2].reshape(3, axes, steps, axes), 1, -1)
+    first, half, last = np.moveaxis(errors[:-2].reshape(3, axes, steps, axes), 1, -1)
     if not same:
         return [first, half, last], False
     # all pairs of samples in the middle: later ones from its first, earlier ones from its last
@@ -163,8 +163,8 @@ def frequency_response(
     at frequencies (W,) [rad per sample].
 
     >>> late = lambda c: jnp.roll(c, 2, axis=0)
-    >>> found = frequency_response(late, (64, 1), 16, np.array([0.0, np.pi / 2, np.pi]))
-    >>> found[:, 0, 0].round(12).tolist()
+    >>> response = frequency_response(late, (64, 1), 16, np.array([0.0, np.pi / 2, np.pi]))
+    >>> response[:, 0, 0].round(12).tolist()
     [(1+0j), (-1-0j), (1+0j)]
 
     Raises:

@@ -136,8 +136,8 @@ def learn(
     >>> def run(u, lap):
     ...     _, y = jax.lax.scan(lambda y, u: ((y + u) / 2,) * 2, jnp.zeros(1), u)
     ...     return Lap(u, jnp.arange(1.0, 5.0)[:, None] - y, y, u)
-    >>> found, _ = learn(run, PType(gain=1.0), 4, jnp.zeros((4, 1)))
-    >>> jnp.abs(found.error).max(axis=(1, 2)).tolist()
+    >>> history, _ = learn(run, PType(gain=1.0), 4, jnp.zeros((4, 1)))
+    >>> jnp.abs(history.error).max(axis=(1, 2)).tolist()
     [4.0, 0.9375, 0.25, 0.125]
 
     Args:
@@ -153,8 +153,8 @@ def learn(
         raise ValueError(f"laps: needs at least one, received {laps}")
 
     def lap(correction, number):
-        found = run(correction, number)
-        return law.update(correction, found.error), found
+        outcome = run(correction, number)
+        return law.update(correction, outcome.error), outcome
 
     last, rows = jax.lax.scan(lap, start, jnp.arange(laps))
     return rows, last

@@ -145,8 +145,8 @@ class RepetitiveFilter(eqx.Module):
         j = memory.sample - self.period + jnp.arange(-q, q + 1)
         learned = j[:, None] + (self.lead + jnp.arange(-taps, taps + 1))[None]
         errors = jnp.einsum("l,qlm->qm", self.learning, memory.error[learned % rings])
-        found = self.smoothing @ (memory.correction[j % rings] + errors)
-        return jnp.where(memory.sample >= self.period + self.behind, found, 0.0)
+        smooth = self.smoothing @ (memory.correction[j % rings] + errors)
+        return jnp.where(memory.sample >= self.period + self.behind, smooth, 0.0)
 
     def seen(
         self, memory: Period, correction: Float[Array, " m"], error: Float[Array, " m"]

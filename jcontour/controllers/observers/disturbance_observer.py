@@ -98,9 +98,11 @@ class DisturbanceObserver(Wrapper):
     def initial_memory(self, reference: Reference) -> DisturbanceMemory:
         """Filters in the steady motion of the start, without disturbance."""
         check_period(self.dt, reference)
-        axes, found = self.sensors.axes, reference.position.shape[-1]
-        if found != axes:
-            raise ValueError(f"sensors: the reference has {found} axes, the observer reads {axes}")
+        axes, received = self.sensors.axes, reference.position.shape[-1]
+        if received != axes:
+            raise ValueError(
+                f"sensors: the reference has {received} axes, the observer reads {axes}"
+            )
         now, (_, inverse, _) = reference.position[0], self._filters()
         before = now - reference.start_increment
         inner = self.controller.initial_memory(reference)
@@ -153,9 +155,9 @@ class ReducedObserver(Wrapper):
     gain: Float[Array, "rest q"] = eqx.field(converter=jnp.asarray)
 
     def __check_init__(self):
-        states, found = self.model.states, self.gain.shape
-        if self.gain.ndim != 2 or sum(found) != states:
-            raise ValueError(f"gain: needs shape (n - q, q) with n = {states}, received {found}")
+        states, shape = self.model.states, self.gain.shape
+        if self.gain.ndim != 2 or sum(shape) != states:
+            raise ValueError(f"gain: needs shape (n - q, q) with n = {states}, received {shape}")
         check_stable("gain: the observer", error_matrix(self.model, self.gain))
 
     def initial_memory(self, reference: Reference) -> ReducedMemory:

@@ -200,9 +200,11 @@ class DisturbanceRejection(Wrapper):
         """Estimate one sample before the first, in the steady motion of the start, undisturbed."""
         check_period(self.observer.dt, reference)
         increment = reference.start_increment
-        axes, found = self.sensors.axes, increment.shape[-1]
-        if found != axes:
-            raise ValueError(f"sensors: the reference has {found} axes, the observer reads {axes}")
+        axes, received = self.sensors.axes, increment.shape[-1]
+        if received != axes:
+            raise ValueError(
+                f"sensors: the reference has {received} axes, the observer reads {axes}"
+            )
         before, none = reference.position[0] - increment, jnp.zeros_like(increment)
         estimate = Estimate(before, increment / self.observer.dt, none)
         return RejectionMemory(estimate, none, before, self.controller.initial_memory(reference))

@@ -205,8 +205,8 @@ class OffsetFreeObserver(_LoadObserver):
         return inner, jnp.clip(control - known.disturbance, -self.limit, self.limit)
 
 
-class OffsetFreeTold(_LoadObserver):
-    """The wrapped controller is told of the load, and cancels it within limits of its own.
+class OffsetFreeWithLoad(_LoadObserver):
+    """The wrapped controller receives the load, and cancels it within limits of its own.
 
     Args:
         controller: fed `DisturbedState`; its control acts as it is.
@@ -305,9 +305,9 @@ def check_gain(
 
     The stability of traced values is not checked.
     """
-    wanted, found = (jnp.shape(A)[0], jnp.shape(C)[0]), jnp.shape(gain)
-    if found != wanted:
-        raise ValueError(f"{name}: needs shape {wanted}, received {found}")
+    wanted, shape = (jnp.shape(A)[0], jnp.shape(C)[0]), jnp.shape(gain)
+    if shape != wanted:
+        raise ValueError(f"{name}: needs shape {wanted}, received {shape}")
     if is_concrete(A, C, gain):
         A, C, gain = np.asarray(A), np.asarray(C), np.asarray(gain)
         check_stable(f"{name}: the observer", A - A @ gain @ C)

@@ -140,9 +140,9 @@ def continuous_response(
     rows, begin = [], 0.0
     for end in (*ends, times[-1]):
         inside = times[(times >= begin) & (times < end)]
-        found = _integrated(slopes, start, begin, end, inside)
-        rows.append(found[:-1])
-        start, begin = found[-1], end
+        states = _integrated(slopes, start, begin, end, inside)
+        rows.append(states[:-1])
+        start, begin = states[-1], end
     state = np.concatenate([*rows, start[None]])
     wanted = np.array([motion.speed(t) for t in times])
     return Response(times, wanted[:, None] - state[:, :2], state[:, 2:].reshape(-1, 2, 3))
@@ -173,10 +173,10 @@ def _integrated(slopes, start, begin: float, end: float, inside) -> Float[np.nda
     if end <= begin:
         return start[None]
     at = np.append(inside, end)
-    found = solve_ivp(held, (begin, end), start, "DOP853", at, rtol=ACCURACY, atol=ACCURACY)
-    if not found.success:
-        raise RuntimeError(f"synchronisation: the integrator stopped: {found.message}")
-    return found.y.T
+    solution = solve_ivp(held, (begin, end), start, "DOP853", at, rtol=ACCURACY, atol=ACCURACY)
+    if not solution.success:
+        raise RuntimeError(f"synchronisation: the integrator stopped: {solution.message}")
+    return solution.y.T
 
 
 STRONGEST = 1e9  # couplings beyond are not looked at

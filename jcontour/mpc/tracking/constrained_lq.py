@@ -192,9 +192,9 @@ class ConstrainedLQ(Controller):
         measurement: Float[Array, " n"] | DisturbedState,
     ) -> StagedQP:
         """The quadratic program of a sample."""
-        told = isinstance(measurement, DisturbedState)
-        x = jnp.asarray(measurement.state if told else measurement)
-        load = jnp.asarray(measurement.disturbance) if told else jnp.zeros(self.model.inputs)
+        with_load = isinstance(measurement, DisturbedState)
+        x = jnp.asarray(measurement.state if with_load else measurement)
+        load = jnp.asarray(measurement.disturbance) if with_load else jnp.zeros(self.model.inputs)
         model, rows, N = self.model, self.rows, self.preview
         n, p, size = model.states, model.inputs, rows.D.shape[1]
         R, Q, C = control_weight(model, self.weights), plan.Q, model.C
@@ -226,13 +226,13 @@ def limit_rows(model: LinearPlant, limits: Limits, horizon: int) -> LimitRows:
     wide = n + p * beside[0] + m * beside[1]
 
     def row(state, control, last=None, output=None):
-        found = np.zeros((len(control), wide + p))
-        found[:, :n], found[:, wide:] = state, control
+        rows = np.zeros((len(control), wide + p))
+        rows[:, :n], rows[:, wide:] = state, control
         if last is not None:
-            found[:, n : n + p] = last
+            rows[:, n : n + p] = last
         if output is not None:
-            found[:, wide - m : wide] = output
-        return found
+            rows[:, wide - m : wide] = output
+        return rows
 
     nothing, one = np.zeros((p, n)), np.eye(p)
     rows = {"control": row(nothing, one)}

@@ -1,4 +1,4 @@
-"""The ways in which a tracking MPC predicts under loads that it was not told of.
+"""The ways in which a tracking MPC predicts under loads that are not measured.
 
 Absolute form: x_{j+1} = A x_j + B u_j, there are none.
 Offset-free form: an observer estimates a constant load d of the controls,

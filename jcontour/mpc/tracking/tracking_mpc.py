@@ -279,13 +279,13 @@ def _square(name: str, weight: Any, size: int) -> Float[np.ndarray, "s s"]:
 def _profile(stage: ArrayLike | None, preview: int) -> Float[np.ndarray, " N"]:
     if stage is None:
         return np.ones(preview)
-    found = np.asarray(stage, float)
-    if found.shape != (preview,) or not (np.isfinite(found) & (found > 0)).all():
+    profile = np.asarray(stage, float)
+    if profile.shape != (preview,) or not (np.isfinite(profile) & (profile > 0)).all():
         raise ValueError(
             f"stage: needs {preview} finite entries above zero, one per preview sample, "
             f"received {stage}"
         )
-    return found
+    return profile
 
 
 def _check_contour_weight(weight: float) -> None:

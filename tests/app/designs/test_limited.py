@@ -11,7 +11,7 @@ from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.runs.tuning.problem import tuning_run
 from jcontour.controllers.lq.contouring_lq import ContouringLQ
-from jcontour.controllers.observers.kalman import OffsetFreeTold
+from jcontour.controllers.observers.kalman import OffsetFreeWithLoad
 from jcontour.geometry.contours import line
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import along
@@ -36,7 +36,7 @@ def design(machine):
 @pytest.mark.slow
 def test_it_keeps_to_every_limit_of_the_machine(machine, design):
     controller = design.build(design.start)
-    assert type(controller) is OffsetFreeTold and type(controller.controller) is ConstrainedLQ
+    assert type(controller) is OffsetFreeWithLoad and type(controller.controller) is ConstrainedLQ
     rows = controller.controller.rows
     np.testing.assert_array_equal(rows.upper[0, :4], [250.0, 250.0, 60.0, 60.0])
     assert rows.soft.tolist() == [False] * 4 + [True] * (len(rows.soft) - 4)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.machines.from_file import linear_machine
 from jcontour.app.machines.linear import (
@@ -164,6 +164,8 @@ def test_a_machine_that_is_not_linear_is_told(name):
 def test_a_response_that_is_doubted_is_not_in_the_promise():
     table = as_linear(machine_named("xy-table"))
     warn_of_doubt(table)  # nothing is doubted; warnings are errors here
-    doubted = replace(table, response_doubt=Doubt(np.array([0.1]), np.full((1, 2), 0.2)))
+    doubted = replace(
+        table, response_doubt=ResponseUncertainty(np.array([0.1]), np.full((1, 2), 0.2))
+    )
     with pytest.warns(UserWarning, match="uncertainty.response. is not in what is promised"):
         warn_of_doubt(doubted)

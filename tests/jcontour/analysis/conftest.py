@@ -68,21 +68,21 @@ def highest(system):
     best = values.max()
     for k in np.argsort(values)[-4:]:
         bounds = grid[max(k - 1, 0)], grid[min(k + 1, grid.size - 1)]
-        found = minimize_scalar(
+        actual = minimize_scalar(
             lambda w: -level(w)[0], bounds=bounds, method="bounded", options={"xatol": 1e-12}
         )
-        best = max(best, -found.fun)
+        best = max(best, -actual.fun)
     return best
 
 
 def peaks_by_control(P, K):
     """Ms and Mt of u = K y, y = P u, each at input and output."""
-    found = []
+    actual = []
     for loop in (K * P, P * K):
         one = control.ss([], [], [], np.eye(loop.noutputs), loop.dt)
         S = control.feedback(one, loop, sign=1)
-        found.append((highest(S), highest(S - one)))
-    return np.array(found)
+        actual.append((highest(S), highest(S - one)))
+    return np.array(actual)
 
 
 @pytest.fixture(scope="session")

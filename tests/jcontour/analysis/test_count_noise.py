@@ -99,22 +99,22 @@ def variance_by_another_solver(loop, encoding):
 def test_two_axes_and_differences_by_another_solver(encoding):
     loops = random_loops(q=2)
     rms, _ = count_noise(loops, encoding, 1.0)
-    for k, found in enumerate(rms):
+    for k, actual in enumerate(rms):
         one = jax.tree.map(lambda leaf, k=k: leaf[k], loops)
-        assert found**2 == pytest.approx(variance_by_another_solver(one, encoding), rel=1e-10)
+        assert actual**2 == pytest.approx(variance_by_another_solver(one, encoding), rel=1e-10)
 
 
 def test_every_position_has_noise_of_its_own():
     """Independent noises: their mean squares add up, each as its own axis makes it."""
     loops, deviations = random_loops(q=2), np.array([1.0, 5.0])
     rms, _ = count_noise(loops, POSITIONS, deviations)
-    for k, found in enumerate(rms):
+    for k, actual in enumerate(rms):
         one = jax.tree.map(lambda leaf, k=k: leaf[k], loops)
         alone = [
             variance_by_another_solver(one, POSITIONS._replace(level=np.diag(unit)))
             for unit in np.eye(2)
         ]
-        assert found**2 == pytest.approx(deviations**2 @ alone, rel=1e-10)
+        assert actual**2 == pytest.approx(deviations**2 @ alone, rel=1e-10)
 
 
 @pytest.mark.parametrize(

@@ -21,11 +21,11 @@ def by_numpy(A, B, C, z):
 @pytest.mark.parametrize("states", [0, 1, 5])
 def test_a_response_is_that_of_the_whole_matrix(states):
     A, B, C = systems(np.random.default_rng(0), (2, 3), states, 2, 1)
-    found = Triangular.of(A, B, C).response(Z)
-    assert found.shape == (2, 3, Z.size, 1, 2)
+    actual = Triangular.of(A, B, C).response(Z)
+    assert actual.shape == (2, 3, Z.size, 1, 2)
     for index in np.ndindex(2, 3):
         np.testing.assert_allclose(
-            found[index], by_numpy(A[index], B[index], C[index], Z), rtol=1e-9
+            actual[index], by_numpy(A[index], B[index], C[index], Z), rtol=1e-9
         )
 
 
@@ -46,15 +46,15 @@ def test_heights_of_a_batch_that_shares_plants_and_laws(axes):
     encoding = Encoding(shown, shown, 0 * shown)
     repeated = [np.repeat(matrix, 2, axis=0) for matrix in (A, B, H)]
     loop = FrozenLoop(LinearMachine(*repeated), LinearLaw(W, E, K, D))
-    found = Responses.of(loop, encoding).heights(np.angle(Z))
-    assert found.shape == (2, 3, Z.size, 2)
+    actual = Responses.of(loop, encoding).heights(np.angle(Z))
+    assert actual.shape == (2, 3, Z.size, 2)
     for k, p in np.ndindex(2, 3):
         P = by_numpy(A[0, p], B[0, p], H[0, p], Z)
         L = D[k, 0] + by_numpy(W[k, 0], E[k, 0], K[k, 0], Z)
         both = [np.linalg.inv(shown - G) for G in (L @ P, P @ L)]
         for curve, less in enumerate((0 * shown, shown)):
             wanted = np.max([np.linalg.norm(S - less, 2, axis=(1, 2)) for S in both], axis=0)
-            np.testing.assert_allclose(found[k, p, :, curve], wanted, rtol=1e-9)
+            np.testing.assert_allclose(actual[k, p, :, curve], wanted, rtol=1e-9)
 
 
 def test_a_change_of_position_shows_in_its_speed():

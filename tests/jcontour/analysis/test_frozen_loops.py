@@ -25,8 +25,8 @@ def test_a_linear_loop_is_its_own_linearisation(given_law, linear_machine):
     plant = Encoders(linear_machine(A, B, C))
     state, memory = (jnp.ones(size) for size in (4, 3))
     loop = frozen_loop(plant, given_law(*law), None, state, memory)
-    for found, wanted in zip((*loop.machine, *loop.law), (A, B, C, *law), strict=True):
-        np.testing.assert_allclose(found, wanted)
+    for actual, wanted in zip((*loop.machine, *loop.law), (A, B, C, *law), strict=True):
+        np.testing.assert_allclose(actual, wanted)
     closed = np.block([[A + B @ D @ C, B @ K], [E @ C, W]])
     np.testing.assert_allclose(loop.cut().closed(), closed, rtol=1e-12)
     # one sample late: (x, w, u(k-1)) by hand

@@ -5,8 +5,8 @@ from jcontour.analysis.loop_slopes import dominant, real_outer
 
 
 def radius_and_slope(M):
-    found = dominant(np.asarray(M, float))
-    return float(found.radius), real_outer(found.left, found.right)
+    actual = dominant(np.asarray(M, float))
+    return float(actual.radius), real_outer(actual.left, actual.right)
 
 
 @pytest.mark.parametrize("size", [1, 2, 7, 24])

@@ -38,11 +38,11 @@ def test_peaks_are_those_of_python_control(
     for _ in range(3):
         matrices, law = random_loop(random, axes)
         family = stack_plants([Encoders(linear_machine(*matrices))])
-        found = loop_peaks(family, given_law(*law), windows)
+        actual = loop_peaks(family, given_law(*law), windows)
         P, K = control.ss(*matrices, 0, 1e-3), control.ss(*law, 1e-3)
         Ms, Mt = control_peaks(P, K).max(axis=0)
-        assert found.sensitivity[0, 0] == pytest.approx(Ms, rel=1e-6)
-        assert found.complementary[0, 0] == pytest.approx(Mt, rel=1e-6)
+        assert actual.sensitivity[0, 0] == pytest.approx(Ms, rel=1e-6)
+        assert actual.complementary[0, 0] == pytest.approx(Mt, rel=1e-6)
 
 
 def test_integrators_have_closed_forms(linear_machine, given_law, straight_window, loop_peaks):
@@ -53,12 +53,12 @@ def test_integrators_have_closed_forms(linear_machine, given_law, straight_windo
     integrators = linear_machine(np.eye(2), np.eye(2), np.eye(2))
     family = [Delayed(Encoders(integrators), jnp.asarray(delay), 1, 2) for delay in (0, 1)]
     law = given_law.static([[-0.3, 0.0], [0.0, -0.2]])
-    found = loop_peaks(stack_plants(family), law, straight_window(2))
+    actual = loop_peaks(stack_plants(family), law, straight_window(2))
     s = np.sqrt(0.3)
     late = 1 / ((1 - s) * np.sqrt(1 + 2 * s))
-    np.testing.assert_allclose(found.sensitivity[0], [2 / 1.7, late], rtol=1e-9)
-    assert found.complementary[0, 0] == pytest.approx(1, rel=1e-9)
-    assert found.spectral_radius[0, 0] == pytest.approx(0.8, rel=1e-9)
+    np.testing.assert_allclose(actual.sensitivity[0], [2 / 1.7, late], rtol=1e-9)
+    assert actual.complementary[0, 0] == pytest.approx(1, rel=1e-9)
+    assert actual.spectral_radius[0, 0] == pytest.approx(0.8, rel=1e-9)
 
 
 @pytest.mark.parametrize("inside", [1e-3, 1e-5, 1e-7])
@@ -75,7 +75,7 @@ def test_a_narrow_resonance_is_not_missed(
     change = (pair(closed) - pair(opened))[:1]
     plant = linear_machine(pair(opened), np.array([[1.0], [0.0]]), change)
     law, family = given_law.static([[1.0]]), stack_plants([Encoders(plant)])
-    found = loop_peaks(family, law, straight_window(1))
+    actual = loop_peaks(family, law, straight_window(1))
     w = angle + inside * np.linspace(-5, 5, 20001)
     z = np.exp(1j * w)
     numerator, denominator = (
@@ -83,7 +83,7 @@ def test_a_narrow_resonance_is_not_missed(
     )
     wanted = (numerator / denominator).max()
     assert wanted > 50
-    assert found.sensitivity[0, 0] == pytest.approx(wanted, rel=1e-6 + 1e-16 / inside**2)
+    assert actual.sensitivity[0, 0] == pytest.approx(wanted, rel=1e-6 + 1e-16 / inside**2)
 
 
 def test_speeds_by_difference_change_with_the_positions(
@@ -95,15 +95,15 @@ def test_speeds_by_difference_change_with_the_positions(
     dt, k_p, k_v, T_i = 1e-3, np.array([60.0, 15.0]), 0.5, 0.02
     plant = FineEncoders(linear_machine(A, B, np.eye(2, 4)), Sensors([0, 1]))
     cascade = Cascade(CascadeGains(k_p, k_v, T_i), motors(2), dt)
-    found = loop_peaks(stack_plants([plant]), cascade, straight_window(2, preview=1))
+    actual = loop_peaks(stack_plants([plant]), cascade, straight_window(2, preview=1))
     z = control.tf([1, 0], [1], dt)
     one, other = (
         control.ss(-k_v * (1 + dt / T_i * z / (z - 1)) * (k + (1 - 1 / z) / dt)) for k in k_p
     )
     peaks = control_peaks(control.ss(A, B, np.eye(2, 4), 0, dt), control.append(one, other))
     assert abs(peaks[0] - peaks[1]).max() > 1e-3  # the output does count
-    assert found.sensitivity[0, 0] == pytest.approx(peaks[:, 0].max(), rel=1e-6)
-    assert found.complementary[0, 0] == pytest.approx(peaks[:, 1].max(), rel=1e-6)
+    assert actual.sensitivity[0, 0] == pytest.approx(peaks[:, 0].max(), rel=1e-6)
+    assert actual.complementary[0, 0] == pytest.approx(peaks[:, 1].max(), rel=1e-6)
 
 
 def lightly_damped_loop(random):
@@ -166,5 +166,5 @@ def test_peaks_of_lightly_damped_late_loops_are_found_to_a_thousandth(seed):
     nothing = Encoding(np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 0)))
     for _ in range(12):
         loop, *whole = lightly_damped_loop(random)
-        found, _ = loop_measures(jax.tree.map(lambda matrix: matrix[None], loop), nothing)
-        np.testing.assert_allclose(found[0, :2], list(searched_peaks(*whole)), rtol=1e-3)
+        actual, _ = loop_measures(jax.tree.map(lambda matrix: matrix[None], loop), nothing)
+        np.testing.assert_allclose(actual[0, :2], list(searched_peaks(*whole)), rtol=1e-3)

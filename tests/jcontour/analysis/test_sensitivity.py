@@ -63,11 +63,11 @@ def test_radii_are_those_of_the_frozen_loops_of_a_run(two_axes, law, bent, sampl
     late, later = (Delayed(Encoders(two_axes), jnp.asarray(delay), 2, 2) for delay in (1, 2))
     wanted = [frozen_spectral_radii(plant, observer, bent)[samples] for plant in (late, later)]
     family = stack_plants([late])
-    found = loop_peaks(family, observer, windows).spectral_radius[:, 0]
-    np.testing.assert_allclose(found, wanted[0], rtol=1e-9)
+    actual = loop_peaks(family, observer, windows).spectral_radius[:, 0]
+    np.testing.assert_allclose(actual, wanted[0], rtol=1e-9)
     loops = jax.device_get(frozen_family(family, observer, windows))
-    found, _ = late_measures(loops, 1)
-    np.testing.assert_allclose(found[:, 0], wanted[1], rtol=1e-8)
+    actual, _ = late_measures(loops, 1)
+    np.testing.assert_allclose(actual[:, 0], wanted[1], rtol=1e-8)
 
 
 @pytest.mark.slow
@@ -82,8 +82,8 @@ def test_a_state_that_is_measured_counts_at_the_input_alone(
     shifted = np.exp(1j * w)[:, None, None] * np.eye(4) - (A - B @ F)
     S = np.eye(2) - F @ np.linalg.solve(shifted, np.broadcast_to(B + 0j, (w.size, 4, 2)))
     wanted = np.linalg.svd(S, compute_uv=False)[:, 0]
-    found = loop_peaks(family, law, windows).sensitivity[0, 0]
-    assert found == pytest.approx(wanted.max(), rel=1e-6)
+    actual = loop_peaks(family, law, windows).sensitivity[0, 0]
+    assert actual == pytest.approx(wanted.max(), rel=1e-6)
     curves = sensitivity_curves(family, law, windows, w[::4000])
     np.testing.assert_allclose(curves, wanted[None, None, ::4000], rtol=1e-9)
 
@@ -101,7 +101,7 @@ def test_dry_friction_is_left_out():
     )
     windows = probe_windows(stack_references([slow, fast]), 1)
     cascade = Cascade(CascadeGains(30.0, 55.0, 0.04), motors(1), dt, limit=10.0)
-    found, expected = (
+    actual, expected = (
         sensitivity_curves(
             stack_plants([FineEncoders(machine, motors(1))]),
             cascade,
@@ -111,7 +111,7 @@ def test_dry_friction_is_left_out():
         for machine in (SmoothFlexibleAxis(axis, dt, substeps=8), zoh_model(axis, dt))
     )
     assert expected.max() > 1.05
-    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    np.testing.assert_allclose(actual, expected, rtol=1e-5)
 
 
 def test_too_short_a_preview_is_refused(two_axes, law):

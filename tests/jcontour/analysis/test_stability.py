@@ -87,18 +87,18 @@ def test_margins_of_an_integrator_have_closed_forms(gain, delay, integrators, st
 
     With d samples of delay it is stable for 0 < g < 2 sin(pi / (2 (2 d + 1))).
     """
-    found = margins(integrators, Proportional(gain), straight)
-    assert found.spectral_radius == pytest.approx(max(abs(1 - gain), 0))
-    np.testing.assert_allclose(found.gain[:, 1], 2 / gain, rtol=2 * GAIN_RESOLUTION)
-    assert (found.gain[:, 0] < 1.06 / GAIN_SEARCH).all()  # any positive gain will do
+    actual = margins(integrators, Proportional(gain), straight)
+    assert actual.spectral_radius == pytest.approx(max(abs(1 - gain), 0))
+    np.testing.assert_allclose(actual.gain[:, 1], 2 / gain, rtol=2 * GAIN_RESOLUTION)
+    assert (actual.gain[:, 0] < 1.06 / GAIN_SEARCH).all()  # any positive gain will do
     limits = [2 * np.sin(np.pi / (2 * (2 * d + 1))) for d in range(20)]
-    assert found.delay == max(d for d in range(20) if gain < limits[d]) >= delay
+    assert actual.delay == max(d for d in range(20) if gain < limits[d]) >= delay
 
 
 def test_an_unstable_loop_has_no_margin(integrators, straight):
-    found = margins(integrators, Proportional(2.5), straight)
-    assert (found.spectral_radius, found.delay) == (pytest.approx(1.5), -1)
-    np.testing.assert_array_equal(found.gain, 1.0)
+    actual = margins(integrators, Proportional(2.5), straight)
+    assert (actual.spectral_radius, actual.delay) == (pytest.approx(1.5), -1)
+    np.testing.assert_array_equal(actual.gain, 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -148,17 +148,17 @@ def test_observers_add_their_own_poles(form, two_axes, law, bent):
     """Separation: the eigenvalues of A - B F and of A - A L C."""
     L = kalman_gain(two_axes, 0.01, 1e-6)
     own = np.abs(np.linalg.eigvals(np.asarray(two_axes.A - two_axes.A @ L @ two_axes.C))).max()
-    found = frozen_spectral_radii(Encoders(two_axes), form(law, two_axes, L), bent)
+    actual = frozen_spectral_radii(Encoders(two_axes), form(law, two_axes, L), bent)
     np.testing.assert_allclose(
-        found, np.maximum(loops(two_axes, prepared(law, bent)), own), rtol=1e-7
+        actual, np.maximum(loops(two_axes, prepared(law, bent)), own), rtol=1e-7
     )
 
 
 def test_every_loop_is_stable_inside_the_margins_and_one_is_not_outside(two_axes, law, bent):
-    found, plan = margins(two_axes, law, bent), prepared(law, bent)
-    assert found.spectral_radius == pytest.approx(loops(two_axes, plan).max(), rel=1e-9)
+    actual, plan = margins(two_axes, law, bent), prepared(law, bent)
+    assert actual.spectral_radius == pytest.approx(loops(two_axes, plan).max(), rel=1e-9)
     for axis in range(2):
-        low, high = found.gain[axis]
+        low, high = actual.gain[axis]
         assert low < 1 < high
         beyond = 1 + 2 * GAIN_RESOLUTION
         for factor, inside in (
@@ -171,8 +171,8 @@ def test_every_loop_is_stable_inside_the_margins_and_one_is_not_outside(two_axes
                 continue  # the search ends there
             gains = np.where(np.arange(2) == axis, factor, 1.0)
             assert (loops(with_input_gains(two_axes, gains), plan).max() < 1) == inside
-    assert loops(with_input_delay(two_axes, found.delay), plan).max() < 1
-    assert loops(with_input_delay(two_axes, found.delay + 1), plan).max() >= 1
+    assert loops(with_input_delay(two_axes, actual.delay), plan).max() < 1
+    assert loops(with_input_delay(two_axes, actual.delay + 1), plan).max() >= 1
 
 
 def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():
@@ -180,7 +180,7 @@ def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():
     plant = LinearPlant([[1.0, 8e-4], [0.0, 0.6]], [[2e-4], [0.4]], [[1.0, 0.0]], 1e-3)
     k_p, k_v, T_i, dt = 200.0, 0.8, 0.004, 1e-3
     cascade = Cascade(CascadeGains(k_p, k_v, T_i), Sensors([0], [1]), dt)
-    found = margins(
+    actual = margins(
         plant, cascade, along(line([0.0], [1e-2]), 1e-5 * np.arange(5), dt, 1, at_rest=False)
     )
     motion = control.ss2tf(control.ss(plant.A, plant.B, [[k_p, 1.0]], 0, dt))
@@ -189,11 +189,11 @@ def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():
     def excess(gain):
         return np.abs(control.feedback(gain * cut).poles()).max() - 1
 
-    assert found.spectral_radius - 1 == pytest.approx(excess(1.0), rel=1e-6)
-    assert found.gain[0, 1] == pytest.approx(
+    assert actual.spectral_radius - 1 == pytest.approx(excess(1.0), rel=1e-6)
+    assert actual.gain[0, 1] == pytest.approx(
         brentq(excess, 1.0, GAIN_SEARCH), rel=2 * GAIN_RESOLUTION
     )
-    assert found.gain[0, 0] < 1.06 / GAIN_SEARCH and excess(1 / GAIN_SEARCH) < 0
+    assert actual.gain[0, 0] < 1.06 / GAIN_SEARCH and excess(1 / GAIN_SEARCH) < 0
 
 
 @pytest.mark.slow
@@ -217,14 +217,14 @@ def test_a_loop_at_its_limit_is_counted_and_left_out(integrators):
         Delayed(Saturated(integrators, limit), none, 2, 2),
         Saturated(Delayed(integrators, none, 2, 2), limit),
     ]
-    for found in (
+    for actual in (
         margins(integrators, law, reference),
         *(margins(plant, Proportional(0.5), reference) for plant in limited),
     ):
-        assert found.saturated == saturated > 10
-        assert found.spectral_radius == pytest.approx(0.5)
-        np.testing.assert_allclose(found.gain[:, 1], 4.0, rtol=2 * GAIN_RESOLUTION)
-        assert found.delay == 2
+        assert actual.saturated == saturated > 10
+        assert actual.spectral_radius == pytest.approx(0.5)
+        np.testing.assert_allclose(actual.gain[:, 1], 4.0, rtol=2 * GAIN_RESOLUTION)
+        assert actual.delay == 2
     moving = eqx.tree_at(lambda r: r.mask, reference, (4 < np.arange(38)) & (np.arange(38) < 10))
     stuck = margins(integrators, law, moving)  # open at every sample
     assert (stuck.spectral_radius, stuck.delay, stuck.saturated) == (1.0, -1, 5)
@@ -242,17 +242,17 @@ def test_a_control_that_is_late_and_saturated_is_counted_when_it_acts(integrator
         line_of = [gain * (target - x), *line_of]
         acting = line_of.pop()
         saturated, x = saturated + (abs(acting) > limit), x + np.clip(acting, -limit, limit)
-    found = margins(
+    actual = margins(
         Delayed(Saturated(integrators, np.full(2, limit)), jnp.asarray(late), 3, 2),
         Proportional(gain),
         reference,
     )
-    assert found.saturated == saturated > 10
+    assert actual.saturated == saturated > 10
 
 
 def test_a_zero_gain_closes_no_loop(integrators, straight):
-    found = margins(integrators, Proportional(np.array([0.3, 0.0])), straight)
-    assert found.saturated == straight.steps and found.spectral_radius == 1.0
+    actual = margins(integrators, Proportional(np.array([0.3, 0.0])), straight)
+    assert actual.saturated == straight.steps and actual.spectral_radius == 1.0
 
 
 def test_margins_of_a_machine_that_changes_along_the_path():
@@ -265,14 +265,14 @@ def test_margins_of_a_machine_that_changes_along_the_path():
         np.repeat([1.0, 1.5, 2.75], 60),
         np.tile(np.arange(60) >= 50, 3),
     )  # [m] at rest where it counts, at x_1 of 1, 1.5 and 0.25 m
-    found = margins(
+    actual = margins(
         Leaning(0.4),
         Proportional(0.5),
         along(there_and_back, arc, 1e-3, 0, at_rest=True, scored=scored),
     )
-    np.testing.assert_allclose(found.gain[:, 1], 2 / (0.5 * 1.6), rtol=2 * GAIN_RESOLUTION)
-    np.testing.assert_array_equal(found.gain_at[:, 0], -1)  # any positive gain will do
-    assert ((110 <= found.gain_at[:, 1]) & (found.gain_at[:, 1] < 120)).all()
+    np.testing.assert_allclose(actual.gain[:, 1], 2 / (0.5 * 1.6), rtol=2 * GAIN_RESOLUTION)
+    np.testing.assert_array_equal(actual.gain_at[:, 0], -1)  # any positive gain will do
+    assert ((110 <= actual.gain_at[:, 1]) & (actual.gain_at[:, 1] < 120)).all()
     unstable = margins(
         Leaning(2.0),
         Proportional(0.9),
@@ -364,8 +364,8 @@ def test_slopes_are_those_of_central_differences(samples):
 
     wanted = (moved(1e-5) - moved(-1e-5)) / 2e-5
     pairs = zip(jax.tree.leaves(slope), jax.tree.leaves(direction), strict=True)
-    found = sum(np.sum(one * along, axis=(-2, -1)) for one, along in pairs)
-    np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-7)
+    actual = sum(np.sum(one * along, axis=(-2, -1)) for one, along in pairs)
+    np.testing.assert_allclose(actual, wanted, rtol=1e-5, atol=1e-7)
 
 
 def test_a_loop_that_is_not_finite_has_no_slope():

@@ -5,18 +5,18 @@ import pytest
 from jcontour.analysis.frequency_response import Encoding
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
 from jcontour.analysis.peak_search import loop_measures
-from jcontour.analysis.uncertain_loops import Doubt, Lines
+from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
 
 NO_POSITIONS = Encoding(*(np.zeros(shape) for shape in ((0, 2), (2, 0), (2, 0))))
 
 
-def integrator(gain, doubt):
+def integrator(gain, uncertainty):
     """sigma(W T_u) of x+ = x + u, u = -gain x."""
     one = np.ones((1, 1))
     law = LinearLaw(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), -gain * one)
     loop = FrozenLoop(LinearMachine(one, one, one), law)
     encoding = Encoding(np.zeros((0, 1)), np.zeros((1, 0)), np.zeros((1, 0)))
-    values, slopes = loop_measures(batch(loop), encoding, doubt)
+    values, slopes = loop_measures(batch(loop), encoding, uncertainty)
     return values[0, 3], slopes.law.D[0, 3, 0, 0]
 
 
@@ -26,7 +26,7 @@ def batch(loop):
 
 
 def flat(relative):
-    return Doubt(np.array([1e-3, 1.0]), np.full((2, 1), relative))
+    return ResponseUncertainty(np.array([1e-3, 1.0]), np.full((2, 1), relative))
 
 
 @pytest.mark.parametrize("gain", [1.2, 1.5, 1.9])
@@ -40,13 +40,13 @@ def test_a_gain_that_is_not_known_makes_the_loop_unstable_where_the_measure_is_o
 
 
 def test_the_doubt_grows_along_the_logarithm_of_the_frequency_and_stays_beyond_its_ends():
-    doubt = Doubt(np.array([0.01, 0.1, 1.0]), np.array([[0.0], [1.0], [3.0]]))
-    at = doubt.at(np.array([0.001, 0.01, np.sqrt(0.1), 1.0, 3.0]))
+    uncertainty = ResponseUncertainty(np.array([0.01, 0.1, 1.0]), np.array([[0.0], [1.0], [3.0]]))
+    at = uncertainty.at(np.array([0.001, 0.01, np.sqrt(0.1), 1.0, 3.0]))
     np.testing.assert_allclose(at[:, 0], [0, 0, 2, 3, 3], atol=1e-12)
     w = np.geomspace(1e-4, np.pi, 200_001)
     closed = 0.5 / np.abs(np.exp(1j * w) - 0.5)
-    wanted = (doubt.at(w)[:, 0] * closed).max()
-    assert integrator(0.5, doubt)[0] == pytest.approx(wanted, rel=1e-3)
+    wanted = (uncertainty.at(w)[:, 0] * closed).max()
+    assert integrator(0.5, uncertainty)[0] == pytest.approx(wanted, rel=1e-3)
 
 
 def test_a_loop_that_is_not_stable_is_infinite_and_without_a_doubt_nothing_is_used():
@@ -62,11 +62,13 @@ def coupled():
     B, E = (0.3 * random.standard_normal((4, 2)) for _ in range(2))
     H, K = (0.3 * random.standard_normal((2, 4)) for _ in range(2))
     loop = FrozenLoop(LinearMachine(A, B, H), LinearLaw(W, E, K, 0.1 * np.ones((2, 2))))
-    return loop, Doubt(np.array([0.01, 0.5, 2.0]), np.array([[0.01, 0.02], [0.2, 0.1], [2.0, 3.0]]))
+    return loop, ResponseUncertainty(
+        np.array([0.01, 0.5, 2.0]), np.array([[0.01, 0.02], [0.2, 0.1], [2.0, 3.0]])
+    )
 
 
 def test_of_coupled_axes_it_is_that_of_a_fine_grid():
-    loop, doubt = coupled()
+    loop, uncertainty = coupled()
     (A, B, H), (W, E, K, D) = loop
     heights = []
     for w in np.geomspace(1e-4, np.pi, 4001):
@@ -74,15 +76,15 @@ def test_of_coupled_axes_it_is_that_of_a_fine_grid():
         P = H @ np.linalg.solve(z * np.eye(4) - A, B)
         law = D + K @ np.linalg.solve(z * np.eye(4) - W, E)
         T = np.linalg.solve(np.eye(2) - law @ P, law @ P)
-        heights.append(np.linalg.norm(np.diag(doubt.at(np.array(w))) @ T, 2))
-    measure = loop_measures(batch(loop), NO_POSITIONS, doubt)[0][0, 3]
+        heights.append(np.linalg.norm(np.diag(uncertainty.at(np.array(w))) @ T, 2))
+    measure = loop_measures(batch(loop), NO_POSITIONS, uncertainty)[0][0, 3]
     assert measure == pytest.approx(max(heights), rel=5e-3)  # a grid finds it
     assert measure <= max(heights) * (1 + 1e-6)
 
 
 def test_slopes_are_those_of_differences():
-    loop, doubt = coupled()
-    slopes = jax.tree.leaves(loop_measures(batch(loop), NO_POSITIONS, doubt)[1])
+    loop, uncertainty = coupled()
+    slopes = jax.tree.leaves(loop_measures(batch(loop), NO_POSITIONS, uncertainty)[1])
     leaves, structure = jax.tree.flatten(loop)
     random, step = np.random.default_rng(1), 1e-6
     change = [random.standard_normal(leaf.shape) for leaf in leaves]
@@ -90,10 +92,10 @@ def test_slopes_are_those_of_differences():
     for sign in (1, -1):
         moved = [leaf + sign * step * one for leaf, one in zip(leaves, change, strict=True)]
         shifted = batch(jax.tree.unflatten(structure, moved))
-        ends.append(loop_measures(shifted, NO_POSITIONS, doubt)[0][0, 3])
+        ends.append(loop_measures(shifted, NO_POSITIONS, uncertainty)[0][0, 3])
     wanted = (ends[0] - ends[1]) / (2 * step)
-    found = sum(float(np.sum(a[0, 3] * b)) for a, b in zip(slopes, change, strict=True))
-    assert found == pytest.approx(wanted, rel=1e-4)
+    actual = sum(float(np.sum(a[0, 3] * b)) for a, b in zip(slopes, change, strict=True))
+    assert actual == pytest.approx(wanted, rel=1e-4)
 
 
 def test_the_sensitivity_around_a_measured_gain_is_that_of_the_loop_with_it():
@@ -108,8 +110,8 @@ def test_the_sensitivity_around_a_measured_gain_is_that_of_the_loop_with_it():
 
     def peak(loop, half_width):
         lines = (Lines(w, np.full(2, off + 0j), np.full(2, half_width)),)
-        doubt = Doubt(np.ones(1), np.zeros((1, 1)), lines)
-        values, slopes = loop_measures(loop, encoding, doubt)
+        uncertainty = ResponseUncertainty(np.ones(1), np.zeros((1, 1)), lines)
+        values, slopes = loop_measures(loop, encoding, uncertainty)
         return values[0, 0], slopes.law.D[0, 0].item()
 
     assert peak(loop, 0.0)[0] == pytest.approx(wanted, rel=1e-9)

@@ -48,30 +48,30 @@ BOX = Box.of(0.05, 4e-7, inputs=2, measured=2)
 def test_no_lap_around_a_square_exceeds_its_certificate(two_axes):
     plant, controller = Encoders(two_axes), offset_free(two_axes, limit=100.0)
     reference = around_the_square(two_axes.dt)
-    found = certificate(plant, controller, reference, BOX)
-    reached = [errors(one.on(plant), controller, reference)[0] for one in found.attacks()]
-    assert np.all(np.array(reached) <= found.bound)
-    assert max(error[found.worst] for error in reached) > 0.9 * found.largest
+    actual = certificate(plant, controller, reference, BOX)
+    reached = [errors(one.on(plant), controller, reference)[0] for one in actual.attacks()]
+    assert np.all(np.array(reached) <= actual.bound)
+    assert max(error[actual.worst] for error in reached) > 0.9 * actual.largest
     random = np.random.default_rng(2)
     for _ in range(5):
         w = np.sign(random.standard_normal((reference.steps, 4))) * BOX.size
         w = np.repeat(w[::10], 10, axis=0)
         pushed = Disturbed(plant, force=jnp.asarray(w[:, :2]), noise=jnp.asarray(w[:, 2:]))
         error, run = errors(pushed, controller, reference)
-        assert np.all(error <= found.bound) and np.all(np.abs(run.control) <= found.control)
+        assert np.all(error <= actual.bound) and np.all(np.abs(run.control) <= actual.control)
 
 
 @pytest.mark.slow
 def test_whole_counts_are_inside_a_box_of_half_a_count(two_axes):
     plant, controller = Encoders(two_axes), offset_free(two_axes)
     reference = around_the_square(two_axes.dt)
-    found = certificate(plant, controller, reference, BOX)
+    actual = certificate(plant, controller, reference, BOX)
     reached = []
-    for attack in found.attacks():
+    for attack in actual.attacks():
         counting = Disturbed(Quantised(plant, 8e-7), force=jnp.asarray(attack.force))
         reached.append(errors(counting, controller, reference)[0])
-    assert np.all(np.array(reached) <= found.bound)
-    assert max(error[found.worst] for error in reached) > 0.4 * found.largest
+    assert np.all(np.array(reached) <= actual.bound)
+    assert max(error[actual.worst] for error in reached) > 0.4 * actual.largest
 
 
 @pytest.mark.slow
@@ -79,20 +79,21 @@ def test_the_true_distance_of_the_reference_circle(reference_circle, circle_boun
     row = reference_circle.rows[0]
     controller, box = reference_circle.of(row)
     plant, reference = reference_circle.plant, reference_circle.reference
-    found = certificate(plant, controller, reference, box)
+    actual = certificate(plant, controller, reference, box)
     numbers = reference_circle.numbers["true_distance_m"]
-    worst = 504 + int(np.argmax(found.bound[504:]))
+    worst = 504 + int(np.argmax(actual.bound[504:]))
     # rigorous: it never falls below the exact value, and is above the closed form by its chords
-    assert numbers["exact"] * (1 - 1e-8) <= found.bound[worst] <= numbers["exact"] * (1 + 2e-6)
-    C, centre = np.asarray(found.loop.C), np.asarray(reference_circle.path.polynomial[0, 0])
-    effects = [(coefficients(found.loop, C[worst, i], worst) * box.size).ravel() for i in range(2)]
-    output = np.asarray(found.loop.output[worst])
+    assert numbers["exact"] * (1 - 1e-8) <= actual.bound[worst] <= numbers["exact"] * (1 + 2e-6)
+    C, centre = np.asarray(actual.loop.C), np.asarray(reference_circle.path.polynomial[0, 0])
+    effects = [(coefficients(actual.loop, C[worst, i], worst) * box.size).ravel() for i in range(2)]
+    output = np.asarray(actual.loop.output[worst])
     exact = max(circle_bound(centre, 1e-3, output, np.stack(effects)))
     assert exact == pytest.approx(numbers["exact"], rel=1e-8)
     reached = max(
-        errors(attack.on(plant), controller, reference)[0][worst] for attack in found.attacks(worst)
+        errors(attack.on(plant), controller, reference)[0][worst]
+        for attack in actual.attacks(worst)
     )
-    assert 0.999 * found.bound[worst] < reached <= found.bound[worst]
+    assert 0.999 * actual.bound[worst] < reached <= actual.bound[worst]
 
 
 @pytest.mark.slow
@@ -101,11 +102,11 @@ def test_one_axis_is_bounded_in_its_travel():
     loop = Cascade(CascadeGains(8.0, 0.6, 0.1), Sensors((0,), (1,)), drive.dt)
     reference = along(line([0.0], [10e-3]), 5e-5 * np.arange(60), drive.dt, 1, at_rest=False)
     box = Box.of(0.01, 1e-6, inputs=1, measured=2)
-    found = certificate(drive, loop, reference, box)
-    runs = [simulate(one.on(drive), loop, reference).output for one in found.attacks()]
+    actual = certificate(drive, loop, reference, box)
+    runs = [simulate(one.on(drive), loop, reference).output for one in actual.attacks()]
     error = np.abs(np.array(runs) - np.asarray(reference.position[: reference.steps]))[..., 0]
-    assert error[:, found.worst].max() == pytest.approx(found.largest, rel=1e-9)
-    assert np.all(error <= found.bound)
+    assert error[:, actual.worst].max() == pytest.approx(actual.largest, rel=1e-9)
+    assert np.all(error <= actual.bound)
 
 
 @pytest.mark.slow

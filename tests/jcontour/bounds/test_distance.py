@@ -50,8 +50,8 @@ def test_no_point_that_the_tool_may_reach_is_farther(name):
 
 def test_the_middle_of_a_chord_is_a_sagitta_away_and_the_bound_hardly_more():
     arcs, on_the_path = np.array([[0.0, 0.4]]), np.zeros((1, 2))
-    (found,) = _between(circle(1.0), arcs, on_the_path, np.full(1, 0.4))
-    assert 1 - np.cos(0.2) <= found <= 1.01 * (1 - np.cos(0.2))
+    (actual,) = _between(circle(1.0), arcs, on_the_path, np.full(1, 0.4))
+    assert 1 - np.cos(0.2) <= actual <= 1.01 * (1 - np.cos(0.2))
 
 
 def test_beside_a_line_the_bound_is_the_sum():
@@ -59,8 +59,8 @@ def test_beside_a_line_the_bound_is_the_sum():
     reference = along(path, np.linspace(0.4, 0.6, 5), 1e-3, 1, at_rest=False)
     output = np.asarray(reference.position)[:5] + np.array([0.0, 3e-6])
     frames = frames_along(reference, output)
-    found = distance_bounds(reference, output, frames, np.full(5, 1e-6), np.full(5, 9e-6))
-    assert found == pytest.approx(np.full(5, 4e-6), rel=1e-9)
+    actual = distance_bounds(reference, output, frames, np.full(5, 1e-6), np.full(5, 9e-6))
+    assert actual == pytest.approx(np.full(5, 4e-6), rel=1e-9)
 
 
 @pytest.mark.slow
@@ -71,9 +71,9 @@ def test_beyond_the_end_of_a_curve_both_deviations_are_legs_of_a_triangle():
     output = np.asarray(reference.position)[: reference.steps]
     across, along_path = (np.full(reference.steps, size) for size in (126e-6, 137e-6))
     frames = frames_along(reference, output)
-    found = distance_bounds(reference, output, frames, across, along_path)
-    assert found[[0, -1]] == pytest.approx(np.hypot(126e-6, 137e-6), rel=1e-6)
-    assert found.max() == pytest.approx(found[-1], rel=1e-6)
+    actual = distance_bounds(reference, output, frames, across, along_path)
+    assert actual[[0, -1]] == pytest.approx(np.hypot(126e-6, 137e-6), rel=1e-6)
+    assert actual.max() == pytest.approx(actual[-1], rel=1e-6)
 
 
 def test_normals_are_orthonormal_in_space():

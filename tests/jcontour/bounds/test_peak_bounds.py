@@ -17,19 +17,19 @@ SIZE = np.array([0.3, 1.0, 2.0])
 def forward_bounds(loop, rows, size):
     """The sums by propagation of every disturbance forward."""
     M, E = np.asarray(loop.M), np.asarray(loop.E)
-    found, effects = np.zeros(rows.shape[:2]), np.zeros((E.shape[1], 0))
+    actual, effects = np.zeros(rows.shape[:2]), np.zeros((E.shape[1], 0))
     for k in range(len(M)):
-        found[k] = np.abs(rows[k] @ effects).sum(axis=1)
+        actual[k] = np.abs(rows[k] @ effects).sum(axis=1)
         effects = np.concatenate([M[k] @ effects, E[k] * size], axis=1)
-    return found
+    return actual
 
 
 def test_bounds_are_those_of_forward_propagation(random_loop):
     loop = random_loop(1, 40)
     rows = np.asarray(loop.C)
-    found = peak_bounds(loop, rows, SIZE)
-    assert found.bound == pytest.approx(forward_bounds(loop, rows, SIZE), rel=1e-12)
-    assert not found.remainder.any()
+    actual = peak_bounds(loop, rows, SIZE)
+    assert actual.bound == pytest.approx(forward_bounds(loop, rows, SIZE), rel=1e-12)
+    assert not actual.remainder.any()
 
 
 def test_the_bound_is_the_largest_of_all_corners(random_loop, pushed):
@@ -45,8 +45,8 @@ def test_a_direct_effect_adds_its_own_share(random_loop):
     loop = random_loop(3, 12)
     rows = np.asarray(loop.C)
     direct = np.random.default_rng(0).standard_normal((12, 2, 3))
-    found = peak_bounds(loop, rows, SIZE, direct).bound - peak_bounds(loop, rows, SIZE).bound
-    assert found == pytest.approx(np.abs(direct) @ SIZE, rel=1e-10)
+    actual = peak_bounds(loop, rows, SIZE, direct).bound - peak_bounds(loop, rows, SIZE).bound
+    assert actual == pytest.approx(np.abs(direct) @ SIZE, rel=1e-10)
 
 
 @pytest.mark.parametrize("block", [1, 3, 7, 20])
@@ -54,10 +54,10 @@ def test_blocks_bound_from_above_and_say_by_how_much(random_loop, block):
     loop = random_loop(4, 40)
     rows = np.asarray(loop.C)
     exact = forward_bounds(loop, rows, SIZE)
-    found = peak_bounds(loop, rows, SIZE, block=block)
-    assert np.all(found.bound >= exact * (1 - 1e-13))
-    assert np.all(found.bound - found.remainder <= exact * (1 + 1e-13))
-    assert found.remainder[: 2 * block].max() == 0.0
+    actual = peak_bounds(loop, rows, SIZE, block=block)
+    assert np.all(actual.bound >= exact * (1 - 1e-13))
+    assert np.all(actual.bound - actual.remainder <= exact * (1 + 1e-13))
+    assert actual.remainder[: 2 * block].max() == 0.0
 
 
 def test_states_at_the_begin_of_blocks_stay_in_their_tube(random_loop, pushed):
@@ -149,12 +149,12 @@ BOX = Box.of([0.3, 1.0], 2.0, inputs=2, measured=1)
 def test_coefficients_are_the_answers_to_pulses(random_loop, pushed):
     loop = random_loop(7, 9)
     row = np.asarray(loop.C)[6, 0]
-    found = coefficients(loop, row, 6)
+    actual = coefficients(loop, row, 6)
     for j in range(6):
         for i in range(3):
             pulse = np.zeros((9, 3))
             pulse[j, i] = 1.0
-            assert found[j, i] == pytest.approx(row @ pushed(loop, pulse)[6], rel=1e-12, abs=1e-15)
+            assert actual[j, i] == pytest.approx(row @ pushed(loop, pulse)[6], rel=1e-12, abs=1e-15)
 
 
 @pytest.mark.parametrize("sign", [-2.0, 1.0])

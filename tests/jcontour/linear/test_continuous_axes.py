@@ -40,9 +40,9 @@ def test_the_sampled_machine_is_where_the_continuous_one_is(late):
     plant, shared = sampled_machine([axis], DT)
     plant = with_input_delay(plant, shared)
     C, step = np.asarray(plant.C), jax.jit(lambda x, u: plant.step(x, u))
-    x, found = np.zeros(plant.states), []
+    x, actual = np.zeros(plant.states), []
     for value in u:
-        found.append((C @ x).item())
+        actual.append((C @ x).item())
         x = np.asarray(step(x, np.array([value])))
     fine = 50
     time = DT / fine * np.arange(60 * fine)
@@ -50,7 +50,7 @@ def test_the_sampled_machine_is_where_the_continuous_one_is(late):
     steps = np.floor((time - late * DT) / DT + 1e-9).astype(int)
     held[steps >= 0] = u[steps[steps >= 0]]
     _, y, _ = lsim((axis.A, axis.B, axis.C, [[0.0]]), held, time, interp=False)
-    assert np.allclose(found, y[::fine], atol=1e-9 * np.abs(y).max())
+    assert np.allclose(actual, y[::fine], atol=1e-9 * np.abs(y).max())
 
 
 def test_axes_share_whole_samples_of_delay_and_keep_the_rest():

@@ -22,14 +22,14 @@ def test_models_between_the_points_are_on_straight_lines(schedule):
     """Entry by entry, against numpy.interp."""
     path = np.array([[9.0, -0.2], [9.0, -0.13], [9.0, 0.1], [9.0, 0.25], [9.0, 0.3]])
     along = schedule.along(placed(path))
-    for found, rows in (
+    for actual, rows in (
         (along.A, schedule.models.A),
         (along.B, schedule.models.B),
         (along.C, schedule.models.C),
     ):
         for entry in np.ndindex(*rows.shape[1:]):
             np.testing.assert_allclose(
-                found[:, *entry], np.interp(path[:, 1], POINTS, rows[:, *entry]), rtol=1e-13
+                actual[:, *entry], np.interp(path[:, 1], POINTS, rows[:, *entry]), rtol=1e-13
             )
     assert along.dt == schedule.dt == 1e-3
 

@@ -93,12 +93,12 @@ def test_decoupled_axes_are_found_however_the_plant_is_ordered(sizes, order):
     A = block(*(np.eye(s) + np.eye(s, k=-1) for s in sizes))
     B, C = block(*(np.eye(s)[:, :1] for s in sizes)), block(*(np.eye(s)[-1:] for s in sizes))
     states, inputs, outputs = (order.sample(range(k), k) for k in (n, axes, axes))
-    found = decoupled_axes(
+    actual = decoupled_axes(
         Pattern.of(A[np.ix_(states, states)], B[np.ix_(states, inputs)], C[np.ix_(outputs, states)])
     )
     owner = np.repeat(np.arange(axes), sizes)
-    assert [axis.outputs for axis in found] == [(i,) for i in range(axes)]
-    for i, axis in enumerate(found):
+    assert [axis.outputs for axis in actual] == [(i,) for i in range(axes)]
+    for i, axis in enumerate(actual):
         assert axis.inputs == (inputs.index(outputs[i]),)
         assert axis.states == tuple(
             k for k, state in enumerate(states) if owner[state] == outputs[i]

@@ -40,19 +40,19 @@ def by_control(plant, axis):
 
 def test_response_zeros_and_poles_of_every_axis(machine):
     for axis in range(machine.axes):
-        found, wanted = transfer_function(machine, axis, axis), by_control(machine, axis)
+        actual, wanted = transfer_function(machine, axis, axis), by_control(machine, axis)
         angles = np.logspace(-5, np.log10(0.999 * np.pi), 50)
         response = wanted(np.exp(1j * angles))
-        np.testing.assert_allclose(found.response(np.exp(-1j * angles)), response, rtol=1e-9)
+        np.testing.assert_allclose(actual.response(np.exp(-1j * angles)), response, rtol=1e-9)
         for ours, theirs, tolerance in (
-            (found.zeros_z, control.zeros(wanted), 1e-9),
-            (found.poles_z, control.poles(wanted), 1e-7),  # the delay's pole is double
+            (actual.zeros_z, control.zeros(wanted), 1e-9),
+            (actual.poles_z, control.poles(wanted), 1e-7),  # the delay's pole is double
         ):
             assert ours.size == theirs.size
             nearest = np.abs(ours[:, None] - theirs).min(axis=1)
             np.testing.assert_allclose(nearest / (1 + np.abs(ours)), 0, atol=tolerance)
-        ratio = polynomial.polyval(np.exp(-1j * angles), found.numerator) / polynomial.polyval(
-            np.exp(-1j * angles), found.denominator
+        ratio = polynomial.polyval(np.exp(-1j * angles), actual.numerator) / polynomial.polyval(
+            np.exp(-1j * angles), actual.denominator
         )
         near_the_integrator = 1e-4 < angles  # where coefficients cancel
         np.testing.assert_allclose(
@@ -62,17 +62,19 @@ def test_response_zeros_and_poles_of_every_axis(machine):
 
 def test_impulse_response_of_a_coupled_plant(coupled_plant):
     plant = coupled_plant(3, 5, 2)
-    found = transfer_function(plant, 1, 0)
+    actual = transfer_function(plant, 1, 0)
     state, samples = np.asarray(plant.B)[:, 0], [0.0]
     for _ in range(11):
         samples.append(float(np.asarray(plant.C)[1] @ state))
         state = np.asarray(plant.A) @ state
     pulse = np.zeros(12)
     padded = np.zeros(12)
-    padded[: found.numerator.size] = found.numerator
+    padded[: actual.numerator.size] = actual.numerator
     for k in range(12):  # den * pulse = num
         fed = sum(
-            found.denominator[j] * pulse[k - j] for j in range(1, found.denominator.size) if j <= k
+            actual.denominator[j] * pulse[k - j]
+            for j in range(1, actual.denominator.size)
+            if j <= k
         )
         pulse[k] = padded[k] - fed
     np.testing.assert_allclose(pulse, samples, rtol=1e-9, atol=1e-12)
@@ -82,9 +84,9 @@ def test_modes_that_are_not_seen_leave():
     plain = LinearPlant([[0.5]], [[2.0]], [[3.0]], 1e-3)
     A = np.array([[0.5, 0.0, 0.0], [0.0, 0.9, 0.0], [1.0, 0.0, 0.7]])
     hidden = LinearPlant(A, [[2.0], [0.0], [0.0]], [[3.0, 1.0, 0.0]], 1e-3)
-    found = transfer_function(hidden)
-    np.testing.assert_allclose(found.poles_z, transfer_function(plain).poles_z, rtol=1e-12)
-    assert found.zeros_z.size == 0 and found.gain == pytest.approx(6.0)
+    actual = transfer_function(hidden)
+    np.testing.assert_allclose(actual.poles_z, transfer_function(plain).poles_z, rtol=1e-12)
+    assert actual.zeros_z.size == 0 and actual.gain == pytest.approx(6.0)
 
 
 def test_zeros_are_sorted():
@@ -92,11 +94,11 @@ def test_zeros_are_sorted():
     transfer = from_polynomials(
         np.concatenate([[0.0, 0.0], np.real(polynomial.polyfromroots(zeros))]), [1.0, -0.5], 1.0
     )
-    found = sorted_zeros(transfer)
+    actual = sorted_zeros(transfer)
     assert transfer.delay == 2
-    np.testing.assert_allclose(np.sort(found.cancellable.real), [-1.6, 1.25], rtol=1e-9)
-    np.testing.assert_allclose(found.on_circle, [1.0], rtol=1e-9)
-    assert found.unstable.size == 4 and np.all(np.abs(found.unstable) < 1)
+    np.testing.assert_allclose(np.sort(actual.cancellable.real), [-1.6, 1.25], rtol=1e-9)
+    np.testing.assert_allclose(actual.on_circle, [1.0], rtol=1e-9)
+    assert actual.unstable.size == 4 and np.all(np.abs(actual.unstable) < 1)
     ringing = sorted_zeros(transfer, ringing=0.6)
     np.testing.assert_allclose(ringing.cancellable.real, [1.25], rtol=1e-9)
     assert ringing.unstable.size == 5
@@ -108,24 +110,24 @@ def test_zeros_are_sorted():
 def test_a_double_zero_on_the_circle_stays_there(double, other):
     """Both of its zeros, whatever stands beside it: none is left to invert, none to reflect."""
     numerator = np.convolve([0.0, *double], other)
-    found = sorted_zeros(from_polynomials(numerator, [1.0, -0.9], 1.0))
-    assert found.on_circle.size == 2
-    np.testing.assert_allclose(np.abs(found.on_circle), 1.0, atol=1e-6)
+    actual = sorted_zeros(from_polynomials(numerator, [1.0, -0.9], 1.0))
+    assert actual.on_circle.size == 2
+    np.testing.assert_allclose(np.abs(actual.on_circle), 1.0, atol=1e-6)
     wanted = 1 / np.roots(other)
-    assert np.sum(np.abs(wanted) > 1) == found.cancellable.size
-    assert np.sum(np.abs(wanted) < 1) == found.unstable.size
+    assert np.sum(np.abs(wanted) > 1) == actual.cancellable.size
+    assert np.sum(np.abs(wanted) < 1) == actual.unstable.size
 
 
 def test_a_zero_that_is_only_near_the_circle_is_told_from_it():
     """Ten times the tolerance to either side."""
     for zero_z, where in ((1 - 1e-5, "cancellable"), (1 + 1e-5, "unstable")):
-        found = sorted_zeros(from_polynomials([0.0, 1.0, -zero_z], [1.0, -0.9], 1.0))
-        assert getattr(found, where).size == 1
+        actual = sorted_zeros(from_polynomials([0.0, 1.0, -zero_z], [1.0, -0.9], 1.0))
+        assert getattr(actual, where).size == 1
 
 
 def test_polynomial_from_zeros_is_one_at_the_origin():
-    found = polynomial_from_zeros(np.array([0.5 + 0.5j, 0.5 - 0.5j]))
-    np.testing.assert_allclose(found, [1.0, -2.0, 2.0], rtol=1e-14)
+    actual = polynomial_from_zeros(np.array([0.5 + 0.5j, 0.5 - 0.5j]))
+    np.testing.assert_allclose(actual, [1.0, -2.0, 2.0], rtol=1e-14)
 
 
 def test_bad_input(two_axes):

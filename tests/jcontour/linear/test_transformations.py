@@ -25,9 +25,9 @@ def test_zoh_is_that_of_scipy():
     discretise = jax.jit(zoh)
     for dt in (1e-3, 0.7):
         wanted = cont2discrete((A, B, np.eye(states), np.zeros((states, 2))), dt)
-        found = discretise(A, B, dt)
-        np.testing.assert_allclose(found[0], wanted[0], rtol=1e-12, atol=1e-14)
-        np.testing.assert_allclose(found[1], wanted[1], rtol=1e-12, atol=1e-14)
+        actual = discretise(A, B, dt)
+        np.testing.assert_allclose(actual[0], wanted[0], rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(actual[1], wanted[1], rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize("samples", [1, 3])
@@ -44,8 +44,8 @@ def test_delay_in_the_model_is_the_delay_of_the_wrapper(samples, coupled_plant, 
             1
         ]
 
-    found = outputs_of((x, np.zeros((3, 2))), controls)
-    np.testing.assert_allclose(found, outputs[:-1], rtol=1e-12, atol=1e-13)
+    actual = outputs_of((x, np.zeros((3, 2))), controls)
+    np.testing.assert_allclose(actual, outputs[:-1], rtol=1e-12, atol=1e-13)
 
 
 def test_no_delay_is_the_plant_itself(two_axes):

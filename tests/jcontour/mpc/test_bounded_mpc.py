@@ -27,22 +27,22 @@ def model(late: int) -> tuple[VaryingModel, np.ndarray]:
     mass = np.where(which == 1, 1.1, 1.0)[:, None, None]
     A = np.broadcast_to([[1, DT], [0, 1]], (SAMPLES, 2, 2))
     B = np.array([[DT**2 / 2], [DT]]) / mass
-    found = VaryingModel(A, B, 0.3 * B)
+    actual = VaryingModel(A, B, 0.3 * B)
     for _ in range(late):
-        found = found.with_input_delay()
-    return found, which
+        actual = actual.with_input_delay()
+    return actual, which
 
 
 def made(late: int = 0, limit: float | None = None, control_limit: float | None = None):
     """The controller around rest; the tube of its states is hardly wider than it has to be."""
-    found, which = model(late)
-    n = found.A.shape[1]
+    actual, which = model(late)
+    n = actual.A.shape[1]
     patterns = []
     for k in (0, 10):
-        one = DisturbedModel.of(found.A[k], found.B[k], found.E[k])
+        one = DisturbedModel.of(actual.A[k], actual.B[k], actual.E[k])
         tool = one.state_signals(["x"], np.eye(n)[0])
         patterns.append(least_peak(one, tool, one.control_signals(1.2), LENGTH).response)
-    response = brought_to_rest_along(found, patterns, which)
+    response = brought_to_rest_along(actual, patterns, which)
     R = response.samples
     rows = np.broadcast_to(np.eye(n), (R, n, n))
     sizes = SPARE * response.growth(rows, np.zeros((R, n, 1)))[..., -1].max(axis=0)
@@ -67,14 +67,14 @@ def rest():
 def run(mpc: BoundedMPC, reference, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """States (T, n) and controls (T, 1); a QP without an answer raises."""
     plan, memory = mpc.prepare(reference), mpc.initial_memory(reference)
-    found, x, states, controls = mpc.response.model, np.zeros(mpc.state.shape[1]), [], []
+    actual, x, states, controls = mpc.response.model, np.zeros(mpc.state.shape[1]), [], []
     for k in range(reference.steps):
         row = type(plan)(*(leaf[k] for leaf in plan))
         memory, u, report = mpc.step(memory, row, x[:2])
         assert report.residual < 1e-8
         states.append(x)
         controls.append(u)
-        x = found.A[k] @ x + found.B[k] @ u + found.E[k] @ w[k]
+        x = actual.A[k] @ x + actual.B[k] @ u + actual.E[k] @ w[k]
     return np.array(states), np.array(controls)
 
 

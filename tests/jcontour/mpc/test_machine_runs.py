@@ -35,7 +35,7 @@ def test_on_a_linear_machine_it_is_the_least_squares_optimum(slide, ramp, rng):
     S = len(ramp.position)
     given = rng.normal(size=(S, 1))
     length, size = 1e-4, 0.5
-    found = machine_run(slide, ramp, given, length, size, rounds=1)
+    actual = machine_run(slide, ramp, given, length, size, rounds=1)
     A, B, C = (np.asarray(matrix) for matrix in (slide.A, slide.B, slide.C))
     maps = np.zeros((S, S))
     for k in range(S):
@@ -44,10 +44,10 @@ def test_on_a_linear_machine_it_is_the_least_squares_optimum(slide, ramp, rng):
     rows = np.concatenate([maps / length, np.eye(S) / size])
     wanted = np.concatenate([np.asarray(ramp.position)[:, 0] / length, given[:, 0] / size])
     optimum = np.linalg.lstsq(rows, wanted, rcond=None)[0]
-    np.testing.assert_allclose(found.control[:, 0], optimum, rtol=1e-8, atol=1e-8)
-    np.testing.assert_allclose(found.output[:, 0], maps @ optimum, atol=1e-12)
-    assert found.state.shape == (S + 1, 2)
-    np.testing.assert_allclose(found.A[3], A, atol=1e-15)
+    np.testing.assert_allclose(actual.control[:, 0], optimum, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(actual.output[:, 0], maps @ optimum, atol=1e-12)
+    assert actual.state.shape == (S + 1, 2)
+    np.testing.assert_allclose(actual.A[3], A, atol=1e-15)
 
 
 @pytest.mark.slow
@@ -58,15 +58,15 @@ def test_the_gantry_follows_a_line_within_a_nanometre():
     reference = in_time(path, law, 0.4, dt, preview=8, dwell=0.02)
     gantry = Gantry(p, dt)
     given = currents_along(p, reference.position, dt)
-    found = machine_run(gantry, reference, given, 1e-8, 1.0)
-    assert np.abs(found.output - np.asarray(reference.position)).max() < 5e-9
-    assert np.abs(found.control).max() < 2.0  # [A]
+    actual = machine_run(gantry, reference, given, 1e-8, 1.0)
+    assert np.abs(actual.output - np.asarray(reference.position)).max() < 5e-9
+    assert np.abs(actual.control).max() < 2.0  # [A]
     k = 60
-    z, v = jnp.asarray(found.state[k]), jnp.asarray(found.control[k])
-    np.testing.assert_allclose(gantry.step(z, v), found.state[k + 1], atol=1e-14)
+    z, v = jnp.asarray(actual.state[k]), jnp.asarray(actual.control[k])
+    np.testing.assert_allclose(gantry.step(z, v), actual.state[k + 1], atol=1e-14)
     small = 1e-6 * np.array([1.0, -2.0, 0.5, 3.0, 1.0, -1.0])
-    moved = np.asarray(gantry.step(z + small, v)) - found.state[k + 1]
-    np.testing.assert_allclose(moved, found.A[k] @ small, atol=1e-10)
+    moved = np.asarray(gantry.step(z + small, v)) - actual.state[k + 1]
+    np.testing.assert_allclose(moved, actual.A[k] @ small, atol=1e-10)
 
 
 class Stiffening(Plant):
@@ -90,9 +90,9 @@ def test_a_run_that_has_not_settled_is_refused():
     given = np.zeros((len(reference.position), 1))
     with pytest.raises(ValueError, match="rounds: after 2 the next would change a control by"):
         machine_run(Stiffening(), reference, given, 1e-3, 1.0, rounds=2)
-    found = machine_run(Stiffening(), reference, given, 1e-3, 1.0, rounds=4)
+    actual = machine_run(Stiffening(), reference, given, 1e-3, 1.0, rounds=4)
     more = machine_run(Stiffening(), reference, given, 1e-3, 1.0, rounds=5)
-    assert np.abs(more.control - found.control).max() <= 1e-6
+    assert np.abs(more.control - actual.control).max() <= 1e-6
 
 
 def test_bad_input(slide, ramp):

@@ -69,7 +69,7 @@ def _condensed(qp: StagedQP) -> tuple[QP, np.ndarray, np.ndarray]:
     lower_rows = np.concatenate([np.full(len(low), -np.inf), low])
     upper_rows = np.concatenate([high, np.full(len(high), np.inf)])
     least = np.concatenate([np.full(len(small), -np.inf), np.zeros(len(gives))])
-    found = QP(
+    actual = QP(
         H_all,
         np.concatenate([small, price[gives]]),
         rows,
@@ -78,7 +78,7 @@ def _condensed(qp: StagedQP) -> tuple[QP, np.ndarray, np.ndarray]:
         least,
         np.full(len(least), np.inf),
     )
-    return found, F, G
+    return actual, F, G
 
 
 def _kkt(qp: StagedQP, controls, multipliers) -> np.ndarray:

@@ -45,27 +45,27 @@ def controls_of(answer, qp):
 )
 def test_answers_are_those_of_daqp(kind, request, one_of, condensed):
     qp = request.getfixturevalue(kind)
-    found = jax.device_get(many(qp))
-    assert found.solved.all() and float(found.residual.max()) <= SOLVED
+    actual = jax.device_get(many(qp))
+    assert actual.solved.all() and float(actual.residual.max()) <= SOLVED
     active = 0
     for k in range(6):
         dense, _, _ = condensed(one_of(qp, k))
         wanted = DAQP().solve(dense)
-        controls = controls_of(found, qp)[k].ravel()
+        controls = controls_of(actual, qp)[k].ravel()
         size = np.abs(wanted.z).max()
         np.testing.assert_allclose(
             controls, wanted.z[: controls.size], rtol=0, atol=1e-6 * max(size, 1.0)
         )
         active += np.count_nonzero(np.abs(wanted.multipliers) > 1e-9)
         slack = wanted.z[controls.size :].max(initial=0.0)
-        assert float(found.beyond[k]) == pytest.approx(slack, abs=1e-6 * max(size, 1.0))
+        assert float(actual.beyond[k]) == pytest.approx(slack, abs=1e-6 * max(size, 1.0))
     assert active > 20
-    assert (float(found.beyond.max()) > 0.1) is (kind == "giving")
+    assert (float(actual.beyond.max()) > 0.1) is (kind == "giving")
 
 
 def test_conditions_of_optimality_hold_in_numpy(limited, kkt):
-    found = jax.device_get(many(limited))
-    assert kkt(limited, controls_of(found, limited), found.multipliers).max() <= SOLVED
+    actual = jax.device_get(many(limited))
+    assert kkt(limited, controls_of(actual, limited), actual.multipliers).max() <= SOLVED
 
 
 def test_what_gives_way_is_paid_with_its_weight():
@@ -91,20 +91,20 @@ def test_of_a_thousand_random_problems_none_is_wrong_without_a_flag(seed, staged
         H_end=qp.H_end * scale[:, None, None],
         h_end=qp.h_end * scale[:, None],
     )
-    found = jax.device_get(many(qp))
-    faults = kkt(qp, controls_of(found, qp), found.multipliers)
-    solved = np.asarray(found.solved)
+    actual = jax.device_get(many(qp))
+    faults = kkt(qp, controls_of(actual, qp), actual.multipliers)
+    solved = np.asarray(actual.solved)
     assert faults[solved].max() <= SOLVED
     assert np.count_nonzero(~solved) <= 1
 
 
 def test_without_an_active_limit_the_first_step_is_the_answer(boxed, one_of, condensed):
     far = boxed._replace(lower=boxed.lower - 1e3, upper=boxed.upper + 1e3)
-    found = jax.device_get(many(far))
+    actual = jax.device_get(many(far))
     dense, F, G = condensed(one_of(far, 3))
     wanted = F + G @ np.linalg.solve(dense.H, -dense.g)
-    np.testing.assert_allclose(found.trajectory.stages[3], wanted, rtol=0, atol=1e-10)
-    assert found.solved.all() and not found.iterations.any() and not found.multipliers.any()
+    np.testing.assert_allclose(actual.trajectory.stages[3], wanted, rtol=0, atol=1e-10)
+    assert actual.solved.all() and not actual.iterations.any() and not actual.multipliers.any()
 
 
 def test_vmap_is_a_loop(giving, one_of):
@@ -136,14 +136,14 @@ def spoiled(qp):
 
 def test_what_has_no_answer_is_flagged_and_has_no_derivative(limited):
     qp = spoiled(limited)
-    found = jax.device_get(many(qp))
-    assert not found.solved[:8].any() and found.solved[8:].all()
+    actual = jax.device_get(many(qp))
+    assert not actual.solved[:8].any() and actual.solved[8:].all()
 
     @jax.jit
     def slope(qp):
         return jax.grad(lambda qp: jnp.sum(many(qp).trajectory.stages[:, 0] ** 2))(qp)
 
-    slopes, known = slope(qp), np.asarray(found.solved)
+    slopes, known = slope(qp), np.asarray(actual.solved)
     np.testing.assert_array_equal(np.isfinite(slopes.x0).all(axis=1), known)
     for leaf in jax.tree.leaves(slopes):
         assert np.isfinite(np.asarray(leaf)[known]).all()
@@ -172,8 +172,8 @@ def test_derivatives_are_those_of_differences(kind, request, one_of):
         moved = jax.tree.map(lambda leaf, d: leaf + size * d, qp, moves)
         return solve(moved).trajectory.stages
 
-    step, found = 1e-5, jax.jit(stages)
-    difference = (np.asarray(found(step)) - np.asarray(found(-step))) / (2 * step)
+    step, actual = 1e-5, jax.jit(stages)
+    difference = (np.asarray(actual(step)) - np.asarray(actual(-step))) / (2 * step)
     forward = np.asarray(jax.jit(lambda: jax.jvp(stages, (0.0,), (1.0,))[1])())
     reverse = jax.jit(jax.grad(lambda size: jnp.sum(pull * stages(size))))(0.0)
     held = jax.device_get(single(qp))
@@ -192,8 +192,8 @@ def test_beyond_a_limit_the_answer_moves_with_its_price():
     def control(price):
         start = jnp.zeros(1)
         parts = (one, one, none, start, H, h, none, start, row, never, one, price[None])
-        found = solve(StagedQP(*parts))
-        return found.trajectory.stages[0, 1], found.solved
+        actual = solve(StagedQP(*parts))
+        return actual.trajectory.stages[0, 1], actual.solved
 
     prices = jnp.array([2.0, 3.9, 4.1, 9.0])
     (controls, solved), slopes = jax.jit(jax.vmap(jax.value_and_grad(control, has_aux=True)))(
@@ -229,10 +229,10 @@ def test_at_a_change_of_the_active_set_the_derivative_is_between_its_sides(boxed
 def test_equal_limits_fix_a_control(boxed, one_of, condensed):
     qp = one_of(boxed, 4)
     qp.lower[1, 0] = qp.upper[1, 0] = 0.2
-    found, (dense, _, _) = single(qp), condensed(qp)
-    assert found.solved
+    actual, (dense, _, _) = single(qp), condensed(qp)
+    assert actual.solved
     np.testing.assert_allclose(
-        controls_of(found, qp).ravel(), DAQP().solve(dense).z, rtol=0, atol=2e-6
+        controls_of(actual, qp).ravel(), DAQP().solve(dense).z, rtol=0, atol=2e-6
     )
 
 
@@ -249,8 +249,8 @@ def test_a_guess_of_another_type_is_converted_and_one_of_another_size_refused(li
     qp = one_of(limited, 0)
     with pytest.raises(ValueError, match="guess"):
         solve(qp, placed(np.ones((1, 1))))
-    found, wanted = (
+    actual, wanted = (
         jax.device_get(single(qp, np.ones((6, 2), dtype))) for dtype in ("float32", "float64")
     )
-    np.testing.assert_array_equal(found.trajectory.stages, wanted.trajectory.stages)
-    assert found.iterations == wanted.iterations
+    np.testing.assert_array_equal(actual.trajectory.stages, wanted.trajectory.stages)
+    assert actual.iterations == wanted.iterations

@@ -139,11 +139,11 @@ def counted(kind, problems):
     solver, failures = kind(), 0
     for k, qp in enumerate(problems):
         try:
-            found = solver.solve(qp)
+            actual = solver.solve(qp)
         except Unsolved:
             failures += 1
             continue
-        z, n = found.z.astype(np.longdouble), qp.g.size
+        z, n = actual.z.astype(np.longdouble), qp.g.size
         rows, low, high = (
             np.vstack([np.eye(n), qp.C]).astype(np.longdouble),
             np.append(qp.lower, qp.lower_rows),
@@ -153,10 +153,10 @@ def counted(kind, problems):
             1.0,
             *(
                 np.abs(part).max(initial=0.0)
-                for part in (qp.H @ z, qp.g, rows.T @ found.multipliers)
+                for part in (qp.H @ z, qp.g, rows.T @ actual.multipliers)
             ),
         )
-        forces = found.multipliers
+        forces = actual.multipliers
         bound = np.where(forces > 0, high, low)
         finite = np.isfinite(bound)
         gap = abs(z @ (qp.H @ z) + qp.g @ z + bound[finite] @ forces[finite])

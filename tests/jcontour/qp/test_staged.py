@@ -22,9 +22,9 @@ another_step, costates, drifted, factorised, rollout, slopes, step_of = map(
 )
 
 
-def close(found, wanted, tolerance=1e-10):
+def close(actual, wanted, tolerance=1e-10):
     scale = max(float(np.abs(wanted).max()), 1.0)
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=tolerance * scale)
+    np.testing.assert_allclose(actual, wanted, rtol=0, atol=tolerance * scale)
 
 
 @pytest.fixture(scope="module")
@@ -59,18 +59,18 @@ def test_a_step_is_the_dense_minimum_and_another_slope_needs_no_other_factors(qp
     dense, F, G = condensed(qp)
     z = -np.linalg.solve(dense.H, dense.g)
     start = rollout(qp, np.zeros((5, 2)))
-    found = factorised(qp, qp.H, *slopes(qp, start))
-    step = step_of(qp, found)
+    actual = factorised(qp, qp.H, *slopes(qp, start))
+    step = step_of(qp, actual)
     close(start.stages + step.stages, F + G @ z)
-    again = another_step(qp, found, *(2 * np.asarray(slope) for slope in slopes(qp, start)))
+    again = another_step(qp, actual, *(2 * np.asarray(slope) for slope in slopes(qp, start)))
     close(again.stages, 2 * np.asarray(step.stages))
     close(again.end, 2 * np.asarray(step.end))
 
 
 def test_slopes_are_those_of_the_cost(qp, controls):
     at = rollout(qp, controls)
-    for found, wanted in zip(slopes(qp, at), jax.jit(jax.grad(cost, 1))(qp, at), strict=True):
-        close(found, wanted)
+    for actual, wanted in zip(slopes(qp, at), jax.jit(jax.grad(cost, 1))(qp, at), strict=True):
+        close(actual, wanted)
 
 
 def test_costates_are_the_slopes_of_the_cost_with_what_is_added_to_a_state(qp, controls):

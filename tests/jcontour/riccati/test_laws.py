@@ -32,8 +32,8 @@ def judged(problems, form, readable, arguments, tolerance=1e-9):
         numbers = tuple(range(len(arguments)))
         return problems.quick(jax.value_and_grad(scalar, numbers, has_aux=True))(*arguments)
 
-    ((_, found), slopes), ((_, wanted), wanted_slopes) = value(form), value(readable)
-    problems.close(found, wanted, 1e-11)
+    ((_, actual), slopes), ((_, wanted), wanted_slopes) = value(form), value(readable)
+    problems.close(actual, wanted, 1e-11)
     problems.close(slopes, wanted_slopes, tolerance)
 
 
@@ -92,13 +92,13 @@ def test_decoupled_axes_need_no_sweep(problems, sizes, preview, profile):
 )
 def test_decoupled_gains_of_the_table_at_extreme_weights(problems, alpha, beta, rho):
     plant, (tangent, y_d) = bridgeport(), path(2, 30)
-    found, wanted = (
+    actual, wanted = (
         jax.jit(contouring, static_argnums=(0, 2))(
             form, plant, 10, jnp.array([alpha, beta, rho]), tangent, 1e-5 * y_d
         )
         for form in ("decoupled", "readable")
     )
-    problems.close(found, wanted, 1e-10)
+    problems.close(actual, wanted, 1e-10)
 
 
 def test_coupled_axes_and_long_windows_are_swept(coupled_plant):
@@ -175,9 +175,9 @@ def test_answer_of_matrices_that_may_be_singular(rank):
     random = np.random.default_rng(rank)
     root, other, V = (random.standard_normal(shape) for shape in ((4, rank), (4, 4), (4, 2)))
     H, C = root @ root.T, other @ other.T
-    found = jax.jit(answer)(*(M[..., None] for M in (H, C, V)))
+    actual = jax.jit(answer)(*(M[..., None] for M in (H, C, V)))
     expected = H @ np.linalg.solve(np.eye(4) + C @ H, V)
-    np.testing.assert_allclose(found[..., 0], expected, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(actual[..., 0], expected, rtol=1e-11, atol=1e-12)
 
 
 @pytest.mark.slow
@@ -226,6 +226,6 @@ def test_single_precision_stays_single(problems):
         return contouring("decoupled", plant, 10, weights, tangent, y_d)
 
     single = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), numbers)
-    found = jax.jit(plan)(*single)
-    assert found.F.dtype == found.f.dtype == jnp.float32
-    problems.close(found, jax.jit(plan)(*numbers), 1e-3)
+    actual = jax.jit(plan)(*single)
+    assert actual.F.dtype == actual.f.dtype == jnp.float32
+    problems.close(actual, jax.jit(plan)(*numbers), 1e-3)

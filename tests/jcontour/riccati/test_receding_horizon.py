@@ -98,9 +98,9 @@ def test_every_step_is_a_horizon_up_to_the_end_of_its_block(coupled_plant, steps
     at = np.arange(seen)[block_ends(steps, preview)] - preview
     terminal = CostToGo(H[at], g[at])
     swept = jax.jit(blockwise_plan, static_argnums=5)
-    found = jax.device_get(swept(plant, Q, y_d, R, terminal, preview))
+    actual = jax.device_get(swept(plant, Q, y_d, R, terminal, preview))
     for k, last in enumerate(ends):
         ahead, end = slice(k + 1, last), last - preview
         F, f = horizon(plant, Q[ahead], y_d[ahead], R, H[end], g[end])
-        np.testing.assert_allclose(found.F[k], F, rtol=1e-9, atol=1e-12)
-        np.testing.assert_allclose(found.f[k], f, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(actual.F[k], F, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(actual.f[k], f, rtol=1e-9, atol=1e-12)

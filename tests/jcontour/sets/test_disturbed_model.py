@@ -22,7 +22,7 @@ def test_signals_have_a_limit_each_or_one_for_all(slide):
 
 
 @pytest.mark.parametrize(
-    ("matrices", "told"),
+    ("matrices", "message"),
     [
         (([[1.0, 2.0]], [1.0], [1.0]), "A: needs to be square"),
         ((np.eye(2), [1.0], [1.0, 0.0]), r"B: needs shape \(2, p\)"),
@@ -30,6 +30,6 @@ def test_signals_have_a_limit_each_or_one_for_all(slide):
         ((np.eye(2), [1.0, np.nan], [1.0, 0.0]), "B: every entry needs to be finite"),
     ],
 )
-def test_bad_matrices_are_named(matrices, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_matrices_are_named(matrices, message):
+    with pytest.raises(ValueError, match=message):
         DisturbedModel.of(*matrices)

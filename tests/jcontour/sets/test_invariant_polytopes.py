@@ -18,13 +18,13 @@ def random_polytope(generator, dimension, rows):
     return Polytope(H, generator.uniform(0.3, 1, rows)).intersection(around)
 
 
-def enumerated(found):
+def enumerated(actual):
     """All corners, from every choice of as many rows as there are coordinates."""
     points = []
-    for rows in map(list, combinations(range(len(found.h)), found.H.shape[1])):
-        if abs(np.linalg.det(found.H[rows])) > 1e-9:
-            point = np.linalg.solve(found.H[rows], found.h[rows])
-            if (found.H @ point <= found.h + 1e-9).all():
+    for rows in map(list, combinations(range(len(actual.h)), actual.H.shape[1])):
+        if abs(np.linalg.det(actual.H[rows])) > 1e-9:
+            point = np.linalg.solve(actual.H[rows], actual.h[rows])
+            if (actual.H @ point <= actual.h + 1e-9).all():
                 points.append(point)
     return np.array(points)
 
@@ -39,19 +39,19 @@ def generator(request):
 
 
 def test_corners_are_those_of_every_choice_of_rows(generator):
-    found, rows = random_polytope(generator, 3, 6), generator.normal(size=(50, 3))
-    np.testing.assert_allclose(support(found.corners, rows), support(enumerated(found), rows))
-    assert (found.H @ found.middle < found.h).all()
+    actual, rows = random_polytope(generator, 3, 6), generator.normal(size=(50, 3))
+    np.testing.assert_allclose(support(actual.corners, rows), support(enumerated(actual), rows))
+    assert (actual.H @ actual.middle < actual.h).all()
 
 
 def test_reduction_keeps_the_set_and_every_row_that_is_left_counts(generator):
     whole = random_polytope(generator, 2, 12)
-    found = whole.reduced()
-    assert len(found.h) < len(whole.h)
+    actual = whole.reduced()
+    assert len(actual.h) < len(whole.h)
     points = generator.uniform(-3, 3, size=(2000, 2))
-    inside = [(points @ one.H.T <= one.h).all(axis=1) for one in (found, whole)]
+    inside = [(points @ one.H.T <= one.h).all(axis=1) for one in (actual, whole)]
     np.testing.assert_array_equal(*inside)
-    assert len(found.h) == len(np.unique(np.round(enumerated(found), 9), axis=0))  # in the plane
+    assert len(actual.h) == len(np.unique(np.round(enumerated(actual), 9), axis=0))  # in the plane
 
 
 def test_repeated_rows_are_one():
@@ -60,12 +60,12 @@ def test_repeated_rows_are_one():
 
 
 def test_the_shadow_is_that_of_the_corners(generator):
-    found = random_polytope(generator, 3, 5)
+    actual = random_polytope(generator, 3, 5)
     angles = np.linspace(0, 2 * np.pi, 9)
     rows = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    shadow = found.shadow(2)
+    shadow = actual.shadow(2)
     np.testing.assert_allclose(np.linalg.norm(shadow.H, axis=1), 1.0)
-    wanted = support(enumerated(found)[:, :2], rows)
+    wanted = support(enumerated(actual)[:, :2], rows)
     np.testing.assert_allclose(support(shadow.corners, rows), wanted)
 
 
@@ -104,9 +104,9 @@ def pushed():
 
 def test_algorithm_1_gives_a_control_invariant_set(pushed):
     """Every vertex has one control that keeps both disturbed states inside."""
-    found = control_invariant(pushed, box([1.0, 1.0]), np.array([1.0]), margin=1e-2)
-    H, h = found.polytope
-    for x in found.polytope.corners:
+    actual = control_invariant(pushed, box([1.0, 1.0]), np.array([1.0]), margin=1e-2)
+    H, h = actual.polytope
+    for x in actual.polytope.corners:
         rows = np.concatenate([H @ pushed.B, [[1.0], [-1.0]]])
         room = h - H @ pushed.A @ x - np.abs(H @ pushed.E).sum(axis=1)
         answer = linprog([0.0], rows, np.append(room, [1.0, 1.0]), bounds=(None, None))
@@ -116,10 +116,10 @@ def test_algorithm_1_gives_a_control_invariant_set(pushed):
 def test_algorithm_1_tends_to_the_largest_set(pushed):
     """With a smaller margin the set grows; no set has to grow beyond what is allowed."""
     margins = (1e-2, 1e-3, 1e-4)
-    found = [control_invariant(pushed, box([1.0, 1.0]), np.ones(1), one) for one in margins]
-    sizes = [support(one.polytope.corners, AROUND) for one in found]
+    actual = [control_invariant(pushed, box([1.0, 1.0]), np.ones(1), one) for one in margins]
+    sizes = [support(one.polytope.corners, AROUND) for one in actual]
     assert (np.diff(sizes, axis=0) >= -1e-9).all()
-    assert found[-1].polytope.within(box([1.0, 1.0]), 1e-9)
+    assert actual[-1].polytope.within(box([1.0, 1.0]), 1e-9)
 
 
 def test_too_large_a_disturbance_leaves_nothing(pushed):

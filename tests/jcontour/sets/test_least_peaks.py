@@ -22,10 +22,10 @@ def test_least_tolerance_of_the_thesis_is_the_reference(axis, axis_numbers, prev
     for case in axis_numbers["cases"]:
         if case["previewed"] != previewed or "least_tolerance_m" not in case or case["N"] > 60:
             continue
-        found = least_peak(model, *signals(model, axis_numbers), case["N"])
-        assert found.tolerance == pytest.approx(case["least_tolerance_m"], rel=1e-4)
-        assert found.limiting == ("u_tilde",)
-        assert found.peaks["u_tilde"] <= axis_numbers["bounds"]["u_tilde"] * (1 + 1e-9)
+        actual = least_peak(model, *signals(model, axis_numbers), case["N"])
+        assert actual.tolerance == pytest.approx(case["least_tolerance_m"], rel=1e-4)
+        assert actual.limiting == ("u_tilde",)
+        assert actual.peaks["u_tilde"] <= axis_numbers["bounds"]["u_tilde"] * (1 + 1e-9)
 
 
 @pytest.mark.slow
@@ -37,8 +37,8 @@ def test_least_tolerance_of_long_responses(axis, axis_numbers, previewed):
         for case in axis_numbers["cases"]
         if case["previewed"] == previewed and case["N"] == 80
     ]
-    found = least_peak(model, *signals(model, axis_numbers), 80)
-    assert found.tolerance == pytest.approx(wanted, rel=1e-4)
+    actual = least_peak(model, *signals(model, axis_numbers), 80)
+    assert actual.tolerance == pytest.approx(wanted, rel=1e-4)
 
 
 def test_limits_that_nobody_can_keep_are_named(axis, axis_numbers):
@@ -57,26 +57,26 @@ def test_limits_that_nobody_can_keep_are_named(axis, axis_numbers):
 
 def test_the_shortest_response_is_deadbeat(slide):
     """With one control and as many samples as states there is one response: poles at zero."""
-    found = least_peak(slide, slide.state_signals(["x"], [1, 0]), [], 2)
+    actual = least_peak(slide, slide.state_signals(["x"], [1, 0]), [], 2)
     reach = np.concatenate([slide.B, slide.A @ slide.B], axis=1)
     K = np.array([[0, 1]]) @ np.linalg.inv(reach) @ slide.A @ slide.A  # Ackermann
     closed = slide.A - slide.B @ K
     by_hand = sum(abs((np.linalg.matrix_power(closed, j) @ slide.E)[0, 0]) for j in range(2))
-    assert found.tolerance == pytest.approx(by_hand, rel=1e-9)
+    assert actual.tolerance == pytest.approx(by_hand, rel=1e-9)
 
 
 def test_no_other_policy_is_better_and_longer_ones_are_not_worse(slide):
     small, limited = slide.state_signals(["x"], [1, 0]), slide.control_signals(0.42)
-    found = [least_peak(slide, small, limited, N) for N in (3, 4, 24)]
-    assert found[0].tolerance >= found[1].tolerance * (1 - 1e-9)
-    assert found[1].tolerance >= found[2].tolerance * (1 - 1e-9)
+    actual = [least_peak(slide, small, limited, N) for N in (3, 4, 24)]
+    assert actual[0].tolerance >= actual[1].tolerance * (1 - 1e-9)
+    assert actual[1].tolerance >= actual[2].tolerance * (1 - 1e-9)
     generator, compared = np.random.default_rng(0), 0
-    best = found[2].response.control
+    best = actual[2].response.control
     for size in np.geomspace(1e-4, 0.1, 300):
         other = brought_to_rest(slide, 0.999 * best + size * generator.normal(size=best.shape) / 24)
         if other.peak(limited[0]) <= 0.42:
             compared += 1
-            assert other.peak(small[0]) >= found[2].tolerance * (1 - 1e-9)
+            assert other.peak(small[0]) >= actual[2].tolerance * (1 - 1e-9)
     assert compared > 20
 
 
@@ -94,13 +94,13 @@ def test_units_of_the_states_change_nothing():
     A = np.block([[np.eye(2), np.eye(2)], [np.zeros((2, 2)), np.eye(2)]])
     B = np.array([[1.0, 0.3], [-0.2, 1.0], [1.0, 0.2], [-0.2, 1.0]])
     E = np.concatenate([B, 1e-6 * np.eye(4)], axis=1)
-    found = []
+    actual = []
     for unit in (1.0, 1e-6):
         u = unit * np.array([1e-3, 1e-3, 1.0, 1.0])
         model = DisturbedModel.of(A * u[:, None] / u, B * u[:, None], E * u[:, None])
         x = model.state_signals(["x"], [1, 0, 0, 0])
-        found.append(least_peak(model, x, model.control_signals(1.3), 8).tolerance / u[0])
-    assert found[1] == pytest.approx(found[0], rel=1e-8)
+        actual.append(least_peak(model, x, model.control_signals(1.3), 8).tolerance / u[0])
+    assert actual[1] == pytest.approx(actual[0], rel=1e-8)
 
 
 def test_scales_of_a_response_that_keeps_the_limits_help_the_solver(slide, monkeypatch):

@@ -99,11 +99,11 @@ def position(samples: int) -> tuple[np.ndarray, np.ndarray]:
 
 def test_on_a_constant_model_they_are_the_pattern(patterns):
     which = np.zeros(SAMPLES, int)
-    found = brought_to_rest_along(along([heavy_slide(1.0)] * SAMPLES), patterns, which)
-    assert found.samples == SAMPLES - LENGTH
-    np.testing.assert_allclose(found.control[5], patterns[0].control, atol=1e-12)
-    np.testing.assert_allclose(found.state[5], patterns[0].state, atol=1e-12)
-    growth = found.growth(*position(found.samples))
+    actual = brought_to_rest_along(along([heavy_slide(1.0)] * SAMPLES), patterns, which)
+    assert actual.samples == SAMPLES - LENGTH
+    np.testing.assert_allclose(actual.control[5], patterns[0].control, atol=1e-12)
+    np.testing.assert_allclose(actual.state[5], patterns[0].state, atol=1e-12)
+    growth = actual.growth(*position(actual.samples))
     wanted = np.cumsum(np.abs(patterns[0].state[:, 0]).sum(axis=-1))
     wanted = np.concatenate([[0.0], wanted[:-1]])
     np.testing.assert_allclose(growth[LENGTH + 3, 0], wanted, atol=1e-12)
@@ -147,13 +147,13 @@ def test_the_growth_of_a_signal_is_the_sum_of_its_answers_to_every_sample(switch
     np.testing.assert_allclose(switched.growth(c, d)[:, 0, -1], wanted, rtol=1e-12, atol=1e-15)
 
 
-def driven(found, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def driven(actual, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """States and controls under the policy u(k) = sum_j U_(k-1-j)j w(k-1-j)."""
-    model, x, states, controls = found.model, np.zeros(2), [], []
-    for k in range(found.samples):
+    model, x, states, controls = actual.model, np.zeros(2), [], []
+    for k in range(actual.samples):
         states.append(x)
         u = sum(
-            (found.control[k - 1 - j, j] @ w[k - 1 - j] for j in range(min(k, LENGTH))),
+            (actual.control[k - 1 - j, j] @ w[k - 1 - j] for j in range(min(k, LENGTH))),
             start=np.zeros(1),
         )
         controls.append(u)
@@ -166,9 +166,9 @@ def test_a_late_control_waits_in_the_state(switched, rng):
     late = model.with_input_delay()
     x, line = rng.normal(size=2), rng.normal(size=1)
     u, w = rng.normal(size=1), rng.normal(size=1)
-    found = late.A[3] @ np.append(x, line) + late.B[3] @ u + late.E[3] @ w
+    actual = late.A[3] @ np.append(x, line) + late.B[3] @ u + late.E[3] @ w
     wanted = model.A[3] @ x + model.B[3] @ line + model.E[3] @ w
-    np.testing.assert_allclose(found, np.append(wanted, u), atol=1e-15)
+    np.testing.assert_allclose(actual, np.append(wanted, u), atol=1e-15)
 
 
 def test_bad_input(patterns):

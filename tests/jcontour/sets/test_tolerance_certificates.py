@@ -26,11 +26,11 @@ def thesis_case(numbers, size, speed):
 @pytest.mark.slow
 @pytest.mark.parametrize(("size", "speed"), [(0.005, 0.1), (0.0025, 0.1), (0.005, 0.105)])
 def test_the_printed_data_need_more_than_they_allow(thesis_numbers, size, speed):
-    found = thesis_case(thesis_numbers, size, speed)
+    actual = thesis_case(thesis_numbers, size, speed)
     wanted = thesis_numbers["eps_min_m"][f"({size}, {speed})"]
-    assert found.bound == pytest.approx(wanted, rel=1e-6)
-    assert found.bound <= found.optimum
-    assert (found.bound > 4.5e-3) == ((size, speed) == (0.005, 0.1))
+    assert actual.bound == pytest.approx(wanted, rel=1e-6)
+    assert actual.bound <= actual.optimum
+    assert (actual.bound > 4.5e-3) == ((size, speed) == (0.005, 0.1))
 
 
 @pytest.fixture(scope="module", params=[[5e-6], [3e-6, 2e-6]])

@@ -135,7 +135,7 @@ def _largest(peaks: LoopPeaks, doubted: bool) -> dict[str, float | None]:
         "complementary": float(np.max(peaks.complementary)),
     }
     if doubted:
-        largest["doubt"] = float(np.max(peaks.doubt))
+        largest["doubt"] = float(np.max(peaks.uncertainty))
     return {name: peak if np.isfinite(peak) else None for name, peak in largest.items()}
 
 

@@ -19,7 +19,7 @@ from jcontour.analysis.sensitivity import (
     sensitivity_curves,
 )
 from jcontour.analysis.stability import DELAY_SEARCH
-from jcontour.analysis.uncertain_loops import GRID, Doubt
+from jcontour.analysis.uncertain_loops import GRID, ResponseUncertainty
 from jcontour.app.designs.design import Design
 from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.flags.shared import Aimed, Limited
@@ -150,7 +150,10 @@ def counted(limits: dict[str, float], machine: Machine) -> float | np.ndarray | 
 
 
 def probed_loops(
-    flags: Limited, problem: Problem, doubt: Doubt | None, count: float | np.ndarray | None
+    flags: Limited,
+    problem: Problem,
+    doubt: ResponseUncertainty | None,
+    count: float | np.ndarray | None,
 ) -> ProbedLoops | None:
     """The frozen loops that the limits look at; None where none does.
 
@@ -188,7 +191,10 @@ def family_peaks(
 
 
 def probed_peaks(
-    family: Plant, controller: Controller, windows: Reference, doubt: Doubt | None = None
+    family: Plant,
+    controller: Controller,
+    windows: Reference,
+    doubt: ResponseUncertainty | None = None,
 ) -> LoopPeaks:
     """Peaks of a family at the windows of some probes."""
     with on_cpu():  # few and small

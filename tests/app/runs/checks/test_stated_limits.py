@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from jcontour.analysis.uncertain_loops import BORNE, Doubt
+from jcontour.analysis.uncertain_loops import BORNE, ResponseUncertainty
 from jcontour.app.files.results.tuned_result import Standstill
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.runs.checks.stated_limits import (
@@ -17,7 +17,7 @@ from tests.app.small_runs import partly
 from tuning.objectives import COUNT_NOISE, Entry
 
 MARGINS = small_runs.margins(sensitivity=1.9, doubt=0.4)
-DOUBT = Doubt(np.array([0.1]), np.full((1, 2), 0.2))
+DOUBT = ResponseUncertainty(np.array([0.1]), np.full((1, 2), 0.2))
 ENTRIES = [
     Entry("peak_sensitivity", 0, 0),
     Entry("peak_sensitivity", 0, 1),

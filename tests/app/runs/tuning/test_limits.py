@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour._arrays import placed
-from jcontour.analysis.uncertain_loops import Doubt
+from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.app.designs.design import Design
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.replays import Scenarios
@@ -89,7 +89,9 @@ def test_the_noise_of_counts_is_limited_to_a_part_of_the_least_control():
 
 DT = 1e-3
 SHOWN = 0.3  # [rad per sample]: nothing is known of what is above
-HIDDEN = Doubt(np.array([1e-3, SHOWN, SHOWN * 1.0001, np.pi]), np.array([[0.1], [0.1], [5], [5]]))
+HIDDEN = ResponseUncertainty(
+    np.array([1e-3, SHOWN, SHOWN * 1.0001, np.pi]), np.array([[0.1], [0.1], [5], [5]])
+)
 
 
 def integrator(gain):

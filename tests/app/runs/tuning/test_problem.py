@@ -94,12 +94,14 @@ def test_what_is_not_known_of_the_response_limits_the_loops(machine_file, part_f
     z = Chart(run.problem.space, run.start).coordinates()
     point = evaluate_point(run.problem, run.start, np.asarray(z))
     assert run.limits["response_doubt"] == 0.5
-    assert 0 < np.max(point.outcome.loops.doubt) <= 0.5  # the first loop keeps it
+    assert 0 < np.max(point.outcome.loops.uncertainty) <= 0.5  # the first loop keeps it
     fields["uncertainty"]["response"]["relative"] = [[0.02, 4.0]] * 2
     doubted.write_text(json.dumps(fields))
     twice = tuning_run(Tune(parts=(str(part_file),), plant=str(doubted), preview=4))
     other = evaluate_point(twice.problem, run.start, np.asarray(z))
-    np.testing.assert_allclose(other.outcome.loops.doubt, 2 * point.outcome.loops.doubt, rtol=1e-9)
+    np.testing.assert_allclose(
+        other.outcome.loops.uncertainty, 2 * point.outcome.loops.uncertainty, rtol=1e-9
+    )
 
 
 class Runs(NamedTuple):

@@ -168,23 +168,23 @@ def test_steady_circle_of_equal_axes(table):
         ) - eps  # c'e of the tool is (|y|^2 - R^2) / 2R
 
     expected = abs(response) * (R - GAIN * brentq(mismatch, -R / 4, R / 4, xtol=1e-16))
-    found = np.linalg.norm(
+    actual = np.linalg.norm(
         np.asarray(
             simulate(table.equal, CommandShaped(table.cascade(), GAIN), table.on_circle()).output
         )[-1]
     )
-    assert found == pytest.approx(expected, abs=1e-9)
-    assert abs(found - R) < 0.5 * abs(abs(response) - 1) * R
+    assert actual == pytest.approx(expected, abs=1e-9)
+    assert abs(actual - R) < 0.5 * abs(abs(response) - 1) * R
 
 
 def test_steady_error_on_a_line_is_divided(table):
     """The error falls by 1 + k for equal lags, here by 1 + k sum n_i^2: e = e0 - k eps n."""
     normal, cascade = np.array([-np.sin(0.6), np.cos(0.6)]), table.cascade((18.0, 35.0))
-    plain, found = (
+    plain, actual = (
         table.last_error(table.plant, c, table.on_line(0.6))
         for c in (cascade, CommandShaped(cascade, GAIN))
     )
-    assert normal @ found == pytest.approx(normal @ plain / (1 + GAIN), rel=1e-6)
+    assert normal @ actual == pytest.approx(normal @ plain / (1 + GAIN), rel=1e-6)
 
 
 def test_is_cross_coupling_by_the_position_gain(table):
@@ -206,11 +206,11 @@ def test_is_cross_coupling_by_the_position_gain(table):
 def test_nothing_is_left_on_a_line_whatever_the_axes(table, angle):
     normal = np.array([-np.sin(angle), np.cos(angle)])
     cascade = table.cascade((18.0, 35.0), 0.3)
-    plain, found = (
+    plain, actual = (
         table.last_error(table.plant, c, table.on_line(angle))
         for c in (cascade, Precompensated(cascade, 8.0))
     )
-    assert abs(normal @ found) < 1e-8 and abs(normal @ plain) >= min(
+    assert abs(normal @ actual) < 1e-8 and abs(normal @ plain) >= min(
         1e-4, 0.0 if angle == 0.0 else 1e-4
     )
 
@@ -295,14 +295,14 @@ def test_steady_error_on_a_line_with_mismatched_axes(table, coupling, angle):
     speed = table.feed * np.array([np.cos(angle), np.sin(angle)])
     expected = np.linalg.solve(np.diag(MISMATCHED) + k_p * np.outer(C, normal), (1 - share) * speed)
     reference = table.on_line(angle)
-    found = table.last_error(
+    actual = table.last_error(
         table.plant,
         CrossCoupled(table.cascade(MISMATCHED, share), CrossGains(k_p), coupling),
         reference,
     )
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-10)
     plain = table.last_error(table.plant, table.cascade(MISMATCHED, share), reference)
-    assert normal @ found == pytest.approx(
+    assert normal @ actual == pytest.approx(
         normal @ plain / (1 + k_p * np.sum(C * normal / MISMATCHED)), rel=1e-6, abs=1e-10
     )
 

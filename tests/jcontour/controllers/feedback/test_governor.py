@@ -68,7 +68,7 @@ def test_the_vector_governor_is_nearest():
     rows, machine = loop(), plant(2)
     state = machine.initial_state(jnp.array([2e-3, -1e-3]), jnp.array([1e-5, -2e-5]))
     before, wanted = jnp.array([2e-3, -1e-3]), jnp.array([2e-2, -1.2e-2])
-    found = np.asarray(VectorGovernor(rows).governed(state, before, wanted))
+    actual = np.asarray(VectorGovernor(rows).governed(state, before, wanted))
     G, here = np.asarray(rows.command), np.asarray(rows.state @ state - rows.centre)
     unit = 1e-3
 
@@ -82,7 +82,7 @@ def test_the_vector_governor_is_nearest():
         method="SLSQP",
         options={"ftol": 1e-15, "maxiter": 500},
     )
-    np.testing.assert_allclose(found / unit, best.x, rtol=1e-5)
+    np.testing.assert_allclose(actual / unit, best.x, rtol=1e-5)
     scalar = np.asarray(ScalarGovernor(rows).governed(state, before, wanted))
     away = np.asarray(wanted - before)
     part = (scalar - np.asarray(before)) / away

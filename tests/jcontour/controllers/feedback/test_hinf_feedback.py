@@ -52,12 +52,12 @@ def peak(A, B, C, D):
         return np.linalg.svd(G, compute_uv=False)[:, 0]
 
     w = np.sort(np.concatenate([[0.0], np.geomspace(1e-5, np.pi, 400), np.linspace(0, np.pi, 400)]))
-    found = sizes(w)
+    actual = sizes(w)
     for _ in range(4):
-        k = int(found.argmax())
+        k = int(actual.argmax())
         w = np.linspace(w[max(k - 1, 0)], w[min(k + 1, len(w) - 1)], 100)
-        found = sizes(w)
-    return found.max()
+        actual = sizes(w)
+    return actual.max()
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_the_mixed_sensitivity_is_that_of_its_weights():
     A_k, B_k, C_k, F, D_k, L = (np.asarray(matrix) for matrix in law)
     for w in (0.02, 0.3, 2.0):
         z = np.exp(1j * w)
-        found = out @ np.linalg.solve(z * np.eye(len(A)) - A, B) + D
+        actual = out @ np.linalg.solve(z * np.eye(len(A)) - A, B) + D
         s = 2 / machine.dt * (z - 1) / (z + 1)
         W = (s / 1.7 + 80.0) / (s + 0.08)
         P = C @ np.linalg.solve(z * np.eye(4) - np.asarray(machine.A), np.asarray(machine.B)) / g
@@ -93,7 +93,7 @@ def test_the_mixed_sensitivity_is_that_of_its_weights():
         K = into @ np.linalg.solve(inner, B_k @ D_k + L) + D_k
         S = 1 / (1 - P * K)
         blocks = np.block([[W * S * P * 0.2, W * S], [0.3 * K * S * P * 0.2, 0.3 * K * S]])
-        np.testing.assert_allclose(found, blocks, rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(actual, blocks, rtol=1e-8, atol=1e-10)
     assert met.met()
 
 

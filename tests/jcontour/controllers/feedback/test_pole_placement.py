@@ -156,8 +156,8 @@ def run(controller, scale=1.0):
 
 
 def test_estimates_are_those_of_the_reference():
-    found = run(SelfTuning(0.02, 0.25, Sensors((0,)), gain=0.01))
-    after = np.append(np.asarray(found.memory.gain)[1:, 0], found.final_memory.gain)
+    actual = run(SelfTuning(0.02, 0.25, Sensors((0,)), gain=0.01))
+    after = np.append(np.asarray(actual.memory.gain)[1:, 0], actual.final_memory.gain)
     worst = np.max(np.abs(after[250:300] / 0.03 - 1))
     np.testing.assert_allclose(
         [after[149], after[299], worst], COMPANIONS["self_tuning_gain"], rtol=1e-8

@@ -23,12 +23,12 @@ LOOPS = Cascade(CascadeGains(30.0, 20.0, 0.02, inertia=0.1), motors(2), DT)
 def ahead(state, commands):
     """States of the lag under commands, by its exact solution."""
     stays = np.exp(-DT / LAG)
-    found = []
+    actual = []
     for u in commands:
         y, v = state
         state = y + u * DT + (v - u) * LAG * (1 - stays), u + (v - u) * stays
-        found.append(state)
-    return np.array(found)
+        actual.append(state)
+    return np.array(actual)
 
 
 def test_the_command_is_that_of_a_least_squares_problem():

@@ -100,13 +100,13 @@ def run(law):
     inner = law(Cascade(gains, motors(2), DT, LIMIT))
     wrapped = SpeedByDifference(inner, Sensors([0, 1]), DT)
     start = np.asarray(plant(2).initial_state(path.position[0], path.start_increment))
-    found = simulate(Encoders(plant(2)), wrapped, path, start + 1e-5)
-    r, y = np.asarray(path.position), np.asarray(found.measurement)
+    actual = simulate(Encoders(plant(2)), wrapped, path, start + 1e-5)
+    r, y = np.asarray(path.position), np.asarray(actual.measurement)
     r_dot = np.diff(r[: STEPS + 1], axis=0) / DT
     before = np.asarray(path.start_increment)[None]
     r_dd = np.diff(r_dot, axis=0, prepend=before / DT) / DT
     v = np.diff(y, axis=0, prepend=r[:1] - before) / DT
-    return r[:STEPS], r_dot, r_dd, y, v, np.asarray(found.control)
+    return r[:STEPS], r_dot, r_dd, y, v, np.asarray(actual.control)
 
 
 def test_dynamic_surface():

@@ -205,7 +205,7 @@ def test_two_axes_are_each_on_their_own(two_flexible_axes):
 def test_at_its_limit_it_does_not_wind_up(model, plant, lqg):
     """A fifth of the current that the first moment asks for.
 
-    A filter told of the limit settles; untold it swings for ever.
+    A filter that knows the limit settles; else it swings for ever.
     """
     rest = along(line([0.0], [0.1]), np.zeros(1500), DT, 1, at_rest=True)
     machine = Saturated(plant, np.array([2.0]))

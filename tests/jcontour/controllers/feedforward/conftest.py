@@ -44,11 +44,11 @@ def alter_tsao():
 @pytest.fixture(scope="session")
 def general_problems(alter_tsao):
     """(problem, its reference numbers) of the general zero sets."""
-    found = []
+    actual = []
     for row in alter_tsao["general_zeros"]:
         zeros = [0.0] * row["origin_multiplicity"] + [complex(*z) for z in row["zeros"]]
-        found.append((ModelMatching(zeros, row["M_num"], row["M_den"]), row))
-    return found
+        actual.append((ModelMatching(zeros, row["M_num"], row["M_den"]), row))
+    return actual
 
 
 @pytest.fixture(scope="session")
@@ -69,8 +69,8 @@ def _problem(random):
                 zeros += [zero, zero.conjugate()]
             else:
                 zeros.append(radius * random.choice([-1, 1]))
-        found = np.array(zeros, complex)
-        apart = np.abs(found[:, None] - found) + 2 * np.eye(count)
+        actual = np.array(zeros, complex)
+        apart = np.abs(actual[:, None] - actual) + 2 * np.eye(count)
         if apart.min() > 0.1:
             preview = np.zeros(random.integers(0, 8))
-            return ModelMatching(found, np.concatenate([preview, random.standard_normal(3)]))
+            return ModelMatching(actual, np.concatenate([preview, random.standard_normal(3)]))

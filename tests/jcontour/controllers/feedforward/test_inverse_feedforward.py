@@ -143,11 +143,11 @@ def test_it_is_the_cascade_s_own_term_outside(reference, two_axes):
     inside = CascadeGains(20.0, [3.0, 2.0], 0.05, coulomb=np.array([0.5, 0.2]))
     wanted = jax.device_get(simulate(plant, Cascade(inside, motors(2), DT, 1.0), reference))
     outside = FrictionFeedforward(Cascade(GAINS, motors(2), DT, 1.0), [0.5, 0.2], 1.0)
-    found = jax.device_get(simulate(plant, outside, reference))
+    actual = jax.device_get(simulate(plant, outside, reference))
     free = np.all(np.abs(wanted.control) < 1.0, axis=1)
     assert free[:20].all()
-    np.testing.assert_allclose(found.control[:20], wanted.control[:20], atol=1e-12)
-    np.testing.assert_allclose(found.output[:20], wanted.output[:20], atol=1e-15)
+    np.testing.assert_allclose(actual.control[:20], wanted.control[:20], atol=1e-12)
+    np.testing.assert_allclose(actual.output[:20], wanted.output[:20], atol=1e-15)
 
 
 def test_the_whole_control_stays_within_its_limit(reference, two_axes):

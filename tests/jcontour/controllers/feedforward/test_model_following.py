@@ -22,11 +22,11 @@ DT = 5e-4
 
 @pytest.fixture(scope="module", params=["b_fitted", "b_printed"])
 def rows(request, alter_tsao):
-    found = []
+    actual = []
     for line in alter_tsao["table1"]:
         row = line[request.param]
-        found.append((ModelFollowing(row["m"], row["Np"], row["N"]), row, line["line"]))
-    return found
+        actual.append((ModelFollowing(row["m"], row["Np"], row["N"]), row, line["line"]))
+    return actual
 
 
 def padded(taps, count=12):
@@ -56,8 +56,8 @@ def test_table_1(rows):
 
 def test_bandwidth_of_the_model(alter_tsao):
     for order, wanted in alter_tsao["m_bandwidth_hz"].items():
-        found = ModelFollowing(int(order), int(order)).bandwidth(DT)
-        assert found == pytest.approx(wanted, rel=1e-8)
+        actual = ModelFollowing(int(order), int(order)).bandwidth(DT)
+        assert actual == pytest.approx(wanted, rel=1e-8)
     assert ModelFollowing().bandwidth(DT) == np.inf
 
 
@@ -67,13 +67,13 @@ def test_the_filter_inverts_the_plant(optimum, numbers):
     """P F = W sample by sample, on a plant with two unstable zeros and one that cancels."""
     top = np.concatenate([[0.0], polynomial.polyfromroots([-0.4, 0.7, -2.5])])
     plant = from_polynomials(0.1 * top, polynomial.polyfromroots([1.3, 1.8, 2.5, 3.0]) / 10, DT)
-    found = optimal_feedforward(plant, ModelFollowing(*numbers), optimum)
+    actual = optimal_feedforward(plant, ModelFollowing(*numbers), optimum)
     pulse = np.eye(1, 200)[0]
-    control = lfilter(found.numerator, found.denominator, pulse)
+    control = lfilter(actual.numerator, actual.denominator, pulse)
     output = lfilter(plant.numerator, plant.denominator, control)
-    np.testing.assert_allclose(output, lfilter(*found.wanted, pulse), atol=1e-9)
-    assert np.all(np.abs(np.roots(found.denominator[::-1])) > 1)
-    assert found.remarks == ()
+    np.testing.assert_allclose(output, lfilter(*actual.wanted, pulse), atol=1e-9)
+    assert np.all(np.abs(np.roots(actual.denominator[::-1])) > 1)
+    assert actual.remarks == ()
 
 
 def test_the_paper_s_controllers_in_a_loop(alter_tsao):
@@ -86,8 +86,8 @@ def test_the_paper_s_controllers_in_a_loop(alter_tsao):
         wanted = polynomial.polysub(following.response, np.convolve(following.weight, taps))
         shared = (-1.0, 1.0) if run["controller"].startswith("B") else (1.0,)
         feedback = np.array(controller["num_lambda"]), np.array(controller["den_lambda"])
-        found = parallel_feedforward(plant, feedback, wanted, shared)
-        for ours, theirs in zip(found, (run["cff_num"], run["cff_den"]), strict=True):
+        actual = parallel_feedforward(plant, feedback, wanted, shared)
+        for ours, theirs in zip(actual, (run["cff_num"], run["cff_den"]), strict=True):
             ours = ours[: len(theirs)]
             np.testing.assert_allclose(ours, theirs, atol=1e-8 * np.max(np.abs(theirs)))
 

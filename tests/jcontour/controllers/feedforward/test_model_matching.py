@@ -23,8 +23,8 @@ ZEROS = [0.0, -0.3, 0.5 + 0.4j, 0.5 - 0.4j, 0.8]
 
 def test_the_shift_has_the_zeros_and_never_lengthens():
     problem = ModelMatching(ZEROS, [1.0, 2.0])
-    found = np.sort_complex(np.linalg.eigvals(problem.shift))
-    np.testing.assert_allclose(found, np.sort_complex(np.array(ZEROS)), atol=1e-12)
+    actual = np.sort_complex(np.linalg.eigvals(problem.shift))
+    np.testing.assert_allclose(actual, np.sort_complex(np.array(ZEROS)), atol=1e-12)
     assert np.linalg.norm(problem.shift, 2) <= 1 + 1e-12
     samples = problem.powers(400)
     np.testing.assert_allclose(samples @ samples.conj().T, np.eye(5), atol=1e-12)
@@ -89,38 +89,38 @@ def pick_norm(problem: ModelMatching) -> float:
 
 def test_general_zeros_are_the_reference(general_problems):
     for problem, wanted in general_problems:
-        found = hinf_optimum(problem)
-        assert found.cost == pytest.approx(wanted["J_hinf"], rel=1e-8)
-        np.testing.assert_allclose(found.samples(8), wanted["e_hinf_first8"], atol=1e-12)
-        modulus = np.abs(found.response(CIRCLE))
-        assert np.ptp(modulus) < 1e-12 and abs(found.margin) < 1e-12
+        actual = hinf_optimum(problem)
+        assert actual.cost == pytest.approx(wanted["J_hinf"], rel=1e-8)
+        np.testing.assert_allclose(actual.samples(8), wanted["e_hinf_first8"], atol=1e-12)
+        modulus = np.abs(actual.response(CIRCLE))
+        assert np.ptp(modulus) < 1e-12 and abs(actual.margin) < 1e-12
         if "J_hinf_pick" in wanted and wanted["J_hinf_pick"] is not None:
             assert pick_norm(problem) == pytest.approx(wanted["J_hinf_pick"], rel=1e-8)
 
 
 def test_certificates_on_random_zeros(random_problems):
     for problem in random_problems:
-        found = hinf_optimum(problem)
-        np.testing.assert_allclose(np.abs(found.response(CIRCLE)), found.cost, rtol=1e-9)
-        assert pick_norm(problem) == pytest.approx(found.cost, rel=1e-9)
-        assert abs(found.margin) <= 1e-9 * found.cost**2
-        np.testing.assert_allclose(found.response(problem.zeros), problem.values, atol=1e-8)
-        poles = np.roots(found.denominator[::-1])
+        actual = hinf_optimum(problem)
+        np.testing.assert_allclose(np.abs(actual.response(CIRCLE)), actual.cost, rtol=1e-9)
+        assert pick_norm(problem) == pytest.approx(actual.cost, rel=1e-9)
+        assert abs(actual.margin) <= 1e-9 * actual.cost**2
+        np.testing.assert_allclose(actual.response(problem.zeros), problem.values, atol=1e-8)
+        poles = np.roots(actual.denominator[::-1])
         assert np.all(np.abs(poles) > 1)
 
 
 def test_a_repeated_zero_meets_the_slope():
     problem = ModelMatching([0.4, 0.4], [0.0, 0.0, 0.0, 1.0])
-    found = hinf_optimum(problem)
-    ahead, behind = found.response([0.4 + 1e-6, 0.4 - 1e-6])
+    actual = hinf_optimum(problem)
+    ahead, behind = actual.response([0.4 + 1e-6, 0.4 - 1e-6])
     assert np.real(ahead - behind) / 2e-6 == pytest.approx(3 * 0.4**2, rel=1e-8)
-    np.testing.assert_allclose(np.abs(found.response(CIRCLE)), found.cost, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(actual.response(CIRCLE)), actual.cost, rtol=1e-12)
 
 
 def test_a_constant_model_is_its_own_optimum():
-    found = hinf_optimum(ModelMatching([0.3, -0.5, 0.7], [2.0]))
-    assert found.cost == pytest.approx(2.0)
-    np.testing.assert_allclose(found.response(CIRCLE), 2.0, rtol=1e-9)
+    actual = hinf_optimum(ModelMatching([0.3, -0.5, 0.7], [2.0]))
+    assert actual.cost == pytest.approx(2.0)
+    np.testing.assert_allclose(actual.response(CIRCLE), 2.0, rtol=1e-9)
 
 
 def test_no_zero_and_nothing_to_follow():
@@ -131,9 +131,9 @@ def test_no_zero_and_nothing_to_follow():
 def test_corollary_1_is_table_2(alter_tsao):
     for row in alter_tsao["table2"]:
         for which in ("b_printed", "b_fitted"):
-            found = corollary_1(row[which]["M_b"], alter_tsao[which])
-            assert found.attainable == pytest.approx(row[which]["J1_opt"], rel=1e-8)
-            assert found.limit == pytest.approx(row[which]["lim_J_eps"], rel=1e-8)
+            actual = corollary_1(row[which]["M_b"], alter_tsao[which])
+            assert actual.attainable == pytest.approx(row[which]["J1_opt"], rel=1e-8)
+            assert actual.limit == pytest.approx(row[which]["lim_J_eps"], rel=1e-8)
 
 
 @pytest.fixture(scope="module")

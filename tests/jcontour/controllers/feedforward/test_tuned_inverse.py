@@ -49,11 +49,11 @@ def test_at_the_paper_s_numbers_it_is_the_optimum(name, numbers):
     inverse = OptimalInverse(plant, following)
     wanted = optimal_feedforward(plant, following)
     (top, below), taps = worked_out(inverse, 0.25, 1.0)
-    found = polynomial.polyval(POINTS, top) / polynomial.polyval(POINTS, below)
+    actual = polynomial.polyval(POINTS, top) / polynomial.polyval(POINTS, below)
     expected = polynomial.polyval(POINTS, wanted.numerator) / polynomial.polyval(
         POINTS, wanted.denominator
     )
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    np.testing.assert_allclose(actual, expected, rtol=1e-9)
     assert np.abs(taps).sum() == pytest.approx(wanted.optimum.cost, rel=1e-9)
 
 
@@ -76,9 +76,9 @@ def test_at_other_numbers_it_still_inverts(name):
 
 def test_zero_phase_without_a_model_is_the_plain_one():
     plant = plants()["delayed Bridgeport"]
-    found, plain = zero_phase_inverse([plant], 0.0), zero_phase_filter(plant)
-    assert found.preview == plain.preview + 1
-    ratio = polynomial.polyval(POINTS, np.asarray(found.numerator)[0]) / polynomial.polyval(
+    actual, plain = zero_phase_inverse([plant], 0.0), zero_phase_filter(plant)
+    assert actual.preview == plain.preview + 1
+    ratio = polynomial.polyval(POINTS, np.asarray(actual.numerator)[0]) / polynomial.polyval(
         POINTS, np.asarray(plain.numerator)
     )
     np.testing.assert_allclose(ratio, POINTS, rtol=1e-12)
@@ -87,13 +87,13 @@ def test_zero_phase_without_a_model_is_the_plain_one():
 def test_axes_with_different_needs_stay_together():
     one = from_polynomials([0.0, 1.0], [1.0, -0.5], DT)
     other = from_polynomials([0.0, 0.0, 0.5, 0.9], [1.0, -0.5], DT)
-    found = zero_phase_inverse([one, other], 0.0)
-    assert found.preview == 4
+    actual = zero_phase_inverse([one, other], 0.0)
+    assert actual.preview == 4
     pulse = np.eye(1, 40)[0]
     for plant, top, below, place in zip(
         (one, other),
-        np.asarray(found.numerator),
-        np.asarray(found.denominator),
+        np.asarray(actual.numerator),
+        np.asarray(actual.denominator),
         (4, 4),
         strict=True,
     ):

@@ -51,11 +51,11 @@ def ahead():
 
 def test_the_prefilter_has_the_printed_digits(zpetc_numbers):
     fit = zpetc_numbers["fit"]
-    found = zero_phase_filter(closed_loop(16.359, fit["pole"], 1e3 * fit["kp"]))
-    taps = np.asarray(found.numerator) / np.asarray(found.denominator)[0]
+    actual = zero_phase_filter(closed_loop(16.359, fit["pole"], 1e3 * fit["kp"]))
+    taps = np.asarray(actual.numerator) / np.asarray(actual.denominator)[0]
     np.testing.assert_allclose(taps, fit["prefilter"], rtol=1e-8)
     np.testing.assert_allclose(taps, zpetc_numbers["printed_prefilter"], atol=0.5e-4)
-    assert found.preview == 2
+    assert actual.preview == 2
 
 
 def test_the_response_has_no_phase(ahead):
@@ -99,19 +99,19 @@ def test_equation_5_corrected(zpetc_numbers, ahead):
     fed = taps @ np.array([x**-2, x**-1, 1, x])
     integral = wanted["k_I"] / (1 - x)
     through = loop.response(x)
-    found = through * (fed + integral) / (1 + through * integral)
-    assert found.real == pytest.approx(wanted["real"], rel=1e-8)
-    assert found.imag == pytest.approx(wanted["imag"], rel=1e-8)
+    actual = through * (fed + integral) / (1 + through * integral)
+    assert actual.real == pytest.approx(wanted["real"], rel=1e-8)
+    assert actual.imag == pytest.approx(wanted["imag"], rel=1e-8)
 
 
 def test_unstable_zeros_and_cancelled_ones():
     """y = |B^u|^2 / B^u(1)^2 y_d sample by sample, with a zero of each kind and a delay of two."""
     top = 0.2 * np.convolve([0.0, 0.0, 1.0], np.convolve([1.0, 1.6], [1.0, -0.4]))
     loop = from_polynomials(top, [1.0, -0.9, 0.2], DT)
-    found = zero_phase_filter(loop)
-    assert found.preview == 3
+    actual = zero_phase_filter(loop)
+    assert actual.preview == 3
     pulse = np.eye(1, 60)[0]
-    control = lfilter(np.asarray(found.numerator), np.asarray(found.denominator), pulse)
+    control = lfilter(np.asarray(actual.numerator), np.asarray(actual.denominator), pulse)
     output = lfilter(loop.numerator, loop.denominator, control)
     wanted = np.zeros(60)
     wanted[2:5] = np.array([1.6, 1 + 1.6**2, 1.6]) / 2.6**2
@@ -134,11 +134,11 @@ TOP, BELOW = np.array([0.5, -0.2, 0.1]), np.array([2.0, -1.0, 0.3, 0.1])
 def test_causal_is_lfilter():
     samples = np.random.default_rng(0).standard_normal((40, 2))
     rows = (np.stack([TOP, -TOP]), np.stack([BELOW, BELOW]))
-    found = jax.jit(causal)(rows[0], rows[1], samples)
+    actual = jax.jit(causal)(rows[0], rows[1], samples)
     wanted = np.stack(
         [lfilter(TOP, BELOW, samples[:, 0]), lfilter(-TOP, BELOW, samples[:, 1])], axis=1
     )
-    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(actual, wanted, rtol=1e-12, atol=1e-14)
 
 
 def test_it_has_been_running_before_the_first_sample():
@@ -150,15 +150,15 @@ def test_it_has_been_running_before_the_first_sample():
     samples[401:] += random.standard_normal((29, 2))
     wanted = lfilter(TOP, BELOW, samples, axis=0)[400 + 3 :]
     filter = PreviewFilter(TOP, BELOW, preview=3)
-    found = eqx.filter_jit(filter.filtered)(samples[400:], increment)
+    actual = eqx.filter_jit(filter.filtered)(samples[400:], increment)
     # the long filter began with a jump 400 samples ago
-    np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(actual, wanted, rtol=1e-10, atol=1e-10)
 
 
 def test_an_advance_is_the_reference_ahead():
     reference = along(line([0.0], [1.0]), 1e-3 * np.arange(9), 1e-3, preview=4, at_rest=False)
-    found = eqx.filter_jit(PreviewFilter([1.0], [1.0], preview=2).of)(reference)
-    np.testing.assert_allclose(found, np.asarray(reference.position)[2:11], atol=1e-15)
+    actual = eqx.filter_jit(PreviewFilter([1.0], [1.0], preview=2).of)(reference)
+    np.testing.assert_allclose(actual, np.asarray(reference.position)[2:11], atol=1e-15)
 
 
 def test_bad_input_of_preview_filter():
@@ -182,8 +182,8 @@ def test_plant_and_filter_leave_the_zeros_that_are_not_cancelled():
     assert ahead.preview == 2
     lam = np.exp(-1j * np.array([0.01, 0.4, 2.5]))
     value = [np.polynomial.polynomial.polyval(lam, np.asarray(row)) for row in ahead_rows(ahead)]
-    found = transfer.response(lam) * value[0] / value[1] * lam**-2.0
-    np.testing.assert_allclose(found, (1 + 1.8 * lam) / 2.8, rtol=1e-10)
+    actual = transfer.response(lam) * value[0] / value[1] * lam**-2.0
+    np.testing.assert_allclose(actual, (1 + 1.8 * lam) / 2.8, rtol=1e-10)
 
 
 def ahead_rows(ahead):

@@ -46,13 +46,13 @@ def test_the_energy_comes_to_that_of_the_inverse_dynamics(cycles, ring):
     q = np.asarray(jax.vmap(arm.angles)(jnp.asarray(ring.position)))
     v = np.gradient(q, DT, axis=0)
     ideal = float(np.sum(np.asarray(arm.viscous) * v**2) * DT)
-    found = []
+    actual = []
     for lap in (0, CYCLES - 1):
         tool = np.asarray(laps.output[lap])
         angles = np.asarray(jax.vmap(arm.angles)(jnp.asarray(tool)))
-        found.append(energy_of(arm, angles, np.asarray(laps.control[lap])[:-1]))
-    assert abs(found[1] - ideal) < 0.02 * ideal
-    assert abs(found[1] - ideal) < abs(found[0] - ideal)
+        actual.append(energy_of(arm, angles, np.asarray(laps.control[lap])[:-1]))
+    assert abs(actual[1] - ideal) < 0.02 * ideal
+    assert abs(actual[1] - ideal) < abs(actual[0] - ideal)
 
 
 def test_other_masses_are_learned_as_well(ring):

@@ -1,4 +1,4 @@
-"""Bounds told before the first lap: closed forms, and what the laps then do."""
+"""Bounds known before the first lap: closed forms, and what the laps then do."""
 
 from functools import partial
 
@@ -35,17 +35,17 @@ def _response(pole, u):
 
 def test_the_response_is_that_of_the_transfer_function():
     w = np.array([0.0, 1e-3, 0.02, 0.7, 2.9, np.pi])
-    found = frequency_response(first_order(0.7), (STEPS, 1), 100, w)[:, 0, 0]
+    actual = frequency_response(first_order(0.7), (STEPS, 1), 100, w)[:, 0, 0]
     _, wanted = dfreqresp(dlti([0.3, 0.0], [1.0, -0.7], dt=1.0), w)
-    np.testing.assert_allclose(found, wanted, atol=1e-12)
+    np.testing.assert_allclose(actual, wanted, atol=1e-12)
 
 
 @pytest.mark.parametrize(("gain", "bound"), [(1.0, 2 / 3), (2.0, 1.0), (3.0, 2.0), (4.2, 3.2)])
 def test_the_bound_of_a_p_type_law(gain, bound):
     """1 - g T: of T = 1 ... 1/3 on the real axis the ends count, at zero and at Nyquist."""
-    found = convergence(PType(gain), [first_order(0.5)], (STEPS, 1))
-    assert bound - 1e-12 <= found.bound <= ABOVE * bound
-    assert found.assured is (gain < 2)
+    actual = convergence(PType(gain), [first_order(0.5)], (STEPS, 1))
+    assert bound - 1e-12 <= actual.bound <= ABOVE * bound
+    assert actual.assured is (gain < 2)
 
 
 def answering(h):
@@ -79,13 +79,13 @@ def highest(direct, gain, pole):
     fine = angle + np.linspace(-width, width, 20001)
     top = fine[np.argmax(size(fine))]
     step = fine[1] - fine[0]
-    found = minimize_scalar(
+    actual = minimize_scalar(
         lambda w: -size(w),
         bounds=(top - step, top + step),
         method="bounded",
         options={"xatol": 1e-12},
     )
-    return max(size(top), -found.fun)
+    return max(size(top), -actual.fun)
 
 
 def test_a_resonance_between_the_frequencies_of_a_grid_is_in_the_bound():
@@ -93,11 +93,11 @@ def test_a_resonance_between_the_frequencies_of_a_grid_is_in_the_bound():
     w0, steps = 1.0482222, 8000
     r = np.exp(-0.002 * w0)
     h = resonant(steps, 0.9, 2.1 * (1 - r), r * np.exp(1j * w0))
-    found = convergence(PType(1.0), [answering(h)], (steps, 1))
+    actual = convergence(PType(1.0), [answering(h)], (steps, 1))
     wanted = highest(0.9, 2.1 * (1 - r), r * np.exp(1j * w0))
     assert wanted == pytest.approx(1.151, abs=5e-4)
-    assert wanted <= found.bound <= ABOVE * wanted
-    assert not found.assured and found.frequency == pytest.approx(w0, abs=1e-3)
+    assert wanted <= actual.bound <= ABOVE * wanted
+    assert not actual.assured and actual.frequency == pytest.approx(w0, abs=1e-3)
     error = np.cos(w0 * np.arange(steps))
     sizes = [np.linalg.norm(error)]
     for _ in range(8):
@@ -112,9 +112,9 @@ def test_the_bound_is_above_the_maximum_of_random_lightly_damped_loops(seed):
     pole = (1 - 10 ** random.uniform(-2.5, -1.5)) * np.exp(1j * random.uniform(0.1, 3.0))
     gain = random.uniform(1.0, 5.0) * (1 - np.abs(pole))
     h = resonant(8192, 0.9, gain, pole)
-    found = convergence(PType(1.0), [answering(h)], (len(h), 1))
+    actual = convergence(PType(1.0), [answering(h)], (len(h), 1))
     wanted = highest(0.9, gain, pole)
-    assert wanted - 1e-6 <= found.bound <= ABOVE * wanted
+    assert wanted - 1e-6 <= actual.bound <= ABOVE * wanted
 
 
 def test_two_axes_that_are_coupled():
@@ -122,23 +122,23 @@ def test_two_axes_that_are_coupled():
     R = np.array([[1.0, 0.4], [-0.2, 0.8]])
     h = resonant(512, 0.5, 0.1, 0.9 * np.exp(0.7j))
     one = answering(h)
-    found = convergence(PType(1.0), [lambda c: one(c @ R.T)], (512, 2))
+    actual = convergence(PType(1.0), [lambda c: one(c @ R.T)], (512, 2))
     H = np.fft.rfft(h, 2**16)[:, None, None] * R
     wanted = np.linalg.norm(np.eye(2) - H, 2, axis=(1, 2)).max()
-    assert wanted - 1e-9 <= found.bound <= ABOVE * wanted
+    assert wanted - 1e-9 <= actual.bound <= ABOVE * wanted
 
 
 def test_a_loop_that_changes_along_the_lap_has_an_estimate_and_no_bound():
     gains = placed(np.linspace(0.5, 1.0, STEPS)[:, None])
-    found = convergence(PType(1.0), [lambda c: gains * c], (STEPS, 1))
-    assert found.estimate == pytest.approx(1 - float(gains[STEPS // 4, 0]), rel=2e-3)
-    assert found.bound == np.inf and not found.assured
+    actual = convergence(PType(1.0), [lambda c: gains * c], (STEPS, 1))
+    assert actual.estimate == pytest.approx(1 - float(gains[STEPS // 4, 0]), rel=2e-3)
+    assert actual.bound == np.inf and not actual.assured
 
 
 def test_the_worst_member_is_named():
     members = [first_order(pole) for pole in (0.2, 0.9, 0.5)]
-    found = convergence(PType(1.0), members, (STEPS, 1))
-    assert found.member == 1 and found.frequency == pytest.approx(np.pi)
+    actual = convergence(PType(1.0), members, (STEPS, 1))
+    assert actual.member == 1 and actual.frequency == pytest.approx(np.pi)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -152,17 +152,17 @@ def test_laps_come_closer_by_at_least_the_bound(seed):
         return Lap(u, wanted[:, None] - plant(u), plant(u), u)
 
     _, limit = learn(run, law, 200, placed(np.zeros((STEPS, 1))))
-    found, _ = learn(run, law, 6, placed(np.zeros((STEPS, 1))))
-    away = np.linalg.norm((np.asarray(found.correction) - np.asarray(limit))[..., 0], axis=1)
+    actual, _ = learn(run, law, 6, placed(np.zeros((STEPS, 1))))
+    away = np.linalg.norm((np.asarray(actual.correction) - np.asarray(limit))[..., 0], axis=1)
     assert bound < 1 and np.all(away[1:] <= (bound + 1e-9) * away[:-1])
 
 
 def test_a_norm_optimal_law_on_its_own_model_is_assured():
     """M = effort / (|G|^2 + effort + size), largest where the model answers least."""
     law = NormOptimal(first_order(0.5), np.zeros((STEPS, 1)), 0.0, 0.1, 0.05)
-    found = convergence(law, [first_order(0.5)], (STEPS, 1))
+    actual = convergence(law, [first_order(0.5)], (STEPS, 1))
     wanted = 0.1 / (1 / 9 + 0.15)
-    assert wanted - 1e-9 <= found.bound <= ABOVE * wanted
+    assert wanted - 1e-9 <= actual.bound <= ABOVE * wanted
 
 
 def test_a_norm_optimal_law_on_the_opposite_of_its_model_is_not():
@@ -170,9 +170,9 @@ def test_a_norm_optimal_law_on_the_opposite_of_its_model_is_not():
         return -first_order(0.5)(u)
 
     law = NormOptimal(first_order(0.5), np.zeros((STEPS, 1)), 0.0, 0.1, 0.0)
-    found = convergence(law, [first_order(0.5), against], (STEPS, 1))
+    actual = convergence(law, [first_order(0.5), against], (STEPS, 1))
     wanted = (0.1 + 2) / 1.1
-    assert found.member == 1 and wanted - 1e-9 <= found.bound <= ABOVE * wanted
+    assert actual.member == 1 and wanted - 1e-9 <= actual.bound <= ABOVE * wanted
     ramp = np.linspace(0.0, 1.0, STEPS)[:, None]
 
     def run(u, lap):
@@ -198,11 +198,11 @@ def test_a_filter_scales_the_sizes_of_the_law_without_it():
     known = answers(PType(0.7, 1), members, (STEPS, 1), smoothing=40)
     for smoothing in (0, 3, 40):
         whole = convergence(PType(0.7, 1, smoothing), members, (STEPS, 1))
-        found = known.convergence(smoothing)
-        assert found.bound == pytest.approx(whole.bound, rel=2e-3)
-        assert found.member == whole.member
+        actual = known.convergence(smoothing)
+        assert actual.bound == pytest.approx(whole.bound, rel=2e-3)
+        assert actual.member == whole.member
 
 
 def test_what_is_not_finite_is_the_worst():
-    found = convergence(PType(1.0), [first_order(0.5), lambda c: c / 0], (STEPS, 1))
-    assert found.member == 1 and found.estimate == np.inf and not found.assured
+    actual = convergence(PType(1.0), [first_order(0.5), lambda c: c / 0], (STEPS, 1))
+    assert actual.member == 1 and actual.estimate == np.inf and not actual.assured

@@ -58,15 +58,15 @@ def test_laps_by_hand(small_loop, positions):
     noise = jnp.asarray(1e-5 * np.random.default_rng(1).standard_normal((3, 120, 4)))
     law = PType(gain=0.4, lead=3, smoothing=2)
     run = laps_of(lambda lap: Disturbed(plant, noise=noise[lap]), controller, reference, positions)
-    found, last = learn(run, law, 3, jnp.zeros((120, 2)))
+    actual, last = learn(run, law, 3, jnp.zeros((120, 2)))
     correction = jnp.zeros((120, 2))
     for lap in range(3):
         noisy = Disturbed(plant, noise=noise[lap])
         rollout = simulate(noisy, Learned(controller, correction), reference)
         error = reference.position[:120] - rollout.measurement[:, jnp.array([0, 2])]
-        np.testing.assert_allclose(found.error[lap], error, rtol=0, atol=1e-15)
-        np.testing.assert_allclose(found.output[lap], rollout.output, rtol=0, atol=1e-15)
-        np.testing.assert_allclose(found.correction[lap], correction, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(actual.error[lap], error, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(actual.output[lap], rollout.output, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(actual.correction[lap], correction, rtol=0, atol=1e-15)
         correction = law.update(correction, error)
     np.testing.assert_allclose(last, correction, rtol=0, atol=1e-15)
 
@@ -128,8 +128,8 @@ def first_order(u, lap):
 
 
 def trials(gain, laps):
-    found, _ = learn(first_order, PType(gain), laps, placed(np.zeros((50, 1))))
-    return np.abs(np.asarray(found.error)).max(axis=(1, 2))
+    actual, _ = learn(first_order, PType(gain), laps, placed(np.zeros((50, 1))))
+    return np.abs(np.asarray(actual.error)).max(axis=(1, 2))
 
 
 @pytest.mark.parametrize("gain", ["1.0", "2.0", "3.0"])

@@ -38,8 +38,8 @@ def test_the_update_is_the_minimum(run):
         W[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = np.eye(2) - 0.8 * np.outer(t, t)
     left = G.T @ W @ G + 0.21 * np.eye(2 * STEPS)
     change = np.linalg.solve(left, G.T @ W @ e.ravel() - 0.01 * c.ravel())
-    found = eqx.filter_jit(law.update)(c, e)
-    np.testing.assert_allclose(found, c + change.reshape(STEPS, 2), rtol=0, atol=1e-7)
+    actual = eqx.filter_jit(law.update)(c, e)
+    np.testing.assert_allclose(actual, c + change.reshape(STEPS, 2), rtol=0, atol=1e-7)
 
 
 def test_the_model_is_the_difference_of_two_runs(run):
@@ -54,11 +54,11 @@ def test_the_model_is_the_difference_of_two_runs(run):
 def test_learning_removes_the_contour_error_first(run):
     laps, reference = run
     law = norm_optimal(laps, reference)
-    found, _ = learn(laps, law, 6, jnp.zeros((STEPS, 2)))
+    actual, _ = learn(laps, law, 6, jnp.zeros((STEPS, 2)))
     t = np.asarray(reference.tangent[:STEPS])
     normal = np.stack([-t[:, 1], t[:, 0]], axis=1)
-    across = np.sqrt(np.mean(np.sum(np.asarray(found.error) * normal, axis=2) ** 2, axis=1))
-    along = np.sqrt(np.mean(np.sum(np.asarray(found.error) * t, axis=2) ** 2, axis=1))
+    across = np.sqrt(np.mean(np.sum(np.asarray(actual.error) * normal, axis=2) ** 2, axis=1))
+    along = np.sqrt(np.mean(np.sum(np.asarray(actual.error) * t, axis=2) ** 2, axis=1))
     assert np.all(np.diff(across) < 0) and across[5] < 0.02 * across[0]
     assert across[1] / across[0] < 0.5 * along[1] / along[0]
 

@@ -70,13 +70,13 @@ def test_taps_run_from_the_latest_error_to_the_earliest():
         correction = law.correction(memory)
         return law.seen(memory, correction, e[None]), correction[0]
 
-    found = jax.jit(lambda e: jax.lax.scan(sample, law.start(1), e)[1])(error)
+    actual = jax.jit(lambda e: jax.lax.scan(sample, law.start(1), e)[1])(error)
     wanted = np.zeros(30)
     for k in range(period + law.behind, 30):
         for q, share in zip((-1, 0, 1), smoothing, strict=True):
             j = k - period + q
             wanted[k] += share * (wanted[j] + learning @ error[j + lead - 1 : j + lead + 2])
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(actual, wanted, rtol=0, atol=1e-14)
 
 
 def circles(steps, period):

@@ -23,11 +23,11 @@ def reference_of(preview, dt):
 
 
 def check_gains(ours, theirs, reference):
-    found, wanted = (prepared(law, reference) for law in (ours, theirs))
+    actual, wanted = (prepared(law, reference) for law in (ours, theirs))
     for name in ("F", "f"):
         gains = np.asarray(getattr(wanted, name))
         np.testing.assert_allclose(
-            getattr(found, name), gains, rtol=0, atol=1e-9 * np.abs(gains).max()
+            getattr(actual, name), gains, rtol=0, atol=1e-9 * np.abs(gains).max()
         )
 
 

@@ -95,8 +95,8 @@ def test_control_is_the_minimiser_of_the_stated_cost(schedule, reference, k):
     wanted = minimiser(schedule, reference, k, x)
     controller = ScheduledLQ(schedule, weighted(), PREVIEW)
     plan = jax.device_get(prepared(controller, reference))
-    _, found = controller.step(None, jax.tree.map(lambda rows: placed(rows[k]), plan), placed(x))
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
+    _, actual = controller.step(None, jax.tree.map(lambda rows: placed(rows[k]), plan), placed(x))
+    np.testing.assert_allclose(actual, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
 
 
 def test_bad_controllers_are_named(schedule, reference):
@@ -142,15 +142,15 @@ def least_squares_controls(model, reference, x):
             wanted.append(root @ (y_d[j] - C @ free))
     rows.append(np.sqrt(rho) * np.eye(count * p))
     wanted.append(np.zeros(count * p))
-    found = np.linalg.lstsq(np.vstack(rows), np.concatenate(wanted), rcond=None)[0]
-    return found.reshape(count, p)
+    actual = np.linalg.lstsq(np.vstack(rows), np.concatenate(wanted), rcond=None)[0]
+    return actual.reshape(count, p)
 
 
 def test_a_run_of_one_block_is_the_optimum_of_the_whole_path(two_axes):
     reference = arc(6, 8, two_axes)
-    found = simulate(two_axes, BlockwiseLQ(two_axes, WEIGHTS, 8), reference)
-    wanted = least_squares_controls(two_axes, reference, np.asarray(found.state)[0])
-    np.testing.assert_allclose(found.control, wanted[:6], rtol=1e-9, atol=1e-12)
+    actual = simulate(two_axes, BlockwiseLQ(two_axes, WEIGHTS, 8), reference)
+    wanted = least_squares_controls(two_axes, reference, np.asarray(actual.state)[0])
+    np.testing.assert_allclose(actual.control, wanted[:6], rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.slow
@@ -161,9 +161,9 @@ def test_a_terminal_of_ones_own_reaches_every_block(two_axes):
         law(two_axes, WEIGHTS, 3, RiccatiTerminal()).prepare(reference)
         for law in (BlockwiseLQ, ContouringLQ)
     ]
-    for found, wanted in zip(*map(jax.tree.leaves, plans), strict=True):
-        np.testing.assert_allclose(found[::3], wanted[::3], rtol=1e-10, atol=1e-12)
-        assert np.abs(found[1] - wanted[1]).max() > 1e-3 * np.abs(wanted[1]).max()
+    for actual, wanted in zip(*map(jax.tree.leaves, plans), strict=True):
+        np.testing.assert_allclose(actual[::3], wanted[::3], rtol=1e-10, atol=1e-12)
+        assert np.abs(actual[1] - wanted[1]).max() > 1e-3 * np.abs(wanted[1]).max()
 
 
 def test_a_stage_profile_is_refused(two_axes):

@@ -37,8 +37,8 @@ def test_the_control_is_that_of_the_problem_with_its_end_given():
         right = np.concatenate([-w / size, (end - powers[-1] @ x) / unit])
         U = np.linalg.solve(system, right)[: 2 * PREVIEW]
         np.testing.assert_allclose(powers[-1] @ x + G[-1] @ U, end, rtol=0, atol=1e-9)
-        found = np.asarray(plan.f[k]) - np.asarray(plan.F[k]) @ x
-        np.testing.assert_allclose(found, U[:2], rtol=1e-8, atol=1e-8 * np.abs(U).max())
+        actual = np.asarray(plan.f[k]) - np.asarray(plan.F[k]) @ x
+        np.testing.assert_allclose(actual, U[:2], rtol=1e-8, atol=1e-8 * np.abs(U).max())
 
 
 def test_short_horizons_and_states_out_of_reach_are_refused():

@@ -146,12 +146,12 @@ def test_thesis_observer(name, make):
     np.testing.assert_allclose(moduli, wanted["abs_eig_Lambda"], rtol=0, atol=1e-12)
     if name == "euler":
         augmented = augmented_model(model, thesis_gain())
-        for found, key in (
+        for actual, key in (
             (augmented.A, "A_aug"),
             (np.asarray(augmented.B)[:, 0], "B_aug"),
             (augmented.C, "C_aug"),
         ):
-            np.testing.assert_allclose(found, wanted[key], rtol=0, atol=1e-12)
+            np.testing.assert_allclose(actual, wanted[key], rtol=0, atol=1e-12)
         with pytest.raises(
             ValueError,
             match=r"gain: the observer is not stable: .* they are \[0\.99.*\+0\.0\d+j 0\.99.*\]",
@@ -183,10 +183,10 @@ def test_estimation_error_obeys_lambda_under_any_control(machine, thesis_model):
 
 def test_a_perfect_start_is_state_feedback(machine, thesis_model):
     task = thesis_task_a()
-    found = simulate(machine, ReducedObserver(inner(), thesis_model, thesis_gain()), task)
+    actual = simulate(machine, ReducedObserver(inner(), thesis_model, thesis_gain()), task)
     wanted = simulate(thesis_model, inner(), task)
     np.testing.assert_allclose(
-        found.control, wanted.control, rtol=0, atol=1e-8 * np.abs(wanted.control).max()
+        actual.control, wanted.control, rtol=0, atol=1e-8 * np.abs(wanted.control).max()
     )
 
 

@@ -52,19 +52,19 @@ def test_reference_numbers_of_the_thesis_loop(name):
     run = jax.device_get(simulate(FlexibleAxis(thesis_axis(), DT), controller, reference))
     wanted, current = np.asarray(reference.position)[:-1], np.abs(run.control)[:-1]
     motor, tool = np.abs(run.state.motion.motor - wanted), np.abs(run.state.motion.tool - wanted)
-    found = {
+    actual = {
         "em_max": motor.max(),
         "em_mean": motor.mean(),
         "ee_max": tool.max(),
         "ee_mean": tool.mean(),
     }
-    found["def_max"] = np.abs(run.state.motion.motor - run.state.motion.tool).max()
-    found = {key: 1e3 * value for key, value in found.items()} | {
+    actual["def_max"] = np.abs(run.state.motion.motor - run.state.motion.tool).max()
+    actual = {key: 1e3 * value for key, value in actual.items()} | {
         "u_mean": current.mean(),
         "u_max": current.max(),
     }
     for key, value in ROWS[name].items():
-        np.testing.assert_allclose(found[key], value, rtol=1e-8, err_msg=key)
+        np.testing.assert_allclose(actual[key], value, rtol=1e-8, err_msg=key)
 
 
 def updated(observer, z, u, before, now):

@@ -11,7 +11,7 @@ from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import (
     FilterObserver,
     OffsetFreeObserver,
-    OffsetFreeTold,
+    OffsetFreeWithLoad,
     PredictorObserver,
     kalman_gain,
     offset_free_gain,
@@ -70,11 +70,11 @@ def test_estimation_error_decays_as_a_minus_alc(form, two_axes, law, reference):
     error = 1e-4 * np.array([1.0, -2.0, 0.5, 3.0])
     start = two_axes.initial_state(np.asarray(reference.position)[0], reference.start_increment)
     rollout = simulate(Encoders(two_axes), form(law, two_axes, L), reference, start + error)
-    found = np.asarray(rollout.state) - np.asarray(rollout.memory.estimate)
-    for row in found:
+    actual = np.asarray(rollout.state) - np.asarray(rollout.memory.estimate)
+    for row in actual:
         np.testing.assert_allclose(row, error, rtol=0, atol=1e-15)
         error = (A - A @ np.asarray(L) @ C) @ error
-    assert np.abs(error).max() < 1e-3 * np.abs(found[0]).max()
+    assert np.abs(error).max() < 1e-3 * np.abs(actual[0]).max()
 
 
 def test_filter_uses_the_current_measurement_and_predictor_does_not(two_axes, law, reference):
@@ -122,7 +122,7 @@ def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state(thesis_model
 
 
 class Cancelling(Wrapper):
-    """Is told of the load, and takes it from the control."""
+    """Receives the load, and takes it from the control."""
 
     controller: Controller
 
@@ -138,19 +138,19 @@ def test_who_is_told_of_the_load_may_cancel_it_himself(thesis_model, thesis_feed
     gain = offset_free_gain(thesis_model, MOTOR, 0.05, 0.05, [1e-6, 1e-3])
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.2, 1e-3)
     machine = Disturbed(Sensed(thesis_model, lambda x: x[:2]), placed(np.full((1, 1), 0.5)))
-    wanted, found = (
+    wanted, actual = (
         simulate(machine, observer, task).control
         for observer in (
             OffsetFreeObserver(thesis_feedback, thesis_model, gain, MOTOR),
-            OffsetFreeTold(Cancelling(thesis_feedback), thesis_model, gain, MOTOR),
+            OffsetFreeWithLoad(Cancelling(thesis_feedback), thesis_model, gain, MOTOR),
         )
     )
     assert np.abs(wanted).max() > 0.1
-    np.testing.assert_array_equal(found, wanted)
+    np.testing.assert_array_equal(actual, wanted)
 
 
 def test_at_a_limit_the_disturbance_is_not_mistaken(thesis_model, thesis_feedback):
-    """An observer told of the limit keeps only the rest of its wrong start.
+    """An observer that knows the limit keeps only the rest of its wrong start.
 
     Untold, it takes the missing control for a load.
     """
@@ -160,12 +160,12 @@ def test_at_a_limit_the_disturbance_is_not_mistaken(thesis_model, thesis_feedbac
         offset_free_gain(thesis_model, MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
     )
     machine = Saturated(Sensed(thesis_model, lambda x: x[:2]), np.array([2.0]))
-    found = []
+    actual = []
     for limit in (np.inf, 2.0):
         observer = OffsetFreeObserver(thesis_feedback, thesis_model, gain, MOTOR, limit)
         run = simulate(machine, observer, rest, start)
-        found.append(np.abs(np.asarray(run.memory.disturbance)[50:]).max())
-    assert found[0] > 10.0 and found[1] < 1.0
+        actual.append(np.abs(np.asarray(run.memory.disturbance)[50:]).max())
+    assert actual[0] > 10.0 and actual[1] < 1.0
     with pytest.raises(ValueError, match="^limit: "):
         OffsetFreeObserver(thesis_feedback, thesis_model, gain, MOTOR, -1.0)
 

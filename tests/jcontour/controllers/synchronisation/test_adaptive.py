@@ -65,10 +65,10 @@ def test_a_step_of_load(synchronisation_numbers, name):
             if row["peak_sync"] == "diverged":
                 assert np.abs(error).max() > 1e6
                 continue
-            found = scores(error, round(p["t_step"] / dt), dt)
+            actual = scores(error, round(p["t_step"] / dt), dt)
             keys = ("peak_sync", "iae_sync", "peak_e1", "peak_e2", "final_sync")
             wanted = [row[key] for key in keys]
-            np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-11)
+            np.testing.assert_allclose(actual, wanted, rtol=1e-8, atol=1e-11)
 
 
 def test_a_speed_that_moves(synchronisation_numbers):
@@ -111,10 +111,10 @@ def test_unequal_axes_and_a_load_that_moves():
     gains = SynchronisedGains([0.3, 0.2], 0.02, 1.7, bias=0.5)
     controller = AdaptiveSynchronisation(gains, STATE, dt, axes.feedforward(dt))
     plant = Disturbed(servo_axes(axes.gain, axes.pole, dt), placed(force))
-    found = simulate(plant, controller, following(speeds, dt))
-    error = speeds[:300, None] - np.asarray(found.measurement)[:, 1::2]
+    actual = simulate(plant, controller, following(speeds, dt))
+    error = speeds[:300, None] - np.asarray(actual.measurement)[:, 1::2]
     np.testing.assert_allclose(error, wanted, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(found.final_memory.estimate, theta, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(actual.final_memory.estimate, theta, rtol=0, atol=1e-11)
 
 
 def test_positions_are_held_by_their_own_gain():

@@ -72,14 +72,14 @@ def test_a_step_of_load(synchronisation_numbers, stepped, name):
     for row in reference["continuous"]:
         run = continuous_response(axes, gains_of(p, row["beta"]), stepped(p), times)
         apart = run.error[:, 0] - run.error[:, 1]
-        found = [
+        actual = [
             np.abs(apart).max(),
             np.trapezoid(np.abs(apart), times),
             *np.abs(run.error).max(axis=0),
             np.abs(apart[-1]),
         ]
         keys = ("peak_sync", "iae_sync", "peak_e1", "peak_e2", "final_sync")
-        np.testing.assert_allclose(found, [row[key] for key in keys], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(actual, [row[key] for key in keys], rtol=0, atol=1e-9)
 
 
 def test_a_speed_that_moves(synchronisation_numbers, stepped):

@@ -44,10 +44,10 @@ def test_every_motor_gets_its_share_of_the_path(reference, cascade):
     third = position[:, [0, 1, 1]]
     unit = np.concatenate([tangent, 0 * tangent[:, :1]], axis=1)
     wanted = prepared(cascade, from_samples(third, unit, DT, 1))
-    found = prepared(OfMotors(cascade, both_drives()), reference)
+    actual = prepared(OfMotors(cascade, both_drives()), reference)
     for name in ("position", "velocity", "control"):
         np.testing.assert_allclose(
-            getattr(found, name), getattr(wanted, name), rtol=1e-12, atol=1e-13
+            getattr(actual, name), getattr(wanted, name), rtol=1e-12, atol=1e-13
         )
 
 

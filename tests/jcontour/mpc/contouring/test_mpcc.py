@@ -197,8 +197,8 @@ def test_two_runs_of_one_controller_are_two_runs():
             memories[i], control, _ = controller.step(memories[i], None, state)
             np.testing.assert_array_equal(control, run.control[k])
     for memory, run in zip(memories, wanted, strict=True):
-        for found, expected in zip(memory, run.final_memory, strict=True):
-            np.testing.assert_array_equal(found, expected)
+        for actual, expected in zip(memory, run.final_memory, strict=True):
+            np.testing.assert_array_equal(actual, expected)
 
 
 def test_a_problem_belongs_to_whom_asked_for_it():

@@ -60,7 +60,7 @@ def test_a_plan_is_that_of_another_solver():
     state = machine.initial_state(jnp.array([1e-3]), jnp.array([1e-4]))
     memory = ArtificialMemory(jnp.array([1e-3]), jnp.zeros((), int))
     qp = controller.problem(memory, jnp.full((HORIZON, 1), 2e-2), state)
-    found = np.asarray(
+    actual = np.asarray(
         controller.answer(memory, jnp.full((HORIZON, 1), 2e-2), state).trajectory.stages
     )
     A, B, x0 = (np.asarray(one) for one in (qp.A, qp.B, qp.x0))
@@ -98,7 +98,7 @@ def test_a_plan_is_that_of_another_solver():
         )
     )
     other = solved.z.reshape(N, p)
-    np.testing.assert_allclose(found[:, n:], other, rtol=1e-5, atol=1e-7 * np.abs(other).max())
+    np.testing.assert_allclose(actual[:, n:], other, rtol=1e-5, atol=1e-7 * np.abs(other).max())
     assert np.abs(other[:, 0]).max() > 0.9 * CONTROL
 
 

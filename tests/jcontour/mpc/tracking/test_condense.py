@@ -82,9 +82,9 @@ def test_rows_are_the_signals_they_limit(drawn):
         np.full(10, 5.0),
         np.full(10, 6.0),
     ]
-    found = rows.size * (rows.C @ controls.ravel() + rows.F @ np.concatenate(known))
+    actual = rows.size * (rows.C @ controls.ravel() + rows.F @ np.concatenate(known))
     np.testing.assert_allclose(
-        found, np.concatenate([part.ravel() for part in wanted]), rtol=1e-9, atol=1e-9
+        actual, np.concatenate([part.ravel() for part in wanted]), rtol=1e-9, atol=1e-9
     )
     np.testing.assert_allclose(rows.size * rows.upper, np.concatenate(bounds), rtol=1e-12)
     assert (

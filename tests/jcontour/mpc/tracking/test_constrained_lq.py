@@ -13,7 +13,7 @@ from jcontour.controllers.lq.contouring_lq import (
     OutputTerminal,
     RiccatiTerminal,
 )
-from jcontour.controllers.observers.kalman import OffsetFreeTold, offset_free_gain
+from jcontour.controllers.observers.kalman import OffsetFreeWithLoad, offset_free_gain
 from jcontour.geometry.contours import circle, lemniscate, line, polygon
 from jcontour.host.loop import reported_loop
 from jcontour.host.observed import OffsetFreeHost
@@ -63,9 +63,9 @@ def sizes(plant, weights, reference):
     }
 
 
-def same(found, wanted, tolerance=1e-6):
+def same(actual, wanted, tolerance=1e-6):
     for name in ("control", "output"):
-        value, expected = getattr(found, name), np.asarray(getattr(wanted, name))
+        value, expected = getattr(actual, name), np.asarray(getattr(wanted, name))
         np.testing.assert_allclose(value, expected, rtol=0, atol=tolerance * np.abs(expected).max())
 
 
@@ -85,16 +85,16 @@ def test_loops_under_limits_are_those_of_the_host(seed, two_axes):
     gain = offset_free_gain(two_axes, two_axes.C, 0.05, 0.01, 1e-6)
     behind = OffsetFreeHost(mpc, two_axes, gain, two_axes.C)
     inner = ConstrainedLQ(two_axes, weights, N, limits, terminal)
-    controller = OffsetFreeTold(inner, two_axes, gain, two_axes.C)
+    controller = OffsetFreeWithLoad(inner, two_axes, gain, two_axes.C)
     load = jnp.full((1, 2), 2e-3 * (seed % 2))
     plant = Encoders(Disturbed(two_axes, load))
     wanted = reported_loop(plant, behind, reference, fallback="soft")
-    found = run(plant, controller, reference)
+    actual = run(plant, controller, reference)
     # in a step of seed 1 rounding decides which of two answers within the residual the path ends
     # at: with its numbers changed by 1e-15, 40 % of the answers are 3e-5 off (20 % in XLA)
-    same(found, wanted.rollout, 1e-4 if seed == 1 else 1e-6)
+    same(actual, wanted.rollout, 1e-4 if seed == 1 else 1e-6)
     assert wanted.report.active_fraction > 0
-    assert int(found.final_memory.inner.failed) == 0
+    assert int(actual.final_memory.inner.failed) == 0
 
 
 @pytest.mark.slow
@@ -103,16 +103,16 @@ def test_speed_and_acceleration_are_limited_as_on_the_host(two_axes):
     free = sizes(two_axes, WEIGHTS, reference)
     limits = Limits.within(**{key: 0.8 * free[key] for key in ("speed", "acceleration")})
     wanted = reported_loop(two_axes, host(two_axes, WEIGHTS, limits), reference, fallback="soft")
-    found = run(two_axes, ConstrainedLQ(two_axes, WEIGHTS, N, limits), reference)
-    same(found, wanted.rollout)
+    actual = run(two_axes, ConstrainedLQ(two_axes, WEIGHTS, N, limits), reference)
+    same(actual, wanted.rollout)
     assert wanted.report.active_fraction > 0.1
 
 
 def test_where_no_limit_acts_it_is_contouring_lq(two_axes):
     reference, far = shape("circle"), Limits.within(control=1e3, increment=1e3)
     wanted = run(two_axes, ContouringLQ(two_axes, WEIGHTS, N), reference)
-    found = run(two_axes, ConstrainedLQ(two_axes, WEIGHTS, N, far), reference)
-    same(found, wanted, 1e-9)
+    actual = run(two_axes, ConstrainedLQ(two_axes, WEIGHTS, N, far), reference)
+    same(actual, wanted, 1e-9)
 
 
 @pytest.mark.slow
@@ -158,9 +158,9 @@ def test_margins_are_those_of_the_loop_without_limits(two_axes):
     plan = jax.tree.map(lambda rows: rows[8], limited.prepare(reference))
     held = eqx.filter_jit(limited.step)(limited.initial_memory(reference), plan, state)[1]
     np.testing.assert_allclose(np.abs(held), [0.02, 0.02], rtol=1e-6)
-    (found, _), (wanted, _) = eqx.filter_jit(law)(limited), eqx.filter_jit(law)(free)
+    (actual, _), (wanted, _) = eqx.filter_jit(law)(limited), eqx.filter_jit(law)(free)
     size = np.abs(wanted.D).max()
-    np.testing.assert_allclose(found.D, wanted.D, rtol=0, atol=1e-9 * size)
+    np.testing.assert_allclose(actual.D, wanted.D, rtol=0, atol=1e-9 * size)
 
 
 def test_a_step_without_an_answer_is_nan_and_is_counted(two_axes):
@@ -202,8 +202,8 @@ def test_a_machine_at_rest_away_from_the_origin_is_no_unsolved_problem():
         return rollout.control, rollout.final_memory.failed
 
     free = simulate(plant, ContouringLQ(plant, LQWeights(3.0, 5.0, 1e-7), N), reference).control
-    found, failed = jax.jit(controls)(1e-7)
+    actual, failed = jax.jit(controls)(1e-7)
     assert int(failed) == 0
-    np.testing.assert_allclose(found, free, atol=1e-6 * float(jnp.abs(free).max()))
+    np.testing.assert_allclose(actual, free, atol=1e-6 * float(jnp.abs(free).max()))
     slope = jax.jit(jax.jacfwd(lambda rho: controls(rho)[0]))(1e-7)
     assert jnp.isfinite(slope).all()

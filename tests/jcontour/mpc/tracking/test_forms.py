@@ -30,11 +30,11 @@ def drawn(coupled_plant):
 
 def test_the_velocity_form_finds_a_constant_load(drawn):
     _, A, B, load, controls, states = drawn
-    found = VelocityForm().disturbance(A, B, states[0], controls[0], states[1])
-    np.testing.assert_allclose(found.state, load, rtol=0, atol=1e-12)
+    actual = VelocityForm().disturbance(A, B, states[0], controls[0], states[1])
+    np.testing.assert_allclose(actual.state, load, rtol=0, atol=1e-12)
     first = VelocityForm().disturbance(A, B, np.full(5, np.nan), controls[0], states[1])
     none = AbsoluteForm().disturbance(A, B, states[0], controls[0], states[1])
-    for one in (first.state, none.state, found.control, first.control, none.control):
+    for one in (first.state, none.state, actual.control, first.control, none.control):
         assert not one.any()
     for form in (AbsoluteForm(), VelocityForm()):
         np.testing.assert_array_equal(form.state(states[1]), states[1])
@@ -43,9 +43,9 @@ def test_the_velocity_form_finds_a_constant_load(drawn):
 def test_the_offset_free_form_is_told_of_the_load(drawn):
     _, A, B, _, controls, states = drawn
     fed = DisturbedState(states[1], np.array([0.3, -0.2]))
-    found = OffsetFreeForm().disturbance(A, B, states[0], controls[0], fed)
-    assert OffsetFreeForm().state(fed) is fed.state and found.control is fed.disturbance
-    assert found.state.shape == (5,) and not found.state.any()
+    actual = OffsetFreeForm().disturbance(A, B, states[0], controls[0], fed)
+    assert OffsetFreeForm().state(fed) is fed.state and actual.control is fed.disturbance
+    assert actual.state.shape == (5,) and not actual.state.any()
 
 
 @pytest.mark.parametrize("horizon", [1, 3])

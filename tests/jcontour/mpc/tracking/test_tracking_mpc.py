@@ -48,8 +48,8 @@ def test_the_acceleration_is_limited_from_the_sample_itself_on():
     run = reported_loop(
         mill, TrackingMPC(mill, weights, 10, limits._replace(control=(-5, 5))), reference
     )
-    found = np.abs(np.diff(np.asarray(run.rollout.output), 2, axis=0)) / mill.dt**2
-    assert found.max() == pytest.approx(limit, rel=1e-6) and run.report.fallbacks == 0
+    actual = np.abs(np.diff(np.asarray(run.rollout.output), 2, axis=0)) / mill.dt**2
+    assert actual.max() == pytest.approx(limit, rel=1e-6) and run.report.fallbacks == 0
 
 
 def still(where, steps=40, preview=N, dt=1e-3):
@@ -99,13 +99,13 @@ def test_horizon_of_one(two_axes):
     plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8)
     for terminal in (OutputTerminal(), RiccatiTerminal()):
         wanted = simulate(plant, ContouringLQ(plant, weights, 1, terminal), shapes()["circle"])
-        found = loop(
+        actual = loop(
             plant,
             TrackingMPC(plant, TrackingWeights.of(weights), 1, terminal=terminal),
             shapes()["circle"],
         )
         np.testing.assert_allclose(
-            found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
+            actual.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
         )
 
 
