@@ -80,17 +80,17 @@ def _slope(values, slopes):
     return _largest(*values), jnp.take_along_axis(slopes[0], place, axis=0)[0]
 
 
-def told(value: Any, unit: str = "", scale: float = 1.0) -> str:
+def in_words(value: Any, unit: str = "", scale: float = 1.0) -> str:
     """A value in words: one number with its unit, or the ends of an array.
 
     Where there is no value, as under `jit`, it is the type and the shape.
 
-    >>> told(np.array(3.1e-7), "um", 1e6), told(np.array([1.0, 2.0]), "s")
+    >>> in_words(np.array(3.1e-7), "um", 1e6), in_words(np.array([1.0, 2.0]), "s")
     ('0.31 um', '1 to 2 s')
 
     Args:
         value: number or array.
-        unit: that it is told in.
+        unit: that it is printed in.
         scale: of one SI unit in that unit.
     """
     if isinstance(value, Tracer) or not isinstance(value, WHOLE):

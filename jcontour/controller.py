@@ -133,9 +133,9 @@ def check_period(dt: float, reference: Reference) -> None:
 
 def check_axes(axes: int, reference: Reference) -> None:
     """Raise ValueError unless the reference has as many axes as the controller reads."""
-    found = reference.position.shape[-1]
-    if found != axes:
-        raise ValueError(f"sensors: the reference has {found} axes, the controller reads {axes}")
+    received = reference.position.shape[-1]
+    if received != axes:
+        raise ValueError(f"sensors: the reference has {received} axes, the controller reads {axes}")
 
 
 def checked_period(dt: float) -> float:

@@ -156,10 +156,10 @@ def affine_kernels(n: int, p: int, m: int, real) -> AffineKernels:
 
     @wp.func(inline=True)
     def gain(K: Rows, k: int, own: int) -> Gain:
-        found = Gain()
+        from_memory = Gain()
         for i in range(p * (n + 1)):
-            found[i] = K[k * wp.static(p * (n + 1)) + i, own]
-        return found
+            from_memory[i] = K[k * wp.static(p * (n + 1)) + i, own]
+        return from_memory
 
     @wp.func(inline=True)
     def sample(rows: Row, k: int) -> Point:

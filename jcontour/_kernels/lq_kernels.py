@@ -38,7 +38,7 @@ from jcontour._kernels.parts import IN_SHARED, ROWS, at, contour_scores, fence, 
 
 LONGEST_WINDOW = 16  # samples: loops over more are not unrolled
 SPAN = 25  # samples of a run whose states are found again in reverse
-LANES = 32  # runs side by side in memory
+TILE = 32  # runs side by side in memory
 LEAST = 1e-20  # of f
 
 
@@ -55,7 +55,7 @@ class Kernels(NamedTuple):
 def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> Kernels:
     """Kernels for m axes of at most n states and a window of N samples.
 
-    Arrays of a run: f (1, runs), and in tiles of `LANES` runs (tiles, rows, LANES) the lower
+    Arrays of a run: f (1, runs), and in tiles of `TILE` runs (tiles, rows, TILE) the lower
     triangles of f M (m T rows) and kappa M h (m N rows); the roots of the profile (N, runs). What
     all runs share: A (m n n), B, C (m n), O (m N n), tangents and desired positions (m S), what the
     model's response at rest is above its position (m N), the control there, arc lengths, what is
@@ -72,8 +72,8 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
 
     @wp.func(inline=True)
     def tile(rows: int, tid: int) -> wp.int64:
-        """Index of the first of a run's numbers; the next are `LANES` apart."""
-        return wp.int64(tid // LANES) * wp.int64(rows * LANES) + wp.int64(tid % LANES)
+        """Index of the first of a run's numbers; the next are `TILE` apart."""
+        return wp.int64(tid // TILE) * wp.int64(rows * TILE) + wp.int64(tid % TILE)
 
     @wp.func(inline=True)
     def ahead_of(rows: Row, stride: int, a: int, k: int) -> Window:
@@ -140,10 +140,10 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         s = Window()
         for i in range(N):
             for j in range(i):
-                entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * LANES)
+                entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * TILE)
                 s[i] += entry * e[j]
                 s[j] += entry * e[i]
-            s[i] += at(M, first, (a * T + i * (i + 1) // 2 + i) * LANES) * e[i]
+            s[i] += at(M, first, (a * T + i * (i + 1) // 2 + i) * TILE) * e[i]
         return s
 
     @wp.func(inline=True)
@@ -152,12 +152,12 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         s, t = Window(), Window()
         for i in range(N):
             for j in range(i):
-                entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * LANES)
+                entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * TILE)
                 s[i] += entry * e[j]
                 s[j] += entry * e[i]
                 t[i] += entry * d[j]
                 t[j] += entry * d[i]
-            entry = at(M, first, (a * T + i * (i + 1) // 2 + i) * LANES)
+            entry = at(M, first, (a * T + i * (i + 1) // 2 + i) * TILE)
             s[i] += entry * e[i]
             t[i] += entry * d[i]
         return s, t
@@ -167,7 +167,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         """Product (kappa M h)' e of an axis."""
         u = real(0.0)
         for i in range(N):
-            u += at(Mh, first, (a * N + i) * LANES) * e[i]
+            u += at(Mh, first, (a * N + i) * TILE) * e[i]
         return u
 
     @wp.func(inline=True)
@@ -226,11 +226,11 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
             s = Window()
             for i in range(N):
                 for j in range(i):
-                    entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * LANES)
+                    entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * TILE)
                     s[i] += entry * e[j]
                     s[j] += entry * e[i]
                     S[i * (i + 1) // 2 + j] += R[i] * R[j] * entry
-                entry = at(M, first, (a * T + i * (i + 1) // 2 + i) * LANES)
+                entry = at(M, first, (a * T + i * (i + 1) // 2 + i) * TILE)
                 s[i] += entry * e[i]
                 S[i * (i + 1) // 2 + i] += R[i] * R[i] * (entry - f)
             for i in range(N):
@@ -404,7 +404,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
         scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
         bars: Rows,  # (2 ROWS, runs): cotangents of half of the sums and peaks
-        found: Rows, kept: Rows,  # of `run`
+        metrics: Rows, kept: Rows,  # of `run`
         slope: Rows,  # (2 + N, runs): with log kappa, f, and half of the logarithm of the profile
         states: Rows,  # (m n SPAN, runs): of a span
     ):  # fmt: skip
@@ -439,7 +439,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
                 bar = Sums()
                 for i in range(ROWS):
                     bar[i] = bars[i, own]
-                    if found[2 * ROWS + 1 + i, own] == real(k):
+                    if metrics[2 * ROWS + 1 + i, own] == real(k):
                         bar[i] += bars[ROWS + i, own]
                 y, tangent = output(C, x), sample(r, stride, k)
                 error = y - sample(y_d, stride, k)
@@ -468,7 +468,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
             for a in range(m):
                 R = ahead_of(r, stride, a, k)
                 for i in range(N):
-                    w_bar[i] += R[i] * at(Mh, own_Mh, (a * N + i) * LANES) * u_bar[a]
+                    w_bar[i] += R[i] * at(Mh, own_Mh, (a * N + i) * TILE) * u_bar[a]
             fence()
             p = solved(L, w_bar)
             fence()
@@ -486,7 +486,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
                 fence()
                 z = fz / forgiven
                 for i in range(N):
-                    e_bar[i] -= at(Mh, own_Mh, (a * N + i) * LANES) * u_bar[a]
+                    e_bar[i] -= at(Mh, own_Mh, (a * N + i) * TILE) * u_bar[a]
                     total[0] += e_bar[i] * z[i] - turned[i] * fz[i]
                     if wp.static(profiled):
                         total[2 + i] += e_bar[i] * (real(2.0) * z[i] + lag[i]) - turned[i] * fz[i]

@@ -20,7 +20,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from jcontour._devices import on_gpu
-from jcontour._kernels.lq_kernels import LANES, LEAST, LONGEST_WINDOW, SPAN, kernels
+from jcontour._kernels.lq_kernels import LEAST, LONGEST_WINDOW, SPAN, TILE, kernels
 from jcontour._kernels.parts import BLOCK, ROWS
 from jcontour._tracing import is_concrete
 from jcontour.geometry.contours import Contour
@@ -255,10 +255,10 @@ def _designed(own: Float[Array, "rows runs"], responses, dtype) -> list[Array]:
 
 
 def _tiled(rows: Float[Array, "*rows runs"]) -> Float[Array, " numbers"]:
-    """Numbers of `LANES` runs side by side, one row after the other."""
+    """Numbers of `TILE` runs side by side, one row after the other."""
     rows = rows.reshape(-1, rows.shape[-1])
-    rows = jnp.pad(rows, ((0, 0), (0, -rows.shape[1] % LANES)))
-    return rows.reshape(len(rows), -1, LANES).swapaxes(0, 1).ravel()
+    rows = jnp.pad(rows, ((0, 0), (0, -rows.shape[1] % TILE)))
+    return rows.reshape(len(rows), -1, TILE).swapaxes(0, 1).ravel()
 
 
 @lru_cache
@@ -283,8 +283,8 @@ def _caller(size: tuple[int, int, int], dtype: str, kernel: str, profiled: bool)
         runs, steps = weights.shape[1], len(shared[parts + 8])
         rows = _designed(weights, shared[:parts], dtype)
         placed = {"launch_dims": runs, "output_dims": shapes(runs, steps)}
-        found = tuple(launch(*rows, *shared[parts:], *more, **placed))
-        return found[:1] if kernel in ("run", "adjoint") else found
+        outputs = tuple(launch(*rows, *shared[parts:], *more, **placed))
+        return outputs[:1] if kernel in ("run", "adjoint") else outputs
 
     return over_runs(call)
 
@@ -311,16 +311,16 @@ def over_runs(launch: Callable[..., tuple[Array, ...]]) -> Callable[..., tuple[A
                 own, shared = jax.tree.unflatten(tree, member)
                 return call(own, *shared)
 
-            found = jax.lax.map(one, [a for a, b in zip(given, moves, strict=True) if b])
-            return found, (True,) * len(found)
+            outputs = jax.lax.map(one, [a for a, b in zip(given, moves, strict=True) if b])
+            return outputs, (True,) * len(outputs)
 
         def side_by_side(rows, moves):
             rows = rows if moves else jnp.broadcast_to(rows[None], (size, *rows.shape))
             return jnp.moveaxis(rows, 0, -2).reshape(*rows.shape[1:-1], -1)
 
         runs = own[0].shape[-1]
-        found = call(tuple(map(side_by_side, own, batched[0])), *shared)
-        found = [one.reshape(*one.shape[:-1], size, runs) for one in found]
-        return tuple(jnp.moveaxis(one, -2, 0) for one in found), (True,) * len(found)
+        outputs = call(tuple(map(side_by_side, own, batched[0])), *shared)
+        outputs = [one.reshape(*one.shape[:-1], size, runs) for one in outputs]
+        return tuple(jnp.moveaxis(one, -2, 0) for one in outputs), (True,) * len(outputs)
 
     return call

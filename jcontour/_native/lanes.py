@@ -50,9 +50,9 @@ def load(context, array, entry) -> Any:
     """Entry of an array of lanes."""
 
     def code(context, builder, signature, values):
-        found = builder.load(_place(context, builder, signature.args[0], *values[:2]))
-        found.align = 8
-        return found
+        vector = builder.load(_place(context, builder, signature.args[0], *values[:2]))
+        vector.align = 8
+        return vector
 
     return lanes(array, types.intp), code
 

@@ -85,9 +85,9 @@ def in_python(text: str) -> str:
             continue
         if line.startswith("}"):
             depth -= 1
-        found = _python(line)
-        if found:
-            lines.append("    " * depth + found)
+        statement = _python(line)
+        if statement:
+            lines.append("    " * depth + statement)
         if line.endswith("{"):
             depth += 1
     return "\n".join(lines)

@@ -58,7 +58,7 @@ def stock_pids(model: LinearPlant, limit: Vector) -> list[StockPid]:
     A, B, C = (np.asarray(one, float) for one in (model.A, model.B, model.C))
     if B.shape[1] != len(C):
         raise ValueError("linuxcnc: a PID needs one control for each axis")
-    found = []
+    pids = []
     for b, c, most in zip(B.T, C, limit, strict=True):
 
         def loop(gain: float, b: np.ndarray = b, c: np.ndarray = c) -> np.ndarray:
@@ -80,8 +80,8 @@ def stock_pids(model: LinearPlant, limit: Vector) -> list[StockPid]:
             x = A @ x + b
         speed = 1e3 * float(c @ (A @ x + b - x)) / model.dt  # [mm/s] of a control of one
         gains = 0.6 * ultimate, 1.2 * ultimate / period, 0.075 * ultimate * period
-        found.append(StockPid(*map(float, gains), FF1=1.0 / speed, limit=float(most)))
-    return found
+        pids.append(StockPid(*map(float, gains), FF1=1.0 / speed, limit=float(most)))
+    return pids
 
 
 def linuxcnc_files(

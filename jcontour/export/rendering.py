@@ -80,7 +80,7 @@ class Code:
     def sizes(self) -> dict[str, int]:
         """Whole numbers of the law, by name."""
         law = self.law
-        found = {
+        counts = {
             "LAW_AXES": law.axes,
             "LAW_MEASURED": law.measured,
             "LAW_INPUTS": law.inputs,
@@ -89,18 +89,18 @@ class Code:
             "LAW_POINTS": law.points,
         }
         if law.states:
-            found["LAW_STATES"] = law.states
+            counts["LAW_STATES"] = law.states
         if law.behind:
-            found["LAW_BEHIND"] = law.behind
+            counts["LAW_BEHIND"] = law.behind
         if law.window is not None:
-            found["LAW_MODEL"] = len(law.window.A)
+            counts["LAW_MODEL"] = len(law.window.A)
         else:
-            found["LAW_FILTER"] = law.behind + law.preview + 1
-        found["LAW_WAIT"] = law.dead_time + self.limits.wait
-        found["LAW_IDLE"] = law.dead_time + self.limits.idle
-        found["LAW_MOST_LOST"] = self.limits.lost
-        found["LAW_MOST_MISSED"] = self.limits.missed
-        return found
+            counts["LAW_FILTER"] = law.behind + law.preview + 1
+        counts["LAW_WAIT"] = law.dead_time + self.limits.wait
+        counts["LAW_IDLE"] = law.dead_time + self.limits.idle
+        counts["LAW_MOST_LOST"] = self.limits.lost
+        counts["LAW_MOST_MISSED"] = self.limits.missed
+        return counts
 
     @cached_property
     def constants(self) -> list[Constant]:
@@ -109,7 +109,7 @@ class Code:
         recovery, speed_up = safe.recovery_speed * dt, safe.recovery_acceleration * dt**2
         position = np.isfinite(safe.jump)
         freeze = np.where(position, np.abs(law.places).T @ safe.freeze, np.inf)
-        found: list[tuple[str, np.ndarray | None, str]] = [
+        tables: list[tuple[str, np.ndarray | None, str]] = [
             ("LAW_LIMIT", law.limit, "of every control, +-"),
             ("LAW_INCREMENT", safe.increment, "of every control in a sample, +-"),
             ("LAW_SPEED", safe.speed * dt * (1 + SLACK[self.precision]), "m in a sample"),
@@ -145,37 +145,39 @@ class Code:
         ]
         if law.states:
             still = None if law.base == "start" else law.still
-            found.append(("LAW_STILL", still, "memory at rest: memory x axes"))
-            found.append(("LAW_ENTRY", law.entry, "memory in motion: memory x axes"))
+            tables.append(("LAW_STILL", still, "memory at rest: memory x axes"))
+            tables.append(("LAW_ENTRY", law.entry, "memory in motion: memory x axes"))
             kept = law.kept if np.isfinite(law.kept).any() else None
-            found.append(("LAW_KEPT", kept, "of the memory, +-"))
+            tables.append(("LAW_KEPT", kept, "of the memory, +-"))
         if law.window is not None:
-            found += _window_constants(law.window)
+            tables += _window_constants(law.window)
         return [
             (name, np.where(np.isfinite(values), values, LARGEST), words)
-            for name, values, words in found
+            for name, values, words in tables
             if values is not None
         ]
 
     @cached_property
     def scalars(self) -> list[tuple[str, float, str]]:
         """Single numbers: name, value, meaning."""
-        found = [
+        values = [
             ("LAW_LARGEST", LARGEST, "of a number"),
             ("LAW_SLOWING", min(1.0, self.law.dt / self.limits.stop), "of a hold, in a sample"),
         ]
         if self.law.window is not None:
-            found.append(("LAW_TOTAL", self.law.window.total, "weight on an error, 1/m2"))
-            found.append(("LAW_BETA", self.law.window.beta, "forgiven along the path, 1/m2"))
-        return found
+            values.append(("LAW_TOTAL", self.law.window.total, "weight on an error, 1/m2"))
+            values.append(("LAW_BETA", self.law.window.beta, "forgiven along the path, 1/m2"))
+        return values
 
     @cached_property
     def memory(self) -> list[tuple[str, str, str]]:
         """Numbers that are remembered: name, size, meaning."""
-        found = [("control", "LAW_INPUTS", "that acts until the next sample")]
+        fields = [("control", "LAW_INPUTS", "that acts until the next sample")]
         if self.law.states:
-            found.append(("state", "LAW_STATES", ", ".join(plain(name) for name in self.law.names)))
-        found += [
+            fields.append(
+                ("state", "LAW_STATES", ", ".join(plain(name) for name in self.law.names))
+            )
+        fields += [
             ("base", "LAW_AXES", "what positions count from"),
             ("command", "LAW_AXES", "where the axes were meant to be"),
             ("expected", "LAW_AXES", "reference point of the next sample"),
@@ -189,8 +191,8 @@ class Code:
             ("phase", "", "between two reference points"),
         ]
         if self.law.behind:
-            found.append(("past", "LAW_BEHIND * LAW_AXES", "commands of the samples before"))
-        return found
+            fields.append(("past", "LAW_BEHIND * LAW_AXES", "commands of the samples before"))
+        return fields
 
     @property
     def counters(self) -> list[tuple[str, str, str]]:
@@ -212,32 +214,32 @@ class Code:
     def arrays(self) -> list[tuple[str, str]]:
         """Arrays of one call: name and size."""
         law = self.law
-        found = [("window", "LAW_WINDOW * LAW_AXES"), ("reading", "LAW_MEASURED")]
-        found += [("place", "LAW_AXES"), ("increment", "LAW_AXES"), ("away", "LAW_AXES")]
-        found += [("rest", "LAW_INPUTS"), ("wanted", "LAW_INPUTS")]
+        buffers = [("window", "LAW_WINDOW * LAW_AXES"), ("reading", "LAW_MEASURED")]
+        buffers += [("place", "LAW_AXES"), ("increment", "LAW_AXES"), ("away", "LAW_AXES")]
+        buffers += [("rest", "LAW_INPUTS"), ("wanted", "LAW_INPUTS")]
         if law.states:
-            found.append(("ahead", "LAW_STATES"))
+            buffers.append(("ahead", "LAW_STATES"))
         if law.B is not None:
-            found.append(("acting", "LAW_INPUTS"))
+            buffers.append(("acting", "LAW_INPUTS"))
         if law.L is not None:
-            found.append(("miss", "LAW_MEASURED"))
+            buffers.append(("miss", "LAW_MEASURED"))
         if law.window is None:
-            return [*found, ("filtered", "LAW_FILTER * LAW_AXES")]
+            return [*buffers, ("filtered", "LAW_FILTER * LAW_AXES")]
         square = "LAW_MODEL * LAW_MODEL"
-        found += [("along", "LAW_WINDOW * LAW_AXES"), ("toward", "LAW_AXES")]
-        found += [("cost", square), ("half", square), ("gain", "LAW_INPUTS * LAW_MODEL")]
-        found += [(name, "LAW_MODEL") for name in ("slope", "bend", "point")]
-        return [*found, ("feed", "LAW_INPUTS")]
+        buffers += [("along", "LAW_WINDOW * LAW_AXES"), ("toward", "LAW_AXES")]
+        buffers += [("cost", square), ("half", square), ("gain", "LAW_INPUTS * LAW_MODEL")]
+        buffers += [(name, "LAW_MODEL") for name in ("slope", "bend", "point")]
+        return [*buffers, ("feed", "LAW_INPUTS")]
 
     @cached_property
     def numbers(self) -> list[str]:
         """Single numbers of one call."""
-        found = ["part", "pace", "gap", "beside", "speed", "here", "spare", "shown", "moved"]
-        return [*found, "change", "push", *(["whole", "size"] if self.law.window else [])]
+        names = ["part", "pace", "gap", "beside", "speed", "here", "spare", "shown", "moved"]
+        return [*names, "change", "push", *(["whole", "size"] if self.law.window else [])]
 
     @cached_property
     def _templates(self) -> jinja2.Environment:
-        found = jinja2.Environment(
+        environment = jinja2.Environment(
             loader=jinja2.PackageLoader("jcontour.export"),
             trim_blocks=True,
             lstrip_blocks=True,
@@ -252,14 +254,14 @@ class Code:
         def rows(values: np.ndarray, kind: Precision = precision) -> str:
             return table(values, kind)
 
-        found.filters |= {
+        environment.filters |= {
             "number": number,
             "table": rows,
             "code": lambda text: in_c(text, precision),
             "python": in_python,
             "structured": in_structured_text,
         }
-        return found
+        return environment
 
     @cached_property
     def _context(self) -> dict[str, Any]:

@@ -177,14 +177,14 @@ def memory_limits(
     random = np.random.default_rng(0)
     away = FAR * random.normal(size=flat.size)
     ends = np.asarray(stepped(controller, jnp.asarray([away, 2 * away, -away])))
-    found = (ends[0] == ends[1]) & (ends[0] == -ends[2]) & (ends[0] != 0.0)
-    kept = np.where(found, np.abs(ends[0]), np.inf)
+    saturates = (ends[0] == ends[1]) & (ends[0] == -ends[2]) & (ends[0] != 0.0)
+    kept = np.where(saturates, np.abs(ends[0]), np.inf)
     sizes = 10.0 ** random.uniform(-3.0, np.log10(FAR), (TRIES, 1))
     numbers = jnp.asarray(sizes * random.normal(size=(TRIES, flat.size)))
     after, without = (np.asarray(stepped(one, numbers)) for one in (controller, free))
     apart = np.abs(after - np.clip(without, -kept, kept))
     exact = bool((apart <= SAME * np.abs(without).max(axis=1, keepdims=True, initial=0.0)).all())
-    return (kept if found.any() else None), exact
+    return (kept if saturates.any() else None), exact
 
 
 def _between(plan: Any, both: tuple[Any, Any]) -> tuple[Any, Any, Any]:

@@ -218,15 +218,15 @@ def _seen(machine: Plant, position: Any) -> Float[np.ndarray, " q"]:
 
 def _drives(machine: Plant, line: Reference, inputs: int) -> tuple[Matrix, int]:
     """Control that moves each measurement most when it pushes, and the longest dead time."""
-    found = []
+    responses = []
     for control in np.eye(inputs):
         state = machine.initial_state(line.position[0], line.start_increment)
         rows = [row(machine.measure(state))]
         for _ in range(PUSHED):
             state = machine.step(state, jnp.asarray(control))
             rows.append(row(machine.measure(state)))
-        found.append(np.abs(np.asarray(rows[1:]) - np.asarray(rows[0])))
-    response = np.stack(found, axis=2)  # (sample, measured, control)
+        responses.append(np.abs(np.asarray(rows[1:]) - np.asarray(rows[0])))
+    response = np.stack(responses, axis=2)  # (sample, measured, control)
     last = response[-1]
     drives = np.eye(inputs)[last.argmax(axis=1)] * (last.max(axis=1) > 0.0)[:, None]
     moved = (response > ENDED * last.max()).any(axis=2)
@@ -291,13 +291,13 @@ def _stationary(
     middle = BEHIND + TAIL // 2 + preview
 
     def moved(sample: int, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-        found = []
+        changes = []
         for one in size * np.eye(axes):
             position = line.position.at[sample].set(one)
             there = prepared(controller, replace(line, position=position))
             after = _steps(free, there, memory, at_rest)
-            found.append((after.f - steps.f, after.w - steps.w))
-        f, w = (np.stack(rows, axis=-1) for rows in zip(*found, strict=True))
+            changes.append((after.f - steps.f, after.w - steps.w))
+        f, w = (np.stack(rows, axis=-1) for rows in zip(*changes, strict=True))
         return f, w
 
     once, w = moved(middle)
@@ -411,8 +411,8 @@ class _Steps(eqx.Module):
 
 def _steps(controller: Controller, plan: Any, memory: Any, measurement: Any) -> _Steps:
     """Jacobians of the step in memory and measurement at every sample, and its values at zero."""
-    found = _at_zero(controller, plan, memory, measurement)
-    return jax.tree.map(lambda one: np.asarray(one, float), found)
+    jacobians = _at_zero(controller, plan, memory, measurement)
+    return jax.tree.map(lambda one: np.asarray(one, float), jacobians)
 
 
 @eqx.filter_jit

@@ -86,7 +86,7 @@ def moved_axis(pieces, at, size, axes, axis, s, v, a, j, cos, sin):
 
 
 @compiled
-def _fill(rows, begin, size, piece, axes, motion, found, row, scratch):
+def _fill(rows, begin, size, piece, axes, motion, values, row, scratch):
     """Write place, speed, acceleration and jerk of one axis after the other, each of all points."""
     blocks = piece.size // WIDTH
     for block in range(blocks):
@@ -102,10 +102,10 @@ def _fill(rows, begin, size, piece, axes, motion, found, row, scratch):
                 row, begin, size, axes, axis, s, v, a, j, cos, sin
             )
             out, apart = axis * blocks + block, axes * blocks
-            store(found, out, place)
-            store(found, out + apart, speed)
-            store(found, out + 2 * apart, push)
-            store(found, out + 3 * apart, jerk)
+            store(values, out, place)
+            store(values, out + apart, speed)
+            store(values, out + 2 * apart, push)
+            store(values, out + 3 * apart, jerk)
 
 
 def moved(
@@ -125,11 +125,11 @@ def moved(
     whole = -(-count // WIDTH) * WIDTH
     number, along = np.zeros(whole, int), np.zeros((4, whole))
     number[:count], along[:, :count] = np.ravel(piece) - low, motion.reshape(4, -1)
-    rows, found = in_rows(pieces.taken(slice(low, high))), np.empty((4, axes, whole))
+    rows, values = in_rows(pieces.taken(slice(low, high))), np.empty((4, axes, whole))
     size = rows.shape[1]
     row, scratch = np.empty(size * WIDTH), np.empty(2 * WIDTH)
-    _fill(rows.ravel(), 0, size, number, axes, along.ravel(), found.ravel(), row, scratch)
-    return np.moveaxis(found[..., :count], 1, 2).reshape(4, *piece.shape, axes)
+    _fill(rows.ravel(), 0, size, number, axes, along.ravel(), values.ravel(), row, scratch)
+    return np.moveaxis(values[..., :count], 1, 2).reshape(4, *piece.shape, axes)
 
 
 def jet(

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jcontour._arrays import placed, told
+from jcontour._arrays import in_words, placed
 from jcontour._tracing import is_concrete
 from jcontour.geometry.pieces import Piece
 
@@ -54,8 +54,10 @@ class Contour(eqx.Module):
     turns: bool = eqx.field(static=True, default=True)
 
     def __repr__(self) -> str:
-        pieces = told(self.mask.sum(axis=-1)) if hasattr(self.mask, "sum") else "its"
-        length = told(self.extent.sum(axis=-1), "mm", 1e3) if hasattr(self.extent, "sum") else "?"
+        pieces = in_words(self.mask.sum(axis=-1)) if hasattr(self.mask, "sum") else "its"
+        length = (
+            in_words(self.extent.sum(axis=-1), "mm", 1e3) if hasattr(self.extent, "sum") else "?"
+        )
         return f"Contour({pieces} pieces, {length} long)"
 
     @property

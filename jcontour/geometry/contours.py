@@ -336,12 +336,12 @@ def from_pieces(pieces: Piece, fit_error: float = 0.0, newton_steps: int = 0) ->
 
 def _corners(pieces: Piece, count: int) -> Float[np.ndarray, "n m"]:
     """Lowest and highest coordinates of samples, of so many pieces at a time as fit in memory."""
-    found = [np.zeros((0, pieces.polynomial.shape[-1]))]
+    corners = [np.zeros((0, pieces.polynomial.shape[-1]))]
     for first in range(0, pieces.extent.size, PIECES_AT_ONCE):
         some = slice(first, first + PIECES_AT_ONCE)
         points = _samples(jax.tree.map(lambda rows, some=some: rows[some], pieces), count)
-        found.append(np.stack([points.min(axis=0), points.max(axis=0)]))
-    return np.concatenate(found)
+        corners.append(np.stack([points.min(axis=0), points.max(axis=0)]))
+    return np.concatenate(corners)
 
 
 def _samples(pieces: Piece, count: int) -> Float[np.ndarray, "n m"]:

@@ -24,7 +24,7 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
                subprograms in files NAME.ngc beside the program
     tools      G41 G42 with a tool table, G41.1 G42.1 with a diameter D, in the XY plane; G40; G43
                with a tool table
-    told       in `ignored`, as they move nothing here: G64 (P is kept), G96, G97,
+    ignored    and listed, as they move nothing here: G64 (P is kept), G96, G97,
                G4 without a time, M codes that neither stop nor lead elsewhere, and D, E, H, S, T;
                G43 without a tool table
     ends       M2, M30, M99 in the program itself, the second %
@@ -48,7 +48,7 @@ from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.gcode.machine_values import doubts_of
+from jcontour.geometry.gcode.machine_values import warnings_of
 from jcontour.geometry.gcode.modes import Tool
 from jcontour.geometry.gcode.moves import (
     DWELL,
@@ -57,8 +57,8 @@ from jcontour.geometry.gcode.moves import (
     Move,
     Stop,
     ignored_words,
+    stop_summary,
     stops_in_cuts,
-    told_stops,
 )
 from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
 from jcontour.geometry.pieces import Piece
@@ -102,7 +102,7 @@ class Toolpath(NamedTuple):
     # (P,) how long Z then moves alone at its programmed feed [s], where two axes are traced; its
     # rapid moves count as 0
     z_alone: Float[np.ndarray, " P"]
-    doubts: tuple[str, ...] = ()  # what of the program may be meant otherwise
+    warnings: tuple[str, ...] = ()  # what of the program may be meant otherwise
     stops: str = ""  # where and why it stops, in words; empty where it does not
     # stops for more than a rest, as for M3 or while Z moves alone; `after` counts pieces. Why
     # "start": something comes before the first cut.
@@ -187,8 +187,8 @@ def parse_gcode(
     return path._replace(
         rest=_rest(stops, cutting[0], path.contour),
         z_alone=_z_alone(stops, cutting[0], path.contour),
-        doubts=doubts_of(interpreter, stops),
-        stops=told_stops(stops),
+        warnings=warnings_of(interpreter, stops),
+        stops=stop_summary(stops),
         asks=_asks(stops, every, moves, cutting[0]),
         ramps=_ramps(traced) if len(axes) == 2 else (),
         tolerance=interpreter.tolerance,
@@ -239,11 +239,11 @@ def _rest(stops: list[Stop], first: int, contour: Contour) -> Float[np.ndarray, 
 def _asks(stops: list[Stop], every: list[Stop], moves: list[Move], first: int) -> tuple[Stop, ...]:
     """Stops of a run, the first piece of which is a move, for more than a rest."""
     asked = [stop for stop in stops if stop.why != DWELL and stop.why not in EXACT]
-    found = [stop._replace(after=stop.after - first) for stop in asked]
+    moved = [stop._replace(after=stop.after - first) for stop in asked]
     begun = moves[first]
     if first or begun.start[2] or any(stop.after == 0 and stop.why != DWELL for stop in every):
-        found.insert(0, Stop(0, begun.start, 0.0, begun.line, START))
-    return tuple(found)
+        moved.insert(0, Stop(0, begun.start, 0.0, begun.line, START))
+    return tuple(moved)
 
 
 def _ramps(moves: list[Move]) -> tuple[int, ...]:

@@ -122,6 +122,6 @@ class HostWrapper(HostController):
         return self.controller.finished(memory.inner)
 
     def _left(self, memory: Any, fed: Any, answer: Stepped) -> Stepped:
-        inner, found, report = answer
-        following, control = self.leave(memory, fed, inner, found)
+        inner, command, report = answer
+        following, control = self.leave(memory, fed, inner, command)
         return following, control, report

@@ -284,13 +284,13 @@ def blended(
     used = np.zeros(count - 1) if used is None else used
     if asked is not None:
         asked = asked._replace(feed=per_piece("feed", asked.feed, count))
-    found = joints(pieces)
-    rough = (found.turn > ROUNDING) | (found.bend > 0)
-    at = np.flatnonzero(allowed & rough & (found.turn < SHARPEST))
+    corners = joints(pieces)
+    rough = (corners.turn > ROUNDING) | (corners.bend > 0)
+    at = np.flatnonzero(allowed & rough & (corners.turn < SHARPEST))
     at = at[tolerance[at] > 0]
     if at.size > 0:
         most = SHARE * np.minimum(pieces.extent[at], pieces.extent[at + 1])
-        blends = Blends(pieces, at, found.turn[at] > CORNER, most)
+        blends = Blends(pieces, at, corners.turn[at] > CORNER, most)
         left = SAFETY * (tolerance[at] - used[at])
         blends = within(blends, left)
         if asked is not None:

@@ -179,7 +179,7 @@ def _planned(
     stopping = around.joint(np.flatnonzero(~passed))
     try:
         motion = jerk_limited(around.path, around.feed(feed), limits, stopping)
-    except SharpTurnError as error:  # told of the piece of the contour
+    except SharpTurnError as error:  # with the piece of the contour
         raise SharpTurnError(int(around.piece[error.piece]), error.steps) from None
     pieces = np.flatnonzero(~np.isnan(rest))  # each ends in a stop of the motion
     ends = np.cumsum(unpadded(around.path).extent)[around.joint(pieces)]
@@ -196,8 +196,8 @@ def _better_stopped(
     around, motion = planned.around, planned.motion
     pieces = unpadded(around.contour)
     smooth = joints(pieces).smooth(feed, float(limits.acceleration.min()))
-    found = ~smooth | (feed[1:] != feed[:-1]) | stopped_in
-    first = np.flatnonzero(np.append(True, found))  # piece of every leg
+    stops = ~smooth | (feed[1:] != feed[:-1]) | stopped_in
+    first = np.flatnonzero(np.append(True, stops))  # piece of every leg
     starts = np.append(0.0, np.cumsum(pieces.extent))
     ends = starts[np.append(first, feed.size)]
     middle = around.true_arc(motion.stops)[1:-1]
@@ -213,8 +213,8 @@ def _better_stopped(
     gain = np.where(several, blended - stopped, 0.0)
     slow = gain > 0
     worth = gain[slow].sum() >= WORTH * motion.duration or gain.sum() > 0
-    found[found] = worth & slow[stretch[1:]] & (stretch[1:] == stretch[:-1])
-    return found
+    stops[stops] = worth & slow[stretch[1:]] & (stretch[1:] == stretch[:-1])
+    return stops
 
 
 def _laws(

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jcontour._arrays import placed, shape, told
+from jcontour._arrays import in_words, placed, shape
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import polyline
 
@@ -57,7 +57,7 @@ class Reference(eqx.Module):
     steps: int = eqx.field(static=True)
 
     def __repr__(self) -> str:
-        samples = f"{self.steps} steps of {told(self.dt, 'ms', 1e3)}"
+        samples = f"{self.steps} steps of {in_words(self.dt, 'ms', 1e3)}"
         ahead = f"{shape(self.position)} [m] with what is previewed"
         return f"Reference({samples}, position {ahead}, {self.contour})"
 
@@ -336,7 +336,7 @@ def _along(contour: Contour, a: float, b: float) -> float:
 
 def _check_on(contour: Contour, position: np.ndarray, arc: np.ndarray, tolerance: float | None):
     if len(position) == 0:
-        return  # told with the preview
+        return  # refused with the preview
     most = FARTHEST * float(contour.size) if tolerance is None else tolerance
     if not most >= 0:
         raise ValueError(f"tolerance: needs a distance in metres, received {tolerance}")

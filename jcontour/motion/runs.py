@@ -126,7 +126,7 @@ def followed(runs: Runs, tolerance: Numbers, asked: Asked | None = None) -> Curv
     run = np.repeat(np.arange(size.size), size)
     number = np.arange(run.size) - (np.cumsum(size) - size)[run]
     splines = _Splines(runs.ends[runs.edges[run] + (number * count[run]) // (size - 1)[run]], run)
-    found: list[tuple[_Splines, Piece]] = []
+    rounds: list[tuple[_Splines, Piece]] = []
     for _ in range(ROUNDS):
         few = np.bincount(splines.run, minlength=count.size) <= room
         splines = splines.only(few)
@@ -147,12 +147,12 @@ def followed(runs: Runs, tolerance: Numbers, asked: Asked | None = None) -> Curv
         room = np.where(first, np.minimum(count, MANY * knots), room)
         most = np.where(first | easy, farthest, most)
         done = first | easy
-        found.append((splines.only(done), curves.taken(done[splines.run])))
+        rounds.append((splines.only(done), curves.taken(done[splines.run])))
         closer = easy & (farthest > CLOSEST * tolerance)
         wanted = np.where(closer, 0.5 * farthest, wanted)
         far = np.unique(sampled.cell[~(distance <= wanted[of])])
         splines = splines.halved(far).only(closer | (open_ & ~near))
-    return _curves(runs, found, most, FIT * tolerance.min())
+    return _curves(runs, rounds, most, FIT * tolerance.min())
 
 
 def _easy(
@@ -242,21 +242,21 @@ def _distance(
 
 def _curves(
     runs: Runs,
-    found: list[tuple[_Splines, Piece]],
+    rounds: list[tuple[_Splines, Piece]],
     most: Float[np.ndarray, " R"],
     near: float,
 ) -> Curves:
     """Quintic pieces near the splines [m] that were found round by round; the last of every run."""
     last = np.full(most.size, -1)
-    for number, (one, _) in enumerate(found):
+    for number, (one, _) in enumerate(rounds):
         last[one.run] = number
-    kept = [last[one.run] == number for number, (one, _) in enumerate(found)]
+    kept = [last[one.run] == number for number, (one, _) in enumerate(rounds)]
     if not any(some.any() for some in kept):
         none = np.zeros((0, 6, runs.pieces.cosine.shape[-1]))
         return Curves(Fit(none, none[:, 0, 0], none[:, 0, 0], 0.0), np.zeros(0, int), most)
     knots, run, polynomial = (
         np.concatenate([rows[some] for rows, some in zip(column, kept, strict=True)])
-        for column in zip(*((*one, curves.polynomial) for one, curves in found), strict=True)
+        for column in zip(*((*one, curves.polynomial) for one, curves in rounds), strict=True)
     )
     order = np.argsort(run, kind="stable")
     splines = _Splines(knots[order], run[order])

@@ -60,21 +60,21 @@ def smooth_path(
     if not (tolerance > 0).all() or allowed.shape != every.shape:
         return blended(contour, tolerance, allowed, asked=asked)
     tolerance = np.broadcast_to(tolerance, every.shape)
-    found, within = smoothed(contour, SHARE * tolerance, allowed & alike, asked)
-    joint = np.minimum(found.piece[:-1], allowed.size - 1)  # at the end of each piece
-    used = np.maximum(found.apart[:-1], found.apart[1:])
+    smooth, within = smoothed(contour, SHARE * tolerance, allowed & alike, asked)
+    joint = np.minimum(smooth.piece[:-1], allowed.size - 1)  # at the end of each piece
+    used = np.maximum(smooth.apart[:-1], smooth.apart[1:])
     if asked is not None:
-        asked = asked._replace(feed=found.feed(asked.feed))
+        asked = asked._replace(feed=smooth.feed(asked.feed))
     # beside a run that uses more than its joint may, the joint has as much
     left = np.maximum(tolerance[joint], used / SHARE)
-    around = blended(found.path, left, within | allowed[joint], used, asked)
+    around = blended(smooth.path, left, within | allowed[joint], used, asked)
     return BlendedPath(
         path=around.path,
         contour=contour,
-        piece=found.piece[around.piece],
+        piece=smooth.piece[around.piece],
         blend=around.blend,
-        place=found.true_arc(around.place),
-        apart=np.maximum(around.apart, found.apart[around.piece]),
+        place=smooth.true_arc(around.place),
+        apart=np.maximum(around.apart, smooth.apart[around.piece]),
     )
 
 

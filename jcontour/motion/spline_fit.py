@@ -76,13 +76,13 @@ def fitted_splines(
     (solve,) = get_lapack_funcs(("pbsv",), (bands, right))
     determined = np.ones(sizes.size, bool)
     while True:
-        _, found, lost = solve(bands, right)
+        _, solution, lost = solve(bands, right)
         if lost == 0:
             break
         k = np.searchsorted(begin, lost - 1, side="right") - 1
         determined[k] = False
         _hold((np.arange(count) >= begin[k]) & (np.arange(count) <= end[k]), bands, right)
-    return BSpline(whole, coefficients + found, DEGREE), determined
+    return BSpline(whole, coefficients + solution, DEGREE), determined
 
 
 def _hold(

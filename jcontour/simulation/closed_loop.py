@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._arrays import shape, told
+from jcontour._arrays import in_words, shape
 from jcontour.controller import Controller, Plan, Sampled, check_preview
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant, State
@@ -33,7 +33,7 @@ class Rollout(eqx.Module):
     final_memory: Any
 
     def __repr__(self) -> str:
-        control = f"control {shape(self.control)} from {told(self.control)}"
+        control = f"control {shape(self.control)} from {in_words(self.control)}"
         return f"Rollout(output {shape(self.output)} [m], {control})"
 
 
@@ -109,7 +109,7 @@ def follow(
     """
     # every array of the plan has a row for every control step
     shapes = [jnp.shape(leaf) for leaf in jax.tree.leaves(plan)] or [()]
-    wrong = [found for found in shapes if found[:1] != (reference.steps,)]
+    wrong = [shape for shape in shapes if shape[:1] != (reference.steps,)]
     if wrong:
         ahead = reference.steps + reference.preview
         seen = ", all samples with their preview" if ahead in wrong[0][:1] else ""
@@ -185,9 +185,9 @@ def _given(state: State, begin: Callable[[], State]) -> State:
             "state: the initial state needs to be built as initial_state of the plant builds it, "
             f"received {type(state).__name__}"
         )
-    wanted, found = ([*map(jnp.shape, jax.tree.leaves(one))] for one in (own, state))
-    if wanted != found:
-        needed, received = (", ".join(map(str, shapes)) for shapes in (wanted, found))
+    wanted, actual = ([*map(jnp.shape, jax.tree.leaves(one))] for one in (own, state))
+    if wanted != actual:
+        needed, received = (", ".join(map(str, shapes)) for shapes in (wanted, actual))
         raise ValueError(f"state: the initial state needs shape {needed}, received {received}")
     return jax.tree.map(_precise, state, own)
 

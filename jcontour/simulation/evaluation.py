@@ -35,7 +35,7 @@ Batching = Callable[[Callable, Any], Any]
 Score = Callable[[Any, Any, Reference, tuple[int, int] | None], Any]
 
 # what runs that are stacked have in common
-TOLD: dict[str, Callable[[Reference], Any]] = {
+OBSERVED: dict[str, Callable[[Reference], Any]] = {
     "{} axes": lambda reference: reference.position.shape[1],
     "a preview of {} samples": lambda reference: reference.preview,
     "a sample period of {} s": lambda reference: reference.dt,
@@ -230,7 +230,7 @@ def stack_references(references: Sequence[Reference]) -> Reference:
     for k, one in enumerate(references):
         if one.position.ndim != 2:
             raise ValueError(f"references: number {k} is a stack of {len(one.position)} already")
-        for words, of in TOLD.items():
+        for words, of in OBSERVED.items():
             if of(one) != of(references[0]):
                 raise ValueError(
                     f"references: number {k} has {words.format(of(one))}, "

@@ -17,7 +17,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Shaped
 
-from jcontour._arrays import largest, told
+from jcontour._arrays import in_words, largest
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout
 
@@ -64,19 +64,19 @@ class Metrics(eqx.Module):
             "tracking error": _norms(self.rms_tracking_error, self.peak_tracking_error, "um", 1e6),
             "control": _norms(self.rms_control, self.peak_control),
             "increment": _norms(self.rms_increment, self.peak_increment),
-            "duration": told(self.duration, "s"),
+            "duration": in_words(self.duration, "s"),
             "diverged": _whether(self.diverged),
         }
 
 
 def _norms(rms: Any, peak: Any, unit: str = "", scale: float = 1.0) -> str:
-    return f"rms {told(rms, unit, scale)}, peak {told(peak, unit, scale)}"
+    return f"rms {in_words(rms, unit, scale)}, peak {in_words(peak, unit, scale)}"
 
 
 def _whether(diverged: Any) -> str:
     """Yes or no for one run, a count for several."""
     if isinstance(diverged, Tracer) or not hasattr(diverged, "shape"):
-        return told(diverged)
+        return in_words(diverged)
     lost = np.asarray(diverged)
     if lost.ndim:
         return f"{int(lost.sum())} of {lost.size} runs"

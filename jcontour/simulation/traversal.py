@@ -54,8 +54,8 @@ def traversal_score(
     # the rows, the last one again and again up to whole blocks
     rows = np.asarray(output)
     index = np.minimum(np.arange(-(-len(rows) // BLOCK) * BLOCK), len(rows) - 1)
-    found = _followed(contour, jnp.asarray(rows[index]), jnp.asarray(float(start)), times)
-    arc, error = (np.asarray(values)[:steps] for values in found)
+    nearest = _followed(contour, jnp.asarray(rows[index]), jnp.asarray(float(start)), times)
+    arc, error = (np.asarray(values)[:steps] for values in nearest)
     there = np.flatnonzero(arc >= float(contour.length) - margin)
     last = int(there[0]) if there.size else len(arc) - 1
     counted = error[1 : last + 1]
@@ -97,8 +97,8 @@ def _followed(contour: Contour, output, start, times):
             _foot(contour, here, arc, reach, sense) for sense in (1.0, -1.0)
         )
         back = apart < off - TIE * contour.length  # a path may return along itself
-        found = jnp.where(back, behind, ahead), jnp.where(back, apart, off)
-        return found, found
+        nearest = jnp.where(back, behind, ahead), jnp.where(back, apart, off)
+        return nearest, nearest
 
     first = jnp.linalg.norm(output[0] - contour.position(start))
     before = jnp.concatenate([output[:1], output[:-1]])

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour._arrays import floating, largest, placed, ranked, shape, told
+from jcontour._arrays import floating, in_words, largest, placed, ranked, shape
 
 
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, bool])
@@ -105,15 +105,15 @@ def test_what_is_not_a_number_is_not_hidden(place):
 
 
 def test_values_are_told_with_their_unit():
-    assert told(np.array(3.14159e-7), "um", 1e6) == "0.3142 um"
-    assert told(np.array([2.0, 1.0]), "s") == "1 to 2 s"
-    assert told(np.array([2.0, 2.0])) == "2"
-    assert told(np.array(np.nan), "um", 1e6) == "nan um"
-    assert told(np.zeros(0), "um") == "none"
+    assert in_words(np.array(3.14159e-7), "um", 1e6) == "0.3142 um"
+    assert in_words(np.array([2.0, 1.0]), "s") == "1 to 2 s"
+    assert in_words(np.array([2.0, 2.0])) == "2"
+    assert in_words(np.array(np.nan), "um", 1e6) == "nan um"
+    assert in_words(np.zeros(0), "um") == "none"
 
 
 def test_what_has_no_value_is_told_by_its_kind():
     seen = []
-    jax.jit(lambda x: seen.append((told(x, "um"), shape(x))))(np.ones(3))
+    jax.jit(lambda x: seen.append((in_words(x, "um"), shape(x))))(np.ones(3))
     assert seen == [("f64[3]", "(3,)")]
-    assert told(None) == shape(None) == "None"
+    assert in_words(None) == shape(None) == "None"

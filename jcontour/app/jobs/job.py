@@ -275,7 +275,7 @@ def _read(path: Path, pace: Pace) -> Job:
     if run.planned is not None and pace.override == 1.0:
         other = _other_tolerance(toolpath, contour, speed, pace)
     doubts = (
-        *toolpath.doubts,
+        *toolpath.warnings,
         *_unused_unit(path, pace),
         *_rapid_speed(speed, rapid, pace),
         *pace.doubts,

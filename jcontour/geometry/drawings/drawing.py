@@ -53,13 +53,13 @@ def joined(strokes: Iterable[Stroke], gap: float) -> list[Stroke]:
 
 def without_doubles(strokes: Iterable[Stroke]) -> tuple[list[Stroke], int]:
     """Strokes without those drawn before, in either direction, and how many those were."""
-    found: dict[tuple, Stroke] = {}
+    by_place: dict[tuple, Stroke] = {}
     count = 0
     for stroke in strokes:
         count += 1
         forwards = tuple(_place(point) for point in _points(stroke))
-        found.setdefault(min(forwards, forwards[::-1]), stroke)
-    return list(found.values()), count - len(found)
+        by_place.setdefault(min(forwards, forwards[::-1]), stroke)
+    return list(by_place.values()), count - len(by_place)
 
 
 def is_closed(stroke: Stroke, gap: float) -> bool:
@@ -160,7 +160,7 @@ def _meeting(contour: Stroke, gap: float) -> Stroke:
     Each segment is turned and scaled so that it begins where the one before ends. One that curls
     is left as it is, and a line closes the gap.
     """
-    found: Stroke = []
+    meeting: Stroke = []
     closes = is_closed(contour, gap)
     first, last = contour[0].segment.start, len(contour) - 1
     at = first
@@ -168,13 +168,13 @@ def _meeting(contour: Stroke, gap: float) -> Stroke:
         end = first if closes and i == last else segment.end
         moved = _moved(segment, at, end)
         if moved is segment and abs(segment.start - at) >= SHORTEST:
-            found.append(Drawn(Line(at, segment.start), line))
+            meeting.append(Drawn(Line(at, segment.start), line))
         if not vanishes(moved):
-            found.append(Drawn(moved, line))
+            meeting.append(Drawn(moved, line))
             at = moved.end
     if closes and abs(at - first) >= SHORTEST:
-        found.append(Drawn(Line(at, first), contour[-1].line))
-    return found
+        meeting.append(Drawn(Line(at, first), contour[-1].line))
+    return meeting
 
 
 def _moved(segment: Segment, start: Planar, end: Planar) -> Segment:
@@ -217,7 +217,7 @@ class Drawing:
     # what is not taken, in words, with its count
     left_out: Counter[str] = field(default_factory=Counter)
     count: int = 0  # of the segments
-    doubts: tuple[str, ...] = ()  # what of it may be meant otherwise
+    warnings: tuple[str, ...] = ()  # what of it may be meant otherwise
 
     def add(self, segments: list[Segment], line: int) -> None:
         """Add a stroke of a line of the file, 0 where it is not known.
@@ -241,7 +241,7 @@ class Drawing:
         """Count what is not taken."""
         self.left_out[words] += 1
 
-    def told(self) -> tuple[str, ...]:
+    def left_out_counts(self) -> tuple[str, ...]:
         """What is not taken."""
         return tuple(f"{n} {words}" for words, n in sorted(self.left_out.items()))
 
@@ -255,16 +255,18 @@ class Drawing:
         """
         strokes, doubles = without_doubles(self.strokes)
         if not strokes:
-            left_out = "; left out: " + ", ".join(self.told()) if self.told() else ""
+            left_out = (
+                "; left out: " + ", ".join(self.left_out_counts()) if self.left_out_counts() else ""
+            )
             raise ToolpathError(f"no lines or curves are drawn{left_out}")
-        told = self.told() + ((f"{doubles} drawn twice",) if doubles else ())
-        return _toolpath(joined(strokes, gap), feed, told)._replace(doubts=self.doubts)
+        ignored = self.left_out_counts() + ((f"{doubles} drawn twice",) if doubles else ())
+        return _toolpath(joined(strokes, gap), feed, ignored)._replace(warnings=self.warnings)
 
 
-def _toolpath(found: list[Stroke], feed: float, told: tuple[str, ...]) -> Toolpath:
-    drawn = list(found[0])
+def _toolpath(strokes: list[Stroke], feed: float, ignored: tuple[str, ...]) -> Toolpath:
+    drawn = list(strokes[0])
     rapid = [False] * len(drawn)
-    for before, after in pairwise(found):
+    for before, after in pairwise(strokes):
         way = Line(before[-1].segment.end, after[0].segment.start)
         if abs(way.end - way.start) >= SHORTEST:
             drawn.append(Drawn(way, after[0].line))
@@ -277,7 +279,7 @@ def _toolpath(found: list[Stroke], feed: float, told: tuple[str, ...]) -> Toolpa
     contour = contours.from_pieces(pieces, error, contours.NEWTON_STEPS if smooth else 0)
     line = np.array([line for _, line in drawn])[owner]
     speed, rest = np.where(is_rapid, np.nan, feed), np.full(line.size, np.nan)
-    return Toolpath(contour, speed, is_rapid, line, told, rest, np.zeros(line.size))
+    return Toolpath(contour, speed, is_rapid, line, ignored, rest, np.zeros(line.size))
 
 
 def _near(segment: Segment) -> bool:

@@ -117,17 +117,17 @@ class RationalCurves(NamedTuple):
             speed = np.abs(self._derivatives(every, grid)[1])
             mean = speed.mean(axis=1)
             slow = (speed <= SLOW * mean[:, None]) & _valley(speed)
-            found: dict[int, list[float]] = {}
+            cusps: dict[int, list[float]] = {}
             for j, i in zip(*np.nonzero(slow), strict=True):
                 low, high = grid[max(i - 1, 0)], grid[min(i + 1, SEARCH - 1)]
                 slowest = self._slowest(int(j), float(low), float(high))
                 if np.abs(self._derivatives(j, slowest)[1]) <= CUSP * mean[j]:
-                    found.setdefault(int(j), []).append(float(slowest))
-        if not found:
+                    cusps.setdefault(int(j), []).append(float(slowest))
+        if not cusps:
             return self
         parts = []
         for j in range(self.owner.size):
-            stops = found.get(j, [])
+            stops = cusps.get(j, [])
             knots = [0.0, *sorted(t for t in stops if CUSP < t < 1 - CUSP), 1.0]
             still = [min(map(abs, (t - k for t in stops)), default=1.0) <= CUSP for k in knots]
             for i in range(len(knots) - 1):

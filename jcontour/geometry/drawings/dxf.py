@@ -162,14 +162,14 @@ def _stated(entity: "DXFGraphic", name: str, default: Any) -> Any:
 
 def _entity_lines(text: str) -> dict[str, int]:
     """Lines of a text file at which entities begin, by their handles."""
-    lines, begun, found = lines_of(text), 0, {}
+    lines, begun, line_of = lines_of(text), 0, {}
     for i in range(0, len(lines) - 1, 2):
         code = lines[i].strip()
         if code == "0":
             begun = i + 2
         elif code == "5":
-            found.setdefault(lines[i + 1].strip().upper(), begun)
-    return found
+            line_of.setdefault(lines[i + 1].strip().upper(), begun)
+    return line_of
 
 
 @dataclass

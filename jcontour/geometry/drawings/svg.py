@@ -3,7 +3,7 @@
     taken      path, rect, circle, ellipse, line, polyline, polygon; g, a, svg, switch, symbol, use
     left out   text, image, foreignObject; what is hidden by display or visibility; all of a switch
                but the first child whose conditions hold, and other languages than English;
-               clipping and masks are not looked at. All these are told with their count. Style
+               clipping and masks are not looked at. All these are listed with their count. Style
                sheets are not read
     unit       that of width and height with the viewBox, or the one that is given: the length of a
                user unit. Where the size is in px, of which programs have 72, 90 or 96 in an inch,
@@ -75,7 +75,7 @@ def read_svg(path: str | PathLike[str], unit: float | None = None) -> Drawing:
     reader = _Reader({e.attributes["id"]: e for e in root.all() if "id" in e.attributes})
     if by_program:
         version = root.text(VERSION).split()[0]
-        reader.drawing.doubts = (f"Inkscape {version}: {INCH / unit:.0f} px are read as an inch",)
+        reader.drawing.warnings = (f"Inkscape {version}: {INCH / unit:.0f} px are read as an inch",)
     place = upright.after(view).after(transform(root))
     setting = _Setting(place, inner if box else size, _is_hidden(root, False))
     for element in root.children:
@@ -164,8 +164,8 @@ class _Reader:
         if not link.startswith("#"):
             self.drawing.leave_out("use of another file")
             return
-        found = self.named.get(link[1:])
-        if found is None:
+        target = self.named.get(link[1:])
+        if target is None:
             self.drawing.leave_out("use of a missing element")
             return
         if here.used == DEEPEST_USE:
@@ -173,14 +173,14 @@ class _Reader:
                 f"line {element.line}: {shown(link)} uses itself, or {DEEPEST_USE} deep"
             )
         here = here._replace(used=here.used + 1)
-        if found.name != "symbol":
+        if target.name != "symbol":
             x, y = (length(element, n, 0.0, w) for n, w in zip("xy", here.whole, strict=True))
             moved = here.place.after(Affine(shift=complex(x, y)))
-            self.draw(found, here._replace(place=moved))
+            self.draw(target, here._replace(place=moved))
             return
-        place, hidden = here.place.after(transform(found)), _is_hidden(found, here.hidden)
-        here = _nested(found, element, here._replace(place=place, hidden=hidden))
-        for child in found.children:
+        place, hidden = here.place.after(transform(target)), _is_hidden(target, here.hidden)
+        here = _nested(target, element, here._replace(place=place, hidden=hidden))
+        for child in target.children:
             self.draw(child, here)
 
 

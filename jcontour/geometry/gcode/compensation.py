@@ -47,7 +47,7 @@ class Compensation:
     piece: int = -1  # number of its last move
     leaving: bool = False  # whether G40 has ended it; the next move leads out
 
-    def check(self, found: LineWords, plane: int) -> None:
+    def check(self, line: LineWords, plane: int) -> None:
         """Refuse codes that it does not go on with, as LinuxCNC does.
 
         Raises:
@@ -56,10 +56,10 @@ class Compensation:
         if self.leaving:
             return
         groups = ("compensation", "plane", "once", "system", "tool length")
-        changed = [found.codes[group] for group in groups if group in found.codes]
+        changed = [line.codes[group] for group in groups if group in line.codes]
         changed = [code for code in changed if code not in (40, 400, plane)]
-        changed += [found.codes["motion"]] if found.codes.get("motion") in CYCLES else []
-        words = [f"G{code / 10:g}" for code in changed] + ["M6"] * (6 in found.m_codes)
+        changed += [line.codes["motion"]] if line.codes.get("motion") in CYCLES else []
+        words = [f"G{code / 10:g}" for code in changed] + ["M6"] * (6 in line.m_codes)
         if words:
             raise ToolpathError(
                 f"{words[0]} under the cutter compensation of line {self.line}: G40 ends it before"
@@ -253,4 +253,4 @@ def _touching(offset: complex, last: Side, side: Side, place: complex) -> comple
     if half < 0:
         raise ToolpathError(GOUGES)
     places = (centre + foot + sign * math.sqrt(half) * along for sign in (1, -1))
-    return min(places, key=lambda found: abs(found - place))
+    return min(places, key=lambda point: abs(point - place))

@@ -75,10 +75,10 @@ class Parameters:
             _check_number(key)
             said = self.said_by_machine(key) if key >= FIRST_OF_MACHINE else None
             return self._numbered.get(key, 0.0) if said is None else said
-        found = self._found(key)
-        if found is None:
+        value = self._found(key)
+        if value is None:
             raise ToolpathError(f"parameter {shown(f'#<{key}>')} is read before it is set")
-        return found
+        return value
 
     def exists(self, key: int | str) -> bool:
         """Whether #<key> has been set, or #key may be."""

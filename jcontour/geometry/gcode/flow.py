@@ -33,15 +33,15 @@ class Structure:
     # first line of the loop that a line ends, leaves or begins again
     beginning: dict[int, int] = field(default_factory=dict)
     ending: dict[int, int] = field(default_factory=dict)  # last line of a branch's whole, of a loop
-    # what is wrong with a line, told if it is carried out
+    # what is wrong with a line, raised when it is carried out
     faults: dict[int, str] = field(default_factory=dict)
 
 
 def structure(lines: Sequence[str]) -> Structure:
     """Structure of the lines of a program.
 
-    >>> found = structure(["o1 repeat [3]", "G1 X1", "o1 endrepeat"])
-    >>> found.ending, found.beginning
+    >>> places = structure(["o1 repeat [3]", "G1 X1", "o1 endrepeat"])
+    >>> places.ending, places.beginning
     ({0: 2}, {2: 0})
     """
     reader, constant = _Reader(), Parameters()
@@ -51,7 +51,7 @@ def structure(lines: Sequence[str]) -> Structure:
         try:
             word = read_block(line).flow
         except ToolpathError:
-            continue  # told when the line is carried out
+            continue  # raised when the line is carried out
         if word is None or word.keyword == "call":
             continue
         try:
@@ -61,13 +61,13 @@ def structure(lines: Sequence[str]) -> Structure:
             continue
         reader.read(index, word.keyword, label)
     reader.drop_behind(None)
-    return reader.found
+    return reader.places
 
 
-def told_label(label: str) -> str:
+def label_text(label: str) -> str:
     """Label of an O-word in a message: one line, not long.
 
-    >>> told_label("<a>"), told_label("7")
+    >>> label_text("<a>"), label_text("7")
     ('o<a>', 'o7')
     """
     return f"o{shown(label)[1:-1]}"
@@ -87,21 +87,21 @@ class _Open:
 class _Reader:
     """Structure so far, and what has begun; the innermost is last."""
 
-    found: Structure = field(default_factory=Structure)
+    places: Structure = field(default_factory=Structure)
     open: list[_Open] = field(default_factory=list)
 
     def fault(self, index: int, text: str) -> None:
         """Mark a line as faulty; the first fault stays."""
-        self.found.faults.setdefault(index, text)
+        self.places.faults.setdefault(index, text)
 
     def drop_behind(self, last: _Open | None) -> None:
         """End what has begun, and mark as faulty what began inside it and never ended."""
         while self.open and (left := self.open.pop()) is not last:
-            self.fault(left.index, f"{told_label(left.label)} {left.keyword} has no end")
+            self.fault(left.index, f"{label_text(left.label)} {left.keyword} has no end")
 
     def read(self, index: int, keyword: str, label: str) -> None:
         """Read an O-word."""
-        found, name = self.found, told_label(label)
+        places, name = self.places, label_text(label)
         if keyword in ("", "sub"):
             self._begin_subprogram(index, keyword, label)
         elif keyword == "endsub":
@@ -113,8 +113,8 @@ class _Reader:
                 self.fault(index, f"{name} endsub without {name} sub")
                 return
             self.drop_behind(sub)
-            found.following[sub.index] = index
-            found.beginning[index] = sub.index
+            places.following[sub.index] = index
+            places.beginning[index] = sub.index
         elif keyword in ("endwhile", "endrepeat") or (
             keyword == "while" and self._innermost(label, {"do"})
         ):
@@ -124,8 +124,8 @@ class _Reader:
                 self.fault(index, f"the end of a loop without {name} {kind}")
                 return
             self.drop_behind(loop)
-            found.ending[loop.index] = index
-            found.beginning[index] = loop.index
+            places.ending[loop.index] = index
+            places.beginning[index] = loop.index
         elif keyword in LOOPS or keyword == "if":
             self._begin(index, keyword, label)
         elif keyword in ("break", "continue"):
@@ -133,7 +133,7 @@ class _Reader:
             if loop is None:
                 self.fault(index, f"{name} {keyword} outside a loop of that label")
             else:
-                found.beginning[index] = loop.index
+                places.beginning[index] = loop.index
         elif keyword in ("elseif", "else", "endif"):
             self._branch(index, keyword, label)
 
@@ -148,7 +148,7 @@ class _Reader:
 
     def _begin(self, index: int, keyword: str, label: str) -> None:
         if len(self.open) == DEEPEST:
-            self.fault(index, f"{told_label(label)} {keyword} is more than {DEEPEST} deep")
+            self.fault(index, f"{label_text(label)} {keyword} is more than {DEEPEST} deep")
         else:
             self.open.append(_Open(keyword, label, index, [index]))
 
@@ -156,23 +156,23 @@ class _Reader:
         if keyword == "sub":
             around = next((one for one in reversed(self.open) if one.keyword == "sub"), None)
             if around is not None:  # those around it have the fault already
-                inside = f"begins inside {told_label(around.label)}"
-                self.fault(around.index, f"subprogram {told_label(label)} {inside}")
+                inside = f"begins inside {label_text(around.label)}"
+                self.fault(around.index, f"subprogram {label_text(label)} {inside}")
             self._begin(index, keyword, label)
-            if label in self.found.subprograms:
-                self.fault(index, f"subprogram {told_label(label)} is there twice")
-        self.found.subprograms.setdefault(label, (index, keyword == ""))
+            if label in self.places.subprograms:
+                self.fault(index, f"subprogram {label_text(label)} is there twice")
+        self.places.subprograms.setdefault(label, (index, keyword == ""))
 
     def _branch(self, index: int, keyword: str, label: str) -> None:
         begun = self._innermost(label, {"if", "else"} if keyword == "endif" else {"if"})
         if begun is None:
-            self.fault(index, f"{told_label(label)} {keyword} without {told_label(label)} if")
+            self.fault(index, f"{label_text(label)} {keyword} without {label_text(label)} if")
             return
-        self.found.following[begun.branches[-1]] = index
+        self.places.following[begun.branches[-1]] = index
         begun.branches.append(index)
         if keyword == "else":
             begun.keyword = "else"
         if keyword == "endif":
             self.drop_behind(begun)
             for branch in begun.branches:
-                self.found.ending[branch] = index
+                self.places.ending[branch] = index

@@ -33,8 +33,8 @@ from jcontour.geometry.toolpath_rules import FASTEST, MM, SHORTEST, SLOWEST, Too
 AXES = {"X": 0, "Y": 1, "Z": 2}
 MOVING = frozenset("XYZIJKR")
 LENGTHS = frozenset("XYZIJKRQ")
-TOLD = frozenset("ABCDEHSTUVW$")  # letters without meaning for the path
-TOLD_WITH_CODES = frozenset("LPQ")  # of codes without meaning for it
+UNUSED = frozenset("ABCDEHSTUVW$")  # letters without meaning for the path
+UNUSED_WITH_CODES = frozenset("LPQ")  # of codes without meaning for it
 MM_PER_MIN = MM / 60.0  # [m/s]
 RANGE = f"{SLOWEST / MM_PER_MIN:g} to {FASTEST / MM_PER_MIN:.0f} mm/min"
 
@@ -82,63 +82,63 @@ class Machine:
         Raises:
             ToolpathError: what cannot be traced.
         """
-        found = sorted_words(words, self.motion)
-        values = found.values
-        if found.codes or found.m_codes or found.without_motion:
+        line = sorted_words(words, self.motion)
+        values = line.values
+        if line.codes or line.m_codes or line.without_motion:
             if self.compensation is not None:
-                self.compensation.check(found, self.modes.plane)
-            self._switch(found)
-        if not codes.STOPPING.isdisjoint(found.m_codes):
-            self._stop(found.m_codes, codes.STOPPING)
+                self.compensation.check(line, self.modes.plane)
+            self._switch(line)
+        if not codes.STOPPING.isdisjoint(line.m_codes):
+            self._stop(line.m_codes, codes.STOPPING)
         if "F" in values:
             self._set_feed(values["F"])
-        told = set(TOLD)
-        if found.codes.get("compensation", 400) != 400:
-            told.discard("D")
-        if self.tools is not None and found.codes.get("tool length") == 430:
-            told.discard("H")
-        self.ignored |= values.keys() & told
-        if not codes.FLOW.isdisjoint(found.m_codes):
-            return found
-        once = found.codes.get("once")
+        unused = set(UNUSED)
+        if line.codes.get("compensation", 400) != 400:
+            unused.discard("D")
+        if self.tools is not None and line.codes.get("tool length") == 430:
+            unused.discard("H")
+        self.ignored |= values.keys() & unused
+        if not codes.FLOW.isdisjoint(line.m_codes):
+            return line
+        once = line.codes.get("once")
         if once in codes.SHIFTING and (once > 920 or not AXES.keys().isdisjoint(values)):
             self.tracer.stop(f"G{once / 10:g}")
         if once is not None and once != 530:
             self._do_once(once, values)
         if once not in codes.TAKING_AXES and once != 40:
-            if not MOVING.isdisjoint(values) and not self._only_said(found):
+            if not MOVING.isdisjoint(values) and not self._only_said(line):
                 self._move(values, on_machine=once == 530)
-        if not codes.PAUSES.isdisjoint(found.m_codes):
-            self._stop(found.m_codes, codes.PAUSES)
-        if not codes.END.isdisjoint(found.m_codes):
+        if not codes.PAUSES.isdisjoint(line.m_codes):
+            self._stop(line.m_codes, codes.PAUSES)
+        if not codes.END.isdisjoint(line.m_codes):
             self.ended = True
-        return found
+        return line
 
     def _stop(self, m_codes: list[int], stopping: frozenset[int]) -> None:
         """Come to rest once for all M codes of a line that ask for it."""
         self.tracer.stop(" ".join(f"M{code}" for code in m_codes if code in stopping))
 
-    def _switch(self, found: LineWords) -> None:
-        switched = found.codes
-        if "T" in found.values:
-            self.next_tool = int(found.values["T"])
-        if 6 in found.m_codes:
+    def _switch(self, words: LineWords) -> None:
+        switched = words.codes
+        if "T" in words.values:
+            self.next_tool = int(words.values["T"])
+        if 6 in words.m_codes:
             self.tool = self.next_tool
         self.modes.switch(switched)
-        self._tell_codes(found)
+        self._tell_codes(words)
         if "system" in switched:
             code = switched["system"]
             self._choose_system((code - 530) // 10 if code <= 590 else code - 584)
         length = switched.get("tool length")
         if length is not None:
             self.tracer.stop(f"G{length / 10:g}")
-        number = int(found.values.get("H", self.tool))
+        number = int(words.values.get("H", self.tool))
         if length == 430 and self.tools is not None and number:
             self.offsets.tool = tool_numbered(self.tools, number).offset
         elif length == 431:
-            self.offsets.tool = replaced(self.offsets.tool, self._by_axis(found.values))
+            self.offsets.tool = replaced(self.offsets.tool, self._by_axis(words.values))
             for letter in AXES:
-                found.values.pop(letter, None)
+                words.values.pop(letter, None)
         elif length is not None:
             self.offsets.tool = ZERO
         if "motion" in switched:
@@ -151,7 +151,7 @@ class Machine:
         if "compensation" in switched:
             code = switched["compensation"]
             if code != 400:
-                diameter = diameter_of(code, found.values, self.modes, self.tool, self.tools)
+                diameter = diameter_of(code, words.values, self.modes, self.tool, self.tools)
                 offset = (0.5j if code < 420 else -0.5j) * diameter
                 line = self.tracer.line
                 self.compensation = Compensation(self.tracer, offset, self.at, line, code)
@@ -174,26 +174,26 @@ class Machine:
             )
         self.modes.feed = feed
 
-    def _tell_codes(self, found: LineWords) -> None:
+    def _tell_codes(self, line: LineWords) -> None:
         """Keep words without meaning for the path, and P of G64, the distance allowed from it."""
-        self.ignored |= {f"G{code / 10:g}" for code in found.without_motion}
-        self.ignored |= {f"M{code}" for code in found.m_codes if code not in codes.FLOW | codes.END}
-        if found.codes.get("tool length") == 430 and self.tools is None:
+        self.ignored |= {f"G{code / 10:g}" for code in line.without_motion}
+        self.ignored |= {f"M{code}" for code in line.m_codes if code not in codes.FLOW | codes.END}
+        if line.codes.get("tool length") == 430 and self.tools is None:
             self.ignored.add("G43")
-        blends = found.codes.get("path") == 640
-        allowed = found.values.get("P", 0.0) * self.modes.unit if blends else 0.0
+        blends = line.codes.get("path") == 640
+        allowed = line.values.get("P", 0.0) * self.modes.unit if blends else 0.0
         if allowed > 0:
             self.tolerance = allowed if self.tolerance is None else min(allowed, self.tolerance)
         elif blends:
             self.ignored.add("G64")
-        if blends or found.without_motion or not codes.FLOW.issuperset(found.m_codes):
+        if blends or line.without_motion or not codes.FLOW.issuperset(line.m_codes):
             kept = {"P"} if allowed > 0 else set()
-            self.ignored |= (found.values.keys() & TOLD_WITH_CODES) - kept
+            self.ignored |= (line.values.keys() & UNUSED_WITH_CODES) - kept
 
-    def _only_said(self, found: LineWords) -> bool:
+    def _only_said(self, line: LineWords) -> bool:
         """Whether R belongs to a code that moves nothing, as in `M19 R90` and `G64 P1 R2`."""
-        alone = MOVING.intersection(found.values) == {"R"} and "motion" not in found.codes
-        said = alone and bool(found.without_motion or found.m_codes or "path" in found.codes)
+        alone = MOVING.intersection(line.values) == {"R"} and "motion" not in line.codes
+        said = alone and bool(line.without_motion or line.m_codes or "path" in line.codes)
         if said:
             self.ignored.add("R")
         return said

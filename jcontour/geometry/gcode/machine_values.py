@@ -91,25 +91,25 @@ def _named(machine: Machine, key: str, call_level: int) -> float | None:
     return 0.0 if key in STANDING else values.get(key)
 
 
-def doubts_of(machine: Machine, stops: Sequence[Stop]) -> tuple[str, ...]:
+def warnings_of(machine: Machine, stops: Sequence[Stop]) -> tuple[str, ...]:
     """Questions about the program's unit, a first move without a code, dwells, skipped lines.
 
     Args:
         machine: that has carried out the program.
         stops: those that matter.
     """
-    doubts = []
+    warnings = []
     if not machine.modes.unit_said:
-        doubts.append("the program has no G20 or G21: its lengths are read as mm")
+        warnings.append("the program has no G20 or G21: its lengths are read as mm")
     if machine.assumed_at:
-        doubts.append(
+        warnings.append(
             f"line {machine.assumed_at}: a move before any of G0 to G3 is read as G0; "
             "LinuxCNC refuses it"
         )
     long = [stop for stop in stops if stop.lasting > LONG_DWELL]
     if long:
         more = f" and {len(long) - 1} more" if len(long) > 1 else ""
-        doubts.append(
+        warnings.append(
             f"line {long[0].line}: a dwell of {long[0].lasting:.6g} s{more}; P is in seconds "
             "here, some controls mean milliseconds"
         )
@@ -117,5 +117,5 @@ def doubts_of(machine: Machine, stops: Sequence[Stop]) -> tuple[str, ...]:
         first, count = min(machine.skipped.values()), len(machine.skipped)
         lines = "1 line that begins" if count == 1 else f"{count} lines that begin"
         place = f"line {first}" if count == 1 else f"the first at line {first}"
-        doubts.append(f"{lines} with / skipped, as with block delete on: {place}")
-    return tuple(doubts)
+        warnings.append(f"{lines} with / skipped, as with block delete on: {place}")
+    return tuple(warnings)

@@ -36,7 +36,7 @@ MOST_TURNS = 10_000  # of an arc, and holes of a cycle
 PECK_CLEARANCE = 0.01 * INCH  # [m] above the bottom of before, where feeding begins again
 MOST_PECKS = 10_000  # of a hole
 DWELLING = frozenset({740, 820, 840, 860, 880, 890})  # at the bottom
-MOST_TOLD = 6  # reasons to stop that are told
+MOST_REASONS = 6  # reasons to stop that are listed
 START = "start"  # why, of what comes before the first cut
 EXACT = {"G61.1": "after every move", "G61": "in corners"}  # why, and where
 
@@ -332,18 +332,19 @@ def stops_in_cuts(stops: Sequence[Stop], moves: Sequence[Move]) -> list[Stop]:
     cuts = [k for k, move in enumerate(moves) if not move.rapid]
     if not cuts:
         return []
-    found = [stop for stop in stops if cuts[0] < stop.after <= cuts[-1] + 1]
+    within = [stop for stop in stops if cuts[0] < stop.after <= cuts[-1] + 1]
     leaves = (cuts[-1] + 1, UP_OR_DOWN)
-    left = (k for k, stop in enumerate(found) if (stop.after, stop.why) == leaves)
-    return found[: next(left, len(found))]
+    left = (k for k, stop in enumerate(within) if (stop.after, stop.why) == leaves)
+    return within[: next(left, len(within))]
 
 
-def told_stops(stops: Sequence[Stop]) -> str:
+def stop_summary(stops: Sequence[Stop]) -> str:
     """Where and why a motion stops, in words; empty where it does not.
 
-    What Z alone takes while two axes wait is told apart.
+    What Z alone takes while two axes wait is listed apart.
 
-    >>> told_stops([Stop(1, (0.0, 0.0, 0.0), 0.0, 4, "M3"), Stop(2, (0.0, 0.0, 0.0), 0.5, 9, "G4")])
+    >>> rest = (0.0, 0.0, 0.0)
+    >>> stop_summary([Stop(1, rest, 0.0, 4, "M3"), Stop(2, rest, 0.5, 9, "G4")])
     '2 stops: M3 at line 4, G4 at line 9 (0.5 s)'
     """
     by_reason: dict[str, list[Stop]] = {}
@@ -351,15 +352,15 @@ def told_stops(stops: Sequence[Stop]) -> str:
         by_reason.setdefault(stop.why, []).append(stop)
     others = {why: some for why, some in by_reason.items() if why not in EXACT}
     reasons = []
-    for why, some in list(others.items())[:MOST_TOLD]:
+    for why, some in list(others.items())[:MOST_REASONS]:
         first, lasting = f"line {some[0].line}", sum(stop.lasting for stop in some)
         where = f"at {first}" if len(some) == 1 else f"{len(some)} times from {first}"
         reasons.append(f"{why} {where}" + (f" ({lasting:.6g} s)" if lasting else ""))
-    if len(others) > MOST_TOLD:
-        reasons.append(f"{len(others) - MOST_TOLD} more reasons")
+    if len(others) > MOST_REASONS:
+        reasons.append(f"{len(others) - MOST_REASONS} more reasons")
     count = sum(map(len, others.values()))
-    told = [f"{count} stop{'' if count == 1 else 's'}: {', '.join(reasons)}"] if others else []
-    told += [
+    sentences = [f"{count} stop{'' if count == 1 else 's'}: {', '.join(reasons)}"] if others else []
+    sentences += [
         f"{why} from line {by_reason[why][0].line}: stops {where}"
         for why, where in EXACT.items()
         if why in by_reason
@@ -367,12 +368,12 @@ def told_stops(stops: Sequence[Stop]) -> str:
     waiting = [stop.besides for stop in by_reason.get(UP_OR_DOWN, [])]
     at_feed = [lasting for lasting in waiting if not math.isnan(lasting)]
     if at_feed:
-        told.append(f"Z alone takes {sum(at_feed):.4g} s at its feed")
+        sentences.append(f"Z alone takes {sum(at_feed):.4g} s at its feed")
     rapid = len(waiting) - len(at_feed)
     if rapid:
         named = "1 rapid move of Z takes" if rapid == 1 else f"{rapid} rapid moves of Z take"
-        told.append(f"{named} no time")
-    return "; ".join(told)
+        sentences.append(f"{named} no time")
+    return "; ".join(sentences)
 
 
 def ignored_words(words: Iterable[str], stops: Sequence[Stop]) -> tuple[str, ...]:

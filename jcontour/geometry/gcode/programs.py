@@ -8,7 +8,7 @@ from pathlib import Path
 
 from jcontour.geometry.gcode import words as codes
 from jcontour.geometry.gcode.expressions import Locals, Parameters, evaluated, whole
-from jcontour.geometry.gcode.flow import Structure, structure, told_label
+from jcontour.geometry.gcode.flow import Structure, label_text, structure
 from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.gcode.machine_values import machine_values
 from jcontour.geometry.gcode.modes import Tool
@@ -168,9 +168,9 @@ class Program:
         for key, value in settings:
             parameters.set(key, value)
         if words:
-            found = self.machine.execute(words)
-            for code in found.m_codes:
-                self._m_code(frame, code, found.values)
+            line = self.machine.execute(words)
+            for code in line.m_codes:
+                self._m_code(frame, code, line.values)
 
     def _m_code(self, frame: Frame, code: int, values: dict[str, float]) -> None:
         machine = self.machine
@@ -276,11 +276,11 @@ class Program:
                 return frame.source, frame.source.structure.subprograms[label][0]
         lines = self.files(name)
         if lines is None:
-            raise ToolpathError(f"there is no subprogram {told_label(label)}")
+            raise ToolpathError(f"there is no subprogram {label_text(label)}")
         source = Source(lines, name=f"{name}.ngc")
         place = source.structure.subprograms.get(label)
         if place is None:
-            raise ToolpathError(f"{name}.ngc: there is no subprogram {told_label(label)} in it")
+            raise ToolpathError(f"{name}.ngc: there is no subprogram {label_text(label)} in it")
         return source, place[0]
 
     def _enter(self, frame: Frame) -> None:

@@ -123,18 +123,18 @@ def sorted_words(words: Sequence[tuple[str, float]], motion: int | None) -> Line
         ToolpathError: an unknown word, a letter twice, two codes of a group, a number that is too
             large, an axis that is not simulated.
     """
-    found = LineWords({}, [], [], {})
+    line = LineWords({}, [], [], {})
     for letter, value in words:
         if not abs(value) <= LARGEST:
             raise ToolpathError(f"the number in {shown(f'{letter}{value:.6g}')} is too large")
         if letter == "G":
-            _add_g_code(found, value)
+            _add_g_code(line, value)
         elif letter == "M":
             code = whole(value, "an M code")
             if not 0 <= code <= MOST_M or code in REFUSED_M | HEATERS:
                 reason = f" ({NO_PRINTERS})" if code in HEATERS else ""
                 raise ToolpathError(f"'M{code}' is not supported{reason}")
-            found.m_codes.append(code)
+            line.m_codes.append(code)
         elif letter in OTHER_AXES and value:
             raise ToolpathError(
                 f"'{letter}{value:g}' moves an axis that is not simulated: only X, Y and Z are"
@@ -146,35 +146,35 @@ def sorted_words(words: Sequence[tuple[str, float]], motion: int | None) -> Line
             raise ToolpathError(
                 f"'{letter}{value:g}': {letter} needs {needed} that is not negative"
             )
-        elif letter in found.values and letter not in OTHER_AXES:
+        elif letter in line.values and letter not in OTHER_AXES:
             raise ToolpathError(f"{letter} is given twice")
         else:
-            found.values[letter] = value
-    found.values.pop("N", None)
-    if not (NEED_A_CODE.isdisjoint(found.values) or found.m_codes):  # machines' M codes take any
-        in_force = () if "motion" in found.codes or motion is None else (motion,)
+            line.values[letter] = value
+    line.values.pop("N", None)
+    if not (NEED_A_CODE.isdisjoint(line.values) or line.m_codes):  # machines' M codes take any
+        in_force = () if "motion" in line.codes or motion is None else (motion,)
         letters = (
-            LETTERS.get(c, "") for c in (*found.codes.values(), *found.without_motion, *in_force)
+            LETTERS.get(c, "") for c in (*line.codes.values(), *line.without_motion, *in_force)
         )
-        for letter in sorted((NEED_A_CODE & found.values.keys()) - set("".join(letters))):
+        for letter in sorted((NEED_A_CODE & line.values.keys()) - set("".join(letters))):
             raise ToolpathError(
-                f"unknown word '{letter}{found.values[letter]:g}': no code here needs {letter}"
+                f"unknown word '{letter}{line.values[letter]:g}': no code here needs {letter}"
             )
-    return found
+    return line
 
 
-def _add_g_code(found: LineWords, value: float) -> None:
+def _add_g_code(line: LineWords, value: float) -> None:
     """Add a code to its group; G80 beside a motion code only ends what was in force before."""
     code = whole(10 * value, "ten times a G code")
     if code in IGNORED:
-        found.without_motion.append(code)
+        line.without_motion.append(code)
         return
     group = GROUP_OF.get(code)
     if group is None:
         raise ToolpathError(f"'G{code / 10:g}' is not supported")
-    other = found.codes.get(group)
+    other = line.codes.get(group)
     if other is None or other == code or (group == "motion" and other == NO_MOTION):
-        found.codes[group] = code
+        line.codes[group] = code
     elif group == "once" and 530 in (code, other):
         raise ToolpathError(f"G53 and G{(code + other - 530) / 10:g} in one line")
     elif not (group == "motion" and code == NO_MOTION):
@@ -242,15 +242,15 @@ def read_block(line: str) -> Block:
         words = [(letter.upper(), float(number)) for letter, number in WORD.findall(text)]
         return said._replace(words=tuple(words))
     try:
-        found = _read(Cursor(text), stripped, exponents)
+        block = _read(Cursor(text), stripped, exponents)
     except RecursionError:
         raise ToolpathError("an expression is nested too deeply") from None
-    return found._replace(abort=said.abort, shows_message=said.shows_message)
+    return block._replace(abort=said.abort, shows_message=said.shows_message)
 
 
 def _said(line: str) -> Block:
     """What the last comment of a line asks for."""
-    comments = [found[0] for found in COMMENT.finditer(line)]
+    comments = [comment[0] for comment in COMMENT.finditer(line)]
     if not comments:
         return NOTHING
     match = ABORT.match(comments[-1])

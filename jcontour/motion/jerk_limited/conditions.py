@@ -46,15 +46,15 @@ class Cells(NamedTuple):
         self, old: CubicMotion, more: Float[np.ndarray, "n k"]
     ) -> Float[np.ndarray, "n 7+k"]:
         """The numbers of every cell, and others after them."""
-        found = np.empty((self.length.size, NUMBERS + more.shape[1]))
-        found[:, :PLACE] = old.coefficients[self.cell]
-        found[:, PLACE], found[:, ELAPSED], found[:, LENGTH] = (
+        rows = np.empty((self.length.size, NUMBERS + more.shape[1]))
+        rows[:, :PLACE] = old.coefficients[self.cell]
+        rows[:, PLACE], rows[:, ELAPSED], rows[:, LENGTH] = (
             self.place,
             self.elapsed,
             self.length,
         )
-        found[:, NUMBERS:] = more
-        return found
+        rows[:, NUMBERS:] = more
+        return rows
 
 
 @part
@@ -164,11 +164,11 @@ def conditions(
     cell = np.minimum(ends[of, None] + lane, ends[of + 1, None] - 1)
     more = np.column_stack([ordinates.weights.reshape(-1, 9), 1 / feed[cells.piece]])
     numbers, over = cells.in_rows(old, more), (1 / np.stack(limits)).ravel()
-    lanes = in_lanes(numbers, pieces, cells.piece, cell.ravel())
+    packed = in_lanes(numbers, pieces, cells.piece, cell.ravel())
     at, scratch = numbers.shape[1], np.empty(2 * WIDTH)
     blocks = np.empty((of.size, 3 * (STILL + 2 * POINTS * axes) + POINTS + 1, WIDTH))
     blocks[:, -1] = lane < (ends[of + 1] - ends[of])[:, None]
-    _fill(lanes.ravel(), at, lanes.shape[1] - at, axes, over, scratch, blocks.ravel())
+    _fill(packed.ravel(), at, packed.shape[1] - at, axes, over, scratch, blocks.ravel())
     return Conditions(blocks, cell, first, ordinates.first[cell], axes)
 
 
@@ -242,11 +242,11 @@ def slower(
     """Factor on the square of the rate of every cell that brings it within all limits."""
     numbers = cells.in_rows(old, np.column_stack([square, 1 / feed[cells.piece]]))
     count, axes, at = len(numbers), limits.jerk.size, numbers.shape[1]
-    lanes = in_lanes(numbers, pieces, cells.piece, filling(count))
+    packed = in_lanes(numbers, pieces, cells.piece, filling(count))
     over, seen = (1 / np.stack(limits)).ravel(), np.empty(4 * (1 + 3 * axes) * WIDTH)
-    peak, scratch = np.empty((len(lanes), 3, WIDTH)), np.empty(2 * WIDTH)
-    size = lanes.shape[1] - at
-    _fill_peaks(lanes.ravel(), at, size, axes, over, seen, scratch, peak.ravel())
+    peak, scratch = np.empty((len(packed), 3, WIDTH)), np.empty(2 * WIDTH)
+    size = packed.shape[1] - at
+    _fill_peaks(packed.ravel(), at, size, axes, over, seen, scratch, peak.ravel())
     speed, acceleration, jerk = peak.swapaxes(0, 1).reshape(3, -1)[:, :count]
     largest = np.maximum(np.maximum(speed**2, acceleration), np.cbrt(jerk) ** 2)
     return (1 - MARGIN) / np.maximum(largest, 1 - MARGIN)

@@ -68,13 +68,13 @@ class CubicMotion(NamedTuple):
         """Times at which arc lengths [m] are reached."""
         starts = self.coefficients[:, 0]
         cell = np.clip(np.searchsorted(starts, arc, side="right") - 1, 0, starts.size - 1)
-        lasting, found = np.diff(self.time)[cell], np.empty(arc.size)
-        _fill_elapsed(self.coefficients[cell].ravel(), lasting, arc, found)
-        return self.time[cell] + found
+        lasting, since = np.diff(self.time)[cell], np.empty(arc.size)
+        _fill_elapsed(self.coefficients[cell].ravel(), lasting, arc, since)
+        return self.time[cell] + since
 
 
 @compiled
-def _fill_elapsed(cubics, lasting, arc, found):
+def _fill_elapsed(cubics, lasting, arc, since):
     """Write the times since the beginning of cubics at which arc lengths are reached.
 
     By Newton's method, and bisection where it leaves the interval.
@@ -96,7 +96,7 @@ def _fill_elapsed(cubics, lasting, arc, found):
                 t = newton if low < newton < high else t
             if abs(t - before) <= ROUNDING * lasting[i]:
                 break
-        found[i] = t
+        since[i] = t
 
 
 def ramped(stops: Float[np.ndarray, " k"], ramp: Float[np.ndarray, " r"]) -> CubicMotion:
@@ -214,12 +214,12 @@ def straight_motions(
     flat = even & ~np.logical_or.reduceat(curved(pieces), begins)
     starts = np.append(0.0, np.cumsum(pieces.extent))
     ends = np.append(begins[1:], stretch.size)
-    found: list[CubicMotion | None] = [None] * begins.size
+    motions: list[CubicMotion | None] = [None] * begins.size
     for k in np.flatnonzero(flat):
         places = starts[begins[k] : ends[k] + 1]
         law = PointToPoint(float(places[-1] - places[0]), speed[k], acceleration[k], jerk[k])
-        found[k] = _line(places, law)
-    return found
+        motions[k] = _line(places, law)
+    return motions
 
 
 def _line(places: Float[np.ndarray, " n"], law: PointToPoint) -> CubicMotion:

@@ -253,10 +253,10 @@ def shares(
     piece = np.repeat(np.arange(count.size), count)
     number = np.arange(piece.size) - (np.cumsum(count) - count)[piece]
     inner = np.interp(along[piece] + number * (part / np.maximum(count, 1))[piece], share, time)
-    found = np.where(number == 0, ends[piece], inner)
+    times = np.where(number == 0, ends[piece], inner)
     last = np.cumsum(np.bincount(of, count, stops.size - 1).astype(int)[wanted])
     begins = np.append(0, last)
-    return np.insert(found, last, stops[1:][wanted]), begins + np.arange(begins.size)
+    return np.insert(times, last, stops[1:][wanted]), begins + np.arange(begins.size)
 
 
 def _activity(

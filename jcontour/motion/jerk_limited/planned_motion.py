@@ -134,10 +134,10 @@ class JerkLimitedMotion:
         time = np.asarray(time, float)
         moves = (time >= 0) & (time <= self.duration)
         warped = self._cell(time)
-        found = self._on(*warped, moves, time)
+        samples = self._on(*warped, moves, time)
         piece = self._cells.piece[warped[0]]
-        s = np.clip(found.arc - self._cells.place[warped[0]], 0.0, self._pieces.extent[piece])
-        return composed(jet(self._pieces, piece, s)[1:], found)
+        s = np.clip(samples.arc - self._cells.place[warped[0]], 0.0, self._pieces.extent[piece])
+        return composed(jet(self._pieces, piece, s)[1:], samples)
 
     def sampled(self, dt: float, rests: Rests = NEVER) -> Float[np.ndarray, " T"]:
         """Arc length at 0, dt, ... [m], with rests in between; the last sample rests at the end.

@@ -129,22 +129,22 @@ def _quickest(
     parts = conditions(task.pieces, task.feed, task.limits, old, cells, unknowns, stretch)
     start = _fitted(parts, stretch, np.ones(stretch.size))
     busy = np.bincount(stretch, task.tick[cells.piece])
-    found, gap = quickest(parts, start, stretch, every, NEAR if tightenings else ROUGH, busy)
-    less = slower(task.pieces, task.feed, task.limits, old, cells, unknowns.of(found))
+    rate, gap = quickest(parts, start, stretch, every, NEAR if tightenings else ROUGH, busy)
+    less = slower(task.pieces, task.feed, task.limits, old, cells, unknowns.of(rate))
     for _ in range(tightenings):
         exceeds = np.zeros_like(every)
         exceeds[stretch[less < 1 - WORTH]] = True
         again = exceeds[stretch]
         parts.tighten(np.where(again, 1 / less**TIGHTER, 1.0))
-        start = np.where(again, _fitted(parts, stretch, found), found)
-        found, left = quickest(parts, start, stretch, exceeds, NEAR, busy)
+        start = np.where(again, _fitted(parts, stretch, rate), rate)
+        rate, left = quickest(parts, start, stretch, exceeds, NEAR, busy)
         gap = np.where(exceeds, left, gap)
         less[again] = slower(
-            task.pieces, task.feed, task.limits, old, cells.taken(again), unknowns.of(found)[again]
+            task.pieces, task.feed, task.limits, old, cells.taken(again), unknowns.of(rate)[again]
         )
     most = np.ones(every.size)
     np.minimum.at(most, stretch, less)
-    return unknowns.of(found) * most[stretch, None], float(gap.sum())
+    return unknowns.of(rate) * most[stretch, None], float(gap.sum())
 
 
 def _fitted(parts: Conditions, stretch, shape) -> Float[np.ndarray, " n"]:

@@ -268,19 +268,19 @@ def go(cells, axes, point, unknowns, step, going, equations, scratch):
 @part
 def _largest(value, scratch):
     store(scratch, 0, value)
-    found = scratch[0]
+    maximum = scratch[0]
     for lane in range(1, WIDTH):
-        found = scratch[lane] if scratch[lane] > found else found
-    return found
+        maximum = scratch[lane] if scratch[lane] > maximum else maximum
+    return maximum
 
 
 @part
 def _total(value, scratch):
     store(scratch, 0, value)
-    found = 0.0
+    total = 0.0
     for lane in range(WIDTH):
-        found += scratch[lane]
-    return found
+        total += scratch[lane]
+    return total
 
 
 class Sums(NamedTuple):

@@ -248,7 +248,7 @@ def test_a_program_that_moves_a_single_axis_says_which_one_never_moves(tmp_path)
 
 def test_a_lathe_s_program_needs_z():
     program = "G21 F600 G18\nG0 X1\nG1 X20 Z-1\n"
-    assert parse_gcode(program, "XYZ").doubts == ()
+    assert parse_gcode(program, "XYZ").warnings == ()
     with pytest.raises(ToolpathError, match="line 3: a cut in the plane of G18 needs a third axis"):
         parse_gcode(program, "XY")
 

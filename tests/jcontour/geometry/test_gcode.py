@@ -29,16 +29,16 @@ def test_lines_of_the_pieces_and_words_without_meaning_for_the_path():
 
 def test_dwells_of_minutes_are_asked_about():
     program = HEAD + "G1 X4\nG4 P500\nX5\nG4 P60\nG4 P61"
-    (doubt,) = parse_gcode(program).doubts
-    assert re.match(r"line \d: a dwell of 500 s and 1 more; P is in seconds here", doubt)
-    assert parse_gcode(HEAD + "G1 X4\nG4 P60").doubts == ()
+    (warning,) = parse_gcode(program).warnings
+    assert re.match(r"line \d: a dwell of 500 s and 1 more; P is in seconds here", warning)
+    assert parse_gcode(HEAD + "G1 X4\nG4 P60").warnings == ()
 
 
 def test_a_program_that_does_not_say_its_unit_is_asked_about():
-    (doubt,) = parse_gcode("G90\nG1 X4 F600").doubts
-    assert "no G20 or G21" in doubt
+    (warning,) = parse_gcode("G90\nG1 X4 F600").warnings
+    assert "no G20 or G21" in warning
     for said in ("G20", "G21", "G70", "G71"):
-        assert parse_gcode(f"{said} G90\nG1 X4 F600").doubts == ()
+        assert parse_gcode(f"{said} G90\nG1 X4 F600").warnings == ()
 
 
 def test_the_number_of_a_spindle_is_told():
@@ -51,9 +51,9 @@ def test_a_first_move_without_a_motion_code_is_rapid(traced):
     toolpath = parse_gcode("G21 F600 G91\nZ5\nX2\nG1 Y1\nG0 X3\nG1 Y1")
     np.testing.assert_allclose(traced.points(toolpath, [0.0])[0], [[2, 0]], atol=1e-12)
     assert toolpath.rapid.tolist() == [False, True, False]
-    (doubt,) = toolpath.doubts
-    assert doubt.startswith("line 2: a move before any of G0 to G3 is read as G0")
-    assert parse_gcode("G21 G53 Z0 F600\nG1 X1").doubts == (doubt.replace("line 2", "line 1"),)
+    (warning,) = toolpath.warnings
+    assert warning.startswith("line 2: a move before any of G0 to G3 is read as G0")
+    assert parse_gcode("G21 G53 Z0 F600\nG1 X1").warnings == (warning.replace("line 2", "line 1"),)
 
 
 def test_an_arc_in_two_pieces_is_one_line():

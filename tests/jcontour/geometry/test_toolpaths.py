@@ -221,6 +221,6 @@ def test_lines_that_are_skipped_are_told():
     loop = "o1 repeat [3]\n/G1 X9\nG91 G1 X1\no1 endrepeat\n"
     read = parse_gcode(f"G21 F100\n/\n/ (none)\n{loop}/M8\n")
     assert read.line.size == 3
-    assert read.doubts[-1].startswith("2 lines that begin with / skipped")
-    assert read.doubts[-1].endswith("the first at line 5")
-    assert parse_gcode("G21 G1 X1 F9\n/\n").doubts == ()
+    assert read.warnings[-1].startswith("2 lines that begin with / skipped")
+    assert read.warnings[-1].endswith("the first at line 5")
+    assert parse_gcode("G21 G1 X1 F9\n/\n").warnings == ()

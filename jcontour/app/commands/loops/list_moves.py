@@ -13,7 +13,7 @@ import numpy as np
 from jcontour.app.catalogue.entries import CONTOURS
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.shared import MachineFlags
-from jcontour.geometry.gcode.machine_values import doubts_of
+from jcontour.geometry.gcode.machine_values import warnings_of
 from jcontour.geometry.gcode.modes import read_tool_table
 from jcontour.geometry.gcode.moves import (
     DWELL,
@@ -21,8 +21,8 @@ from jcontour.geometry.gcode.moves import (
     Move,
     Stop,
     ignored_words,
+    stop_summary,
     stops_in_cuts,
-    told_stops,
 )
 from jcontour.geometry.gcode.programs import files_beside, interpreted
 from jcontour.geometry.toolpath_rules import MM, ToolpathError, lines_of, read_program
@@ -110,12 +110,12 @@ def _programmed(path: Path, axes: int, flags: MachineFlags) -> Iterator[str]:
     run = stops_in_cuts(stops, machine.moves)
     left_out = sum(stop.why not in EXACT for stop in stops) - sum(s.why not in EXACT for s in run)
     if stops:
-        yield told_stops(stops)
+        yield stop_summary(stops)
     if left_out:
         yield f"a run leaves out {left_out} of them, before the first cut or behind the last one"
     if machine.tolerance is not None:
         yield f"the program allows {machine.tolerance / UM:.4g} um from its path (P of G64)"
-    yield from doubts_of(machine, stops)
+    yield from warnings_of(machine, stops)
 
 
 def _move(move: Move, axes: int) -> _Row:

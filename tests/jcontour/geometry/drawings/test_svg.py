@@ -306,7 +306,7 @@ def test_pixels_of_inkscape_are_those_of_its_version(svg, drawn, version, pixels
     assert drawn.length(read) == pytest.approx(25.4)
     height = 127.0 if "mm" in size else 450 / pixels * 25.4
     assert drawn.cut(read)[0, 1] == pytest.approx(height)
-    assert read.doubts[0].startswith(f"Inkscape {version.split()[0]}: {pixels} px")
+    assert read.warnings[0].startswith(f"Inkscape {version.split()[0]}: {pixels} px")
 
 
 def test_a_unit_that_is_said_comes_before_the_version_of_inkscape(svg, drawn):
@@ -315,7 +315,7 @@ def test_a_unit_that_is_said_comes_before_the_version_of_inkscape(svg, drawn):
     assert drawn.length(svg('<line x2="50"/>', size=f"{SIZE} {old}")) == pytest.approx(50)
     given = svg('<line x2="50"/>', size=f'width="900" {old}', given=1e-3)
     assert drawn.length(given) == pytest.approx(50)
-    assert given.doubts == ()
+    assert given.warnings == ()
 
 
 def test_a_bomb_of_uses_is_refused(svg, monkeypatch):

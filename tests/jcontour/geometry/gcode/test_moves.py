@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jcontour.geometry.gcode.modes import Modes
-from jcontour.geometry.gcode.moves import Stop, arcs_of, ignored_words, stops_in_cuts, told_stops
+from jcontour.geometry.gcode.moves import Stop, arcs_of, ignored_words, stop_summary, stops_in_cuts
 from jcontour.geometry.gcode.programs import interpreted
 from jcontour.geometry.toolpath_rules import ToolpathError
 from jcontour.geometry.toolpaths import parse_gcode
@@ -93,16 +93,16 @@ def test_time_of_z_alone_is_told_apart():
     assert [stop.besides for stop in stops][::2] == [0.3, 1.0]
     assert math.isnan(stops[1].besides)
     told = "Z alone takes 1.3 s at its feed; 1 rapid move of Z takes no time"
-    assert told_stops(stops) == f"3 stops: Z 3 times from line 2; {told}"
-    two = told_stops([stops[1], stops[1]])
+    assert stop_summary(stops) == f"3 stops: Z 3 times from line 2; {told}"
+    two = stop_summary([stops[1], stops[1]])
     assert two == "2 stops: Z 2 times from line 4; 2 rapid moves of Z take no time"
 
 
 def test_no_more_than_six_reasons_are_told():
     stops = [Stop(k, HERE, 0.0, k, f"M{k}") for k in range(1, 10)]
-    assert told_stops(stops).startswith("9 stops: M1 at line 1, M2 at line 2,")
-    assert told_stops(stops).endswith("M6 at line 6, 3 more reasons")
-    assert told_stops([]) == ""
+    assert stop_summary(stops).startswith("9 stops: M1 at line 1, M2 at line 2,")
+    assert stop_summary(stops).endswith("M6 at line 6, 3 more reasons")
+    assert stop_summary([]) == ""
 
 
 def test_words_that_stop_are_not_ignored():
@@ -111,7 +111,7 @@ def test_words_that_stop_are_not_ignored():
 
 
 def test_exact_path_is_told_once():
-    told = told_stops(stops_of("F600 G61 G1 X1\nX2 Y1\nX3\nG61.1 X4\nM0 X5\nX6"))
+    told = stop_summary(stops_of("F600 G61 G1 X1\nX2 Y1\nX3\nG61.1 X4\nM0 X5\nX6"))
     exact = "G61.1 from line 4: stops after every move; G61 from line 1: stops in corners"
     assert told == f"1 stop: M0 at line 5; {exact}"
 
