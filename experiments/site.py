@@ -5,6 +5,7 @@ A line of a page becomes a table:
     <!-- statements of NAME -->   what a paper says, what we find, and the verdicts
     <!-- table 2 of NAME -->      the second table of its run
     <!-- rates of NAME -->        rates of a benchmark
+    <!-- predictions of public --> what is predicted of public records
 `uv run python -m experiments.site RUN_FOLDER` stores statements and tables of a paper's run.
 """
 
@@ -16,7 +17,9 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
-PLACE = re.compile(r"^<!-- (statements|rates|table (\d+)) of ([\w-]+) -->$", re.MULTILINE)
+PLACE = re.compile(
+    r"^<!-- (statements|rates|predictions|table (\d+)) of ([\w-]+) -->$", re.MULTILINE
+)
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
@@ -59,6 +62,13 @@ def _made(place: re.Match[str]) -> str:
         last = results[name][-1]
         rows = [[row, f"{rate:,.0f}"] for row, rate in last["rates"].items()]
         return _table([last["devices"], "per second"], rows)
+    if what == "predictions":
+        records = HERE / "benchmarks" / "records" / f"{name}.json"
+        rows = [
+            [*list(row.values())[:-1], "yes" if row["holds"] else "**no**"]
+            for row in json.loads(records.read_text(encoding="utf-8"))
+        ]
+        return _table(["record", "quantity", "measured", "predicted", "holds"], rows)
     run = json.loads(stored(name).read_text(encoding="utf-8"))
     if what == "statements":
         keys = ("item", "claim", "finding", "verdict")

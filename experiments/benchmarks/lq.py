@@ -7,7 +7,7 @@ horizon.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax
@@ -52,45 +52,19 @@ BLOCKS = (200, 1000)  # previews of horizons that move on by blocks
 
 
 @dataclass(frozen=True)
-class RunRates:
-    """Speed and cost of a batch of runs on the paper's machine."""
+class Rate:
+    """Speed and cost of runs of one machine; None where no slopes are measured."""
 
-    type: str  # of all numbers
-    batch: int  # runs at once
-    forward: float  # runs per second
-    gradient: float  # runs per second with the gradient of three weights
-    gradient_ratio: float  # time with gradient over time without
-    profile_ratio: float  # likewise, with the gradient of the profile too
-    times_numpy: float  # runs per second over those of the NumPy loop
-    compiling: float  # [s]
-    compiling_gradient: float  # [s]
-    memory: int  # [bytes]
-    memory_gradient: int  # [bytes]
+    name: str  # type of all numbers, states of the axes, or the preview
     by: str  # formulation that is chosen, kernels or XLA
-
-
-@dataclass(frozen=True)
-class SizeRate:
-    """Runs per second, forward, on a machine of another size."""
-
-    states: str  # of the axes
-    inputs: int
     batch: int  # runs at once
-    by: str  # formulation that is chosen
     forward: float  # runs per second
     compiling: float  # [s]
-
-
-@dataclass(frozen=True)
-class PreviewTime:
-    """Time of a batch with one preview, forward, and its ratio to the shortest preview."""
-
-    preview: int  # [samples]
-    horizon: str  # how it moves on, by samples or by blocks
-    steps: int  # of a run
-    batch: int  # runs at once
-    milliseconds: float  # of the batch
-    times_shortest: float  # over the first preview's
+    memory: int  # [bytes]
+    gradient: float | None = None  # runs per second with the gradient of three weights
+    profile: float | None = None  # likewise, with the gradient of the profile too
+    compiling_gradient: float | None = None  # [s]
+    memory_gradient: int | None = None  # [bytes]
 
 
 @dataclass(frozen=True)
@@ -98,9 +72,7 @@ class LQBench:
     """All measurements."""
 
     loops: dict[str, float]  # runs per second of the plain loops
-    runs: list[RunRates]
-    sizes: list[SizeRate]
-    previews: list[PreviewTime]
+    runs: list[Rate]
 
 
 class Case(NamedTuple):
@@ -203,72 +175,52 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> LQBench:
     for name, loop in (("NumPy loop", numpy_loop), ("compiled loop", compiled_loop)):
         loops[name] = 1 / looped(loop, STEPS)
         tell(f"{name}: {digits(loops[name])} runs per second")
+    cases = [
+        (dtype.name, paper_case(dtype), batch, True)
+        for dtype in (DOUBLE, SINGLE)
+        for batch in batches
+    ]
+    few = max(batches) // 16 or 1
+    sizes = {" + ".join(map(str, states)): sized_case(states) for states in SIZES}
+    for name, case in (sizes | {"8 coupled": coupled_case()}).items():
+        cases.append((f"{name} states", case, few, False))
+    steps, batch = (10_000, 1024) if on_gpu() else (10 * STEPS, 1)
+    for horizon, law, previews in (
+        ("by samples", ContouringLQ, PREVIEWS),
+        ("by blocks", BlockwiseLQ, BLOCKS),
+    ):
+        for preview in previews:
+            case = paper_case(DOUBLE, steps, preview)._replace(law=law)
+            cases.append((f"preview {preview} {horizon}, {steps} steps", case, batch, False))
     runs = []
-    for dtype in (DOUBLE, SINGLE):
-        for batch in batches:
-            runs.append(rates_of(paper_case(dtype), batch, loops["NumPy loop"]))
-            tell(f"{dtype.name}, batch {batch}: {runs[-1].forward:,.5g} runs per second")
-    cases = {" + ".join(map(str, states)): sized_case(states) for states in SIZES}
-    sizes, batch = [], max(batches) // 16 or 1
-    for name, case in (cases | {"8 coupled": coupled_case()}).items():
-        timing = timed(
-            lambda w, case=case: platform_batching()(case.metrics, w), case.weights(batch)
-        )
-        rate = batch / timing.running
-        row = SizeRate(name, case.plant.inputs, batch, case.formulation, rate, timing.compiling)
-        sizes.append(row)
-        tell(f"states {name}: {rate:,.5g} runs per second")
-    return LQBench(loops=loops, runs=runs, sizes=sizes, previews=previews(tell))
+    for case in cases:
+        runs.append(rate_of(*case))
+        tell(f"{runs[-1].name}, batch {runs[-1].batch}: {runs[-1].forward:,.5g} runs per second")
+    return LQBench(loops, runs)
 
 
-def rates_of(case: Case, batch: int, numpy_rate: float) -> RunRates:
-    """Speed forward, with gradient, and with gradient of the profile too.
-
-    Args:
-        case: machine and run.
-        batch: runs at once.
-        numpy_rate: runs per second of the NumPy loop.
-    """
+def rate_of(name: str, case: Case, batch: int, slopes: bool) -> Rate:
+    """Speed of so many runs at once, maybe with gradient, and with gradient of the profile too."""
     batching, weights = platform_batching(), case.weights(batch)
+    forward = timed(lambda w: batching(case.metrics, w), weights)
+    row = Rate(
+        name, case.formulation, batch, batch / forward.running, forward.compiling, forward.memory
+    )
+    if not slopes:
+        return row
 
     def with_gradient(w):
         return batching(jax.value_and_grad(case.objective), w)
 
-    forward = timed(lambda w: batching(case.metrics, w), weights)
     gradient = timed(with_gradient, weights)
     profile = timed(with_gradient, case.weights(batch, case.preview))
-    return RunRates(
-        type=case.dtype.name,
-        batch=batch,
-        forward=batch / forward.running,
+    return replace(
+        row,
         gradient=batch / gradient.running,
-        gradient_ratio=gradient.running / forward.running,
-        profile_ratio=profile.running / forward.running,
-        times_numpy=batch / forward.running / numpy_rate,
-        compiling=forward.compiling,
+        profile=batch / profile.running,
         compiling_gradient=gradient.compiling,
-        memory=forward.memory,
         memory_gradient=gradient.memory,
-        by=case.formulation,
     )
-
-
-def previews(tell: Callable[[str], None]) -> list[PreviewTime]:
-    """Long windows beside short ones, float64, uniform profile."""
-    steps, batch = (10_000, 1024) if on_gpu() else (10 * STEPS, 1)
-    by_sample = [(preview, "by samples", ContouringLQ) for preview in PREVIEWS]
-    by_block = [(preview, "by blocks", BlockwiseLQ) for preview in BLOCKS]
-    rows: list[PreviewTime] = []
-    for preview, horizon, law in by_sample + by_block:
-        case = paper_case(DOUBLE, steps, preview)._replace(law=law)
-        timing = timed(
-            lambda w, case=case: platform_batching()(case.metrics, w), case.weights(batch)
-        )
-        spent = 1e3 * timing.running
-        first = rows[0].milliseconds if rows else spent
-        rows.append(PreviewTime(preview, horizon, steps, batch, spent, spent / first))
-        tell(f"preview {preview}, {horizon}: {digits(spent)} ms")
-    return rows
 
 
 def looped(loop: Callable, steps: int) -> float:
@@ -283,33 +235,27 @@ def looped(loop: Callable, steps: int) -> float:
 
 def rates(result: LQBench) -> dict[str, float]:
     """Runs per second by name, for `stored_results`."""
-    named = {}
-    for run in result.runs:
-        name = f"{run.type}, batch {run.batch}"
-        named[f"{name}, forward"] = run.forward
-        named[f"{name}, value and gradient"] = run.gradient
-        named[f"{name}, with a profile"] = run.forward / run.profile_ratio
-    for size in result.sizes:
-        named[f"{size.states} states, batch {size.batch}, forward"] = size.forward
-    for row in result.previews:
-        name = f"preview {row.preview} {row.horizon}, {row.steps} steps, batch {row.batch}"
-        named[name] = 1e3 * row.batch / row.milliseconds
-    return named
+    kinds = {"forward": "forward", "value and gradient": "gradient", "with a profile": "profile"}
+    return {
+        f"{run.name}, batch {run.batch}, {words}": getattr(run, kind)
+        for run in result.runs
+        for words, kind in kinds.items()
+        if getattr(run, kind) is not None
+    }
 
 
 def tables(result: LQBench) -> Iterator[Table | str]:
     """Rates and costs, and the loops that they are compared with."""
-    kind: dict[str, Column] = {"type": "type", "by": "by", "batch": "batch:,"}
+    kind: dict[str, Column] = {"runs": "name", "by": "by", "batch": "batch:,"}
     yield Table(
-        f"Runs of {STEPS} steps, preview {PREVIEW}, X-Y table of 8 states, all metrics",
+        f"Runs per second, {STEPS} steps and preview {PREVIEW} where nothing else is said",
         result.runs,
         {
             **kind,
-            "runs/s": "forward:,.5g",
+            "forward": "forward:,.5g",
             "with\ngradient": "gradient:,.5g",
-            "gradient /\nforward": "gradient_ratio:.4g",
-            "with\nprofile": "profile_ratio:.4g",
-            "times\nNumPy": "times_numpy:.4g",
+            "with\nprofile": "profile:,.5g",
+            "times\nNumPy": lambda run: f"{run.forward / result.loops['NumPy loop']:.4g}",
         },
         words=2,
     )
@@ -320,35 +266,10 @@ def tables(result: LQBench) -> Iterator[Table | str]:
             **kind,
             "compile\ns": "compiling:.4g",
             "with\ngradient": "compiling_gradient:.4g",
-            "memory\nMB": lambda row: f"{1e-6 * row.memory:,.4g}",
-            "and with\ngradient": lambda row: f"{1e-6 * row.memory_gradient:,.4g}",
+            "memory\nbytes": "memory:.4g",
+            "with\ngradient ": "memory_gradient:.4g",
         },
         words=2,
-    )
-    yield Table(
-        "Other sizes, float64, machines of flexible axes on a straight line",
-        result.sizes,
-        {
-            "states of axes": "states",
-            "by": "by",
-            "inputs": "inputs",
-            "batch": "batch:,",
-            "runs/s": "forward:,.5g",
-            "compile\ns": "compiling:.4g",
-        },
-        words=2,
-    )
-    yield Table(
-        "Long previews, float64, uniform profile",
-        result.previews,
-        {
-            "horizon moves on": "horizon",
-            "preview": "preview",
-            "steps": "steps:,",
-            "batch": "batch:,",
-            "ms": "milliseconds:.4g",
-            "times\nshortest": "times_shortest:.4g",
-        },
     )
     for name, rate in result.loops.items():
         yield f"{name:<14} {digits(rate)} runs/s, float64, tracking and projected error only"

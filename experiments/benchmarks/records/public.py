@@ -1,12 +1,12 @@
 """`jcontour bench public --records FOLDER`: predictions for public records of real machines.
 
 Every record that lies in the folder is read, identified and predicted; the others keep what is
-stored. The results are stored beside this file, and the page of the docs is made of them.
+stored beside this file. The site shows it.
 """
 
 import json
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -33,38 +33,21 @@ from tuning.identification.linear.validation import resolution_of
 from tuning.response_loop import ResponseLoop, crossover, sensitivity, tuned
 
 STORED = Path(__file__).with_name("public.json")
-DOCS = Path(__file__).parents[2] / "docs"
-PAGE = DOCS / "evidence" / "predicted-and-measured.md"
-PICTURE = DOCS / "pictures" / "measured-response.png"
-TITLE = """# Evidence: predicted and measured
-
-Written by `jcontour bench public --records FOLDER`.
-*Held-out*: the last 30 %, from the command alone.
-
-"""
+PICTURE = Path(__file__).parents[2] / "docs" / "pictures" / "measured-response.png"
 MOST_POLES, MOST_DELAY = 3, 10
 MOST_WORDS = 240  # letters of a refusal
 PULSES = "pulses_n"  # [V], despite its name
-FOLDERS = {
-    "emps": "EMPS, ball-screw axis (Janot, Gautier, Brunot 2019)",
-    "sinumerik_ast": "Spindle axis with a SINUMERIK (eliasrhoden/Sinumerik-Ctrl)",
-    "motor_bench": "Two-inertia motor bench (FdiTools, University of Tokyo)",
-    "kuka": "KUKA KR300 R2500 (Weigand)",
-    "lorenz_servo": "Small AC servo (TeacherRock/Lorenz_Friction)",
-    "ruler_robot": "DC motor with a flexible ruler (ryanGT/systemid)",
-    "camber": "Linear actuators (nicolazande/camber-control)",
-    "umich_cnc": "CNC mill (University of Michigan)",
-}
+Row = tuple[str, str, str, bool]  # a prediction without its record
 
 
 @dataclass(frozen=True)
 class Prediction:
     """One number of a record."""
 
-    folder: str  # of the record
+    record: str
     quantity: str  # what is compared, with its unit
     wanted: str  # measured, or by an independent calculation
-    found: str  # predicted or identified here
+    predicted: str  # or identified here
     holds: bool  # whether it is as good as was asked for
 
 
@@ -76,7 +59,7 @@ class PublicBench:
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> PublicBench:
-    """Predict the records in the folder, store the results and write the page.
+    """Predict the records in the folder and store the results.
 
     Raises:
         ValueError: no folder is given, or it holds none of the records.
@@ -84,48 +67,37 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> PublicBench:
     if flags.records is None:
         raise ValueError("bench public: needs --records, the folder of the public records")
     rows = stored()
-    here = [name for name in FOLDERS if (flags.records / name).exists()]
+    here = {name: title for name, title in TITLES.items() if (flags.records / name).exists()}
     if not here:
-        raise ValueError(f"{flags.records}: holds none of {', '.join(FOLDERS)}")
-    for name in here:
-        new = list(PREDICTED[name](flags.records / name))
+        raise ValueError(f"{flags.records}: holds none of {', '.join(TITLES)}")
+    for name, title in here.items():
+        new = [Prediction(title, *one) for one in PREDICTED[name](flags.records / name)]
         for row in new:
-            tell(f"{name}: {row.quantity}: {row.found} ({row.wanted})")
-        rows = [row for row in rows if row.folder != name] + new
-    rows.sort(key=lambda row: list(FOLDERS).index(row.folder))
+            tell(f"{name}: {row.quantity}: {row.predicted} ({row.wanted})")
+        rows = [row for row in rows if row.record != title] + new
+    rows.sort(key=lambda row: [*TITLES.values()].index(row.record))
     STORED.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n")
-    PAGE.write_text(page(rows))
     return PublicBench(rows)
 
 
 def stored() -> list[Prediction]:
     """Results as they were stored last."""
-    return [Prediction(**row) for row in json.loads(STORED.read_text())] if STORED.exists() else []
-
-
-def page(rows: Sequence[Prediction]) -> str:
-    """The page of the docs."""
-    lines = ["| record | quantity | measured | predicted | holds |", "|---|---|---|---|---|"]
-    for row in rows:
-        cells = (row.quantity, row.wanted, row.found, "yes" if row.holds else "**no**")
-        lines.append(f"| {' | '.join((FOLDERS[row.folder], *cells))} |")
-    picture = f"\n![Both loops](../pictures/{PICTURE.name})\n"
-    return TITLE + "\n".join(lines) + "\n" + picture * PICTURE.exists()
+    return [Prediction(**row) for row in json.loads(STORED.read_text())]
 
 
 def tables(result: PublicBench) -> list[Table | str]:
-    """The table of the page."""
+    """Measured and predicted."""
     columns: dict[str, Column] = {
-        "record": "folder",
+        "record": "record",
         "quantity": "quantity",
         "measured": "wanted",
-        "predicted": "found",
+        "predicted": "predicted",
         "holds": lambda row: "yes" if row.holds else "NO",
     }
     held = sum(row.holds for row in result.rows)
     return [
         Table("Public records", result.rows, columns, words=5),
-        f"{held} of {len(result.rows)} hold. Page: {PAGE.name}",
+        f"{held} of {len(result.rows)} hold.",
     ]
 
 
@@ -140,16 +112,15 @@ def axis_of(path: Path, columns: LogColumns) -> LinearAxisResult:
     return axis_result(identify_machine(record, MOST_POLES, MOST_DELAY).axes[0])
 
 
-def explained(folder: str, what: str, path: Path, columns: LogColumns, least: float) -> Prediction:
+def explained(what: str, path: Path, columns: LogColumns, least: float) -> Row:
     """How much of the held-out speed is explained, at least `least`."""
-    asked = f"at least {100 * least:g} %"
+    quantity, asked = f"held-out speed, {what}", f"at least {100 * least:g} %"
     try:
         one = axis_of(path, columns)
     except ValueError as error:
         said = textwrap.shorten(str(error), MOST_WORDS, placeholder=" ...")
-        return Prediction(folder, f"held-out speed, {what}", asked, f"refused: {said}", False)
-    part = f"{100 * one.explained:.2f} %"
-    return Prediction(folder, f"held-out speed, {what}", asked, part, one.explained >= least)
+        return quantity, asked, f"refused: {said}", False
+    return quantity, asked, f"{100 * one.explained:.2f} %", one.explained >= least
 
 
 def cascade_factors(table: LogTable) -> Float[np.ndarray, " 2"]:
@@ -220,26 +191,21 @@ def emps_error(
     return error
 
 
-def _emps(folder: Path) -> Iterator[Prediction]:
-    name, columns = folder.name, LogColumns("t", ("vir",), ("qm",), "m")
+def _emps(folder: Path) -> Iterator[Row]:
+    columns = LogColumns("t", ("vir",), ("qm",), "m")
     files = {"estimation": "DATA_EMPS.mat", "pulses": "DATA_EMPS_PULSES.mat"}
-    axes = {kind: axis_of(folder / file, columns) for kind, file in files.items()}
     gain, friction = 177.8, 0.596
-    for kind, one in axes.items():
+    for kind, file in files.items():
+        one = axis_of(folder / file, columns)
         low, high = (1e3 * value for value in one.gain_interval)
-        yield Prediction(
-            name,
-            f"gain, {kind} [mm/s/V]",
-            f"{gain:g}",
-            f"{1e3 * one.gain:.1f} ({low:.1f} to {high:.1f})",
-            bool(abs(1e3 * one.gain / gain - 1) < 0.03 and low <= gain <= high),
-        )
+        within = abs(1e3 * one.gain / gain - 1) < 0.03 and low <= gain <= high
+        interval = f"{1e3 * one.gain:.1f} ({low:.1f} to {high:.1f})"
+        yield f"gain, {kind} [mm/s/V]", f"{gain:g}", interval, bool(within)
         rubs = one.friction or 0.0
         within = bool(abs(rubs / friction - 1) < 0.03)
-        yield Prediction(name, f"dry friction, {kind} [V]", f"{friction:g}", f"{rubs:.3f}", within)
+        yield f"dry friction, {kind} [V]", f"{friction:g}", f"{rubs:.3f}", within
         part = f"{100 * one.explained:.2f} %"
-        holds = one.explained >= 0.995
-        yield Prediction(name, f"held-out speed, {kind}", "at least 99.5 %", part, holds)
+        yield f"held-out speed, {kind}", "at least 99.5 %", part, one.explained >= 0.995
     sliding = Sliding.of(folder / files["estimation"], columns)
     for (kind, file), published in zip(files.items(), (2.25, 3.16), strict=True):
         table = read_table(folder / file)
@@ -249,11 +215,9 @@ def _emps(folder: Path) -> Iterator[Prediction]:
             ("documented", np.ones(2)),
             ("as in the recorded voltage", cascade_factors(table)),
         ):
-            asked = table["qg"], table.get(PULSES, still), factors
-            off = emps_error(sliding, *asked) - seen
+            off = emps_error(sliding, table["qg"], table.get(PULSES, still), factors) - seen
             left = 1e6 * float(np.sqrt(np.mean(off**2)))
-            yield Prediction(
-                name,
+            yield (
                 f"following error in closed loop, {kind}, cascade {words} [um RMS]",
                 f"{size:.1f}; published parameters are {published:g} off",
                 f"{left:.2f} off, mass with friction of the estimation record",
@@ -261,7 +225,7 @@ def _emps(folder: Path) -> Iterator[Prediction]:
             )
 
 
-def _sinumerik(folder: Path) -> Iterator[Prediction]:
+def _sinumerik(folder: Path) -> Iterator[Row]:
     lines = read_response(folder / "AST_AX7.xml")
     theirs = json.loads((folder / "tuned_by_siemens.json").read_text())
     speed, (low, notch) = theirs["speed_controller"], theirs["current_setpoint_filters"]
@@ -281,83 +245,74 @@ def _sinumerik(folder: Path) -> Iterator[Prediction]:
             for one in (siemens, ours)
         ]
         beside = f", {1e3 * late:g} ms later" if late else ""
-        yield Prediction(
-            folder.name,
+        yield (
             f"Ms of PI with filters, lines from {lowest} Hz, crossover {at:.3g} Hz{beside}",
             f"Siemens {worst[0]:.3f}",
             f"{worst[1]:.3f}",
             worst[1] <= worst[0],
         )
-    yield Prediction(
-        folder.name,
-        "integral gain K_p / T_n of the two [Nm/rad]",
-        f"Siemens {siemens.gain / siemens.reset_time:.0f}",
-        f"{ours.gain / ours.reset_time:.0f}",
-        ours.gain / ours.reset_time >= siemens.gain / siemens.reset_time,
-    )
+    theirs, mine = (one.gain / one.reset_time for one in (siemens, ours))
+    quantity = "integral gain K_p / T_n of the two [Nm/rad]"
+    yield quantity, f"Siemens {theirs:.0f}", f"{mine:.0f}", mine >= theirs
 
 
-def _motor_bench(folder: Path) -> Iterator[Prediction]:
+def _motor_bench(folder: Path) -> Iterator[Row]:
     columns = LogColumns("time", ("iq_refx",), ("theta_mx",), "rad")
     one = axis_of(folder / "MultisineTypeA.mat", columns)
     hertz = one.resonances[0][0] if one.resonances else float("nan")
-    yield Prediction(
-        folder.name, "resonance [Hz]", "76", f"{hertz:.1f}", bool(abs(hertz / 76 - 1) < 0.03)
-    )
-    wanted = f"{250:g} excited"
-    yield Prediction(
-        folder.name,
-        "response measured to [Hz]",
-        wanted,
-        f"{one.measured_to:.0f}",
-        round(one.measured_to) == 250,
-    )
+    yield "resonance [Hz]", "76", f"{hertz:.1f}", bool(abs(hertz / 76 - 1) < 0.03)
+    most = f"{one.measured_to:.0f}"
+    yield "response measured to [Hz]", "250 excited", most, most == "250"
 
 
-def _kuka(folder: Path) -> Iterator[Prediction]:
-    for joint in (1, 2, 3):
-        columns = LogColumns(
-            "rec.time_cont", (f"ref_pos_deg_{joint}",), (f"act_pos_se_deg_{joint}",)
-        )
-        yield explained(folder.name, f"joint {joint}", folder / "rec_A.mat", columns, 0.995)
-
-
-def _servo(folder: Path) -> Iterator[Prediction]:
-    for file in ("data_5.txt", "Lorenz_Fc_1.txt"):
-        columns = LogColumns(None, ("5",), ("1",), "rad", 1e-3)
-        yield explained(folder.name, file, folder / file, columns, 0.95)
-
-
-def _ruler(folder: Path) -> Iterator[Prediction]:
-    for file in ("swept1-0-10hz.txt", "step1.txt"):
-        columns = LogColumns(None, ("v",), (r"$\theta$",), "deg", 2e-3)
-        yield explained(folder.name, file, folder / file, columns, 0.95)
-
-
-def _camber(folder: Path) -> Iterator[Prediction]:
-    for path in sorted(folder.glob("*.txt")):
-        columns = LogColumns("1", ("3",), ("4",))
-        yield explained(folder.name, path.stem, path, columns, 0.95)
-
-
-def _umich(folder: Path) -> Iterator[Prediction]:
+def _umich(folder: Path) -> Iterator[Row]:
     columns = LogColumns(None, ("X1_CommandPosition",), ("X1_ActualPosition",), "mm", 0.1)
     try:
         axis_of(folder / "experiment_11.csv", columns)
         said = "a model"
     except ValueError as error:
         said = str(error)
-    slow = "too slow or too coarse" in said
-    yield Prediction(folder.name, "X", "too slow and coarse to show dynamics", said, slow)
+    yield "X", "too slow and coarse to show dynamics", said, "too slow or too coarse" in said
 
 
-PREDICTED: dict[str, Callable[[Path], Iterator[Prediction]]] = {
+def _logs(least: float, *logs: tuple[str, str, LogColumns]) -> Callable[[Path], Iterator[Row]]:
+    """Predictor of the held-out speeds of logs, each with what it is of and a pattern of files."""
+
+    def predicted(folder: Path) -> Iterator[Row]:
+        for what, pattern, columns in logs:
+            for path in sorted(folder.glob(pattern)):
+                yield explained(what or path.stem, path, columns, least)
+
+    return predicted
+
+
+_SERVO = LogColumns(None, ("5",), ("1",), "rad", 1e-3)
+_RULER = LogColumns(None, ("v",), (r"$\theta$",), "deg", 2e-3)
+_JOINTS = (
+    LogColumns("rec.time_cont", (f"ref_pos_deg_{joint}",), (f"act_pos_se_deg_{joint}",))
+    for joint in (1, 2, 3)
+)
+TITLES = {
+    "emps": "EMPS, ball-screw axis (Janot, Gautier, Brunot 2019)",
+    "sinumerik_ast": "Spindle axis with a SINUMERIK (eliasrhoden/Sinumerik-Ctrl)",
+    "motor_bench": "Two-inertia motor bench (FdiTools, University of Tokyo)",
+    "kuka": "KUKA KR300 R2500 (Weigand)",
+    "lorenz_servo": "Small AC servo (TeacherRock/Lorenz_Friction)",
+    "ruler_robot": "DC motor with a flexible ruler (ryanGT/systemid)",
+    "camber": "Linear actuators (nicolazande/camber-control)",
+    "umich_cnc": "CNC mill (University of Michigan)",
+}
+PREDICTED: dict[str, Callable[[Path], Iterator[Row]]] = {
     "emps": _emps,
     "sinumerik_ast": _sinumerik,
     "motor_bench": _motor_bench,
-    "kuka": _kuka,
-    "lorenz_servo": _servo,
-    "ruler_robot": _ruler,
-    "camber": _camber,
+    "kuka": _logs(0.995, *((f"joint {n}", "rec_A.mat", one) for n, one in enumerate(_JOINTS, 1))),
+    "lorenz_servo": _logs(
+        0.95, *((file, file, _SERVO) for file in ("data_5.txt", "Lorenz_Fc_1.txt"))
+    ),
+    "ruler_robot": _logs(
+        0.95, *((file, file, _RULER) for file in ("swept1-0-10hz.txt", "step1.txt"))
+    ),
+    "camber": _logs(0.95, ("", "*.txt", LogColumns("1", ("3",), ("4",)))),
     "umich_cnc": _umich,
 }

@@ -45,39 +45,30 @@ def test_machines_of_other_sizes_come_to_rest(states):
     assert poles[len(states)] < 0.99
 
 
-RUN = lq.RunRates(
-    type="float64",
-    batch=256,
-    forward=21_500.0,
-    gradient=7_000.0,
-    gradient_ratio=3.0,
-    profile_ratio=4.0,
-    times_numpy=90.0,
-    compiling=1.5,
-    compiling_gradient=2.5,
-    memory=3_000_000,
-    memory_gradient=6_000_000,
-    by="kernels",
-)
-RESULT = lq.LQBench(
-    loops={"NumPy loop": 12.0},
-    runs=[RUN],
-    sizes=[lq.SizeRate("2 + 2", 2, 16, "XLA", 640.0, 0.25)],
-    previews=[lq.PreviewTime(25, "by blocks", 5000, 1, 17.0, 1.25)],
-)
+RUN = lq.Rate("float64", "kernels", 256, 21_500.0, 1.5, 3_000_000, 7_000.0, 5_400.0, 2.5, 6_000_000)
+RESULT = lq.LQBench({"NumPy loop": 10.0}, [RUN, lq.Rate("2 + 2", "XLA", 16, 640.0, 0.25, 1000)])
 
 
 @pytest.mark.parametrize(
     "row",
     [
-        "float64 kernels 256 21,500 7,000 3 4 90",
-        "float64 kernels 256 1.5 2.5 3 6",  # memory in MB
-        "2 + 2 XLA 2 16 640 0.25",
-        "by blocks 25 5,000 1 17 1.25",
-        "NumPy loop 12 runs/s, float64, tracking and projected error only",
+        "float64 kernels 256 21,500 7,000 5,400 2150",
+        "float64 kernels 256 1.5 2.5 3e+06 6e+06",
+        "2 + 2 XLA 16 640 - - 64",
+        "2 + 2 XLA 16 0.25 - 1000 -",
+        "NumPy loop 10 runs/s, float64, tracking and projected error only",
     ],
 )
 def test_rows_have_the_units_of_their_headings(row):
     page = io.StringIO()
     show(Console(file=page, width=160), lq.tables(RESULT))
     assert row.split() in [line.split() for line in page.getvalue().splitlines()]
+
+
+def test_rates_that_are_measured_have_a_name():
+    assert lq.rates(RESULT) == {
+        "float64, batch 256, forward": 21_500.0,
+        "float64, batch 256, value and gradient": 7_000.0,
+        "float64, batch 256, with a profile": 5_400.0,
+        "2 + 2, batch 16, forward": 640.0,
+    }
