@@ -47,7 +47,7 @@ RADIUS, ADVANCE = 0.02, 4e-5  # [m], [m per sample]: 80 mm/s
 RESONANCES, DAMPING = (250.0, 500.0, 900.0), 0.05  # [rad/s], of the structures of larger machines
 SIZES = ((2, 2), (4, 4), (3, 3, 3), (4, 4, 4), (8, 8), (5, 5, 6))  # states of every axis
 DOUBLE, SINGLE = np.dtype("float64"), np.dtype("float32")
-PREVIEWS = (10, 25, 200, 1000)
+PREVIEWS = (10, 25, 200)
 BLOCKS = (200, 1000)  # previews of horizons that move on by blocks
 
 

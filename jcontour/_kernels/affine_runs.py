@@ -22,7 +22,7 @@ from jcontour.simulation.metrics import Metrics, scored_samples
 
 MOST_STATES = 8  # more do not fit into the registers of a thread
 MOST_INPUTS = 4
-LONGEST_SWEEP = 100  # samples: beyond, spans and blocks are faster
+LONGEST_SWEEP = 100  # samples: beyond, blocks are faster
 
 
 def suits_sweep(model: LinearPlant, preview: int) -> bool:

@@ -113,7 +113,10 @@ def _moved(equation: Any, operands: list[_Value]) -> _Value:
         or (name in FIRST_ALONE and moving[0] and sum(moving) == 1)
         or (name in ("select_n", "dynamic_update_slice") and _chosen(name, moving))
         or (name == "integer_pow" and equation.params["y"] == 1)
-        or (name == "convert_element_type" and _stays_real(equation))
+        or (
+            name == "convert_element_type"
+            and np.issubdtype(equation.params["new_dtype"], np.floating)
+        )
         or (name in BOUNDS and _idle(operands, BOUNDS[name]))
     )
     if not linear:
@@ -124,10 +127,6 @@ def _moved(equation: Any, operands: list[_Value]) -> _Value:
 def _chosen(name: str, moving: list[bool]) -> bool:
     """Whether what chooses stands still: the predicate, or the indices."""
     return not moving[0] if name == "select_n" else not any(moving[2:])
-
-
-def _stays_real(equation: Any) -> bool:
-    return np.issubdtype(equation.params["new_dtype"], np.floating)
 
 
 def _idle(operands: list[_Value], bound: float) -> bool:

@@ -104,7 +104,12 @@ def certificate(
     """
     check_kinds("certificate", plant=plant, controller=controller, reference=reference)
     loop = disturbed_loop(plant, controller, reference)
-    _check_box(loop, box)
+    p, q = loop.D.shape[1:]
+    if box.force.shape != (p,) or box.noise.shape != (q,):
+        raise ValueError(
+            f"box: the loop has {p} controls and {q} measured numbers, "
+            f"received {box.force.size} and {box.noise.size} bounds"
+        )
     frames = frames_along(reference, loop.output)
     rows = frames.basis @ np.asarray(loop.C)
     spread, control = _peaks(loop, rows, box)
@@ -130,15 +135,6 @@ def _peaks(
     peaks = peak_bounds(loop, both, box.size, direct).bound
     controls = np.abs(np.asarray(loop.control)) + peaks[:, m:]
     return peaks[:, :m], (1 + ROUNDING) * controls
-
-
-def _check_box(loop: DisturbedLoop, box: Box) -> None:
-    p, q = loop.D.shape[1:]
-    if box.force.shape != (p,) or box.noise.shape != (q,):
-        raise ValueError(
-            f"box: the loop has {p} controls and {q} measured numbers, "
-            f"received {box.force.size} and {box.noise.size} bounds"
-        )
 
 
 def _check_limits(plant: Plant, controller: Controller, control: np.ndarray, box: Box) -> None:

@@ -149,21 +149,7 @@ class Named(Solver):
         """See `Solver`."""
         self._stacked.limits(self.name, qp)
         parts = _Parts.of(qp)
-        solution = self._solution(qp, parts)
-        multipliers = np.zeros(qp.g.size + len(qp.C))
-        if solution.z_box is not None and np.size(solution.z_box):
-            multipliers[: qp.g.size] = solution.z_box
-        rows, count = multipliers[qp.g.size :], parts.above.sum()
-        if parts.h.size and solution.z is not None and np.size(solution.z):
-            rows[parts.above] += solution.z[:count]
-            rows[parts.below] -= solution.z[count:]
-        if parts.equal.any() and solution.y is not None:
-            rows[parts.equal] = solution.y
-        z = np.asarray(solution.x)
-        return _best_checked(self.name, "inaccurate", qp, [(z, multipliers, 0)])
-
-    def _solution(self, qp: QP, parts: "_Parts") -> qpsolvers.Solution:
-        """Answer of the solver, not checked."""
+        # Answer of the solver, not checked
         some, equal = parts.h.size > 0, parts.equal
         problem = qpsolvers.Problem(
             qp.H,
@@ -185,7 +171,17 @@ class Named(Solver):
                 raise Unsolved(self.name, lines[0], qp) from error
         if solution.x is None or not solution.found:
             raise Unsolved(self.name, "infeasible or not converged", qp)
-        return solution
+        multipliers = np.zeros(qp.g.size + len(qp.C))
+        if solution.z_box is not None and np.size(solution.z_box):
+            multipliers[: qp.g.size] = solution.z_box
+        rows, count = multipliers[qp.g.size :], parts.above.sum()
+        if parts.h.size and solution.z is not None and np.size(solution.z):
+            rows[parts.above] += solution.z[:count]
+            rows[parts.below] -= solution.z[count:]
+        if parts.equal.any() and solution.y is not None:
+            rows[parts.equal] = solution.y
+        z = np.asarray(solution.x)
+        return _best_checked(self.name, "inaccurate", qp, [(z, multipliers, 0)])
 
 
 class _Parts(NamedTuple):

@@ -73,7 +73,8 @@ def factorised(
         H, h = stage
         T = H + model.T @ (P @ model)
         t = h + model.T @ q
-        R = _cholesky(T[n:, n:])
+        G = T[n:, n:]
+        R = jnp.stack([jnp.stack(row) for row in cholesky(G)])
         Y, y = _eliminated(R, T[n:, :n]), _eliminated(R, t[n:])
         return (T[:n, :n] - Y.T @ Y, t[:n] - Y.T @ y), Factors(Y, y, R)
 
@@ -85,7 +86,7 @@ def step_of(qp: StagedQP, factors: Factors) -> Trajectory:
     p = qp.B.shape[1]
 
     def on(x, stage):
-        u = -_returned(stage.R, stage.Y @ x + stage.y)
+        u = -jnp.stack(returned(stage.R, stage.Y @ x + stage.y))
         return qp.A @ x + qp.B @ u, (x, u)
 
     end, (x, u) = lax.scan(on, jnp.zeros_like(qp.x0), factors)
@@ -156,16 +157,8 @@ def _led(qp: StagedQP, start, controls, added):
 # Divisions by the pivots are multiplications by what stands on the diagonal of R.
 
 
-def _cholesky(G: Float[Array, "p p"]) -> Float[Array, "p p"]:
-    return jnp.stack([jnp.stack(row) for row in cholesky(G)])
-
-
 def _eliminated(R: Float[Array, "p p"], rows: Float[Array, "p *q"]) -> Float[Array, "p *q"]:
     return jnp.stack(eliminated(R, rows))
-
-
-def _returned(R: Float[Array, "p p"], values: Float[Array, " p"]) -> Float[Array, " p"]:
-    return jnp.stack(returned(R, values))
 
 
 def cholesky(G) -> list[list]:

@@ -35,7 +35,6 @@ from jcontour.riccati.packed_stage import (
     packing,
     stage_maps,
 )
-from jcontour.riccati.sliding_window import block_length, sliding_plan, suits_spans
 from jcontour.riccati.window_sweep import window_plan
 
 MOST_STATES = 20  # of the fast sweep; its matrices grow with the fourth power
@@ -58,9 +57,8 @@ def receding_horizon_plan(
 ) -> AffinePlan:
     """Gains F, f (u = f - F x) of every step of a run, for any machine.
 
-    Long windows whose stage profile is known to be uniform are composed from spans
-    (`riccati.sliding_window`). Others are swept stage by stage (`riccati.window_sweep`). Short
-    windows of decoupled axes need no sweep: see `riccati.decoupled`.
+    The horizon is swept stage by stage (`riccati.window_sweep`). Short windows of decoupled axes
+    need no sweep: see `riccati.decoupled`. Long ones are cheaper by `blockwise_plan`.
 
     Args:
         model: A, B, C.
@@ -74,8 +72,6 @@ def receding_horizon_plan(
     """
     seen = Q.shape[0] if terminal is None else terminal.g.shape[0] + stage.shape[0]
     Q, y_d = Q[:seen], y_d[:seen]  # the reference may look further ahead than the controller
-    if suits_spans(stage if terminal is None else stage[:-1]):
-        return AffinePlan(*_composed(model, stage[0] * Q, y_d, stage.shape[0], R, terminal))
     stage = jnp.asarray(stage)
     if terminal is None:
         cost = output_cost(model, Q[stage.shape[0] :], y_d[stage.shape[0] :])
@@ -84,17 +80,6 @@ def receding_horizon_plan(
         return readable_plan(model, Q, y_d, stage, R, terminal)
     F, f = window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal)
     return AffinePlan(F, f)
-
-
-def _composed(model: LinearPlant, Q, y_d, preview: int, R, terminal: CostToGo | None):
-    """Gains composed from spans; without a terminal the last sample belongs to them."""
-    steps = Q.shape[0] - preview
-    if terminal is None:
-        window, end = preview, None
-    else:
-        window, end = preview - 1, jnp.concatenate([terminal.H, terminal.g[:, :, None]], axis=2)
-    seen, length = slice(1, steps + window), block_length(window, steps)
-    return sliding_plan(model.A, model.B, model.C, Q[seen], y_d[seen], R, end, steps, length)
 
 
 def block_ends(steps: int, preview: int) -> slice:
@@ -186,9 +171,9 @@ def readable_plan(
 ) -> AffinePlan:
     """Gains of every step as the equations say it, stage by stage.
 
-    The definition: `window_sweep`, `sliding_window` and `decoupled` are tested equal to it. For a
-    machine that changes along the path, A_j, B_j, C_j are those of sample k + j: `model` is then
-    stacked over all S samples.
+    The definition: `window_sweep` and `decoupled` are tested equal to it. For a machine that
+    changes along the path, A_j, B_j, C_j are those of sample k + j: `model` is then stacked over
+    all S samples.
     """
     steps, preview = terminal.g.shape[0], stage.shape[0]
     Q, y_d, stage = jnp.asarray(Q), jnp.asarray(y_d), jnp.asarray(stage)  # NumPy has no index j

@@ -32,7 +32,6 @@ if TYPE_CHECKING:  # a question about a name imports none of these
     from jcontour.app.designs.design import Design
     from jcontour.app.flags.shared import Controlled
     from jcontour.app.machines.machine import Machine
-    from jcontour.controller import Controller
 
 FILE = "FILE.py:NAME"
 COPIES = "inputs/*/*.py"  # in a run folder
@@ -106,14 +105,36 @@ def _dotted(name: str) -> bool:
 
 def own_controller(own: OwnName, machine: "Machine", flags: "Controlled") -> "Design":
     """Design of a controller from a file; its weights are its own fields that are floats."""
+    import equinox as eqx
+    import numpy as np
+
+    from jcontour.app.catalogue.own_contracts import ContractError, check_controller
     from jcontour.app.designs.design import Design, OwnDesign, made
     from jcontour.controller import Controller
+    from jcontour.geometry.contours import line
+    from jcontour.motion.references import along
+    from jcontour.simulation.closed_loop import simulate
 
     named = _named(own)
     if inspect.isclass(named) and issubclass(named, Design):
         return named(str(own), machine, flags)
     controller = _made(own, Controller, lambda thing: made(thing, machine.model, flags.preview))
-    _check_run(own, controller, machine)
+    # a short run is traced, so that a fault in the file is reported with its line
+    preview, dt = controller.preview, machine.model.dt
+    if not isinstance(preview, int) or preview < 0:
+        raise ValueError(
+            f"{own}: preview needs a whole number of samples, received {checks.shown(preview)}"
+        )
+    contour = line(np.zeros(len(machine.axes)), np.full(len(machine.axes), 1e-3))
+    arc = np.linspace(0.0, float(contour.length), preview + 4)
+    reference = along(contour, arc, dt, preview, at_rest=False)
+    try:
+        check_controller(machine.nominal(), controller, reference, machine.model.inputs)
+        eqx.filter_eval_shape(simulate, machine.nominal(), controller, reference)
+    except ContractError as error:
+        raise _broken(own, error) from None
+    except Exception as error:
+        raise _fault(own, error, f"fails on {machine.name}") from None
     return OwnDesign(str(own), f"{own.name} of {own.path.name}", controller, machine, flags)
 
 
@@ -175,15 +196,11 @@ def _named(own: OwnName) -> Any:
     try:
         return reduce(getattr, own.name.split("."), module)
     except AttributeError:
-        raise _missing(own) from None
-
-
-def _missing(own: OwnName) -> ValueError:
-    names = _defined(own.path)
-    has = f"it has {', '.join(names)}" if names else "it defines no class or function"
-    return ValueError(
-        f"{own.path}: there is no {own.name!r} in it; {perhaps(own.name, names)}{has}"
-    )
+        names = _defined(own.path)
+        has = f"it has {', '.join(names)}" if names else "it defines no class or function"
+        raise ValueError(
+            f"{own.path}: there is no {own.name!r} in it; {perhaps(own.name, names)}{has}"
+        ) from None
 
 
 def _defined(path: Path) -> list[str]:
@@ -200,7 +217,15 @@ def _module(path: Path, source: bytes) -> ModuleType:
     Raises:
         UntrustedCodeError: the user has not chosen to run it.
     """
-    check_trusted(path, source)
+    # A run folder may come from somebody else, with code in it, and its settings may name any file:
+    # a file runs if a command of the user has named it, now or before. Hashes of these lie outside
+    # every run folder.
+    digest = sha256(source).hexdigest()
+    if digest not in _chosen and digest not in _recorded():
+        raise UntrustedCodeError(
+            f"{path}: this Python file would run, and none of your commands has named it: read it, "
+            "then add --trust-code"
+        )
     module = ModuleType(f"{path.stem}_of_user")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # where dataclasses look their annotations up
@@ -230,33 +255,6 @@ def _folder_first(folder: Path) -> Iterator[None]:
     finally:
         sys.path.remove(str(folder))
         sys.modules.update(hidden)
-
-
-def _check_run(own: OwnName, controller: "Controller", machine: "Machine") -> None:
-    """Trace a short run, so that a fault in the file is reported with its line."""
-    import equinox as eqx
-    import numpy as np
-
-    from jcontour.app.catalogue.own_contracts import ContractError, check_controller
-    from jcontour.geometry.contours import line
-    from jcontour.motion.references import along
-    from jcontour.simulation.closed_loop import simulate
-
-    preview, dt = controller.preview, machine.model.dt
-    if not isinstance(preview, int) or preview < 0:
-        raise ValueError(
-            f"{own}: preview needs a whole number of samples, received {checks.shown(preview)}"
-        )
-    contour = line(np.zeros(len(machine.axes)), np.full(len(machine.axes), 1e-3))
-    arc = np.linspace(0.0, float(contour.length), preview + 4)
-    reference = along(contour, arc, dt, preview, at_rest=False)
-    try:
-        check_controller(machine.nominal(), controller, reference, machine.model.inputs)
-        eqx.filter_eval_shape(simulate, machine.nominal(), controller, reference)
-    except ContractError as error:
-        raise _broken(own, error) from None
-    except Exception as error:
-        raise _fault(own, error, f"fails on {machine.name}") from None
 
 
 def _fault(own: OwnName, error: BaseException, words: str) -> ValueError:
@@ -298,25 +296,6 @@ def trust(content: bytes) -> None:
             _record().parent.mkdir(parents=True, exist_ok=True)
             with _record().open("a") as file:
                 file.write(f"{digest}\n")
-
-
-def check_trusted(path: Path, content: bytes) -> None:
-    """Refuse code that the user has not chosen.
-
-    A run folder holds a copy of the user's own classes, and its settings may name any file: where
-    the folder comes from somebody else, so does that code. A file runs if one of the user's
-    commands has named it, now or before. Their hashes lie outside every run folder: a name, a date
-    or an owner in the run folder itself proves nothing.
-
-    Raises:
-        UntrustedCodeError: no command of the user has named a file of this content.
-    """
-    digest = sha256(content).hexdigest()
-    if digest not in _chosen and digest not in _recorded():
-        raise UntrustedCodeError(
-            f"{path}: this Python file would run, and none of your commands has named it: read it, "
-            "then add --trust-code"
-        )
 
 
 def _recorded() -> set[str]:

@@ -175,7 +175,10 @@ ALPHA, BETA = 7e8, 2e8
 
 def _noise(machine: GantryMachine) -> float:
     """Noise of the controls whose observer crosses over at the bandwidth by itself."""
-    return rounding(machine) / _slow_gain(machine, BANDWIDTH)
+    # gain of the slower axis from current to position: the last of three is that of the twist
+    A, B = np.asarray(machine.model.A), np.asarray(machine.model.B)
+    G = np.linalg.solve(np.exp(1j * BANDWIDTH) * np.eye(len(A)) - A, B)[:COUNT]
+    return rounding(machine) / float(np.linalg.svd(G, compute_uv=False)[1])
 
 
 class GantryOffsetFreeLQ(GantryLQ):
@@ -230,13 +233,3 @@ class GantryOffsetFreeLQ(GantryLQ):
 def rounding(machine: GantryMachine) -> float:
     """Standard deviation [m] of what counts round off."""
     return float(machine.resolution / np.sqrt(12))
-
-
-def _slow_gain(machine: GantryMachine, bandwidth: float) -> float:
-    """Gain of the machine's slower axis from current to position at exp(j w), w in rad per sample.
-
-    Of the three gains the last is that of the twist, which the drives hardly move.
-    """
-    A, B = np.asarray(machine.model.A), np.asarray(machine.model.B)
-    G = np.linalg.solve(np.exp(1j * bandwidth) * np.eye(len(A)) - A, B)[:COUNT]
-    return float(np.linalg.svd(G, compute_uv=False)[1])

@@ -107,13 +107,6 @@ def _loops(axes: list[TransferFunction], crossover: float, corner: float) -> dic
     }
 
 
-def motion_gains(machine: LinearMachine) -> Gains:
-    """Control that holds a speed, and that of the speed's lag."""
-    axes, levels = axes_of(machine.model), level_gains(machine)
-    viscous, inertia = zip(*map(_steady_control, axes, levels), strict=True)
-    return {"inertia": np.maximum(inertia, 1e-9), "viscous": np.maximum(viscous, 1e-9)}
-
-
 def level_gains(machine: LinearMachine) -> np.ndarray:
     """(m,) control that holds a position, per metre; 0 of axes that stay where they are."""
     steady = [steady_response(machine.model, axis) for axis in range(machine.model.axes)]
@@ -159,7 +152,10 @@ class SimpleLoop(LinearDesign):
 
     def fixed(self) -> Gains:
         """Gains that all loops of the series have in common."""
-        return motion_gains(self.machine)
+        # Control that holds a speed, and that of the speed's lag
+        axes, levels = axes_of(self.machine.model), level_gains(self.machine)
+        viscous, inertia = zip(*map(_steady_control, axes, levels), strict=True)
+        return {"inertia": np.maximum(inertia, 1e-9), "viscous": np.maximum(viscous, 1e-9)}
 
     @staticmethod
     @abc.abstractmethod

@@ -135,13 +135,21 @@ def optimal_feedforward(
     kept = np.concatenate([np.zeros(plant.delay), polynomial_from_zeros(unstable)])
     quotient = divided(wanted, kept, size=float(np.max(np.abs(below))))
     stable = plant.gain * polynomial_from_zeros(zeros.cancellable)
+    remarks = []
+    if unstable.size == 0:
+        remarks.append("the plant has no unstable zero: the filter is its plain inverse")
+    if following.preview < plant.delay:
+        remarks.append(
+            f"preview: {following.preview} samples are shorter than the plant's delay of "
+            f"{plant.delay}: the error begins with the reference itself"
+        )
     return OptimalFeedforward(
         np.convolve(quotient, plant.denominator),
         np.convolve(stable, below),
         (wanted, below),
         solution,
         following.preview,
-        _remarks(plant, following, unstable.size),
+        tuple(remarks),
     )
 
 
@@ -214,15 +222,3 @@ def divided(top, below, size: float = 0.0) -> Polynomial:
             "the filter does not meet its conditions"
         )
     return quotient
-
-
-def _remarks(plant: TransferFunction, following: ModelFollowing, unstable: int) -> tuple[str, ...]:
-    remarks = []
-    if unstable == 0:
-        remarks.append("the plant has no unstable zero: the filter is its plain inverse")
-    if following.preview < plant.delay:
-        remarks.append(
-            f"preview: {following.preview} samples are shorter than the plant's delay of "
-            f"{plant.delay}: the error begins with the reference itself"
-        )
-    return tuple(remarks)

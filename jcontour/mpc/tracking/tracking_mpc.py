@@ -113,7 +113,10 @@ class TrackingMPC(HostController):
         self._R = _square("control", weights.control, model.inputs)
         self._S = _square("increment", weights.increment, model.inputs)
         self._stage = _profile(weights.stage, self.preview)
-        _check_contour_weight(weights.contour)
+        if not (np.isfinite(weights.contour) and weights.contour >= 0):
+            raise ValueError(
+                f"contour: needs a finite weight of at least zero, received {weights.contour}"
+            )
         if penalty is not None and not (np.isfinite(penalty) and penalty > 0):
             raise ValueError(f"penalty: needs to be finite and above zero, received {penalty}")
         self.form.check_weights(self._R, self._S)
@@ -286,11 +289,6 @@ def _profile(stage: ArrayLike | None, preview: int) -> Float[np.ndarray, " N"]:
             f"received {stage}"
         )
     return profile
-
-
-def _check_contour_weight(weight: float) -> None:
-    if not (np.isfinite(weight) and weight >= 0):
-        raise ValueError(f"contour: needs a finite weight of at least zero, received {weight}")
 
 
 def _check_within(name: str, value: np.ndarray, limits: Limits) -> None:

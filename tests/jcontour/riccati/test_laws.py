@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.lq.contouring_lq import contour_weight
-from jcontour.linear.plant import AffinePlan, LinearPlant
+from jcontour.linear.plant import LinearPlant
 from jcontour.plants import bridgeport
 from jcontour.riccati import window_sweep
 from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan, suits_decoupled
@@ -18,7 +18,6 @@ from jcontour.riccati.receding_horizon import (
     readable_plan,
     receding_horizon_plan,
 )
-from jcontour.riccati.sliding_window import answer, sliding_plan
 
 
 def judged(problems, form, readable, arguments, tolerance=1e-9):
@@ -144,57 +143,6 @@ def test_the_model_may_move_under_the_packed_sweep(problems):
 
     matrices = plant.A, plant.B, plant.C
     judged(problems, plan(receding_horizon_plan), plan(readable_plan), matrices)
-
-
-@pytest.mark.parametrize(
-    ("steps", "preview", "length", "ended"), [(6, 4, 2, True), (2, 5, 2, False), (3, 5, 1, True)]
-)
-def test_windows_composed_from_spans_are_the_readable_ones(problems, steps, preview, length, ended):
-    plant = problems.machine((2, 2), 2, 2)
-    Q, y_d, _, R, end = problems.data(plant, steps, preview)
-    window = preview - ended
-    seen = slice(1, steps + window)
-
-    def composed(Q, y_d, R, H, g):
-        Q, R, H = (M + jnp.swapaxes(M, -1, -2) for M in (Q, R, H))
-        behind = jnp.concatenate([H, g[:, :, None]], axis=2) if ended else None
-        matrices = plant.A, plant.B, plant.C
-        F, f = sliding_plan(*matrices, Q[seen], y_d[seen], R, behind, steps, length)
-        return AffinePlan(F, f)
-
-    def plain(Q, y_d, R, H, g):
-        Q, R, H = (M + jnp.swapaxes(M, -1, -2) for M in (Q, R, H))
-        end = CostToGo(H, g) if ended else output_cost(plant, Q[preview:], y_d[preview:])
-        return readable_plan(plant, Q, y_d, jnp.ones(preview), R, end)
-
-    judged(problems, composed, plain, (Q, y_d, R, *end))
-
-
-@pytest.mark.parametrize("rank", [0, 1, 4])
-def test_answer_of_matrices_that_may_be_singular(rank):
-    random = np.random.default_rng(rank)
-    root, other, V = (random.standard_normal(shape) for shape in ((4, rank), (4, 4), (4, 2)))
-    H, C = root @ root.T, other @ other.T
-    actual = jax.jit(answer)(*(M[..., None] for M in (H, C, V)))
-    expected = H @ np.linalg.solve(np.eye(4) + C @ H, V)
-    np.testing.assert_allclose(actual[..., 0], expected, rtol=1e-11, atol=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("radius", "preview"), [(0.9, 1000), (1.2, 1000), (2.0, 200)])
-def test_long_windows_of_stable_and_unstable_machines(problems, radius, preview):
-    random = np.random.default_rng(int(10 * radius))
-    A = random.standard_normal((6, 6))
-    A *= radius / np.abs(np.linalg.eigvals(A)).max()
-    plant = LinearPlant(A, random.standard_normal((6, 2)), random.standard_normal((2, 6)), 1e-3)
-    Q, y_d, _, R, _ = problems.data(plant, 30, preview)
-    arguments = plant, Q, y_d, jnp.ones(preview), R, None
-    by_stage = problems.quick(receding_horizon_plan)(*arguments)  # the profile is traced
-
-    def spans(Q):
-        return receding_horizon_plan(plant, Q, y_d, np.ones(preview), R, None)
-
-    problems.close(problems.quick(spans)(Q), by_stage, 1e-9)
 
 
 @pytest.mark.parametrize(("steps", "preview"), [(7, 3), pytest.param(4, 4, marks=pytest.mark.slow)])
