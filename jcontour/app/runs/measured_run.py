@@ -136,7 +136,7 @@ def _part(name: str, axes: int) -> tuple[str, Contour, np.ndarray, Program | Non
         return job.name, job.contour, job.rapid, job.program
     toolpath = read(name, FED, "XY" if axes == 2 else "XYZ")
     program = Program(
-        toolpath.line, toolpath.ignored, toolpath.doubts, toolpath.stops, toolpath.rapid
+        toolpath.line, toolpath.ignored, toolpath.warnings, toolpath.stops, toolpath.rapid
     )
     return Path(name).stem, toolpath.contour, toolpath.rapid, program
 
