@@ -18,6 +18,7 @@ from jcontour.app.jobs.job import Job, Program
 from jcontour.app.jobs.replays import Replay, Scenarios
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import MachineLimits
+from jcontour.app.machines.uncertainty import Uncertainty
 from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference
 from jcontour.simulation.metrics import Metrics
@@ -51,8 +52,7 @@ def machine(limits: MachineLimits = NO_LIMITS, axes: int = 2, **others: Any) -> 
     """The canonical plant as a machine that states these limits."""
     given: dict[str, Any] = {
         "known_delay": 1,
-        "gain": 0.1,
-        "delay": 1,
+        "uncertainty": Uncertainty(0.1, 1),
         "encoder_resolution": 1e-6,
         "control_noise": 1e-3,
         "name": "mill",

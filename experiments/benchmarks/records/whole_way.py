@@ -364,8 +364,9 @@ def _sensitivity(loop: TuningRun, controller: Controller, axes: list[TrueAxis]) 
         Lines(w, response(axis, model.dt, w) / own[:, k, k] - 1, np.zeros(len(w)))
         for k, axis in enumerate(axes)
     )
-    still = ResponseUncertainty(np.ones(1), np.zeros((1, len(axes))), lines)
-    true = replace(as_linear(loop.machine), response_doubt=still)
+    still = Doubt(np.ones(1), np.zeros((1, len(axes))), lines)
+    linear = as_linear(loop.machine)
+    true = replace(linear, uncertainty=linear.uncertainty._replace(response=still))
     peak = measured_peak(controller, true, loop.scenarios, loop.design.fed)
     return float("inf") if peak is None else peak
 

@@ -28,7 +28,6 @@ from jcontour.app.designs.design import SETTINGS, Design, Needs, OwnDesign, give
 from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.job import Pace, Task, from_file
 from jcontour.app.machines.from_file import load_machine
-from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import WholePath
 from jcontour.controllers.wrappers.adapters import BacklashCompensation
@@ -116,6 +115,15 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
         design = design.replaced(build=lambda weights: BacklashCompensation(build(weights), gaps))
     design.build(design.start)
     return design
+
+
+def _compensated(design: Design, machine: Machine) -> Design:
+    """The design with motors that lead by half the backlash."""
+    linear = machine.linear
+    if linear is None or not np.any(linear.backlash):
+        raise ValueError(f"backlash: {machine.name} states none; a machine file may")
+    build, gaps = design.build, jnp.asarray(linear.gaps)
+    return design.replaced(build=lambda weights: BacklashCompensation(build(weights), gaps))
 
 
 def set_of(flags: Controlled) -> list[str]:

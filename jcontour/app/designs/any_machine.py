@@ -203,7 +203,7 @@ RATE = 0.05  # part of s that goes in a sample: 50 rad/s at 1 ms
 
 def _load(machine: Machine) -> float:
     """Load that the switched part is as large as: what the observer takes for usual."""
-    return machine.control_noise if isinstance(machine, LinearMachine) else 0.1
+    return 0.1 if machine.linear is None else machine.linear.control_noise
 
 
 REACHING = (
@@ -359,7 +359,7 @@ class MixedSensitivity(Design[Machine]):
     @cached_property
     def measured(self) -> np.ndarray:
         """C (q, n) of these positions."""
-        if isinstance(self.machine, LinearMachine):
+        if self.machine.linear is not None:
             return np.asarray(self.model.C)
         together = np.linalg.pinv(shares_of(self.machine))
         return together @ np.eye(together.shape[1], self.model.states)

@@ -44,13 +44,12 @@ class Needs(NamedTuple):
     """Machines that a controller is for."""
 
     words: str  # what they are
-    kind: type[Machine] = Machine  # form that they have
-    also: Callable[[Any], bool] = lambda _: True  # what such a form has to fulfil besides
+    kind: type[Machine] = Machine  # class that they are of
+    also: Callable[[Any], bool] = lambda _: True  # what such a machine has to fulfil besides
 
     def met_by(self, machine: Machine) -> bool:
         """Whether the controller suits this machine."""
-        form = machine.form(self.kind)
-        return form is not None and self.also(form)
+        return isinstance(machine, self.kind) and self.also(machine)
 
 
 class Design(abc.ABC, Generic[M]):
@@ -228,7 +227,7 @@ class LinearDesign(Design[LinearMachine]):
     @cached_property
     def late(self) -> int:
         """Samples of the unknown delay in the nominal machine: the middle where not given."""
-        return self.model_delay(self.machine.delay, self.machine.middle_delay)
+        return self.model_delay(self.machine.unknown_delay, self.machine.middle_delay)
 
 
 def first_line(described: Any) -> str:

@@ -85,7 +85,7 @@ def fastest(
     """
     stacked = jax.tree.map(lambda *values: jnp.stack([jnp.asarray(v) for v in values]), *series)
     family, windows = stack_plants(machine.smooth_family(fed)), straight_windows(machine, preview)
-    peaks = sensitivity_peaks(build, stacked, family, windows, machine.doubt)
+    peaks = sensitivity_peaks(build, stacked, family, windows, machine.response_uncertainty)
     kept = np.flatnonzero(peaks <= SENSITIVITY)
     return int(kept[0] if kept.size else np.argmin(peaks))
 

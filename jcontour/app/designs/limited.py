@@ -126,7 +126,7 @@ def _kept_by_all(machine: LinearMachine) -> MachineLimits:
     A machine with larger gains moves by as much more than the plan of the nominal one says, and a
     little is left for what no plan knows: late controls, and loads that are not observed yet.
     """
-    most = (1.0 + machine.gain) * (1.0 + UNKNOWN)
+    most = (1.0 + machine.uncertainty.gain) * (1.0 + UNKNOWN)
     limits = machine.limits
     speed, acceleration = (
         None if limit is None else limit / most for limit in (limits.speed, limits.acceleration)

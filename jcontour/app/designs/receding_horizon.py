@@ -211,7 +211,7 @@ class LQDesign(LinearDesign):
                 )
             return 0
         usual = 0 if self.machine.published else self.machine.middle_delay
-        return self.model_delay(self.machine.delay, usual)
+        return self.model_delay(self.machine.unknown_delay, usual)
 
     def _first_loop(self) -> Gains:
         """Weights of the first loop without limits, but for those that the user has set."""

@@ -4,6 +4,7 @@ import numpy as np
 
 from jcontour.app.machines.linear import USUAL, LinearMachine
 from jcontour.app.machines.machine import Hosted, MachineLimits, whole_samples
+from jcontour.app.machines.uncertainty import Uncertainty
 from jcontour.plants.emps import LARGEST_VOLTAGE, RESOLUTION, emps_table
 from jcontour.plants.linear_machines import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
@@ -28,9 +29,8 @@ def bridgeport_machine() -> LinearMachine:
         ("X", "Y"),
         "control unit",
         MachineLimits(control=np.full(2, 10.0)),  # read as volts: analogue drives take +-10 V
+        Uncertainty(0.1, 2),
         known_delay=0,
-        gain=0.1,
-        delay=2,
         encoder_resolution=ENCODER_RESOLUTION,
         control_noise=noise,
         # the filter estimates no load
@@ -47,9 +47,9 @@ def xy_table_machine() -> LinearMachine:
         ("X", "Y"),
         "A",
         MachineLimits(control=np.full(2, current)),
+        # of the torque constants, as in the mismatched machine of `reproduce lam`
+        Uncertainty(gain=0.1, delay=0),
         known_delay=0,
-        gain=0.1,  # of the torque constants, as in the mismatched machine of `reproduce lam`
-        delay=0,
         encoder_resolution=1e-6,  # [m] not printed, the paper feeds the state: usual for a scale
         control_noise=0.01 * current,
         with_friction=hosted,
@@ -72,9 +72,9 @@ def emps_machine() -> LinearMachine:
         ("X", "Y"),
         "V",
         MachineLimits(control=np.full(2, LARGEST_VOLTAGE)),
+        # not published: a usual tolerance of a drive; its controller runs at 1 kHz beside it
+        Uncertainty(gain=0.05, delay=1),
         known_delay=0,
-        gain=0.05,  # of the drive's gain; not published: a usual tolerance of a drive
-        delay=1,  # sample; not published: its controller runs at 1 kHz beside the drive
         encoder_resolution=RESOLUTION,
         control_noise=0.05 * LARGEST_VOLTAGE,
         contours=SMOOTH,

@@ -14,9 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.machines.uncertainty import (
     GainMember,
+    Uncertainty,
+    assumed,
     family_members,
     random_members,
     with_corners,
@@ -27,19 +30,21 @@ from jcontour.plants.actuation import Disturbed, Gained
 from jcontour.plants.delays import Delayed, PartlyDelayed
 from jcontour.plants.encoders import FineEncoders
 from jcontour.sensors import Sensors
-from jcontour.simulation.evaluation import stack_plants
 
 LATE = 1  # most samples of delay that a model does not know: a drive's bus
+
+
+def late(plant: Plant, samples: float, most: int, inputs: int) -> Plant:
+    """The plant with its control late by whole samples, or by parts of one as well."""
+    line = Delayed if isinstance(samples, int) else PartlyDelayed
+    return line(plant, jnp.asarray(samples), most, inputs)
 
 
 @dataclass(frozen=True)
 class GainsAndDelayMachine(Machine):
     """Machine whose input gains and delay are uncertain."""
 
-    @property
-    @abc.abstractmethod
-    def known_to(self) -> tuple[float, int]:
-        """Relative uncertainty of the gains, and most samples of delay that the model has not."""
+    uncertainty: Uncertainty  # of both, and of the response
 
     @property
     @abc.abstractmethod
@@ -51,45 +56,38 @@ class GainsAndDelayMachine(Machine):
         """A plant of the family behind its sensors, or its state measured."""
 
     @property
-    def members(self) -> list[GainMember]:
-        """Name, input gains and extra delay of every plant of the family, the nominal one first."""
-        return family_members(self.model.inputs, *self.known_to)
+    def remarks(self) -> list[str]:
+        """The family that is assumed where its file states none."""
+        gain, delay, _, statement = self.uncertainty
+        return [assumed(self.name, gain, delay, statement)] if statement else []
 
     @property
-    def family_names(self) -> list[str]:
-        """Names of the members."""
-        return [one.name for one in self.members]
+    def response_uncertainty(self) -> Doubt | None:
+        """What its file says of the response."""
+        return self.uncertainty.response
 
     @property
     def unknown_delay(self) -> int:
         """Most samples of delay that the model does not know."""
-        return self.known_to[1]
+        return self.uncertainty.delay
 
-    def true_plant(self, gains: np.ndarray, late: float, fed: Fed = "outputs") -> Plant:
-        """The machine with other input gains and more delay, behind its sensors."""
-        return self.counted(self.member(Delayed, gains, late), fed)
+    @property
+    def members(self) -> list[GainMember]:
+        """Name, input gains and extra delay of every plant of the family, the nominal one first."""
+        return family_members(self.model.inputs, self.uncertainty)
 
-    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The members behind their sensors."""
-        return [self.true_plant(one.gains, one.late, fed) for one in self.members]
-
-    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
+    def drawn(self, count: int, seed: int) -> list[GainMember]:
         """Gains and delays drawn evenly from their intervals, then the corners of these."""
-        if self.known_to == (0, 0):
-            return None
-        drawn = random_members(count, seed, self.model.inputs, *self.known_to)
-        late = [self.member(PartlyDelayed, one.gains, one.late) for one in drawn]
-        return stack_plants([self.counted(plant, fed) for plant in late])
+        return random_members(count, seed, self.model.inputs, self.uncertainty)
 
-    def random_names(self, count: int, seed: int) -> list[str]:
-        """Names of those."""
-        drawn = random_members(count, seed, self.model.inputs, *self.known_to)
-        return [one.name for one in drawn]
+    def true_plant(self, member: GainMember, fed: Fed = "outputs") -> Plant:
+        """A member behind its sensors."""
+        return self.counted(self.member(member), fed)
 
-    def member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
-        """The machine behind a delay line and other gains, its state measured."""
-        plant = line(self.mechanics, jnp.asarray(late), max(self.known_to[1], 1), self.model.inputs)
-        return Gained(plant, jnp.asarray(gains))
+    def member(self, one: GainMember) -> Plant:
+        """The machine with other gains behind a delay line, its state measured."""
+        plant = late(self.mechanics, one.late, max(self.unknown_delay, 1), self.model.inputs)
+        return Gained(plant, jnp.asarray(one.gains))
 
 
 class Member(NamedTuple):
@@ -99,13 +97,6 @@ class Member(NamedTuple):
     stiffness: float
     mass: float
     late: float
-
-
-def late(plant: Plant, samples: float, inputs: int) -> Plant:
-    """The plant with its control late by whole samples, or by parts of one as well."""
-    if samples == round(samples):
-        return Delayed(plant, jnp.asarray(round(samples)), LATE, inputs)
-    return PartlyDelayed(plant, jnp.asarray(samples), LATE, inputs)
 
 
 def members(stiffness: float, mass: float) -> list[Member]:
@@ -127,10 +118,6 @@ class MotorMeasuredMachine(Machine):
         """Positions of the motors, then their speeds."""
         motors = self.model.inputs
         return ("m",) * motors + ("m/s",) * motors
-
-    @abc.abstractmethod
-    def true_plant(self, member: Member, fed: Fed = "outputs") -> Plant:
-        """A member with what has no derivative."""
 
     @abc.abstractmethod
     def _model(self, member: Member, path: Float[Array, "T m"]) -> LinearPlant:
@@ -162,38 +149,17 @@ class MotorMeasuredMachine(Machine):
         """Nominal machine, corners of stiffness and masses, the late machine."""
         return members(self.stiffness_known_to, self.mass_known_to)
 
-    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The members with what has no derivative."""
-        return [self.true_plant(member, fed) for member in self.members]
-
-    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant:
-        """Stiffness, masses and delay drawn evenly from their intervals, then their corners.
-
-        A delay has parts of a sample.
-        """
-        return stack_plants([self.true_plant(one, fed) for one in self._drawn(count, seed)])
-
-    def random_names(self, count: int, seed: int) -> list[str]:
-        """Names of those."""
-        return [one.name for one in self._drawn(count, seed)]
-
-    def _drawn(self, count: int, seed: int) -> list[Member]:
+    def drawn(self, count: int, seed: int) -> list[Member]:
+        """Stiffness, masses and delay drawn evenly from their intervals, then their corners."""
         random = np.random.default_rng(seed)
         known_to = self.stiffness_known_to, self.mass_known_to
         off = [1 + part * random.uniform(-1, 1, count) for part in known_to]
-        drawn = np.column_stack([*off, random.uniform(0, LATE, count)])
+        factors = np.column_stack([*off, random.uniform(0, LATE, count)])
         low, high = [1 - part for part in known_to], [1 + part for part in known_to]
-        # a hair inside: every member's delay has a part of a sample, and one structure
-        rows = with_corners(drawn, [*low, 1e-9], [*high, LATE - 1e-9]).tolist()
         return [
             Member(f"stiffness x {k:.3g}, masses x {m:.3g}, {late:.3g} samples late", k, m, late)
-            for k, m, late in rows
+            for k, m, late in with_corners(factors, [*low, 0.0], [*high, LATE]).tolist()
         ]
-
-    @property
-    def family_names(self) -> list[str]:
-        """Names of the members."""
-        return [member.name for member in self.members]
 
     @property
     def unknown_delay(self) -> int:

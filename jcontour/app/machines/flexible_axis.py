@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from jcontour.app.files.machine_file import ENCODER_RESOLUTION, KIND, FlexibleAxisFile
 from jcontour.app.files.schema import axis_names, one_or_each, per_axis
-from jcontour.app.machines.families import Member, MotorMeasuredMachine, late
+from jcontour.app.machines.families import LATE, Member, MotorMeasuredMachine, late
 from jcontour.app.machines.machine import Fed, MachineLimits, Usual
 from jcontour.app.machines.uncertainty import in_words, rounding_noise
 from jcontour.linear.plant import LinearPlant
@@ -150,7 +150,7 @@ class FlexibleMachine(MotorMeasuredMachine):
 
     def _late(self, plant: Plant, member: Member, fed: Fed) -> Plant:
         self.check_fed(fed)
-        return late(plant, member.late, len(self.axes))
+        return late(plant, member.late, LATE, len(self.axes))
 
 
 def flexible_machine(file: FlexibleAxisFile) -> FlexibleMachine:

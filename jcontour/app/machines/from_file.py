@@ -17,11 +17,7 @@ from jcontour.app.files.schema import axis_names, one_or_each, per_axis, read
 from jcontour.app.machines.flexible_axis import flexible_machine
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine, MachineLimits
-from jcontour.app.machines.uncertainty import (
-    IN_FILE,
-    IN_PYTHON,
-    stated_uncertainty,
-)
+from jcontour.app.machines.uncertainty import IN_PYTHON, stated_uncertainty
 from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.linear_machines import ENCODER_RESOLUTION
@@ -90,7 +86,6 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
     model = with_input_delay(plant, file.known_delay)
     _check_motion(model)
     limits = _limits(file.limits, metre, plant)
-    unsure = stated_uncertainty(file.uncertainty, model)
     count = file.encoder_resolution or ENCODER_RESOLUTION / metre
     assumed = CONTROL_NOISE if limits.control is None else 0.05 * float(limits.control.min())
     return LinearMachine(
@@ -99,19 +94,16 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         axis_names(file.axes, plant.axes),
         file.control_unit,
         limits,
+        stated_uncertainty(file.uncertainty, model),
         file.known_delay,
-        unsure.gain,
-        unsure.delay,
         one_or_each("encoder_resolution", count, plant.axes) * metre,
         file.control_noise or assumed,
         encoder_noise=one_or_each("encoder_noise", file.encoder_noise, plant.axes) * metre,
-        response_doubt=unsure.response,
         friction=None
         if file.friction is None
         else one_or_each("friction", file.friction, plant.axes),
         backlash=one_or_each("backlash", file.backlash, plant.axes) * metre,
         note=file.note or "",
-        states_family=IN_FILE if file.uncertainty is None else "",
     )
 
 
@@ -130,20 +122,16 @@ def linear_machine(plant: LinearPlant, name: str, uncertainty: Any = None) -> Li
     _check_axes(plant)
     _check_modes(*(np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C)))
     _check_motion(plant)
-    unsure = stated_uncertainty(uncertainty, plant)
     return LinearMachine(
         name,
         plant,
         axis_names(None, plant.axes),
         "control unit",
         MachineLimits(),
+        stated_uncertainty(uncertainty, plant, IN_PYTHON),
         known_delay=0,
-        gain=unsure.gain,
-        delay=unsure.delay,
         encoder_resolution=ENCODER_RESOLUTION,
         control_noise=CONTROL_NOISE,
-        response_doubt=unsure.response,
-        states_family="" if uncertainty is not None else IN_PYTHON,
     )
 
 

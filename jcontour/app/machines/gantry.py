@@ -194,7 +194,7 @@ class GantryMachine(MotorMeasuredMachine):
     def _limited(self, plant: Plant, samples: float) -> Plant:
         """Plant with its currents limited and late, behind its motors' encoders."""
         limited = Saturated(plant, jnp.asarray(self.limits.control))
-        return Sensed(late(limited, samples, 3), MotorEncoders(self.parameters))
+        return Sensed(late(limited, samples, LATE, 3), MotorEncoders(self.parameters))
 
 
 def gantry_machine() -> GantryMachine:

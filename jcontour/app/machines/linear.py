@@ -15,12 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
+from jcontour.analysis.uncertain_loops import Lines
 from jcontour.app.machines.families import GainsAndDelayMachine
 from jcontour.app.machines.machine import Fed, Hosted, Machine, Usual
 from jcontour.app.machines.uncertainty import (
     FARTHEST,
-    assumed,
     in_words,
     rounding_noise,
     sensor_noise,
@@ -28,7 +27,6 @@ from jcontour.app.machines.uncertainty import (
 from jcontour.bounds.disturbed_loop import Box
 from jcontour.plant import Plant
 from jcontour.plants.actuation import Backlash, Disturbed, with_dry_friction
-from jcontour.plants.delays import Delayed
 from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.simulation.limit_use import hidden_acceleration
 
@@ -49,8 +47,6 @@ class LinearMachine(GainsAndDelayMachine):
     """A linear machine; lengths in metres."""
 
     known_delay: int  # samples of it in the model
-    gain: float  # relative uncertainty of the input gains
-    delay: int  # most samples of delay that the model does not know
     encoder_resolution: float | np.ndarray  # [m] per count, of all axes or of each (m,)
     control_noise: float  # standard deviation that the Kalman filter assumes on each control
     # standard deviation of the encoders beside their rounding [m], of all axes or of each (m,)
@@ -61,9 +57,6 @@ class LinearMachine(GainsAndDelayMachine):
     # than the model
     with_friction: Callable[[float | None], Hosted] | None = None
     contours: Usual = USUAL  # what the commands run on it
-    response_doubt: ResponseUncertainty | None = (
-        None  # how far off the response may be beside gains and delays
-    )
     # control that dry friction takes, of all axes or of each (m,): in the runs, not in linear
     # loops; None where it is not known, and nowhere
     friction: float | np.ndarray | None = 0.0
@@ -71,25 +64,21 @@ class LinearMachine(GainsAndDelayMachine):
     # the runs, not in linear loops
     backlash: float | np.ndarray = 0.0
     note: str = ""  # of its file, to be repeated where it is run; empty without one
-    states_family: str = ""  # how its file states the family; empty where it does
 
     @property
-    def doubt(self) -> ResponseUncertainty | None:
-        """What the machine file says of the response."""
-        return self.response_doubt
+    def linear(self) -> "LinearMachine":
+        """The machine itself."""
+        return self
 
     @property
     def measured(self) -> tuple[Lines, ...]:
         """What its file says was measured."""
-        return () if self.doubt is None else self.doubt.lines
+        return () if self.uncertainty.response is None else self.uncertainty.response.lines
 
     @property
     def remarks(self) -> list[str]:
         """The note of its file, and the family that is assumed where it states none."""
-        lines = [f"{self.name}: {self.note}"] if self.note else []
-        if self.states_family:
-            lines.append(assumed(self.name, self.gain, self.delay, self.states_family))
-        return lines
+        return [*([f"{self.name}: {self.note}"] if self.note else []), *super().remarks]
 
     @property
     def nonsmooth_effects(self) -> str:
@@ -136,14 +125,9 @@ class LinearMachine(GainsAndDelayMachine):
         return self.contours
 
     @property
-    def known_to(self) -> tuple[float, int]:
-        """Of its file."""
-        return self.gain, self.delay
-
-    @property
     def middle_delay(self) -> int:
         """Middle of the delay that the model does not know, rounded down [samples]."""
-        return self.delay // 2
+        return self.unknown_delay // 2
 
     @property
     def largest_control(self) -> float:
@@ -166,7 +150,7 @@ class LinearMachine(GainsAndDelayMachine):
 
         Without the noise a loop that amplifies it would pass for a good one.
         """
-        members = [self.member(Delayed, gains, late) for _, gains, late in self.members]
+        members = [self.member(one) for one in self.members]
         if fed == "state":
             return members
         noise = rounding_noise(self.model.axes, self.noisy_count)
@@ -201,12 +185,8 @@ class LinearMachine(GainsAndDelayMachine):
 
     def exact_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members without friction, behind encoders that do not round, or their state."""
-        return [self.exact_plant(gains, late, fed) for _, gains, late in self.members]
-
-    def exact_plant(self, gains: np.ndarray, late: float, fed: Fed = "outputs") -> Plant:
-        """The machine with other input gains and more delay, linear: no friction, no counts."""
-        plant = self.frictionless.member(Delayed, gains, late)
-        return plant if fed == "state" else Encoders(plant)
+        plants = [self.frictionless.member(one) for one in self.members]
+        return plants if fed == "state" else [Encoders(plant) for plant in plants]
 
     def counted(self, plant: Plant, fed: Fed = "outputs") -> Plant:
         """A plant behind the encoders, with noise and whole counts, or its state measured.
@@ -277,7 +257,7 @@ class Bounds(NamedTuple):
 
 def as_linear(machine: Machine) -> LinearMachine:
     """The machine, where it is linear."""
-    linear = machine.form(LinearMachine)
+    linear = machine.linear
     if linear is None:
         raise ValueError(
             f"plant: {machine.name} is not linear: what is proven is of machines with a linear "
@@ -288,7 +268,7 @@ def as_linear(machine: Machine) -> LinearMachine:
 
 def warn_of_doubt(machine: LinearMachine) -> None:
     """Warn where a response is doubted: promises hold for gains, delays and disturbances."""
-    if machine.doubt is not None:
+    if machine.response_uncertainty is not None:
         warnings.warn(
             f"{machine.name}: how far off its response may be (uncertainty.response) is not in "
             "what is promised: it holds for the model with its gains and delays",

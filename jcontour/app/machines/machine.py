@@ -6,7 +6,7 @@ A machine has a model that controllers may know, and a family of plants that it 
 import abc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import jax
 import numpy as np
@@ -15,10 +15,13 @@ from jaxtyping import Array, Float
 from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
+from jcontour.simulation.evaluation import stack_plants
 from jcontour.simulation.limit_use import hidden_acceleration
 
+if TYPE_CHECKING:
+    from jcontour.app.machines.linear import LinearMachine
+
 Fed = Literal["outputs", "state"]  # the controller is fed the machine's sensors, or the state
-Form = TypeVar("Form")
 NO_EFFECTS = "no further effects"  # of a machine whose true family is the smooth one
 
 
@@ -67,6 +70,15 @@ def whole_samples(period: float, sample: float) -> int:
     return every
 
 
+class Member(Protocol):
+    """A plant of the family, by what it differs in."""
+
+    @property
+    def name(self) -> str:
+        """For tables."""
+        ...
+
+
 @dataclass(frozen=True)
 class Machine(abc.ABC):
     """A machine as the commands see it; SI units."""
@@ -77,12 +89,10 @@ class Machine(abc.ABC):
     control_unit: str  # text for tables and figures
     limits: MachineLimits  # greatest magnitudes
 
-    def form(self, kind: type[Form]) -> Form | None:
-        """The machine as one of that kind, as `LinearMachine`; None where it has no such form.
-
-        A machine that is another inside says so here.
-        """
-        return self if isinstance(self, kind) else None
+    @property
+    def linear(self) -> "LinearMachine | None":
+        """The machine as one given by A, B, C; None where it is none."""
+        return None
 
     @property
     @abc.abstractmethod
@@ -121,7 +131,7 @@ class Machine(abc.ABC):
         return ()
 
     @property
-    def doubt(self) -> ResponseUncertainty | None:
+    def response_uncertainty(self) -> Doubt | None:
         """How far off the response may be, beside the family; None where nothing is said."""
         return None
 
@@ -142,8 +152,20 @@ class Machine(abc.ABC):
 
     @property
     @abc.abstractmethod
+    def members(self) -> Sequence[Member]:
+        """Every plant of the family, the nominal one first."""
+
+    @abc.abstractmethod
+    def drawn(self, count: int, seed: int) -> Sequence[Member]:
+        """Members drawn evenly from the family's intervals, then their corners; none of one plant.
+
+        A delay has parts of a sample.
+        """
+
+    @property
     def family_names(self) -> list[str]:
-        """Name of every plant of the family, the nominal one first."""
+        """Names of the members."""
+        return [one.name for one in self.members]
 
     @property
     @abc.abstractmethod
@@ -155,19 +177,17 @@ class Machine(abc.ABC):
         """Every plant of the family, all of one structure, with derivatives: what is tuned on."""
 
     @abc.abstractmethod
+    def true_plant(self, member: Any, fed: Fed = "outputs") -> Plant:
+        """A member with what has no derivative, behind its sensors."""
+
     def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The same plants with what has no derivative: what is confirmed on."""
+        """The members with what has no derivative: what is confirmed on."""
+        return [self.true_plant(member, fed) for member in self.members]
 
     def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
-        """Plants drawn from the family's intervals, and its corners; sensors as they are, stacked.
-
-        None where the family is a single plant.
-        """
-        return None
-
-    def random_names(self, count: int, seed: int) -> list[str]:
-        """Name of every plant of that family: its gains, masses or delay."""
-        return []
+        """The drawn members, stacked; None where the family is a single plant."""
+        drawn = [self.true_plant(member, fed) for member in self.drawn(count, seed)]
+        return stack_plants(drawn) if drawn else None
 
     def independent(self) -> tuple[str, Plant] | None:
         """Name of an engine that others have written, and the nominal true plant in it.

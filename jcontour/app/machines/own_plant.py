@@ -8,16 +8,10 @@ import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
-from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.app.machines.families import GainsAndDelayMachine
 from jcontour.app.machines.linear import USUAL
 from jcontour.app.machines.machine import NO_EFFECTS, Fed, MachineLimits, Usual
-from jcontour.app.machines.uncertainty import (
-    IN_PYTHON,
-    Uncertainty,
-    assumed,
-    stated_uncertainty,
-)
+from jcontour.app.machines.uncertainty import IN_PYTHON, stated_uncertainty
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.plant import Plant
 
@@ -29,19 +23,6 @@ class PlantMachine(GainsAndDelayMachine):
     """A machine around a plant, measured as the plant says."""
 
     plant: Plant  # the nominal one
-    uncertainty: Uncertainty  # of its input gains and its delay
-    stated: bool  # whether its file states that
-
-    @property
-    def remarks(self) -> list[str]:
-        """The family that is assumed where its file states none."""
-        gain, delay, _ = self.uncertainty
-        return [] if self.stated else [assumed(self.name, gain, delay, IN_PYTHON)]
-
-    @property
-    def doubt(self) -> ResponseUncertainty | None:
-        """What its file says of the response."""
-        return self.uncertainty.response
 
     @property
     def nonsmooth_effects(self) -> str:
@@ -52,11 +33,6 @@ class PlantMachine(GainsAndDelayMachine):
     def usual(self) -> Usual:
         """Contouring on short parts; the controller is always given."""
         return USUAL._replace(controller="")
-
-    @property
-    def known_to(self) -> tuple[float, int]:
-        """Of its file."""
-        return self.uncertainty.gain, self.uncertainty.delay
 
     @property
     def mechanics(self) -> Plant:
@@ -102,8 +78,8 @@ def machine_of(plant: Plant, name: str, uncertainty: Any = None) -> PlantMachine
     axes = axes_of(plant)
     names = ("X", "Y", "Z")[:axes]
     model = _linearised(plant, axes)
-    unsure, stated = stated_uncertainty(uncertainty, model), uncertainty is not None
-    return PlantMachine(name, model, names, "control unit", MachineLimits(), plant, unsure, stated)
+    unsure = stated_uncertainty(uncertainty, model, IN_PYTHON)
+    return PlantMachine(name, model, names, "control unit", MachineLimits(), unsure, plant)
 
 
 def _linearised(plant: Plant, axes: int) -> LinearPlant:

@@ -34,7 +34,8 @@ class Uncertainty(NamedTuple):
     gain: float  # relative uncertainty of the input gains
     delay: int  # most samples of delay that the model does not know
     # how far off the frequency response may be beside these; None where nothing is said
-    response: ResponseUncertainty | None = None
+    response: Doubt | None = None
+    assumed: str = ""  # how a file would state it; empty where it does
 
 
 class GainMember(NamedTuple):
@@ -45,8 +46,13 @@ class GainMember(NamedTuple):
     late: float
 
 
-def stated_uncertainty(given: Any, model: LinearPlant) -> Uncertainty:
+def stated_uncertainty(given: Any, model: LinearPlant, statement: str = IN_FILE) -> Uncertainty:
     """What a file states, the usual where it states nothing at all (None).
+
+    Args:
+        given: fields of the file.
+        model: of the machine.
+        statement: how such a file states it.
 
     Raises:
         MachineError: a field is wrong.
@@ -55,7 +61,7 @@ def stated_uncertainty(given: Any, model: LinearPlant) -> Uncertainty:
         # Gains known to 10 %, those of a drive that takes a position exactly; a sample late
         kinds = [steady_response(model, axis).kind for axis in range(model.axes)]
         takes: Literal["position", "speed"] = "position" if "position" in kinds else "speed"
-        return Uncertainty(GAIN_KNOWN_TO[takes], LATE)
+        return Uncertainty(GAIN_KNOWN_TO[takes], LATE, assumed=statement)
     fields = read(UncertaintyFields, given, "uncertainty")
     return Uncertainty(fields.gain, fields.delay, _doubt(fields, model))
 
@@ -70,8 +76,9 @@ def assumed(name: str, gain: float, delay: int, statement: str) -> str:
     )
 
 
-def family_members(inputs: int, gain: float, delay: int) -> list[GainMember]:
+def family_members(inputs: int, unsure: Uncertainty) -> list[GainMember]:
     """The nominal plant, gains off both ways, and every whole sample of delay."""
+    gain, delay = unsure.gain, unsure.delay
     sign = np.where(np.arange(inputs) % 2 == 0, 1.0, -1.0)
     unchanged = 1 + 0 * sign
     members = [GainMember("nominal", unchanged, 0)]
@@ -90,11 +97,14 @@ def _late(samples: float) -> str:
     return f"{samples:.3g} {'sample' if samples == 1 else 'samples'} late"
 
 
-def random_members(count: int, seed: int, inputs: int, gain: float, delay: int) -> list[GainMember]:
+def random_members(count: int, seed: int, inputs: int, unsure: Uncertainty) -> list[GainMember]:
     """Plants with gains and delays drawn evenly from their intervals, then their corners.
 
-    A delay has parts of a sample.
+    A delay has parts of a sample. There are none where both are known.
     """
+    gain, delay = unsure.gain, unsure.delay
+    if gain == delay == 0:
+        return []
     random = np.random.default_rng(seed)
     gains = 1 + gain * random.uniform(-1, 1, (count, inputs))
     delays = random.uniform(0, delay, count)

@@ -1,6 +1,7 @@
 """Causes of a measured error in words: what each is, its share, and what to change."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
@@ -8,7 +9,9 @@ from rich.console import Console
 from jcontour.app.files.results.loop_results import AuditedResult, CauseShare
 from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import digits, position, say, table_of
-from tuning.identification.error_causes import Cause, Shares
+
+if TYPE_CHECKING:  # signal processing takes a second to import
+    from tuning.identification.error_causes import Cause, Shares
 
 LISTED, CHANGES = 3, 2  # causes and remedies on the screen
 SMALL = 0.02  # of the error: a smaller cause is not on the screen
@@ -16,7 +19,7 @@ ALIKE = 0.02  # relative, of two lags
 SLOW = 1e-3  # [s] of a lag that a position gain makes
 
 
-def cause_shares(shares: Shares, axes: tuple[str, ...]) -> list[CauseShare]:
+def cause_shares(shares: "Shares", axes: tuple[str, ...]) -> list[CauseShare]:
     """Every cause with its share, in words."""
     rows = []
     for cause, rms, peak in zip(shares.causes, shares.rms, shares.peak, strict=True):
@@ -29,7 +32,7 @@ def cause_shares(shares: Shares, axes: tuple[str, ...]) -> list[CauseShare]:
     return rows
 
 
-def _words(cause: Cause, axis: str, shares: Shares, axes: tuple[str, ...]) -> tuple[str, str]:
+def _words(cause: "Cause", axis: str, shares: "Shares", axes: tuple[str, ...]) -> tuple[str, str]:
     um, ms = 1e6 * cause.size, 1e3 * cause.lasts
     match cause.kind:
         case "lag":

@@ -49,8 +49,8 @@ def peak(design, weights):
     kept = np.eye(n + p) - L @ C_hat
     moved = A_hat - B_hat @ K
     largest = 0.0
-    for delay in range(machine.delay + 1):
-        for gains in ([1.0] * p, [1 + machine.gain, 1 - machine.gain]):
+    for delay in range(machine.unknown_delay + 1):
+        for gains in ([1.0] * p, [1 + machine.uncertainty.gain, 1 - machine.uncertainty.gain]):
             for w in np.geomspace(1e-3, np.pi, 600):
                 z = np.exp(1j * w)
                 inside = np.linalg.solve(z * np.eye(n + p) - moved @ kept, moved @ L)

@@ -83,11 +83,11 @@ def test_a_notch_stands_at_the_resonance_and_allows_three_times_the_gain(router,
 
 
 def router_hertz(machine):
-    return machine.doubt.frequency / (2 * np.pi * DT)
+    return machine.response_uncertainty.frequency / (2 * np.pi * DT)
 
 
 def relative(machine):
-    return machine.doubt.relative[:, 0]
+    return machine.response_uncertainty.relative[:, 0]
 
 
 def test_feedforward_makes_up_for_the_lag_of_the_notch(loops):

@@ -84,9 +84,9 @@ def test_the_file_has_the_noise_of_every_encoder(identified):
 def test_the_file_doubts_the_response_where_the_intervals_are_wide(identified):
     fields = machine_fields(identified, "mine", "V")
     machine, given = machine_from(json.dumps(fields).encode()), fields["uncertainty"]["response"]
-    assert machine.doubt is not None
+    assert machine.response_uncertainty is not None
     inner = np.array(given["hertz"][1:-1])
-    widths = machine.doubt.at(2 * np.pi * DT * inner)
+    widths = machine.response_uncertainty.at(2 * np.pi * DT * inner)
     for k, one in enumerate(identified.axes):
         own = np.interp(inner, one.response.frequency, one.response.half_width)
         assert (widths[:, k] >= 0.98 * own).all()
@@ -107,8 +107,8 @@ def test_an_identified_resonance_is_no_surer_than_that_of_a_data_sheet(identifie
         ]
     )
     off = np.abs(np.array(true) / said - 1).max(axis=0)
-    assert machine.doubt is not None
-    widths = machine.doubt.at(2 * np.pi * DT * places)
+    assert machine.response_uncertainty is not None
+    widths = machine.response_uncertainty.at(2 * np.pi * DT * places)
     assert np.all(widths[:, 1] >= 0.97 * off - 1e-3) and off.max() > 0.8
 
 

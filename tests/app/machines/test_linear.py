@@ -16,6 +16,7 @@ from jcontour.app.machines.linear import (
     box_of,
     warn_of_doubt,
 )
+from jcontour.app.machines.uncertainty import Uncertainty
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from jcontour.simulation.evaluation import member
@@ -26,7 +27,7 @@ def test_a_drive_that_takes_a_position_stands_still_where_its_part_begins():
     model = with_input_delay(
         LinearPlant(np.diag([0.9, 0.8]), np.diag([0.1, 0.2]), np.eye(2), 1e-3), 1
     )
-    machine = replace(linear_machine(model, "drives"), gain=0.2, delay=2)
+    machine = replace(linear_machine(model, "drives"), uncertainty=Uncertainty(0.2, 2))
     place = np.array([0.03, -0.05])
     drawn = machine.random_family(1, 0)
     plants = [machine.exact_family()[1], machine.exact_family()[-1], member(drawn, 0)]
@@ -44,7 +45,7 @@ def slides(known_delay: int, **more):
     B = np.kron(np.diag(gains), [[dt**2 / 2], [dt]])
     plant = LinearPlant(A, B, np.kron(np.eye(2), [[1.0, 0.0]]), dt)
     machine = linear_machine(with_input_delay(plant, known_delay), "slides")
-    return replace(machine, known_delay=known_delay, gain=0.1, delay=1, **more)
+    return replace(machine, known_delay=known_delay, uncertainty=Uncertainty(0.1, 1), **more)
 
 
 @pytest.mark.slow
@@ -165,7 +166,7 @@ def test_a_response_that_is_doubted_is_not_in_the_promise():
     table = as_linear(machine_named("xy-table"))
     warn_of_doubt(table)  # nothing is doubted; warnings are errors here
     doubted = replace(
-        table, response_doubt=ResponseUncertainty(np.array([0.1]), np.full((1, 2), 0.2))
+        table, uncertainty=Uncertainty(0.1, 2, Doubt(np.array([0.1]), np.full((1, 2), 0.2)))
     )
     with pytest.warns(UserWarning, match="uncertainty.response. is not in what is promised"):
         warn_of_doubt(doubted)

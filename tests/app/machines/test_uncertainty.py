@@ -7,6 +7,7 @@ from jcontour.app.files.checks import MachineError
 from jcontour.app.machines.uncertainty import (
     FARTHEST,
     SAMPLES,
+    Uncertainty,
     assumed,
     family_members,
     random_members,
@@ -58,15 +59,18 @@ def test_what_is_impossible_is_refused(given, says):
 
 
 def test_gains_are_off_in_opposite_ways():
-    members = family_members(3, 0.1, 2)
+    members = family_members(3, Uncertainty(0.1, 2))
     assert [one.late for one in members] == [0, 0, 0, 1, 2]
     np.testing.assert_allclose(members[1].gains, [1.1, 0.9, 1.1])
     np.testing.assert_allclose(members[2].gains, [0.9, 1.1, 0.9])
-    assert [one.name for one in family_members(2, 0.0, 1)] == ["nominal", "1 sample late"]
+    assert [one.name for one in family_members(2, Uncertainty(0.0, 1))] == [
+        "nominal",
+        "1 sample late",
+    ]
 
 
 def test_random_gains_and_delays_fill_their_intervals():
-    names, gains, delays = zip(*random_members(400, 0, 2, 0.1, 2), strict=True)
+    names, gains, delays = zip(*random_members(400, 0, 2, Uncertainty(0.1, 2)), strict=True)
     assert 0.09 < np.abs(np.array(gains) - 1).max() <= 0.1 + 1e-12
     assert 0 <= min(delays) < 0.1 and 1.9 < max(delays) <= 2
     assert names[-1] == "gains 1.1, 1.1, 2 samples late"

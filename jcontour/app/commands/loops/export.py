@@ -17,7 +17,6 @@ from jcontour.app.files.results.stored import read_result, write_result
 from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.flags.loops import Export
 from jcontour.app.jobs.job import Task
-from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.uncertainty import in_words
 from jcontour.app.reports import tables
 from jcontour.app.reports.screen import Entry
@@ -196,7 +195,7 @@ def linuxcnc_components(
     loop: StoredLoop, code: Code, display: str = "axis", stock: bool = False
 ) -> Mapping[str, str]:
     """Files for LinuxCNC by name; with its own PID in place of the law where that is asked for."""
-    machine = loop.machine.form(LinearMachine)
+    machine = loop.machine.linear
     if machine is None:
         raise ValueError(
             f"linuxcnc: needs a machine given by A, B, C, {loop.machine.name} is none; "
@@ -235,7 +234,7 @@ def _stated(
     u: Float[np.ndarray, "T p"],
 ) -> Stated:
     limits, axes = loop.machine.limits, law.axes
-    linear = loop.machine.form(LinearMachine)
+    linear = loop.machine.linear
     friction = None if linear is None else linear.friction
     count = np.broadcast_to(loop.machine.noisy_count or 0.0, axes)
 

@@ -86,7 +86,7 @@ def _loops(run: TuningRun, margins: PathMargins) -> Iterator[LimitCheck]:
             yield LimitCheck(
                 name=f"Ms on the {on}", value=margins.measured, allowed=bound, member=on
             )
-    if run.machine.doubt is not None:
+    if run.machine.response_uncertainty is not None:
         used = np.inf if margins.doubt is None else margins.doubt
         yield LimitCheck(name="unknown response", value=used, allowed=BORNE, member="family")
 

@@ -125,7 +125,7 @@ def path_margins(
         contours_without_margins=tuple(np.array(names)[without].tolist()),
         lost_first=lost_first(each, paths, names),
         measured=measured_peak(controller, machine, scenarios, fed),
-        **_largest(peaks, doubted=machine.doubt is not None),
+        **_largest(peaks, doubted=machine.response_uncertainty is not None),
     )
 
 
@@ -182,7 +182,7 @@ def robust_test(
     errors = np.asarray(getattr(metrics, f"rms_{machine.error}_error"))  # (contour, member)
     lost = np.asarray(metrics.diverged)
     largest = np.where(lost, -1.0, errors)
-    names = machine.random_names(MEMBERS, seed)
+    names = [one.name for one in machine.drawn(MEMBERS, seed)]
     contour, plant = np.unravel_index(np.argmax(largest), largest.shape)
     used = {
         name: np.where(lost, 0.0, getattr(uses, name))

@@ -187,7 +187,7 @@ def family_peaks(
 ) -> LoopPeaks:
     """Peaks at the probes of the training paths, over the whole smooth family."""
     family, windows = _probed(machine, scenarios, fed)
-    return probed_peaks(family, controller, windows, machine.doubt)
+    return probed_peaks(family, controller, windows, machine.response_uncertainty)
 
 
 def probed_peaks(
@@ -218,7 +218,7 @@ def least_known(
     controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
 ) -> LeastKnown:
     """Where the loops of the family rest most on what is not known of the response."""
-    if (doubt := machine.doubt) is None:
+    if (doubt := machine.response_uncertainty) is None:
         raise ValueError("machine: nothing is said of its response")
     family, windows = _probed(machine, scenarios, fed)
     with on_cpu():
@@ -244,7 +244,9 @@ def measured_peak(
         return None
     _, windows = _probed(machine, scenarios, fed)
     nominal = stack_plants([machine.nominal(fed)])
-    return float(np.max(probed_peaks(nominal, controller, windows, machine.doubt).sensitivity))
+    return float(
+        np.max(probed_peaks(nominal, controller, windows, machine.response_uncertainty).sensitivity)
+    )
 
 
 def _probed(machine: Machine, scenarios: Scenarios, fed: Fed) -> tuple[Plant, Reference]:

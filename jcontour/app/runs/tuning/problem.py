@@ -127,14 +127,14 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     limits |= effort_limit(flags, usual, problem, design.start)
     stated = stated_axis_limits(machine)
     kept = [] if design.keeps_limits else _named(stated)
-    if machine.doubt is not None:
+    if machine.response_uncertainty is not None:
         limits["response_doubt"] = BORNE
     limits |= noise_limit(flags, machine, design)
     limits |= asked | {f"{name}_use": RESERVED for name in kept}
     problem = replace(
         problem,
         limits=AtMost(_before(flags, before, problem), **limits),
-        loops=probed_loops(flags, problem, machine.doubt, counted(limits, machine)),
+        loops=probed_loops(flags, problem, machine.response_uncertainty, counted(limits, machine)),
         axis_limits=stated if _named(stated) else None,
     )
     return TuningRun(flags, machine, before, design, problem, settings, learned, scenarios, limits)

@@ -18,7 +18,6 @@ from jcontour.app.designs.design import Design, plain_weights
 from jcontour.app.designs.simple_loops import NOTCHED, simple_names
 from jcontour.app.files.results.tuned_result import DriveLoop
 from jcontour.app.flags.tuning import Tune
-from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.reports.drives import TERMS
 from jcontour.app.runs.tuning.limits import lag_limit, named_limits
 from jcontour.app.runs.tuning.problem import TuningRun
@@ -54,7 +53,7 @@ def simple_loops(run: TuningRun) -> list[SimpleLoop]:
     None where the objective is no error of single runs, or the state is measured.
     """
     flags, machine = run.flags, run.machine
-    linear = machine.form(LinearMachine)
+    linear = machine.linear
     other = run.design.fed != "outputs"
     if other or linear is None:
         return []

@@ -7,6 +7,7 @@ import numpy as np
 from jcontour.analysis.uncertain_loops import BORNE, ResponseUncertainty
 from jcontour.app.files.results.tuned_result import Standstill
 from jcontour.app.flags.tuning import Tune
+from jcontour.app.machines.uncertainty import Uncertainty
 from jcontour.app.runs.checks.stated_limits import (
     stated_limits,
 )
@@ -33,7 +34,7 @@ def checks(flags, bounds, rest=None, doubt=None):
     counted = np.ones((2, 5), bool)
     jobs = [small_runs.job(name, counted[0]) for name in ("part", "circle")]
     scenarios = small_runs.scenarios(jobs, np.zeros((2, 5, 2)), counted, training=(True, False))
-    machine = small_runs.machine(response_doubt=doubt)
+    machine = small_runs.machine(uncertainty=Uncertainty(0.1, 1, doubt))
     replay = small_runs.replay(
         5,
         (2, 2),

@@ -17,6 +17,7 @@ from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.built_in import bridgeport_machine
 from jcontour.app.machines.machine import Machine, MachineLimits
 from jcontour.app.machines.own_plant import machine_of
+from jcontour.app.machines.uncertainty import Uncertainty
 from jcontour.app.runs.checks import trials
 from jcontour.app.runs.checks.trials import (
     BETWEEN,
@@ -104,7 +105,7 @@ def test_without_feedback_nothing_dies_out(plant, proportional, path):
 
 @pytest.fixture(scope="module")
 def counting_machine():
-    return replace(bridgeport_machine(), gain=0.0, delay=0)  # one plant
+    return replace(bridgeport_machine(), uncertainty=Uncertainty(0.0, 0))  # one plant
 
 
 def controller_of(counting_machine):
@@ -239,7 +240,7 @@ def test_it_counts_what_single_runs_show(drift, machine, monkeypatch):
     assert result.error == pytest.approx(kept.max(), rel=1e-6)
     contour, plant = np.unravel_index(np.argmax(kept), kept.shape)
     assert result.contour == ("arc", "line")[contour]
-    assert result.plant == machine.random_names(FEW, 3)[plant]
+    assert result.plant == machine.drawn(FEW, 3)[plant].name
     assert (result.diverged > 0) is (drift > 1e-3)
 
 
@@ -261,5 +262,5 @@ def test_the_corners_of_gains_and_delay_are_among_them(machine):
 
 
 def test_a_machine_that_is_known_exactly_has_no_random_members(machine):
-    known = replace(machine, gain=0.0, delay=0)
+    known = replace(machine, uncertainty=Uncertainty(0.0, 0))
     assert known.random_family(10, 0) is None

@@ -106,11 +106,13 @@ def loops():
     gain = float(np.asarray(prepared(law, path).F)[0, 0, 0])
     family = [Encoders(integrator(size)) for size in (1.0, 0.5, 2.5 / gain)]
     known = {"model": family[0].plant, "measured": ()}
-    machine = partly(Machine, smooth_family=lambda fed: family, doubt=None, **known)
+    machine = partly(Machine, smooth_family=lambda fed: family, response_uncertainty=None, **known)
     scenarios = Scenarios((), (True,), (), stack_references([path]), family[0])  # type: ignore
     tried = law, machine, scenarios, "state"
     peaks = family_peaks(*tried)  # type: ignore[arg-type]
-    doubted = partly(Machine, smooth_family=lambda fed: family[:2], doubt=HIDDEN, **known)
+    doubted = partly(
+        Machine, smooth_family=lambda fed: family[:2], response_uncertainty=HIDDEN, **known
+    )
     least = least_known(law, doubted, scenarios, "state")  # type: ignore[arg-type]
     return gain, family_curves(*tried, peaks), peaks, least  # type: ignore[arg-type]
 
