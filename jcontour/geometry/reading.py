@@ -4,8 +4,6 @@ from os import PathLike
 from pathlib import Path
 
 from jcontour.geometry.drawings.drawing import GAP
-from jcontour.geometry.drawings.dxf import read_dxf
-from jcontour.geometry.drawings.svg import read_svg
 from jcontour.geometry.gcode.modes import Tool
 from jcontour.geometry.toolpath_rules import ToolpathError
 from jcontour.geometry.toolpaths import Axes, Toolpath, read_csv, read_gcode
@@ -62,8 +60,11 @@ def read_drawing(
             a unit where none is given.
     """
     try:
-        is_svg = Path(path).suffix.lower() == ".svg"
-        drawing = read_svg(path, unit) if is_svg else read_dxf(path, unit)
+        if Path(path).suffix.lower() == ".svg":
+            from jcontour.geometry.drawings.svg import read_svg as read_shapes
+        else:
+            from jcontour.geometry.drawings.dxf import read_dxf as read_shapes
+        drawing = read_shapes(path, unit)
         return drawing.toolpath(feed, gap)
     except OverflowError:
         raise ToolpathError("a number is too large to compute with") from None

@@ -34,7 +34,6 @@ from jcontour.app.flags.others import Bench
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.excitation import Excited, program
 from jcontour.app.machines.identified import machine_fields
-from jcontour.app.machines.linear import as_linear
 from jcontour.app.reports.tables import console_of
 from jcontour.app.runs.loops.bending import with_held_end
 from jcontour.app.runs.stored_loops import stored_tuning
@@ -365,7 +364,8 @@ def _sensitivity(loop: TuningRun, controller: Controller, axes: list[TrueAxis]) 
         for k, axis in enumerate(axes)
     )
     still = Doubt(np.ones(1), np.zeros((1, len(axes))), lines)
-    linear = as_linear(loop.machine)
+    linear = loop.machine.linear
+    assert linear is not None  # it comes from a record
     true = replace(linear, uncertainty=linear.uncertainty._replace(response=still))
     peak = measured_peak(controller, true, loop.scenarios, loop.design.fed)
     return float("inf") if peak is None else peak

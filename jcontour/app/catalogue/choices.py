@@ -27,7 +27,6 @@ from jcontour.app.catalogue.own_classes import (
 from jcontour.app.designs.design import SETTINGS, Design, Needs, OwnDesign, given, own_design
 from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.job import Pace, Task, from_file
-from jcontour.app.machines.from_file import load_machine
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import WholePath
 from jcontour.controllers.wrappers.adapters import BacklashCompensation
@@ -44,8 +43,11 @@ def machine_named(name: str) -> Machine:
     check_plant(name)
     if name in MACHINES:
         return MACHINES[name]()
-    own = own_name(name)
-    return load_machine(name) if own is None else own_machine(own)
+    if (own := own_name(name)) is not None:
+        return own_machine(own)
+    from jcontour.app.machines.from_file import load_machine  # its schema takes a while
+
+    return load_machine(name)
 
 
 def job_named(name: str, pace: Pace) -> Task:

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jcontour.app.files.control_limits import read_control_limits
 from jcontour.app.flags.shared import FeedLaw, MachineFlags, Planner
 from jcontour.app.machines.machine import Machine
 from jcontour.geometry.drawings.drawing import GAP
@@ -144,6 +143,8 @@ def _control(flags: MachineFlags, machine: Machine) -> tuple[ControlLimits | Non
         raise ValueError("junction-deviation-um: --planner grbl alone has one")
     doubts: tuple[str, ...] = ()
     if flags.machine_limits is not None:
+        from jcontour.app.files.control_limits import read_control_limits
+
         control, doubts = read_control_limits(Path(flags.machine_limits), machine.model.axes)
     elif flags.planner == "jcontour":
         return None, ()

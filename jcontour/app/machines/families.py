@@ -7,14 +7,13 @@ import abc
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.machines.uncertainty import (
     GainMember,
@@ -30,6 +29,9 @@ from jcontour.plants.actuation import Disturbed, Gained
 from jcontour.plants.delays import Delayed, PartlyDelayed
 from jcontour.plants.encoders import FineEncoders
 from jcontour.sensors import Sensors
+
+if TYPE_CHECKING:
+    from jcontour.analysis.uncertain_loops import Doubt
 
 LATE = 1  # most samples of delay that a model does not know: a drive's bus
 
@@ -62,7 +64,7 @@ class GainsAndDelayMachine(Machine):
         return [assumed(self.name, gain, delay, statement)] if statement else []
 
     @property
-    def response_uncertainty(self) -> Doubt | None:
+    def response_uncertainty(self) -> "Doubt | None":
         """What its file says of the response."""
         return self.uncertainty.response
 

@@ -4,20 +4,35 @@ The fields are those of `files.machine_file`; the page "Machine file" of the ref
 """
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.linalg import matrix_balance
 
 from jcontour._regular_files import content_of
+from jcontour.analysis.uncertain_loops import Doubt, Lines
 from jcontour.app.files import checks
 from jcontour.app.files.checks import METRES, MachineError
-from jcontour.app.files.machine_file import KIND, FlexibleAxisFile, LimitFields, LinearMachineFile
+from jcontour.app.files.machine_file import (
+    KIND,
+    FlexibleAxisFile,
+    LimitFields,
+    LinearMachineFile,
+    MeasuredFields,
+    UncertaintyFields,
+)
 from jcontour.app.files.schema import axis_names, one_or_each, per_axis, read
 from jcontour.app.machines.flexible_axis import flexible_machine
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine, MachineLimits
-from jcontour.app.machines.uncertainty import IN_PYTHON, stated_uncertainty
+from jcontour.app.machines.machine_behaviour import steady_response
+from jcontour.app.machines.uncertainty import (
+    GAIN_KNOWN_TO,
+    IN_FILE,
+    IN_PYTHON,
+    LATE,
+    Uncertainty,
+)
 from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.linear_machines import ENCODER_RESOLUTION
@@ -133,6 +148,60 @@ def linear_machine(plant: LinearPlant, name: str, uncertainty: Any = None) -> Li
         encoder_resolution=ENCODER_RESOLUTION,
         control_noise=CONTROL_NOISE,
     )
+
+
+def stated_uncertainty(given: Any, model: LinearPlant, statement: str = IN_FILE) -> Uncertainty:
+    """What a file states, the usual where it states nothing at all (None).
+
+    Args:
+        given: fields of the file.
+        model: of the machine.
+        statement: how such a file states it.
+
+    Raises:
+        MachineError: a field is wrong.
+    """
+    if given is None:
+        # Gains known to 10 %, those of a drive that takes a position exactly; a sample late
+        kinds = [steady_response(model, axis).kind for axis in range(model.axes)]
+        takes: Literal["position", "speed"] = "position" if "position" in kinds else "speed"
+        return Uncertainty(GAIN_KNOWN_TO[takes], LATE, assumed=statement)
+    fields = read(UncertaintyFields, given, "uncertainty")
+    return Uncertainty(fields.gain, fields.delay, _doubt(fields, model))
+
+
+def _lines(one: MeasuredFields | None, plant: LinearPlant) -> tuple[Lines, ...]:
+    """What a file says was measured behind each control; empty where it says nothing."""
+    if one is None:
+        return ()
+    fields = (one.hertz, one.real, one.imaginary, one.half_width)
+    if any(len(field) != plant.axes for field in fields):
+        raise MachineError(f"uncertainty.measured: needs {plant.axes} lists in every field")
+    lines = []
+    for axis in zip(*fields, strict=True):
+        if len({len(part) for part in axis}) > 1:
+            raise MachineError("uncertainty.measured: its lists need one number per frequency")
+        hertz, real, imaginary, half_width = (np.array(part) for part in axis)
+        if np.any(hertz <= 0) or np.any(hertz * plant.dt > 0.5) or np.any(half_width < 0):
+            raise MachineError("uncertainty.measured: needs frequencies up to half the sample rate")
+        lines.append(Lines(2 * np.pi * plant.dt * hertz, real + 1j * imaginary, half_width))
+    return tuple(lines)
+
+
+def _doubt(fields: UncertaintyFields, plant: LinearPlant) -> Doubt | None:
+    """What a file says of the response; a frequency in rad per sample."""
+    given, lines = fields.response, _lines(fields.measured, plant)
+    if given is None:
+        return Doubt(np.ones(1), np.zeros((1, plant.axes)), lines) if lines else None
+    name, highest = "uncertainty.response", 1 / (2 * plant.dt)
+    hertz, relative = np.array(given.hertz), np.array(given.relative)
+    if not (hertz[0] > 0 and np.all(np.diff(hertz) > 0) and hertz[-1] <= highest):
+        raise MachineError(f"{name}.hertz: needs rising frequencies above 0, up to {highest:g} Hz")
+    if relative.shape != (plant.axes, hertz.size) or relative.min() < 0:
+        raise MachineError(
+            f"{name}.relative: needs {plant.axes} rows of {hertz.size} numbers of at least 0"
+        )
+    return Doubt(2 * np.pi * plant.dt * hertz, relative.T, lines)
 
 
 def _check_axes(plant: LinearPlant) -> None:

@@ -3,11 +3,10 @@
 Their families differ in input gains and delays.
 """
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -15,20 +14,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.analysis.uncertain_loops import Lines
 from jcontour.app.machines.families import GainsAndDelayMachine
-from jcontour.app.machines.machine import Fed, Hosted, Machine, Usual
+from jcontour.app.machines.machine import Fed, Hosted, Usual
 from jcontour.app.machines.uncertainty import (
     FARTHEST,
     in_words,
     rounding_noise,
     sensor_noise,
 )
-from jcontour.bounds.disturbed_loop import Box
 from jcontour.plant import Plant
 from jcontour.plants.actuation import Backlash, Disturbed, with_dry_friction
 from jcontour.plants.encoders import Encoders, Quantised
 from jcontour.simulation.limit_use import hidden_acceleration
+
+if TYPE_CHECKING:
+    from jcontour.analysis.uncertain_loops import Lines
 
 USUAL = Usual(
     "contouring-lq",
@@ -71,7 +71,7 @@ class LinearMachine(GainsAndDelayMachine):
         return self
 
     @property
-    def measured(self) -> tuple[Lines, ...]:
+    def measured(self) -> "tuple[Lines, ...]":
         """What its file says was measured."""
         return () if self.uncertainty.response is None else self.uncertainty.response.lines
 
@@ -246,66 +246,3 @@ class LinearMachine(GainsAndDelayMachine):
     def measurement_noise(self) -> float | np.ndarray:
         """Standard deviation of measured positions [m], all or each: noisy_count / sqrt(12)."""
         return self.noisy_count / np.sqrt(12)
-
-
-class Bounds(NamedTuple):
-    """Bounds of the disturbances at every sample."""
-
-    force: float  # on every control [control unit]
-    encoder: float | tuple[float, ...]  # on every measured number, one or one for each [m]
-
-
-def as_linear(machine: Machine) -> LinearMachine:
-    """The machine, where it is linear."""
-    linear = machine.linear
-    if linear is None:
-        raise ValueError(
-            f"plant: {machine.name} is not linear: what is proven is of machines with a linear "
-            "model, as bridgeport, xy-table or a machine file"
-        )
-    return linear
-
-
-def warn_of_doubt(machine: LinearMachine) -> None:
-    """Warn where a response is doubted: promises hold for gains, delays and disturbances."""
-    if machine.response_uncertainty is not None:
-        warnings.warn(
-            f"{machine.name}: how far off its response may be (uncertainty.response) is not in "
-            "what is promised: it holds for the model with its gains and delays",
-            stacklevel=2,
-        )
-
-
-def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | None) -> Bounds:
-    """Bounds as given; else the machine's control noise or its friction, and what encoders err.
-
-    That is half a count, and three deviations of their noise.
-    """
-    for name, value in (("force", force), ("encoder-um", encoder_um)):
-        if value is not None and not (np.isfinite(value) and value >= 0):
-            raise ValueError(f"{name}: a bound needs to be finite and at least zero, is {value}")
-    half = machine.resolution / 2 + FARTHEST * machine.encoder_noise
-    rounding = tuple(half.tolist()) if isinstance(half, np.ndarray) else half
-    encoder = rounding if encoder_um is None else 1e-6 * encoder_um
-    if np.any(np.asarray(encoder) < half * (1 - 1e-9)):
-        why = "rounding alone errs by half a count"
-        if np.any(machine.encoder_noise):
-            why = f"half a count and {FARTHEST:g} deviations of noise"
-        raise ValueError(f"encoder-um: {why}, {in_words(half)}, received {encoder_um}")
-    if force is None and machine.friction is None:
-        warnings.warn(
-            f"{machine.name}: its dry friction is not known (friction is null), and not in what is "
-            "promised: give --force, or record long moves and identify again",
-            stacklevel=2,
-        )
-    stated = max(machine.control_noise, machine.largest_friction)
-    return Bounds(stated if force is None else force, encoder)
-
-
-def box_of(plant: Plant, bounds: Bounds, machine: LinearMachine, fed: Fed) -> Box:
-    """Box of a loop on a plant of the machine; a state that is measured as it is has no error."""
-    none = jnp.zeros(len(machine.axes))
-    measured = jax.eval_shape(lambda: plant.measure(plant.initial_state(none, none)))
-    count = sum(np.prod(leaf.shape, dtype=int) for leaf in jax.tree.leaves(measured))
-    noise = bounds.encoder if fed == "outputs" else 0.0
-    return Box.of(bounds.force, noise, machine.model.inputs, int(count))

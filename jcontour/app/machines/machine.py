@@ -12,13 +12,13 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import stack_plants
 from jcontour.simulation.limit_use import hidden_acceleration
 
 if TYPE_CHECKING:
+    from jcontour.analysis.uncertain_loops import Doubt, Lines
     from jcontour.app.machines.linear import LinearMachine
 
 Fed = Literal["outputs", "state"]  # the controller is fed the machine's sensors, or the state
@@ -131,12 +131,12 @@ class Machine(abc.ABC):
         return ()
 
     @property
-    def response_uncertainty(self) -> Doubt | None:
+    def response_uncertainty(self) -> "Doubt | None":
         """How far off the response may be, beside the family; None where nothing is said."""
         return None
 
     @property
-    def measured(self) -> tuple[Lines, ...]:
+    def measured(self) -> "tuple[Lines, ...]":
         """What was measured of the response behind each control; empty where nothing was."""
         return ()
 

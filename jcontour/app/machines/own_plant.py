@@ -9,9 +9,10 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
 from jcontour.app.machines.families import GainsAndDelayMachine
+from jcontour.app.machines.from_file import stated_uncertainty
 from jcontour.app.machines.linear import USUAL
 from jcontour.app.machines.machine import NO_EFFECTS, Fed, MachineLimits, Usual
-from jcontour.app.machines.uncertainty import IN_PYTHON, stated_uncertainty
+from jcontour.app.machines.uncertainty import IN_PYTHON
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.plant import Plant
 

@@ -6,18 +6,15 @@ Where nothing is stated the usual is assumed, as `jcontour machine` writes it.
 
 from collections.abc import Sequence
 from itertools import product
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from jcontour._arrays import placed
-from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
-from jcontour.app.files.checks import MachineError
-from jcontour.app.files.machine_file import MeasuredFields, UncertaintyFields
-from jcontour.app.files.schema import read
-from jcontour.app.machines.machine_behaviour import steady_response
-from jcontour.linear.plant import LinearPlant
+
+if TYPE_CHECKING:  # the analysis of loops takes a while to import
+    from jcontour.analysis.uncertain_loops import Doubt
 
 GAIN_KNOWN_TO = {  # a data sheet is seldom better; a position drive follows its own encoder
     "speed": 0.1,
@@ -34,7 +31,7 @@ class Uncertainty(NamedTuple):
     gain: float  # relative uncertainty of the input gains
     delay: int  # most samples of delay that the model does not know
     # how far off the frequency response may be beside these; None where nothing is said
-    response: Doubt | None = None
+    response: "Doubt | None" = None
     assumed: str = ""  # how a file would state it; empty where it does
 
 
@@ -44,26 +41,6 @@ class GainMember(NamedTuple):
     name: str
     gains: np.ndarray
     late: float
-
-
-def stated_uncertainty(given: Any, model: LinearPlant, statement: str = IN_FILE) -> Uncertainty:
-    """What a file states, the usual where it states nothing at all (None).
-
-    Args:
-        given: fields of the file.
-        model: of the machine.
-        statement: how such a file states it.
-
-    Raises:
-        MachineError: a field is wrong.
-    """
-    if given is None:
-        # Gains known to 10 %, those of a drive that takes a position exactly; a sample late
-        kinds = [steady_response(model, axis).kind for axis in range(model.axes)]
-        takes: Literal["position", "speed"] = "position" if "position" in kinds else "speed"
-        return Uncertainty(GAIN_KNOWN_TO[takes], LATE, assumed=statement)
-    fields = read(UncertaintyFields, given, "uncertainty")
-    return Uncertainty(fields.gain, fields.delay, _doubt(fields, model))
 
 
 def assumed(name: str, gain: float, delay: int, statement: str) -> str:
@@ -127,40 +104,6 @@ def with_corners(
     corners = np.array(list(product(*zip(low, high, strict=True))))
     kept = len(drawn) - len(corners)
     return drawn if kept < 1 else np.concatenate([drawn[:kept], corners])
-
-
-def _lines(one: MeasuredFields | None, plant: LinearPlant) -> tuple[Lines, ...]:
-    """What a file says was measured behind each control; empty where it says nothing."""
-    if one is None:
-        return ()
-    fields = (one.hertz, one.real, one.imaginary, one.half_width)
-    if any(len(field) != plant.axes for field in fields):
-        raise MachineError(f"uncertainty.measured: needs {plant.axes} lists in every field")
-    lines = []
-    for axis in zip(*fields, strict=True):
-        if len({len(part) for part in axis}) > 1:
-            raise MachineError("uncertainty.measured: its lists need one number per frequency")
-        hertz, real, imaginary, half_width = (np.array(part) for part in axis)
-        if np.any(hertz <= 0) or np.any(hertz * plant.dt > 0.5) or np.any(half_width < 0):
-            raise MachineError("uncertainty.measured: needs frequencies up to half the sample rate")
-        lines.append(Lines(2 * np.pi * plant.dt * hertz, real + 1j * imaginary, half_width))
-    return tuple(lines)
-
-
-def _doubt(fields: UncertaintyFields, plant: LinearPlant) -> ResponseUncertainty | None:
-    """What a file says of the response; a frequency in rad per sample."""
-    given, lines = fields.response, _lines(fields.measured, plant)
-    if given is None:
-        return ResponseUncertainty(np.ones(1), np.zeros((1, plant.axes)), lines) if lines else None
-    name, highest = "uncertainty.response", 1 / (2 * plant.dt)
-    hertz, relative = np.array(given.hertz), np.array(given.relative)
-    if not (hertz[0] > 0 and np.all(np.diff(hertz) > 0) and hertz[-1] <= highest):
-        raise MachineError(f"{name}.hertz: needs rising frequencies above 0, up to {highest:g} Hz")
-    if relative.shape != (plant.axes, hertz.size) or relative.min() < 0:
-        raise MachineError(
-            f"{name}.relative: needs {plant.axes} rows of {hertz.size} numbers of at least 0"
-        )
-    return ResponseUncertainty(2 * np.pi * plant.dt * hertz, relative.T, lines)
 
 
 LESS_DAMPED = 0.5  # of the damping, at least: it is known worse than the frequency

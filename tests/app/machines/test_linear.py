@@ -9,13 +9,8 @@ import pytest
 
 from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.app.catalogue.choices import machine_named
+from jcontour.app.commands.loops.check_bound import bounds_of, box_of, promised
 from jcontour.app.machines.from_file import linear_machine
-from jcontour.app.machines.linear import (
-    as_linear,
-    bounds_of,
-    box_of,
-    warn_of_doubt,
-)
 from jcontour.app.machines.uncertainty import Uncertainty
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
@@ -112,7 +107,7 @@ def test_noise_of_encoders_comes_before_their_counts():
 
 
 def test_bounds_come_from_the_machine_where_none_is_given():
-    table = as_linear(machine_named("xy-table"))
+    table = promised(machine_named("xy-table"))
     assert bounds_of(table, None, None) == pytest.approx((0.005, 0.5e-6), rel=1e-12)
     rough = replace(table, friction=0.02)
     assert bounds_of(rough, None, None) == pytest.approx((0.02, 0.5e-6), rel=1e-12)
@@ -121,7 +116,7 @@ def test_bounds_come_from_the_machine_where_none_is_given():
 
 
 def test_every_encoder_errs_by_half_a_count_of_its_own():
-    table = as_linear(machine_named("xy-table"))
+    table = promised(machine_named("xy-table"))
     mixed = replace(table, encoder_resolution=np.array([1e-6, 5e-6]))
     bounds = bounds_of(mixed, None, None)
     assert bounds.encoder == pytest.approx((0.5e-6, 2.5e-6))
@@ -133,14 +128,14 @@ def test_every_encoder_errs_by_half_a_count_of_its_own():
 
 
 def test_noise_errs_by_three_deviations_beside_half_a_count():
-    noisy = replace(as_linear(machine_named("xy-table")), encoder_noise=np.array([2e-6, 0.0]))
+    noisy = replace(promised(machine_named("xy-table")), encoder_noise=np.array([2e-6, 0.0]))
     assert bounds_of(noisy, None, None).encoder == pytest.approx((6.5e-6, 0.5e-6))
     with pytest.raises(ValueError, match="half a count and 3 deviations of noise, 6.5, 0.5 um"):
         bounds_of(noisy, None, 1.0)
 
 
 def test_friction_that_is_not_known_is_told_where_no_force_is_given():
-    rough = replace(as_linear(machine_named("xy-table")), friction=None)
+    rough = replace(promised(machine_named("xy-table")), friction=None)
     assert bounds_of(rough, 0.1, None).force == 0.1  # warnings are errors here
     with pytest.warns(UserWarning, match="its dry friction is not known.*give --force"):
         assert bounds_of(rough, None, None).force == pytest.approx(0.005)
@@ -153,20 +148,19 @@ def test_friction_that_is_not_known_is_told_where_no_force_is_given():
 )  # fmt: skip
 def test_a_bound_that_is_none_is_told(force, encoder_um, words):
     with pytest.raises(ValueError, match=words):
-        bounds_of(as_linear(machine_named("xy-table")), force, encoder_um)
+        bounds_of(promised(machine_named("xy-table")), force, encoder_um)
 
 
 @pytest.mark.parametrize("name", ["gantry", "flexible-axis"])
-def test_a_machine_that_is_not_linear_is_told(name):
+def test_a_machine_that_is_not_linear_is_refused(name):
     with pytest.raises(ValueError, match=f"plant: {name}.* is not linear"):
-        as_linear(machine_named(name))
+        promised(machine_named(name))
 
 
 def test_a_response_that_is_doubted_is_not_in_the_promise():
-    table = as_linear(machine_named("xy-table"))
-    warn_of_doubt(table)  # nothing is doubted; warnings are errors here
+    table = promised(machine_named("xy-table"))
     doubted = replace(
         table, uncertainty=Uncertainty(0.1, 2, Doubt(np.array([0.1]), np.full((1, 2), 0.2)))
     )
     with pytest.warns(UserWarning, match="uncertainty.response. is not in what is promised"):
-        warn_of_doubt(doubted)
+        promised(doubted)

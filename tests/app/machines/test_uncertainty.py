@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from jcontour.app.files.checks import MachineError
+from jcontour.app.machines.from_file import stated_uncertainty
 from jcontour.app.machines.uncertainty import (
     FARTHEST,
+    IN_FILE,
     SAMPLES,
     Uncertainty,
     assumed,
@@ -13,7 +15,6 @@ from jcontour.app.machines.uncertainty import (
     random_members,
     rounding_noise,
     sensor_noise,
-    stated_uncertainty,
     unsure_resonances,
 )
 from jcontour.linear.continuous_axes import speed_axis, with_resonance
@@ -30,10 +31,15 @@ SPEED, POSITION = drives(1.0, DT), drives(0.9, 0.1)
 
 
 def test_a_file_that_states_nothing_has_the_usual():
-    assert stated_uncertainty(None, SPEED) == (0.1, 1, None)
-    assert stated_uncertainty(None, POSITION) == (0.0, 1, None)  # its own encoder is followed
-    assert stated_uncertainty({}, SPEED) == (0.0, 0, None)
-    assert stated_uncertainty({"gain": 0.2, "delay": 3}, POSITION) == (0.2, 3, None)
+    assert stated_uncertainty(None, SPEED) == (0.1, 1, None, IN_FILE)
+    assert stated_uncertainty(None, POSITION) == (
+        0.0,
+        1,
+        None,
+        IN_FILE,
+    )  # its own encoder is followed
+    assert stated_uncertainty({}, SPEED) == (0.0, 0, None, "")
+    assert stated_uncertainty({"gain": 0.2, "delay": 3}, POSITION) == (0.2, 3, None, "")
 
 
 def test_frequencies_are_stated_in_hertz():

@@ -1,11 +1,14 @@
 """`jcontour check RUN --bound`: largest error that a stored loop can have, an attack near it."""
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from rich.console import Console
@@ -17,7 +20,9 @@ from jcontour.app.files.results.run_metrics import PeakPlace
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import LimitCheck, Verdict, kept_words
 from jcontour.app.flags.loops import Check
-from jcontour.app.machines.linear import Bounds, as_linear, bounds_of, box_of, warn_of_doubt
+from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.machines.machine import Fed, Machine
+from jcontour.app.machines.uncertainty import FARTHEST, in_words
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.axes import DESIRED, START, TUNED
 from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
@@ -29,6 +34,7 @@ from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
 from jcontour.bounds.certificates import Certificate, certificate
+from jcontour.bounds.disturbed_loop import Box
 from jcontour.bounds.peak_bounds import Attack
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
@@ -59,6 +65,65 @@ class CertifiedRun:
     reached: np.ndarray  # error under it (T,) [m]
 
 
+class Bounds(NamedTuple):
+    """Bounds of the disturbances at every sample."""
+
+    force: float  # on every control [control unit]
+    encoder: float | tuple[float, ...]  # on every measured number, one or one for each [m]
+
+
+def promised(machine: Machine) -> LinearMachine:
+    """The machine, where it is linear; warns of a response that is unsure."""
+    linear = machine.linear
+    if linear is None:
+        raise ValueError(
+            f"plant: {machine.name} is not linear: what is proven is of machines with a linear "
+            "model, as bridgeport, xy-table or a machine file"
+        )
+    if linear.response_uncertainty is not None:
+        warnings.warn(
+            f"{machine.name}: how far off its response may be (uncertainty.response) is not in "
+            "what is promised: it holds for the model with its gains and delays",
+            stacklevel=2,
+        )
+    return linear
+
+
+def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | None) -> Bounds:
+    """Bounds as given; else the machine's control noise or its friction, and what encoders err.
+
+    That is half a count, and three deviations of their noise.
+    """
+    for name, value in (("force", force), ("encoder-um", encoder_um)):
+        if value is not None and not (np.isfinite(value) and value >= 0):
+            raise ValueError(f"{name}: a bound needs to be finite and at least zero, is {value}")
+    half = machine.resolution / 2 + FARTHEST * machine.encoder_noise
+    rounding = tuple(half.tolist()) if isinstance(half, np.ndarray) else half
+    encoder = rounding if encoder_um is None else 1e-6 * encoder_um
+    if np.any(np.asarray(encoder) < half * (1 - 1e-9)):
+        why = "rounding alone errs by half a count"
+        if np.any(machine.encoder_noise):
+            why = f"half a count and {FARTHEST:g} deviations of noise"
+        raise ValueError(f"encoder-um: {why}, {in_words(half)}, received {encoder_um}")
+    if force is None and machine.friction is None:
+        warnings.warn(
+            f"{machine.name}: its dry friction is not known (friction is null), and not in what is "
+            "promised: give --force, or record long moves and identify again",
+            stacklevel=2,
+        )
+    stated = max(machine.control_noise, machine.largest_friction)
+    return Bounds(stated if force is None else force, encoder)
+
+
+def box_of(plant: Plant, bounds: Bounds, machine: LinearMachine, fed: Fed) -> Box:
+    """Box of a loop on a plant of the machine; a state that is measured as it is has no error."""
+    none = jnp.zeros(len(machine.axes))
+    measured = jax.eval_shape(lambda: plant.measure(plant.initial_state(none, none)))
+    count = sum(np.prod(leaf.shape, dtype=int) for leaf in jax.tree.leaves(measured))
+    noise = bounds.encoder if fed == "outputs" else 0.0
+    return Box.of(bounds.force, noise, machine.model.inputs, int(count))
+
+
 def command(flags: Check) -> int:
     """The whole command: prove, attack, print, exit code."""
     result, folder = run(flags)
@@ -80,13 +145,12 @@ def command(flags: Check) -> int:
 def run(flags: Check) -> tuple[CertifiedResult, Path]:
     """Certify all contours and plants of a stored run; the result and the run folder."""
     loop = stored_loop(flags.run)
-    machine = as_linear(loop.machine)
-    warn_of_doubt(machine)
+    machine = promised(loop.machine)
     bounds = bounds_of(machine, flags.force, flags.encoder_um)
     count = len(loop.jobs) * len(machine.family_names)
     rows, worst = [], None
     with counted(tables.console_of(stderr=True, quiet=flags.json), count, "proofs") as done:
-        for one in certified_runs(loop, bounds):
+        for one in certified_runs(loop, machine, bounds):
             rows.append(one.row)
             done(1)
             if worst is None or one.row.bound > worst.row.bound:
@@ -208,14 +272,17 @@ def _proven(result: CertifiedResult) -> str:
     return f"for every force of up to {force} on each control and encoder error of up to {encoder}"
 
 
-def certified_runs(loop: StoredLoop, bounds: Bounds) -> Iterator[CertifiedRun]:
+def certified_runs(
+    loop: StoredLoop, machine: LinearMachine, bounds: Bounds
+) -> Iterator[CertifiedRun]:
     """Certificates and attacks of all contours on every member of the family, one after the other.
 
     Args:
-        loop: of a linear machine.
+        loop: that is certified.
+        machine: its machine.
         bounds: of what acts on it.
     """
-    machine, fed, controller = as_linear(loop.machine).frictionless, loop.fed, loop.controller
+    machine, fed, controller = machine.frictionless, loop.fed, loop.controller
     box = box_of(machine.nominal(fed), bounds, machine, fed)
     plants = zip(
         machine.family_names, machine.exact_family(fed), machine.true_family(fed), strict=True

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 from rich.status import Status
 
-from jcontour.app.beside import Beside
 from jcontour.app.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from jcontour.app.catalogue.entries import CONSTRAINED
 from jcontour.app.designs.design import Design, plain_weights
@@ -20,7 +19,7 @@ from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.contours import figures_of
 from jcontour.app.reports.figures.motion import motion_figure
-from jcontour.app.reports.figures.png import drawn_by, image
+from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.rollouts import save_rollouts
 from jcontour.app.reports.run_tables import show_simulated, simulated_answer
 from jcontour.app.reports.screen import Entry
@@ -64,36 +63,31 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
     machine = machine_named(flags.plant)
     # the part comes before the design: a fault in line 1 of a program stops at once
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
-    plants = len(machine.family_names)
-    with Beside(image.__module__) as process:
-        drawn = {}
-        if flags.controller in CONSTRAINED:
-            status.update("solving a quadratic program at every sample")
-            from jcontour.app.runs.loops.traversing import traversed  # the solvers take a while
+    plants, figures = len(machine.family_names), {}
+    if flags.controller in CONSTRAINED:
+        status.update("solving a quadratic program at every sample")
+        from jcontour.app.runs.loops.traversing import traversed  # the solvers take a while
 
-            made = traversed(flags, machine, job)
-        else:
-            flags = seeing_all(flags, job)
-            design = design_for(machine, flags)
-            check_memory(job, plants)
-            for line in forecast(job, machine.model.dt, plants):
-                tables.say(status.console, line)
-            status.update(f"running {job.samples:,} samples")
-            if isinstance(job, Job) and job.planned:
-                motion = motion_figure(job.planned, machine.axes, job.rapid)
-                drawn["motion"] = drawn_by(process, motion)
-            scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
-            made = simulated(design, scenarios, replay(design.build(design.start), scenarios))
-        result, named = made.result, {made.result.controller: made.replay}
-        status.update("writing and drawing")
-        folder = created(flags, "simulate")
-        title = f"jcontour simulate: {result.controller} on {result.contour}"
-        runs = contour_runs(named, made.scenarios, 0, machine)
-        for name, figure in figures_of(runs).items():
-            drawn[name] = drawn_by(process, figure)
-        save_rollouts(flags.rollouts, named, made.scenarios, machine, title, folder)
-        for name, save in drawn.items():
-            save(folder / f"{name}.png")
+        made = traversed(flags, machine, job)
+    else:
+        flags = seeing_all(flags, job)
+        design = design_for(machine, flags)
+        check_memory(job, plants)
+        for line in forecast(job, machine.model.dt, plants):
+            tables.say(status.console, line)
+        status.update(f"running {job.samples:,} samples")
+        if isinstance(job, Job) and job.planned:
+            figures["motion"] = motion_figure(job.planned, machine.axes, job.rapid)
+        scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
+        made = simulated(design, scenarios, replay(design.build(design.start), scenarios))
+    result, named = made.result, {made.result.controller: made.replay}
+    status.update("writing and drawing")
+    folder = created(flags, "simulate")
+    title = f"jcontour simulate: {result.controller} on {result.contour}"
+    figures |= figures_of(contour_runs(named, made.scenarios, 0, machine))
+    for name, figure in figures.items():
+        save_figure(figure, folder / f"{name}.png")
+    save_rollouts(flags.rollouts, named, made.scenarios, machine, title, folder)
     write_result(folder, result)
     return result, folder
 

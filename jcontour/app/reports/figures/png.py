@@ -52,13 +52,7 @@ def drawn_beside(figures: Mapping[Path, Figure]) -> Iterator[None]:
         figures: by their files.
     """
     with Beside() as process:
-        files = {path: drawn_by(process, figure) for path, figure in figures.items()}
+        drawn = {path: process.submit(image, figure) for path, figure in figures.items()}
         yield
-        for path, save in files.items():
-            save(path)
-
-
-def drawn_by(process: Beside, figure: Figure) -> Callable[[Path], Path]:
-    """Let a process draw a figure; what is returned waits for it and writes the file."""
-    drawn = process.submit(image, figure)
-    return lambda path: _save(drawn(), path)
+        for path, content in drawn.items():
+            _save(content(), path)
