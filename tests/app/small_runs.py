@@ -172,7 +172,6 @@ def tuned_result(**given: Any) -> TunedResult:
         "contours": [],
         "gap": [],
         "training_samples": 5,
-        "confirmed": [],
         "seconds": 1.0,
         "sample_period": 1e-3,
     }

@@ -30,12 +30,7 @@ class TooLongError(ValueError):
         )
 
 
-def needed(samples: int, plants: int) -> float:
-    """Memory that a run takes [bytes], about."""
-    return BEGUN + BYTES * samples * plants
-
-
-def room(plants: int, there: float | None = None) -> int:
+def most_samples(plants: int, there: float | None = None) -> int:
     """Samples of a run on some plants that the memory holds, none below zero.
 
     Args:
@@ -57,6 +52,24 @@ def check_duration(
     """Refuse what takes so long [s] that its samples do not fit in memory."""
     lasting = moving + dwelling + z_alone
     whole, *resting = (float(np.sum(part)) for part in (lasting, dwelling, z_alone))
-    dt, most = machine.model.dt, room(len(machine.family_names))
+    dt, most = machine.model.dt, most_samples(len(machine.family_names))
     if whole / dt > most:
         raise TooLongError(int(np.argmax(lasting)), whole, *resting, dt, most)
+
+
+def check_memory(name: str, samples: int, plants: int, there: float | None = None) -> None:
+    """Refuse a run that does not fit into memory.
+
+    Args:
+        name: of the run.
+        samples: of it.
+        plants: how many plants it is run on.
+        there: free memory [bytes]; None asks the computer.
+    """
+    there = free_memory() if there is None else there
+    takes = BEGUN + BYTES * samples * plants
+    if takes > there:
+        raise ValueError(
+            f"{name}: {samples:,} samples on {plants} plants need about {1e-9 * takes:.0f} GB of "
+            f"memory, {1e-9 * there:.0f} are free: give a higher feed or a part of the program"
+        )

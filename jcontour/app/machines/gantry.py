@@ -131,18 +131,6 @@ class GantryMachine(MotorMeasuredMachine):
         plant = self._driven(member, StickSlipGantry)
         return _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
 
-    def independent(self) -> tuple[str, Plant] | None:
-        """Nominal plant of the true family in MuJoCo.
-
-        None under dry friction: MuJoCo's friction law is another.
-        """
-        if self.friction is not None:
-            return None
-        from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
-
-        plant = self._limited(GantryMuJoCo(self.parameters, self.model.dt), 0)
-        return "MuJoCo", _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
-
     def nominal(self, fed: Fed = "outputs") -> Plant:
         """Plant with its limits, without dry friction.
 

@@ -189,13 +189,6 @@ class Machine(abc.ABC):
         drawn = [self.true_plant(member, fed) for member in self.drawn(count, seed)]
         return stack_plants(drawn) if drawn else None
 
-    def independent(self) -> tuple[str, Plant] | None:
-        """Name of an engine that others have written, and the nominal true plant in it.
-
-        None where there is no such engine.
-        """
-        return None
-
     def hosted(self, period: float | None = None) -> Hosted:
         """Plant and model for a controller of this period [s] on the host, the model's if None."""
         own = self.model.dt

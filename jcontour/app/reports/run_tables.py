@@ -200,11 +200,6 @@ def trial_lines(result: TunedResult) -> Iterator[str]:
         elif row.contour in shown:
             errors = f"{1e6 * row.smooth:.5g} -> {1e6 * row.nonsmooth:.5g} um RMS"
             yield f"{where:<25} {errors} ({100 * row.relative:+.2f} %)"
-    if result.confirmed:
-        yield f"The same runs in {result.confirmed[0].engine}, nominal plant"
-    for row in result.confirmed:
-        errors = f"{1e6 * row.ours:.6g} -> {1e6 * row.theirs:.6g} um RMS"
-        yield f"  {row.contour:<23} {errors}, tools at most {1e6 * row.apart:.2g} um apart"
 
 
 def limit_lines(result: TunedResult) -> list[str]:

@@ -90,6 +90,14 @@ def cycle_time(job: Task, dt: float) -> float:
     return _duration(job, dt) / max(1.0, float(laps))
 
 
+def run_outline(job: Task, dt: float, plants: int, doing: str) -> str:
+    """A line about a run in steps, before it begins: its time [s], its samples, what is done."""
+    lasting = dt * (job.samples - 1)
+    time = f"{lasting:,.0f}" if lasting >= 10 else f"{lasting:.2g}"
+    size = f"{time} s of motion, {job.samples:,} samples on {plants} plants"
+    return f"{job.name}: {size}: {doing}; Ctrl-C ends it."
+
+
 def _duration(job: Task, dt: float) -> float:
     """Time of a run [s]: that of its planned motion, else from its first sample to its last."""
     if isinstance(job, Job) and job.planned is not None:

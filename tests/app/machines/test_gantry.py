@@ -72,7 +72,7 @@ def test_family_is_off_by_a_fifth_and_a_tenth_and_late(machine):
 def test_motors_are_measured_and_currents_limited(machine):
     """Y axes are homed where the tool is at zero; each motor gets at most ten amperes."""
     position, increment = jnp.array([0.3, -0.02]), jnp.array([1e-4, 2e-4])
-    for plant in (machine.true_family()[0], machine.independent()[1], machine.nominal()):
+    for plant in (machine.true_family()[0], machine.nominal()):
         start = plant.initial_state(position, increment)
         np.testing.assert_allclose(
             plant.measure(start), [0.3, -0.02, -0.02, 0.1, 0.2, 0.2], rtol=0, atol=1e-12
@@ -162,11 +162,7 @@ def test_with_friction_the_true_family_sticks_and_nobody_else_confirms_it(machin
         "encoder counts",
         "stick, slip and encoder counts",
     )
-    assert (
-        rubbing.name == "gantry-friction"
-        and rubbing.family_names == machine.family_names
-        and rubbing.independent() is None
-    )
+    assert rubbing.name == "gantry-friction" and rubbing.family_names == machine.family_names
     assert (
         "14, 20, 24 N to break loose" in rubbing.description()["Friction"]
         and "Friction" not in machine.description()

@@ -21,8 +21,7 @@ from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
 from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import digits, plain_table, say
-from jcontour.app.runs.contour_summary import machine_summary
-from jcontour.app.runs.forecast import outline
+from jcontour.app.runs.contour_summary import machine_summary, run_outline
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.loops.learning import (
     Learner,
@@ -60,7 +59,7 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
     one = setting(design, job)
     console = tables.console_of(stderr=True, quiet=flags.json)
     doing = f"finding the law, then {flags.laps} laps"
-    tables.say(console, outline(job, machine.model.dt, len(machine.family_names), doing))
+    tables.say(console, run_outline(job, machine.model.dt, len(machine.family_names), doing))
     with console.status("finding the law"):
         prepared = prepared_law(one, flags)
     folder = created(flags, "learn")

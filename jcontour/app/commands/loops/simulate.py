@@ -14,6 +14,7 @@ from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import Verdict, kept_words, reason, warning
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Job, Pace
+from jcontour.app.jobs.memory import check_memory
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
@@ -38,7 +39,6 @@ from jcontour.app.runs.contour_summary import (
     peak_place,
     read_of,
 )
-from jcontour.app.runs.forecast import check_memory, forecast
 from jcontour.app.runs.lifecycle import created, finished, tuning_words
 
 
@@ -63,7 +63,7 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
     machine = machine_named(flags.plant)
     # the part comes before the design: a fault in line 1 of a program stops at once
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
-    plants, figures = len(machine.family_names), {}
+    figures = {}
     if flags.controller in CONSTRAINED:
         status.update("solving a quadratic program at every sample")
         from jcontour.app.runs.loops.traversing import traversed  # the solvers take a while
@@ -72,9 +72,7 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
     else:
         flags = seeing_all(flags, job)
         design = design_for(machine, flags)
-        check_memory(job, plants)
-        for line in forecast(job, machine.model.dt, plants):
-            tables.say(status.console, line)
+        check_memory(job.name, job.samples, len(machine.family_names))
         status.update(f"running {job.samples:,} samples")
         if isinstance(job, Job) and job.planned:
             figures["motion"] = motion_figure(job.planned, machine.axes, job.rapid)

@@ -32,7 +32,6 @@ from jcontour.app.runs.tuning.results import (
     SHOWN,
     Trial,
     baseline_trial,
-    confirmed,
     history_of,
     robust_trial,
     shown_contours,
@@ -100,10 +99,9 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
             curves = {name: trial.curves for name, trial in trials.items()}
             save_sensitivity(curves, run.scenarios.plants, folder)
             robust = robust_trial(run, tuned)
-            in_engine = confirmed(run, tuned, trials["tuned"].replay)
     if baseline is not None:
         trials["baseline"] = baseline
-    result = tuned_result(chosen, trials, robust, in_engine, loops, time.perf_counter() - began)
+    result = tuned_result(chosen, trials, robust, loops, time.perf_counter() - began)
     # Write the points that were tried, and at last the result
     points = history_of(run, tuned)
     run_folder.write_json(folder / "history.json", to_json(points))

@@ -111,17 +111,6 @@ class DriveLoop:
     kept: bool  # whether it is within every limit of the search
 
 
-@dataclass(frozen=True)
-class EngineRow:
-    """Nominal run in an independent engine: both RMS errors and the distance of both tools [m]."""
-
-    engine: str
-    contour: str
-    ours: float
-    theirs: float
-    apart: float
-
-
 @dataclass(frozen=True, kw_only=True)
 class TunedContour:
     """One contour of a tuning run, for training or held out."""
@@ -182,7 +171,6 @@ class TunedResult:
     contours: list[TunedContour]
     gap: list[GapRow]  # what smoothing hides
     training_samples: int
-    confirmed: list[EngineRow]  # the same runs in another engine, where there is one
     seconds: float  # that the run took
     sample_period: float  # of machine and controller [s]
     drive: DriveLoop | None = None  # the nearest simple loop; None where none was tried

@@ -27,7 +27,7 @@ from jcontour.app.runs.checks.machine_limits import (
     largest_asked,
     machine_limits,
 )
-from jcontour.app.runs.forecast import outline
+from jcontour.app.runs.contour_summary import run_outline
 from jcontour.app.runs.stored_loops import StoredLoop
 from jcontour.controller import Controller
 from jcontour.controllers.learning.laps import Learned
@@ -105,7 +105,7 @@ def bent(loop: StoredLoop, roughness: float, console: Console) -> Bent:
             rests = settled is not None
             held = round(MOST / dt) if settled is None else settled
             job = with_held_end(job, held)
-        tables.say(console, outline(job, dt, len(machine.family_names), doing))
+        tables.say(console, run_outline(job, dt, len(machine.family_names), doing))
         reference = job.reference(dt, controller.preview)
         scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
         before = replay(controller, scenarios)

@@ -12,7 +12,6 @@ from jcontour.analysis.uncertain_loops import BORNE
 from jcontour.app.beside import Beside
 from jcontour.app.designs.design import plain_weights
 from jcontour.app.files.results.tuned_result import (
-    EngineRow,
     GapRow,
     HistoryPoint,
     PathMargins,
@@ -22,7 +21,7 @@ from jcontour.app.files.results.tuned_result import (
     TunedResult,
 )
 from jcontour.app.files.results.verdict import ROUNDING, Message, warning
-from jcontour.app.jobs.replays import Replay, Scenarios, replay, scored
+from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.reports.figures.searches import FamilyCurves
 from jcontour.app.runs.checks.recommendation import (
@@ -60,7 +59,7 @@ from jcontour.app.runs.tuning.simple_loops import (
     simple_loops,
 )
 from jcontour.controller import Controller
-from jcontour.simulation.evaluation import member, stack_plants
+from jcontour.simulation.evaluation import member
 from tuning.objectives import LEAST
 from tuning.parameters import Chart
 from tuning.tuner import Tuned
@@ -152,7 +151,6 @@ def tuned_result(
     searched: Searched,
     trials: Mapping[str, Trial],
     robust: RobustTest | None,
-    confirmed: list[EngineRow],
     loops: Sequence[SimpleLoop],
     seconds: float,
 ) -> TunedResult:
@@ -220,7 +218,6 @@ def tuned_result(
         contours=contours,
         gap=gap(run, tuned, replayed),
         training_samples=run.training_samples,
-        confirmed=confirmed,
         seconds=seconds,
         sample_period=float(run.machine.model.dt),
         drive=drive_loop(searched, loops),
@@ -331,29 +328,6 @@ def gap(run: TuningRun, tuned: Tuned, replay: Replay) -> list[GapRow]:
                 )
             )
     return rows
-
-
-def confirmed(run: TuningRun, tuned: Tuned, tuned_replay: Replay) -> list[EngineRow]:
-    """The nominal plant in an independent engine, where there is one."""
-    independent = run.machine.independent()
-    if independent is None:
-        return []
-    engine, plant = independent
-    scenarios = run.scenarios._replace(plants=("nominal",), family=stack_plants([plant]))
-    other = replay(run.controller(tuned.weights), scenarios)
-    name, counts = f"rms_{run.machine.error}_error", scored(scenarios)
-    apart = np.linalg.norm(other.output[:, 0] - tuned_replay.output[:, 0], axis=-1)
-    ours, theirs = getattr(tuned_replay.metrics, name), getattr(other.metrics, name)
-    return [
-        EngineRow(
-            engine=engine,
-            contour=job.name,
-            ours=float(ours[c, 0]),
-            theirs=float(theirs[c, 0]),
-            apart=float(apart[c][counts[c]].max()),
-        )
-        for c, job in enumerate(scenarios.jobs)
-    ]
 
 
 def history_of(run: TuningRun, tuned: Tuned) -> list[HistoryPoint]:
