@@ -69,7 +69,7 @@ class ProbedLoops(Loops):
         windows: `probe_windows(...)`.
         encoding: how the sensors of the family show positions.
         more: samples of delay that the loops are looked at with as well; none for 0.
-        doubt: how far off the response of the plants may be; nothing is said of it for None.
+        uncertainty: how far off the response of the plants may be; nothing is said of it for None.
         count: length of a count of the encoders [m], one number or one for each position (r,); None
             where its noise is not looked at.
     """
@@ -77,7 +77,7 @@ class ProbedLoops(Loops):
     windows: Reference
     encoding: Encoding
     more: int = eqx.field(static=True, default=0)
-    doubt: ResponseUncertainty | None = None
+    uncertainty: ResponseUncertainty | None = None
     count: float | tuple[float, ...] | None = eqx.field(static=True, default=None, converter=_fixed)
 
     @classmethod
@@ -87,12 +87,12 @@ class ProbedLoops(Loops):
         references: Reference,
         probes: int,
         more: int = 0,
-        doubt: ResponseUncertainty | None = None,
+        uncertainty: ResponseUncertainty | None = None,
         count: float | Float[np.ndarray, " r"] | None = None,
     ) -> "ProbedLoops":
         """Some probes of each of the stacked references."""
         windows = probe_windows(references, probes)
-        return cls(windows, encoding_of(plants, windows), more, doubt, count)
+        return cls(windows, encoding_of(plants, windows), more, uncertainty, count)
 
     def matrices(self, plants: Plant, controller: Controller) -> FrozenLoop:
         """Frozen loops of every probe and plant."""
@@ -109,7 +109,7 @@ class ProbedLoops(Loops):
         return _probes(looked, alike)
 
     def _look(self, matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[Looked, Looked]:
-        values, gradients = loop_measures(matrices, self.encoding, self.doubt)
+        values, gradients = loop_measures(matrices, self.encoding, self.uncertainty)
         change = _along(gradients, slopes, "...mij,...ijd->...md")
         looked = [LoopPeaks(*np.moveaxis(values, -1, 0)), None, None]
         moved = [LoopPeaks(*np.moveaxis(change, -2, 0)), None, None]

@@ -363,7 +363,7 @@ def _sensitivity(loop: TuningRun, controller: Controller, axes: list[TrueAxis]) 
         Lines(w, response(axis, model.dt, w) / own[:, k, k] - 1, np.zeros(len(w)))
         for k, axis in enumerate(axes)
     )
-    still = Doubt(np.ones(1), np.zeros((1, len(axes))), lines)
+    still = ResponseUncertainty(np.ones(1), np.zeros((1, len(axes))), lines)
     linear = loop.machine.linear
     assert linear is not None  # it comes from a record
     true = replace(linear, uncertainty=linear.uncertainty._replace(response=still))

@@ -111,21 +111,13 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
         words = ", ".join(f"--{flag.replace('_', '-')}" for flag in unread)
         warnings.warn(f"{design.name} does not read {words}", UnreadFlagWarning, stacklevel=2)
     if flags.backlash:
-        if not (isinstance(machine, LinearMachine) and np.any(machine.backlash)):
+        linear = machine.linear
+        if linear is None or not np.any(linear.backlash):
             raise ValueError(f"backlash: {machine.name} states none; a machine file may")
-        build, gaps = design.build, jnp.asarray(machine.gaps)
+        build, gaps = design.build, jnp.asarray(linear.gaps)
         design = design.replaced(build=lambda weights: BacklashCompensation(build(weights), gaps))
     design.build(design.start)
     return design
-
-
-def _compensated(design: Design, machine: Machine) -> Design:
-    """The design with motors that lead by half the backlash."""
-    linear = machine.linear
-    if linear is None or not np.any(linear.backlash):
-        raise ValueError(f"backlash: {machine.name} states none; a machine file may")
-    build, gaps = design.build, jnp.asarray(linear.gaps)
-    return design.replaced(build=lambda weights: BacklashCompensation(build(weights), gaps))
 
 
 def set_of(flags: Controlled) -> list[str]:

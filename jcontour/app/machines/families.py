@@ -31,7 +31,7 @@ from jcontour.plants.encoders import FineEncoders
 from jcontour.sensors import Sensors
 
 if TYPE_CHECKING:
-    from jcontour.analysis.uncertain_loops import Doubt
+    from jcontour.analysis.uncertain_loops import ResponseUncertainty
 
 LATE = 1  # most samples of delay that a model does not know: a drive's bus
 
@@ -64,7 +64,7 @@ class GainsAndDelayMachine(Machine):
         return [assumed(self.name, gain, delay, statement)] if statement else []
 
     @property
-    def response_uncertainty(self) -> "Doubt | None":
+    def response_uncertainty(self) -> "ResponseUncertainty | None":
         """What its file says of the response."""
         return self.uncertainty.response
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import matrix_balance
 
 from jcontour._regular_files import content_of
-from jcontour.analysis.uncertain_loops import Doubt, Lines
+from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
 from jcontour.app.files import checks
 from jcontour.app.files.checks import METRES, MachineError
 from jcontour.app.files.machine_file import (
@@ -167,7 +167,7 @@ def stated_uncertainty(given: Any, model: LinearPlant, statement: str = IN_FILE)
         takes: Literal["position", "speed"] = "position" if "position" in kinds else "speed"
         return Uncertainty(GAIN_KNOWN_TO[takes], LATE, assumed=statement)
     fields = read(UncertaintyFields, given, "uncertainty")
-    return Uncertainty(fields.gain, fields.delay, _doubt(fields, model))
+    return Uncertainty(fields.gain, fields.delay, _response(fields, model))
 
 
 def _lines(one: MeasuredFields | None, plant: LinearPlant) -> tuple[Lines, ...]:
@@ -188,11 +188,11 @@ def _lines(one: MeasuredFields | None, plant: LinearPlant) -> tuple[Lines, ...]:
     return tuple(lines)
 
 
-def _doubt(fields: UncertaintyFields, plant: LinearPlant) -> Doubt | None:
+def _response(fields: UncertaintyFields, plant: LinearPlant) -> ResponseUncertainty | None:
     """What a file says of the response; a frequency in rad per sample."""
     given, lines = fields.response, _lines(fields.measured, plant)
     if given is None:
-        return Doubt(np.ones(1), np.zeros((1, plant.axes)), lines) if lines else None
+        return ResponseUncertainty(np.ones(1), np.zeros((1, plant.axes)), lines) if lines else None
     name, highest = "uncertainty.response", 1 / (2 * plant.dt)
     hertz, relative = np.array(given.hertz), np.array(given.relative)
     if not (hertz[0] > 0 and np.all(np.diff(hertz) > 0) and hertz[-1] <= highest):
@@ -201,7 +201,7 @@ def _doubt(fields: UncertaintyFields, plant: LinearPlant) -> Doubt | None:
         raise MachineError(
             f"{name}.relative: needs {plant.axes} rows of {hertz.size} numbers of at least 0"
         )
-    return Doubt(2 * np.pi * plant.dt * hertz, relative.T, lines)
+    return ResponseUncertainty(2 * np.pi * plant.dt * hertz, relative.T, lines)
 
 
 def _check_axes(plant: LinearPlant) -> None:

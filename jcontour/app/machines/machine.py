@@ -18,7 +18,7 @@ from jcontour.simulation.evaluation import stack_plants
 from jcontour.simulation.limit_use import hidden_acceleration
 
 if TYPE_CHECKING:
-    from jcontour.analysis.uncertain_loops import Doubt, Lines
+    from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
     from jcontour.app.machines.linear import LinearMachine
 
 Fed = Literal["outputs", "state"]  # the controller is fed the machine's sensors, or the state
@@ -131,7 +131,7 @@ class Machine(abc.ABC):
         return ()
 
     @property
-    def response_uncertainty(self) -> "Doubt | None":
+    def response_uncertainty(self) -> "ResponseUncertainty | None":
         """How far off the response may be, beside the family; None where nothing is said."""
         return None
 

@@ -14,7 +14,7 @@ from jaxtyping import Array, Complex, Float
 from jcontour._arrays import placed
 
 if TYPE_CHECKING:  # the analysis of loops takes a while to import
-    from jcontour.analysis.uncertain_loops import Doubt
+    from jcontour.analysis.uncertain_loops import ResponseUncertainty
 
 GAIN_KNOWN_TO = {  # a data sheet is seldom better; a position drive follows its own encoder
     "speed": 0.1,
@@ -31,7 +31,7 @@ class Uncertainty(NamedTuple):
     gain: float  # relative uncertainty of the input gains
     delay: int  # most samples of delay that the model does not know
     # how far off the frequency response may be beside these; None where nothing is said
-    response: "Doubt | None" = None
+    response: "ResponseUncertainty | None" = None
     assumed: str = ""  # how a file would state it; empty where it does
 
 

@@ -159,8 +159,7 @@ def test_a_machine_that_is_not_linear_is_refused(name):
 
 def test_a_response_that_is_doubted_is_not_in_the_promise():
     table = promised(machine_named("xy-table"))
-    doubted = replace(
-        table, uncertainty=Uncertainty(0.1, 2, Doubt(np.array([0.1]), np.full((1, 2), 0.2)))
-    )
+    response = ResponseUncertainty(np.array([0.1]), np.full((1, 2), 0.2))
+    unsure = replace(table, uncertainty=Uncertainty(0.1, 2, response))
     with pytest.warns(UserWarning, match="uncertainty.response. is not in what is promised"):
-        promised(doubted)
+        promised(unsure)

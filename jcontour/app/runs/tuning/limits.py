@@ -152,7 +152,7 @@ def counted(limits: dict[str, float], machine: Machine) -> float | np.ndarray | 
 def probed_loops(
     flags: Limited,
     problem: Problem,
-    doubt: ResponseUncertainty | None,
+    uncertainty: ResponseUncertainty | None,
     count: float | np.ndarray | None,
 ) -> ProbedLoops | None:
     """The frozen loops that the limits look at; None where none does.
@@ -160,13 +160,13 @@ def probed_loops(
     Args:
         flags: of the run.
         problem: whose loops they are.
-        doubt: how far off the response may be.
+        uncertainty: how far off the response may be.
         count: of the encoders [m], where the noise of counts is limited.
     """
-    if not loop_limits(flags) and doubt is None and count is None:
+    if not loop_limits(flags) and uncertainty is None and count is None:
         return None
     return ProbedLoops.of(
-        problem.plants, problem.references, WINDOWS, flags.min_delay_margin, doubt, count
+        problem.plants, problem.references, WINDOWS, flags.min_delay_margin, uncertainty, count
     )
 
 
@@ -194,12 +194,12 @@ def probed_peaks(
     family: Plant,
     controller: Controller,
     windows: Reference,
-    doubt: ResponseUncertainty | None = None,
+    uncertainty: ResponseUncertainty | None = None,
 ) -> LoopPeaks:
     """Peaks of a family at the windows of some probes."""
     with on_cpu():  # few and small
         loops = jax.device_get(frozen_family(family, controller, windows))
-    return host_peaks(loops, encoding_of(family, windows), doubt)
+    return host_peaks(loops, encoding_of(family, windows), uncertainty)
 
 
 def family_curves(
@@ -218,16 +218,16 @@ def least_known(
     controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
 ) -> LeastKnown:
     """Where the loops of the family rest most on what is not known of the response."""
-    if (doubt := machine.response_uncertainty) is None:
+    if (uncertainty := machine.response_uncertainty) is None:
         raise ValueError("machine: nothing is said of its response")
     family, windows = _probed(machine, scenarios, fed)
     with on_cpu():
         loops = jax.device_get(frozen_family(family, controller, windows))
-    frequency = np.union1d(GRID, doubt.frequency)
+    frequency = np.union1d(GRID, uncertainty.frequency)
     responses = Responses.of(loops, encoding_of(family, windows))
     each = np.abs(np.diagonal(responses.control_complementary(frequency), axis1=-2, axis2=-1))
     largest = np.nan_to_num(each, posinf=0.0).max(axis=tuple(range(each.ndim - 2)))
-    relative = doubt.at(frequency)
+    relative = uncertainty.at(frequency)
     place, axis = np.unravel_index(np.argmax(relative * largest), relative.shape)
     hertz = float(frequency[place]) / (2 * np.pi * machine.model.dt)
     return LeastKnown(hertz, float(relative[place, axis]), float(largest[place, axis]))
