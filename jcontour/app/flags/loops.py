@@ -14,9 +14,10 @@ from jcontour.app.flags.shared import (
 )
 
 Fallback = Literal["stop", "hold", "soft"]
+Solver = Literal["daqp", "proxqp"]
 
 FALLBACK: Fallback = "stop"  # no number comes from a step that was not solved
-SOLVER = "daqp"  # exact to rounding and the fastest
+SOLVER: Solver = "daqp"  # exact to rounding and the fastest
 
 
 @dataclass(frozen=True)
@@ -115,8 +116,8 @@ class Check(RunsCode):
     fallback: Fallback = FALLBACK
     """Action at a step whose QP has no answer.
     Stop the run, hold the last control, or soften the limits."""
-    solver: str = SOLVER
-    """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
+    solver: Solver = SOLVER
+    """QP solver."""
     force: float | None = None
     """--bound: largest disturbance on every control at every sample: friction, cutting
     [control unit]. When not given, the friction or, where it is more, the control noise of the
