@@ -8,9 +8,6 @@ from .feed_laws import constant_feed as constant_feed
 from .feed_laws import trapezoidal as trapezoidal
 from .input_shaping import Shaper as Shaper
 from .input_shaping import ei as ei
-from .input_shaping import in_series as in_series
-from .input_shaping import residual_vibration as residual_vibration
-from .input_shaping import shaped_law as shaped_law
 from .input_shaping import zv as zv
 from .input_shaping import zvd as zvd
 from .point_to_point import PointToPoint as PointToPoint

@@ -22,16 +22,12 @@ numbers. Here the damped EI is exact at the modelled mode, and its zeros are at 
 decay zeta w.
 """
 
-from functools import reduce
-
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from jcontour._tracing import is_concrete
-from jcontour.motion.references import TimeLaw
 
 
 class Shaper(eqx.Module):
@@ -117,52 +113,6 @@ def ei(frequency, damping=0.0, vibration=0.05) -> Shaper:
             "without a third impulse; use zv"
         )
     return _at_half_periods(half, jnp.stack([1 + G, 2 * (1 - G) * K, (1 + G) * K**2]))
-
-
-def in_series(*shapers: Shaper) -> Shaper:
-    """Shaper for several modes: the shapers one after the other, their impulses convolved.
-
-    Each cancels the mode that it is made for.
-    """
-    return reduce(_after, shapers)
-
-
-@jax.jit  # one program where it is called outside of one
-def residual_vibration(
-    shaper: Shaper, frequency: Float[ArrayLike, "*b"], damping: Float[ArrayLike, "*#b"] = 0.0
-) -> Float[Array, "*b"]:
-    """Residual vibration V of modes w [rad/s], zeta behind a shaper.
-
-    It is the share of a mode's impulse response that is left after the last impulse.
-    """
-    modes = jnp.asarray(frequency, float), jnp.asarray(damping, float)
-    w, zeta = (values[..., None] for values in jnp.broadcast_arrays(*modes))
-    since = jnp.broadcast_to(shaper.times - shaper.times[-1], (*w.shape[:-1], shaper.times.size))
-    left = jnp.exp(jax.lax.complex(zeta * w * since, jnp.sqrt(1 - zeta**2) * w * since))
-    return jnp.abs(left @ shaper.amplitudes.astype(left.dtype))
-
-
-def shaped_law(law: TimeLaw, shaper: Shaper) -> TimeLaw:
-    """Time law behind a shaper.
-
-    Sampled by `references.in_time` it has every impulse at its exact time. On a contour the tool
-    stays on the path, and the feed along it is shaped.
-    """
-    times, amplitudes = np.asarray(shaper.times), np.asarray(shaper.amplitudes)
-
-    def arc(time: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
-        delayed = np.maximum(np.asarray(time)[:, None] - times, 0.0)
-        return np.asarray(law(delayed.ravel())).reshape(delayed.shape) @ amplitudes
-
-    return arc
-
-
-@jax.jit
-def _after(first: Shaper, second: Shaper) -> Shaper:
-    times = (first.times[:, None] + second.times[None]).ravel()
-    order = jnp.argsort(times)
-    amplitudes = (first.amplitudes[:, None] * second.amplitudes[None]).ravel()
-    return Shaper(times[order], amplitudes[order])
 
 
 def _mode(frequency, damping) -> tuple[Float[Array, ""], Float[Array, ""]]:

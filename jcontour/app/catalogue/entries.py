@@ -135,6 +135,8 @@ CONTROLLERS = {  # name -> module and class
     "lqr": "jcontour.app.designs.flexible_axis:AxisLQ",
     "lqr-quasi-steady": "jcontour.app.designs.flexible_axis:AxisQuasiSteadyLQ",
     "cascade-zv": "jcontour.app.designs.flexible_axis:AxisShaped",
+    "cascade-zvd": "jcontour.app.designs.flexible_axis:AxisFlatShaped",
+    "cascade-ei": "jcontour.app.designs.flexible_axis:AxisInsensitiveShaped",
     "lqg": "jcontour.app.designs.flexible_axis:AxisLQG",
     "lqg-offset-free": "jcontour.app.designs.flexible_axis:AxisOffsetFreeLQG",
     "flexible-zpetc": "jcontour.app.designs.inverse_feedforward:AxisZeroPhase",

@@ -42,7 +42,7 @@ from jcontour.controllers.observers.extended_state_observers import (
 from jcontour.controllers.observers.kalman import OffsetFreeObserver, kalman_gain, offset_free_gain
 from jcontour.controllers.wrappers.filters import Filtered, Shaped, low_pass, notch
 from jcontour.linear.plant import LinearPlant
-from jcontour.motion.input_shaping import zv
+from jcontour.motion.input_shaping import Shaper, ei, zv, zvd
 from jcontour.plants.flexible_axis.axis import thesis_axis
 from jcontour.sensors import motors
 from tuning.parameters import Interval, Weight
@@ -239,9 +239,22 @@ class AxisShaped(AxisFeedforward):
         Weight("mode", "rad/s", start=_link_frequency),
         Weight("mode_damping", range=RATIO, start=_link_damping),
     )
+    shaper: ClassVar[Callable[..., Shaper]] = staticmethod(zv)
 
     def build(self, weights: Gains) -> Controller:
-        return Shaped(super().build(weights), zv(*picked("mode mode_damping", weights)))
+        return Shaped(super().build(weights), self.shaper(*picked("mode mode_damping", weights)))
+
+
+class AxisFlatShaped(AxisShaped):
+    """The same behind a zero-vibration-and-derivative shaper: a mode that is off matters less."""
+
+    shaper = staticmethod(zvd)
+
+
+class AxisInsensitiveShaped(AxisShaped):
+    """The same behind an extra-insensitive shaper: at most 5 % are left of modes 20 % off."""
+
+    shaper = staticmethod(ei)
 
 
 class AxisTimeDelay(AxisDesign):

@@ -98,11 +98,7 @@ class DisturbanceObserver(Wrapper):
     def initial_memory(self, reference: Reference) -> DisturbanceMemory:
         """Filters in the steady motion of the start, without disturbance."""
         check_period(self.dt, reference)
-        axes, received = self.sensors.axes, reference.position.shape[-1]
-        if received != axes:
-            raise ValueError(
-                f"sensors: the reference has {received} axes, the observer reads {axes}"
-            )
+        check_axes(self.sensors.axes, reference)
         now, (_, inverse, _) = reference.position[0], self._filters()
         before = now - reference.start_increment
         inner = self.controller.initial_memory(reference)

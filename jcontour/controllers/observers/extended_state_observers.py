@@ -25,7 +25,7 @@ from jaxtyping import Array, Float
 
 from jcontour._arrays import check_signs
 from jcontour._tracing import is_concrete
-from jcontour.controller import Controller, Wrapper, check_period, numbers
+from jcontour.controller import Controller, Wrapper, check_axes, check_period, numbers
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 
@@ -199,12 +199,8 @@ class DisturbanceRejection(Wrapper):
     def initial_memory(self, reference: Reference) -> RejectionMemory:
         """Estimate one sample before the first, in the steady motion of the start, undisturbed."""
         check_period(self.observer.dt, reference)
+        check_axes(self.sensors.axes, reference)
         increment = reference.start_increment
-        axes, received = self.sensors.axes, increment.shape[-1]
-        if received != axes:
-            raise ValueError(
-                f"sensors: the reference has {received} axes, the observer reads {axes}"
-            )
         before, none = reference.position[0] - increment, jnp.zeros_like(increment)
         estimate = Estimate(before, increment / self.observer.dt, none)
         return RejectionMemory(estimate, none, before, self.controller.initial_memory(reference))
