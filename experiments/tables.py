@@ -4,12 +4,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from operator import attrgetter
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.console import Console
 
 from jcontour.app.reports.tables import plain_table, say
 
+Row = TypeVar("Row")
 Column = str | Callable[[Any], str]  # "attribute", "attribute:format", or a function of a row
 
 
@@ -27,6 +28,12 @@ class Table:
     def cells(self) -> list[list[str]]:
         """What stands below the headings, row by row."""
         return [[_cell(row, column) for column in self.columns.values()] for row in self.rows]
+
+
+def where(rows: Iterable[Row], **values: object) -> list[Row]:
+    """Rows whose attributes have these values."""
+    wanted = values.items()
+    return [row for row in rows if all(getattr(row, name) == value for name, value in wanted)]
 
 
 def show(console: Console, parts: Iterable[Table | str]) -> None:

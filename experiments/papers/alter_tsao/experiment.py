@@ -60,12 +60,10 @@ class Settings:
 
 @dataclass(frozen=True)
 class PublishedLine:
-    """Line of Table 1 or 3: m, N_p, N, and errors as printed [m]."""
+    """Line of Table 1 or 3: errors as printed [m]."""
 
     line: int
-    order: int
-    preview: int
-    constraint: int
+    following: ModelFollowing  # m, N_p, N
     measured_max: str  # on the authors' machine
     printed_max: str  # simulated by the authors
     measured_rms: str
@@ -76,9 +74,7 @@ class PublishedLine:
 class PublishedCosts:
     """Row of Table 2, as printed."""
 
-    order: int
-    preview: int
-    constraint: int
+    following: ModelFollowing
     printed_limit: str  # lim J_eps
     printed_optimal: str  # J_1
 
@@ -86,13 +82,13 @@ class PublishedCosts:
 # the scan shows 1.959e-3 for the simulated RMS error of line 4 (errata)
 _TEXT = Path(__file__).with_name("tables_1_and_3.csv").read_text(encoding="utf-8")
 *TABLE_1, LINE_30, LINE_31, LINE_32 = (
-    PublishedLine(int(row[0]), int(row[1]), int(row[2]), int(row[3]), *row[4:])
+    PublishedLine(int(row[0]), ModelFollowing(*map(int, row[1:4])), *row[4:])
     for row in (line.split(",") for line in _TEXT.splitlines()[1:])
 )
 TABLE_2 = (
-    PublishedCosts(0, 9, 0, "1.60e-4", "1.22e-4"),
-    PublishedCosts(0, 1, 2, "1.171", "0.895"),
-    PublishedCosts(2, 3, 2, "0.0169", "0.0129"),
+    PublishedCosts(ModelFollowing(0, 9, 0), "1.60e-4", "1.22e-4"),
+    PublishedCosts(ModelFollowing(0, 1, 2), "1.171", "0.895"),
+    PublishedCosts(ModelFollowing(2, 3, 2), "0.0169", "0.0129"),
 )
 BANDWIDTHS_HZ = {1: "364", 2: "261"}
 SECOND_DIFFERENCE = 1.9e-6  # [m] per sample^2, 7.6 m/s^2 at 2 kHz
@@ -169,16 +165,10 @@ def peak(signal: Signal) -> float:
     return float(np.max(np.abs(signal)))
 
 
-def following_of(row: PublishedLine | PublishedCosts) -> ModelFollowing:
-    """Numbers of a row."""
-    return ModelFollowing(row.order, row.preview, row.constraint)
-
-
 def tracking_taps(row: PublishedLine, zero: float) -> Taps:
     """Error against the reference itself of a row's l1 optimum."""
-    following = following_of(row)
-    optimum = l1_optimum(following.matching(np.array([0.0, zero])))
-    return following.tracking_error(optimum)[0]
+    optimum = l1_optimum(row.following.matching(np.array([0.0, zero])))
+    return row.following.tracking_error(optimum)[0]
 
 
 def line_error(row: PublishedLine, zero: float) -> Signal:
@@ -188,7 +178,7 @@ def line_error(row: PublishedLine, zero: float) -> Signal:
 
 def line(row: PublishedLine, zero: float) -> Line:
     """A line of Table 1."""
-    problem = following_of(row).matching(np.array([0.0, zero]))
+    problem = row.following.matching(np.array([0.0, zero]))
     optimum = l1_optimum(problem)
     error, other = line_error(row, zero), line_error(row, ZERO)
     return Line(
@@ -224,17 +214,18 @@ def zero_interval() -> tuple[float, float]:
     fits = [
         b
         for b in INTERVAL
-        if all(rounds_to(amplitude * abs(b) ** (row.preview - 1), row.printed_max) for row in rows)
+        if all(
+            rounds_to(amplitude * abs(b) ** (row.following.preview - 1), row.printed_max)
+            for row in rows
+        )
     ]
     return float(fits[0]), float(fits[-1])
 
 
 def costs(row: PublishedCosts, zero: float) -> Costs:
     """Costs with integral action in the feedback; the zero at the origin is factored out."""
-    following = following_of(row)
-    wanted, weight = (
-        float(polynomial.polyval(zero, taps)) for taps in (following.response, following.weight)
-    )
+    kinds = row.following.response, row.following.weight
+    wanted, weight = (float(polynomial.polyval(zero, taps)) for taps in kinds)
     value = wanted / (weight * zero)
     proven = corollary_1(value, zero)
     through = value / (1 - zero) * np.array([1.0, -1.0])  # M(b) at b and 0 at 1
@@ -245,14 +236,14 @@ def costs(row: PublishedCosts, zero: float) -> Costs:
         limit=proven.limit,
         optimal=proven.attainable,
         by_program=program.cost,
-        attainable=abs(value) if row.constraint else proven.attainable,
+        attainable=abs(value) if row.following.constraint else proven.attainable,
     )
 
 
 def line_30(zero: float) -> Line30:
     """The eps of the authors' filter, from their maximum and from their RMS error."""
     reference, row = trajectory(), LINE_30
-    value = zero ** (row.preview - 1)
+    value = zero ** (row.following.preview - 1)
 
     def error(eps: float) -> Signal:
         return periodic_ratio(value * np.array([1.0, -1.0]), np.array([1 + eps, -1.0]), reference)
@@ -271,12 +262,11 @@ def line_30(zero: float) -> Line30:
 
 def zpetc_apart(zero: float) -> float:
     """Difference between line 28 and the error of zero phase error tracking."""
-    row = TABLE_1[27]
     factor = np.array([-zero, 1.0])
     # lambda Bu(l) Bu(1/l) / Bu(1)^2
     mirrored = np.convolve(factor, factor[::-1]) / factor.sum() ** 2
     zero_phase = polynomial.polysub([0.0, 0.0, 1.0], np.concatenate([[0.0], mirrored]))
-    return float(np.max(np.abs(polynomial.polysub(zero_phase, tracking_taps(row, zero)))))
+    return float(np.max(np.abs(polynomial.polysub(zero_phase, tracking_taps(TABLE_1[27], zero)))))
 
 
 CROSSOVER = 250.0  # [rad/s], chosen: the authors' controllers are not printed
@@ -295,21 +285,11 @@ class LoopRun:
     """One controller in the loop with the example drive, from rest, over its second period."""
 
     controller: str
-    order: int
-    preview: int
-    constraint: int
+    following: ModelFollowing
     max_error: float  # [m]
     apart: float  # from the filter E_track [m]
     per_acceleration: float  # largest model following error over largest second difference
     slowest_pole: float  # smallest modulus in lambda: above one is stable
-
-
-@dataclass(frozen=True)
-class Perturbed:
-    """Cost of the suboptimal filter with the unit-circle zero moved by eps."""
-
-    eps: float
-    l1: float
 
 
 @dataclass(frozen=True)
@@ -386,17 +366,9 @@ def loop_runs(zero: float) -> tuple[LoopRun, ...]:
             np.convolve(plant.denominator, feedback.denominator),
         )
         poles = np.concatenate([np.roots(closed[::-1]), np.roots(forward[1][::-1])])
-        row = LoopRun(
-            controller=name,
-            order=following.order,
-            preview=following.preview,
-            constraint=following.constraint,
-            max_error=peak(error),
-            apart=peak(error - filtered),
-            per_acceleration=peak(model - output[second]) / SECOND_DIFFERENCE,
-            slowest_pole=float(np.min(np.abs(poles))),
-        )
-        rows.append(row)
+        per_acceleration = peak(model - output[second]) / SECOND_DIFFERENCE
+        sizes = peak(error), peak(error - filtered), per_acceleration
+        rows.append(LoopRun(name, following, *sizes, float(np.min(np.abs(poles)))))
     return tuple(rows)
 
 
@@ -416,17 +388,15 @@ def simulated(
     return output
 
 
-def perturbed_costs(zero: float, sweep: Iterable[float] = SWEEP) -> tuple[Perturbed, ...]:
-    """Costs of (0, 9, 0) with controller B over eps."""
+def perturbed_costs(zero: float, sweep: Iterable[float] = SWEEP) -> tuple[float, ...]:
+    """Costs of (0, 9, 0) with controller B, the unit-circle zero of its filter moved by eps."""
     feedback = feedbacks(linear_motor_drive())["B"]
     plant = transfer_function(linear_motor_drive(bandwidth_of_zero(zero)))
     through = np.convolve(plant.numerator, feedback.numerator)
     closed = polynomial.polyadd(np.convolve(plant.denominator, feedback.denominator), through)
     delayed = np.eye(1, 9, 8)[0]
     model = (polynomial.polysub(np.convolve(delayed, closed), through[1:]), closed)
-    return tuple(
-        Perturbed(eps, l1_norm(*perturbed_error(model, np.array([zero**8]), eps))) for eps in sweep
-    )
+    return tuple(l1_norm(*perturbed_error(model, np.array([zero**8]), eps)) for eps in sweep)
 
 
 @dataclass(frozen=True)
@@ -444,7 +414,7 @@ class Result:
     line_30: Line30
     loops: tuple[LoopRun, ...]
     alone: dict[str, tuple[float, float]]  # largest and RMS error of a feedback [m]
-    perturbed: tuple[Perturbed, ...]
+    perturbed: tuple[float, ...]  # costs over `SWEEP`
 
 
 def run(settings: Settings) -> Result:

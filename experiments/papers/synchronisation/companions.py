@@ -10,19 +10,17 @@ Learning in Cartesian space (Guglielmo & Sadegh): the force at the tool of an ar
 cycle to cycle, with no model of its masses.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_lyapunov
 
-from experiments.papers.panels import Curve, Panel
-from jcontour.app.reports.figures.axes import CYCLE
 from jcontour.controllers.learning.cartesian import CartesianControl, cartesian_cycles
 from jcontour.controllers.learning.laps import PType, learn
 from jcontour.motion.references import from_samples
@@ -54,18 +52,40 @@ class Cycles:
     heavy: Float[np.ndarray, " C"]  # masses half as large again, the same law
 
 
+def turning(angle: Any, using: Any = jnp) -> Any:
+    """Matrix with the eigenvalues -1/4 +- j sqrt(7)/4 at every angle (Markus & Yamabe 1960).
+
+        A = [[-1 + 1.5 c^2, 1 - 1.5 c s], [-1 - 1.5 c s, -1 + 1.5 s^2]],  c = cos, s = sin
+    Turned at one radian per second from x = (1, 0), the state is exp(t/2) (cos t, -sin t).
+    """
+    c, s = using.cos(angle), using.sin(angle)
+    rows = [[-1 + 1.5 * c * c, 1 - 1.5 * c * s], [-1 - 1.5 * c * s, -1 + 1.5 * s * s]]
+    return using.array(rows)
+
+
+def admissible_rate(matrix: Callable[[Any], Any], parameters: Iterable[float]) -> float:
+    """Estimate of the largest rate |p'| at which the loop is stable [parameter per second].
+
+        1 / max over p of |dP/dp|,   A' dP + dP A = -(dA' P + P dA)
+    The maximum is that over the parameters given: one over the whole interval would be a bound.
+    """
+    sizes = []
+    for p in parameters:
+        A, dA = (np.asarray(each) for each in jax.jvp(matrix, (float(p),), (1.0,)))
+        P = solve_continuous_lyapunov(A.T, -np.eye(len(A)))
+        dP = solve_continuous_lyapunov(A.T, -(dA.T @ P + P @ dA))
+        sizes.append(float(np.linalg.norm(dP, 2)))
+    return 1 / max(sizes)
+
+
 def scheduled() -> Schedule:
     """The turning matrix, frozen and moved."""
-    frozen = max(
-        float(np.linalg.eigvals(np.asarray(turning(jnp.asarray(p)))).real.max()) for p in GRID
-    )
+    frozen = max(float(np.linalg.eigvals(turning(p, np)).real.max()) for p in GRID)
     rate, time = admissible_rate(turning, GRID), np.linspace(0, TIME, 201)
 
     def moved(speed: float) -> Float[np.ndarray, " T"]:
         def slope(t, x):
-            c, s = np.cos(speed * t), np.sin(speed * t)
-            rows = [[-1 + 1.5 * c * c, 1 - 1.5 * c * s], [-1 - 1.5 * c * s, -1 + 1.5 * s * s]]
-            return np.array(rows) @ x
+            return turning(speed * t, np) @ x
 
         run = solve_ivp(slope, (0, TIME), [1.0, 0.0], t_eval=time, rtol=1e-9, atol=1e-12)
         return np.linalg.norm(run.y, axis=0)
@@ -91,80 +111,3 @@ def learned() -> Cycles:
         return np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))
 
     return Cycles(errors(arm), errors(heavier))
-
-
-def panels(schedule: Schedule, cycles: Cycles) -> list[Panel]:
-    """Size of the moving loop, and errors of the tool by cycle."""
-    moving = [
-        Curve(schedule.time_s, schedule.fast, f"{FAST:g} rad/s", {"color": CYCLE[1]}),
-        Curve(schedule.time_s, schedule.slow, f"{schedule.rate:.3f} rad/s", {"color": CYCLE[0]}),
-    ]
-    number = np.arange(1, CYCLES + 1)
-    tool = [
-        Curve(number, 1e3 * error, label, {"marker": "o", "color": colour})
-        for error, label, colour in (
-            (cycles.light, "arm", CYCLE[2]),
-            (cycles.heavy, "heavier arm", CYCLE[3]),
-        )
-    ]
-    log = {"yscale": "log"}
-    return [
-        Panel("gain scheduling", "time [s]", "size of the state", moving, log),
-        Panel("learning in Cartesian space", "cycle", "RMS error of the tool [mm]", tool, log),
-    ]
-
-
-def admissible_rate(
-    matrix: Callable[[Array], Any], parameters: Sequence[float] | Float[np.ndarray, "_"]
-) -> float:
-    """Estimate of the largest rate |p'| at which the loop is stable [parameter per second].
-
-        1 / max over p of |dP/dp|,   A' dP + dP A = -(dA' P + P dA)
-
-    The maximum is that over the parameters given: one over the whole interval would be a bound.
-
-    A mass on a spring whose damping is scheduled:
-
-    >>> def damped(p):
-    ...     return jnp.array([[0.0, 1.0], [-1.0, -1.0]]) - p * jnp.array([[0.0, 0.0], [0.0, 1.0]])
-    >>> round(admissible_rate(damped, np.linspace(0.0, 1.0, 11)), 3)
-    1.0
-
-    Args:
-        matrix: A (n, n) at a parameter, traceable.
-        parameters: grid on which the maximum is taken; a finer one can only lower the estimate.
-
-    Raises:
-        ValueError: there is no parameter, or the frozen loop is not stable at one.
-    """
-    if len(parameters) == 0:
-        raise ValueError("parameters: need at least one")
-    sizes = [_slope(matrix, float(p)) for p in parameters]
-    largest = max(sizes)
-    return np.inf if largest == 0 else 1 / largest
-
-
-def _slope(matrix: Callable[[Array], Any], parameter: float) -> float:
-    """Norm |dP/dp| at a parameter."""
-    at = jnp.asarray(parameter)
-    A, dA = (np.asarray(each) for each in jax.jvp(matrix, (at,), (jnp.ones_like(at),)))
-    fastest = np.max(np.linalg.eigvals(A).real)
-    if not fastest < 0:
-        raise ValueError(
-            f"matrix: the loop frozen at {parameter:g} is not stable, "
-            f"an eigenvalue has the real part {fastest:.4g}"
-        )
-    P = solve_continuous_lyapunov(A.T, -np.eye(len(A)))
-    dP = solve_continuous_lyapunov(A.T, -(dA.T @ P + P @ dA))
-    return float(np.linalg.norm(dP, 2))
-
-
-def turning(angle: Float[Array, ""]) -> Float[Array, "2 2"]:
-    """Matrix with the eigenvalues -1/4 +- j sqrt(7)/4 at every angle (Markus & Yamabe 1960).
-
-        A = [[-1 + 1.5 c^2, 1 - 1.5 c s], [-1 - 1.5 c s, -1 + 1.5 s^2]],  c = cos, s = sin
-    Turned at one radian per second from x = (1, 0), the state is exp(t/2) (cos t, -sin t).
-    """
-    c, s = jnp.cos(angle), jnp.sin(angle)
-    rows = [[-1 + 1.5 * c**2, 1 - 1.5 * c * s], [-1 - 1.5 * c * s, -1 + 1.5 * s**2]]
-    return jnp.stack([jnp.stack(row) for row in rows])

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.papers.synchronisation.companions import Cycles, Schedule, learned, scheduled
+from experiments.tables import where
 from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
     SynchronisedGains,
@@ -132,13 +133,11 @@ class Result:
 
     def row(self, plant: str, period_ms: float, beta: float) -> Row:
         """Response of this plant, period and coupling."""
-        wanted = (plant, period_ms, beta)
-        return next(one for one in self.rows if (one.plant, one.period_ms, one.beta) == wanted)
+        return where(self.rows, plant=plant, period_ms=period_ms, beta=beta)[0]
 
     def bound(self, plant: str, period_ms: float) -> Bounds:
         """Bounds of this plant and period."""
-        wanted = (plant, period_ms)
-        return next(one for one in self.bounds if (one.plant, one.period_ms) == wanted)
+        return where(self.bounds, plant=plant, period_ms=period_ms)[0]
 
 
 def run(settings: Settings) -> Result:
@@ -182,24 +181,12 @@ def stepped(name: str, period_ms: float, beta: float, samples: int) -> Row:
         times, errors = dt * np.arange(first, steps), (SPEED - speeds)[first:]
     e1, e2 = errors.T
     apart = e1 - e2
-    peaks = np.max(np.abs([e1, e2, apart]), axis=1)
-    lost = bool(not np.all(np.isfinite(peaks)) or np.max(np.abs(errors - SPEED)) > LOST)
-    numbers = *peaks, np.trapezoid(np.abs(apart), times)
-    peak_e1, peak_e2, peak_sync, iae_sync = (np.inf if lost else float(x) for x in numbers)
-    return Row(
-        plant=name,
-        period_ms=period_ms,
-        beta=beta,
-        peak_sync=peak_sync,
-        iae_sync=iae_sync,
-        peak_e1=peak_e1,
-        peak_e2=peak_e2,
-        turns=0 if lost else turns(apart),
-        diverged=lost,
-        time_s=times,
-        e1=e1,
-        e2=e2,
-    )
+    peak_e1, peak_e2, peak_sync = np.max(np.abs([e1, e2, apart]), axis=1)
+    numbers = peak_sync, np.trapezoid(np.abs(apart), times), peak_e1, peak_e2
+    lost = bool(not np.all(np.isfinite(numbers)) or np.max(np.abs(errors - SPEED)) > LOST)
+    sizes = [np.inf if lost else float(x) for x in numbers]
+    changes = 0 if lost else turns(apart)
+    return Row(name, period_ms, beta, *sizes, changes, lost, times, e1, e2)
 
 
 def turns(signal: Float[np.ndarray, " T"]) -> int:
@@ -213,11 +200,6 @@ def bounds(name: str, period_ms: float) -> Bounds:
     plant, dt = PLANTS[name], MILLISECOND * period_ms
     loop = sampled_loop(plant.axes, plant.proportional, plant.adaptation * dt, SPEED, dt, BIAS)
     largest = continuous_bound(plant.axes, plant.proportional)
-    return Bounds(
-        plant=name,
-        period_ms=period_ms,
-        adaptation=loop.adaptation,
-        continuous=largest if np.isfinite(largest) else None,
-        proven=positive_real_bound(loop),
-        exact=exact_bound(loop),
-    )
+    continuous = largest if np.isfinite(largest) else None
+    limits = positive_real_bound(loop), exact_bound(loop)
+    return Bounds(name, period_ms, loop.adaptation, continuous, *limits)

@@ -65,17 +65,3 @@ def test_the_rate_against_differences_of_lyapunov_matrices():
     angles = np.linspace(0, np.pi, 13)
     slopes = [np.linalg.norm(P(a + 1e-5) - P(a - 1e-5), 2) / 2e-5 for a in angles]
     assert admissible_rate(turning, angles) == pytest.approx(1 / max(slopes), rel=1e-6)
-
-
-def test_a_matrix_that_does_not_move_may_move_at_any_rate():
-    def still(p):
-        return np.array([[-1.0, 0.0], [0.0, -2.0]]) + 0 * p
-
-    assert admissible_rate(still, [0.0, 1.0]) == np.inf
-
-
-def test_bad_input():
-    with pytest.raises(ValueError, match="parameters: need at least one"):
-        admissible_rate(turning, [])
-    with pytest.raises(ValueError, match="frozen at 2 is not stable.*real part 1"):
-        admissible_rate(lambda p: (p - 1) * np.eye(2), [0.0, 2.0])
