@@ -230,29 +230,20 @@ def _theorem_1(result: Result) -> Iterator[Claim]:
         f"horizons 1 to {THEOREM_HORIZON}: largest radius {largest:.4f}",
         verdict(largest < 1),
     )
-    bad = [loop for loop in unstable(result) if loop.terminal == "output"]
+    bad = [(one, horizon) for terminal, one, horizon in unstable(result) if terminal == "output"]
     cases = len(result.sets) * THEOREM_HORIZON
     finding = f"unstable in {len(bad)} of {cases} cases"
     if bad:
-        horizons, rhos = {loop.horizon for loop in bad}, {loop.weights.rho for loop in bad}
+        horizons, rhos = {horizon for _, horizon in bad}, {one.rho for one, _ in bad}
         finding += f", horizon {listed(sorted(horizons))}, rho {listed(sorted(rhos))}"
     claim = "the output terminal carries no assurance, yet need not be unstable"
     yield Claim("sec. 3", claim, finding, verdict(len(bad) < cases))
 
 
-class UnstableLoop(NamedTuple):
-    """Weights, terminal and horizon for which the loop is unstable in some direction."""
-
-    terminal: str
-    weights: RadiiOnLines
-    horizon: int
-    radius: float
-
-
-def unstable(result: Result) -> list[UnstableLoop]:
-    """Every unstable case of Theorem 1."""
+def unstable(result: Result) -> list[tuple[str, RadiiOnLines, int]]:
+    """Terminal, weights and horizon for which the loop is unstable in some direction."""
     return [
-        UnstableLoop(terminal, one, horizon, radius)
+        (terminal, one, horizon)
         for one, terminal in product(result.sets, TERMINALS)
         for horizon, radius in enumerate(getattr(one, terminal), 1)
         if radius >= 1

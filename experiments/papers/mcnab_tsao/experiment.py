@@ -122,58 +122,35 @@ class CaseRun:
     machines: tuple[MachineRun, ...]
 
 
-class AnyHorizonLQ(Controller):
-    """`ContouringLQ` whose horizon is an array: all horizons share one compilation.
+@eqx.filter_jit
+def any_horizon(
+    model: LinearPlant,
+    weights: LQWeights,
+    horizon: Int[Array, ""],
+    terminal: Terminal,
+    reference: Reference,
+) -> AffinePlan:
+    """Gains of `ContouringLQ` whose horizon is an array: all horizons share one compilation.
 
-    The horizon is between 1 and `preview`. The backward sweep starts at the longest horizon and
-    leaves the terminal cost as it is until j < horizon. The gains are those of `ContouringLQ`, the
-    time is that of the longest horizon.
+    The horizon is between 1 and `LONGEST`. The backward sweep starts at the longest horizon and
+    leaves the terminal cost as it is until j < horizon.
     """
+    steps, position = reference.steps, reference.position
+    Q = contour_weight(weights.alpha, weights.beta, reference.tangent)
+    R = control_weight(model, weights)
 
-    model: LinearPlant
-    weights: LQWeights
-    horizon: Int[Array, ""]
-    terminal: Terminal
-    preview: int = eqx.field(static=True)
+    def samples(values, first, count=steps):
+        return jax.lax.dynamic_slice_in_dim(values, first, count)
 
-    def __init__(self, model: LinearPlant, weights: LQWeights, horizon: int, terminal: Terminal):
-        self.model, self.weights, self.terminal = model, weights, terminal
-        self.horizon = jnp.asarray(horizon)
-        self.preview = LONGEST
+    def sweep(cost, j):
+        earlier = one_stage_back(model, R, cost, samples(Q, j), samples(position, j))
+        return jax.tree.map(lambda new, old: jnp.where(j < horizon, new, old), earlier, cost), None
 
-    def prepare(self, reference: Reference) -> AffinePlan:
-        """Gain schedule of every step of the reference."""
-        steps, position = reference.steps, reference.position
-        Q = contour_weight(self.weights.alpha, self.weights.beta, reference.tangent)
-        R = control_weight(self.model, self.weights)
-
-        def samples(values, first, count=steps):
-            return jax.lax.dynamic_slice_in_dim(values, first, count)
-
-        def sweep(cost, j):
-            earlier = one_stage_back(self.model, R, cost, samples(Q, j), samples(position, j))
-
-            def kept(new, old):
-                return jnp.where(j < self.horizon, new, old)
-
-            return jax.tree.map(kept, earlier, cost), None
-
-        # the terminal cost from the last two samples of the horizon, as for a horizon of one
-        last = self.horizon - 1
-        two = samples(Q, last, steps + 1), samples(position, last, steps + 1)
-        terminal = self.terminal.cost(self.model, self.weights, *two, slice(1, steps + 1))
-        first, _ = jax.lax.scan(sweep, terminal, jnp.arange(self.preview - 1, 0, -1))
-        return first_control(self.model, R, first)
-
-    def initial_memory(self, reference: Reference) -> None:
-        """No memory: the controller is static."""
-        return None
-
-    def step(
-        self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
-    ) -> tuple[None, Float[Array, " p"]]:
-        """u = f - F x."""
-        return None, plan.f - plan.F @ measurement
+    # the terminal cost from the last two samples of the horizon, as for a horizon of one
+    two = samples(Q, horizon - 1, steps + 1), samples(position, horizon - 1, steps + 1)
+    end = terminal.cost(model, weights, *two, slice(1, steps + 1))
+    first, _ = jax.lax.scan(sweep, end, jnp.arange(LONGEST - 1, 0, -1))
+    return first_control(model, R, first)
 
 
 class Setup:
@@ -192,7 +169,14 @@ class Setup:
         self.machines = stack_plants(
             [Delayed(plant, jnp.asarray(delay), depth, plant.inputs) for plant, delay in pairs]
         )
-        self.circle, self.line = _references(self.model.dt)
+        travelled = FEED * self.model.dt * np.arange(STEPS)
+        length = FEED * self.model.dt * (STEPS + LONGEST)
+        straight = line((0.0, 0.0), (length * np.cos(LINE_ANGLE), length * np.sin(LINE_ANGLE)))
+        both = [  # padded alike: they share what is compiled
+            along(contour, travelled, self.model.dt, LONGEST, at_rest=False)
+            for contour in (circle(RADIUS), straight)
+        ]
+        self.circle, self.line = (member(stack_references(both), place) for place in (0, 1))
         # applies the gains of any plan
         self._player = ContouringLQ(self.model, LQWeights(1.0, 0.0, RHO), PREVIEW)
 
@@ -202,7 +186,7 @@ class Setup:
         """Gain schedule of a receding-horizon controller, maybe with another terminal."""
         weights = LQWeights(case.alpha, case.beta, RHO)
         end = self.terminals[case.terminal] if terminal is None else terminal
-        return prepared(AnyHorizonLQ(self.model, weights, case.preview, end), reference)
+        return any_horizon(self.model, weights, jnp.asarray(case.preview), end, reference)
 
     def run(
         self, plan: AffinePlan, reference: Reference
@@ -210,14 +194,9 @@ class Setup:
         """The plan on every machine of the family, and the output of the nominal one."""
         metrics, output = _play(self.machines, self._player, plan, reference)
         radii = self.frozen_radius(np.asarray(plan.F)[slice(*WINDOW, RADIUS_STRIDE)])
+        errors = metrics.rms_tracking_error, metrics.rms_contour_error, metrics.rms_projected_error
         lost = np.asarray(metrics.diverged)
-        columns = (
-            1e6 * np.asarray(metrics.rms_tracking_error),
-            1e6 * np.asarray(metrics.rms_contour_error),
-            1e6 * np.asarray(metrics.rms_projected_error),
-            np.asarray(metrics.rms_control),
-            np.asarray(metrics.rms_increment),
-        )
+        columns = (*(1e6 * error for error in errors), metrics.rms_control, metrics.rms_increment)
         rows = np.where(lost, np.inf, columns).T.tolist()
         machines = tuple(
             MachineRun(float(radius), bool(diverged), *row)
@@ -276,18 +255,6 @@ def _play(
         return score_signals(rollout.output, rollout.control, reference, WINDOW), rollout.output
 
     return jax.lax.map(on_machine, machines)
-
-
-def _references(dt: float) -> tuple[Reference, Reference]:
-    """Circle and line, padded alike: they share what is compiled."""
-    travelled = FEED * dt * np.arange(STEPS)
-    length = FEED * dt * (STEPS + LONGEST)
-    straight = line((0.0, 0.0), (length * np.cos(LINE_ANGLE), length * np.sin(LINE_ANGLE)))
-    contours = (circle(RADIUS), straight)
-    both = stack_references(
-        [along(contour, travelled, dt, LONGEST, at_rest=False) for contour in contours]
-    )
-    return member(both, 0), member(both, 1)
 
 
 SOURCE = (
@@ -365,8 +332,12 @@ class Result:
 def run(settings: Settings) -> Result:
     """Simulate everything."""
     setup = Setup()
+    cases = [Case(*case) for case in product(TERMINALS, ALPHAS, BETAS)]
+    cases += [Case(terminal, TOO_HIGH_ALPHA, 0.0) for terminal in TERMINALS]
+    scans = product((FIGURE_9, FIGURE_10), TERMINALS, range(1, LONGEST + 1))
+    cases += [Case(terminal, *weights, preview) for weights, terminal, preview in scans]
     circle, outputs = [], {}
-    for case in _cases():
+    for case in dict.fromkeys(cases):  # N_p = 10 is in both
         machines, output = setup.run(setup.plan(case, setup.circle), setup.circle)
         circle.append(CaseRun(case, machines))
         if case == Case("output", FIGURE_2_ALPHA, case.beta):
@@ -400,15 +371,6 @@ def run(settings: Settings) -> Result:
         directions=directions,
         sets=tuple(sets),
     )
-
-
-def _cases() -> list[Case]:
-    """Grid of weights, and the preview lengths of Figs 9 and 10; N_p = 10 is in both."""
-    grid = [Case(*case) for case in product(TERMINALS, ALPHAS, BETAS)]
-    grid += [Case(terminal, TOO_HIGH_ALPHA, 0.0) for terminal in TERMINALS]
-    scans = product((FIGURE_9, FIGURE_10), TERMINALS, range(1, LONGEST + 1))
-    scan = [Case(terminal, *weights, preview) for weights, terminal, preview in scans]
-    return list(dict.fromkeys(grid + scan))
 
 
 def _difference(ours, theirs) -> float:
