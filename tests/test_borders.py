@@ -27,7 +27,7 @@ ALLOWED = {
     "experiments": LIBRARY | APPLICATION,
 }
 ALONE = {  # third parties that a few rooms or files alone may import
-    "jcontour.qp": {"proxsuite", "daqp"},
+    "jcontour.qp": {"qpsolvers", "proxsuite", "daqp"},
     "jcontour.geometry.drawings": {"ezdxf", "svgelements"},
     "jcontour._compiled": {"numba"},
     "jcontour._native": {"numba", "llvmlite"},

@@ -6,10 +6,14 @@ claims) or solved again from cold, and is `Unsolved` otherwise.
 """
 
 import abc
+import warnings
+from typing import Any, NamedTuple
 
 import daqp
 import numpy as np
 import proxsuite  # pyright: ignore[reportMissingImports]  # compiled, without stubs
+import qpsolvers
+from jaxtyping import Bool, Float
 
 from jcontour._compiled import compiled
 from jcontour.qp.problem import QP, RESIDUAL_LIMIT, Solution, Unsolved, check_shapes, residuals
@@ -21,6 +25,9 @@ PROX_COLD_TOLERANCE = 1e-12
 PROX_INFEASIBLE = 1e-7  # at 1e-4 it calls feasible problems infeasible
 PROX_ITERATIONS = 200  # a feasible problem needs some tens
 DAQP_TOLERANCE = 1e-10  # 1e-6 leaves limits violated
+NAMED_SETTINGS: dict[str, dict[str, Any]] = {  # of qpsolvers' solvers that need tighter ones
+    "proxqp": {"eps_abs": PROX_TOLERANCE, "eps_rel": 0.0}
+}
 DAQP_RETRIES = (  # polished, so these may be loose
     {"primal_tol": 1e-6, "eps_prox": 1e-4},
     {"primal_tol": 1e-8, "zero_tol": 1e-9},
@@ -125,7 +132,85 @@ class ProxQP(Solver):
         return _best_checked(self.name, second or status or "inaccurate", qp, candidates)
 
 
-SOLVERS: dict[str, type[Solver]] = {solver.name: solver for solver in (DAQP, ProxQP)}
+class Named(Solver):
+    """Any solver that qpsolvers knows and finds installed.
+
+    Raises:
+        ValueError: it is not installed.
+    """
+
+    def __init__(self, name: str):
+        if name not in qpsolvers.available_solvers:
+            known = ", ".join(sorted(qpsolvers.available_solvers))
+            raise ValueError(f"solver: {name!r} is not installed; there are {known}")
+        self.name, self._stacked = name, _Stacked()
+
+    def solve(self, qp: QP) -> Solution:
+        """See `Solver`."""
+        self._stacked.limits(self.name, qp)
+        parts = _Parts.of(qp)
+        # Answer of the solver, not checked
+        some, equal = parts.h.size > 0, parts.equal
+        problem = qpsolvers.Problem(
+            qp.H,
+            qp.g,
+            parts.G if some else None,
+            parts.h if some else None,
+            qp.C[equal] if equal.any() else None,
+            qp.upper_rows[equal] if equal.any() else None,
+            qp.lower,
+            qp.upper,
+        )
+        settings = NAMED_SETTINGS.get(self.name, {})
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # qpsolvers warns of what the check finds
+            try:
+                solution = qpsolvers.solve_problem(problem, solver=self.name, **settings)
+            except Exception as error:  # every backend has its own kind
+                lines = str(error).splitlines() or [type(error).__name__]
+                raise Unsolved(self.name, lines[0], qp) from error
+        if solution.x is None or not solution.found:
+            raise Unsolved(self.name, "infeasible or not converged", qp)
+        multipliers = np.zeros(qp.g.size + len(qp.C))
+        if solution.z_box is not None and np.size(solution.z_box):
+            multipliers[: qp.g.size] = solution.z_box
+        rows, count = multipliers[qp.g.size :], parts.above.sum()
+        if parts.h.size and solution.z is not None and np.size(solution.z):
+            rows[parts.above] += solution.z[:count]
+            rows[parts.below] -= solution.z[count:]
+        if parts.equal.any() and solution.y is not None:
+            rows[parts.equal] = solution.y
+        z = np.asarray(solution.x)
+        return _best_checked(self.name, "inaccurate", qp, [(z, multipliers, 0)])
+
+
+class _Parts(NamedTuple):
+    """Rows as qpsolvers has them: equations, and inequalities G z <= h from above and below."""
+
+    equal: Bool[np.ndarray, " r"]
+    above: Bool[np.ndarray, " r"]
+    below: Bool[np.ndarray, " r"]
+    G: Float[np.ndarray, "q n"]
+    h: Float[np.ndarray, " q"]
+
+    @classmethod
+    def of(cls, qp: QP) -> "_Parts":
+        equal = qp.lower_rows == qp.upper_rows
+        above = ~equal & np.isfinite(qp.upper_rows)
+        below = ~equal & np.isfinite(qp.lower_rows)
+        G = np.concatenate([qp.C[above], -qp.C[below]])
+        h = np.concatenate([qp.upper_rows[above], -qp.lower_rows[below]])
+        return cls(equal, above, below, G, h)
+
+
+def solver_named(name: str) -> Solver:
+    """The solver of that name, our own interfaces first.
+
+    Raises:
+        ValueError: there is none, or it is not installed.
+    """
+    own = {solver.name: solver for solver in (DAQP, ProxQP)}
+    return own[name]() if name in own else Named(name)
 
 
 def _best_checked(

@@ -21,7 +21,7 @@ def test_the_version_is_that_of_the_package():
 
 def test_only_what_is_asked_for_is_loaded_and_numbers_are_float64(monkeypatch):
     monkeypatch.delenv("JAX_ENABLE_X64", raising=False)
-    heavy = ("mujoco", "scipy.optimize", "numba", "matplotlib", "proxsuite")
+    heavy = ("mujoco", "scipy.optimize", "numba", "matplotlib", "qpsolvers")
     rooms = ("jcontour.plants", "jcontour.controllers")
     printed_lines = printed(
         "import sys, jcontour",

@@ -14,10 +14,9 @@ from jcontour.app.flags.shared import (
 )
 
 Fallback = Literal["stop", "hold", "soft"]
-Solver = Literal["daqp", "proxqp"]
 
 FALLBACK: Fallback = "stop"  # no number comes from a step that was not solved
-SOLVER: Solver = "daqp"  # exact to rounding and the fastest
+SOLVER = "daqp"  # exact to rounding and the fastest
 
 
 @dataclass(frozen=True)
@@ -116,8 +115,8 @@ class Check(RunsCode):
     fallback: Fallback = FALLBACK
     """Action at a step whose QP has no answer.
     Stop the run, hold the last control, or soften the limits."""
-    solver: Solver = SOLVER
-    """QP solver."""
+    solver: str = SOLVER
+    """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
     force: float | None = None
     """--bound: largest disturbance on every control at every sample: friction, cutting
     [control unit]. When not given, the friction or, where it is more, the control noise of the

@@ -4,12 +4,19 @@ import itertools
 
 import numpy as np
 import pytest
+import qpsolvers
 
 from jcontour.qp.problem import QP, Solution, Unsolved, residuals
-from jcontour.qp.solvers import DAQP, SOLVERS, ProxQP, polished
+from jcontour.qp.solvers import DAQP, Named, ProxQP, polished, solver_named
 
 INF = np.inf
 KINDS = [DAQP, ProxQP]
+SOLVERS = {  # made in the test: pytest keeps its cases, and ProxQP's binding tells of what is left
+    "DAQP": DAQP,
+    "ProxQP": ProxQP,
+    "Named daqp": lambda: Named("daqp"),
+    "Named proxqp": lambda: Named("proxqp"),
+}
 
 
 def feasible(random: np.random.Generator) -> QP:
@@ -219,7 +226,7 @@ def test_cost_of_any_size(kind, size):
         np.testing.assert_allclose(scaled.z, DAQP().solve(qp).z, rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("name", ["DAQP", "ProxQP", "Named daqp"])
 def test_what_cannot_be_solved_says_so(name):
     solver, qp = SOLVERS[name](), benign(np.random.default_rng(6), 5, 2)
     broken = qp._replace(H=np.where(np.eye(5) > 0, np.nan, qp.H))
@@ -262,3 +269,10 @@ def test_polish_recovers_an_inaccurate_answer():
     )
     np.testing.assert_allclose(z, exact.z, atol=1e-12)
     np.testing.assert_allclose(forces, exact.multipliers, atol=1e-11)
+
+
+def test_names():
+    assert isinstance(solver_named("daqp"), DAQP) and isinstance(solver_named("proxqp"), ProxQP)
+    known = ", ".join(sorted(qpsolvers.available_solvers))
+    with pytest.raises(ValueError, match=f"^solver: 'gurobi' is not installed; there are {known}$"):
+        solver_named("gurobi")

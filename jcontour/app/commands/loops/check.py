@@ -25,7 +25,7 @@ from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.stored_loops import stored_tuning
 from jcontour.mpc.tracking.limits import Limits
-from jcontour.qp.solvers import SOLVERS
+from jcontour.qp.solvers import solver_named
 from jcontour.simulation.evaluation import member
 from tuning.verification import Gap, verify
 
@@ -133,7 +133,7 @@ def check_limits(flags: Check) -> int:
     """
     run, weights = stored_tuning(flags.run)
     machine, scenarios = run.machine, run.scenarios
-    tuned, solver = read_result(flags.run, TunedResult), SOLVERS[flags.solver]()
+    tuned, solver = read_result(flags.run, TunedResult), solver_named(flags.solver)
     limits = limits_of(flags, machine)
     constrained = run.design.constrained(weights, limits, solver)
     if constrained is None:
