@@ -130,6 +130,8 @@ def solve(qp: StagedQP, guess: Float[Array, "N p"] | None = None) -> Answer:
         if jnp.shape(getattr(qp, name)) != shape:
             received = jnp.shape(getattr(qp, name))
             raise ValueError(f"qp.{name}: needs shape {shape}, received {received}")
+    even = (qp.H + jnp.swapaxes(qp.H, 1, 2)) / 2, (qp.H_end + jnp.transpose(qp.H_end)) / 2
+    qp = qp._replace(H=even[0], H_end=even[1])
     controls = shapes["h"][0], shapes["B"][1]
     guess = jnp.zeros(controls) if guess is None else jnp.asarray(guess)
     if guess.shape != controls:

@@ -22,8 +22,8 @@ class StagedQP(NamedTuple):
     B: Float[Array, "n p"]
     c: Float[Array, "N n"]
     x0: Float[Array, " n"]  # first state
-    # H, h: cost of the stages, H symmetric and its part of the controls positive definite where
-    # nothing behind makes it so
+    # H, h: cost of the stages; of H its symmetric part counts, whose part of the controls is
+    # positive definite where nothing behind makes it so
     H: Float[Array, "N v v"]
     h: Float[Array, "N v"]
     # H_end, h_end: cost of the last state

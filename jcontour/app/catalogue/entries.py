@@ -165,6 +165,7 @@ CONTROLLERS = {  # name -> module and class
     "integral-sliding-mode": "jcontour.app.designs.any_machine:IntegralSliding",
     "reference-governor": "jcontour.app.designs.limited:ScalarGoverned",
     "command-governor": "jcontour.app.designs.limited:VectorGoverned",
+    "artificial-reference-mpc": "jcontour.app.designs.limited:ArtificialReferenceDesign",
     "dynamic-surface": "jcontour.app.designs.any_machine:DynamicSurfaceLoops",
     "adaptive-robust": "jcontour.app.designs.any_machine:AdaptiveRobustLoops",
     "predictive-cascade": "jcontour.app.designs.any_machine:GeneralisedPredictiveCascade",

@@ -246,13 +246,13 @@ class AxisShaped(AxisFeedforward):
 
 
 class AxisFlatShaped(AxisShaped):
-    """The same behind a zero-vibration-and-derivative shaper: a mode that is off matters less."""
+    """The same behind a zero-vibration-and-derivative shaper."""
 
     shaper = staticmethod(zvd)
 
 
 class AxisInsensitiveShaped(AxisShaped):
-    """The same behind an extra-insensitive shaper: at most 5 % are left of modes 20 % off."""
+    """The same behind an extra-insensitive shaper, 5 % left at the mode."""
 
     shaper = staticmethod(ei)
 

@@ -21,13 +21,15 @@ from jcontour.controllers.feedback.governor import (
     enough_steps,
     governed_loop,
 )
-from jcontour.controllers.feedback.state_feedback import lq_gain
+from jcontour.controllers.feedback.state_feedback import lq_gain, moving_target
 from jcontour.controllers.observers.kalman import OffsetFreeWithLoad
+from jcontour.mpc.tracking.artificial_reference import ArtificialReferenceMPC
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
 from tuning.parameters import Positive, Weight
 
 SHARE = 0.9  # of the limits for the law, the rest for the load that its observer cancels
+PULL = 10.0  # of the artificial reference, over the weight on a state off by as much
 UNKNOWN = 0.03  # of speed and acceleration
 SPARE = 2  # the rows look as much further ahead: weights may make the loop slower
 
@@ -64,6 +66,26 @@ class VectorGoverned(ScalarGoverned):
     """The same behind a command governor: every axis comes as near as it can."""
 
     governor = VectorGovernor
+
+
+class ArtificialReferenceDesign(ScalarGoverned):
+    """Tracking MPC with an artificial reference (Limon & Alvarado), same observer."""
+
+    weights = (Weight("pull", "m-2", cost=True),)
+    reads = ("preview",)
+
+    def starts(self) -> Gains:
+        start = super().starts()
+        quadratic = self.quadratic(start)
+        rest = np.asarray(moving_target(quadratic.model).state)  # of a metre
+        return {**start, "pull": PULL * np.max(np.diag(rest.T @ np.asarray(quadratic.Q) @ rest))}
+
+    def first_preview(self, first: Gains) -> int:
+        return self.flags.preview
+
+    def law(self, quadratic: Quadratic, gains: Gains) -> Controller:
+        limits, horizon = self.limits(quadratic), self.flags.preview
+        return ArtificialReferenceMPC(*quadratic, gains["pull"], limits, horizon, self.steps)
 
 
 class CostWeight(Positive):

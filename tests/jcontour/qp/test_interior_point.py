@@ -236,6 +236,16 @@ def test_equal_limits_fix_a_control(boxed, one_of, condensed):
     )
 
 
+def test_the_symmetric_part_of_a_weight_counts(limited, one_of):
+    """Else a slope with one entry of a weight would be that of no cost."""
+    qp = one_of(limited, 0)
+    skew = np.triu(np.ones(qp.H.shape[1:]), 1)
+    other = qp._replace(H=qp.H + (skew - skew.T)[None])
+    actual, wanted = jax.device_get(single(other)), jax.device_get(single(qp))
+    assert actual.solved
+    np.testing.assert_allclose(actual.trajectory.stages, wanted.trajectory.stages, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [("D", np.zeros((2, 6))), ("h_end", np.zeros(1)), ("upper", np.zeros((5, 5)))],

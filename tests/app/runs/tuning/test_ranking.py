@@ -43,6 +43,7 @@ def test_every_controller_that_reads_the_sensors_is_tried_and_one_that_learns_if
         "integral-sliding-mode",
         "reference-governor",
         "command-governor",
+        "artificial-reference-mpc",
         "dynamic-surface",
         "predictive-cascade",
         "predictive-repetitive",
