@@ -18,8 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jcontour.analysis.frequency_response import Encoding
-from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks
-from jcontour.analysis.loop_slopes import turned
+from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks, turned
 
 DOUBLINGS = 60  # 2^60 samples: no stable loop remembers as long
 FORGOTTEN = 1e-16  # of the sum: less is rounding

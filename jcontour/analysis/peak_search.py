@@ -16,8 +16,17 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from jcontour.analysis.frequency_response import Encoding, Responses
-from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks
-from jcontour.analysis.loop_slopes import Ends, dominant, slope_of, times, turned
+from jcontour.analysis.frozen_loops import (
+    Ends,
+    FrozenLoop,
+    LinearLaw,
+    LinearMachine,
+    blocks,
+    dominant,
+    slope_of,
+    times,
+    turned,
+)
 from jcontour.analysis.uncertain_loops import (
     ResponseUncertainty,
     measured_sensitivity,

@@ -23,9 +23,11 @@ from jcontour.analysis.frozen_loops import (
     FrozenLoop,
     LinearLaw,
     LinearMachine,
+    dominant,
     frozen_loop,
+    real_outer,
+    times,
 )
-from jcontour.analysis.loop_slopes import dominant, real_outer, times
 from jcontour.controller import Controller, Plan
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import spectral_radius
@@ -212,7 +214,7 @@ def late_measures(loop: FrozenLoop, samples: int) -> tuple[Float[np.ndarray, "*l
     """Largest spectral radius of the loops with v(k) = u(k - d), d = 1 ... samples, and its slope.
 
     With left and right vectors of the largest eigenvalue, of x, w and the line u(k-1), ..., u(k-d),
-    the derivative is that of Re(left' M right), see `loop_slopes.dominant`. A loop that is not
+    the derivative is that of Re(left' M right), see `frozen_loops.dominant`. A loop that is not
     finite has an infinite radius with slope 0.
 
     Args:

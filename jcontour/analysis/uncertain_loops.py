@@ -16,8 +16,16 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from jcontour.analysis.frequency_response import Responses, largest_singular
-from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks
-from jcontour.analysis.loop_slopes import Ends, slope_of, times, turned
+from jcontour.analysis.frozen_loops import (
+    Ends,
+    FrozenLoop,
+    LinearLaw,
+    LinearMachine,
+    blocks,
+    slope_of,
+    times,
+    turned,
+)
 
 GRID = np.pi * np.geomspace(1e-3, 1.0, 160)  # [rad per sample] that is looked at in any case
 DEVIATIONS = 1.96  # in half an interval of 95 %

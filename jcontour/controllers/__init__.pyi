@@ -1,8 +1,8 @@
-from .contouring.polar import Polar as Polar
 from .contouring.schemes import CommandShaped as CommandShaped
 from .contouring.schemes import ConstantCoupling as ConstantCoupling
 from .contouring.schemes import CrossCoupled as CrossCoupled
 from .contouring.schemes import CrossGains as CrossGains
+from .contouring.schemes import Polar as Polar
 from .contouring.schemes import Precompensated as Precompensated
 from .contouring.schemes import TaskFrame as TaskFrame
 from .contouring.schemes import VariableCoupling as VariableCoupling
@@ -58,11 +58,11 @@ from .lq.contouring_lq import ContouringLQ as ContouringLQ
 from .lq.contouring_lq import LQWeights as LQWeights
 from .lq.contouring_lq import OutputTerminal as OutputTerminal
 from .lq.contouring_lq import RiccatiTerminal as RiccatiTerminal
+from .lq.contouring_lq import ZeroTerminal as ZeroTerminal
 from .lq.preview_lq import CrossCoupledLQ as CrossCoupledLQ
 from .lq.preview_lq import PreviewLQ as PreviewLQ
 from .lq.scheduled_lq import BlockwiseLQ as BlockwiseLQ
 from .lq.scheduled_lq import ScheduledLQ as ScheduledLQ
-from .lq.zero_terminal import ZeroTerminal as ZeroTerminal
 from .observers.disturbance_observer import DisturbanceObserver as DisturbanceObserver
 from .observers.disturbance_observer import ReducedObserver as ReducedObserver
 from .observers.disturbance_observer import TimeDelayControl as TimeDelayControl

@@ -29,12 +29,18 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jcontour.qp.one_sided import (
+from jcontour.qp.staged import (
     Changes,
     Limits,
     Point,
+    StagedQP,
+    Trajectory,
+    another_step,
     changes,
     corrected,
+    costates,
+    drifted,
+    factorised,
     first_point,
     gap,
     gram,
@@ -46,18 +52,10 @@ from jcontour.qp.one_sided import (
     products,
     pulled,
     pushes,
-    rows,
-    softened_slack,
-)
-from jcontour.qp.staged import (
-    StagedQP,
-    Trajectory,
-    another_step,
-    costates,
-    drifted,
-    factorised,
     rollout,
+    rows,
     slopes,
+    softened_slack,
     step_of,
     summed,
 )

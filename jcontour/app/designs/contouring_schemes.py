@@ -8,13 +8,13 @@ from jcontour.app.designs.design import Gains, Needs, picked
 from jcontour.app.designs.flexible_axis import AxisCascade
 from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.controller import Controller
-from jcontour.controllers.contouring.polar import Polar
 from jcontour.controllers.contouring.schemes import (
     CommandShaped,
     ConstantCoupling,
     Coupling,
     CrossCoupled,
     CrossGains,
+    Polar,
     Precompensated,
     TaskFrame,
     VariableCoupling,

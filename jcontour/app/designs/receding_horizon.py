@@ -31,10 +31,10 @@ from jcontour.controllers.lq.contouring_lq import (
     OutputTerminal,
     RiccatiTerminal,
     Terminal,
+    ZeroTerminal,
 )
 from jcontour.controllers.lq.preview_lq import CrossCoupledLQ, PreviewLQ
 from jcontour.controllers.lq.scheduled_lq import BlockwiseLQ
-from jcontour.controllers.lq.zero_terminal import ZeroTerminal
 from jcontour.controllers.observers.kalman import (
     FilterObserver,
     OffsetFreeObserver,

@@ -20,11 +20,11 @@ from jcontour.geometry.contour import Contour
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
-from jcontour.mpc.contouring.compiled_path import path_of
 from jcontour.mpc.contouring.contouring_qp import (
     ContouringWeights,
     Sample,
     contouring_constants,
+    path_of,
     write_step,
 )
 from jcontour.qp.problem import QP, Solution, check_limits

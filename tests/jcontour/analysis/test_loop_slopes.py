@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jcontour.analysis.loop_slopes import dominant, real_outer
+from jcontour.analysis.frozen_loops import dominant, real_outer
 
 
 def radius_and_slope(M):

@@ -8,9 +8,8 @@ import pytest
 from jcontour._arrays import placed
 from jcontour.qp import interior_point
 from jcontour.qp.interior_point import SOLVED, solve
-from jcontour.qp.one_sided import Limits, Point
 from jcontour.qp.solvers import DAQP
-from jcontour.qp.staged import StagedQP
+from jcontour.qp.staged import Limits, Point, StagedQP
 
 SIZES = {"stages": 6, "states": 4, "controls": 2}
 many, single = jax.jit(jax.vmap(solve)), jax.jit(solve)

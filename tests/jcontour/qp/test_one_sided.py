@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.qp import one_sided
+from jcontour.qp import staged
 
 
 def case(seed=0, count=12):
@@ -19,29 +19,29 @@ def case(seed=0, count=12):
 
 @jax.jit
 def start(upper, lower, penalty, rows):
-    limits = one_sided.sides(upper, lower, penalty)[0]
-    return limits, one_sided.first_point((), limits.bound - rows, jnp.asarray(0.3), limits, 0.5)
+    limits = staged.sides(upper, lower, penalty)[0]
+    return limits, staged.first_point((), limits.bound - rows, jnp.asarray(0.3), limits, 0.5)
 
 
 @jax.jit
 def whole_step(limits, point, rows, moved, aim):
     """Changes, the point behind them, and by how much it misses its limits."""
-    here = one_sided.newton(point, limits, rows)
-    c1, c2 = (product - aim for product in one_sided.products(point, limits))
-    pushed = one_sided.pushes(here, point, limits, c1, c2)
-    steps = one_sided.changes(here, point, limits, moved + pushed, c1, c2)
-    after = one_sided.moved_on(point, (), steps, 1.0)
-    return steps, after, one_sided.missed_by(after, limits, rows + moved)
+    here = staged.newton(point, limits, rows)
+    c1, c2 = (product - aim for product in staged.products(point, limits))
+    pushed = staged.pushes(here, point, limits, c1, c2)
+    steps = staged.changes(here, point, limits, moved + pushed, c1, c2)
+    after = staged.moved_on(point, (), steps, 1.0)
+    return steps, after, staged.missed_by(after, limits, rows + moved)
 
 
 @jax.jit
 def possible_step(limits, point, rows, moved):
     """The possible part of a step, the point behind it, and one that is beyond it."""
-    here = one_sided.newton(point, limits, rows)
-    aims = one_sided.products(point, limits)
-    steps = one_sided.changes(here, point, limits, moved, *aims)
-    far = one_sided.possible(point, steps, limits)
-    return far, *(one_sided.moved_on(point, (), steps, much * far) for much in (1.0, 1.01))
+    here = staged.newton(point, limits, rows)
+    aims = staged.products(point, limits)
+    steps = staged.changes(here, point, limits, moved, *aims)
+    far = staged.possible(point, steps, limits)
+    return far, *(staged.moved_on(point, (), steps, much * far) for much in (1.0, 1.01))
 
 
 @pytest.mark.parametrize("aim", [0.0, 0.2])
@@ -79,7 +79,7 @@ def test_the_possible_part_of_a_step_ends_at_the_nearest_zero():
 
 def test_widths():
     upper, lower = np.array([3.0, np.inf, 2.0, 0.0]), np.array([-1.0, -4.0, 2.0, -np.inf])
-    above, below = jax.jit(one_sided.sides)(upper, lower, np.full(4, np.inf))
+    above, below = jax.jit(staged.sides)(upper, lower, np.full(4, np.inf))
     np.testing.assert_array_equal(above.width, [2.0, 4.0, 2.0, 1.0])
     np.testing.assert_array_equal(below.there, [True, True, True, False])
     np.testing.assert_array_equal(below.bound, [1.0, 4.0, -2.0, 0.0])

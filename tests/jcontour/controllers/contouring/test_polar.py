@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.controllers.contouring.polar import Polar
+from jcontour.controllers.contouring.schemes import Polar
 from jcontour.geometry.contours import spline
 from jcontour.motion.references import along
 from jcontour.simulation.closed_loop import simulate

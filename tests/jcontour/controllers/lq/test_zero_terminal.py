@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, contour_weight
-from jcontour.controllers.lq.zero_terminal import ZeroTerminal
+from jcontour.controllers.lq.contouring_lq import (
+    ContouringLQ,
+    LQWeights,
+    ZeroTerminal,
+    contour_weight,
+)
 from jcontour.linear.plant import LinearPlant, steady_motion
 from tests.canonical import plant, reference, round_path
 

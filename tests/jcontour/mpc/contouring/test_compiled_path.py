@@ -4,7 +4,7 @@ import pytest
 
 from jcontour.geometry import contours
 from jcontour.geometry.periodic_splines import polar_lobes
-from jcontour.mpc.contouring.compiled_path import path_of
+from jcontour.mpc.contouring.contouring_qp import path_of
 
 PATHS = {
     "lobes": polar_lobes(30e-3, 10e-3, 4),
