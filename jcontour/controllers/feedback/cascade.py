@@ -75,8 +75,30 @@ class CascadeGains(eqx.Module):
         check_signs(self, positive=("integral_time",), not_negative=others)
 
 
+class Commanded(eqx.Module):
+    """Motion of the reference; T samples as `commanded` makes it, one row in a step."""
+
+    position: Float[Array, "*T m"]  # [m]
+    velocity: Float[Array, "*T m"]  # from this sample to the next [m/s]
+    acceleration: Float[Array, "*T m"]  # since the sample before [m/s^2]
+
+
+def commanded(reference: Reference, sensors: Sensors, dt: float) -> Commanded:
+    """Motion of every step.
+
+    Raises:
+        ValueError: the reference has other axes than the sensors, or another sample period.
+    """
+    check_axes(sensors.axes, reference)
+    check_period(dt, reference)
+    velocity = jnp.diff(reference.position[: reference.steps + 1], axis=0) / dt
+    before = reference.start_increment[None] / dt
+    acceleration = jnp.diff(velocity, axis=0, prepend=before) / dt
+    return Commanded(reference.position[: reference.steps], velocity, acceleration)
+
+
 class CascadePlan(eqx.Module):
-    """Commands of every axis; T samples as `Cascade.prepare` makes it, one row in a step."""
+    """Commands of every axis; T samples as `prepare` makes it, one row in a step."""
 
     position: Float[Array, "*T m"]  # [m]
     velocity: Float[Array, "*T m"]  # from this sample to the next [m/s]
@@ -121,18 +143,13 @@ class Cascade(Controller):
             )
 
     def prepare(self, reference: Reference) -> CascadePlan:
-        check_axes(self.sensors.axes, reference)
-        check_period(self.dt, reference)
-        gains, steps, start = self.gains, reference.steps, reference.start_increment
-        now, later = reference.position[:steps], reference.position[1 : steps + 1]
-        velocity = (later - now) / self.dt
-        acceleration = jnp.diff(velocity, axis=0, prepend=start[None] / self.dt) / self.dt
+        gains, motion = self.gains, commanded(reference, self.sensors, self.dt)
         control = (
-            jnp.atleast_2d(gains.inertia) * acceleration
-            + jnp.atleast_2d(gains.viscous) * velocity
-            + jnp.atleast_2d(gains.coulomb) * jnp.sign(velocity)
+            jnp.atleast_2d(gains.inertia) * motion.acceleration
+            + jnp.atleast_2d(gains.viscous) * motion.velocity
+            + jnp.atleast_2d(gains.coulomb) * jnp.sign(motion.velocity)
         )
-        return CascadePlan(now, velocity, control)
+        return CascadePlan(motion.position, motion.velocity, control)
 
     def initial_memory(self, reference: Reference) -> Axes:
         """Integrators that hold the axes where the reference begins, in the unit of the control."""
@@ -162,18 +179,11 @@ class Cascade(Controller):
         return integral, jnp.clip(control, -self.limit, self.limit)
 
 
-class PositionLoopPlan(eqx.Module):
-    """Commands of every axis; T samples as `PositionLoop.prepare` makes it, one row in a step."""
-
-    position: Float[Array, "*T m"]  # [m]
-    control: Float[Array, "*T m"]  # that the motion needs
-
-
 class PositionLoop(Controller):
     """Proportional position loop for every axis of a plant whose positions are measured.
 
     >>> loop = PositionLoop(18.0, 50.0, 1.5, Sensors([0]), dt=1e-3)
-    >>> at = PositionLoopPlan(position=jnp.array([1e-3]), control=jnp.array([0.0]))
+    >>> at = CascadePlan(jnp.array([1e-3]), jnp.zeros(1), jnp.zeros(1))
     >>> loop.step(None, at, jnp.array([0.0]))[1].tolist()
     [0.9]
 
@@ -200,25 +210,20 @@ class PositionLoop(Controller):
     def __check_init__(self):
         check_signs(self, not_negative=("position", "viscous", "inertia", "level"))
 
-    def prepare(self, reference: Reference) -> PositionLoopPlan:
-        check_axes(self.sensors.axes, reference)
-        check_period(self.dt, reference)
-        steps, start = reference.steps, reference.start_increment
-        position = reference.position[:steps]
-        velocity = (reference.position[1 : steps + 1] - position) / self.dt
-        acceleration = jnp.diff(velocity, axis=0, prepend=start[None] / self.dt) / self.dt
+    def prepare(self, reference: Reference) -> CascadePlan:
+        motion = commanded(reference, self.sensors, self.dt)
         control = (
-            jnp.atleast_2d(self.level) * position
-            + jnp.atleast_2d(self.viscous) * velocity
-            + jnp.atleast_2d(self.inertia) * acceleration
+            jnp.atleast_2d(self.level) * motion.position
+            + jnp.atleast_2d(self.viscous) * motion.velocity
+            + jnp.atleast_2d(self.inertia) * motion.acceleration
         )
-        return PositionLoopPlan(position, control)
+        return CascadePlan(motion.position, motion.velocity, control)
 
     def initial_memory(self, reference: Reference) -> None:
         return None
 
     def step(
-        self, memory: None, plan: PositionLoopPlan, measurement: Array
+        self, memory: None, plan: CascadePlan, measurement: Array
     ) -> tuple[None, Float[Array, " m"]]:
         error = plan.position - self.sensors.positions(measurement)
         return None, self.viscous * self.position * error + plan.control

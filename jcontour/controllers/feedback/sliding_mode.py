@@ -45,7 +45,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jcontour._arrays import check_signs
 from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, numbers
-from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
+from jcontour.controllers.feedback.cascade import Cascade, CascadePlan, commanded
 from jcontour.controllers.feedback.state_feedback import TargetPlan, moving_target
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
@@ -292,11 +292,10 @@ class AdaptiveRobust(Controller):
 
     def prepare(self, reference: Reference) -> RobustPlan:
         """Commands, and accelerations, speeds and their signs."""
-        plan, dt = self.cascade.prepare(reference), self.cascade.dt
-        before = reference.start_increment[None] / dt
-        acceleration = jnp.diff(plan.velocity, axis=0, prepend=before) / dt
-        ones = jnp.ones_like(acceleration)
-        columns = acceleration, plan.velocity, jnp.sign(plan.velocity), ones
+        cascade = self.cascade
+        plan, motion = cascade.prepare(reference), commanded(reference, cascade.sensors, cascade.dt)
+        ones = jnp.ones_like(motion.velocity)
+        columns = motion.acceleration, motion.velocity, jnp.sign(motion.velocity), ones
         return RobustPlan(plan, jnp.stack(columns, axis=-1))
 
     def bounds(self) -> Bounds:

@@ -51,6 +51,7 @@ from jcontour.controller import (
     checked_period,
     numbers,
 )
+from jcontour.controllers.feedback.cascade import Commanded, commanded
 from jcontour.linear.plant import LinearPlant, check_stable
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors, row
@@ -208,20 +209,12 @@ class Past(NamedTuple):
     speed: Float[Array, " m"]
 
 
-class Motion(eqx.Module):
-    """Position [m], speed [m/s] and acceleration [m/s^2] of the reference."""
-
-    position: Float[Array, "*T m"]
-    speed: Float[Array, "*T m"]
-    acceleration: Float[Array, "*T m"]
-
-
 class TimeDelayControl(Controller):
     """Time-delay control of every axis, on measured positions and speeds.
 
     >>> from jcontour.sensors import motors
     >>> control = TimeDelayControl(400.0, 40.0, 1.0, motors(1), dt=1e-3)
-    >>> at_rest = Motion(jnp.array([0.01]), jnp.zeros(1), jnp.zeros(1))
+    >>> at_rest = Commanded(jnp.array([0.01]), jnp.zeros(1), jnp.zeros(1))
     >>> past = Past(jnp.zeros(1), jnp.zeros(1))
     >>> control.step(past, at_rest, (jnp.zeros(1), jnp.zeros(1)))[1].tolist()
     [4.0]
@@ -253,24 +246,18 @@ class TimeDelayControl(Controller):
         if not self.sensors.velocity:
             raise ValueError("sensors: time-delay control needs speeds, received positions only")
 
-    def prepare(self, reference: Reference) -> Motion:
-        check_axes(self.sensors.axes, reference)
-        check_period(self.dt, reference)
-        steps = reference.steps
-        speed = jnp.diff(reference.position[: steps + 1], axis=0) / self.dt
-        before = reference.start_increment[None] / self.dt
-        acceleration = jnp.diff(speed, axis=0, prepend=before) / self.dt
-        return Motion(reference.position[:steps], speed, acceleration)
+    def prepare(self, reference: Reference) -> Commanded:
+        return commanded(reference, self.sensors, self.dt)
 
     def initial_memory(self, reference: Reference) -> Past:
         nothing = jnp.zeros(self.sensors.axes, reference.position.dtype)
         return Past(nothing, reference.start_increment / self.dt)
 
-    def step(self, memory: Past, plan: Motion, measurement) -> tuple[Past, Float[Array, " m"]]:
+    def step(self, memory: Past, plan: Commanded, measurement) -> tuple[Past, Float[Array, " m"]]:
         """Control that adds what is missing to the one that acted, within the limit."""
         position, speed = self.sensors.read(measurement)
         acted = (speed - memory.speed) / self.dt
-        wanted = plan.acceleration + self.damping * (plan.speed - speed)
+        wanted = plan.acceleration + self.damping * (plan.velocity - speed)
         wanted = wanted + self.stiffness * (plan.position - position)
         free = memory.control + (wanted - acted) / self.input_gain
         control = jnp.clip(free, -self.limit, self.limit)

@@ -12,10 +12,9 @@ import pytest
 
 from jcontour._arrays import placed
 from jcontour.controller import Controller
-from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains, Commanded
 from jcontour.controllers.observers.disturbance_observer import (
     DisturbanceObserver,
-    Motion,
     Past,
     ReducedObserver,
     TimeDelayControl,
@@ -292,7 +291,7 @@ def test_a_step_beyond_the_limit_does_not_wind_up(limit):
 def test_a_limit_for_each_axis_bounds_control_and_memory():
     limit = np.array([0.5, 2.0])
     controller = TimeDelayControl(400.0, 40.0, 1.0, motors(2), PERIOD, limit)
-    target = Motion(*map(placed, np.array([[0.1, -0.1], [0.0, 0.0], [0.0, 0.0]])))
+    target = Commanded(*map(placed, np.array([[0.1, -0.1], [0.0, 0.0], [0.0, 0.0]])))
     past = Past(*map(placed, np.zeros((2, 2))))
     step = eqx.filter_jit(controller.step)
     memory, control = step(past, target, (np.zeros(2), np.zeros(2)))
