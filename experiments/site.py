@@ -47,10 +47,10 @@ def store(run: Path) -> Path:
         json.loads((run / name).read_text(encoding="utf-8"))
         for name in ("result.json", "settings.json")
     )
-    if values["settings"]["quick"]:
+    if values["quick"]:
         raise ValueError(f"{run}: the pages need a whole run, this one is quick")
     path = stored(settings["command"].removeprefix("reproduce "))
-    kept = {name: values[name] for name in ("settings", "claims", "tables")}
+    kept = {name: values[name] for name in ("claims", "tables")}
     path.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return path
 

@@ -174,7 +174,7 @@ def test_the_commands_of_the_readme_are_all_of_them():
 def test_every_paper_has_its_parts_and_its_page():
     """The recipe of `contributing.md`."""
     parts = {
-        "experiment": ("SOURCE", "Settings", "run"),
+        "experiment": ("SOURCE", "run"),
         "claims": ("claims", "tables", "FIGURES"),
     }
     for name in experiments_found():

@@ -33,7 +33,7 @@ def test_a_table_is_that_of_the_run():
 
 
 def test_only_whole_runs_are_stored(tmp_path):
-    (tmp_path / "result.json").write_text(json.dumps({"settings": {"quick": True}}))
+    (tmp_path / "result.json").write_text(json.dumps({"quick": True}))
     (tmp_path / "settings.json").write_text(json.dumps({"command": "reproduce zpetc"}))
     with pytest.raises(ValueError, match="the pages need a whole run"):
         site.store(tmp_path)

@@ -51,14 +51,6 @@ FITTED = -0.30746  # fits the printed digits, -0.3075 does not (errata)
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce alter-tsao`."""
-
-    quick: bool = False
-    """The same: the whole takes seconds."""
-
-
-@dataclass(frozen=True)
 class PublishedLine:
     """Line of Table 1 or 3: errors as printed [m]."""
 
@@ -417,7 +409,7 @@ class Result:
     perturbed: tuple[float, ...]  # costs over `SWEEP`
 
 
-def run(settings: Settings) -> Result:
+def run(quick: bool = False) -> Result:
     """Simulate everything."""
     zero = FITTED
     thirty = line_30(zero)

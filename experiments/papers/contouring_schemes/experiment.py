@@ -287,22 +287,7 @@ SOURCE = (
     "J.-H. Chin & T.-C. Lin (1997), C.-C. Lo & C. Y. Chung (1999), "
     "G. T.-C. Chiu & M. Tomizuka (2001), C. S. Chen & L. Y. Chen (2011)"
 )
-QUICK_PART = 5  # a quick run has this part of the evaluations
-LEAST = 3  # evaluations of a descent
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce contouring-schemes`."""
-
-    quick: bool = False
-    """A fifth of the evaluations, no errors in masses; it decides no statement."""
-    evaluations: int = 50
-    """Of objective and gradient in one descent: one for the cascade, then two for every scheme."""
-
-    def __post_init__(self):
-        if self.evaluations < LEAST:
-            raise ValueError(f"evaluations: needs at least three, received {self.evaluations}")
+EVALUATIONS, QUICK_EVALUATIONS = 50, 10  # of objective and gradient in one descent
 
 
 @dataclass(frozen=True)
@@ -352,16 +337,15 @@ class Result:
         return float(np.mean(values))
 
 
-def run(settings: Settings) -> Result:
+def run(quick: bool = False) -> Result:
     """Tune and simulate everything."""
-    plants, budget = tuple(MODEL_ERRORS), settings.evaluations
-    if settings.quick:
-        plants, budget = TUNED_ON, max(LEAST, budget // QUICK_PART)
+    plants = TUNED_ON if quick else tuple(MODEL_ERRORS)
+    budget = QUICK_EVALUATIONS if quick else EVALUATIONS
     setup = Setup(TUNED_ON, budget)
     tuning, runs = compared(setup, plants)
     bounds = np.asarray(setup.limits.bounds).tolist()
     return Result(
-        quick=settings.quick,
+        quick=quick,
         evaluations=budget,
         limits=dict(zip(setup.limits.names, bounds, strict=True)),
         tuning=tuple(tuning),

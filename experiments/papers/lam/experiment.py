@@ -57,14 +57,6 @@ SENSORS = Sensors(position=(2, 6), velocity=(1, 5), scale=0.7958e-3)  # tool pos
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce lam`."""
-
-    quick: bool = False
-    """The friction machine alone, instead of the nominal, the frictional and the mismatched one."""
-
-
-@dataclass(frozen=True)
 class Trace:
     """Signals of one run of MPCC up to the end of the path, Figs 8 to 11; axes (time, axis)."""
 
@@ -105,13 +97,13 @@ class Result:
     trade_off: tuple[Point, ...]
 
 
-def run(settings: Settings) -> Result:
+def run(quick: bool = False) -> Result:
     """Simulate everything."""
     contour = lobes()
     arc = np.linspace(0.0, float(contour.length), 4001)  # every fourth sample is drawn
     path = np.asarray(contour.position(arc))
     radius = float(np.linalg.norm(path, axis=1).max())
-    plants = (SHOWN_PLANT,) if settings.quick else tuple(machines(SAMPLE))
+    plants = (SHOWN_PLANT,) if quick else tuple(machines(SAMPLE))
     traces: list[Trace] = []
     points: list[Point] = []
     for plant in plants:

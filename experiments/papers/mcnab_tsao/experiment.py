@@ -279,14 +279,6 @@ THEOREM_DIRECTIONS, QUICK_DIRECTIONS = 72, 18
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce mcnab-tsao`."""
-
-    quick: bool = False
-    """Finish within a minute: Theorem 1 in 18 directions in place of 72, all else as ever."""
-
-
-@dataclass(frozen=True)
 class RadiiOnLines:
     """Largest spectral radius over all directions, horizon by horizon, for one set of weights."""
 
@@ -329,7 +321,7 @@ class Result:
         return {n: getattr(self.on_family(terminal, *weights, n)[0], error) for n in lengths}
 
 
-def run(settings: Settings) -> Result:
+def run(quick: bool = False) -> Result:
     """Simulate everything."""
     setup = Setup()
     cases = [Case(*case) for case in product(TERMINALS, ALPHAS, BETAS)]
@@ -356,7 +348,7 @@ def run(settings: Settings) -> Result:
         "case III, path held": setup.plan(case_iii, setup.circle, standing),
     }
     ours, theirs, _ = plans.values()
-    directions = QUICK_DIRECTIONS if settings.quick else THEOREM_DIRECTIONS
+    directions = QUICK_DIRECTIONS if quick else THEOREM_DIRECTIONS
     angles, sets = np.deg2rad(np.arange(directions) * 180.0 / directions), []
     for weights in product(THEOREM_ALPHAS, THEOREM_BETAS, THEOREM_RHOS):
         radii = radii_on_lines(setup.model, LQWeights(*weights), angles, THEOREM_HORIZON)

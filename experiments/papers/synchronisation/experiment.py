@@ -60,14 +60,6 @@ INSTANTS, QUICK_INSTANTS = 2401, 601  # of a continuous response
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce synchronisation`."""
-
-    quick: bool = False
-    """A quarter of the instants of the continuous responses."""
-
-
-@dataclass(frozen=True)
 class Plant:
     """Two axes and the gains of their law.
 
@@ -140,9 +132,9 @@ class Result:
         return where(self.bounds, plant=plant, period_ms=period_ms)[0]
 
 
-def run(settings: Settings) -> Result:
+def run(quick: bool = False) -> Result:
     """Simulate everything."""
-    samples = QUICK_INSTANTS if settings.quick else INSTANTS
+    samples = QUICK_INSTANTS if quick else INSTANTS
     return Result(
         rows=tuple(
             stepped(name, period_ms, beta, samples)

@@ -130,14 +130,6 @@ MARGIN = 1e-2  # rho, over the tolerance and the speed
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce yuan-bounded`."""
-
-    quick: bool = False
-    """One certificate of three, shorter responses, a third of the samples."""
-
-
-@dataclass(frozen=True)
 class CertificateRow:
     """Least tolerance that any controller at all needs."""
 
@@ -192,11 +184,11 @@ class Result:
     invariant: InvariantSetRun | None
 
 
-def run(settings: Settings) -> Result:
+def run(quick: bool = False) -> Result:
     """Compute everything."""
-    cases = PRINTED_CASES[:1] if settings.quick else PRINTED_CASES
-    lengths = QUICK_LENGTHS if settings.quick else LENGTHS
-    samples = QUICK_SAMPLES if settings.quick else SAMPLES
+    cases = PRINTED_CASES[:1] if quick else PRINTED_CASES
+    lengths = QUICK_LENGTHS if quick else LENGTHS
+    samples = QUICK_SAMPLES if quick else SAMPLES
     return Result(
         observer_radius(),
         tuple(certificate(*case) for case in cases),

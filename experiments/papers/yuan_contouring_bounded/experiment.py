@@ -73,14 +73,6 @@ QUICK_STEPS = 700  # of 3,384: the first line and a tenth of the circle
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce yuan-contouring-bounded`."""
-
-    quick: bool = False
-    """Four runs of ten, along the first fifth of the path."""
-
-
-@dataclass(frozen=True)
 class Polygons:
     """Algorithm 2 for R = 80 mm and 4 mm."""
 
@@ -154,10 +146,10 @@ class Result:
         return None
 
 
-def run(settings: Settings) -> Result:
+def run(quick: bool = False) -> Result:
     """Compute everything."""
-    rows = [ROWS[i] for i in QUICK] if settings.quick else ROWS
-    steps = QUICK_STEPS if settings.quick else None
+    rows = [ROWS[i] for i in QUICK] if quick else ROWS
+    steps = QUICK_STEPS if quick else None
     return Result(polygons(), tuple(loop_row(*row, steps) for row in rows))
 
 

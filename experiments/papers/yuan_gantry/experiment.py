@@ -49,14 +49,6 @@ DAMPED = 2000.0
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce yuan-gantry`."""
-
-    quick: bool = False
-    """The same: the whole takes seconds."""
-
-
-@dataclass(frozen=True)
 class Response:
     """Fig. 5.6: frequency response from the current i_1 to the speed of its drive."""
 
@@ -107,7 +99,7 @@ class Result:
         return next(row for row in self.heads if row.name == name)
 
 
-def run(settings: Settings) -> Result:
+def run(quick: bool = False) -> Result:
     """Compute everything."""
     return Result(responses(), along_the_path(), emulated(), engine_differences())
 

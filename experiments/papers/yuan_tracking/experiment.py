@@ -48,14 +48,6 @@ MODES = 3  # of the beam
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce yuan-tracking`."""
-
-    quick: bool = False
-    """The same: the whole takes seconds."""
-
-
-@dataclass(frozen=True)
 class Columns:
     """Columns of Tables 3.1 and 3.2: errors and deformation [mm], mean current [A]."""
 
@@ -155,7 +147,7 @@ class Setup:
         }
 
 
-def run(settings: Settings) -> Result:
+def run(quick: bool = False) -> Result:
     """Simulate everything."""
     setup = Setup()
     whole = {name: setup.signals(setup.controller(name)) for name in CONTROLLERS}

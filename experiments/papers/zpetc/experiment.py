@@ -21,6 +21,7 @@ from scipy.signal import lfilter
 from jcontour.controller import Controller
 from jcontour.controllers.feedforward.adaptive_zpetc import (
     AdaptiveZeroPhaseTracking,
+    Estimate,
     NormalisedLeastSquares,
 )
 from jcontour.controllers.feedforward.zpetc import (
@@ -80,14 +81,6 @@ FLOOR = 1e-3  # [m]: the paper's normalisation is in mm
 FIRST, LATER, CHANGE = 30.0, 7.5, 0.5  # [A], [A], [s] after the start of the motion
 PER_AMPERE = 0.17011 * 0.7958e-3 / 2.4434e-4  # [m/s^2 per A], Table 1
 SUBSTEP = 1e-4  # [s]
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce zpetc`."""
-
-    quick: bool = False
-    """Four integral times in place of nine."""
 
 
 @dataclass(frozen=True)
@@ -186,14 +179,17 @@ TRUTHS = (
 )
 
 
-def run(settings: Settings) -> Result:
+def run(quick: bool = False) -> Result:
     """Simulate everything."""
-    times = QUICK_TIMES if settings.quick else INTEGRAL_TIMES
+    times = QUICK_TIMES if quick else INTEGRAL_TIMES
     poor = TRUTHS[2]
     drawn = {
         "Fig. 8: no integrator, gain x1.5": (tracking(None), FAST),
         f"Fig. 9: T_i = {BEST_TIME:g} s, gain x1.5": (tracking(BEST_TIME), FAST),
-        "adaptive, gain x1.5": (adaptive(STARTS[0], TRACES[0]), SLOW),
+        "adaptive, gain x1.5": (
+            adaptive(STARTS[0], NormalisedLeastSquares(TRACES[0], FLOOR)),
+            SLOW,
+        ),
     }
     corrected, printed = equation_5()
     return Result(
@@ -358,8 +354,7 @@ def integral_runs(
         if friction is not None:
             leg = LimitedServo(truth.gain * SERVO_GAIN, truth.pole, friction, FAST)
         size = np.abs(errors(tracking(time), leg)[0])
-        row = IntegralRun(truth.name, time, float(size.mean()), float(size.max()), friction)
-        rows.append(row)
+        rows.append(IntegralRun(truth.name, time, float(size.mean()), float(size.max()), friction))
     return tuple(rows)
 
 
@@ -422,39 +417,46 @@ class LimitedServo(Plant):
         return state.position
 
 
-def adaptive(theta: tuple[float, float], trace: float, dead_zone: float = 0.0):
+class PrintedLeastSquares(NormalisedLeastSquares):
+    """The same with the forgetting factor of (15) as printed: tr F / tr F(0) is taken for one."""
+
+    @jax.jit
+    def update(self, estimate: Estimate, phi: Float[Array, "m q"], y: Float[Array, " m"]):
+        """Estimate after one more sample."""
+        after, F = super().update(estimate, phi, y), estimate.gain
+        n = jnp.maximum(jnp.linalg.norm(phi, axis=-1, keepdims=True), self.floor)
+        g = jnp.einsum("mij,mj->mi", F, phi / n)
+        drop = jnp.sum(g**2, axis=-1) / (1 + jnp.sum(phi / n * g, axis=-1))
+        factor = (jnp.trace(F, axis1=-2, axis2=-1) - drop) / (self.trace - drop)
+        return after._replace(gain=after.gain * factor[:, None, None])
+
+
+def adaptive(
+    theta: tuple[float, float], estimator: NormalisedLeastSquares
+) -> AdaptiveZeroPhaseTracking:
     """The paper's adaptive controller."""
-    estimator = NormalisedLeastSquares(trace, FLOOR, dead_zone)
     gain = placing_gain(servo(SLOW))
     return AdaptiveZeroPhaseTracking(gain, theta, estimator, Sensors([0]), SLOW)
 
 
 def adaptive_runs(truths: Iterable[Truth] = TRUTHS[:3]) -> tuple[AdaptiveRun, ...]:
     """Runs without adaptation, with our forgetting factor, and with the printed one."""
-    rules = ("none", TRACES[0]), *(("ours", trace) for trace in TRACES), ("printed", TRACES[1])
+    few, many = TRACES
+    estimators = (
+        ("none", NormalisedLeastSquares(few, FLOOR, ADAPTATION_OFF)),
+        ("ours", NormalisedLeastSquares(few, FLOOR)),
+        ("ours", NormalisedLeastSquares(many, FLOOR)),
+        ("printed", PrintedLeastSquares(many, FLOOR)),
+    )
     rows = []
-    for truth, theta, (rule, trace) in product(truths, STARTS, rules):
-        if rule == "printed":
-            error, final, F = as_printed(truth, theta, trace)
-        else:
-            dead_zone = ADAPTATION_OFF if rule == "none" else 0.0
-            error, run = errors(adaptive(theta, trace, dead_zone), truth.axis(SLOW))
-            estimate = run.final_memory.estimate
-            final, F = np.asarray(estimate.theta)[0], estimate.gain[0]
-        size = np.abs(error)
-        row = AdaptiveRun(
-            truth=truth.name,
-            theta=theta,
-            trace=trace,
-            rule=rule,
-            mean_um=float(size.mean()),
-            peak_um=float(size.max()),
-            second_half_um=float(size[size.size // 2 :].mean()),
-            final_theta=(float(final[0]), float(final[1])),
-            fitted_theta=one_pole_fit(truth),
-            final_trace=float(np.trace(F)),
-        )
-        rows.append(row)
+    for truth, theta, (rule, estimator) in product(truths, STARTS, estimators):
+        error, run = errors(adaptive(theta, estimator), truth.axis(SLOW))
+        end, size = run.final_memory.estimate, np.abs(error)
+        a, b = map(float, end.theta[0])
+        sizes = float(size.mean()), float(size.max()), float(size[size.size // 2 :].mean())
+        trace = float(np.trace(end.gain[0]))
+        start = truth.name, theta, float(estimator.trace), rule
+        rows.append(AdaptiveRun(*start, *sizes, (a, b), one_pole_fit(truth), trace))
     return tuple(rows)
 
 
@@ -466,34 +468,3 @@ def one_pole_fit(truth: Truth) -> tuple[float, float]:
     phi = np.stack([-output[:-1], wanted[:-1]], axis=1)
     a, b = np.linalg.lstsq(phi, output[1:])[0]
     return float(a), float(b)
-
-
-def as_printed(truth: Truth, start: tuple[float, float], trace: float):
-    """The same controller with the forgetting factor of (15), sample by sample in mm.
-
-    Errors [um], and the last parameters and F.
-    """
-    gain = placing_gain(servo(SLOW)) * 1e-3  # control per mm
-    plant = truth.model(SLOW)
-    _, b0, b1 = 1e3 * plant.numerator
-    _, a1, a2 = plant.denominator
-    wanted = 1e3 * np.asarray(reference(SLOW, 1).position)[:, 0]
-    quantum = 1e3 * LVDT_QUANTUM
-    theta, F = np.array(start), trace / 2 * np.eye(2)
-    y, u, phi = np.zeros(2), np.zeros(2), np.zeros(2)  # of the last two samples
-    output = []
-    for k in range(wanted.size - 1):
-        now = -a1 * y[0] - a2 * y[1] + b0 * u[0] + b1 * u[1]
-        seen = quantum * np.round(now / quantum)
-        n = max(float(np.linalg.norm(phi)), 1.0)
-        x = phi / n
-        g = F @ x
-        D = 1 + x @ g
-        theta = theta + g * (seen / n - theta @ x) / D
-        F = (F - np.outer(g, g) / D) / (1 - (g @ g) / D / trace)
-        filtered = (wanted[k + 1] + theta[0] * wanted[k]) / theta[1]
-        control = gain * (filtered - seen)
-        y, u = np.array([now, y[0]]), np.array([control, u[0]])
-        phi = np.array([-seen, filtered])
-        output.append(now)
-    return 1e3 * (wanted[: len(output)] - np.array(output)), theta, F

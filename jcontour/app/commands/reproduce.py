@@ -2,8 +2,7 @@
 
 A paper is a folder `experiments/papers/NAME` with two modules:
 
-    experiment: SOURCE, Settings (a dataclass: its fields are the flags, `quick` among them),
-        run(settings) -> result, a frozen dataclass
+    experiment: SOURCE, run(quick) -> result, a frozen dataclass
     claims: claims(result) -> statements with their verdicts, tables(result) -> tables and lines,
         FIGURES, name of a file -> function that draws it from the result
 """
@@ -11,16 +10,24 @@ A paper is a folder `experiments/papers/NAME` with two modules:
 import ast
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import tyro
-
 from jcontour.app.flags.rules import read
 from jcontour.app.flags.shared import Common
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flags(Common):
+    """Flags of a paper."""
+
+    quick: bool = False
+    """Finish sooner, with less: the README of the papers says what is left out."""
+    out: Path | None = None
+    """Run folder; runs/<name>-<time> when not given. It must not hold another run."""
 
 
 def experiments_found() -> dict[str, str]:
@@ -33,7 +40,7 @@ def experiments_found() -> dict[str, str]:
     return described
 
 
-def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], int]]:
+def chosen(name: str, arguments: Sequence[str]) -> tuple[Flags, Callable[[Flags], int]]:
     """Flags and runner of an experiment."""
     known = experiments_found()
     if name not in known:
@@ -41,22 +48,11 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
             f"reproduce: there is no experiment {name!r}; known are {', '.join(known) or 'none'}"
         )
     module = import_module(f"experiments.papers.{name.replace('-', '_')}.experiment")
-    assert is_dataclass(module.Settings)
-
-    Settings: Any = module.Settings
-
-    @dataclass(frozen=True, kw_only=True)
-    class Flags(Common):
-        settings: tyro.conf.OmitArgPrefixes[Settings]
-        """What is run."""
-        out: Path | None = None
-        """Run folder; runs/<name>-<time> when not given. It must not hold another run."""
-
     flags = read(Flags, arguments, f"jcontour reproduce {name}", known[name])
     return flags, lambda flags: _run(module, name, flags)
 
 
-def _run(module: Any, name: str, flags: Any) -> int:
+def _run(module: Any, name: str, flags: Flags) -> int:
     from jcontour.app.files import run_folder
     from jcontour.app.files.results.stored import to_json, write_result
     from jcontour.app.reports.figures.png import save_figures
@@ -69,12 +65,12 @@ def _run(module: Any, name: str, flags: Any) -> int:
     tables = in_checkout("reproduce", "experiments.tables")
     verdicts = in_checkout("reproduce", "experiments.papers.verdicts")
     said = import_module(f"{module.__package__}.claims")
-    result = module.run(flags.settings)
+    result = module.run(flags.quick)
     claims, parts = tuple(said.claims(result)), tuple(said.tables(result))
     save_figures(said.FIGURES, result, folder)
     stored = {
         "source": module.SOURCE,
-        "settings": asdict(flags.settings),
+        "quick": flags.quick,
         **to_json(result),
         "tables": tables.stored(parts),
         "claims": to_json(claims),
@@ -86,7 +82,7 @@ def _run(module: Any, name: str, flags: Any) -> int:
         tables.show(console, (*parts, verdicts.statements(claims)))
 
     missed = [Entry("Missed", line) for line in verdicts.missed(claims)]
-    tally = Entry("Claims", verdicts.tally(claims, flags.settings.quick))
+    tally = Entry("Claims", verdicts.tally(claims, flags.quick))
     return finished(folder, stored, flags, show, [*missed, tally])
 
 

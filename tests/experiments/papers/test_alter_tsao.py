@@ -12,7 +12,6 @@ from experiments.papers.alter_tsao.claims import APART, claims, tables
 from experiments.papers.alter_tsao.experiment import (
     TABLE_1,
     TABLE_2,
-    Settings,
     costs,
     feedbacks,
     line,
@@ -38,7 +37,7 @@ YES, NEAR, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 @pytest.fixture(scope="module")
 def result():
-    return run(Settings())
+    return run()
 
 
 def test_the_trajectory_is_the_reference():

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from experiments.papers.contouring_schemes.claims import claims, tables, tuning
 from experiments.papers.contouring_schemes.experiment import (
@@ -19,7 +18,6 @@ from experiments.papers.contouring_schemes.experiment import (
     VARIABLE,
     Result,
     Row,
-    Settings,
     TunedScheme,
     held_out,
     run_along,
@@ -139,9 +137,3 @@ def test_runs_are_from_rest_to_rest_and_held_out_contours_are_new():
         assert not np.any(np.asarray(reference.start_increment))
         position = np.asarray(reference.position)
         np.testing.assert_allclose(position[-1], position[-100], atol=1e-12)
-
-
-def test_bad_settings_are_one_line():
-    with pytest.raises(ValueError, match="evaluations: needs at least three") as error:
-        Settings(evaluations=2)
-    assert "\n" not in str(error.value)

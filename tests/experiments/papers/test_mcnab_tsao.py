@@ -42,7 +42,7 @@ def setup():
 
 @pytest.fixture(scope="module")
 def result():
-    return experiment.run(experiment.Settings(quick=True))
+    return experiment.run(quick=True)
 
 
 def test_family_of_the_reference_numbers():

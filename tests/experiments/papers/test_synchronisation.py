@@ -16,7 +16,6 @@ from experiments.papers.synchronisation.experiment import (
     SLOW,
     UNEQUAL,
     WEAK,
-    Settings,
     run,
     turns,
 )
@@ -31,7 +30,7 @@ NAMES = {NOMINAL: "sync_nominal", WEAK: "sync_low_kc"}
 
 @pytest.fixture(scope="module")
 def result():
-    return run(Settings())
+    return run()
 
 
 def wanted_rows():

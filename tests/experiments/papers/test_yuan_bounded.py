@@ -17,7 +17,6 @@ from experiments.papers.yuan_bounded.experiment import (
     LoopRow,
     PointToPointRun,
     Result,
-    Settings,
     algorithm_1,
     axis,
     certificate,
@@ -113,7 +112,7 @@ def test_the_figure_shows_the_numbers():
 
 @pytest.mark.slow
 def test_the_chapter_in_its_quick_form():
-    result = run(Settings(quick=True))
+    result = run(quick=True)
     verdicts = [claim.verdict for claim in claims(result)]
     assert verdicts[:5] == [NO, NO, PARTLY, PARTLY, PARTLY]
     assert all(0.5 * row.promised_mm < row.largest_mm <= row.promised_mm for row in result.loops)

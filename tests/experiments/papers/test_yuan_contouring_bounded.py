@@ -29,7 +29,6 @@ from experiments.papers.yuan_contouring_bounded.experiment import (
     TRACKED,
     LoopRow,
     Result,
-    Settings,
     loop_row,
     polygons,
     ring_polygons,
@@ -212,7 +211,7 @@ def test_the_tube_covers_the_error_of_its_models_on_the_machine_itself(design):
 
 @pytest.mark.slow
 def test_the_runs_stay_inside_and_the_attack_reaches_nine_tenths():
-    result = run(Settings(quick=True))
+    result = run(quick=True)
     for one in result.loops:
         assert one.kept and one.samples == QUICK_STEPS
         assert one.motor_share <= 1 + 1e-9 and one.remainder_share <= 1

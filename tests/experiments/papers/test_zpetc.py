@@ -17,7 +17,6 @@ from experiments.papers.zpetc.experiment import (
     SLOW,
     TRUTHS,
     LimitedServo,
-    Settings,
     adaptive_runs,
     closed,
     equation_5,
@@ -42,7 +41,7 @@ YES, NEAR, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 @pytest.fixture(scope="module")
 def result():
-    return run(Settings(quick=True))
+    return run(quick=True)
 
 
 @pytest.mark.parametrize("row", WANTED["zoh"])
