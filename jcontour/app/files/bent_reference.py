@@ -191,12 +191,6 @@ def save_program(
     """The moves as G-code in mm and mm/min; a dwell [s] where they stay at one place.
 
     It stops (M0) where something is to be done that its axes do not do.
-
-    Args:
-        run: sections of moves.
-        axes: letters.
-        folder: that the file comes to.
-        head: lines of text at its begin.
     """
     start, *_ = _places(run[0], axes)
     lines = [f"({plain(text)})" for text in head]

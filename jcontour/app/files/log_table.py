@@ -47,14 +47,7 @@ def read_table(path: Path) -> Table:
 
 
 def finite(path: Path, name: str, values: Float[np.ndarray, " T"], above: int = 0) -> None:
-    """Refuse a column that lacks a number.
-
-    Args:
-        path: of the file.
-        name: of the column.
-        values: of its rows.
-        above: rows of the file before them.
-    """
+    """Refuse a column that lacks a number."""
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         row = above + bad[0] + 1

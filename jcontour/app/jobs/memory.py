@@ -31,12 +31,7 @@ class TooLongError(ValueError):
 
 
 def most_samples(plants: int, there: float | None = None) -> int:
-    """Samples of a run on some plants that the memory holds, none below zero.
-
-    Args:
-        plants: how many plants it is run on.
-        there: free memory [bytes]; None asks the computer.
-    """
+    """Samples of a run on some plants that the free memory [bytes] holds, none below zero."""
     there = free_memory() if there is None else there
     return max(int((there - BEGUN) // (BYTES * plants)), 0)
 
@@ -58,14 +53,7 @@ def check_duration(
 
 
 def check_memory(name: str, samples: int, plants: int, there: float | None = None) -> None:
-    """Refuse a run that does not fit into memory.
-
-    Args:
-        name: of the run.
-        samples: of it.
-        plants: how many plants it is run on.
-        there: free memory [bytes]; None asks the computer.
-    """
+    """Refuse a run that does not fit into the free memory [bytes]."""
     there = free_memory() if there is None else there
     takes = BEGUN + BYTES * samples * plants
     if takes > there:

@@ -153,14 +153,7 @@ class Coarse(NamedTuple):
 def coarse_coordinates(
     contour: Contour, speed: Float[np.ndarray, " P"], cut: Bool[np.ndarray, " P"], pace: Pace
 ) -> Coarse | None:
-    """Rounding of coordinates that spoils a jerk-limited motion; None where it spoils none.
-
-    Args:
-        contour: of a file.
-        speed: that is asked for along every piece [m/s].
-        cut: which pieces are cut.
-        pace: limits and tolerance.
-    """
+    """Rounding of coordinates that spoils a jerk-limited motion at these speeds [m/s], or None."""
     limits, tolerance = axis_limits(pace), pace.corner_tolerance
     pieces = unpadded(contour)
     # Straight pieces that turn a little from the one before, or into the next

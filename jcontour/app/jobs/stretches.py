@@ -141,10 +141,6 @@ def representatives(task: Task, dt: float) -> list[Task]:
     accelerates, and in which directions. The window with the hardest acceleration comes first, then
     always the one that differs most from those before. A stretch is entered in motion, and its
     entry is not scored.
-
-    Args:
-        task: what is run.
-        dt: sample period [s].
     """
     if not isinstance(task, Job) or task.samples <= LONG:
         return [task]

@@ -153,11 +153,6 @@ def linear_machine(plant: LinearPlant, name: str, uncertainty: Any = None) -> Li
 def stated_uncertainty(given: Any, model: LinearPlant, statement: str = IN_FILE) -> Uncertainty:
     """What a file states, the usual where it states nothing at all (None).
 
-    Args:
-        given: fields of the file.
-        model: of the machine.
-        statement: how such a file states it.
-
     Raises:
         MachineError: a field is wrong.
     """

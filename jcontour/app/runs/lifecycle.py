@@ -71,13 +71,7 @@ def created(flags: Any, command: str) -> Path:
 def task_words(
     parts: Sequence[str], flags: Mapping[str, Any], kind: type[MachineFlags] = MachineFlags
 ) -> str:
-    """Parts and flags as words of a command line, with a space before.
-
-    Args:
-        parts: toolpaths or names.
-        flags: values by name.
-        kind: flags that become words: machine and pace, or `Controlled` for the controller too.
-    """
+    """Parts and flags as words of a command line, with a space before."""
     words = [*parts]
     for one in fields(kind):
         value = flags.get(one.name, one.default)
@@ -200,14 +194,6 @@ def finished(
 
     With `--json` one JSON object; else a screen. With `--details` what `show` prints, the whole
     verdict and the figures in the folder stand before it.
-
-    Args:
-        folder: of the run; its page is written where its command has one.
-        result: as it is stored.
-        flags: of the command.
-        show: prints the tables of the result.
-        answer: entries of the screen beside the verdict.
-        verdict: on the result.
     """
     page, code = _page(folder), 0 if verdict is None else verdict.exit_code
     if flags.json:

@@ -54,14 +54,7 @@ class MeasuredRun(NamedTuple):
 
 
 def measured_run(log: Log, name: str, part: str | None, axes: tuple[str, ...]) -> MeasuredRun:
-    """The run of a log, along its part or along its commands.
-
-    Args:
-        log: with commands in [m].
-        name: of the log.
-        part: name or file of the part; None for the path of the commands.
-        axes: names.
-    """
+    """The run of a log, along its part or along its commands."""
     if len(log.command) > MOST:
         raise ValueError(f"{name}: has {len(log.command)} samples, more than {MOST}: take a part")
     moves = np.append(np.linalg.norm(np.diff(log.command, axis=0), axis=1) > 0, False)

@@ -119,11 +119,6 @@ def missing() -> str:
 def run_in_linuxcnc(components: Mapping[str, str], program: str, longest: float) -> RealRun:
     """Run a program of G-code; components and configuration are those of `linuxcnc_files`.
 
-    Args:
-        components: name and text of every file.
-        program: G-code.
-        longest: it may take [s].
-
     Raises:
         RuntimeError: it does not build, does not end, trips, or samples are lost.
     """

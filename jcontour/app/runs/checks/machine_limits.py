@@ -43,15 +43,9 @@ def beyond_limits_asked(
     machine: Machine,
     at_rest: bool,
 ) -> list[LimitCheck]:
-    """Every axis limit that a reference exceeds, and more than the one before it did.
+    """Every axis limit that a reference [m] exceeds, and more than the one `before` it did.
 
     Its speed and acceleration are differences of its samples.
-
-    Args:
-        position: samples of the reference [m].
-        before: of the one that it replaces [m].
-        machine: with its limits.
-        at_rest: whether both begin and end at rest.
     """
     asked, usual = (largest_asked(rows, machine.model.dt, at_rest) for rows in (position, before))
     checks = limits_asked(*asked, machine.limits, machine.axes)

@@ -320,15 +320,7 @@ def run_warnings(
     replays: dict[str, Replay],
     idle: Sequence[str] = (),
 ) -> Iterator[Message]:
-    """Everything to know of a run before trusting its weights.
-
-    Args:
-        run: of the tuning.
-        tuned: end of its search.
-        margins: of the tuned loop.
-        replays: of start and tuned weights.
-        idle: names of weights without any effect on the runs.
-    """
+    """Everything to know of a run before trusting its weights."""
     yield from search_warnings(tuned)
     if tuned.stabilised:
         yield from (warning(f"with the start, {line}") for line in lost_at_start(run))

@@ -22,14 +22,7 @@ from tuning.objectives import COUNT_NOISE
 def stated_limits(
     run: TuningRun, replay: Replay, margins: PathMargins, rest: Standstill | None
 ) -> list[LimitCheck]:
-    """Limits of the machine, then those of the flags.
-
-    Args:
-        run: of the tuning.
-        replay: of the loop on every contour and plant, with all effects.
-        margins: of its frozen loops.
-        rest: its controls at standstill; None where nothing is counted.
-    """
+    """Limits of the machine, then those of the flags."""
     return [
         *machine_limits(replay, run.scenarios, run.machine),
         *_metrics(run, replay),

@@ -46,11 +46,6 @@ def offset_lasts(plant: Plant, controller: Controller, reference: Reference) -> 
 
     y^(i) is the run of T samples that begins delta = `OFFSET` off the path in direction i, y the
     one that begins on it. Infinite where nothing of it dies out.
-
-    Args:
-        plant: without rounding and stick-slip.
-        controller: whose plan is that of the path.
-        reference: of one path.
     """
     ends = np.asarray(_ends(plant, controller, prepared(controller, reference), reference))
     left = float(np.linalg.norm(ends[1:] - ends[0], axis=1).max()) / OFFSET

@@ -85,11 +85,6 @@ def bent(loop: StoredLoop, roughness: float, console: Console) -> Bent:
     """The correction of the loop's first part.
 
     The price is raised tenfold while a limit is exceeded that is kept without a bend.
-
-    Args:
-        loop: controller, machine and part.
-        roughness: first price of the correction's bends.
-        console: hears what is being done.
     """
     machine, controller, job = loop.machine, loop.controller, loop.jobs[0]
     dt = machine.model.dt
@@ -174,14 +169,7 @@ def _lost(runs: Replay) -> bool:
 def moves_along(
     position: Float[np.ndarray, "T m"], dt: float, run: Sequence[Section], source: str
 ) -> list[Moves]:
-    """Moves of every section of a run; each begins where the one before ends.
-
-    Args:
-        position: samples of the run [m].
-        dt: sample period [s].
-        run: its sections.
-        source: name of the program that the run comes from.
-    """
+    """Moves through samples [m] of dt [s], section by section, each from where the last ends."""
     moves, place = [], position[0]
     for section in run:
         if section.rapid:
@@ -208,14 +196,7 @@ def with_held_end(job: Task, samples: int) -> Task:
 
 
 def settling(job: Task, family: Plant, controller: Controller, dt: float) -> int | None:
-    """Samples after the end of a run until every tool stays where it is; None where one does not.
-
-    Args:
-        job: the run.
-        controller: of all plants.
-        family: the plants, stacked; without what counts or sticks.
-        dt: sample period [s].
-    """
+    """Samples of dt [s] behind the end until every tool rests; None where one does not."""
     hold = FIRST
     while hold <= 2 * MOST:
         samples = max(2, round(hold / dt))

@@ -160,11 +160,6 @@ class Learner:
     """Laps, one after the other, on the linear model, on it with noise, and on the true family.
 
     Noise is another in every lap: laps that all had the same would learn it.
-
-    Args:
-        one: controller and part.
-        law: the rule.
-        seed: of the noise.
     """
 
     def __init__(self, one: Setting, law: LearningLaw, seed: int):
@@ -186,12 +181,7 @@ class Learner:
         return float(self._error(metrics))
 
     def run(self, laps: int, done: Callable[[int], None]) -> list[LearnedMachine]:
-        """All laps; a machine that diverges is left out from then on, and nothing is left at last.
-
-        Args:
-            laps: how many.
-            done: hears that one more lap is done.
-        """
+        """All laps, `done` hears each; a machine that diverges is left out from then on."""
         count = len(self.names)
         corrections = [jnp.zeros(self.one.shape) for _ in self.singles]
         stacked = jnp.zeros((count - len(self.singles), *self.one.shape))
@@ -285,15 +275,7 @@ def stored_lap(
     limits: MachineLimits,
     axes: Sequence[str],
 ) -> StoredLap | None:
-    """What is said of such positions; None where nothing was learned.
-
-    Args:
-        position: of the shifted reference [m].
-        dt: sample period [s].
-        best: lap of the linear model.
-        limits: of the machine.
-        axes: names.
-    """
+    """Summary of shifted positions [m] at periods [s]; None where nothing was learned."""
     if best.lap == 1:
         return None
     speed, acceleration = largest_asked(position, dt, at_rest=False)

@@ -44,12 +44,7 @@ def largest_of(dataset: xr.Dataset, metric: str) -> Float[np.ndarray, "P D"]:
 
 
 def within_limits(dataset: xr.Dataset, limits: Mapping[str, float]) -> Bool[np.ndarray, "P D"]:
-    """Whether no run of a preview and design diverges or exceeds a limit.
-
-    Args:
-        dataset: metrics of a sweep.
-        limits: bounds by metric, SI.
-    """
+    """Whether no run of a preview and design diverges or exceeds a limit."""
     kept = ~dataset.diverged.values.astype(bool).any(axis=(2, 3))
     for metric, bound in limits.items():
         kept &= largest_of(dataset, metric) <= bound
@@ -83,15 +78,7 @@ def best_first(
 
 
 class DesignLoops:
-    """Frozen loops of designs with one preview, along the contours of a sweep.
-
-    Args:
-        flags: whose limits on loops count.
-        design: the controller, its weights open.
-        machine: whose smooth family the loops are closed with.
-        scenarios: the contours of the sweep, all of them training contours.
-        varied: the weights that vary, by name, an entry for each design (D,).
-    """
+    """Frozen loops of designs with one preview, along the contours of a sweep."""
 
     def __init__(
         self,
@@ -122,11 +109,7 @@ class DesignLoops:
         self._matrices = jax.tree.map(lambda *parts: np.concatenate(parts)[:designs], *chunks)
 
     def beyond(self, place: int) -> dict[str, float]:
-        """Limits that the loops of a design break, with what it has, SI; a radius from 1 on always.
-
-        Args:
-            place: of the design.
-        """
+        """Limits that the loops of a design break, with its values, SI; a radius of 1 always."""
         matrices = jax.tree.map(lambda leaf: leaf[place], self._matrices)
         looked, peaks = _looked(self._loops, matrices)
         largest = {

@@ -155,14 +155,7 @@ def probed_loops(
     uncertainty: ResponseUncertainty | None,
     count: float | np.ndarray | None,
 ) -> ProbedLoops | None:
-    """The frozen loops that the limits look at; None where none does.
-
-    Args:
-        flags: of the run.
-        problem: whose loops they are.
-        uncertainty: how far off the response may be.
-        count: of the encoders [m], where the noise of counts is limited.
-    """
+    """The frozen loops that the limits look at; None where none does."""
     if not loop_limits(flags) and uncertainty is None and count is None:
         return None
     return ProbedLoops.of(

@@ -92,12 +92,7 @@ class TuningRun:
 
 
 def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
-    """The run that the flags describe.
-
-    Args:
-        flags: of the run.
-        made: design of these flags, where it is known; a first loop takes a while to find.
-    """
+    """The run that the flags describe."""
     asked = ratio_limit(flags) | loop_limits(flags)
     machine = machine_named(flags.plant) if made is None else made.machine
     settings, pace, usual = tuner_settings(flags), Pace.of(flags, machine), machine.usual

@@ -99,24 +99,13 @@ def robust_trial(run: TuningRun, tuned: Tuned) -> RobustTest | None:
 
 
 def start_trial(run: TuningRun, process: Beside) -> Callable[[], Trial]:
-    """The design that the tuned one is compared with, with its own weights, once it is asked for.
-
-    Args:
-        run: of the tuning.
-        process: that tries it meanwhile.
-    """
+    """The design that the tuned one is compared with, with its own weights, tried meanwhile."""
     controller = run.before.build(run.before.start)
     return process.submit(tried, controller, run.machine, run.scenarios, run.design.fed)
 
 
 def baseline_trial(run: TuningRun, start: Trial, loops: Sequence[SimpleLoop]) -> Trial | None:
-    """The best simple loop within every limit, with its first gains, where the start is not usable.
-
-    Args:
-        run: of the tuning.
-        start: the design that the tuned one is compared with else.
-        loops: simple loops where they begin, if they are known.
-    """
+    """The best simple loop within every limit with its first gains, for a start of no use."""
     if keeps_limits(run, start):
         return None
     best = best_simple([one for one in loops or simple_loops(run) if one.kept])

@@ -135,13 +135,7 @@ def _evaluated(run: TuningRun) -> SimpleLoop:
 
 
 def simplest(simple: SimpleLoop, searched: Searched | None, search: Search) -> Searched | None:
-    """The simple loop where it is recommended; else the search of the controller.
-
-    Args:
-        simple: best of the simple loops.
-        searched: search of the usual controller; None where nothing was sound.
-        search: searches a run; None where nothing was sound.
-    """
+    """The simple loop where it is recommended; else the search of the controller."""
     if searched is not None and searched.tuned.feasible and simple.error > REACH * _error(searched):
         return searched
     tuned = search(simple.run)

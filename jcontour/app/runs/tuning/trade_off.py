@@ -142,15 +142,7 @@ def _searched(
     show_progress: Callable[[TuneState], None],
     before: Sequence[list[Evaluated]] = (),
 ) -> FrontState:
-    """The search through all problems; it goes on from the states that are stored in the places.
-
-    Args:
-        problems: all.
-        places: folders of those that are not in `before`.
-        run: that is tuned.
-        show_progress: receives every state.
-        before: histories of the first problems.
-    """
+    """The search through all problems; it goes on from the states that are stored in the places."""
     state = _load(places, before)
     while not done(problems, state):
         state = advance_front(problems, run.start, run.settings, state)
@@ -179,12 +171,6 @@ def _calmest(
     """The least increment within all other limits, and the points that were tried.
 
     None where no point keeps them. The objective of the points is that of the front.
-
-    Args:
-        search: the front.
-        before: searches that are done; the calmest of their points is the first.
-        place: folder of this search.
-        show_progress: receives every state.
     """
     run, problem, state = search.run, search.within(NO_BUDGET), load_state(place)
     known = sound([row for history in before.histories for row in history])
@@ -219,12 +205,6 @@ def _budgets(
     """Budgets from the smallest to the largest, even in the logarithm.
 
     They are kept in the run folder once they are chosen.
-
-    Args:
-        flags: may give the smallest and the largest.
-        least_kept: least increment within the other limits.
-        needed: increment of the best weights without a budget.
-        folder: of the run.
     """
     path = folder / BUDGETS
     if not path.exists():
