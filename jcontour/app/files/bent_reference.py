@@ -51,7 +51,7 @@ def steps(places: Float[np.ndarray, "M m"], lasting: Float[np.ndarray, " moves"]
             written.append(_dwell(rest - late))
             late += written[-1].word - rest
             rest = 0.0
-        written.append(Step(end, max(_digits(60 * way / (time - late)), LEAST_FEED)))
+        written.append(Step(end, max(float(f"{60 * way / (time - late):.6g}"), LEAST_FEED)))
         late += 60 * way / written[-1].word - float(time)
         if late < -EARLY * time:  # its feed would be too slow for a program
             late, rest = 0.0, -late
@@ -76,11 +76,6 @@ def clock(
 def _lengths(places: Float[np.ndarray, "M m"]) -> Float[np.ndarray, " moves"]:
     """Lengths from place to place."""
     return np.linalg.norm(np.diff(places, axis=0), axis=1)
-
-
-def _digits(number: float) -> float:
-    """A feed in the digits that the program has."""
-    return float(f"{number:.6g}")
 
 
 def _dwell(lasting: float) -> Step:

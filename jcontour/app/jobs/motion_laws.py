@@ -70,7 +70,17 @@ def along_path(
     if pace.halved:
         words += ", half the stated acceleration"
     if pace.feed_law == "jerk":
-        return _jerk_limited(contour, feed, rapid, pace, rest, words)
+        changes = np.append(rapid[1:] != rapid[:-1], False)
+        rest = np.where(changes & np.isnan(rest), 0.0, rest)
+        alike = np.isclose(feed[1:], feed[:-1], rtol=SAME_FEED, atol=0.0)
+        planned = cornered(contour, feed, axis_limits(pace), pace.corner_tolerance, rest, alike)
+        around, motion, rests, _ = planned
+        followed = motion.sampled(pace.machine.model.dt, rests)
+        arc = around.true_arc(followed)
+        place, tangent = _on(around.path, followed)
+        blend = f"corners within {pace.corner_tolerance / UM:.4g} um"
+        law = f"jerk-limited, {words}, {blend if pace.corner_tolerance else 'stops in corners'}"
+        return AlongPath(arc, law, Aside(place - _on(contour, arc)[0], tangent), planned)
     arc = trapezoidal(
         contour,
         feed,
@@ -94,20 +104,6 @@ def axis_limits(pace: Pace) -> AxisLimits:
     stated = pace.machine.limits.jerk if pace.jerk is None else pace.jerk
     jerk = acceleration / BUILD_UP if stated is None else stated
     return AxisLimits.of(axes, acceleration, jerk, np.inf if speed is None else speed)
-
-
-def _jerk_limited(contour: Contour, feed, rapid, pace: Pace, rest, words: str) -> AlongPath:
-    changes = np.append(rapid[1:] != rapid[:-1], False)
-    rest = np.where(changes & np.isnan(rest), 0.0, rest)
-    alike = np.isclose(feed[1:], feed[:-1], rtol=SAME_FEED, atol=0.0)
-    planned = cornered(contour, feed, axis_limits(pace), pace.corner_tolerance, rest, alike)
-    around, motion, rests, _ = planned
-    followed = motion.sampled(pace.machine.model.dt, rests)
-    arc = around.true_arc(followed)
-    place, tangent = _on(around.path, followed)
-    blend = f"corners within {pace.corner_tolerance / UM:.4g} um"
-    law = f"jerk-limited, {words}, {blend if pace.corner_tolerance else 'stops in corners'}"
-    return AlongPath(arc, law, Aside(place - _on(contour, arc)[0], tangent), planned)
 
 
 def _of_control(contour: Contour, feed, rapid, pace: Pace, rest, words: str) -> AlongPath:

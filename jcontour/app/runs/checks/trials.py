@@ -109,6 +109,12 @@ def path_margins(
     without = open_loops == np.array([np.sum(path.mask) for path in paths])
     gains = np.stack([one.gain for one in each])
     low, high = gains[:, :, 0].max(axis=0), gains[:, :, 1].min(axis=0)
+    largest = {
+        "sensitivity": float(np.max(peaks.sensitivity)),
+        "complementary": float(np.max(peaks.complementary)),
+    }
+    if machine.response_uncertainty is not None:
+        largest["doubt"] = float(np.max(peaks.uncertainty))
     return PathMargins(
         spectral_radius=float(max(one.spectral_radius for one in each)),
         gain_range=tuple(zip(low.tolist(), high.tolist(), strict=True)),
@@ -120,18 +126,8 @@ def path_margins(
         contours_without_margins=tuple(np.array(names)[without].tolist()),
         lost_first=lost_first(each, paths, names),
         measured=measured_peak(controller, machine, scenarios, fed),
-        **_largest(peaks, doubted=machine.response_uncertainty is not None),
+        **{name: peak if np.isfinite(peak) else None for name, peak in largest.items()},
     )
-
-
-def _largest(peaks: LoopPeaks, doubted: bool) -> dict[str, float | None]:
-    largest = {
-        "sensitivity": float(np.max(peaks.sensitivity)),
-        "complementary": float(np.max(peaks.complementary)),
-    }
-    if doubted:
-        largest["doubt"] = float(np.max(peaks.uncertainty))
-    return {name: peak if np.isfinite(peak) else None for name, peak in largest.items()}
 
 
 def lost_first(
