@@ -21,34 +21,25 @@ from tuning.point import Evaluated
 from tuning.tuner import TuneState
 
 STATE = "state.npz"
-# stored leaf by leaf; every other field of the state is one number or one array
-_TREES = ("history", "descent")
-ALONE = ("late", "count_noise")  # of the loops of an outcome: one array each
-# its structure
+TREES = ("history", "descent")  # stored leaf by leaf; every other field is a number or an array
 _DESCENT = begin(np.zeros(1), Model(*(np.zeros((1,) * axes) for axes in (2, 1, 3, 2))))
+_OUTCOME = Outcome(  # the structure of one with everything
+    Metrics(**dict.fromkeys(Metrics.__dataclass_fields__, 0)),
+    LoopPeaks(*[0] * len(LoopPeaks._fields)),
+    LimitUse(*[0] * len(LimitUse._fields)),
+    late=0,
+    count_noise=0,
+)
 
 
 def save_state(folder: Path, state: TuneState) -> Path:
     """Write the state of a run; what was there before stays until the new file is whole."""
-    arrays: dict[str, Any] = {
-        name: np.asarray(value) for name, value in vars(state).items() if name not in _TREES
-    }
-    leaves = jax.tree.leaves(state.descent)
-    arrays |= {f"descent_{k}": np.asarray(leaf) for k, leaf in enumerate(leaves)}
-    rows = state.history
-    for name in Evaluated._fields:
-        if name != "outcome":
-            arrays[f"history_{name}"] = np.asarray([getattr(row, name) for row in rows])
-    for name in Metrics.__dataclass_fields__:
-        values = [getattr(row.outcome.metrics, name) for row in rows]
-        arrays[f"metrics_{name}"] = np.asarray(values)
-    for name in LoopPeaks._fields if rows and rows[0].outcome.loops is not None else ():
-        arrays[f"loops_{name}"] = np.asarray([getattr(row.outcome.loops, name) for row in rows])
-    for name in LimitUse._fields if rows and rows[0].outcome.use is not None else ():
-        arrays[f"use_{name}"] = np.asarray([getattr(row.outcome.use, name) for row in rows])
-    for name in ALONE:
-        if rows and getattr(rows[0].outcome, name) is not None:
-            arrays[name] = np.asarray([getattr(row.outcome, name) for row in rows])
+    arrays = {name: value for name, value in vars(state).items() if name not in TREES}
+    trees: dict[str, Any] = {"descent": state.descent}
+    if state.history:
+        trees["history"] = jax.tree.map(lambda *leaves: np.stack(leaves), *state.history)
+    leaves = jax.tree_util.tree_leaves_with_path(trees)
+    arrays |= {jax.tree_util.keystr(path): leaf for path, leaf in leaves}
     return write(folder / STATE, lambda temporary: np.savez(temporary, **arrays))
 
 
@@ -60,18 +51,36 @@ def load_state(folder: Path) -> TuneState:
     """
     if not (folder / STATE).exists():
         return TuneState()
+    arrays = _arrays(folder / STATE)
+    plain: dict[str, Any] = {}
     try:
-        with np.load(folder / STATE, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        descent, structure = None, jax.tree.structure(_DESCENT)
-        if "descent_0" in arrays:
-            leaves = [_plain(arrays[f"descent_{k}"]) for k in range(structure.num_leaves)]
-            descent = jax.tree.unflatten(structure, leaves)
-        others = {f.name: arrays[f.name] for f in fields(TuneState) if f.name not in _TREES}
-        plain: dict[str, Any] = {name: _plain(value) for name, value in others.items()}
-        return TuneState(history=_history(arrays), descent=descent, **plain)
-    except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile) as error:
-        raise RunError(f"{folder / STATE}: cannot be read ({error})") from None
+        for one in fields(TuneState):
+            if one.name not in TREES:
+                plain[one.name] = _plain(arrays[one.name])
+        if any(name.startswith("['descent']") for name in arrays):
+            plain["descent"] = _tree("descent", _DESCENT, arrays)
+        if any(name.startswith("['history']") for name in arrays):
+            there = {
+                name: value
+                for name, value in _OUTCOME._asdict().items()
+                if any(one.startswith(f"['history'].outcome.{name}") for one in arrays)
+            }
+            row = Evaluated(0, np.zeros(0), 0.0, 0.0, Outcome(**there), False)
+            whole = _tree("history", row, arrays)
+            count = len(whole.z)
+            plain["history"] = [
+                jax.tree.map(lambda leaf, k=k: _plain(leaf[k]), whole) for k in range(count)
+            ]
+    except KeyError as error:
+        raise RunError(f"{folder / STATE}: cannot be read ({error} is missing)") from None
+    return TuneState(**plain)
+
+
+def _tree(name: str, like: Any, arrays: dict[str, np.ndarray]) -> Any:
+    """A stored tree of the structure of another."""
+    paths, structure = jax.tree_util.tree_flatten_with_path({name: like})
+    leaves = [_plain(arrays[jax.tree_util.keystr(path)]) for path, _ in paths]
+    return jax.tree.unflatten(structure, leaves)[name]
 
 
 def _plain(value: np.ndarray) -> Any:
@@ -79,30 +88,12 @@ def _plain(value: np.ndarray) -> Any:
     return value.item() if value.ndim == 0 else value
 
 
-def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
-    columns = {name: arrays[f"history_{name}"] for name in Evaluated._fields if name != "outcome"}
-    metrics = {name: arrays[f"metrics_{name}"] for name in Metrics.__dataclass_fields__}
-    looked = "loops_spectral_radius" in arrays
-    loops = [arrays[f"loops_{name}"] for name in LoopPeaks._fields] if looked else []
-    limited = "use_speed" in arrays
-    use = [arrays[f"use_{name}"] for name in LimitUse._fields] if limited else []
-    history = []
-    for k in range(len(columns["start"])):
-        row = Evaluated(
-            int(columns["start"][k]),
-            columns["z"][k],
-            float(columns["objective"][k]),
-            float(columns["violation"][k]),
-            Outcome(
-                Metrics(**{name: values[k] for name, values in metrics.items()}),
-                LoopPeaks(*(values[k] for values in loops)) if looked else None,
-                LimitUse(*(values[k] for values in use)) if limited else None,
-                **{name: arrays[name][k] for name in ALONE if name in arrays},
-            ),
-            bool(columns["diverged"][k]),
-        )
-        history.append(row)
-    return history
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile) as error:
+        raise RunError(f"{path}: cannot be read ({error})") from None
 
 
 class SweepChunks:
@@ -120,7 +111,7 @@ class SweepChunks:
         for path in sorted(folder.glob("[0-9]*.npz")):
             if path != self._next():
                 raise RunError(f"{self._next()}: is missing")
-            self._count(_chunk(path))
+            self._count(_arrays(path))
 
     def add(self, chunk: dict[str, np.ndarray]) -> None:
         """Keep the next rows."""
@@ -139,11 +130,3 @@ class SweepChunks:
     def _count(self, chunk: dict[str, np.ndarray]) -> None:
         self._chunks.append(chunk)
         self.rows += len(chunk["diverged"])
-
-
-def _chunk(path: Path) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
-    except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile) as error:
-        raise RunError(f"{path}: cannot be read ({error})") from None
