@@ -35,7 +35,11 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     others.Listing: ("list", "jcontour.app.commands.names"),
     others.Reproduce: ("reproduce", "jcontour.app.commands.reproduce"),
 }
-LIST_MOVES = "jcontour.app.commands.loops.list_moves"  # `simulate --list-moves`: nothing runs
+BY_FLAG = {  # flag of a command -> module that runs in its place, which loads less
+    "list_moves": "jcontour.app.commands.loops.list_moves",
+    "excite": "jcontour.app.commands.machines.excite",
+    "response": "jcontour.app.commands.machines.identify_response",
+}
 RENAMED = {  # command of the version before -> what does it now
     "verify": "check RUN",
     "certify": "check RUN --bound",
@@ -206,8 +210,7 @@ def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
         raise ValueError(f"{arguments[0]}: it is `jcontour {RENAMED[arguments[0]]}` now")
     flags = rules.read(_any_command(), arguments, "jcontour", _DESCRIPTION)
     _, module = COMMANDS[type(flags)]
-    if getattr(flags, "list_moves", False):
-        module = LIST_MOVES
+    module = next((BY_FLAG[one] for one in BY_FLAG if getattr(flags, one, None)), module)
     return flags, lambda flags: import_module(module).command(flags)  # devices are set up first
 
 

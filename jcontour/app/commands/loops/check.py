@@ -9,7 +9,6 @@ import numpy as np
 import xarray as xr
 from rich.console import Console
 
-from jcontour.app.commands.loops import check_bound, check_in_linuxcnc
 from jcontour.app.files import run_folder
 from jcontour.app.files.netcdf import save_dataset
 from jcontour.app.files.results.run_metrics import RunMetrics
@@ -46,8 +45,14 @@ def command(flags: Check) -> int:
             other = f"does not go with --{kind}" if kind else "needs --bound"
             raise ValueError(f"check: --{name.replace('_', '-')} {other}")
     if flags.in_linuxcnc:
+        from jcontour.app.commands.loops import check_in_linuxcnc
+
         return check_in_linuxcnc.command(flags)
-    return check_bound.command(flags) if flags.bound else check_limits(flags)
+    if flags.bound:
+        from jcontour.app.commands.loops import check_bound
+
+        return check_bound.command(flags)
+    return check_limits(flags)
 
 
 FLAGS = {  # limit -> flag, factor to SI

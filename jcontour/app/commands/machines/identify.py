@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from jcontour.app.commands.machines import excite, identify_response
 from jcontour.app.files import run_folder
 from jcontour.app.files.checks import MachineError
 from jcontour.app.files.log_file import Log, LogColumns, read_log
@@ -54,10 +53,6 @@ DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time const
 
 def command(flags: Identify) -> int:
     """Read, fit, check, store and print; exit code."""
-    if flags.excite is not None:
-        return excite.command(flags)
-    if flags.response is not None:
-        return identify_response.command(flags)
     _check(flags)
     if flags.demo:
         flags = replace(flags, control_unit="V")
