@@ -18,69 +18,35 @@ from jcontour.motion.references import TimeLaw
 
 # points [m] by their angles
 Outline = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "2 n"]]
-BEAM_FEED = 0.3  # [m/s] along the gantry's beam
+BEAM_FEED = 0.3  # [m/s] along the gantry's beam, unless another one is given
 BEAM_POINTS = 48  # that a spline goes through
 DWELL = 0.1  # [s] of rest before every motion of the thesis
 SETTLING = 1.075  # [s] of rest after its task A
+SQUARE = [[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]  # corners [m]
+WAVE = [[0.0, 0.0], [1e-3, 1.5e-3], [3e-3, -0.5e-3], [4.5e-3, 1e-3], [6e-3, 0.0]]
+ROUNDED = 25e-3 * np.array(
+    [[1, 0], [0.9, 0.9], [0, 1], [-0.9, 0.9], [-1, 0], [-0.9, -0.9], [0, -1], [0.9, -0.9], [1, 0]]
+)
 
 
-def square(pace: Pace) -> Job:
-    """Square with sides of 2 mm."""
-    corners = [[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]
-    return along_contour("square", polygon(corners), pace)
-
-
-def wave(pace: Pace) -> Job:
-    """Open wave, 6 mm long."""
-    points = [[0.0, 0.0], [1e-3, 1.5e-3], [3e-3, -0.5e-3], [4.5e-3, 1e-3], [6e-3, 0.0]]
-    return along_contour("wave", spline(points), pace)
-
-
-def ring(pace: Pace) -> Job:
-    """Circle of 50 mm diameter."""
-    return along_contour("ring", circle(25e-3), pace)
-
-
-def rounded_square(pace: Pace) -> Job:
-    """Square of 50 mm with rounded corners."""
-    x = [1, 0.9, 0, -0.9, -1, -0.9, 0, 0.9, 1]
-    y = [0, 0.9, 1, 0.9, 0, -0.9, -1, -0.9, 0]
-    points = 25e-3 * np.array([x, y]).T
-    return along_contour("rounded-square", spline(points), pace)
-
-
-def along_the_beam(name: str, x: float, outline: Outline) -> Callable[[Pace], Job]:
-    """Maker of a smooth closed contour around x [m].
-
-    Its feed is `BEAM_FEED` unless another one is given.
-    """
-
-    def make(pace: Pace) -> Job:
-        around = np.linspace(0.0, 2 * np.pi, BEAM_POINTS, endpoint=False)
-        contour = spline(outline(around).T + np.array([x, 0.0]), closed=True)
-        return along_contour(name, contour, pace._replace(feed=pace.feed or BEAM_FEED))
-
-    return make
-
-
-def ring_outline(angle: np.ndarray) -> np.ndarray:
+def ring(angle: np.ndarray) -> np.ndarray:
     """Circle."""
     return 0.05 * np.array([np.cos(angle), np.sin(angle)])
 
 
-def cushion_outline(angle: np.ndarray) -> np.ndarray:
+def cushion(angle: np.ndarray) -> np.ndarray:
     """Circle with four dents."""
-    return ring_outline(angle) * (1 - 0.12 * np.cos(4 * angle))
+    return ring(angle) * (1 - 0.12 * np.cos(4 * angle))
 
 
-def eight_outline(angle: np.ndarray) -> np.ndarray:
+def eight(angle: np.ndarray) -> np.ndarray:
     """Figure of eight."""
     return (
         0.08 / (1 + np.sin(angle) ** 2) * np.array([np.cos(angle), np.cos(angle) * np.sin(angle)])
     )
 
 
-def oval_outline(angle: np.ndarray) -> np.ndarray:
+def oval(angle: np.ndarray) -> np.ndarray:
     """Ellipse across the beam."""
     return np.array([[0.03], [0.05]]) * np.array([np.cos(angle), np.sin(angle)])
 
@@ -89,17 +55,15 @@ def _along(name: str, contour: Callable[[], Contour]) -> Callable[[Pace], Job]:
     return lambda pace: along_contour(name, contour(), pace)
 
 
-def task_a(pace: Pace) -> AxisMove:
-    """Task A of Yuan, section 3.4.1: 0.1 m from rest to rest, and a second of rest.
+def _on_beam(name: str, x: float, outline: Outline) -> Callable[[Pace], Job]:
+    """Maker of a smooth closed contour around x [m]."""
 
-    Feed is 0.1 m/s and acceleration 4 m/s^2 unless another pace is given.
-    """
-    return _point_to_point("task-a", pace, 0.1, 0.1, 4.0)
+    def make(pace: Pace) -> Job:
+        around = np.linspace(0.0, 2 * np.pi, BEAM_POINTS, endpoint=False)
+        contour = spline(outline(around).T + np.array([x, 0.0]), closed=True)
+        return along_contour(name, contour, pace._replace(feed=pace.feed or BEAM_FEED))
 
-
-def s_curve(pace: Pace) -> AxisMove:
-    """Half the way at twice the speed, with limited jerk."""
-    return _point_to_point("s-curve", pace, 0.05, 0.2, 4.0, jerk=100.0)
+    return make
 
 
 def task_b(pace: Pace) -> AxisMove:
@@ -113,13 +77,19 @@ def task_b(pace: Pace) -> AxisMove:
 
 
 def _point_to_point(
-    name: str, pace: Pace, distance: float, feed: float, acceleration: float, jerk: float = np.inf
-) -> AxisMove:
-    feed, acceleration = pace.feed or feed, pace.acceleration or acceleration
-    law = PointToPoint(distance, feed, acceleration, jerk)
-    shape = "trapezoidal" if np.isinf(jerk) else "S-curve"
-    words = f"{shape}, {feed:g} m/s, {acceleration:g} m/s^2"
-    return _motion(name, pace, line([0.0], [distance]), law, DWELL + law.duration + SETTLING, words)
+    name: str, distance: float, feed: float, acceleration: float, jerk: float = np.inf
+) -> Callable[[Pace], AxisMove]:
+    """Maker of a motion from rest to rest, at its own feed and acceleration where none is given."""
+
+    def make(pace: Pace) -> AxisMove:
+        used = pace.feed or feed, pace.acceleration or acceleration
+        law = PointToPoint(distance, *used, jerk)
+        shape = "trapezoidal" if np.isinf(jerk) else "S-curve"
+        words = f"{shape}, {used[0]:g} m/s, {used[1]:g} m/s^2"
+        duration = DWELL + law.duration + SETTLING
+        return _motion(name, pace, line([0.0], [distance]), law, duration, words)
+
+    return make
 
 
 def _motion(
@@ -136,22 +106,24 @@ def _motion(
 
 BUILT_IN: dict[str, Callable[[Pace], Task]] = {  # the lines that describe them: the catalogue's
     "circle": _along("circle", lambda: circle(1e-3)),
-    "square": square,
+    "square": _along("square", lambda: polygon(SQUARE)),
     "ellipse": _along("ellipse", lambda: ellipse(3e-3, 1.5e-3)),
     "lemniscate": _along("lemniscate", lambda: lemniscate(3e-3)),
-    "wave": wave,
+    "wave": _along("wave", lambda: spline(WAVE)),
     "bracket": lambda pace: from_file(TOOLPATHS / "bracket.ngc", pace),
     "cam": lambda pace: from_file(TOOLPATHS / "cam.ngc", pace),
     "lobes": _along("lobes", lambda: polar_lobes(30e-3, 10e-3, 4)),
-    "ring": ring,
-    "rounded-square": rounded_square,
-    "ring-left": along_the_beam("ring-left", -0.55, ring_outline),
-    "ring-centre": along_the_beam("ring-centre", 0.0, ring_outline),
-    "cushion-left": along_the_beam("cushion-left", -0.3, cushion_outline),
-    "oval-centre": along_the_beam("oval-centre", 0.05, oval_outline),
-    "cushion-right": along_the_beam("cushion-right", 0.4, cushion_outline),
-    "eight-right": along_the_beam("eight-right", 0.7, eight_outline),
-    "task-a": task_a,
+    "ring": _along("ring", lambda: circle(25e-3)),
+    "rounded-square": _along("rounded-square", lambda: spline(ROUNDED)),
+    "ring-left": _on_beam("ring-left", -0.55, ring),
+    "ring-centre": _on_beam("ring-centre", 0.0, ring),
+    "cushion-left": _on_beam("cushion-left", -0.3, cushion),
+    "oval-centre": _on_beam("oval-centre", 0.05, oval),
+    "cushion-right": _on_beam("cushion-right", 0.4, cushion),
+    "eight-right": _on_beam("eight-right", 0.7, eight),
+    # Task A of Yuan, section 3.4.1: 0.1 m from rest to rest, and a second of rest
+    "task-a": _point_to_point("task-a", 0.1, feed=0.1, acceleration=4.0),
     "task-b": task_b,
-    "s-curve": s_curve,
+    # half the way at twice the speed, with limited jerk
+    "s-curve": _point_to_point("s-curve", 0.05, feed=0.2, acceleration=4.0, jerk=100.0),
 }

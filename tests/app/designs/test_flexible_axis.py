@@ -10,7 +10,7 @@ import pytest
 from jcontour.app.catalogue.choices import design_for
 from jcontour.app.designs.flexible_axis import AxisCascade, AxisLQ
 from jcontour.app.flags.loops import Simulate
-from jcontour.app.jobs.contours import task_a
+from jcontour.app.jobs.contours import BUILT_IN
 from jcontour.app.jobs.job import Pace
 from jcontour.app.machines.flexible_axis import biaxial_machine, thesis_machine
 from jcontour.app.machines.machine import MachineLimits
@@ -65,7 +65,7 @@ def test_what_is_kept_of_a_design(machine, tmp_path):
 
 
 def test_a_motion_is_long_enough(machine):
-    motion = task_a(Pace(machine, None, None))
+    motion = BUILT_IN["task-a"](Pace(machine, None, None))
     assert motion.samples == 2201
 
 
