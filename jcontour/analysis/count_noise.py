@@ -11,7 +11,6 @@ For noise of variance 1 the control vector has the mean square
 Its slope is that of both equations together, by the adjoint Q = M' Q M + C' C.
 """
 
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,10 +54,10 @@ def count_noise(
     signals = _signals(loop, encoding)
     N = signals.after.shape[-2]
     stable = _stable(signals.after[..., :N])
-    signals = _Signals(*_kept(signals, stable))
-    loop = FrozenLoop(
-        LinearMachine(*_kept(loop.machine, stable)), LinearLaw(*_kept(loop.law, stable))
-    )
+    if not stable.all():
+        at = stable[..., None, None]
+        signals = _Signals(*(np.where(at, one, 0.0) for one in signals))
+        loop = loop.only(stable)
     u, after = signals.u, signals.after
     M, entry = after[..., :N], after[..., N:]
     P = _summed(M, entry @ turned(entry))
@@ -97,13 +96,6 @@ def _slope(loop: FrozenLoop, signals: _Signals, Q, spread) -> FrozenLoop:
             *(a @ spread @ turned(b) for a, b in ((of_w, w), (of_w, y), (of_u, w), (of_u, y)))
         ),
     )
-
-
-def _kept(matrices: Iterable[Any], stable: Bool[np.ndarray, "*loops"]) -> list[np.ndarray]:
-    """The same matrices, zero where a loop is not stable."""
-    if stable.all():
-        return [*matrices]
-    return [np.where(stable[..., None, None], one, 0.0) for one in matrices]
 
 
 def _stable(M: Float[np.ndarray, "*loops N N"]) -> Bool[np.ndarray, "*loops"]:

@@ -109,6 +109,17 @@ class FrozenLoop(NamedTuple):
             blocks([[D @ H, K]]),
         )
 
+    def only(
+        self, kept: Bool[np.ndarray, "*loops"], others: "FrozenLoop | None" = None
+    ) -> "FrozenLoop":
+        """These loops where they are kept, else the others; zeros without others."""
+        if kept.all():
+            return self
+        return jax.tree.map(
+            lambda one, *other: np.where(kept[..., None, None], one, *(other or [0.0])),
+            *(self,) if others is None else (self, others),
+        )
+
 
 def blocks(rows: Sequence[Sequence[Array | np.ndarray]]) -> Any:
     """Matrices of matrices; batches in front go together.

@@ -12,6 +12,7 @@ s = Re(l' G r) with singular vectors l and r.
 
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
@@ -19,8 +20,6 @@ from jcontour.analysis.frequency_response import Encoding, Responses
 from jcontour.analysis.frozen_loops import (
     Ends,
     FrozenLoop,
-    LinearLaw,
-    LinearMachine,
     blocks,
     dominant,
     slope_of,
@@ -67,16 +66,13 @@ def loop_measures(
     Returns:
         Values, and their derivatives with respect to the matrices of the loop (*loops, 4, ...).
     """
-    loop = FrozenLoop(
-        LinearMachine(*(np.asarray(matrix, float) for matrix in loop.machine)),
-        LinearLaw(*(np.asarray(matrix, float) for matrix in loop.law)),
-    )
+    loop = jax.tree.map(lambda matrix: np.asarray(matrix, float), loop)
     finite = _finite(loop)
-    loop = _only(loop, finite)
+    loop = loop.only(finite)
     M = np.asarray(loop.cut().closed())
     poles, radius, left, right = dominant(M)
     stable = finite & (radius < 1)
-    size = np.where(finite, radius, np.inf), _only(slope_of(loop, left, right), finite)
+    size = np.where(finite, radius, np.inf), slope_of(loop, left, right).only(finite)
     responses = Responses.of(loop, encoding)
     # a loop that is not stable has no peaks: its numbers are those of one that is
     poles, kept = np.where(stable[..., None], poles, 0.0), np.where(stable[..., None, None], M, 0.0)
@@ -88,11 +84,8 @@ def loop_measures(
         _uncertain(loop, responses, kept, poles, stable, uncertainty),
     ]
     values = np.stack([value for value, _ in measures], axis=-1)
-    matrices = [
-        [np.stack(three, axis=-3) for three in zip(*parts, strict=True)]
-        for parts in zip(*(slope for _, slope in measures), strict=True)
-    ]
-    return values, FrozenLoop(LinearMachine(*matrices[0]), LinearLaw(*matrices[1]))
+    slopes = jax.tree.map(lambda *each: np.stack(each, axis=-3), *(slope for _, slope in measures))
+    return values, slopes
 
 
 def _uncertain(
@@ -108,7 +101,7 @@ def _uncertain(
         still = np.zeros(M.shape[:-1])
         return np.zeros(stable.shape), slope_of(loop, still, still)
     size, slope = uncertainty_measure(loop, M, responses, np.exp(_places(poles)), uncertainty)
-    return np.where(stable, size, np.inf), _only(slope, stable)
+    return np.where(stable, size, np.inf), slope.only(stable)
 
 
 def _with_measured(
@@ -123,12 +116,7 @@ def _with_measured(
         return peak
     size, slope = measured_sensitivity(loop, M, responses, uncertainty.lines)
     larger = (size > peak[0]) & (np.arange(size.shape[-1]) == 0)
-    parts = [
-        [np.where(larger[..., None, None], *both) for both in zip(*pair, strict=True)]
-        for pair in zip(slope, peak[1], strict=True)
-    ]
-    joined = FrozenLoop(LinearMachine(*parts[0]), LinearLaw(*parts[1]))
-    return np.where(larger, size, peak[0]), joined
+    return np.where(larger, size, peak[0]), slope.only(larger, peak[1])
 
 
 def _peaks(loop: FrozenLoop, responses: Responses, M, poles, stable: Bool[np.ndarray, "*loops"]):
@@ -138,7 +126,7 @@ def _peaks(loop: FrozenLoop, responses: Responses, M, poles, stable: Bool[np.nda
     for curve in range(2):
         z = np.exp(1j * frequency[..., curve])
         size, slope = _top(loop, M, responses.encoding, z, curve)
-        tops.append((np.where(stable, size, np.inf), _only(slope, stable)))
+        tops.append((np.where(stable, size, np.inf), slope.only(stable)))
     return tops
 
 
@@ -289,14 +277,3 @@ def _finite(loop: FrozenLoop) -> Bool[np.ndarray, "*loops"]:
     matrices = [*loop.machine, *loop.law]
     finite = [np.isfinite(matrix).all(axis=(-2, -1)) for matrix in matrices]
     return np.logical_and.reduce(np.broadcast_arrays(*finite))
-
-
-def _only(loop: FrozenLoop, kept: Bool[np.ndarray, "*loops"]) -> FrozenLoop:
-    """The same loops, with zeros where they are not kept."""
-    if kept.all():
-        return loop
-
-    def masked(part):
-        return [np.where(kept[..., None, None], matrix, 0.0) for matrix in part]
-
-    return FrozenLoop(LinearMachine(*masked(loop.machine)), LinearLaw(*masked(loop.law)))

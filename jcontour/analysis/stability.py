@@ -231,8 +231,7 @@ def late_measures(loop: FrozenLoop, samples: int) -> tuple[Float[np.ndarray, "*l
         other, other_slope = _late(loop, delay)
         larger = other > radius
         radius = np.where(larger, other, radius)
-        kept = larger[..., None, None]
-        slope = jax.tree.map(lambda a, b, kept=kept: np.where(kept, a, b), other_slope, slope)
+        slope = other_slope.only(larger, slope)
     return radius, slope
 
 

@@ -19,8 +19,6 @@ from jcontour.analysis.frequency_response import Responses, largest_singular
 from jcontour.analysis.frozen_loops import (
     Ends,
     FrozenLoop,
-    LinearLaw,
-    LinearMachine,
     blocks,
     slope_of,
     times,
@@ -99,9 +97,7 @@ def measured_sensitivity(
     of_control = np.linalg.solve(own, np.conj(u)[..., None])[..., 0]
     control = v + E * times(_around(T, E), v)
     slope = _slope(loop, closed, np.exp(1j * w), of_control, control)
-    known = np.isfinite(top)[..., None, None]
-    parts = [[np.where(known, one, 0.0) for one in part] for part in slope]
-    return top, FrozenLoop(LinearMachine(*parts[0]), LinearLaw(*parts[1]))
+    return top, slope.only(np.isfinite(top))
 
 
 def _around(T: Complex[np.ndarray, "*any p p"], E: Complex[np.ndarray, "*any p"]) -> np.ndarray:
