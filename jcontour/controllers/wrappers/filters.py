@@ -11,8 +11,7 @@ the transposed direct form.
 An input shaper makes the reference a weighted sum of delayed copies. The score is still taken
 against the reference itself, so that the shaper's delay counts as an error. The reference is known
 at its samples only; between them copies are interpolated linearly. So a mode w keeps up to (w dt)^2
-/ 8 of its vibration in spite of the shaper. Where the reference is given as a function of time, use
-`input_shaping`: it has every impulse exactly, and keeps the tool on a contour, which this does not.
+/ 8 of its vibration in spite of the shaper.
 
 A compensation of the machine's nonlinear terms adds to the control, u = u' + f(measurement, u').
 Under feedback linearisation (Yuan, eq. 5.44) the wrapped controller is designed for the linear
