@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jcontour.analysis.probes import probe_windows
+from jcontour.analysis.sensitivity import probe_windows
 from jcontour.motion.references import Reference
 from tuning.descents.descent import Descent
 from tuning.loops import Looked, ProbedLoops

@@ -13,8 +13,7 @@ from jcontour.analysis.count_noise import count_noise
 from jcontour.analysis.frequency_response import Encoding
 from jcontour.analysis.frozen_loops import FrozenLoop
 from jcontour.analysis.peak_search import loop_measures
-from jcontour.analysis.probes import probe_windows
-from jcontour.analysis.sensitivity import LoopPeaks, encoding_of, frozen_family
+from jcontour.analysis.sensitivity import LoopPeaks, encoding_of, frozen_family, probe_windows
 from jcontour.analysis.stability import late_measures
 from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.controller import Controller

@@ -24,8 +24,7 @@ from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
 from jcontour.qp.problem import QP
 from jcontour.qp.solvers import DAQP, Solver
-from jcontour.sets.disturbed_model import Numbers
-from jcontour.sets.responses import VaryingResponse
+from jcontour.sets.responses import Numbers, VaryingResponse
 
 CONTROL_WEIGHT = 1e-3  # of a control's deviation over its limit; rows over their limits weigh one
 TOO_SMALL = 1e-7  # of a limit: what a whole control changes in a row that is left out

@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
-from jcontour.sets.disturbed_model import Numbers
+from jcontour.sets.responses import Numbers
 
 SETTLED = 1e-6  # of a control's size: models and control fit the optimum to as many digits
 

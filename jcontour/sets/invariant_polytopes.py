@@ -13,7 +13,7 @@ from jaxtyping import Float
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
-from jcontour.sets.disturbed_model import DisturbedModel, Numbers
+from jcontour.sets.responses import DisturbedModel, Numbers
 
 FLAT = 1e-12  # radius of the largest ball inside, below which a set is empty
 SAME = 12  # decimals to which the rows of two facets are one

@@ -14,8 +14,7 @@ import scipy.sparse as sparse
 from jaxtyping import Float
 from scipy.optimize import OptimizeResult, linprog
 
-from jcontour.sets.disturbed_model import DisturbedModel, Signal
-from jcontour.sets.responses import FiniteResponse, brought_to_rest
+from jcontour.sets.responses import DisturbedModel, FiniteResponse, Signal, brought_to_rest
 
 EXCESS = 1e-7  # relative, of a limit, that counts as broken
 TOLERANCE = 1e-10  # of HiGHS, absolute, on variables of size one: the default 1e-7 costs 4 digits

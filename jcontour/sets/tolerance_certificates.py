@@ -20,7 +20,7 @@ import scipy.sparse as sparse
 from jaxtyping import Float
 from scipy.optimize import linprog
 
-from jcontour.sets.disturbed_model import DisturbedModel, Numbers, Signal
+from jcontour.sets.responses import DisturbedModel, Numbers, Signal
 
 GAP = 1e-6  # relative, between the solver's optimum and what its multipliers prove
 

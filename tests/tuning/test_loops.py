@@ -3,8 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.analysis.probes import probe_windows
-from jcontour.analysis.sensitivity import encoding_of
+from jcontour.analysis.sensitivity import encoding_of, probe_windows
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import (

@@ -34,10 +34,15 @@ from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.plants import thesis_axis
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, euler_model
 from jcontour.sensors import motors
-from jcontour.sets.disturbed_model import DisturbedModel, Signal
 from jcontour.sets.invariant_polytopes import box, control_invariant
 from jcontour.sets.least_peaks import NoResponse, least_peak
-from jcontour.sets.responses import FiniteResponse, VaryingModel, brought_to_rest_along
+from jcontour.sets.responses import (
+    DisturbedModel,
+    FiniteResponse,
+    Signal,
+    VaryingModel,
+    brought_to_rest_along,
+)
 from jcontour.sets.tolerance_certificates import least_tolerance_of_any
 from jcontour.simulation.closed_loop import simulate
 from jcontour.wrapper import Wrapper

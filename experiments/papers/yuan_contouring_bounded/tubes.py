@@ -29,9 +29,9 @@ from jcontour.motion.references import Reference
 from jcontour.mpc.machine_runs import MachineRun, machine_run
 from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import Linearisation, currents_along, tangent
-from jcontour.sets.disturbed_model import DisturbedModel
 from jcontour.sets.least_peaks import least_peak
 from jcontour.sets.responses import (
+    DisturbedModel,
     FiniteResponse,
     VaryingModel,
     VaryingResponse,

@@ -28,8 +28,7 @@ import numpy as np
 
 from jcontour._devices import on_cpu
 from jcontour.analysis.frozen_loops import FrozenLoop
-from jcontour.analysis.probes import probe_windows
-from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks
+from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks, probe_windows
 from jcontour.analysis.uncertain_loops import BORNE, ResponseUncertainty
 from jcontour.app.designs.design import Gains
 from jcontour.app.machines.linear import LinearMachine

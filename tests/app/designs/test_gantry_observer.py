@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.analysis.probes import probe_windows
+from jcontour.analysis.sensitivity import probe_windows
 from jcontour.app.catalogue.choices import design_for, job_named
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Pace

@@ -11,8 +11,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from jcontour._arrays import placed
-from jcontour.analysis.probes import probe_windows
-from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks
+from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks, probe_windows
 from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant, SteadyMotion

@@ -3,7 +3,7 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.analysis.probes import probe_windows
+from jcontour.analysis.sensitivity import probe_windows
 from jcontour.geometry.contours import circle, ellipse, polygon
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_references

@@ -5,8 +5,12 @@ import numpy as np
 import pytest
 
 from jcontour.analysis.peak_search import loop_measures
-from jcontour.analysis.probes import probe_windows
-from jcontour.analysis.sensitivity import encoding_of, frozen_family, sensitivity_curves
+from jcontour.analysis.sensitivity import (
+    encoding_of,
+    frozen_family,
+    probe_windows,
+    sensitivity_curves,
+)
 from jcontour.analysis.stability import frozen_spectral_radii, late_measures
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights

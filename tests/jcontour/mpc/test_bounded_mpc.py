@@ -7,9 +7,8 @@ from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples
 from jcontour.mpc.bounded_mpc import BoundedMPC, KeptRows
 from jcontour.qp.problem import Unsolved
-from jcontour.sets.disturbed_model import DisturbedModel
 from jcontour.sets.least_peaks import least_peak
-from jcontour.sets.responses import VaryingModel, brought_to_rest_along
+from jcontour.sets.responses import DisturbedModel, VaryingModel, brought_to_rest_along
 
 DT, LENGTH, STEPS = 0.1, 8, 60
 SAMPLES = STEPS + 2 * LENGTH

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jcontour.sets.disturbed_model import DisturbedModel
+from jcontour.sets.responses import DisturbedModel
 
 DATA = Path(__file__).parents[2] / "data" / "guarantees"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.sets.disturbed_model import DisturbedModel
+from jcontour.sets.responses import DisturbedModel
 
 
 def test_disturbances_are_put_side_by_side(slide):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jcontour.sets.disturbed_model import DisturbedModel
 from jcontour.sets.invariant_polytopes import Polytope, box, control_invariant
+from jcontour.sets.responses import DisturbedModel
 
 CORNERS = np.linspace(0, 2 * np.pi, 41)
 AROUND = np.stack([np.cos(CORNERS), np.sin(CORNERS)], axis=1)

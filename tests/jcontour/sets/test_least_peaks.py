@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from jcontour.sets.disturbed_model import DisturbedModel
 from jcontour.sets.least_peaks import NoResponse, PeakProgram, least_peak
-from jcontour.sets.responses import brought_to_rest
+from jcontour.sets.responses import DisturbedModel, brought_to_rest
 
 
 def signals(model, numbers):

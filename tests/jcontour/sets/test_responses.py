@@ -5,9 +5,14 @@ from itertools import product
 import numpy as np
 import pytest
 
-from jcontour.sets.disturbed_model import DisturbedModel, Signal
 from jcontour.sets.least_peaks import least_peak
-from jcontour.sets.responses import VaryingModel, brought_to_rest, brought_to_rest_along
+from jcontour.sets.responses import (
+    DisturbedModel,
+    Signal,
+    VaryingModel,
+    brought_to_rest,
+    brought_to_rest_along,
+)
 
 SAMPLES, LENGTH = 40, 6
 DT = 0.1

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.sets.disturbed_model import DisturbedModel
+from jcontour.sets.responses import DisturbedModel
 from jcontour.sets.tolerance_certificates import least_tolerance_of_any
 
 

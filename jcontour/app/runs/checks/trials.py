@@ -7,8 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour._devices import on_cpu
-from jcontour.analysis.probes import probe_samples
-from jcontour.analysis.sensitivity import LoopPeaks
+from jcontour.analysis.sensitivity import LoopPeaks, probe_samples
 from jcontour.analysis.stability import DELAY_SEARCH, GAIN_SEARCH, Margins, margins
 from jcontour.app.files.results.tuned_result import LostFirst, PathMargins, RobustTest, Standstill
 from jcontour.app.jobs.replays import Scenarios, prepared_plans

@@ -10,12 +10,12 @@ import numpy as np
 
 from jcontour._devices import on_cpu
 from jcontour.analysis.frequency_response import Responses
-from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import (
     LoopPeaks,
     encoding_of,
     frozen_family,
     host_peaks,
+    probe_windows,
     sensitivity_curves,
 )
 from jcontour.analysis.stability import DELAY_SEARCH

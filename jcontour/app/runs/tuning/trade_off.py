@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from jcontour.analysis.probes import probe_windows
+from jcontour.analysis.sensitivity import probe_windows
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.designs.design import plain_weights
 from jcontour.app.files import run_folder

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from jcontour.analysis.probes import probe_samples
+from jcontour.analysis.sensitivity import probe_samples
 from jcontour.app.designs.design import Design
 from jcontour.app.files.checkpoints import load_state
 from jcontour.app.flags.tuning import Tune

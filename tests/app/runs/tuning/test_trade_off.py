@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jcontour.analysis.probes import probe_windows
-from jcontour.analysis.sensitivity import sensitivity_curves
+from jcontour.analysis.sensitivity import probe_windows, sensitivity_curves
 from jcontour.app.designs.design import with_values
 from jcontour.app.flags.tuning import Front
 from jcontour.app.reports.tables import console_of
