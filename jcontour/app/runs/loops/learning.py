@@ -17,10 +17,11 @@ from jcontour.app.jobs.job import Task
 from jcontour.app.machines.machine import Machine, MachineLimits
 from jcontour.app.runs.checks.machine_limits import largest_asked, limits_asked
 from jcontour.controller import Controller
-from jcontour.controllers.learning.convergence import Convergence, answers
 from jcontour.controllers.learning.laps import (
+    Convergence,
     LearningLaw,
     RunLap,
+    answers,
     diverged_lap,
     laps_of,
     paying_laps,

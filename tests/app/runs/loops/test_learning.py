@@ -32,8 +32,7 @@ from jcontour.app.runs.loops.learning import (
     stored_lap,
 )
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.learning.convergence import answers
-from jcontour.controllers.learning.laps import PType, diverged_lap, laps_of, learn
+from jcontour.controllers.learning.laps import PType, answers, diverged_lap, laps_of, learn
 from jcontour.controllers.learning.norm_optimal import linearised
 from jcontour.geometry.contours import circle, line
 from jcontour.motion.references import along, from_samples, in_time

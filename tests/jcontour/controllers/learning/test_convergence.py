@@ -10,8 +10,14 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import dfreqresp, dlti, lfilter
 
 from jcontour._arrays import placed
-from jcontour.controllers.learning.convergence import answers, frequency_response
-from jcontour.controllers.learning.laps import Lap, PType, diverged_lap, learn
+from jcontour.controllers.learning.laps import (
+    Lap,
+    PType,
+    answers,
+    diverged_lap,
+    frequency_response,
+    learn,
+)
 from jcontour.controllers.learning.norm_optimal import NormOptimal
 
 STEPS = 400
