@@ -170,7 +170,6 @@ def tuned_result(**given: Any) -> TunedResult:
         "margins": margins(),
         "start_margins": margins(),
         "contours": [],
-        "gap": [],
         "training_samples": 5,
         "seconds": 1.0,
         "sample_period": 1e-3,

@@ -174,7 +174,7 @@ def margin_lines(result: TunedResult) -> Iterator[str]:
 
 
 def trial_lines(result: TunedResult) -> Iterator[str]:
-    """Other plants, standstill, what is proven, and what smoothing hides of the machine."""
+    """Other plants, and standstill."""
     error, unit = result.error, result.machine.control_unit
     if (test := result.robust) is not None:
         lost = "none diverges" if test.diverged == 0 else f"{test.diverged} DIVERGE"
@@ -189,17 +189,6 @@ def trial_lines(result: TunedResult) -> Iterator[str]:
         control = f"{digits(start.rms_control)} -> {digits(tuned.rms_control)} {unit} RMS"
         increment = f"{digits(start.rms_increment)} -> {digits(tuned.rms_increment)} per sample"
         yield f"Standstill between two counts, worst of the family: control {control}, {increment}"
-    if result.gap:
-        effects = result.machine.nonsmooth_effects
-        yield f"Gap of the machine with {effects} to the smooth one that was tuned"
-    shown = {one.name for one in result.contours if one.shown}
-    for row in result.gap:
-        where = f"  {row.contour}, {row.plant}"
-        if row.contour in shown and not math.isfinite(row.relative):
-            yield f"{where}: diverged"
-        elif row.contour in shown:
-            errors = f"{1e6 * row.smooth:.5g} -> {1e6 * row.nonsmooth:.5g} um RMS"
-            yield f"{where:<25} {errors} ({100 * row.relative:+.2f} %)"
 
 
 def limit_lines(result: TunedResult) -> list[str]:

@@ -59,17 +59,6 @@ class PathMargins:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GapRow:
-    """RMS error of a training contour [m] on the smooth machine and on the one with all effects."""
-
-    contour: str
-    plant: str
-    smooth: float
-    nonsmooth: float
-    relative: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class RobustTest:
     """Plants of the family, its corners and gains and delays anywhere in their intervals."""
 
@@ -169,7 +158,6 @@ class TunedResult:
     margins: PathMargins
     start_margins: PathMargins
     contours: list[TunedContour]
-    gap: list[GapRow]  # what smoothing hides
     training_samples: int
     seconds: float  # that the run took
     sample_period: float  # of machine and controller [s]

@@ -12,7 +12,6 @@ from jcontour.analysis.uncertain_loops import BORNE
 from jcontour.app.beside import Beside
 from jcontour.app.designs.design import plain_weights
 from jcontour.app.files.results.tuned_result import (
-    GapRow,
     HistoryPoint,
     PathMargins,
     RobustTest,
@@ -145,7 +144,7 @@ def tuned_result(
 ) -> TunedResult:
     """The whole result; `trials` are those of the start, a baseline and the tuned weights."""
     run, tuned = searched.run, searched.tuned
-    replayed, margins = trials["tuned"].replay, trials["tuned"].margins
+    margins = trials["tuned"].margins
     replays = {name: trial.replay for name, trial in trials.items()}
     shown = shown_contours(run, replays)
     contours = [_contour(run, replays, c, c in shown) for c in range(len(run.scenarios.jobs))]
@@ -205,7 +204,6 @@ def tuned_result(
         margins=margins,
         start_margins=trials["start"].margins,
         contours=contours,
-        gap=gap(run, tuned, replayed),
         training_samples=run.training_samples,
         seconds=seconds,
         sample_period=float(run.machine.model.dt),
@@ -286,37 +284,6 @@ def _contour(
         shown=shown,
         feed_law=job.feed_law,
     )
-
-
-def gap(run: TuningRun, tuned: Tuned, replay: Replay) -> list[GapRow]:
-    """RMS error of every training contour as the tuner saw it, and on the machine with all effects.
-
-    Nominal plant, and worst of the family that was tuned on. None where the tuner has seen
-    stretches: their errors are not those of the whole.
-    """
-    if run.by_stretches:
-        return []
-    name = f"rms_{run.machine.error}_error"
-    smooth = np.asarray(getattr(tuned.outcome.metrics, name))
-    replayed = np.asarray(getattr(replay.metrics, name))
-    rows = []
-    for c, job in enumerate(run.scenarios.jobs_seen(True)):
-        members = replayed[c, : smooth.shape[1]]
-        pairs = {
-            "nominal": (smooth[c, 0], members[0]),
-            "worst": (smooth[c].max(), members.max()),
-        }
-        for plant, (seen, there) in pairs.items():
-            rows.append(
-                GapRow(
-                    contour=job.name,
-                    plant=plant,
-                    smooth=float(seen),
-                    nonsmooth=float(there),
-                    relative=float(there / seen - 1),
-                )
-            )
-    return rows
 
 
 def history_of(run: TuningRun, tuned: Tuned) -> list[HistoryPoint]:
