@@ -39,7 +39,7 @@ class Program(NamedTuple):
     line: np.ndarray  # (P,) line of the file that every piece is from
     # its words that mean nothing for the path, or what of a drawing is left out
     ignored: tuple[str, ...]
-    doubts: tuple[str, ...]  # what of it may be meant otherwise, or spoils the motion
+    warnings: tuple[str, ...]  # what of it may be meant otherwise, or spoils the motion
     stops: str  # where and why it stops, in words
     rapid: np.ndarray  # (P,) which pieces are rapid moves
     read: Toolpath | None = None  # all that was read of it; None of one that is made up
@@ -77,21 +77,6 @@ class Job(NamedTuple):
         return np.pad(self.scored, (0, self.settling), mode="edge")
 
     @property
-    def ignored(self) -> tuple[str, ...]:
-        """Words of the program that mean nothing for the path."""
-        return () if self.program is None else self.program.ignored
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """What of the program may be meant otherwise, or spoils the motion."""
-        return () if self.program is None else self.program.doubts
-
-    @property
-    def stops(self) -> str:
-        """Where and why the program stops, in words."""
-        return "" if self.program is None else self.program.stops
-
-    @property
     def rapid(self) -> np.ndarray:
         """(P,) which pieces of the contour are rapid moves."""
         if self.program is None:
@@ -127,6 +112,7 @@ class AxisMove(NamedTuple):
     dwell: float
     dt: float
     feed_law: str
+    program: None = None  # it comes from none
 
     @property
     def samples(self) -> int:
@@ -137,21 +123,6 @@ class AxisMove(NamedTuple):
     def steps(self) -> int:
         """The same."""
         return self.samples
-
-    @property
-    def ignored(self) -> tuple[str, ...]:
-        """Nothing: it comes from no program."""
-        return ()
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """None: it comes from no program."""
-        return ()
-
-    @property
-    def stops(self) -> str:
-        """None: it comes from no program."""
-        return ""
 
     def line_at(self, sample: int) -> None:
         """None: it comes from no program."""
@@ -274,15 +245,15 @@ def _read(path: Path, pace: Pace) -> Job:
     other = ()
     if run.planned is not None and pace.override == 1.0:
         other = _other_tolerance(toolpath, contour, speed, pace)
-    doubts = (
+    warnings = (
         *toolpath.warnings,
         *_unused_unit(path, pace),
         *_rapid_speed(speed, rapid, pace),
-        *pace.doubts,
+        *pace.warnings,
         *other,
         *_still_axes(contour, machine),
     )
-    program = Program(toolpath.line, toolpath.ignored, doubts, toolpath.stops, rapid, toolpath)
+    program = Program(toolpath.line, toolpath.ignored, warnings, toolpath.stops, rapid, toolpath)
     return Job(
         path.stem,
         contour,

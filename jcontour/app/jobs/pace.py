@@ -46,7 +46,7 @@ class Pace(NamedTuple):
     # limits of a control, which the motion asks for in full; None for the machine's
     control: ControlLimits | None = None
     planner: Planner = "jcontour"  # control whose motion is predicted
-    doubts: tuple[str, ...] = ()  # questions about the units of these limits
+    warnings: tuple[str, ...] = ()  # questions about the units of these limits
     tools: dict[int, Tool] | None = None  # of the tool table, by number; None without one
     override: float = 1.0  # share of every feed that is run, programmed or not; rapid moves stay
 
@@ -114,7 +114,7 @@ class Pace(NamedTuple):
         ):
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"{name}: needs to be finite and not negative, received {value}")
-        control, doubts = _control(flags, machine)
+        control, warnings = _control(flags, machine)
         pace = cls(
             machine,
             feed,
@@ -126,7 +126,7 @@ class Pace(NamedTuple):
             join=1e-6 * flags.join_um,
             control=control,
             planner=flags.planner,
-            doubts=doubts,
+            warnings=warnings,
             tools=None if flags.tool_table is None else read_tool_table(flags.tool_table),
         )
         if flags.jerk is not None and flags.jerk > pace.largest_jerk:
@@ -141,11 +141,11 @@ def _control(flags: MachineFlags, machine: Machine) -> tuple[ControlLimits | Non
     """Limits of the control that the flags name, and questions about them; None for none."""
     if flags.junction_deviation_um is not None and flags.planner != "grbl":
         raise ValueError("junction-deviation-um: --planner grbl alone has one")
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     if flags.machine_limits is not None:
         from jcontour.app.files.control_limits import read_control_limits
 
-        control, doubts = read_control_limits(Path(flags.machine_limits), machine.model.axes)
+        control, warnings = read_control_limits(Path(flags.machine_limits), machine.model.axes)
     elif flags.planner == "jcontour":
         return None, ()
     else:
@@ -160,4 +160,4 @@ def _control(flags: MachineFlags, machine: Machine) -> tuple[ControlLimits | Non
         control = control._replace(control=flags.planner)
     if flags.junction_deviation_um is not None:
         control = control._replace(junction_deviation=1e-6 * flags.junction_deviation_um)
-    return control, doubts
+    return control, warnings

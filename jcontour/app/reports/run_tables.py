@@ -179,7 +179,7 @@ def trial_lines(result: TunedResult) -> Iterator[str]:
     if (test := result.robust) is not None:
         lost = "none diverges" if test.diverged == 0 else f"{test.diverged} DIVERGE"
         worst = f"{1e6 * test.error:.4g} um on {test.contour} ({test.plant})"
-        drawn = "" if result.margins.doubt is None else "; none has another response"
+        drawn = "" if result.margins.uncertainty is None else "; none has another response"
         yield (
             f"{test.members} plants of the family, at its corners and at random: {lost}, "
             f"worst RMS {error} error {worst}{drawn}"
@@ -238,9 +238,10 @@ def margin_rows(*designs: PathMargins) -> list[tuple[str, ...]]:
         values = [getattr(one, name) for one in designs]
         peaks = ("unstable" if value is None else f"{value:.4g}" for value in values)
         rows.append((f"{words} over the family", *peaks))
-    if any(one.doubt is not None for one in designs):
+    if any(one.uncertainty is not None for one in designs):
         used = (
-            "unstable" if one.doubt is None else f"{one.doubt:.3g} (stable < 1)" for one in designs
+            "unstable" if one.uncertainty is None else f"{one.uncertainty:.3g} (stable < 1)"
+            for one in designs
         )
         rows.append(("unknown response", *used))
     return rows

@@ -26,7 +26,7 @@ def read_notes(name: str, read: ContourRead | None) -> list[Entry]:
     if read is None:
         return []
     ignored = [f"ignored: {', '.join(read.ignored)}"] if read.ignored else []
-    return [Entry("Note", f"{name}: {line}") for line in (*read.doubts, *ignored)]
+    return [Entry("Note", f"{name}: {line}") for line in (*read.warnings, *ignored)]
 
 
 def screen(verdict: Verdict | None, entries: Sequence[Entry]) -> list[str]:

@@ -166,7 +166,7 @@ def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
     line = f"{name}: {pieces}, {_length(read)}{lasting}, {box} mm{_laps(read)}"
     if read.ignored:
         line += f"; ignored: {', '.join(read.ignored)}"
-    return "\n".join([line, *filter(None, [read.stops]), *read.doubts])
+    return "\n".join([line, *filter(None, [read.stops]), *read.warnings])
 
 
 def _length(read: ContourRead) -> str:

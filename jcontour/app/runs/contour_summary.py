@@ -30,6 +30,7 @@ class Simulated(NamedTuple):
     replay: Replay
 
 
+SAID = ("ignored", "warnings", "stops")  # of a program
 LARGEST = {"rms": "largest RMS", "peak": "largest error"}  # what makes a plant the worst one
 
 
@@ -54,16 +55,15 @@ def read_of(job: Task, dt: float) -> ContourRead:
     The box is that of the contour as programmed: the motion may leave it in blended corners.
     """
     way, entry = _way(job)
-    box = outline(job.contour)
+    box, program = outline(job.contour), job.program
+    said = {} if program is None else {name: getattr(program, name) for name in SAID}
     return ContourRead(
         pieces=int(np.sum(job.contour.mask)),
         length=float(job.contour.length),
         duration=_duration(job, dt),
         low=tuple(box.min(axis=0).tolist()),
         high=tuple(box.max(axis=0).tolist()),
-        ignored=job.ignored,
-        doubts=job.doubts,
-        stops=job.stops,
+        **said,
         rapid_length=rapid_length(job),
         way=way,
         entry=entry,

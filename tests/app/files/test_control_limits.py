@@ -40,7 +40,7 @@ def limits(tmp_path, text, axes=2):
 
 
 def test_linuxcnc(tmp_path):
-    limits_read, doubts = limits(tmp_path, INI)
+    limits_read, warnings = limits(tmp_path, INI)
     np.testing.assert_allclose(limits_read.speed, [0.2, 0.1])
     np.testing.assert_allclose(limits_read.acceleration, [3.0, 2.0])
     assert (limits_read.control, limits_read.path_speed, limits_read.tolerance) == (
@@ -48,18 +48,18 @@ def test_linuxcnc(tmp_path):
         0.15,
         5e-6,
     )
-    assert doubts == ()
-    inches, doubts = limits(tmp_path, INI.replace("= mm", "= inch"))
+    assert warnings == ()
+    inches, warnings = limits(tmp_path, INI.replace("= mm", "= inch"))
     np.testing.assert_allclose(inches.speed, [5.08, 2.54])
-    assert "[AXIS_X] MAX_VELOCITY = 200 is read as inches a second, 305 m/min" in doubts[0]
+    assert "[AXIS_X] MAX_VELOCITY = 200 is read as inches a second, 305 m/min" in warnings[0]
 
 
 def test_grbl(tmp_path):
-    limits_read, doubts = limits(tmp_path, GRBL)
+    limits_read, warnings = limits(tmp_path, GRBL)
     np.testing.assert_allclose(limits_read.speed, [5 / 60, 4 / 60])
     np.testing.assert_allclose(limits_read.acceleration, [0.5, 0.4])
     assert (limits_read.control, limits_read.junction_deviation) == ("grbl", 20e-6)
-    assert limits_read.arc_tolerance == pytest.approx(3e-6) and doubts == ()
+    assert limits_read.arc_tolerance == pytest.approx(3e-6) and warnings == ()
 
 
 def test_units_that_look_wrong_are_questioned(tmp_path):

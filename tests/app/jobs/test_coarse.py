@@ -67,10 +67,10 @@ def test_who_follows_the_advice_is_quicker(name, tmp_path):
     path = tmp_path / name
     path.write_text(table if path.suffix == ".csv" else program)
     first = from_file(path, PACE)
-    (advised,) = first.doubts
+    (advised,) = first.program.warnings
     assert advised.startswith("coordinates are rounded to 10 um, the tolerance is 2 um")
     tolerance = 1e-6 * float(advised.split("--corner-tolerance-um ")[1].split()[0])
     second = from_file(path, PACE._replace(corner_tolerance=tolerance))
     assert second.samples < 0.5 * first.samples
-    assert not any(one.startswith("coordinates") for one in second.doubts)
-    assert from_file(path, PACE._replace(feed_law="trapezoidal")).doubts == ()
+    assert not any(one.startswith("coordinates") for one in second.program.warnings)
+    assert from_file(path, PACE._replace(feed_law="trapezoidal")).program.warnings == ()

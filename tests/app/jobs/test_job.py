@@ -128,7 +128,7 @@ def test_x_and_y_wait_while_z_moves_alone(law, tmp_path):
 def test_a_drawing_is_run_at_the_feed_with_rapid_moves_between_contours():
     plate = Path(__file__).parents[2] / "data" / "drawings" / "plate.dxf"
     job = from_file(plate, Pace(machine_named(EXAMPLE), 0.1, None))
-    assert job.ignored == ("1 TEXT (layer notes)",) and job.line_at(0) == 20
+    assert job.program.ignored == ("1 TEXT (layer notes)",) and job.line_at(0) == 20
     assert 0 < np.count_nonzero(~job.scored) < job.samples / 2
     assert job.line_at(job.steps - 1) == job.line_at(job.samples - 1)
 
@@ -185,8 +185,9 @@ def test_a_unit_for_drawings_is_not_taken_for_that_of_points(tmp_path):
     pace = Pace(MACHINES["bridgeport"](), None, None)
     job = from_file(path, pace._replace(drawing_unit=0.0254))
     assert float(job.contour.length) == pytest.approx(1e-3)
-    assert "--drawing-unit does not act on points.csv: points are read in mm" in job.doubts
-    assert not [line for line in from_file(path, pace).doubts if "--drawing-unit" in line]
+    line = "--drawing-unit does not act on points.csv: points are read in mm"
+    assert line in job.program.warnings
+    assert not [line for line in from_file(path, pace).program.warnings if "--drawing-unit" in line]
 
 
 @pytest.mark.parametrize(
@@ -201,11 +202,11 @@ def test_the_speed_of_rapid_moves_is_told_and_where_it_is_from(machine, said, tm
     path.write_text("G21 F600\nG1 X20\nG0 X500\nG1 X520 F300\n")
     pace = Pace(machine_named(machine), None, None)
     run = from_file(path, pace)
-    assert f"rapid moves at {said}" in run.doubts
+    assert f"rapid moves at {said}" in run.program.warnings
     fastest = np.diff(run.arc).max() / pace.machine.model.dt
     assert 60e3 * fastest == pytest.approx(float(said.split()[0]), rel=1e-6)
     path.write_text("G21 F600\nG1 X20 Y5\n")
-    assert from_file(path, pace).doubts == ()
+    assert from_file(path, pace).program.warnings == ()
 
 
 @pytest.mark.parametrize(
@@ -225,9 +226,9 @@ def test_a_tolerance_of_the_program_s_own_is_told_beside_the_one_that_is_used(
     path = tmp_path / "part.ngc"
     path.write_text("G20 F60 G64 P.0005\nG1 X1\nY1\n")
     pace = Pace(MACHINES["bridgeport"](), None, None, corner_tolerance=tolerance)
-    doubts = from_file(path, pace).doubts
-    assert len(doubts) == (said is not None) and all(one.endswith(said) for one in doubts)
-    assert from_file(path, pace._replace(feed_law="trapezoidal")).doubts == ()
+    warnings = from_file(path, pace).program.warnings
+    assert len(warnings) == (said is not None) and all(one.endswith(said) for one in warnings)
+    assert from_file(path, pace._replace(feed_law="trapezoidal")).program.warnings == ()
 
 
 def test_a_program_that_moves_a_single_axis_says_which_one_never_moves(tmp_path):
@@ -241,9 +242,9 @@ def test_a_program_that_moves_a_single_axis_says_which_one_never_moves(tmp_path)
         ("G21 F600 G18\nG17 G1 X20 Y5\n", ()),
     ):
         path.write_text(program)
-        doubts = from_file(path, pace).doubts
-        assert len(doubts) == len(said), program
-        assert all(one.startswith(other) for one, other in zip(doubts, said, strict=True))
+        warnings = from_file(path, pace).program.warnings
+        assert len(warnings) == len(said), program
+        assert all(one.startswith(other) for one, other in zip(warnings, said, strict=True))
 
 
 def test_a_lathe_s_program_needs_z():

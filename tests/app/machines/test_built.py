@@ -70,9 +70,9 @@ def test_a_resonance_is_not_taken_for_exact_unless_that_is_asked_for():
     soft = replace(MILL, resonance_hz=(80.0, 0.0))
     built = built_machine(soft)
     assert "resonance at 80 Hz (+- 5 %, damping 0.015 to 0.03" in built.words[0]
-    doubt = loaded(soft).response_uncertainty
-    assert doubt is not None
-    off, none = doubt.at(np.array([2 * np.pi * 80.0 * 1e-3]))[0]
+    response = loaded(soft).response_uncertainty
+    assert response is not None
+    off, none = response.at(np.array([2 * np.pi * 80.0 * 1e-3]))[0]
     assert off > 0.9 and none == 0  # with half the damping the peak is twice as high
     exact = replace(soft, resonance_uncertainty=0.0)
     assert loaded(exact).response_uncertainty is None

@@ -73,9 +73,9 @@ def test_what_is_assumed_is_said_and_may_be_stated():
     alone = machine_of(Sliding(), "slide", {})
     assert alone.remarks == [] and alone.family_names == ["nominal"]
     assert alone.random_family(5, 0) is None and alone.unknown_delay == 0
-    doubt = {"hertz": [1.0, 100.0], "relative": [[0.1, 0.2]] * 2}
+    response = {"hertz": [1.0, 100.0], "relative": [[0.1, 0.2]] * 2}
     assert alone.response_uncertainty is None
-    assert machine_of(Sliding(), "slide", {"response": doubt}).response_uncertainty is not None
+    assert machine_of(Sliding(), "slide", {"response": response}).response_uncertainty is not None
 
 
 def test_a_plant_that_says_nothing_has_two_axes():

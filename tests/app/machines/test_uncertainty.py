@@ -44,10 +44,10 @@ def test_a_file_that_states_nothing_has_the_usual():
 
 def test_frequencies_are_stated_in_hertz():
     given = {"hertz": [10.0, 250.0], "relative": [[0.1, 0.2], [0.3, 0.4]]}
-    doubt = stated_uncertainty({"response": given}, SPEED).response
-    assert doubt is not None
-    np.testing.assert_allclose(doubt.frequency, [0.02 * np.pi, 0.5 * np.pi])
-    np.testing.assert_array_equal(doubt.relative, [[0.1, 0.3], [0.2, 0.4]])
+    response = stated_uncertainty({"response": given}, SPEED).response
+    assert response is not None
+    np.testing.assert_allclose(response.frequency, [0.02 * np.pi, 0.5 * np.pi])
+    np.testing.assert_array_equal(response.relative, [[0.1, 0.3], [0.2, 0.4]])
 
 
 @pytest.mark.parametrize(

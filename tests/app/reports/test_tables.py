@@ -24,7 +24,7 @@ def test_what_rounding_leaves_of_zero_is_zero():
     assert line == "task: 1 move, 100 mm in 2.000 s, X 0 ... 100, Y 0 ... 46.26 mm"
     stopped = read_line("task", replace(read, stops="1 stop: M3 at line 4"), ("X", "Y"))
     assert stopped.split("\n")[1:] == ["1 stop: M3 at line 4"]
-    asked = read_line("task", replace(read, doubts=("line 3: a dwell of 500 s",)), ("X", "Y"))
+    asked = read_line("task", replace(read, warnings=("line 3: a dwell of 500 s",)), ("X", "Y"))
     assert asked == f"{line}\nline 3: a dwell of 500 s"
 
 

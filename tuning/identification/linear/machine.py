@@ -67,7 +67,7 @@ LEVEL = 1e-6  # of the F test for coupling
 
 
 def identify_machine(record: MachineRecord, most_poles: int, most_delay: int) -> IdentifiedMachine:
-    """Models, intervals and doubts of all axes of a record.
+    """Models, intervals and warnings of all axes of a record.
 
     Args:
         record: of one axis or more.

@@ -79,7 +79,7 @@ def command(flags: Precompensate) -> int:
     save_figure(bent_figure(*about, *errors), folder / "bent.png")
     write_result(folder, result)
     answer = [Entry("Error", gain_words(result))]
-    answer += [Entry("Note", words) for words in (*ending(result), *result.doubts)]
+    answer += [Entry("Note", words) for words in (*ending(result), *result.warnings)]
     answer += [Entry("Load", line) for line in _loading(result)] if verdict.usable else []
     return finished(folder, result, flags, show, answer, verdict)
 
@@ -106,7 +106,7 @@ def _result(loop: StoredLoop, bend: Bent, moves: Sequence[Moves]) -> BentResult:
         ramps=0 if read is None else len(read.ramps),
         unlimited=tuple(name for name in BOUNDS if getattr(machine.limits, name) is None),
         weights=loop.weights,
-        doubts=job.doubts,
+        warnings=() if job.program is None else job.program.warnings,
         held=None if bend.held is None else bend.held * machine.model.dt,
         rests=bend.rests,
         changing=max((one.acceleration for one in moves if not one.rapid), default=0.0),
@@ -137,7 +137,7 @@ def show(result: BentResult, console: Console) -> None:
     if result.weights:
         tables.say(console, f"Bent for {result.controller} with these gains, and for no others:")
         tables.say(console, *(f"  {line}" for line in result.weights))
-    tables.say(console, *result.doubts)
+    tables.say(console, *result.warnings)
 
 
 def ending(result: BentResult) -> list[str]:

@@ -283,7 +283,7 @@ def _store(flags: Identify, log: Log, machine: IdentifiedMachine, text: str, fol
 
 
 def show(result: LinearMachineResult, console: Console) -> None:
-    """Print the axes, the family and the doubts."""
+    """Print the axes, the family and the warnings."""
     seconds = result.samples * result.dt
     tables.say(
         console,

@@ -183,7 +183,7 @@ def describe(run: TuningRun, console: Console) -> None:
     ]
     if len(reads) > SHOWN:
         reads = [*reads[:FIRST], f"and {len(reads) - FIRST} more"]
-    below = f"\n{'':<14}"  # stops and doubts of a part stand under it
+    below = f"\n{'':<14}"  # stops and warnings of a part stand under it
     for k, read in enumerate(reads):
         lines.append(f"{'Read' if k == 0 else '':<11} {read}".replace("\n", below))
     effects = machine.nonsmooth_effects

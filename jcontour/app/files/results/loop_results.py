@@ -88,7 +88,7 @@ class BentResult:
     # what the machine states no limit of, of speed, acceleration and control
     unlimited: tuple[str, ...] = ()
     weights: tuple[str, ...] = ()  # of the controller, a line for each
-    doubts: tuple[str, ...] = ()  # what of the program may be meant otherwise
+    warnings: tuple[str, ...] = ()  # what of the program may be meant otherwise
     # how long the last point is held, until the tools rest [s]; scored like the run. None of a run
     # that ends in motion.
     held: float | None = 0.0

@@ -110,7 +110,7 @@ class ContourRead:
     low: tuple[float, ...]
     high: tuple[float, ...]
     ignored: tuple[str, ...] = ()  # words of the program that mean nothing for the path
-    doubts: tuple[str, ...] = ()  # what of the program may be meant otherwise
+    warnings: tuple[str, ...] = ()  # what of the program may be meant otherwise
     stops: str = ""  # where and why the program stops, in words
     rapid_length: float = 0.0  # of the rapid moves [m]
     # how far the tool goes along the path, more than once around it for several laps [m]; None

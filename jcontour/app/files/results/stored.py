@@ -15,7 +15,7 @@ from cattrs.strategies import configure_union_passthrough
 from jcontour.app.files.run_folder import RESULT, RunError, plain, read_json, write_json
 
 T = TypeVar("T")
-VERSION = 3  # of the fields of results: it grows when one is renamed or means something else
+VERSION = 4  # of the fields of results: it grows when one is renamed or means something else
 Weight = float | list[float] | None  # of one name: a number, one number per axis, or none
 Scalar = bool | int | float | str | None
 

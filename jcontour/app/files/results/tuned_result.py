@@ -48,7 +48,7 @@ class PathMargins:
     complementary: float | None = None  # peak Mt likewise
     # part that what is not known of the response takes of all that the loops bear; None where the
     # machine says nothing of it
-    doubt: float | None = None
+    uncertainty: float | None = None
     # peak Ms around the response that was measured; None where nothing was
     measured: float | None = None
 

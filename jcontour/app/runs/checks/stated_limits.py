@@ -80,7 +80,7 @@ def _loops(run: TuningRun, margins: PathMargins) -> Iterator[LimitCheck]:
                 name=f"Ms on the {on}", value=margins.measured, allowed=bound, member=on
             )
     if run.machine.response_uncertainty is not None:
-        used = np.inf if margins.doubt is None else margins.doubt
+        used = np.inf if margins.uncertainty is None else margins.uncertainty
         yield LimitCheck(name="unknown response", value=used, allowed=BORNE, member="family")
 
 

@@ -113,7 +113,7 @@ def path_margins(
         "complementary": float(np.max(peaks.complementary)),
     }
     if machine.response_uncertainty is not None:
-        largest["doubt"] = float(np.max(peaks.uncertainty))
+        largest["uncertainty"] = float(np.max(peaks.uncertainty))
     return PathMargins(
         spectral_radius=float(max(one.spectral_radius for one in each)),
         gain_range=tuple(zip(low.tolist(), high.tolist(), strict=True)),

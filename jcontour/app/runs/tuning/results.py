@@ -170,7 +170,7 @@ def tuned_result(
             allowing=flag_allowing(limit, tuned.violation, run.flags, run.limits),
             feed_law=run.flags.feed_law,
             lasting=_offset_lasts(run, tuned) if may_drift(margins, contours) else 0.0,
-            unknown=_unknown(run, tuned) if (margins.doubt or 0.0) > SAFE else None,
+            unknown=_unknown(run, tuned) if (margins.uncertainty or 0.0) > SAFE else None,
             unmeasured=_unmeasured(run.machine),
             warnings=[
                 *run_warnings(run, tuned, margins, replays, searched.idle),

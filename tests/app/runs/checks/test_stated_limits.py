@@ -17,7 +17,7 @@ from tests.app import small_runs
 from tests.app.small_runs import partly
 from tuning.objectives import COUNT_NOISE, Entry
 
-MARGINS = small_runs.margins(sensitivity=1.9, doubt=0.4)
+MARGINS = small_runs.margins(sensitivity=1.9, uncertainty=0.4)
 DOUBT = ResponseUncertainty(np.array([0.1]), np.full((1, 2), 0.2))
 ENTRIES = [
     Entry("peak_sensitivity", 0, 0),
@@ -29,12 +29,12 @@ ENTRIES = [
 BOUNDS = {"peak_sensitivity": 2.0, "rms_increment": 0.5, "late_radius": 0.999}
 
 
-def checks(flags, bounds, rest=None, doubt=None):
+def checks(flags, bounds, rest=None, response=None):
     """Two contours, the second held out, on two plants; peaks [A] and errors [m] are given."""
     counted = np.ones((2, 5), bool)
     jobs = [small_runs.job(name, counted[0]) for name in ("part", "circle")]
     scenarios = small_runs.scenarios(jobs, np.zeros((2, 5, 2)), counted, training=(True, False))
-    machine = small_runs.machine(uncertainty=Uncertainty(0.1, 1, doubt))
+    machine = small_runs.machine(uncertainty=Uncertainty(0.1, 1, response))
     replay = small_runs.replay(
         5,
         (2, 2),
@@ -57,7 +57,7 @@ def test_a_limit_of_the_flags_holds_for_the_worst_plant_of_the_training_contours
 
 def test_counts_at_rest_and_loops_have_limits_too():
     rest = Standstill(rms_control=0.1696, rms_increment=0.1)
-    limit_checks = checks(Tune(), {COUNT_NOISE: AT_REST * 0.15}, rest, doubt=DOUBT)
+    limit_checks = checks(Tune(), {COUNT_NOISE: AT_REST * 0.15}, rest, response=DOUBT)
     assert [one.value for one in limit_checks.values()] == [1.9, 0.4, 0.1696]
     assert [one.allowed for one in limit_checks.values()] == [2.0, BORNE, 0.15]
     assert [one.kept for one in limit_checks.values()] == [True, True, False]
