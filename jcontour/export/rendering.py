@@ -23,7 +23,7 @@ from jcontour.export.code_text import (
     table,
 )
 from jcontour.export.safe_limits import SafeLimits
-from jcontour.export.streaming_law import StreamingLaw, Window
+from jcontour.export.streaming_law import StreamingLaw
 
 LARGEST = 1e30  # stands for infinite: products with it are finite in single precision
 SLACK = {"double": 1e-9, "single": 1e-6}  # of the speed limit: rounding of a reference at the limit
@@ -150,7 +150,18 @@ class Code:
             kept = law.kept if np.isfinite(law.kept).any() else None
             tables.append(("LAW_KEPT", kept, "of the memory, +-"))
         if law.window is not None:
-            tables += _window_constants(law.window)
+            tables += [
+                ("LAW_BACK", law.window.A.T, "model, transposed"),
+                ("LAW_ENTER", law.window.B.T, "its inputs, one in a row"),
+                ("LAW_OUTPUT", law.window.C, "its outputs"),
+                ("LAW_SQUARE", law.window.C.T @ law.window.C, "C' C"),
+                ("LAW_MIX", law.window.inputs, "controls of its inputs"),
+                ("LAW_WEIGHT", law.window.weight, "of every input"),
+                ("LAW_STAGE", law.window.stage, "profile over the samples ahead"),
+                ("LAW_TERMINAL", law.window.H, "cost at the end"),
+                ("LAW_AT", law.window.at, "state of a steady motion per position"),
+                ("LAW_PER", law.window.per, "likewise, per increment"),
+            ]
         return [
             (name, np.where(np.isfinite(values), values, LARGEST), words)
             for name, values, words in tables
@@ -278,18 +289,3 @@ class Code:
         for name in ("start", "step"):
             context[name] = self._templates.get_template(f"{name}.j2").render(**context)
         return context
-
-
-def _window_constants(window: Window) -> list[tuple[str, np.ndarray | None, str]]:
-    return [
-        ("LAW_BACK", window.A.T, "model, transposed"),
-        ("LAW_ENTER", window.B.T, "its inputs, one in a row"),
-        ("LAW_OUTPUT", window.C, "its outputs"),
-        ("LAW_SQUARE", window.C.T @ window.C, "C' C"),
-        ("LAW_MIX", window.inputs, "controls of its inputs"),
-        ("LAW_WEIGHT", window.weight, "of every input"),
-        ("LAW_STAGE", window.stage, "profile over the samples ahead"),
-        ("LAW_TERMINAL", window.H, "cost at the end"),
-        ("LAW_AT", window.at, "state of a steady motion per position"),
-        ("LAW_PER", window.per, "likewise, per increment"),
-    ]

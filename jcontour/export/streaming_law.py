@@ -180,7 +180,14 @@ def streaming_law(
             the window of `ContouringLQ`, or it has no finite look-ahead; the message says which.
     """
     check_planless(controller)
-    line = _line(controller, machine, places.shape[0])
+    # Standstill at the origin on a straight line, long enough for every response to end
+    axes = places.shape[0]
+    ahead = max(controller.preview, 1)
+    path = polyline(np.stack([np.zeros(axes), np.ones(axes)]))
+    steps = 2 * (ahead + BEHIND + TAIL)
+    arc = np.linspace(0.0, 1e-3, steps)
+    moving = along(path, arc, machine.dt, ahead, at_rest=True)
+    line = replace(moving, position=jnp.zeros_like(moving.position))
     standing = machine.measure(machine.initial_state(line.position[0], line.start_increment))
     seen = np.stack([_seen(machine, one) for one in np.eye(places.shape[0])], axis=1)
     inner, known = controller, seen
@@ -198,16 +205,6 @@ def streaming_law(
     drives, dead_time = _drives(machine, line, law.inputs)
     law = replace(law, drives=drives, dead_time=dead_time)
     return replace(law, base=_base(law, BALANCED[precision]))
-
-
-def _line(controller: Controller, machine: Plant, axes: int) -> Reference:
-    """Standstill at the origin on a straight line, long enough for every response to end."""
-    ahead = max(controller.preview, 1)
-    path = polyline(np.stack([np.zeros(axes), np.ones(axes)]))
-    steps = 2 * (ahead + BEHIND + TAIL)
-    arc = np.linspace(0.0, 1e-3, steps)
-    moving = along(path, arc, machine.dt, ahead, at_rest=True)
-    return replace(moving, position=jnp.zeros_like(moving.position))
 
 
 def _seen(machine: Plant, position: Any) -> Float[np.ndarray, " q"]:

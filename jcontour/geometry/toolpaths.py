@@ -184,12 +184,19 @@ def parse_gcode(
     every = interpreter.tracer.stops
     stops = stops_in_cuts(every, moves)
     path = _toolpath(traced, len(axes), feed, ignored_words(interpreter.ignored, stops))
+    # Stops of a run, the first piece of which is a move, for more than a rest
+    first = cutting[0]
+    asked = [stop for stop in stops if stop.why != DWELL and stop.why not in EXACT]
+    moved = [stop._replace(after=stop.after - first) for stop in asked]
+    begun = moves[first]
+    if first or begun.start[2] or any(stop.after == 0 and stop.why != DWELL for stop in every):
+        moved.insert(0, Stop(0, begun.start, 0.0, begun.line, START))
     return path._replace(
         rest=_rest(stops, cutting[0], path.contour),
         z_alone=_z_alone(stops, cutting[0], path.contour),
         warnings=warnings_of(interpreter, stops),
         stops=stop_summary(stops),
-        asks=_asks(stops, every, moves, cutting[0]),
+        asks=tuple(moved),
         ramps=_ramps(traced) if len(axes) == 2 else (),
         tolerance=interpreter.tolerance,
     )
@@ -234,16 +241,6 @@ def _rest(stops: list[Stop], first: int, contour: Contour) -> Float[np.ndarray, 
         if stop.why != "G61" or corner is None or corner[move]:
             rest[move] = np.nan_to_num(rest[move]) + stop.lasting
     return rest
-
-
-def _asks(stops: list[Stop], every: list[Stop], moves: list[Move], first: int) -> tuple[Stop, ...]:
-    """Stops of a run, the first piece of which is a move, for more than a rest."""
-    asked = [stop for stop in stops if stop.why != DWELL and stop.why not in EXACT]
-    moved = [stop._replace(after=stop.after - first) for stop in asked]
-    begun = moves[first]
-    if first or begun.start[2] or any(stop.after == 0 and stop.why != DWELL for stop in every):
-        moved.insert(0, Stop(0, begun.start, 0.0, begun.line, START))
-    return tuple(moved)
 
 
 def _ramps(moves: list[Move]) -> tuple[int, ...]:

@@ -147,7 +147,31 @@ def reported_loop(
             rows.add((state, output, measurement, control, memory), StepReport(), False)
             state, memory = next_state, next_memory
         return rows.run(state, memory)
-    return _hosted(plant, controller, reference, state, fallback)
+    # One compiled call a step: advance, and see; the controller in between is the host's
+    memory = controller.initial_memory(reference)
+    plan = _Plan(controller.prepare(reference))
+    numbers, see = _with_numbers(_seen, (plant,))
+    _, advance = _with_numbers(_advanced, (plant,))
+    output, measurement = see(numbers, state)
+    rows, control = _Rows(output.size), None
+    for k in range(reference.steps):
+        if controller.finished(memory):
+            break
+        sensed = jax.tree.map(np.asarray, measurement)
+        failure = None
+        try:
+            answer = controller.step(memory, plan.row(k), sensed)
+        except Unsolved as cause:
+            cause.step, failure = k, cause
+            answer = _fallen_back(fallback, controller, memory, plan.row(k), sensed, control)
+        if answer is None:
+            assert failure is not None
+            raise Stopped(k, rows.run(state, memory), failure) from failure
+        next_memory, control, report = answer
+        rows.add((state, output, measurement, control, memory), report, failure is not None)
+        state, output, measurement = advance(numbers, state, control)
+        memory = next_memory
+    return rows.run(state, memory)
 
 
 class _Rows:
@@ -184,40 +208,6 @@ class _Rows:
             np.array([one.acting for one in self.reports], int),
         )
         return HostRun(Rollout(*columns, state, memory), report)
-
-
-def _hosted(
-    plant: Plant,
-    controller: HostController,
-    reference: Reference,
-    state: State,
-    fallback: Fallback | None,
-) -> HostRun:
-    """One compiled call a step: advance, and see; the controller in between is the host's."""
-    memory = controller.initial_memory(reference)
-    plan = _Plan(controller.prepare(reference))
-    numbers, see = _with_numbers(_seen, (plant,))
-    _, advance = _with_numbers(_advanced, (plant,))
-    output, measurement = see(numbers, state)
-    rows, control = _Rows(output.size), None
-    for k in range(reference.steps):
-        if controller.finished(memory):
-            break
-        sensed = jax.tree.map(np.asarray, measurement)
-        failure = None
-        try:
-            answer = controller.step(memory, plan.row(k), sensed)
-        except Unsolved as cause:
-            cause.step, failure = k, cause
-            answer = _fallen_back(fallback, controller, memory, plan.row(k), sensed, control)
-        if answer is None:
-            assert failure is not None
-            raise Stopped(k, rows.run(state, memory), failure) from failure
-        next_memory, control, report = answer
-        rows.add((state, output, measurement, control, memory), report, failure is not None)
-        state, output, measurement = advance(numbers, state, control)
-        memory = next_memory
-    return rows.run(state, memory)
 
 
 def _fallen_back(

@@ -116,7 +116,11 @@ class RationalCurves(NamedTuple):
             grid = np.linspace(0.0, 1.0, SEARCH)
             speed = np.abs(self._derivatives(every, grid)[1])
             mean = speed.mean(axis=1)
-            slow = (speed <= SLOW * mean[:, None]) & _valley(speed)
+            # Where a row is not above its neighbours
+            around = np.pad(speed, ((0, 0), (1, 1)), constant_values=np.inf)
+            slow = (speed <= SLOW * mean[:, None]) & (
+                (speed <= around[:, :-2]) & (speed <= around[:, 2:])
+            )
             cusps: dict[int, list[float]] = {}
             for j, i in zip(*np.nonzero(slow), strict=True):
                 low, high = grid[max(i - 1, 0)], grid[min(i + 1, SEARCH - 1)]
@@ -171,12 +175,6 @@ def _taylor(coefficients: np.ndarray, u: np.ndarray | float) -> list:
             value[k] = value[k] * u + value[k - 1]
         value[0] = value[0] * u + coefficients[..., i]
     return [value[0], value[1], 2 * value[2], 6 * value[3]]
-
-
-def _valley(values: np.ndarray) -> np.ndarray:
-    """Where a row is not above its neighbours."""
-    around = np.pad(values, ((0, 0), (1, 1)), constant_values=np.inf)
-    return (values <= around[:, :-2]) & (values <= around[:, 2:])
 
 
 class DrawnPieces(NamedTuple):

@@ -96,7 +96,15 @@ def read_dxf(path: str | PathLike[str], unit: float | None = None) -> Drawing:
     unit = unit or _unit(document.header.get(UNIT, 0) if UNIT in text else 0)
     from ezdxf.math import Matrix44
 
-    reader = _Reader(document, _entity_lines(text))
+    # Lines of a text file at which entities begin, by their handles
+    lines, begun, line_of = lines_of(text), 0, {}
+    for i in range(0, len(lines) - 1, 2):
+        code = lines[i].strip()
+        if code == "0":
+            begun = i + 2
+        elif code == "5":
+            line_of.setdefault(lines[i + 1].strip().upper(), begun)
+    reader = _Reader(document, line_of)
     reader.draw(document.modelspace(), Matrix44.scale(unit), "0", 0)
     for layout in document.layouts:
         if not layout.is_modelspace:
@@ -158,18 +166,6 @@ def _unit(code: int) -> float:
 def _stated(entity: "DXFGraphic", name: str, default: Any) -> Any:
     """Attribute of an entity of any kind, known to ezdxf or not."""
     return entity.dxf.get(name, default) if entity.dxf.is_supported(name) else default
-
-
-def _entity_lines(text: str) -> dict[str, int]:
-    """Lines of a text file at which entities begin, by their handles."""
-    lines, begun, line_of = lines_of(text), 0, {}
-    for i in range(0, len(lines) - 1, 2):
-        code = lines[i].strip()
-        if code == "0":
-            begun = i + 2
-        elif code == "5":
-            line_of.setdefault(lines[i + 1].strip().upper(), begun)
-    return line_of
 
 
 @dataclass
@@ -271,16 +267,50 @@ def segments(entity: Any, place: "Matrix44", line: int) -> list[Segment] | None:
             begin, end = (math.radians(math.fmod(angle, 360.0)) for angle in angles)
             return _turn(entity, place, begin, _sweep(begin, end))
         case "ELLIPSE":
-            return _ellipse(entity, place, line)
+            # Ellipse whose minor axis is at right angles to the extrusion and to the major one
+            major, normal = entity.dxf.major_axis, entity.dxf.extrusion
+            if major.is_null or normal.is_null:
+                raise ToolpathError(f"{at_line(line)}ELLIPSE without an axis")
+            minor = entity.dxf.ratio * normal.normalize().cross(major)
+            begin, end = float(entity.dxf.start_param), float(entity.dxf.end_param)
+            sweep, begin = _sweep(begin, end), math.fmod(begin, math.tau)
+            first, second = (_seen_direction(place, axis) for axis in (major, minor))
+            return [Arc(_seen(place, entity.dxf.center), first, second, begin, sweep)]
         case "LWPOLYLINE":
             vertices = [(complex(x, y), float(b)) for x, y, b in entity.get_points("xyb")]
             return _bulged(
                 vertices, entity.closed, _own(entity, place), float(entity.dxf.elevation)
             )
         case "POLYLINE":
-            return _polyline(entity, place)
+            # Polyline of two dimensions or three; None for meshes
+            if not (entity.is_2d_polyline or entity.is_3d_polyline):
+                return None
+            corners = [vertex.dxf for vertex in entity.vertices if not vertex.dxf.flags & FRAME]
+            if entity.is_3d_polyline:
+                points = [_seen(place, corner.location) for corner in corners]
+                return [Line(*ends) for ends in _pairs(points, entity.is_closed)]
+            plane = [(complex(c.location.x, c.location.y), c.get("bulge", 0.0)) for c in corners]
+            height = entity.dxf.elevation.z if entity.dxf.hasattr("elevation") else 0.0
+            return _bulged(plane, entity.is_closed, _own(entity, place), height)
         case "SPLINE":
-            return _spline(entity, place, line)
+            # NURBS of any degree, or a cubic through fit points; a curve for each interval
+            control = [_seen(place, point) for point in entity.control_points]
+            if not control:
+                return _through_points(entity, place, line)
+            degree, knots = entity.dxf.degree, np.array(entity.knots)
+            weights = np.array(list(entity.weights) or [1.0] * len(control))
+            fault = _spline_fault(degree, knots, len(control), weights)
+            if fault:
+                raise ToolpathError(f"{at_line(line)}SPLINE {fault}")
+            # imported here: it takes longer than the rest of the library
+            from scipy.interpolate import BSpline
+
+            points = np.array(control)
+            homogeneous = np.stack(
+                [weights * np.real(points), weights * np.imag(points), weights], axis=1
+            )
+            spans = np.unique(knots[degree : len(control) + 1])
+            return _intervals(BSpline(knots, homogeneous, degree), spans, degree)
     return None
 
 
@@ -306,50 +336,6 @@ def _turn(entity: Any, place: "Matrix44", begin: float, sweep: float) -> list[Se
     own, radius = _own(entity, place), entity.dxf.radius
     first, second = (_seen_direction(own, axis) for axis in ((radius, 0, 0), (0, radius, 0)))
     return [Arc(_seen(own, entity.dxf.center), first, second, begin, sweep)] if radius > 0 else None
-
-
-def _ellipse(entity: Any, place: "Matrix44", line: int) -> list[Segment]:
-    """Ellipse whose minor axis is at right angles to the extrusion and to the major one."""
-    major, normal = entity.dxf.major_axis, entity.dxf.extrusion
-    if major.is_null or normal.is_null:
-        raise ToolpathError(f"{at_line(line)}ELLIPSE without an axis")
-    minor = entity.dxf.ratio * normal.normalize().cross(major)
-    begin, end = float(entity.dxf.start_param), float(entity.dxf.end_param)
-    sweep, begin = _sweep(begin, end), math.fmod(begin, math.tau)
-    first, second = (_seen_direction(place, axis) for axis in (major, minor))
-    return [Arc(_seen(place, entity.dxf.center), first, second, begin, sweep)]
-
-
-def _polyline(entity: Any, place: "Matrix44") -> list[Segment] | None:
-    """Polyline of two dimensions or three; None for meshes."""
-    if not (entity.is_2d_polyline or entity.is_3d_polyline):
-        return None
-    corners = [vertex.dxf for vertex in entity.vertices if not vertex.dxf.flags & FRAME]
-    if entity.is_3d_polyline:
-        points = [_seen(place, corner.location) for corner in corners]
-        return [Line(*ends) for ends in _pairs(points, entity.is_closed)]
-    plane = [(complex(c.location.x, c.location.y), c.get("bulge", 0.0)) for c in corners]
-    height = entity.dxf.elevation.z if entity.dxf.hasattr("elevation") else 0.0
-    return _bulged(plane, entity.is_closed, _own(entity, place), height)
-
-
-def _spline(entity: Any, place: "Matrix44", line: int) -> list[Segment]:
-    """NURBS of any degree, or a cubic through fit points; a curve for each interval."""
-    control = [_seen(place, point) for point in entity.control_points]
-    if not control:
-        return _through_points(entity, place, line)
-    degree, knots = entity.dxf.degree, np.array(entity.knots)
-    weights = np.array(list(entity.weights) or [1.0] * len(control))
-    fault = _spline_fault(degree, knots, len(control), weights)
-    if fault:
-        raise ToolpathError(f"{at_line(line)}SPLINE {fault}")
-    # imported here: it takes longer than the rest of the library
-    from scipy.interpolate import BSpline
-
-    points = np.array(control)
-    homogeneous = np.stack([weights * np.real(points), weights * np.imag(points), weights], axis=1)
-    spans = np.unique(knots[degree : len(control) + 1])
-    return _intervals(BSpline(knots, homogeneous, degree), spans, degree)
 
 
 def _spline_fault(degree: int, knots: np.ndarray, points: int, weights: np.ndarray) -> str:
