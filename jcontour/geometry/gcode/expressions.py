@@ -14,7 +14,6 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 
 from jcontour.geometry.toolpath_rules import NUMBER, ToolpathError, shown
 
@@ -23,7 +22,6 @@ LOCAL = 30  # up to here a subprogram has its own
 FIRST_OF_MACHINE = 5001  # from here on the machine says what they are, or nothing does
 MOST_NAMES = 100_000  # of named parameters, each some bytes
 
-Said = Callable[[int | str], float | None]  # the machine's value of a parameter, None without one
 EQUAL = 1e-6  # difference of two values that compare EQ
 NEAR_WHOLE = 1e-4  # distance from a whole number that still counts as one
 DEEPEST = 50  # brackets within brackets
@@ -33,6 +31,11 @@ UNSIGNED = re.compile(r"[0-9]+(?:\.[0-9]*)?|\.[0-9]+")
 OPERATOR = re.compile(r"\*\*|[*/+-]|MOD|EQ|NE|GT|GE|LT|LE|AND|OR|XOR", re.IGNORECASE)
 FUNCTION = re.compile(r"[A-Za-z]+")
 NAME = re.compile(r"<([^<>]*)>")
+NO_VALUE: dict[type, str] = {
+    ZeroDivisionError: "a division by zero",
+    OverflowError: "a result is too large",
+    ValueError: "a function has no value for this argument",
+}
 FUNCTIONS: dict[str, Callable[[float], float]] = {
     "ABS": abs,
     "ACOS": lambda x: math.degrees(math.acos(x)),
@@ -57,13 +60,18 @@ class Parameters:
     >>> parameters.set(31, 2.5)
     >>> parameters.value(31), parameters.value(32)
     (2.5, 0.0)
+
+    Attributes:
+        machine: value of a parameter that the machine keeps, such as its position; None for others.
+        numbered: values of #1, #2, ...
+        common: values of #<_name>.
+        own: values of #<name>, of the subprogram under way.
     """
 
-    # value of a parameter that the machine keeps, such as its position
-    said_by_machine: Said = lambda _: None
-    _numbered: dict[int, float] = field(default_factory=dict)
-    _common: dict[str, float] = field(default_factory=dict)
-    _own: dict[str, float] = field(default_factory=dict)
+    machine: Callable[[int | str], float | None] = lambda _: None
+    numbered: dict[int, float] = field(default_factory=dict)
+    common: dict[str, float] = field(default_factory=dict)
+    own: dict[str, float] = field(default_factory=dict)
 
     def value(self, key: int | str) -> float:
         """Value of #key or #<key>; a number that was never set has 0.
@@ -73,18 +81,16 @@ class Parameters:
         """
         if isinstance(key, int):
             _check_number(key)
-            said = self.said_by_machine(key) if key >= FIRST_OF_MACHINE else None
-            return self._numbered.get(key, 0.0) if said is None else said
-        value = self._found(key)
+            kept = self.machine(key) if key >= FIRST_OF_MACHINE else None
+            return self.numbered.get(key, 0.0) if kept is None else kept
+        value = self._named(key)
         if value is None:
             raise ToolpathError(f"parameter {shown(f'#<{key}>')} is read before it is set")
         return value
 
     def exists(self, key: int | str) -> bool:
         """Whether #<key> has been set, or #key may be."""
-        if isinstance(key, int):
-            return 1 <= key <= LAST
-        return self._found(key) is not None
+        return 1 <= key <= LAST if isinstance(key, int) else self._named(key) is not None
 
     def set(self, key: int | str, value: float) -> None:
         """Give #key or #<key> a value.
@@ -97,13 +103,13 @@ class Parameters:
             raise ToolpathError("a parameter is given a value that is not finite")
         if isinstance(key, int):
             _check_number(key)
-            if self.said_by_machine(key) is not None:
-                raise ToolpathError(f"parameter #{key} is read-only")
-            self._numbered[key] = value
+        if self.machine(key) is not None:
+            name = f"#{key}" if isinstance(key, int) else shown(f"#<{key}>")
+            raise ToolpathError(f"parameter {name} is read-only")
+        if isinstance(key, int):
+            self.numbered[key] = value
             return
-        if self.said_by_machine(key) is not None:
-            raise ToolpathError(f"parameter {shown(f'#<{key}>')} is read-only")
-        values = self._common if key.startswith("_") else self._own
+        values = self.common if key.startswith("_") else self.own
         values[key] = value
         if len(values) > MOST_NAMES:
             raise ToolpathError(f"more than {MOST_NAMES} named parameters")
@@ -113,40 +119,31 @@ class Parameters:
 
         Return what `leave` restores.
         """
-        kept = Locals({n: self._numbered.get(n, 0.0) for n in range(1, LOCAL + 1)}, self._own)
-        self._own = {}
-        self._numbered.update(dict.fromkeys(kept.numbered, 0.0))
+        kept = {n: self.numbered.get(n, 0.0) for n in range(1, LOCAL + 1)}, self.own
+        self.own = {}
+        self.numbered.update(dict.fromkeys(kept[0], 0.0))
         for number, value in enumerate(arguments, start=1):
             self.set(number, value)
-        self._common.pop("_value", None)
+        self.common.pop("_value", None)
         return kept
 
     def leave(self, kept: "Locals") -> None:
         """End a subprogram: the caller has its own parameters again."""
-        self._numbered.update(kept.numbered)
-        self._own = kept.named
+        self.numbered.update(kept[0])
+        self.own = kept[1]
 
-    def return_value(self, value: float) -> None:
-        """Let #<_value> be what a subprogram returned."""
-        self._common["_value"] = value
-
-    def _found(self, name: str) -> float | None:
-        said = self.said_by_machine(name)
-        if said is not None:
-            return said
+    def _named(self, name: str) -> float | None:
+        kept = self.machine(name)
+        if kept is not None:
+            return kept
         if name == "_value_returned":
-            return float("_value" in self._common)
+            return float("_value" in self.common)
         if name == "_value":
-            return self._common.get(name, 0.0)
-        return (self._common if name.startswith("_") else self._own).get(name)
+            return self.common.get(name, 0.0)
+        return (self.common if name.startswith("_") else self.own).get(name)
 
 
-@dataclass(frozen=True)
-class Locals:
-    """Parameters of a caller while its subprogram runs."""
-
-    numbered: dict[int, float]
-    named: dict[str, float]
+Locals = tuple[dict[int, float], dict[str, float]]  # of a caller, by number and by name
 
 
 def _check_number(number: int) -> None:
@@ -237,14 +234,10 @@ def evaluated(expression: Expression, parameters: Parameters) -> float:
     """
     try:
         value = expression(parameters)
-    except ZeroDivisionError:
-        raise ToolpathError("a division by zero") from None
-    except OverflowError:
-        raise ToolpathError("a result is too large") from None
     except ToolpathError:
         raise
-    except ValueError:
-        raise ToolpathError("a function has no value for this argument") from None
+    except (ZeroDivisionError, OverflowError, ValueError) as error:
+        raise ToolpathError(NO_VALUE[type(error)]) from None
     if not math.isfinite(value):
         raise ToolpathError("a result is not finite")
     return value
@@ -268,7 +261,28 @@ def read_value(cursor: Cursor) -> Expression:
     if cursor.starts("#"):
         key = read_key(cursor)
         return lambda parameters: parameters.value(key(parameters))
-    return _deeper(cursor, _read_sign_or_function)
+    for sign, factor in (("+", 1.0), ("-", -1.0)):
+        if cursor.starts(sign):
+            cursor.at += 1
+            value = _deeper(cursor, read_value)
+            return lambda parameters: factor * value(parameters)
+    before, name = cursor.at, cursor.take(FUNCTION)
+    called = name[0].upper() if name else ""
+    if called == "ATAN":
+        y = read_bracket(cursor)
+        cursor.expect("/")
+        x = read_bracket(cursor)
+        return lambda parameters: math.degrees(math.atan2(y(parameters), x(parameters)))
+    if called == "EXISTS":
+        cursor.expect("[")
+        key = read_key(cursor)
+        cursor.expect("]")
+        return lambda parameters: float(parameters.exists(key(parameters)))
+    if called not in FUNCTIONS or not cursor.starts("["):
+        cursor.at = before
+        raise ToolpathError(f"needs a number before {shown(cursor.rest)}")
+    function, argument = FUNCTIONS[called], read_bracket(cursor)
+    return lambda parameters: function(argument(parameters))
 
 
 def read_bracket(cursor: Cursor) -> Expression:
@@ -341,40 +355,10 @@ def _read_operations(cursor: Cursor, least: int) -> Expression:
         if cursor.operations > MOST_OPERATIONS:
             raise ToolpathError(f"more than {MOST_OPERATIONS} operations in a line")
         right = _deeper(cursor, lambda cursor, least=binding: _read_operations(cursor, least))
-        left = partial(_operated, operation, left, right)
+        left = _operated(operation, left, right)
 
 
 def _operated(
-    operation: Callable[[float, float], float],
-    left: Expression,
-    right: Expression,
-    parameters: Parameters,
-) -> float:
-    return operation(left(parameters), right(parameters))
-
-
-def _read_sign_or_function(cursor: Cursor) -> Expression:
-    if cursor.starts("+"):
-        cursor.at += 1
-        return read_value(cursor)
-    if cursor.starts("-"):
-        cursor.at += 1
-        value = read_value(cursor)
-        return lambda parameters: -value(parameters)
-    before, name = cursor.at, cursor.take(FUNCTION)
-    called = name[0].upper() if name else ""
-    if called == "ATAN":
-        y = read_bracket(cursor)
-        cursor.expect("/")
-        x = read_bracket(cursor)
-        return lambda parameters: math.degrees(math.atan2(y(parameters), x(parameters)))
-    if called == "EXISTS":
-        cursor.expect("[")
-        key = read_key(cursor)
-        cursor.expect("]")
-        return lambda parameters: float(parameters.exists(key(parameters)))
-    if called not in FUNCTIONS or not cursor.starts("["):
-        cursor.at = before
-        raise ToolpathError(f"needs a number before {shown(cursor.rest)}")
-    function, argument = FUNCTIONS[called], read_bracket(cursor)
-    return lambda parameters: function(argument(parameters))
+    operation: Callable[[float, float], float], left: Expression, right: Expression
+) -> Expression:
+    return lambda parameters: operation(left(parameters), right(parameters))

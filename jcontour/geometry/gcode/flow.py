@@ -10,8 +10,8 @@ Labels are numbers or <names>. Those of branches and loops belong to their subpr
 """
 
 import re
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from jcontour.geometry.gcode.expressions import Parameters
 from jcontour.geometry.gcode.words import read_block
@@ -19,49 +19,126 @@ from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
 MAYBE_O_WORD = re.compile(r"\s*(?:\([^)]*\)\s*)*(?:[Nn][\s0-9.]*)?[Oo]")
 DEEPEST = 200  # branches, loops and subprograms in others
-LOOPS = frozenset({"while", "do", "repeat"})
+BEGINNING = frozenset({"sub", "if", "while", "do", "repeat"})
+LOOPS = ("while", "do", "repeat")
+INSIDE = {  # what each goes on with, leaves or ends
+    "endsub": ("sub",),
+    "elseif": ("if",),
+    "else": ("if",),
+    "endif": ("if", "else"),
+    "endwhile": ("while",),
+    "endrepeat": ("repeat",),
+    "while": ("do",),
+    "break": LOOPS,
+    "continue": LOOPS,
+}
 
 
 @dataclass
+class _Open:
+    """A branch, loop or subprogram that has begun."""
+
+    keyword: str
+    label: str
+    branches: list[int]  # first line, and those of its other branches
+
+
 class Structure:
-    """Places of a program, as indices of its lines."""
+    """Places of a program, as indices of its lines.
 
-    # first line of each, by label, and whether M99 ends it
-    subprograms: dict[str, tuple[int, bool]] = field(default_factory=dict)
-    # next branch of a branch; the end of a loop or a subprogram
-    following: dict[int, int] = field(default_factory=dict)
-    # first line of the loop that a line ends, leaves or begins again
-    beginning: dict[int, int] = field(default_factory=dict)
-    ending: dict[int, int] = field(default_factory=dict)  # last line of a branch's whole, of a loop
-    # what is wrong with a line, raised when it is carried out
-    faults: dict[int, str] = field(default_factory=dict)
-
-
-def structure(lines: Sequence[str]) -> Structure:
-    """Structure of the lines of a program.
-
-    >>> places = structure(["o1 repeat [3]", "G1 X1", "o1 endrepeat"])
+    >>> places = Structure(["o1 repeat [3]", "G1 X1", "o1 endrepeat"])
     >>> places.ending, places.beginning
     ({0: 2}, {2: 0})
+
+    Attributes:
+        subprograms: first line of each, by label.
+        following: next branch of a branch, the end of a subprogram.
+        beginning: first line of the loop that a line ends, leaves or begins again.
+        ending: last line of a branch's whole, of a loop.
+        faults: what is wrong with a line, raised when it is carried out.
     """
-    reader, constant = _Reader(), Parameters()
-    for index, line in enumerate(lines):
-        if not MAYBE_O_WORD.match(line):
-            continue
-        try:
-            word = read_block(line).flow
-        except ToolpathError:
-            continue  # raised when the line is carried out
-        if word is None or word.keyword == "call":
-            continue
-        try:
-            label = word.label(constant)
-        except ToolpathError:
-            reader.fault(index, f"{word.keyword}: its O-word needs a number or a name")
-            continue
-        reader.read(index, word.keyword, label)
-    reader.drop_behind(None)
-    return reader.places
+
+    def __init__(self, lines: Sequence[str]) -> None:
+        self.subprograms: dict[str, int] = {}
+        self.following: dict[int, int] = {}
+        self.beginning: dict[int, int] = {}
+        self.ending: dict[int, int] = {}
+        self.faults: dict[int, str] = {}
+        self._open: list[_Open] = []  # the innermost is last
+        constant = Parameters()
+        for index, line in enumerate(lines):
+            if not MAYBE_O_WORD.match(line):
+                continue
+            try:
+                word = read_block(line).flow
+            except ToolpathError:
+                continue  # raised when the line is carried out
+            if word is None or word.keyword in ("call", "return"):
+                continue
+            try:
+                self._read(index, word.keyword, word.label_in(constant))
+            except ToolpathError:
+                self._fault(index, f"{word.keyword}: its O-word needs a number or a name")
+        self._end_up_to(None)
+
+    def _read(self, index: int, keyword: str, label: str) -> None:
+        name = label_text(label)
+        numbered = keyword in ("", "sub")
+        first = self.subprograms.setdefault(label, index) if numbered else index
+        begun = self._innermost(label, INSIDE.get(keyword, ()))
+        if keyword in BEGINNING and begun is None:
+            if keyword == "sub":
+                around = next((one for one in reversed(self._open) if one.keyword == "sub"), None)
+                if around is not None:  # those around it have the fault already
+                    inside = f"begins inside {label_text(around.label)}"
+                    self._fault(around.branches[0], f"subprogram {name} {inside}")
+            if len(self._open) == DEEPEST:
+                self._fault(index, f"{name} {keyword} is more than {DEEPEST} deep")
+            else:
+                self._open.append(_Open(keyword, label, [index]))
+            if keyword == "sub" and first != index:
+                self._fault(index, f"subprogram {name} is there twice")
+        elif begun is not None:
+            self._go_on(index, keyword, begun)
+        elif keyword in ("break", "continue"):
+            self._fault(index, f"{name} {keyword} outside a loop of that label")
+        elif keyword:
+            self._fault(index, f"{name} {keyword} without {name} {INSIDE[keyword][0]}")
+
+    def _go_on(self, index: int, keyword: str, begun: _Open) -> None:
+        """Read a line that goes on with, leaves or ends what has begun."""
+        first = begun.branches[0]
+        if keyword not in ("break", "continue", "elseif", "else"):
+            self._end_up_to(begun)
+        if keyword in ("elseif", "else", "endif"):
+            self.following[begun.branches[-1]] = index
+            begun.branches.append(index)
+            begun.keyword = "else" if keyword == "else" else begun.keyword
+            if keyword == "endif":
+                self.ending |= dict.fromkeys(begun.branches, index)
+            return
+        self.beginning[index] = first
+        if keyword == "endsub":
+            self.following[first] = index
+        elif keyword not in ("break", "continue"):
+            self.ending[first] = index
+
+    def _innermost(self, label: str, keywords: Sequence[str]) -> _Open | None:
+        """What has begun last under a label, if it is one of these, in this subprogram."""
+        for begun in reversed(self._open):
+            if begun.keyword == "sub" or (begun.label == label and keywords != ("sub",)):
+                return begun if begun.label == label and begun.keyword in keywords else None
+        return None
+
+    def _end_up_to(self, last: _Open | None) -> None:
+        """End what has begun, and mark as faulty what began inside it and never ended."""
+        while self._open and (left := self._open.pop()) is not last:
+            fault = f"{label_text(left.label)} {left.keyword} has no end"
+            self._fault(left.branches[0], fault)
+
+    def _fault(self, index: int, text: str) -> None:
+        """Mark a line as faulty; the first fault stays."""
+        self.faults.setdefault(index, text)
 
 
 def label_text(label: str) -> str:
@@ -71,108 +148,3 @@ def label_text(label: str) -> str:
     ('o<a>', 'o7')
     """
     return f"o{shown(label)[1:-1]}"
-
-
-@dataclass
-class _Open:
-    """A branch, loop or subprogram that has begun."""
-
-    keyword: str
-    label: str
-    index: int
-    branches: list[int]
-
-
-@dataclass
-class _Reader:
-    """Structure so far, and what has begun; the innermost is last."""
-
-    places: Structure = field(default_factory=Structure)
-    open: list[_Open] = field(default_factory=list)
-
-    def fault(self, index: int, text: str) -> None:
-        """Mark a line as faulty; the first fault stays."""
-        self.places.faults.setdefault(index, text)
-
-    def drop_behind(self, last: _Open | None) -> None:
-        """End what has begun, and mark as faulty what began inside it and never ended."""
-        while self.open and (left := self.open.pop()) is not last:
-            self.fault(left.index, f"{label_text(left.label)} {left.keyword} has no end")
-
-    def read(self, index: int, keyword: str, label: str) -> None:
-        """Read an O-word."""
-        places, name = self.places, label_text(label)
-        if keyword in ("", "sub"):
-            self._begin_subprogram(index, keyword, label)
-        elif keyword == "endsub":
-            begun = (
-                one for one in reversed(self.open) if (one.keyword, one.label) == ("sub", label)
-            )
-            sub = next(begun, None)
-            if sub is None:
-                self.fault(index, f"{name} endsub without {name} sub")
-                return
-            self.drop_behind(sub)
-            places.following[sub.index] = index
-            places.beginning[index] = sub.index
-        elif keyword in ("endwhile", "endrepeat") or (
-            keyword == "while" and self._innermost(label, {"do"})
-        ):
-            kind = {"endwhile": "while", "endrepeat": "repeat"}.get(keyword, "do")
-            loop = self._innermost(label, {kind})
-            if loop is None:
-                self.fault(index, f"the end of a loop without {name} {kind}")
-                return
-            self.drop_behind(loop)
-            places.ending[loop.index] = index
-            places.beginning[index] = loop.index
-        elif keyword in LOOPS or keyword == "if":
-            self._begin(index, keyword, label)
-        elif keyword in ("break", "continue"):
-            loop = self._innermost(label, LOOPS)
-            if loop is None:
-                self.fault(index, f"{name} {keyword} outside a loop of that label")
-            else:
-                places.beginning[index] = loop.index
-        elif keyword in ("elseif", "else", "endif"):
-            self._branch(index, keyword, label)
-
-    def _innermost(self, label: str, keywords: Collection[str]) -> _Open | None:
-        """What has begun last under a label, if it is one of these, in this subprogram."""
-        for begun in reversed(self.open):
-            if begun.keyword == "sub":
-                return None
-            if begun.label == label:
-                return begun if begun.keyword in keywords else None
-        return None
-
-    def _begin(self, index: int, keyword: str, label: str) -> None:
-        if len(self.open) == DEEPEST:
-            self.fault(index, f"{label_text(label)} {keyword} is more than {DEEPEST} deep")
-        else:
-            self.open.append(_Open(keyword, label, index, [index]))
-
-    def _begin_subprogram(self, index: int, keyword: str, label: str) -> None:
-        if keyword == "sub":
-            around = next((one for one in reversed(self.open) if one.keyword == "sub"), None)
-            if around is not None:  # those around it have the fault already
-                inside = f"begins inside {label_text(around.label)}"
-                self.fault(around.index, f"subprogram {label_text(label)} {inside}")
-            self._begin(index, keyword, label)
-            if label in self.places.subprograms:
-                self.fault(index, f"subprogram {label_text(label)} is there twice")
-        self.places.subprograms.setdefault(label, (index, keyword == ""))
-
-    def _branch(self, index: int, keyword: str, label: str) -> None:
-        begun = self._innermost(label, {"if", "else"} if keyword == "endif" else {"if"})
-        if begun is None:
-            self.fault(index, f"{label_text(label)} {keyword} without {label_text(label)} if")
-            return
-        self.places.following[begun.branches[-1]] = index
-        begun.branches.append(index)
-        if keyword == "else":
-            begun.keyword = "else"
-        if keyword == "endif":
-            self.drop_behind(begun)
-            for branch in begun.branches:
-                self.places.ending[branch] = index

@@ -24,11 +24,9 @@ from jcontour.geometry.gcode.moves import (
     Tracer,
     arcs_of,
     check_near,
-    cycle_steps,
-    target,
 )
 from jcontour.geometry.gcode.words import LineWords, sorted_words
-from jcontour.geometry.toolpath_rules import FASTEST, MM, SHORTEST, SLOWEST, ToolpathError
+from jcontour.geometry.toolpath_rules import FASTEST, INCH, MM, SHORTEST, SLOWEST, ToolpathError
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
 MOVING = frozenset("XYZIJKR")
@@ -36,6 +34,9 @@ LENGTHS = frozenset("XYZIJKRQ")
 UNUSED = frozenset("ABCDEHSTUVW$")  # letters without meaning for the path
 UNUSED_WITH_CODES = frozenset("LPQ")  # of codes without meaning for it
 MM_PER_MIN = MM / 60.0  # [m/s]
+PECK_CLEARANCE = 0.01 * INCH  # [m] above the bottom of before, where feeding begins again
+MOST_PECKS = 10_000  # of a hole
+DWELLING = frozenset({740, 820, 840, 860, 880, 890})  # at the bottom of a hole
 RANGE = f"{SLOWEST / MM_PER_MIN:g} to {FASTEST / MM_PER_MIN:.0f} mm/min"
 
 
@@ -91,7 +92,19 @@ class Machine:
         if not codes.STOPPING.isdisjoint(line.m_codes):
             self._stop(line.m_codes, codes.STOPPING)
         if "F" in values:
-            self._set_feed(values["F"])
+            # F in units per minute; a given feed replaces what no machine can run
+            word = values["F"]
+            feed, unit = word * self.modes.unit / 60.0, self.modes.unit
+            in_range = SLOWEST <= feed <= FASTEST
+            if self.first_feed is not None and word >= 0 and not in_range:
+                feed = self.first_feed
+            elif not (feed == 0 or in_range):
+                received = f"F{word:.10g}" if unit == MM else f"F{word:.10g} in inches"
+                raise ToolpathError(
+                    f"the feed needs to be {RANGE}, received {received}; --feed-mm-per-min gives "
+                    "another"
+                )
+            self.modes.feed = feed
         unused = set(UNUSED)
         if line.codes.get("compensation", 400) != 400:
             unused.discard("D")
@@ -128,7 +141,11 @@ class Machine:
         self._tell_codes(words)
         if "system" in switched:
             code = switched["system"]
-            self._choose_system((code - 530) // 10 if code <= 590 else code - 584)
+            # Put a work system in force; another one than before waits for the motion
+            system = (code - 530) // 10 if code <= 590 else code - 584
+            if system != self.offsets.system:
+                self.tracer.stop(f"G{53 + system}" if system <= 6 else f"G59.{system - 6}")
+            self.offsets.system = system
         length = switched.get("tool length")
         if length is not None:
             self.tracer.stop(f"G{length / 10:g}")
@@ -159,20 +176,6 @@ class Machine:
                 self.ignored.add("G40")
             else:
                 self.compensation.leaving = True
-
-    def _set_feed(self, word: float) -> None:
-        """F in units per minute; a given feed replaces what no machine can run."""
-        feed, unit = word * self.modes.unit / 60.0, self.modes.unit
-        in_range = SLOWEST <= feed <= FASTEST
-        if self.first_feed is not None and word >= 0 and not in_range:
-            feed = self.first_feed
-        elif not (feed == 0 or in_range):
-            received = f"F{word:.10g}" if unit == MM else f"F{word:.10g} in inches"
-            raise ToolpathError(
-                f"the feed needs to be {RANGE}, received {received}; --feed-mm-per-min gives "
-                "another"
-            )
-        self.modes.feed = feed
 
     def _tell_codes(self, line: LineWords) -> None:
         """Keep words without meaning for the path, and P of G64, the distance allowed from it."""
@@ -212,7 +215,14 @@ class Machine:
             case 100:
                 self._set_up(values)
             case 280 | 300:
-                self._go_home(code, values)
+                # G28 and G30: at traverse by way of a point, where one is given, to a place kept
+                home, given = self.homes[code], AXES.keys() & values.keys()
+                if given:
+                    self._trace_line(self.offsets.on_machine(self._target(values)), rapid=True)
+                    place = self.offsets.in_program(home)
+                    by_axis = {AXES[letter]: place[AXES[letter]] for letter in given}
+                    home = self.offsets.on_machine(replaced(self._here(), by_axis))
+                self._trace_line(home, rapid=True)
             case 281 | 301:
                 self.homes[code - 1] = self.at
             case 520:
@@ -246,16 +256,6 @@ class Machine:
         self.offsets.origins[system - 1] = replaced(self.offsets.origins[system - 1], lengths)
         if "R" in values:
             self.offsets.angles[system - 1] = math.radians(values["R"])
-
-    def _go_home(self, code: int, values: dict[str, float]) -> None:
-        """G28 and G30: at traverse by way of a point, where one is given, to a place kept."""
-        home, given = self.homes[code], AXES.keys() & values.keys()
-        if given:
-            self._trace_line(self.offsets.on_machine(self._target(values)), rapid=True)
-            place = self.offsets.in_program(home)
-            by_axis = {AXES[letter]: place[AXES[letter]] for letter in given}
-            home = self.offsets.on_machine(replaced(self._here(), by_axis))
-        self._trace_line(home, rapid=True)
 
     def _by_axis(self, values: dict[str, float]) -> dict[int, float]:
         unit = self.modes.unit
@@ -295,8 +295,15 @@ class Machine:
         return point if self.offsets.none else self.offsets.on_machine(point)
 
     def _target(self, values: dict[str, float]) -> Point:
-        """End point in the program [m]."""
-        return target(values, self._here(), self.modes)
+        """End point in the program that the letters X, Y and Z say [m]."""
+        here, unit = self._here(), self.modes.unit
+        from_here = here if self.modes.incremental else ZERO
+        x, y, z = (
+            values[letter] * unit + from_here[axis] if letter in values else here[axis]
+            for letter, axis in AXES.items()
+        )
+        check_near((x, y, z))
+        return x, y, z
 
     def _arc(self, values: dict[str, float]) -> None:
         here, there = self._here(), self._target(values)
@@ -324,25 +331,25 @@ class Machine:
         Incremental, R counts from the level before the cycles, and the bottom from R.
         """
         normal = PLANES[self.modes.plane][2]
-        axis, incremental = "XYZ"[normal], self.modes.incremental
+        axis, incremental, sticky = "XYZ"[normal], self.modes.incremental, self.sticky
         if not values.keys().isdisjoint("IJK"):
             raise ToolpathError(
                 "I, J and K do not belong to a canned cycle; L is a number of holes"
             )
         lengths = {letter: values[letter] * self.modes.unit for letter in LENGTHS & values.keys()}
         check_near(lengths.values())
-        self.sticky |= {letter: lengths[letter] for letter in (axis, "R", "Q") if letter in lengths}
+        sticky |= {letter: lengths[letter] for letter in (axis, "R", "Q") if letter in lengths}
         if "P" in values:
-            self.sticky["P"] = values["P"]
+            sticky["P"] = values["P"]
         for letter in (axis, "R"):
-            if letter not in self.sticky:
+            if letter not in sticky:
                 raise ToolpathError(f"a canned cycle needs {letter}")
         here = self._here()
         if self.level_before_cycles is None:
             self.level_before_cycles = here[normal]
         before = self.level_before_cycles
-        retract = self.sticky["R"] + (before if incremental else 0.0)
-        bottom = self.sticky[axis] + (retract if incremental else 0.0)
+        retract = sticky["R"] + (before if incremental else 0.0)
+        bottom = sticky[axis] + (retract if incremental else 0.0)
         if retract < bottom:
             raise ToolpathError("R of a canned cycle lies below the bottom of the hole")
         clear = retract if self.modes.to_r_plane else max(before, retract)
@@ -357,10 +364,33 @@ class Machine:
             level = here[normal] if above and index == 0 else clear
             self._trace_line(self._on_machine(replaced(place, {normal: level})), rapid=True)
             self._go_to_level(retract, rapid=True)
-            for step in cycle_steps(code, retract, clear, {**self.sticky, "bottom": bottom}):
-                self._go_to_level(step.level, step.rapid)
-                if step.dwell:
-                    self.tracer.dwell(step.dwell, "P")
+            self._make_hole(code, retract, bottom, clear)
+
+    def _make_hole(self, code: int, retract: float, bottom: float, clear: float) -> None:
+        """Steps of LinuxCNC's cycles from the level of R to the bottom and out [m].
+
+        Stops and turns of the spindle move nothing; after G88, where an operator takes the tool
+        out, it goes out at traverse.
+        """
+        if code in (730, 830):
+            peck = self.sticky.get("Q", 0.0)
+            if not peck > 0:
+                raise ToolpathError(f"G{code // 10} needs a depth Q above 0")
+            if (retract - bottom) / peck > MOST_PECKS:
+                raise ToolpathError(f"G{code // 10}: more than {MOST_PECKS} pecks in a hole")
+            depth = retract - peck
+            while depth > bottom:
+                self._go_to_level(depth, rapid=False)
+                if code == 830:
+                    self._go_to_level(retract, rapid=True)
+                self._go_to_level(depth + PECK_CLEARANCE, rapid=True)
+                depth -= peck
+        self._go_to_level(bottom, rapid=False)
+        if code in DWELLING and self.sticky.get("P"):
+            self.tracer.dwell(self.sticky["P"], "P")
+        if code == 850:
+            self._go_to_level(retract, rapid=False)
+        self._go_to_level(clear, rapid=code not in (740, 840, 890))
 
     def _go_to_level(self, level: float, rapid: bool) -> None:
         point = replaced(self._here(), {PLANES[self.modes.plane][2]: level})
@@ -394,12 +424,6 @@ class Machine:
         """Stop at the end of a move where the mode in force asks for it."""
         if self.modes.path != 640:
             self.tracer.stop("G61" if self.modes.path == 610 else "G61.1")
-
-    def _choose_system(self, system: int) -> None:
-        """Put a work system in force; another one than before waits for the motion."""
-        if system != self.offsets.system:
-            self.tracer.stop(f"G{53 + system}" if system <= 6 else f"G59.{system - 6}")
-        self.offsets.system = system
 
 
 def _in_space(plane: int, point: complex, level: float) -> Point:

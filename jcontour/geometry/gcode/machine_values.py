@@ -30,8 +30,45 @@ def machine_values(machine: Machine, key: int | str, call_level: int) -> float |
                 "the feed is in the plasma table's list; --feed-mm-per-min gives one"
             )
         return machine.first_feed * 60.0 / unit
-    if isinstance(key, str):
-        return _named(machine, key, call_level) if key.startswith("_") else None
+    if isinstance(key, int):
+        return _numbered(machine, key)
+    if not key.startswith("_"):
+        return None
+    if key in STANDING:
+        return 0.0
+    kind, modes, system = key[:-1], machine.modes, offsets.system
+    if kind in ("_", "_abs_") and key[-1] in "xyz":
+        place = machine.at if kind == "_abs_" else offsets.in_program(machine.at)
+        return place["xyz".index(key[-1])] / unit
+    values = {
+        "_feed": (modes.feed or 0.0) * 60.0 / unit,
+        "_metric": unit == MM,
+        "_imperial": unit == INCH,
+        "_absolute": not modes.incremental,
+        "_incremental": modes.incremental,
+        "_ijk_absolute_mode": modes.absolute_centres,
+        "_inverse_time": 0.0,
+        "_units_per_minute": 1.0,
+        "_units_per_rev": 0.0,
+        "_plane": modes.plane,
+        "_motion_mode": 800 if machine.motion is None else machine.motion,
+        "_ccomp": 400 if machine.compensation is None else machine.compensation.code,
+        "_coord_system": 530 + 10 * system if system <= 6 else 584 + system,
+        "_retract_r_plane": modes.to_r_plane,
+        "_retract_old_z": not modes.to_r_plane,
+        "_current_tool": machine.tool,
+        "_selected_tool": machine.next_tool,
+        "_call_level": call_level,
+        "_line": machine.tracer.line,
+        "_task": 0.0,  # nothing real is moved, as in a preview
+        "_vmajor": VERSION,
+        "_vminor": RELEASE,
+    }
+    return float(values[key]) if key in values else None
+
+
+def _numbered(machine: Machine, key: int) -> float | None:
+    unit, offsets = machine.modes.unit, machine.offsets
     at_axis = {
         5021: (machine.at, unit),
         5081: (offsets.tool, unit),
@@ -47,48 +84,11 @@ def machine_values(machine: Machine, key: int | str, call_level: int) -> float |
     if key in alone:
         return float(alone[key])
     system, axis = divmod(key - 5221, 20)
-    if 0 <= system < len(offsets.origins):
-        if axis < AXES:
-            return offsets.origins[system][axis] / MM
-        if axis == ROTATION:
-            return math.degrees(offsets.angles[system])
+    if 0 <= system < len(offsets.origins) and axis < AXES:
+        return offsets.origins[system][axis] / MM
+    if 0 <= system < len(offsets.origins) and axis == ROTATION:
+        return math.degrees(offsets.angles[system])
     return None
-
-
-def _named(machine: Machine, key: str, call_level: int) -> float | None:
-    modes, unit = machine.modes, machine.modes.unit
-    system, places = machine.offsets.system, {"_abs_": machine.at}
-    places["_"] = machine.offsets.in_program(machine.at)
-    values = {
-        **{
-            f"{kind}{axis}": length / unit
-            for kind, place in places.items()
-            for axis, length in zip("xyz", place, strict=True)
-        },
-        "_feed": (modes.feed or 0.0) * 60.0 / unit,
-        "_metric": float(unit == MM),
-        "_imperial": float(unit == INCH),
-        "_absolute": float(not modes.incremental),
-        "_incremental": float(modes.incremental),
-        "_ijk_absolute_mode": float(modes.absolute_centres),
-        "_inverse_time": 0.0,
-        "_units_per_minute": 1.0,
-        "_units_per_rev": 0.0,
-        "_plane": float(modes.plane),
-        "_motion_mode": 800.0 if machine.motion is None else float(machine.motion),
-        "_ccomp": 400.0 if machine.compensation is None else float(machine.compensation.code),
-        "_coord_system": 530.0 + 10 * system if system <= 6 else 584.0 + system,
-        "_retract_r_plane": float(modes.to_r_plane),
-        "_retract_old_z": float(not modes.to_r_plane),
-        "_current_tool": float(machine.tool),
-        "_selected_tool": float(machine.next_tool),
-        "_call_level": float(call_level),
-        "_line": float(machine.tracer.line),
-        "_task": 0.0,  # nothing real is moved, as in a preview
-        "_vmajor": VERSION,
-        "_vminor": RELEASE,
-    }
-    return 0.0 if key in STANDING else values.get(key)
 
 
 def warnings_of(machine: Machine, stops: Sequence[Stop]) -> tuple[str, ...]:

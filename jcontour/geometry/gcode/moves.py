@@ -1,10 +1,4 @@
-"""Moves of the tool with stops between them, and what arcs, canned cycles and stops make of words.
-
-The steps of canned cycles (G73, G74, G81 to G86, G88, G89) are those of LinuxCNC: above the hole at
-the level of before, at traverse down to R, then into it. G74, G82, G84, G86, G88 and G89 dwell at
-the bottom for P seconds, where P is given. Stops and turns of the spindle move nothing; after G88,
-where an operator takes the tool out, it goes out at traverse.
-"""
+"""Moves of the tool with stops between them, arcs from words, and stops in words."""
 
 import cmath
 import math
@@ -33,9 +27,6 @@ Arcs = list[tuple[complex, complex, float]]  # end, centre [m] and angle [rad] o
 CENTRES = "IJK"
 FARTHEST_CENTRE = 1e4  # [m]: CAM systems write arcs that bend by less than a micrometre
 MOST_TURNS = 10_000  # of an arc, and holes of a cycle
-PECK_CLEARANCE = 0.01 * INCH  # [m] above the bottom of before, where feeding begins again
-MOST_PECKS = 10_000  # of a hole
-DWELLING = frozenset({740, 820, 840, 860, 880, 890})  # at the bottom
 MOST_REASONS = 6  # reasons to stop that are listed
 START = "start"  # why, of what comes before the first cut
 EXACT = {"G61.1": "after every move", "G61": "in corners"}  # why, and where
@@ -138,53 +129,6 @@ class Tracer:
             raise ToolpathError(f"more than {MOST_MOVES} stops")
 
 
-def target(values: dict[str, float], here: Point, modes: Modes) -> Point:
-    """End point [m] that the letters X, Y and Z say, seen from `here` [m].
-
-    >>> target({"X": 5.0, "Z": 1.0}, (1e-3, 2e-3, 0.0), Modes())
-    (0.005, 0.002, 0.001)
-
-    Raises:
-        ToolpathError: it is too far away.
-    """
-    x, y, z = here
-    unit = modes.unit
-    if modes.incremental:
-        x += values.get("X", 0.0) * unit
-        y += values.get("Y", 0.0) * unit
-    else:
-        x = values["X"] * unit if "X" in values else x
-        y = values["Y"] * unit if "Y" in values else y
-    if "Z" in values:
-        z = values["Z"] * unit + (z if modes.incremental else 0.0)
-    check_near((x, y, z))
-    return x, y, z
-
-
-def centre_from_radius(
-    start: complex, end: complex, radius: float, counter_clockwise: bool
-) -> complex:
-    """Centre of the arc of a radius [m], below zero for the long way round.
-
-    Raises:
-        ToolpathError: start and end are the same, or farther apart than the radius reaches.
-    """
-    chord = end - start
-    half = 0.5 * abs(chord)
-    if 2 * half < SHORTEST:
-        raise ToolpathError(
-            "an arc by radius (R) needs an end apart from its start; a full circle needs I, J or K"
-        )
-    if abs(radius) < SHORTEST or not _reaches(abs(radius), half):
-        raise ToolpathError(
-            f"a radius of {abs(radius) / MM:.6g} mm does not reach the end of the arc, "
-            f"{2 * half / MM:.6g} mm away"
-        )
-    height = math.sqrt(max(radius**2 - half**2, 0.0))
-    to_the_left = counter_clockwise == (radius > 0)
-    return start + chord * (0.5 + (1j if to_the_left else -1j) * height / abs(chord))
-
-
 def arcs_between(
     start: complex, end: complex, centre: complex, counter_clockwise: bool, slack: float = ARC_SLACK
 ) -> Iterator[tuple[complex, complex, float]]:
@@ -197,7 +141,8 @@ def arcs_between(
         ToolpathError: the end is off its circle, or there is no radius.
     """
     first, last = abs(start - centre), abs(end - centre)
-    if not _same_radius(first, last, slack):
+    most = min(ARC_SLACK_RELATIVE * max(first, last), ARC_SLACK_TIMES * slack)
+    if abs(first - last) > max(slack, most):
         raise ToolpathError(
             f"the end of the arc is off its circle: the radius is {first / MM:.6g} mm at the start "
             f"and {last / MM:.6g} mm at the end, {abs(first - last) / MM:.3g} mm apart"
@@ -226,17 +171,6 @@ def _angle(first: complex, last: complex, counter_clockwise: bool) -> float:
     return turned if counter_clockwise else -turned
 
 
-def _same_radius(first: float, last: float, slack: float) -> bool:
-    gap = abs(first - last)
-    relative = ARC_SLACK_RELATIVE * max(first, last)
-    return gap <= slack or gap <= min(relative, ARC_SLACK_TIMES * slack)
-
-
-def _reaches(radius: float, half: float) -> bool:
-    gap = half - radius
-    return gap <= max(RADIUS_SLACK, min(RADIUS_SLACK_RELATIVE * radius, RADIUS_SLACK_MOST))
-
-
 def arcs_of(
     values: dict[str, float], here: Point, there: Point, modes: Modes, counter_clockwise: bool
 ) -> Arcs:
@@ -259,7 +193,7 @@ def arcs_of(
         raise ToolpathError(f"the centre of an arc is farther than {FARTHEST_CENTRE:g} m away")
     offset = complex(*lengths[1:])
     if "R" in values:
-        centre = centre_from_radius(start, end, lengths[0], counter_clockwise)
+        centre = _centre_from_radius(start, end, lengths[0], counter_clockwise)
     else:
         centre = offset if modes.absolute_centres else start + offset
     slack = ARC_SLACK_INCH if modes.unit == INCH else ARC_SLACK
@@ -283,48 +217,25 @@ def arcs_of(
     return arcs
 
 
-class Step(NamedTuple):
-    """A move along the normal of the plane to a level [m], and how long it rests there [s]."""
-
-    level: float
-    rapid: bool
-    dwell: float = 0.0
-
-
-def cycle_steps(
-    code: int, retract: float, clear: float, lengths: dict[str, float]
-) -> Iterator[Step]:
-    """Steps into and out of a hole, from the level `retract` of R.
-
-    >>> [step[:2] for step in cycle_steps(810, 2e-3, 2e-3, {"bottom": -5e-3})]
-    [(-0.005, False), (0.002, True)]
-
-    Args:
-        code: of the cycle, in tenths.
-        retract: level where feeding begins [m].
-        clear: level after the hole [m].
-        lengths: level of its `bottom` and, for pecks, depth Q at a time [m]; P is a time [s].
-
-    Raises:
-        ToolpathError: a peck that is not above zero, or thousands of them.
-    """
-    bottom, peck = lengths["bottom"], lengths.get("Q", 0.0)
-    if code in (730, 830):
-        if not peck > 0:
-            raise ToolpathError(f"G{code // 10} needs a depth Q above 0")
-        if (retract - bottom) / peck > MOST_PECKS:
-            raise ToolpathError(f"G{code // 10}: more than {MOST_PECKS} pecks in a hole")
-        depth = retract - peck
-        while depth > bottom:
-            yield Step(depth, rapid=False)
-            if code == 830:
-                yield Step(retract, rapid=True)
-            yield Step(depth + PECK_CLEARANCE, rapid=True)
-            depth -= peck
-    yield Step(bottom, rapid=False, dwell=lengths.get("P", 0.0) if code in DWELLING else 0.0)
-    if code == 850:
-        yield Step(retract, rapid=False)
-    yield Step(clear, rapid=code not in (740, 840, 890))
+def _centre_from_radius(
+    start: complex, end: complex, radius: float, counter_clockwise: bool
+) -> complex:
+    """Centre of the arc of a radius [m], below zero for the long way round."""
+    chord = end - start
+    half, size = 0.5 * abs(chord), abs(radius)
+    if 2 * half < SHORTEST:
+        raise ToolpathError(
+            "an arc by radius (R) needs an end apart from its start; a full circle needs I, J or K"
+        )
+    slack = max(RADIUS_SLACK, min(RADIUS_SLACK_RELATIVE * size, RADIUS_SLACK_MOST))
+    if size < SHORTEST or half - size > slack:
+        raise ToolpathError(
+            f"a radius of {size / MM:.6g} mm does not reach the end of the arc, "
+            f"{2 * half / MM:.6g} mm away"
+        )
+    height = math.sqrt(max(radius**2 - half**2, 0.0))
+    to_the_left = counter_clockwise == (radius > 0)
+    return start + chord * (0.5 + (1j if to_the_left else -1j) * height / abs(chord))
 
 
 def stops_in_cuts(stops: Sequence[Stop], moves: Sequence[Move]) -> list[Stop]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from jcontour.geometry.gcode import words as codes
 from jcontour.geometry.gcode.expressions import Locals, Parameters, evaluated, whole
-from jcontour.geometry.gcode.flow import Structure, label_text, structure
+from jcontour.geometry.gcode.flow import Structure, label_text
 from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.gcode.machine_values import machine_values
 from jcontour.geometry.gcode.modes import Tool
@@ -59,7 +59,7 @@ class Source:
     @cached_property
     def structure(self) -> Structure:
         """Where its O-words lead."""
-        return structure(self.lines)
+        return Structure(self.lines)
 
 
 @dataclass
@@ -167,121 +167,108 @@ class Program:
         settings = [(key(parameters), evaluated(one, parameters)) for key, one in block.settings]
         for key, value in settings:
             parameters.set(key, value)
-        if words:
-            line = self.machine.execute(words)
-            for code in line.m_codes:
-                self._m_code(frame, code, line.values)
-
-    def _m_code(self, frame: Frame, code: int, values: dict[str, float]) -> None:
-        machine = self.machine
-        if code == codes.CALL:
-            if "P" not in values:
-                raise ToolpathError("M98 needs P")
-            label = str(whole(values["P"], "P of M98"))
-            laps = whole(values.get("L", 1.0), "L of M98")
-            if not 0 <= laps <= MOST_REPEATS:
-                raise ToolpathError(f"L of M98 needs to be 0 to {MOST_REPEATS}, received {laps}")
-            source, begin = self._found(label)
-            if laps:
-                self._enter(Frame(source, begin + 1, begin=begin + 1, laps=laps, by_m98=True))
-        elif code == codes.RETURN:  # one lap of a program that would begin anew for ever
-            if "P" in values:
-                raise ToolpathError("M99 with P goes on at another line, which is not simulated")
-            if len(self.frames) == 1:
-                machine.ended = True
-            elif frame.laps > 1:
-                frame.laps -= 1
-                frame.next = frame.begin
-            else:
-                self.frames.pop()
+        if not words:
+            return
+        line = self.machine.execute(words)
+        for code in line.m_codes:
+            if code == codes.CALL:
+                if "P" not in line.values:
+                    raise ToolpathError("M98 needs P")
+                label = str(whole(line.values["P"], "P of M98"))
+                laps = whole(line.values.get("L", 1.0), "L of M98")
+                if not 0 <= laps <= MOST_REPEATS:
+                    raise ToolpathError(
+                        f"L of M98 needs to be 0 to {MOST_REPEATS}, received {laps}"
+                    )
+                source, begin = self._subprogram(label)
+                if laps:
+                    self._enter(Frame(source, begin, begin=begin, laps=laps, by_m98=True))
+            elif code == codes.RETURN:  # one lap of a program that would begin anew for ever
+                if "P" in line.values:
+                    raise ToolpathError(
+                        "M99 with P goes on at another line, which is not simulated"
+                    )
+                if len(self.frames) == 1:
+                    self.machine.ended = True
+                elif frame.laps > 1:
+                    frame.laps -= 1
+                    frame.next = frame.begin
+                else:
+                    self.frames.pop()
 
     def _flow(self, frame: Frame, index: int, word: OWord) -> None:
-        places, keyword = frame.source.structure, word.keyword
+        """Go where an O-word leads."""
+        places, parameters = frame.source.structure, self.parameters
         if index in places.faults:
             raise ToolpathError(places.faults[index])
-        if keyword == "call":
-            if len(word.values) > MOST_ARGUMENTS:
-                raise ToolpathError(f"more than {MOST_ARGUMENTS} arguments of a subprogram")
-            label = word.label(self.parameters)
-            arguments = [evaluated(value, self.parameters) for value in word.values]
-            source, begin = self._found(label)
-            self._enter(Frame(source, begin + 1, self.parameters.enter(arguments)))
-        elif keyword == "sub":
-            frame.next = places.following[index] + 1
-        elif keyword in ("endsub", "return"):
-            if len(self.frames) == 1 or frame.by_m98:
-                raise ToolpathError(f"{keyword} outside a subprogram")
-            if word.values:
-                self.parameters.return_value(self._value(word))
-            if frame.kept is not None:
-                self.parameters.leave(frame.kept)
-            self.frames.pop()
-        elif keyword in ("if", "elseif", "else"):
-            self._branch(frame, index, word)
-        elif keyword in ("break", "continue"):
-            begin = places.beginning[index]
-            frame.next = places.ending[begin]
-            if keyword == "break":
-                frame.next += 1
-                frame.loops.pop(begin, None)
-        elif keyword in ("while", "repeat"):
-            self._test_loop(frame, index, word)
-        elif keyword in ("endwhile", "endrepeat"):
-            frame.next = places.beginning[index]
-
-    def _branch(self, frame: Frame, index: int, word: OWord) -> None:
-        places = frame.source.structure
-        if word.keyword != "if" and index not in frame.branched:
-            frame.next = places.ending[index] + 1  # from the end of the branch before
-            return
-        frame.branched.discard(index)
-        if word.keyword == "else" or self._value(word):
-            return
-        following = places.following[index]
-        frame.next = following
-        if following != places.ending[index]:
-            frame.branched.add(following)
-
-    def _test_loop(self, frame: Frame, index: int, word: OWord) -> None:
-        places = frame.source.structure
-        if index in places.beginning:  # the end of a do
-            if self._value(word):
-                frame.next = places.beginning[index] + 1
-            return
-        if word.keyword == "while":
-            if not self._value(word):
-                frame.next = places.ending[index] + 1
-            return
-        if index not in frame.loops:
-            rounds = self._value(word)
-            frame.loops[index] = whole(rounds, "the number of rounds") if rounds > 0 else 0
-        if frame.loops[index] <= 0:
-            del frame.loops[index]
-            frame.next = places.ending[index] + 1
-        else:
-            frame.loops[index] -= 1
+        match word.keyword:
+            case "call":
+                if len(word.values) > MOST_ARGUMENTS:
+                    raise ToolpathError(f"more than {MOST_ARGUMENTS} arguments of a subprogram")
+                label = word.label_in(parameters)
+                arguments = [evaluated(value, parameters) for value in word.values]
+                source, begin = self._subprogram(label)
+                self._enter(Frame(source, begin, parameters.enter(arguments)))
+            case "sub":
+                frame.next = places.following[index] + 1
+            case "endsub" | "return":
+                if len(self.frames) == 1 or frame.by_m98:
+                    raise ToolpathError(f"{word.keyword} outside a subprogram")
+                if word.values:
+                    parameters.common["_value"] = self._value(word)
+                if frame.kept is not None:
+                    parameters.leave(frame.kept)
+                self.frames.pop()
+            case "elseif" | "else" if index not in frame.branched:
+                frame.next = places.ending[index] + 1  # from the end of the branch before
+            case "if" | "elseif" | "else":
+                frame.branched.discard(index)
+                if word.keyword != "else" and not self._value(word):
+                    frame.next = following = places.following[index]
+                    if following != places.ending[index]:
+                        frame.branched.add(following)
+            case "break" | "continue":
+                begin = places.beginning[index]
+                frame.next = places.ending[begin]
+                if word.keyword == "break":
+                    frame.next += 1
+                    frame.loops.pop(begin, None)
+            case "while" if index in places.beginning:  # the end of a do
+                if self._value(word):
+                    frame.next = places.beginning[index] + 1
+            case "while":
+                if not self._value(word):
+                    frame.next = places.ending[index] + 1
+            case "repeat":
+                if index not in frame.loops:
+                    rounds = self._value(word)
+                    frame.loops[index] = whole(rounds, "the number of rounds") if rounds > 0 else 0
+                frame.loops[index] -= 1
+                if frame.loops[index] < 0:
+                    del frame.loops[index]
+                    frame.next = places.ending[index] + 1
+            case "endwhile" | "endrepeat":
+                frame.next = places.beginning[index]
 
     def _value(self, word: OWord) -> float:
         return evaluated(word.values[0], self.parameters)
 
-    def _found(self, label: str) -> tuple[Source, int]:
-        """Source and first line of a subprogram: here, in the program itself, or in a file."""
+    def _subprogram(self, label: str) -> tuple[Source, int]:
+        """Source and first line inside a subprogram: here, in the program itself, or in a file."""
         for frame in (self.frames[-1], self.frames[0]):
-            place = frame.source.structure.subprograms.get(label)
-            if place is not None:
-                return frame.source, place[0]
+            if label in frame.source.structure.subprograms:
+                return frame.source, frame.source.structure.subprograms[label] + 1
         name = label.strip("<>")
-        for frame in self.frames:
-            if frame.source.name == f"{name}.ngc":
-                return frame.source, frame.source.structure.subprograms[label][0]
-        lines = self.files(name)
-        if lines is None:
-            raise ToolpathError(f"there is no subprogram {label_text(label)}")
-        source = Source(lines, name=f"{name}.ngc")
-        place = source.structure.subprograms.get(label)
-        if place is None:
+        called = (frame.source for frame in self.frames if frame.source.name == f"{name}.ngc")
+        source = next(called, None)
+        if source is None:
+            lines = self.files(name)
+            if lines is None:
+                raise ToolpathError(f"there is no subprogram {label_text(label)}")
+            source = Source(lines, name=f"{name}.ngc")
+        if label not in source.structure.subprograms:
             raise ToolpathError(f"{name}.ngc: there is no subprogram {label_text(label)} in it")
-        return source, place[0]
+        return source, source.structure.subprograms[label] + 1
 
     def _enter(self, frame: Frame) -> None:
         if len(self.frames) > DEEPEST_CALL:
@@ -317,6 +304,6 @@ def interpreted(
     machine = Machine(Tracer(axes), feed, tools)
     parameters = Parameters()
     program = Program(machine, files, parameters, [Frame(Source(lines))])
-    parameters.said_by_machine = lambda key: machine_values(machine, key, len(program.frames) - 1)
+    parameters.machine = lambda key: machine_values(machine, key, len(program.frames) - 1)
     program.run(most_lines)
     return machine

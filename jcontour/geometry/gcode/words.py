@@ -6,6 +6,7 @@ is skipped, as with the block-delete switch on. Comments are (in brackets), up t
 at a time.
 """
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -98,8 +99,11 @@ KEYWORD = re.compile(  # the longest first: "do" begins no other, but "else" doe
     re.IGNORECASE,
 )
 NO_EXPONENTS = ": controls know no exponents; the word E needs a space before it here"
-CONDITIONAL = frozenset({"if", "elseif", "while", "repeat"})  # these need a value
-RETURNING = frozenset({"return", "endsub"})  # these may have one
+BRACKETS = {  # least and most values behind an O-word; none behind all others
+    **dict.fromkeys(("if", "elseif", "while", "repeat"), (1, 1)),
+    **dict.fromkeys(("return", "endsub"), (0, 1)),
+    "call": (0, math.inf),
+}
 Key = Callable[[Parameters], int | str]
 
 
@@ -187,9 +191,19 @@ class OWord(NamedTuple):
     """Flow of the program: `o100 while [#1 LT 5]`."""
 
     keyword: str  # sub, call, if, ...; empty where the number of a program stands alone, O1000
-    label: Callable[[Parameters], str]  # number or name
+    label: str | Expression  # number or name, or what computes the number
     # in brackets behind: the condition, the count, the arguments
     values: tuple[Expression, ...] = ()
+
+    def label_in(self, parameters: Parameters) -> str:
+        """Its number or name.
+
+        Raises:
+            ToolpathError: the number is not whole, or has no value.
+        """
+        if isinstance(self.label, str):
+            return self.label
+        return str(whole(evaluated(self.label, parameters), "the number of an O-word"))
 
 
 class Block(NamedTuple):
@@ -220,44 +234,31 @@ def read_block(line: str) -> Block:
     Raises:
         ToolpathError: it is no line of a program.
     """
+    stripped, asked = line, NOTHING
     if "(" in line or ";" in line:
         stripped = COMMENT.sub(r"\1 ", line)
-        text = "".join(stripped.split())
-        if text.startswith("/"):
-            return NOTHING if text == "/" else SKIPPED
-        if ")" in stripped and "(" in line:
-            raise ToolpathError(f"a ) too many: {shown(line.strip())}")
-        if "(" in stripped:
-            raise ToolpathError(f"a comment without its ): {shown(line.strip())}")
-        said = _said(line)
-    else:
-        stripped, said = line, NOTHING
-        text = "".join(stripped.split())
+        last = "".join([comment[0] for comment in COMMENT.finditer(line)][-1:])
+        abort, shows_message = ABORT.match(last), bool(MESSAGE.match(last))
+        if abort or shows_message:
+            asked = Block(abort=abort[1].strip() if abort else None, shows_message=shows_message)
+    text = "".join(stripped.split())
     if text.startswith("/"):
         return NOTHING if text == "/" else SKIPPED
+    if ")" in stripped and "(" in line:
+        raise ToolpathError(f"a ) too many: {shown(line.strip())}")
+    if "(" in stripped:
+        raise ToolpathError(f"a comment without its ): {shown(line.strip())}")
     if not text:
-        return said
+        return asked
     exponents = bool(EXPONENT.search(stripped)) and not M66.search(text)
     if PLAIN.fullmatch(text) and not ("o" in text or "O" in text or exponents):
         words = [(letter.upper(), float(number)) for letter, number in WORD.findall(text)]
-        return said._replace(words=tuple(words))
+        return asked._replace(words=tuple(words))
     try:
         block = _read(Cursor(text), stripped, exponents)
     except RecursionError:
         raise ToolpathError("an expression is nested too deeply") from None
-    return block._replace(abort=said.abort, shows_message=said.shows_message)
-
-
-def _said(line: str) -> Block:
-    """What the last comment of a line asks for."""
-    comments = [comment[0] for comment in COMMENT.finditer(line)]
-    if not comments:
-        return NOTHING
-    match = ABORT.match(comments[-1])
-    shows_message = bool(MESSAGE.match(comments[-1]))
-    if match is None and not shows_message:
-        return NOTHING
-    return Block(abort=match[1].strip() if match else None, shows_message=shows_message)
+    return block._replace(abort=asked.abort, shows_message=asked.shows_message)
 
 
 def _read(cursor: Cursor, line: str, exponents: bool) -> Block:
@@ -289,7 +290,16 @@ def _read(cursor: Cursor, line: str, exponents: bool) -> Block:
 
 def _read_o_word(cursor: Cursor) -> OWord:
     cursor.at += 1
-    label = _read_label(cursor)
+    digits = cursor.take(DIGITS)
+    name = None if digits else cursor.take(NAME)
+    if digits:
+        label = str(int(digits[0][:20]))
+    elif name:
+        label = f"<{name[1].lower()}>"
+    elif cursor.starts("[") or cursor.starts("#"):
+        label = read_value(cursor)
+    else:
+        raise ToolpathError(f"an O-word needs a number or a name before {shown(cursor.rest)}")
     match = cursor.take(KEYWORD)
     keyword = match[0].lower() if match else ""
     values: list[Expression] = []
@@ -297,27 +307,7 @@ def _read_o_word(cursor: Cursor) -> OWord:
         values.append(read_bracket(cursor))
     if not cursor.ended:
         raise ToolpathError(f"cannot read {shown(cursor.rest)} behind an O-word")
-    if keyword in CONDITIONAL:
-        fits = len(values) == 1
-    elif keyword in RETURNING:
-        fits = len(values) <= 1
-    else:
-        fits = keyword == "call" or not values
-    if not fits:
+    least, most = BRACKETS.get(keyword, (0, 0))
+    if not least <= len(values) <= most:
         raise ToolpathError(f"O-word {keyword!r} with {len(values)} values in brackets")
     return OWord(keyword, label, tuple(values))
-
-
-def _read_label(cursor: Cursor) -> Callable[[Parameters], str]:
-    digits = cursor.take(DIGITS)
-    if digits:
-        number = str(int(digits[0][:20]))
-        return lambda parameters: number
-    name = cursor.take(NAME)
-    if name:
-        key = f"<{name[1].lower()}>"
-        return lambda parameters: key
-    if not (cursor.starts("[") or cursor.starts("#")):
-        raise ToolpathError(f"an O-word needs a number or a name before {shown(cursor.rest)}")
-    value = read_value(cursor)
-    return lambda parameters: str(whole(evaluated(value, parameters), "the number of an O-word"))
