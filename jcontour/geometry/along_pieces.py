@@ -67,8 +67,10 @@ def wave(pieces, at, s, scratch):
 
 
 @part
-def moved_axis(pieces, at, size, axes, axis, s, v, a, j, cos, sin):
+def moved_axis(pieces, at, size, axes, axis, motion, waves):
     """Place, speed, acceleration and jerk of one axis on pieces, by Horner's rule."""
+    s, v, a, j = motion
+    cos, sin = waves
     place = first = second = third = spread(0.0)
     for k in range(at + 1 + 2 * axes + axis, at + size, axes):
         third = fma(third, s, second)
@@ -86,7 +88,7 @@ def moved_axis(pieces, at, size, axes, axis, s, v, a, j, cos, sin):
 
 
 @compiled
-def _fill(rows, begin, size, piece, axes, motion, values, row, scratch):
+def _fill(rows, size, piece, axes, motion, values, row, scratch):
     """Write place, speed, acceleration and jerk of one axis after the other, each of all points."""
     blocks = piece.size // WIDTH
     for block in range(blocks):
@@ -96,16 +98,11 @@ def _fill(rows, begin, size, piece, axes, motion, values, row, scratch):
                 row[k * WIDTH + lane] = rows[at + k]
         s, v = load(motion, block), load(motion, blocks + block)
         a, j = load(motion, 2 * blocks + block), load(motion, 3 * blocks + block)
-        cos, sin = wave(row, begin, s, scratch)
+        waves = wave(row, 0, s, scratch)
         for axis in range(axes):
-            place, speed, push, jerk = moved_axis(
-                row, begin, size, axes, axis, s, v, a, j, cos, sin
-            )
-            out, apart = axis * blocks + block, axes * blocks
-            store(values, out, place)
-            store(values, out + apart, speed)
-            store(values, out + 2 * apart, push)
-            store(values, out + 3 * apart, jerk)
+            moved = moved_axis(row, 0, size, axes, axis, (s, v, a, j), waves)
+            for k in range(4):
+                store(values, (k * axes + axis) * blocks + block, moved[k])
 
 
 def moved(
@@ -128,7 +125,7 @@ def moved(
     rows, values = in_rows(pieces.taken(slice(low, high))), np.empty((4, axes, whole))
     size = rows.shape[1]
     row, scratch = np.empty(size * WIDTH), np.empty(2 * WIDTH)
-    _fill(rows.ravel(), 0, size, number, axes, along.ravel(), values.ravel(), row, scratch)
+    _fill(rows.ravel(), size, number, axes, along.ravel(), values.ravel(), row, scratch)
     return np.moveaxis(values[..., :count], 1, 2).reshape(4, *piece.shape, axes)
 
 

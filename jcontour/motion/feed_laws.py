@@ -204,12 +204,11 @@ def trapezoidal(
     steps = _steps(pieces)
     ceiling = _ceiling(steps, feed, acceleration, speed_limit, acceleration_limit)
     corners = _corner_ceiling(steps, acceleration, acceleration_limit, junction_deviation)
-    inner = np.minimum(np.minimum(ceiling[:-1], ceiling[1:]), corners)
-    nodes = np.concatenate([[0.0], inner, [0.0]])
+    nodes = np.zeros(ceiling.size + 1)
+    nodes[1:-1] = np.minimum(np.minimum(ceiling[:-1], ceiling[1:]), corners)
     nodes[np.searchsorted(steps.piece, stops, side="right")] = 0.0
     rows = _rows(steps, acceleration, acceleration_limit)
-    nodes = _quickest(steps, rows, nodes)
-    profile = _profile(steps, ceiling, nodes, rows)
+    profile = _profile(steps, ceiling, _quickest(steps, rows, nodes), rows)
     places = _cumulated(pieces.extent)
     return _sampled(*profile, float(places[-1]), dt, places[stops + 1], rest[stops])
 

@@ -173,17 +173,16 @@ def conditions(
 
 
 @part
-def _fill_point(cells, begin, at, size, axes, over, p, blocks, out, scratch):
+def _fill_point(cells, begin, layout, over, p, blocks, out, scratch):
     """Write the conditions of eight cells at a point."""
+    at, size, axes = layout
     x = 0.5 * p
-    place, v, a, j = old_motion(cells, begin, spread(x))
-    cos, sin = wave(cells, begin + at, place, scratch)
+    motion = old_motion(cells, begin, spread(x))
+    waves = wave(cells, begin + at, motion[0], scratch)
     inverse = spread(1.0) / load(cells, begin + LENGTH)
     fastest, fed, half = spread(0.0), spread(0.0), spread(0.5)
     for axis in range(axes):
-        _, first, second, third = moved_axis(
-            cells, begin + at, size, axes, axis, place, v, a, j, cos, sin
-        )
+        _, first, second, third = moved_axis(cells, begin + at, size, axes, axis, motion, waves)
         fastest, fed = most(fastest, size_of(first) * spread(over[axis])), fma(first, first, fed)
         pushed, jerked = spread(over[axes + axis]), spread(over[2 * axes + axis])
         row = out + 3 * (STILL + p * axes + axis)
@@ -228,7 +227,7 @@ def _fill(cells, at, size, axes, over, scratch, blocks):
         for k in range(3):
             store(blocks, out + k, load(cells, begin + NUMBERS + 3 + k))
         for p in range(POINTS):
-            _fill_point(cells, begin, at, size, axes, over, p, blocks, out, scratch)
+            _fill_point(cells, begin, (at, size, axes), over, p, blocks, out, scratch)
 
 
 def slower(
@@ -308,13 +307,12 @@ def _fill_peaks(cells, at, size, axes, over, seen, scratch, peak):
         for k in range(4 * (1 + 3 * axes)):
             store(seen, k, spread(0.0))
         for x in range(STEPS + 1):
-            place, v, a, j = _warped(cells, block * entries, spread(x / STEPS))
-            cos, sin = wave(cells, block * entries + at, place, scratch)
+            motion = _warped(cells, block * entries, spread(x / STEPS))
+            waves = wave(cells, block * entries + at, motion[0], scratch)
             fed = spread(0.0)
             for axis in range(axes):
-                _, speed, push, jerk = moved_axis(
-                    cells, block * entries + at, size, axes, axis, place, v, a, j, cos, sin
-                )
+                row = block * entries + at
+                _, speed, push, jerk = moved_axis(cells, row, size, axes, axis, motion, waves)
                 fed = fma(speed, speed, fed)
                 _seen(seen, axis, speed * spread(over[axis]), x)
                 _seen(seen, axes + axis, push * spread(over[axes + axis]), x)

@@ -12,6 +12,7 @@ the equations have two diagonals beside the main one.
 import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -42,6 +43,16 @@ STEPS = 150  # of Newton's method; forty are usual
 MANY = 10_000  # unknowns: fewer are solved sooner than threads have started
 
 
+class _Arrays(NamedTuple):
+    """Memory of one solve; see `slacks`."""
+
+    point: np.ndarray
+    equations: np.ndarray
+    step: np.ndarray
+    ahead: np.ndarray
+    scratch: np.ndarray
+
+
 def solve(
     blocks: Float[np.ndarray, "b entries lanes"],
     axes: int,
@@ -67,12 +78,14 @@ def solve(
         ValueError: the unknowns break a condition.
     """
     slacks = slacks_of.py_func(axes)
-    point = np.ones(len(blocks) * (POINTS + PER_SLACK * slacks) * WIDTH)
-    equations, scratch = np.empty(PER_UNKNOWN * c.size), np.empty(12 * WIDTH)
-    step, ahead = np.zeros(c.size), np.empty(c.size)
-    gap = _solved(
-        blocks.ravel(), axes, c, steps, near, busy, point, equations, step, ahead, scratch
+    arrays = _Arrays(
+        point=np.ones(len(blocks) * (POINTS + PER_SLACK * slacks) * WIDTH),
+        equations=np.empty(PER_UNKNOWN * c.size),
+        step=np.zeros(c.size),
+        ahead=np.empty(c.size),
+        scratch=np.empty(12 * WIDTH),
     )
+    gap = _solved(blocks.ravel(), axes, c, steps, near, busy, arrays)
     if gap < 0:
         raise ValueError("start: needs to be within every condition")
     return gap
@@ -97,7 +110,8 @@ def _ahead(c, far, step, equations, ahead):
 
 
 @compiled
-def _solved(cells, axes, c, steps, near, busy, point, equations, step, ahead, scratch):
+def _solved(cells, axes, c, steps, near, busy, arrays):
+    point, equations, step, ahead, scratch = arrays
     count = c.size * slacks_of(axes)
     inside, _, duration = go(
         cells, axes, point, c, step, Going(0.0, 0.0, 0.0, 1.0), equations, scratch

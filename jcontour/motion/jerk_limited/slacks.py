@@ -152,8 +152,12 @@ def _gone(point, going, slack, changed, value, tally):
 
 
 @part
-def _both(point, going, slack, bound, falling, here, step, row, sums, tally):
-    """Both sides of a limit: sums with them, their weights, and how both pull together."""
+def _both(point, going, slack, limit, windows, row, sums, tally):
+    """Both sides of a limit: sums with them, their weights, and how both pull together.
+
+    Of the limit there is its bound, and how much that falls with the step.
+    """
+    (bound, falling), (here, step) = limit, windows
     value, changed = _times(row, here), _times(row, step)
     held, over, tally = _gone(point, going, slack, falling - changed, bound - value, tally)
     slack += PER_SLACK
@@ -163,16 +167,18 @@ def _both(point, going, slack, bound, falling, here, step, row, sums, tally):
 
 
 @part
-def _at_point(cells, axes, block, p, point, going, here, step, sums, tally):
+def _at_point(cells, axes, cell, point, going, windows, sums, tally):
     """Sums with the acceleration and the jerk at a point, where the bound of the jerk falls by f.
 
     The slacks of the jerk are f - j and f + j: what both have of f is added once for all axes.
+    `cell` is the number of the block, and that of the point.
     """
     zero, one = spread(0.0), spread(1.0)
+    block, p = cell
     row, at, side = _starts(axes, block)
     square = _three(cells, row + 3 * (SQUARE + p))
-    falling = _falling(point, at + p, square, step)
-    u = _times(square, here)
+    falling = _falling(point, at + p, square, windows[1])
+    u = _times(square, windows[0])
     store(point, at + p, u)
     bound = one / root(u)
     over_cube = bound / u
@@ -181,11 +187,11 @@ def _at_point(cells, axes, block, p, point, going, here, step, sums, tally):
     side += 4 * PER_SLACK * p * axes
     for r in range(p * axes, (p + 1) * axes):
         pushed = _three(cells, row + 3 * (STILL + r))
-        sums, _, _, _, tally = _both(point, going, side, one, zero, here, step, pushed, sums, tally)
+        sums, _, _, _, tally = _both(point, going, side, (one, zero), windows, pushed, sums, tally)
         side += 2 * PER_SLACK
         jerked = _three(cells, row + 3 * (STILL + POINTS * axes + r))
         sums, held, below, drawn, tally = _both(
-            point, going, side, bound, falling, here, step, jerked, sums, tally
+            point, going, side, (bound, falling), windows, jerked, sums, tally
         )
         side += 2 * PER_SLACK
         both, pulled = both + held + below, pulled + drawn
@@ -221,7 +227,7 @@ def _cell(cells, axes, block, point, going, here, step, scratch):
         held, over, tally = _gone(point, going, slack, changed, value, tally)
         sums = added(sums, held, zero - over, x, y, z)
         sums, x, y, z, tally = _at_point(
-            cells, axes, block, p, point, going, here, step, sums, tally
+            cells, axes, (block, p), point, going, (here, step), sums, tally
         )
         slope_x, slope_y, slope_z = slope_x + x, slope_y + y, slope_z + z
     store(scratch, 0, sums.xx)
