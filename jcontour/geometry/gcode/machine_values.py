@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from jcontour.geometry.gcode.machine import Machine
+from jcontour.geometry.gcode._machine import Machine
 from jcontour.geometry.gcode.moves import Stop
 from jcontour.geometry.toolpath_rules import INCH, MM, ToolpathError
 

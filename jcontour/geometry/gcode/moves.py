@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from jcontour.geometry.gcode.expressions import whole
+from jcontour.geometry.gcode._expressions import whole
 from jcontour.geometry.gcode.modes import ZERO, Modes, Point
 from jcontour.geometry.toolpath_rules import FARTHEST, INCH, MM, MOST_MOVES, SHORTEST, ToolpathError
 

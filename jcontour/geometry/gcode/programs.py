@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from jcontour.geometry.gcode import words as codes
-from jcontour.geometry.gcode.expressions import Locals, Parameters, evaluated, whole
-from jcontour.geometry.gcode.flow import Structure, label_text
-from jcontour.geometry.gcode.machine import Machine
+from jcontour.geometry.gcode import _words as codes
+from jcontour.geometry.gcode._expressions import Locals, Parameters, evaluated, whole
+from jcontour.geometry.gcode._flow import Structure, label_text
+from jcontour.geometry.gcode._machine import Machine
+from jcontour.geometry.gcode._words import NOTHING, SKIPPED, Block, OWord, read_block
 from jcontour.geometry.gcode.machine_values import machine_values
 from jcontour.geometry.gcode.modes import Tool
 from jcontour.geometry.gcode.moves import Tracer
-from jcontour.geometry.gcode.words import NOTHING, SKIPPED, Block, OWord, read_block
 from jcontour.geometry.toolpath_rules import ToolpathError, lines_of, read_program, shown
 
 MOST_REPEATED = 400_000  # lines carried out again; each takes twenty microseconds

@@ -2,8 +2,8 @@
 
 import pytest
 
-from jcontour.geometry.gcode.flow import Structure
-from jcontour.geometry.gcode.words import read_block
+from jcontour.geometry.gcode._flow import Structure
+from jcontour.geometry.gcode._words import read_block
 from jcontour.geometry.toolpath_rules import ToolpathError
 
 LONG = 100_000  # a way of reading that grows with the square of it would not end in minutes

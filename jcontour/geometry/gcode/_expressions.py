@@ -74,11 +74,7 @@ class Parameters:
     own: dict[str, float] = field(default_factory=dict)
 
     def value(self, key: int | str) -> float:
-        """Value of #key or #<key>; a number that was never set has 0.
-
-        Raises:
-            ToolpathError: a name that was never set, a number that no parameter has.
-        """
+        """Value of #key or #<key>; a number that was never set has 0."""
         if isinstance(key, int):
             _check_number(key)
             kept = self.machine(key) if key >= FIRST_OF_MACHINE else None
@@ -93,12 +89,7 @@ class Parameters:
         return 1 <= key <= LAST if isinstance(key, int) else self._named(key) is not None
 
     def set(self, key: int | str, value: float) -> None:
-        """Give #key or #<key> a value.
-
-        Raises:
-            ToolpathError: one that only the machine sets, a number that no parameter has, more
-                names than fit.
-        """
+        """Give #key or #<key> a value."""
         if not math.isfinite(value):
             raise ToolpathError("a parameter is given a value that is not finite")
         if isinstance(key, int):
@@ -215,23 +206,14 @@ class Cursor:
         return self.text.startswith(character, self.at)
 
     def expect(self, character: str) -> None:
-        """Read a character that has to be here.
-
-        Raises:
-            ToolpathError: another one is.
-        """
+        """Read a character that has to be here."""
         if not self.starts(character):
             raise ToolpathError(f"needs {character!r} before {shown(self.rest)}")
         self.at += 1
 
 
 def evaluated(expression: Expression, parameters: Parameters) -> float:
-    """Value of an expression.
-
-    Raises:
-        ToolpathError: it has none: a division by zero, the root of a negative number, a result
-            that is not finite, a parameter that is not there.
-    """
+    """Value of an expression."""
     try:
         value = expression(parameters)
     except ToolpathError:
@@ -248,9 +230,6 @@ def read_value(cursor: Cursor) -> Expression:
 
     >>> evaluated(read_value(Cursor("[2+3*4**2]")), Parameters())
     50.0
-
-    Raises:
-        ToolpathError: none is here.
     """
     number = cursor.take(WORD_NUMBER)
     if number:
@@ -286,11 +265,7 @@ def read_value(cursor: Cursor) -> Expression:
 
 
 def read_bracket(cursor: Cursor) -> Expression:
-    """Read an expression in brackets.
-
-    Raises:
-        ToolpathError: there is none, or it cannot be read.
-    """
+    """Read an expression in brackets."""
     cursor.expect("[")
     value = _deeper(cursor, lambda cursor: _read_operations(cursor, 0))
     cursor.expect("]")
@@ -298,11 +273,7 @@ def read_bracket(cursor: Cursor) -> Expression:
 
 
 def read_key(cursor: Cursor) -> Callable[[Parameters], int | str]:
-    """Read what parameter is meant: a number after #, also computed, or a name in <>.
-
-    Raises:
-        ToolpathError: neither is here, or, when evaluated, the number is not whole.
-    """
+    """Read what parameter is meant: a number after #, also computed, or a name in <>."""
     cursor.expect("#")
     name = cursor.take(NAME)
     if name:
@@ -319,11 +290,7 @@ def read_key(cursor: Cursor) -> Callable[[Parameters], int | str]:
 
 
 def whole(value: float, meaning: str) -> int:
-    """Whole number that a value means.
-
-    Raises:
-        ToolpathError: it is farther from one than 0.0001.
-    """
+    """Whole number that a value means."""
     nearest = round(value) if math.isfinite(value) else 0
     if not abs(value - nearest) < NEAR_WHOLE:
         raise ToolpathError(f"{meaning} needs to be whole, received {value:g}")

@@ -13,8 +13,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from jcontour.geometry.gcode.expressions import Parameters
-from jcontour.geometry.gcode.words import read_block
+from jcontour.geometry.gcode._expressions import Parameters
+from jcontour.geometry.gcode._words import read_block
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
 MAYBE_O_WORD = re.compile(r"\s*(?:\([^)]*\)\s*)*(?:[Nn][\s0-9.]*)?[Oo]")

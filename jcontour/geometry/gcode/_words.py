@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from jcontour.geometry.gcode.expressions import (
+from jcontour.geometry.gcode._expressions import (
     FUNCTIONS,
     NAME,
     Cursor,
@@ -122,10 +122,6 @@ def sorted_words(words: Sequence[tuple[str, float]], motion: int | None) -> Line
     Args:
         words: letters and numbers.
         motion: code of the motion in force, in tenths.
-
-    Raises:
-        ToolpathError: an unknown word, a letter twice, two codes of a group, a number that is too
-            large, an axis that is not simulated.
     """
     line = LineWords({}, [], [], {})
     for letter, value in words:
@@ -196,11 +192,7 @@ class OWord(NamedTuple):
     values: tuple[Expression, ...] = ()
 
     def label_in(self, parameters: Parameters) -> str:
-        """Its number or name.
-
-        Raises:
-            ToolpathError: the number is not whole, or has no value.
-        """
+        """Its number or name."""
         if isinstance(self.label, str):
             return self.label
         return str(whole(evaluated(self.label, parameters), "the number of an O-word"))
@@ -230,9 +222,6 @@ def read_block(line: str) -> Block:
 
     Args:
         line: of a program.
-
-    Raises:
-        ToolpathError: it is no line of a program.
     """
     stripped, asked = line, NOTHING
     if "(" in line or ";" in line:

@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from jcontour.geometry.gcode.expressions import whole
+from jcontour.geometry.gcode._expressions import whole
+from jcontour.geometry.gcode._words import CYCLES, LineWords
 from jcontour.geometry.gcode.modes import Modes, Point, Tool, tool_numbered
 from jcontour.geometry.gcode.moves import Tracer, arcs_between
-from jcontour.geometry.gcode.words import CYCLES, LineWords
 from jcontour.geometry.toolpath_rules import FARTHEST, MM, SHORTEST, ToolpathError
 
 SMOOTH = 0.05  # [rad] of turn: a lesser corner is passed as if it were none, as in LinuxCNC
@@ -48,11 +48,7 @@ class Compensation:
     leaving: bool = False  # whether G40 has ended it; the next move leads out
 
     def check(self, line: LineWords, plane: int) -> None:
-        """Refuse codes that it does not go on with, as LinuxCNC does.
-
-        Raises:
-            ToolpathError: one is there.
-        """
+        """Refuse codes that it does not go on with, as LinuxCNC does."""
         if self.leaving:
             return
         groups = ("compensation", "plane", "once", "system", "tool length")
@@ -73,9 +69,6 @@ class Compensation:
             centre: of an arc.
             angle: of an arc, 0 for a line.
             feed: NaN for a rapid move.
-
-        Raises:
-            ToolpathError: the tool does not fit.
         """
         start, stop = complex(*self.at[:2]), complex(*end[:2])
         self.at = end
@@ -199,11 +192,7 @@ def diameter_of(
     tool: int,
     tools: dict[int, Tool] | None,
 ) -> float:
-    """Diameter of the tool that G41 to G42.1 ask for [m]: D, or that of tool D or the spindle's.
-
-    Raises:
-        ToolpathError: there is none, or the plane is not XY.
-    """
+    """Diameter of the tool that G41 to G42.1 ask for [m]: D, or that of tool D or the spindle's."""
     name = f"G{code / 10:g}"
     if modes.plane != PLANE:
         raise ToolpathError(f"{name} needs the XY plane (G17)")
@@ -229,11 +218,7 @@ def _side(start: complex, stop: complex, centre: complex, angle: float) -> Side:
 
 
 def _touching(offset: complex, last: Side, side: Side, place: complex) -> complex:
-    """Centre of the tool that touches both sides of an inside corner, the nearest one.
-
-    Raises:
-        ToolpathError: there is none.
-    """
+    """Centre of the tool that touches both sides of an inside corner, the nearest one."""
     one, other = place + offset * last.ends, place + offset * side.begins
     if last.centre is None and side.centre is None:
         across = (last.ends.conjugate() * side.begins).imag

@@ -4,9 +4,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from jcontour.geometry.gcode import words as codes
-from jcontour.geometry.gcode.compensation import Compensation, diameter_of
-from jcontour.geometry.gcode.expressions import whole
+from jcontour.geometry.gcode import _words as codes
+from jcontour.geometry.gcode._compensation import Compensation, diameter_of
+from jcontour.geometry.gcode._expressions import whole
+from jcontour.geometry.gcode._words import LineWords, sorted_words
 from jcontour.geometry.gcode.modes import (
     SYSTEMS,
     ZERO,
@@ -25,7 +26,6 @@ from jcontour.geometry.gcode.moves import (
     arcs_of,
     check_near,
 )
-from jcontour.geometry.gcode.words import LineWords, sorted_words
 from jcontour.geometry.toolpath_rules import FASTEST, INCH, MM, SHORTEST, SLOWEST, ToolpathError
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
@@ -78,11 +78,7 @@ class Machine:
         self.modes.feed = self.first_feed
 
     def execute(self, words: Sequence[tuple[str, float]]) -> LineWords:
-        """Carry out the words of a line; return them sorted.
-
-        Raises:
-            ToolpathError: what cannot be traced.
-        """
+        """Carry out the words of a line; return them sorted."""
         line = sorted_words(words, self.motion)
         values = line.values
         if line.codes or line.m_codes or line.without_motion:
