@@ -258,16 +258,9 @@ class Code:
             undefined=jinja2.StrictUndefined,
         )
         precision = self.precision
-
-        def number(value: float, kind: Precision = precision) -> str:
-            return literal(value, kind)
-
-        def rows(values: np.ndarray, kind: Precision = precision) -> str:
-            return table(values, kind)
-
         environment.filters |= {
-            "number": number,
-            "table": rows,
+            "number": lambda value, kind=precision: literal(value, kind),
+            "table": lambda values, kind=precision: table(values, kind),
             "code": lambda text: in_c(text, precision),
             "python": in_python,
             "structured": in_structured_text,

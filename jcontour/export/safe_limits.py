@@ -169,7 +169,8 @@ def memory_limits(
     @eqx.filter_jit
     def stepped(one: Controller, numbers: Float[Array, "tries numbers"]) -> Float[Array, "tries n"]:
         def step(row: Float[Array, " numbers"]) -> Float[Array, " n"]:
-            after, _ = one.step(*_between(plan, eqx.combine(unravel(row), fixed)))
+            remembered, measured = eqx.combine(unravel(row), fixed)
+            after, _ = one.step(remembered, plan, measured)
             return ravel_pytree(eqx.filter(after, eqx.is_inexact_array))[0]
 
         return jax.vmap(step)(numbers)
@@ -185,9 +186,3 @@ def memory_limits(
     apart = np.abs(after - np.clip(without, -kept, kept))
     exact = bool((apart <= SAME * np.abs(without).max(axis=1, keepdims=True, initial=0.0)).all())
     return (kept if saturates.any() else None), exact
-
-
-def _between(plan: Any, both: tuple[Any, Any]) -> tuple[Any, Any, Any]:
-    """Memory, plan, measurement: what a step takes."""
-    memory, measurement = both
-    return memory, plan, measurement

@@ -129,21 +129,29 @@ def evaluate(
         if score is score_signals and (run := _without_gains(plants, controller, reference)):
             return each(lambda plant: run(plant, window), plants)
         plan = controller.prepare(reference)
-        follow = _followed
-        if score is score_signals and _suits_affine_run(plants, controller, plan, reference):
-            follow = _followed_by_kernel
-        return each(lambda plant: follow(plant, controller, plan, reference, window, score), plants)
+        readable = partial(_followed, controller=controller, window=window, score=score)
+        follows = isinstance(controller, AffineLaw) and isinstance(plan, AffinePlan)
+        if score is score_signals and follows and _by_kernels(plants):
+            from jcontour._kernels import affine_runs  # loads Warp
+
+            if affine_runs.suits_run(plants, reference):
+                run = partial(affine_runs.metrics, readable=readable, window=window)
+                return each(lambda plant: run(plan, plant, reference), plants)
+        return each(lambda plant: readable(plan, plant, reference), plants)
 
     return batching(on_contour, references)
 
 
+def _by_kernels(plants: Plant) -> bool:
+    """Whether kernels may take runs of the plants: a wrapper may measure less than the state."""
+    return kernels.wanted() and type(plants) is LinearPlant
+
+
 def _without_gains(plants: Plant, controller: Controller, reference: Reference) -> Any:
     """Metrics by a kernel, a function of plant and window; None where no kernel takes the run."""
-    if not kernels.wanted() or type(plants) is not LinearPlant:
-        return None  # a wrapper may measure less than the state
-    problem = None
-    if isinstance(controller, DecoupledLaw):
-        problem = controller.decoupled_problem(reference)
+    if not (_by_kernels(plants) and isinstance(controller, DecoupledLaw)):
+        return None
+    problem = controller.decoupled_problem(reference)
     if problem is None:
         return None
     from jcontour._kernels import lq_metrics  # loads Warp
@@ -155,46 +163,18 @@ def _without_gains(plants: Plant, controller: Controller, reference: Reference) 
         at = operating_point(problem.model, reference.position[0])
         moved = eqx.tree_at(lambda one: one.y_d, problem, problem.y_d - at.position[None])
         plan = decoupled_plan(moved).at(at)
-        return _followed(plant, controller, plan, reference, window, score_signals)
+        return _followed(plan, plant, reference, controller, window, score_signals)
 
     return lambda plant, window: lq_metrics.metrics(
         problem, plant, reference, window, partial(readable, window=window)
     )
 
 
-def _suits_affine_run(plants: Plant, controller: Controller, plan: Plan, reference: Reference):
-    """Whether a kernel follows the plan."""
-    if not kernels.wanted() or type(plants) is not LinearPlant:
-        return False  # a wrapper may measure less than the state
-    if not (isinstance(controller, AffineLaw) and isinstance(plan, AffinePlan)):
-        return False
-    from jcontour._kernels import affine_runs  # loads Warp
-
-    return affine_runs.suits_run(plants, reference)
-
-
-def _followed_by_kernel(
-    plant: LinearPlant,
-    controller: Controller,
-    plan: AffinePlan,
-    reference: Reference,
-    window: tuple[int, int] | None,
-    score: Score,
-) -> Any:
-    """The same, by a kernel."""
-    from jcontour._kernels import affine_runs  # loads Warp
-
-    def readable(plan, plant, reference):
-        return _followed(plant, controller, plan, reference, window, score)
-
-    return affine_runs.metrics(plan, plant, reference, window, readable)
-
-
 def _followed(
-    plant: Plant,
-    controller: Controller,
     plan: Plan,
+    plant: Plant,
     reference: Reference,
+    controller: Controller,
     window: tuple[int, int] | None,
     score: Score,
 ) -> Any:

@@ -241,10 +241,6 @@ class Drawing:
         """Count what is not taken."""
         self.left_out[words] += 1
 
-    def left_out_counts(self) -> tuple[str, ...]:
-        """What is not taken."""
-        return tuple(f"{n} {words}" for words, n in sorted(self.left_out.items()))
-
     def toolpath(self, feed: float, gap: float = GAP) -> Toolpath:
         """Contours joined, each cut at `feed` [m/s], rapid moves between them.
 
@@ -254,12 +250,11 @@ class Drawing:
             ToolpathError: nothing is drawn, or a curve cannot be fitted.
         """
         strokes, doubles = without_doubles(self.strokes)
+        ignored = tuple(f"{n} {words}" for words, n in sorted(self.left_out.items()))
         if not strokes:
-            left_out = (
-                "; left out: " + ", ".join(self.left_out_counts()) if self.left_out_counts() else ""
-            )
+            left_out = "; left out: " + ", ".join(ignored) if ignored else ""
             raise ToolpathError(f"no lines or curves are drawn{left_out}")
-        ignored = self.left_out_counts() + ((f"{doubles} drawn twice",) if doubles else ())
+        ignored += (f"{doubles} drawn twice",) if doubles else ()
         return _toolpath(joined(strokes, gap), feed, ignored)._replace(warnings=self.warnings)
 
 

@@ -93,7 +93,11 @@ def read_dxf(path: str | PathLike[str], unit: float | None = None) -> Drawing:
     """
     text = read_program(path)
     document = _document(path, text)
-    unit = unit or _unit(document.header.get(UNIT, 0) if UNIT in text else 0)
+    code = document.header.get(UNIT, 0) if UNIT in text else 0
+    unit = unit or UNITS.get(code)
+    if unit is None:
+        stated = f"is in unit {code} of {UNIT}" if code else f"does not say its unit ({UNIT})"
+        raise ToolpathError(f"the drawing {stated}: give one, as --drawing-unit mm")
     from ezdxf.math import Matrix44
 
     # Lines of a text file at which entities begin, by their handles
@@ -148,19 +152,6 @@ def _document(path: str | PathLike[str], text: str) -> "Document":
     if auditor.errors:
         raise refusal
     return document
-
-
-def _unit(code: int) -> float:
-    """Unit of the drawing [m] by its header."""
-    if not code:
-        raise ToolpathError(
-            f"the drawing does not say its unit ({UNIT}): give it, as --drawing-unit mm"
-        )
-    if code not in UNITS:
-        raise ToolpathError(
-            f"a drawing in unit {code} of {UNIT}: give another one, as --drawing-unit mm"
-        )
-    return UNITS[code]
 
 
 def _stated(entity: "DXFGraphic", name: str, default: Any) -> Any:
@@ -241,10 +232,6 @@ class _Reader:
         self.drawing.leave_out(f"{kind} (layer {shown(layer)[1:-1]}{reason})")
 
 
-if TYPE_CHECKING:
-    from ezdxf.math import Matrix44
-
-
 def segments(entity: Any, place: "Matrix44", line: int) -> list[Segment] | None:
     """Segments of an entity, placed in the drawing [m].
 
@@ -299,9 +286,7 @@ def segments(entity: Any, place: "Matrix44", line: int) -> list[Segment] | None:
                 return _through_points(entity, place, line)
             degree, knots = entity.dxf.degree, np.array(entity.knots)
             weights = np.array(list(entity.weights) or [1.0] * len(control))
-            fault = _spline_fault(degree, knots, len(control), weights)
-            if fault:
-                raise ToolpathError(f"{at_line(line)}SPLINE {fault}")
+            _check_spline(degree, knots, len(control), weights, line)
             # imported here: it takes longer than the rest of the library
             from scipy.interpolate import BSpline
 
@@ -338,16 +323,20 @@ def _turn(entity: Any, place: "Matrix44", begin: float, sweep: float) -> list[Se
     return [Arc(_seen(own, entity.dxf.center), first, second, begin, sweep)] if radius > 0 else None
 
 
-def _spline_fault(degree: int, knots: np.ndarray, points: int, weights: np.ndarray) -> str:
+def _check_spline(
+    degree: int, knots: np.ndarray, points: int, weights: np.ndarray, line: int
+) -> None:
+    fault = ""
     if not 1 <= degree <= HIGHEST_DEGREE:
-        return f"of degree {degree}"
-    if knots.size != points + degree + 1 or points <= degree:
-        return f"of degree {degree} with {points} control points and {knots.size} knots"
-    if weights.size != points or not (weights > 0).all():
-        return "with weights that are not one above zero for each control point"
-    if not (np.diff(knots) >= 0).all() or not knots[degree] < knots[points]:
-        return "with knots that do not rise"
-    return ""
+        fault = f"of degree {degree}"
+    elif knots.size != points + degree + 1 or points <= degree:
+        fault = f"of degree {degree} with {points} control points and {knots.size} knots"
+    elif weights.size != points or not (weights > 0).all():
+        fault = "with weights that are not one above zero for each control point"
+    elif not (np.diff(knots) >= 0).all() or not knots[degree] < knots[points]:
+        fault = "with knots that do not rise"
+    if fault:
+        raise ToolpathError(f"{at_line(line)}SPLINE {fault}")
 
 
 def _through_points(entity: Any, place: "Matrix44", line: int) -> list[Segment]:

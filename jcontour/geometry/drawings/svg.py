@@ -57,7 +57,10 @@ def read_svg(path: str | PathLike[str], unit: float | None = None) -> Drawing:
     inner = (box[2], box[3]) if box else (math.nan, math.nan)
     size = _size(root, "width", inner[0]), _size(root, "height", inner[1])
     is_said = box is not None and bool(LENGTH_SAID.search(root.text("width")))
-    pixels = PX if is_said else _inkscape_pixel(root)
+    version = re.match(r"([0-9]+)\.([0-9]+)", root.text(VERSION))
+    pixels = PX if is_said else None  # length of a px [m]
+    if version and not is_said:
+        pixels = INCH / 90 if (int(version[1]), int(version[2])) < (0, 92) else PX
     if unit is None and pixels is None:
         raise ToolpathError(
             "the drawing does not say its unit (a width in mm, cm, in, pt or pc, and a viewBox): "
@@ -74,21 +77,13 @@ def read_svg(path: str | PathLike[str], unit: float | None = None) -> Drawing:
     upright = Affine(0.0, unit, 1j * unit * height)
     reader = _Reader({e.attributes["id"]: e for e in root.all() if "id" in e.attributes})
     if by_program:
-        version = root.text(VERSION).split()[0]
-        reader.drawing.warnings = (f"Inkscape {version}: {INCH / unit:.0f} px are read as an inch",)
+        name = f"Inkscape {root.text(VERSION).split()[0]}"
+        reader.drawing.warnings = (f"{name}: {INCH / unit:.0f} px are read as an inch",)
     place = upright.after(view).after(transform(root))
     setting = _Setting(place, inner if box else size, _is_hidden(root, False))
     for element in root.children:
         reader.draw(element, setting)
     return reader.drawing
-
-
-def _inkscape_pixel(root: Element) -> float | None:
-    """Length of a px in a drawing of Inkscape, by its version [m]; None in any other drawing."""
-    version = re.match(r"([0-9]+)\.([0-9]+)", root.text(VERSION))
-    if version is None:
-        return None
-    return INCH / 90 if (int(version[1]), int(version[2])) < (0, 92) else PX
 
 
 class _Setting(NamedTuple):

@@ -76,8 +76,8 @@ def svg_tree(text: str) -> Element:
         name, given, parser.CurrentLineNumber
     )
     parser.EndElementHandler = lambda name: reader.open.pop()
-    parser.EntityDeclHandler = lambda name, parameter, value, base, place, public, notation: (
-        _check_inside(name, value, parser.CurrentLineNumber)
+    parser.EntityDeclHandler = lambda name, parameter, value, *_: _check_inside(
+        name, value, parser.CurrentLineNumber
     )
     try:
         parser.Parse(text.encode("utf-8", "surrogatepass"), True)
