@@ -19,7 +19,6 @@ import pytest
 from jcontour.app.catalogue.choices import first_machine
 from jcontour.app.catalogue.entries import CONTROLLERS, MACHINES
 from jcontour.controller import Controller, Memory, Wrapper
-from jcontour.host.loop import loop as loop_on_the_host
 from jcontour.motion.references import Reference, from_samples
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import AxisParameters
@@ -114,8 +113,16 @@ class Runs:
 
     def alone(self, start: Start) -> Rollout:
         """A run step by step, on the host."""
-        resumed = Resumed(self.controller, start.memory)
-        return loop_on_the_host(self.plant, resumed, start.reference, start.state)
+        controller, reference, rows = Resumed(self.controller, start.memory), start.reference, []
+        state, memory = start.state, controller.initial_memory(reference)
+        plan = prepared(controller, reference)
+        for k in range(reference.steps):
+            row = jax.tree.map(lambda leaves, k=k: leaves[k], plan)
+            after, kept, *seen = whole_step(self.plant, controller, state, memory, row)
+            rows.append((state, *seen, memory))
+            state, memory = after, kept
+        columns = jax.tree.map(lambda *leaves: jnp.stack(leaves), *rows)
+        return Rollout(*columns, state, memory)
 
     def errors(
         self, plant: Plant, references: Sequence[Reference]
@@ -252,6 +259,14 @@ def laws_not_kept(controller) -> dict[str, str]:
     """Laws that a controller or one that it wraps excuses itself from, with the reason."""
     inside = getattr(controller, "controller", None)
     return {**(laws_not_kept(inside) if inside is not None else {}), **controller.laws_not_kept}
+
+
+@eqx.filter_jit
+def whole_step(plant, controller, state, memory, row):
+    """The next state and memory; output, measurement and control of now."""
+    measurement = plant.measure(state)
+    kept, control = controller.step(memory, row, measurement)
+    return plant.step(state, control), kept, plant.output(state), measurement, control
 
 
 @pytest.fixture(

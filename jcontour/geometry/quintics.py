@@ -94,7 +94,12 @@ def _fitted_part(curve, frame, begin, end):
     # a curve that stops or overflows makes NaN, which never fits
     with np.errstate(all="ignore"):
         polynomial, extent = _hermite(curve, frame, begin, end)
-        error = BETWEEN_SAMPLES * _deviation(curve, begin, end, polynomial, extent)
+        t = begin[:, None] + (end - begin)[:, None] * SAMPLES
+        s = _arc_length(curve, np.broadcast_to(begin[:, None], t.shape), t)
+        pieces = Piece.polynomials(polynomial[:, None], extent[:, None])
+        error = BETWEEN_SAMPLES * np.linalg.norm(pieces.jet(s)[0] - curve(t)[0], axis=-1).max(
+            axis=-1
+        )
     return polynomial, extent, error
 
 
@@ -124,10 +129,3 @@ def _arc_length(curve, a, b):
     half = 0.5 * (b - a)
     t = 0.5 * (a + b)[..., None] + half[..., None] * QUADRATURE
     return half * (np.linalg.norm(curve(t)[1], axis=-1) @ QUADRATURE_WEIGHT)
-
-
-def _deviation(curve, a, b, polynomial, extent):
-    t = a[:, None] + (b - a)[:, None] * SAMPLES
-    s = _arc_length(curve, np.broadcast_to(a[:, None], t.shape), t)
-    pieces = Piece.polynomials(polynomial[:, None], extent[:, None])
-    return np.linalg.norm(pieces.jet(s)[0] - curve(t)[0], axis=-1).max(axis=-1)

@@ -2,11 +2,9 @@
 
 u(k), w(k+1) = controller(w(k), plan(k), measure(x(k)));   x(k+1) = plant(x(k), u(k))
 
-The same loop as `simulate` and the same `Rollout`; it drives traceable controllers too, in one
-compiled call a step.
+The same loop as `simulate` and the same `Rollout`.
 """
 
-import warnings
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
@@ -18,12 +16,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jcontour._arrays import placed
-from jcontour.controller import Controller
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant, State
 from jcontour.qp.problem import Unsolved
-from jcontour.simulation.closed_loop import Rollout, check_run, prepared, start_state
+from jcontour.simulation.closed_loop import Rollout, check_run, start_state
 
 Fallback = Literal["hold", "soft"]
 FALLBACKS = (None, "hold", "soft")
@@ -87,32 +84,9 @@ class Stopped(RuntimeError):
         return self.run.rollout
 
 
-def loop(
-    plant: Plant,
-    controller: Controller | HostController,
-    reference: Reference,
-    state: State | None = None,
-    fallback: Fallback | None = None,
-) -> Rollout:
-    """The rollout of `reported_loop`; a fallback that had to act is warned of.
-
-    Raises:
-        ValueError, Stopped: as `reported_loop`.
-    """
-    run = reported_loop(plant, controller, reference, state, fallback)
-    acted = run.report.fallback
-    if acted.any():
-        warnings.warn(
-            f"fallback {fallback!r} acted in {acted.sum()} of {acted.size} steps, "
-            f"first in step {np.argmax(acted)}",
-            stacklevel=2,
-        )
-    return run.rollout
-
-
 def reported_loop(
     plant: Plant,
-    controller: Controller | HostController,
+    controller: HostController,
     reference: Reference,
     state: State | None = None,
     fallback: Fallback | None = None,
@@ -121,7 +95,7 @@ def reported_loop(
 
     Args:
         plant: any.
-        controller: traceable, or on the host.
+        controller: on the host; `simulate` runs those of JAX.
         reference: where the tool should be.
         state: the first one; where the reference begins when not given.
         fallback: what a step without an answer does: "hold" repeats the last control, "soft" solves
@@ -135,18 +109,6 @@ def reported_loop(
         raise ValueError(f"fallback: there are hold and soft, received {fallback!r}")
     check_run(plant, controller, reference)
     state = start_state(plant, reference) if state is None else state
-    if isinstance(controller, Controller):
-        # one compiled call a step: measure, control, advance
-        memory = controller.initial_memory(reference)
-        plan = _Plan(prepared(controller, reference))
-        numbers, step = _with_numbers(_whole_step, (plant, controller))
-        rows = _Rows(reference.position.shape[1])
-        for k in range(reference.steps):
-            after = step(numbers, state, memory, plan.row(k))
-            next_state, next_memory, output, measurement, control = after
-            rows.add((state, output, measurement, control, memory), StepReport(), False)
-            state, memory = next_state, next_memory
-        return rows.run(state, memory)
     # One compiled call a step: advance, and see; the controller in between is the host's
     memory = controller.initial_memory(reference)
     plan = _Plan(controller.prepare(reference))
@@ -240,12 +202,6 @@ class _Plan:
 
     def row(self, k: int) -> Any:
         return self._tree.unflatten([leaf[k] for leaf in self._leaves])
-
-
-def _whole_step(plant: Plant, controller: Controller, state, memory, plan):
-    measurement = plant.measure(state)
-    next_memory, control = controller.step(memory, plan, measurement)
-    return plant.step(state, control), next_memory, plant.output(state), measurement, control
 
 
 def _seen(plant: Plant, state):

@@ -21,7 +21,6 @@ from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.coordinates import Numbers
-from jcontour.geometry.pieces import Piece
 from jcontour.motion.blending import BlendedPath
 from jcontour.motion.feed_laws import Rests, SharpTurnError, rest_of_pieces
 from jcontour.motion.jerk_limited.limits import Asked, AxisLimits, everywhere, joints
@@ -203,7 +202,17 @@ def _better_stopped(
     middle = around.true_arc(motion.stops)[1:-1]
     stretch = np.searchsorted(middle, 0.5 * (ends[1:] + ends[:-1]))
     blended = np.diff(motion.stopped)
-    law, least = _laws(pieces, first, feed, limits)
+    # Length, speed, acceleration and jerk of every leg, and a bound of its time [s]
+    direction, bend, _ = everywhere(pieces)
+    with np.errstate(divide="ignore", over="ignore"):
+        speed, acceleration, jerk = ((limit / np.abs(direction)).min(-1).max(0) for limit in limits)
+        turning = np.sqrt((limits.acceleration / np.abs(bend)).min(-1).max(0))
+    speed = np.minimum(np.minimum(feed, speed), turning)
+    length = np.add.reduceat(pieces.extent, first)
+    cruise = np.add.reduceat(pieces.extent / speed, first)
+    most = [np.maximum.reduceat(rows, first) for rows in (speed, acceleration, jerk)]
+    ramps = np.maximum(2 * np.sqrt(length / most[1]), np.cbrt(32 * length / most[2]))
+    law, least = np.stack([length, *most], axis=1), np.maximum(cruise, ramps)
     several = np.bincount(stretch, minlength=blended.size) > 1
     stopped = np.bincount(stretch, least, blended.size)
     for k in np.flatnonzero(several & (stopped < blended)):
@@ -215,22 +224,6 @@ def _better_stopped(
     worth = gain[slow].sum() >= WORTH * motion.duration or gain.sum() > 0
     stops[stops] = worth & slow[stretch[1:]] & (stretch[1:] == stretch[:-1])
     return stops
-
-
-def _laws(
-    pieces: Piece, first: Int[np.ndarray, " L"], feed: Float[np.ndarray, " P"], limits: AxisLimits
-) -> tuple[Float[np.ndarray, "L 4"], Float[np.ndarray, " L"]]:
-    """Length, speed, acceleration and jerk of every leg, and a bound of its time [s]."""
-    direction, bend, _ = everywhere(pieces)
-    with np.errstate(divide="ignore", over="ignore"):
-        speed, acceleration, jerk = ((limit / np.abs(direction)).min(-1).max(0) for limit in limits)
-        turning = np.sqrt((limits.acceleration / np.abs(bend)).min(-1).max(0))
-    speed = np.minimum(np.minimum(feed, speed), turning)
-    length = np.add.reduceat(pieces.extent, first)
-    cruise = np.add.reduceat(pieces.extent / speed, first)
-    most = [np.maximum.reduceat(rows, first) for rows in (speed, acceleration, jerk)]
-    ramps = np.maximum(2 * np.sqrt(length / most[1]), np.cbrt(32 * length / most[2]))
-    return np.stack([length, *most], axis=1), np.maximum(cruise, ramps)
 
 
 def limit_shares(planned: Planned) -> dict[str, float]:

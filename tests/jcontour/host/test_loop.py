@@ -1,8 +1,7 @@
-"""`loop` against `simulate`, and what it does when a step has no answer."""
+"""`reported_loop` against `simulate`, and what it does when a step has no answer."""
 
 from functools import cache
 
-import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -11,11 +10,10 @@ from jcontour.app.machines.built_in import bridgeport_machine
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle
 from jcontour.host.controller import HostController, StepReport
-from jcontour.host.loop import Stopped, loop, reported_loop
+from jcontour.host.loop import Stopped, reported_loop
 from jcontour.motion.references import along
 from jcontour.qp.problem import QP, Unsolved
 from jcontour.simulation.closed_loop import prepared, simulate
-from tests.plants import PLANTS
 
 PREVIEW, DT = 3, 0.5e-3
 WEIGHTS = LQWeights(3.0, 5.0, 2e-9)
@@ -33,12 +31,6 @@ def same(found, wanted, relative=1e-12):
         np.testing.assert_allclose(
             a, b, rtol=0, atol=relative * max(1.0, np.abs(b).max(initial=0.0))
         )
-
-
-def test_loop_is_simulate_on_a_late_machine(closed_loop):
-    """Other forms of a plant are those of the controllers in `test_contracts.py`."""
-    plant, controller = PLANTS["bridgeport-late"].make(), closed_loop("contouring-lq-state")[1]
-    same(loop(plant, controller, on_circle()), simulate(plant, controller, on_circle()))
 
 
 class Affine(HostController):
@@ -105,7 +97,7 @@ def test_a_host_controller_gives_the_rollout_of_its_traceable_twin():
 
 def test_a_finished_run_is_shorter():
     plant, controller = zoo()
-    rollout = loop(plant, Affine(controller, last=7), on_circle())
+    rollout = reported_loop(plant, Affine(controller, last=7), on_circle()).rollout
     wanted = simulate(plant, controller, on_circle())
     same(rollout.output, np.asarray(wanted.output)[:7])
     same(rollout.final_state, np.asarray(wanted.state)[7])
@@ -116,7 +108,7 @@ def test_an_unsolved_step_stops_the_run_and_keeps_what_there_is():
     with pytest.raises(
         Stopped, match=r"^step 5: test did not solve the QP \(1 variables, 0 rows\): infeasible$"
     ) as caught:
-        loop(plant, Affine(controller, failing=(5,)), on_circle())
+        reported_loop(plant, Affine(controller, failing=(5,)), on_circle())
     stopped, wanted = caught.value, simulate(plant, controller, on_circle())
     assert (
         stopped.step == 5 and stopped.cause.step == 5 and stopped.cause.qp.upper.tolist() == [-1.0]
@@ -132,10 +124,8 @@ def test_hold_repeats_the_last_control_and_is_counted():
     assert run.report.fallbacks == 2 and np.flatnonzero(run.report.fallback).tolist() == [5, 6]
     control = np.asarray(run.rollout.control)
     same(control[5:7], np.repeat(control[4:5], 2, axis=0))
-    with pytest.warns(UserWarning, match="fallback 'hold' acted in 2 of 12 steps, first in step 5"):
-        loop(plant, Affine(controller, failing=(5, 6)), on_circle(), fallback="hold")
     with pytest.raises(Stopped) as caught:
-        loop(plant, Affine(controller, failing=(0,)), on_circle(), fallback="hold")
+        reported_loop(plant, Affine(controller, failing=(0,)), on_circle(), fallback="hold")
     assert caught.value.step == 0 and caught.value.rollout.output.shape == (0, 2)
 
 
@@ -153,18 +143,10 @@ def test_soft_solves_again():
 def test_bad_input(any_type):
     plant, controller = zoo()
     with pytest.raises(ValueError, match="^fallback: there are hold and soft, received 'pray'$"):
-        loop(plant, Affine(controller), on_circle(), fallback="pray")
+        reported_loop(plant, Affine(controller), on_circle(), fallback="pray")
     late = along(circle(1e-3), 2.5e-5 * np.arange(5), 1e-3, PREVIEW, at_rest=False)
     blind = along(circle(1e-3), 2.5e-5 * np.arange(5), DT, PREVIEW - 1, at_rest=False)
-    for one in (controller, Affine(controller)):
-        with pytest.raises(ValueError, match="^dt: the plant is sampled"):
-            loop(plant, one, late)
-        with pytest.raises(ValueError, match="^preview: the controller looks 3 samples ahead"):
-            loop(plant, one, blind)
-
-
-def test_machines_of_one_kind_share_one_compilation():
-    plant, controller = zoo()
-    other = eqx.tree_at(lambda p: p.B, plant, 1.1 * plant.B)
-    same(loop(other, controller, on_circle()), simulate(other, controller, on_circle()))
-    same(loop(plant, controller, on_circle()), simulate(plant, controller, on_circle()))
+    with pytest.raises(ValueError, match="^dt: the plant is sampled"):
+        reported_loop(plant, Affine(controller), late)
+    with pytest.raises(ValueError, match="^preview: the controller looks 3 samples ahead"):
+        reported_loop(plant, Affine(controller), blind)

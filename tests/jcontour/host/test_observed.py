@@ -17,7 +17,7 @@ from jcontour.controllers.observers.kalman import (
     offset_free_gain,
 )
 from jcontour.geometry.contours import circle
-from jcontour.host.loop import loop, reported_loop
+from jcontour.host.loop import reported_loop
 from jcontour.host.observed import FilterGain, ObservedHost, OffsetFreeGain, OffsetFreeHost
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import along, from_samples
@@ -84,7 +84,7 @@ def test_it_is_the_filter_observer(two_axes):
         plant, FilterObserver(ContouringLQ(two_axes, WEIGHTS, N), two_axes, gain), reference, start
     )
     mpc = TrackingMPC(two_axes, TrackingWeights.of(WEIGHTS), N)
-    found = loop(plant, FilterGain(gain).around(mpc, two_axes), reference, start)
+    found = reported_loop(plant, FilterGain(gain).around(mpc, two_axes), reference, start).rollout
     np.testing.assert_allclose(
         found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
     )
@@ -150,14 +150,16 @@ def test_limits_hold_for_the_control_that_acts(delay):
 def test_a_constant_load_leaves_no_offset_at_rest(delay):
     model, observer = late_table(delay)
     plant, reference = behind_encoders(model), step_away(model, 600)
-    free = loop(plant, limited(model, observer, OUT_OF_REACH), reference)
+    free = reported_loop(plant, limited(model, observer, OUT_OF_REACH), reference).rollout
     np.testing.assert_allclose(free.output[-1], reference.position[-1], rtol=0, atol=1e-12)
     np.testing.assert_allclose(free.control[-1], -LOAD, rtol=0, atol=1e-9)
     gain = kalman_gain(model, 0.05, COUNT)
     without = ObservedHost(
         TrackingMPC(model, TrackingWeights.of(STIFF), N, OUT_OF_REACH), model, gain
     )
-    left = np.abs(loop(plant, without, reference).output[-1] - reference.position[-1])
+    left = np.abs(
+        reported_loop(plant, without, reference).rollout.output[-1] - reference.position[-1]
+    )
     assert left.min() >= 1e-6
 
 

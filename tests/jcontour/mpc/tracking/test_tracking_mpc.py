@@ -12,7 +12,7 @@ from jcontour.controllers.lq.contouring_lq import (
     RiccatiTerminal,
 )
 from jcontour.geometry.contours import circle, lemniscate, polygon
-from jcontour.host.loop import Stopped, loop, reported_loop
+from jcontour.host.loop import Stopped, reported_loop
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import along, from_samples
@@ -99,11 +99,11 @@ def test_horizon_of_one(two_axes):
     plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8)
     for terminal in (OutputTerminal(), RiccatiTerminal()):
         wanted = simulate(plant, ContouringLQ(plant, weights, 1, terminal), shapes()["circle"])
-        actual = loop(
+        actual = reported_loop(
             plant,
             TrackingMPC(plant, TrackingWeights.of(weights), 1, terminal=terminal),
             shapes()["circle"],
-        )
+        ).rollout
         np.testing.assert_allclose(
             actual.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
         )
@@ -130,7 +130,7 @@ def test_every_limit_holds_along_the_run(two_axes):
 def test_soft_limits_are_exact_where_the_hard_problem_has_an_answer(two_axes):
     plant, reference = two_axes, still([2e-3, -1e-3])
     weights = TrackingWeights(3.0, 50.0, 2e-8)
-    hard = loop(plant, TrackingMPC(plant, weights, N, LIMITED), reference)
+    hard = reported_loop(plant, TrackingMPC(plant, weights, N, LIMITED), reference).rollout
     soft = reported_loop(plant, TrackingMPC(plant, weights, N, LIMITED, penalty=1e5), reference)
     np.testing.assert_allclose(soft.rollout.control, hard.control, rtol=0, atol=1e-7)
     assert soft.report.slack.max() <= 1e-9
@@ -145,7 +145,7 @@ def test_an_output_limit_out_of_reach_stops_the_run_or_gives_way(two_axes):
     with pytest.raises(
         Stopped, match="^step 0: daqp did not solve the QP .*: infeasible"
     ) as caught:
-        loop(plant, TrackingMPC(plant, weights, N, limits), reference, fast)
+        reported_loop(plant, TrackingMPC(plant, weights, N, limits), reference, fast)
     assert caught.value.step == 0
     run = reported_loop(
         plant, TrackingMPC(plant, weights, N, limits), reference, fast, fallback="soft"
@@ -175,16 +175,16 @@ def test_the_velocity_form_leaves_no_offset(terminal, two_axes):
     plant, reference = two_axes, still([1e-3, 5e-4], 200, 12)
     loaded = Loaded(plant.A, plant.B, plant.C, plant.dt)
     limits = Limits.within(control=0.5, increment=0.4)
-    free = loop(
+    free = reported_loop(
         loaded,
         offset_free(plant, TrackingWeights(1.0, increment=1e-7), 12, limits, terminal),
         reference,
-    )
-    absolute = loop(
+    ).rollout
+    absolute = reported_loop(
         loaded,
         TrackingMPC(plant, TrackingWeights(1.0, control=1e-7), 12, limits, terminal),
         reference,
-    )
+    ).rollout
     end = np.asarray(reference.position)[-1]
     assert np.abs(np.asarray(free.output)[-1] - end).max() <= 1e-12
     assert np.abs(np.asarray(absolute.output)[-1] - end).max() >= 1e-6
@@ -261,6 +261,6 @@ def test_bad_input(message, two_axes):
 def test_a_start_outside_the_limits(two_axes):
     mpc = TrackingMPC(two_axes, TrackingWeights(1.0, control=1.0), N, Limits(output=(5e-4, 1.0)))
     with pytest.raises(ValueError, match="^output: the start is outside the limits"):
-        loop(two_axes, mpc, still([1e-3, 1e-3]))
+        reported_loop(two_axes, mpc, still([1e-3, 1e-3]))
     with pytest.raises(ValueError, match="^control: the velocity form weighs increments only"):
         offset_free(two_axes, TrackingWeights(1.0, control=1.0, increment=1.0), N)
