@@ -226,6 +226,7 @@ def _any_command() -> Any:
 
 _DESCRIPTION = (
     "Simulate and tune multi-axis contouring machines by gradient. "
+    "Printed: feeds in mm/min, accelerations in m/s^2, errors in um. "
     "Bad input is answered in one line, exit code 2; "
     f"{TRACEBACK}=1 in the environment shows where it was found instead."
 )

@@ -1,4 +1,4 @@
-"""Numbers on the command line, in plain digits; numbers of samples, or the whole path."""
+"""Numbers as the command line takes and prints them: plain digits, feeds, numbers of samples."""
 
 import math
 import re
@@ -9,6 +9,23 @@ from tyro.constructors import PrimitiveConstructorSpec
 PLAIN = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 WHOLE = re.compile(r"[+-]?[0-9]+")
 NOT_FINITE = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
+MM_PER_MIN = 1e-3 / 60  # [m/s]
+
+
+def feed_words(*speeds: float) -> str:
+    """Speeds [m/s] as programs have feeds; one number where all are alike.
+
+    >>> feed_words(0.05, 0.025), feed_words(0.02, 0.02)
+    ('3000, 1500 mm/min', '1200 mm/min')
+    """
+    feeds = [feed_number(speed) for speed in speeds]
+    return f"{', '.join(feeds[:1] if len(set(feeds)) == 1 else feeds)} mm/min"
+
+
+def feed_number(speed: float) -> str:
+    """A speed [m/s] in mm/min: five digits, or all before the point where it has more."""
+    feed = speed / MM_PER_MIN
+    return f"{feed:.0f}" if feed >= 1e5 else f"{feed:.5g}"
 
 
 def number_in(text: str) -> float:

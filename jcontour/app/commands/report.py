@@ -16,6 +16,7 @@ from jcontour.app.reports.drives import drive_gains
 from jcontour.app.reports.page.page_data import FILE, stored_result, write_page
 from jcontour.app.reports.screen import Entry, screen
 from jcontour.app.reports.tables import console_of, say
+from jcontour.app.runs.lifecycle import words_of
 
 SUFFIXES = (".html", ".htm")
 
@@ -46,10 +47,10 @@ def command(flags: Report) -> int:
         entries += comparison_answer(compared)
     entries += [Entry("" if k else "Drive", line) for k, line in enumerate(gains)]
     if page is not None:
-        entries.append(Entry("Page", f"{page}, {1e-6 * page.stat().st_size:.2g} MB"))
-        entries.append(Entry("Next", "open it in a browser; it needs no network, and prints"))
-    elif several and not flags.details:
-        entries.append(Entry("Next", "--details prints every number of each"))
+        size = f"{1e-6 * page.stat().st_size:.2g} MB"
+        entries.append(Entry("Page", f"{page}, {size}, for any browser; it needs no network"))
+    if several and not flags.details:
+        entries.append(Entry("Next", f"jcontour report{words_of(map(str, runs))} --details"))
     say(console, *screen(None, entries))
     return 0
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from jcontour.app.files.checks import MachineError, shown
+from jcontour.app.plain_numbers import feed_words
 from jcontour.geometry.toolpath_rules import INCH, MM, read_text
 from jcontour.motion.other_controls import ControlLimits
 
@@ -120,7 +121,7 @@ def _questioned(speeds: dict[str, float], length: float) -> tuple[str, ...]:
     """Questions about speeds [m/s] that nearly no axis has."""
     unit = "mm/s" if length == MM else "inches a second"
     return tuple(
-        f"{key} = {speed / length:g} is read as {unit}, {60 * speed:.3g} m/min: is it a minute's, "
+        f"{key} = {speed / length:g} is read as {unit}, {feed_words(speed)}: is it a minute's, "
         "as in grbl?"
         for key, speed in speeds.items()
         if speed > FAST

@@ -108,8 +108,8 @@ class Check(RunsCode):
     max_increment: float | None = None
     """Limit on the change of every control per sample [control unit].
     The machine's own when not given."""
-    max_speed_mm_s: float | None = None
-    """Limit on the speed of every axis [mm/s]; the machine's own when not given."""
+    max_speed_mm_per_min: float | None = None
+    """Limit on the speed of every axis [mm/min]; the machine's own when not given."""
     max_acceleration: float | None = None
     """Limit on the acceleration of every axis [m/s^2]; the machine's own when not given."""
     fallback: Fallback = FALLBACK

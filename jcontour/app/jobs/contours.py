@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.app.jobs.job import TOOLPATHS, AxisMove, Job, Pace, Task, along_contour, from_file
+from jcontour.app.plain_numbers import feed_words
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import circle, ellipse, lemniscate, line, polygon, spline
 from jcontour.geometry.periodic_splines import polar_lobes
@@ -85,7 +86,7 @@ def _point_to_point(
         used = pace.feed or feed, pace.acceleration or acceleration
         law = PointToPoint(distance, *used, jerk)
         shape = "trapezoidal" if np.isinf(jerk) else "S-curve"
-        words = f"{shape}, {used[0]:g} m/s, {used[1]:g} m/s^2"
+        words = f"{shape}, {feed_words(used[0])}, {used[1]:g} m/s^2"
         duration = DWELL + law.duration + SETTLING
         return _motion(name, pace, line([0.0], [distance]), law, duration, words)
 

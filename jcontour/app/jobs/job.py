@@ -14,8 +14,9 @@ from jaxtyping import Bool, Float
 
 from jcontour.app.jobs.memory import TooLongError, check_duration
 from jcontour.app.jobs.motion_laws import UM, Aside, along_path, coarse_coordinates
-from jcontour.app.jobs.pace import MM_PER_MIN, Pace
+from jcontour.app.jobs.pace import Pace
 from jcontour.app.machines.machine import Machine
+from jcontour.app.plain_numbers import feed_words
 from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.reading import read
@@ -164,7 +165,7 @@ def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
     if bool(contour.closed):
         arc = feed * dt * np.arange(int(2 * float(contour.length) / (feed * dt)) + 1)
         scored = arc >= float(contour.length)
-    return Job(name, contour, arc, scored, False, f"constant {feed / MM_PER_MIN:.4g} mm/min")
+    return Job(name, contour, arc, scored, False, f"constant {feed_words(feed)}")
 
 
 def along_contour(name: str, contour: Contour, pace: Pace) -> Job:
@@ -292,7 +293,7 @@ def _rapid_speed(speed: np.ndarray, rapid: np.ndarray, pace: Pace) -> Iterator[s
     if limit is not None:
         limited = asked <= limit.max()
         why = "the machine's limit of speed" if limited else "the fastest feed, above that limit"
-    yield f"rapid moves at {asked / MM_PER_MIN:.0f} mm/min ({why})"
+    yield f"rapid moves at {feed_words(asked)} ({why})"
 
 
 def _other_tolerance(

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jcontour.app.jobs.pace import MM_PER_MIN, Pace
+from jcontour.app.jobs.pace import Pace
+from jcontour.app.plain_numbers import feed_words
 from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.toolpath_rules import INCH, MM
 from jcontour.motion.cornering import Planned, cornered
@@ -64,7 +65,7 @@ def along_path(
         pace: limits and law.
         rest: how long it rests at the end of every piece [s]; NaN where it goes on.
     """
-    words = f"{float(np.max(np.where(rapid, 0.0, feed))) / MM_PER_MIN:.4g} mm/min"
+    words = feed_words(float(np.max(np.where(rapid, 0.0, feed))))
     if pace.planner != "jcontour":
         return _of_control(contour, feed, rapid, pace, rest, words)
     if pace.halved:

@@ -7,13 +7,13 @@ import numpy as np
 
 from jcontour.app.flags.shared import FeedLaw, MachineFlags, Planner
 from jcontour.app.machines.machine import Machine
+from jcontour.app.plain_numbers import MM_PER_MIN
 from jcontour.geometry.drawings.drawing import GAP
 from jcontour.geometry.gcode.modes import Tool, read_tool_table
 from jcontour.geometry.toolpath_rules import INCH, MM
 from jcontour.motion.other_controls import ControlLimits
 
 FEED = 3000.0  # [mm/min] where nothing is programmed
-MM_PER_MIN = 1e-3 / 60
 DRAWING_UNITS = {
     "mm": MM,
     "cm": 10 * MM,

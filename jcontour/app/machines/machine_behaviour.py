@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import matrix_balance, schur, solve_sylvester
 
 from jcontour.app.machines.machine import Machine
+from jcontour.app.plain_numbers import feed_words
 from jcontour.linear.plant import LinearPlant
 
 GRAVITY = 9.81  # [m/s^2]
@@ -141,7 +142,7 @@ def questions(machine: Machine, behaviours: list[AxisBehaviour]) -> list[str]:
             )
         if one.kind == "speed" and most * one.gain > FAST:
             lines.append(
-                f"{one.name}: the largest control gives {most * one.gain:.3g} m/s; "
+                f"{one.name}: the largest control gives {feed_words(most * one.gain)}; "
                 "is length_unit right?"
             )
         speed = machine.limits.speed
@@ -149,8 +150,8 @@ def questions(machine: Machine, behaviours: list[AxisBehaviour]) -> list[str]:
             allowed = float(np.broadcast_to(speed, len(behaviours))[k])
             if most * one.gain < (1.0 - UNSEEN) * allowed:
                 lines.append(
-                    f"{one.name}: the largest control gives {1e3 * most * one.gain:.4g} mm/s, "
-                    f"less than its limit of {1e3 * allowed:.4g} mm/s"
+                    f"{one.name}: the largest control gives {feed_words(most * one.gain)}, "
+                    f"less than its limit of {feed_words(allowed)}"
                 )
     return lines
 

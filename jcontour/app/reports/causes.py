@@ -7,6 +7,7 @@ import numpy as np
 from rich.console import Console
 
 from jcontour.app.files.results.loop_results import AuditedResult, CauseShare
+from jcontour.app.plain_numbers import feed_words
 from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import digits, position, say, table_of
 
@@ -48,10 +49,10 @@ def _words(cause: "Cause", axis: str, shares: "Shares", axes: tuple[str, ...]) -
                 f"take {each} off the acceleration feedforward of {axis}, or corner with less jerk"
             )
         case "friction":
-            pulse = 1e3 * cause.size / max(cause.lasts, 1e-6)
+            pulse = cause.size / max(cause.lasts, 1e-6)
             return f"friction: spikes of {digits(um)} um at reversals of {axis}", (
                 f"friction feedforward on {axis}: at each reversal begin with a pulse of "
-                f"{digits(pulse)} mm/s that decays within {digits(ms)} ms"
+                f"{feed_words(pulse)} that decays within {digits(ms)} ms"
             )
         case "backlash":
             return f"backlash of {digits(um)} um on {axis}, or friction without an integrator", (

@@ -20,6 +20,7 @@ from jcontour.app.reports.tables import (
     digits,
     metric_cells,
     peak_line,
+    place_words,
     plain_table,
     position,
     read_line,
@@ -69,11 +70,9 @@ def tuned_answer(result: TunedResult) -> list[Entry]:
     if peaks:
         worst = max(peaks, key=lambda one: one.peak.error if one.peak else 0.0)
         assert worst.peak is not None
-        entries.append(
-            Entry(
-                "Worst", f"{worst.name}: {peak_line(worst.peak, result.error, result.machine.axes)}"
-            )
-        )
+        size = f"{worst.name}, {digits(1e6 * worst.peak.error)} um"
+        place = place_words(worst.peak, result.machine.axes)
+        entries.append(Entry("Worst", f"{size} {place} ({worst.peak.plant})"))
     # Controls, and the margins of the tuned loops beside the peak sensitivity of the start
     sizes = []
     for name in ("rms_control", "rms_increment"):
@@ -323,7 +322,9 @@ def simulated_answer(result: SimulatedResult) -> list[Entry]:
         )
     ]
     if result.peak is not None:
-        entries.append(Entry("Worst", peak_line(result.peak, result.error, result.machine.axes)))
+        size = f"{digits(1e6 * result.peak.error)} um"
+        place = place_words(result.peak, result.machine.axes)
+        entries.append(Entry("Worst", f"{size} {place} ({result.peak.plant})"))
     peak, unit = max(one.peak_control for one in runs), result.machine.control_unit
     entries.append(Entry("Effort", f"peak control {digits(peak)} {unit}"))
     if result.motion is not None:

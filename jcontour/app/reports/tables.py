@@ -195,11 +195,14 @@ def _millimetres(value: float) -> str:
 
 def peak_line(peak: PeakPlace, error: str, axes: Sequence[str]) -> str:
     """Where the largest error is, in one line."""
-    place = position(axes, peak.position)
-    line = f"largest {error} error {1e6 * peak.error:.4g} um at {place}, t {peak.time:.4g} s"
-    if peak.line is not None:
-        line += f", line {peak.line} of the file"
-    return f"{line} (plant: {peak.plant})"
+    size = f"largest {error} error {1e6 * peak.error:.4g} um"
+    return f"{size} {place_words(peak, axes)} (plant: {peak.plant})"
+
+
+def place_words(peak: PeakPlace, axes: Sequence[str]) -> str:
+    """Place and time of the largest error, and the line of the program."""
+    line = "" if peak.line is None else f", line {peak.line} of the file"
+    return f"at {position(axes, peak.position)}, t {peak.time:.4g} s{line}"
 
 
 def position(axes: Sequence[str], values: Sequence[float]) -> str:

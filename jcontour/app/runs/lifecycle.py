@@ -1,7 +1,7 @@
 """First and last lines of every command: its run folder and its answer."""
 
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import Field, fields, replace
 from pathlib import Path
@@ -15,11 +15,12 @@ from jcontour.app.catalogue.own_classes import own_name
 from jcontour.app.files import run_folder
 from jcontour.app.files.results.stored import versioned
 from jcontour.app.files.results.verdict import Verdict
-from jcontour.app.flags.shared import Controlled, MachineFlags, Storage
+from jcontour.app.flags.shared import Common, Controlled, MachineFlags, Storage
 from jcontour.app.reports import tables
 from jcontour.app.reports.page.page_data import FILE, KINDS, write_page
 from jcontour.app.reports.screen import Entry, screen
 
+OF_A_CALL = ("json", "details", "out", "resume")  # flags of one call, and not of its task
 WHERE = ("json", "details", "trust_code", "devices")  # flags a run may go on with
 FILES = (
     "plant",
@@ -69,13 +70,13 @@ def created(flags: Any, command: str) -> Path:
 
 
 def task_words(
-    parts: Sequence[str], flags: Mapping[str, Any], kind: type[MachineFlags] = MachineFlags
+    parts: Sequence[str], flags: Mapping[str, Any], kind: type[Common] = MachineFlags
 ) -> str:
     """Parts and flags as words of a command line, with a space before."""
     words = [*parts]
     for one in fields(kind):
         value = flags.get(one.name, one.default)
-        if one.name in ("json", "details") or value == one.default or value == []:
+        if one.name in OF_A_CALL or _is_positional(one) or value == one.default or value == []:
             continue
         several, name = isinstance(value, (tuple, list)), one.name.replace("_", "-")
         if isinstance(value, bool):
@@ -108,7 +109,7 @@ def ranked_words(folder: Path) -> str:
     return task + words_of(["--controllers", *filter(None, [usual, controller])])
 
 
-def words_of(words: Sequence[str]) -> str:
+def words_of(words: Iterable[str]) -> str:
     """Words of a command line as a shell reads them, each with a space before."""
     return "".join(f" {shlex.quote(word)}" for word in words)
 
@@ -142,9 +143,13 @@ def resumed(flags: F, command: str) -> tuple[Path, F]:
     return folder, stored_flags(folder, command, type(flags), **now, resume=None)
 
 
+def _is_positional(one: Field) -> bool:
+    return Positional in getattr(one.type, "__metadata__", ())
+
+
 def _typed(flags: Any, one: Field) -> str:
     """A flag as it is typed; of a positional one its words."""
-    if Positional not in getattr(one.type, "__metadata__", ()):
+    if not _is_positional(one):
         return f"--{one.name.replace('_', '-')}"
     given = getattr(flags, one.name)
     return words_of(given if isinstance(given, (tuple, list)) else [str(given)]).strip()

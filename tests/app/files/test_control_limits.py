@@ -63,7 +63,9 @@ def test_grbl(tmp_path):
 
 
 def test_units_that_look_wrong_are_questioned(tmp_path):
-    assert "5000 is read as mm/s, 300 m/min" in limits(tmp_path, INI.replace("200", "5000"))[1][0]
+    assert (
+        "5000 is read as mm/s, 300000 mm/min" in limits(tmp_path, INI.replace("200", "5000"))[1][0]
+    )
     assert (
         "83 is read as mm/min, 1.38 mm/s" in limits(tmp_path, GRBL.replace("5000.000", "83"))[1][0]
     )

@@ -70,7 +70,10 @@ def test_wrong_units_are_questioned():
     lines = questions(wrong, axis_behaviours(wrong))  # 200 m/s in 15 ms
     assert "g; is length_unit right?" in lines[0] and "200 m/s" in lines[1]
     slow = loaded(replace(MILL, max_speed=(500.0,)))
-    assert "200 mm/s, less than its limit of 500 mm/s" in questions(slow, axis_behaviours(slow))[0]
+    assert (
+        "12000 mm/min, less than its limit of 30000 mm/min"
+        in questions(slow, axis_behaviours(slow))[0]
+    )
     just = loaded(replace(MILL, max_speed=(200.0,)))  # the same number, computed two ways
     assert questions(just, axis_behaviours(just)) == []
     for stated, message in (

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from jcontour.app.files.results.verdict import Verdict, reason, warning
-from jcontour.app.reports.screen import LINES, WIDTH, Entry, screen
+from jcontour.app.reports.screen import LINES, WIDTH, Entry, next_step, screen
 
 ENTRIES = [Entry("Error", "4 um"), Entry("Note", "a doubt"), Entry("Folder", "runs/tune")]
 
@@ -24,9 +24,29 @@ def test_findings_that_do_not_fit_are_counted(count):
 def test_the_remedy_of_the_gravest_reason_is_the_next_step():
     verdict = Verdict.of([], [reason("late"), reason("loud", "less gain"), reason("off", "none")])
     lines = screen(verdict, ENTRIES)
-    assert lines[-2] == "Next     less gain" and "Because  loud" in lines
-    lines = screen(verdict, [Entry("Next", "jcontour list"), *ENTRIES])
-    assert "Next     jcontour list" in lines and "Next     less gain" not in lines
+    assert lines[-2] == "Advice   less gain" and "Because  loud" in lines
+    lines = screen(verdict, [next_step("jcontour list"), *ENTRIES])
+    assert "Next     jcontour list" in lines and "Advice   less gain" not in lines
+
+
+def test_the_gravest_finding_and_every_entry_stand_on_a_full_screen():
+    """Three lines of the finding, its count of others, and eleven entries in 15 lines."""
+    long = [Entry(f"Entry {k}", f"is {'a long statement ' * 10}") for k in range(7)]
+    verdict = Verdict.of([], [reason("much to say " * 14), *map(warning, "abcdef")])
+    lines = screen(verdict, [*long, next_step("jcontour list"), Entry("Folder", "runs/tune")])
+    assert len(lines) <= LINES and lines[1].startswith("Because  much")
+    assert [line[:7] for line in lines if line.startswith("Entry")] == [
+        f"Entry {k}" for k in range(7)
+    ]
+    assert "6 more findings" in "".join(lines) and lines[-2:] == [
+        "Next     jcontour list",
+        "Folder   runs/tune",
+    ]
+
+
+def test_without_a_verdict_the_screen_begins_with_its_entries():
+    lines = screen(None, [Entry("X", "a model"), Entry("Note", "coarse"), Entry("Folder", "runs")])
+    assert lines == ["X        a model", "Note     coarse", "Folder   runs"]
 
 
 def test_a_command_is_never_cut():

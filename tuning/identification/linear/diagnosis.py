@@ -256,9 +256,9 @@ def _speed_limit(command: np.ndarray, position: np.ndarray, dt: float) -> str:
     if len(beyond) < OFTEN * len(asked):
         return ""
     return (
-        f"the command asks for up to {1e3 * asked[beyond].max():.3g} mm/s, first after "
-        f"{dt * beyond[0]:.3g} s, and the axis goes no faster than {1e3 * largest:.3g} mm/s: its "
-        "drive limits the speed, which no linear model has; use what is before, or ask for less"
+        f"the command asks for up to {60e3 * asked[beyond].max():.4g} mm/min, first after "
+        f"{dt * beyond[0]:.3g} s, and the axis goes no faster than {60e3 * largest:.4g} mm/min: "
+        "its drive limits the speed, which no linear model has; use what is before, or ask for less"
     )
 
 

@@ -16,19 +16,20 @@ from jcontour.app.files.results.stored import Weight, read_result, write_result
 from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.files.results.verdict import LimitCheck, Message, Verdict, reason, warning
 from jcontour.app.flags.loops import Check
-from jcontour.app.jobs.job import Job
+from jcontour.app.flags.tuning import Tune
 from jcontour.app.machines.machine import Machine
+from jcontour.app.plain_numbers import MM_PER_MIN
 from jcontour.app.reports import tables
 from jcontour.app.reports.progress import counted
 from jcontour.app.reports.screen import Entry
-from jcontour.app.runs.lifecycle import created, finished
+from jcontour.app.runs.lifecycle import created, finished, task_words, words_of
 from jcontour.app.runs.stored_loops import stored_tuning
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.qp.solvers import solver_named
 from jcontour.simulation.evaluation import member
 from tuning.verification import Gap, verify
 
-OF_LIMITS = ("max_control", "max_increment", "max_speed_mm_s", "max_acceleration")
+OF_LIMITS = ("max_control", "max_increment", "max_speed_mm_per_min", "max_acceleration")
 OF_LIMITS += ("fallback", "solver")
 OF_BOUND = ("force", "encoder_um")
 
@@ -59,15 +60,15 @@ FLAGS = {  # limit -> flag, factor to SI
     "control": ("max_control", 1.0),
     "increment": ("max_increment", 1.0),
     "acceleration": ("max_acceleration", 1.0),
-    "speed": ("max_speed_mm_s", 1e-3),
+    "speed": ("max_speed_mm_per_min", MM_PER_MIN),
 }
-AWAY = {  # limit -> what of `tune` keeps a loop further away from it
-    "control": "--max-peak-control",
-    "increment": "--max-peak-increment",
-    "acceleration": "a lower --acceleration",
-    "speed": "a lower --feed-mm-per-min",
+AWAY = {  # limit -> flag of `tune` that keeps a loop further away from it, factor to SI
+    "control": ("max_peak_control", 1.0),
+    "increment": ("max_peak_increment", 1.0),
+    "acceleration": ("acceleration", 1.0),
+    "speed": ("feed_mm_per_min", MM_PER_MIN),
 }
-AT_FEED = AWAY | {"acceleration": AWAY["speed"]}  # a path at constant feed takes no acceleration
+FURTHER = 0.9  # of a limit that is kept: what the next tuning is asked for
 UNITS = {"speed": "m/s", "acceleration": "m/s^2"}  # of limits on axes; others are in control units
 COUNTED = 0.01  # of a limit: what counted measurements add is less
 REACHED = "Largest value on every sample, of its limit"
@@ -179,8 +180,7 @@ def check_limits(flags: Check) -> int:
         verdict=verdict_on(rows, bounds, unit, against),
     )
     write_result(out, result)
-    rests = any(isinstance(job, Job) and job.at_rest for job in scenarios.jobs)
-    answer = _answer(rows, result.verdict, bounds, AWAY if rests else AT_FEED)
+    answer = _answer(rows, result.verdict, flags, run_folder.opened(flags.run, "tune")["flags"])
     return finished(out, result, flags, show, answer, result.verdict)
 
 
@@ -199,7 +199,7 @@ def limits_of(flags: Check, machine: Machine) -> Limits:
     if all(size is None for size in sizes.values()):
         raise ValueError(
             f"check: {machine.name} states no limits; give --max-control, --max-increment, "
-            "--max-speed-mm-s or another"
+            "--max-speed-mm-per-min or another"
         )
     return Limits.within(**sizes)
 
@@ -249,8 +249,8 @@ def show(result: Verified, console: Console) -> None:
         return [*(tables.digits(100 * share) for share in limited), *errors]
 
     def largest(gap: GapRow) -> list[str]:
-        pairs = (_most(gap, name, result.limits) for name in names)
-        return [f"{value:.4g} of {most:.4g}" for value, most in pairs]
+        checks = (_limit_check(gap, name, result.limits, result.control_unit) for name in names)
+        return [one.size for one in checks]
 
     title = f"Tuned weights under limits on {', '.join(names)} ({result.solver})"
     console.print(tables.plain_table(title, HEADINGS, _by_contour(result.gaps, costs)))
@@ -260,9 +260,8 @@ def show(result: Verified, console: Console) -> None:
         "limit acts: steps whose own control is kept by one, of the control, its change,",
         "or the next speed or acceleration of the model",
     )
-    headings = [f"{name}\n{_unit(name, result.control_unit)}" for name in names]
     rows = _by_contour(result.gaps, largest)
-    console.print(tables.plain_table(REACHED, [HEADINGS[0], *headings], rows))
+    console.print(tables.plain_table(REACHED, [HEADINGS[0], *names], rows))
     residuals = [gap.residual for gap in result.gaps if np.isfinite(gap.residual)]
     if residuals:
         tables.say(console, f"Largest scaled residual of a QP: {max(residuals):.1e}")
@@ -277,19 +276,24 @@ def _by_contour(gaps: Sequence[GapRow], cells: Callable[[GapRow], list[str]]) ->
     return rows
 
 
-def _unit(name: str, control_unit: str) -> str:
-    per = f"{control_unit} per sample" if name == "increment" else control_unit
-    return UNITS.get(name, per)
-
-
-def _most(gap: GapRow, name: str, limits: Mapping[str, list | None]) -> tuple[float, float]:
+def _limit_check(
+    gap: GapRow, name: str, limits: Mapping[str, list | None], control_unit: str
+) -> LimitCheck:
     """Largest value of a limited signal and its limit, on the axis that uses most of it."""
     bounds = limits[name]
     assert bounds is not None
     largest = np.asarray(gap.reached[name])
     most = np.broadcast_to(bounds[1], largest.shape)
     axis = int(np.argmax(largest / most))
-    return float(largest[axis]), float(most[axis])
+    per = f"{control_unit} per sample" if name == "increment" else control_unit
+    return LimitCheck(
+        name=name,
+        value=float(largest[axis]),
+        allowed=float(most[axis]),
+        unit=UNITS.get(name, per),
+        member=f"{gap.contour}, {gap.plant}",
+        slack=COUNTED,
+    )
 
 
 def verdict_on(
@@ -310,19 +314,8 @@ def verdict_on(
     """
     checks = []
     for name in (name for name, bounds in limits.items() if bounds is not None):
-        reached = [(*_most(row, name, limits), row) for row in rows if name in row.reached]
-        if reached:
-            value, most, row = max(reached, key=lambda one: one[0] / one[1])
-            checks.append(
-                LimitCheck(
-                    name=name,
-                    value=value,
-                    allowed=most,
-                    unit=_unit(name, unit),
-                    member=f"{row.contour}, {row.plant}",
-                    slack=COUNTED,
-                )
-            )
+        reached = [_limit_check(row, name, limits, unit) for row in rows if name in row.reached]
+        checks += sorted(reached, key=lambda one: one.value / one.allowed)[-1:]
     messages = [*tuned]
     for row in rows:
         where = f"{row.contour}, {row.plant}"
@@ -335,39 +328,42 @@ def verdict_on(
 
 
 def _answer(
-    rows: list[GapRow],
-    verdict: Verdict,
-    limits: Mapping[str, list | None],
-    flags: Mapping[str, str],
+    rows: list[GapRow], verdict: Verdict, flags: Check, tuned: Mapping[str, Any]
 ) -> list[Entry]:
-    """Cost of the limits, the one that is used most, and the next step.
+    """Cost of the limits, the one that is used most, and the next command.
 
     Args:
         rows: of the table.
         verdict: on them.
-        limits: by name; None where there is none.
-        flags: what of `tune` keeps a loop further away from each of them.
+        flags: of the check.
+        tuned: those of the tuned run.
     """
-    beyond = [one.name for one in verdict.limits if not one.kept]
-    asked = beyond or [name for name in flags if limits.get(name) is not None]
-    away = " or ".join(dict.fromkeys(flags[name] for name in flags if name in asked))
     lost = [row for row in rows if row.failure]
     used = max(verdict.limits, key=lambda one: one.value / one.allowed, default=None)
     most = [] if used is None else [Entry("Limit", f"most used: {used.name} {used.size}")]
-    if lost:
+    if lost and flags.fallback == "stop":
         stopped = f"{len(lost)} of {len(rows)} runs: a step had no answer within the limits"
-        next_step = f"--fallback hold or soft goes on; or tune again with {away}"
-        return [Entry("Stopped", stopped), *most, Entry("Next", next_step)]
-    if beyond:
-        return [*most, Entry("Next", f"tune again with {away}")]
+        again = task_words([str(flags.run)], {**vars(flags), "fallback": "soft"}, Check)
+        return [Entry("Stopped", stopped), *most, Entry("Next", f"jcontour check{again}")]
     if not any(row.active_fraction > 0 for row in rows):
         kept = "no limit was ever active: the tuned controller itself keeps to all of them"
-        tighter = "a tighter limit, such as --max-control or --max-increment, shows its cost"
-        return [Entry("Error", kept), *most, Entry("Next", tighter)]
+        return [
+            Entry("Error", kept),
+            *most,
+            Entry("Next", f"jcontour export{words_of([str(flags.run)])}"),
+        ]
+    # Tune again, further away from the limit that is exceeded, or else used, most
+    away = dict(tuned)
+    if used is not None:
+        name, unit = AWAY[used.name]
+        share = FURTHER * min(1.0, used.allowed / used.value)
+        away[name] = float(f"{share * (tuned.get(name) or used.allowed / unit):.3g}")
+    again = Entry("Next", f"jcontour tune{task_words(tuned['parts'], away, Tune)}")
+    if not verdict.usable:
+        return [*most, again]
     worst = max(rows, key=lambda row: row.added_error)
     assert worst.within is not None
     before, after = (1e6 * one.rms_contour_error for one in (worst.without, worst.within))
     sizes = f"{tables.digits(before)} -> {tables.digits(after)} um"
     cost = f"the limits add most on {worst.contour}, {worst.plant}: RMS contour {sizes}"
-    too_much = f"where that is too much, tune again with {away}"
-    return [Entry("Error", cost), *most, Entry("Next", too_much)]
+    return [Entry("Error", cost), *most, again]

@@ -31,7 +31,7 @@ from jcontour.app.reports.progress import counted
 from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import digits, of_axes, of_inputs, peak_line, say, table_of
 from jcontour.app.runs.contour_summary import machine_summary
-from jcontour.app.runs.lifecycle import created, finished
+from jcontour.app.runs.lifecycle import created, finished, words_of
 from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
 from jcontour.bounds.certificates import Certificate, certificate
 from jcontour.bounds.disturbed_loop import Box
@@ -133,12 +133,12 @@ def command(flags: Check) -> int:
         Entry("Bound", f"{digits(1e6 * worst.bound)} um, {worst.contour}, {worst.plant}; {shares}"),
         Entry("Worst", peak_line(worst.place, result.error, result.machine.axes)),
         Entry("Proven", _proven(result)),
-        Entry(
-            "Next",
-            "--force and --encoder-um say what acts on your machine; tune again with "
-            "other limits where the bound is too large",
-        ),
+        Entry("Assumed", "--force and --encoder-um say what acts on your machine"),
     ]
+    if result.verdict.usable:
+        answer.append(Entry("Next", f"jcontour export{words_of([str(flags.run)])}"))
+    else:
+        answer.append(Entry("Advice", "tune again with a lower --max-peak-control"))
     return finished(folder, result, flags, show_certified, answer, result.verdict)
 
 

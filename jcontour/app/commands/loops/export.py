@@ -18,6 +18,7 @@ from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.flags.loops import Export
 from jcontour.app.jobs.job import Task
 from jcontour.app.machines.uncertainty import in_words
+from jcontour.app.plain_numbers import feed_words
 from jcontour.app.reports import tables
 from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.checks.exported_code import compiled_checks, replayed
@@ -71,7 +72,7 @@ def command(flags: Export) -> int:
         *_measured(result),
         *(Entry("Limits", line) for line in result.limits),
         *(Entry("Warning", line) for line in result.warnings),
-        Entry("Next", then),
+        Entry("Load", then),
     ]
     return finished(folder, result, flags, show_exported, answer)
 
@@ -276,8 +277,8 @@ def limit_lines(limits: SafeLimits, loop: StoredLoop) -> list[str]:
 
     stated = "" if loop.machine.limits.speed is not None else " (none stated: twice the run's)"
     lines = [
-        f"Speed limit: {words(limits.speed, 1e3, 'mm/s')}{stated}, "
-        f"back to the path {words(limits.recovery_speed, 1e3, 'mm/s')}.",
+        f"Speed limit: {feed_words(*limits.speed)}{stated}, "
+        f"back to the path {feed_words(*limits.recovery_speed)}.",
         f"Trips: {words(limits.following, 1e3, 'mm')} from the command, "
         f"{words(limits.reach, 1e3, 'mm')} from the path, {limits.lost + 1} samples without a "
         f"measurement, {limits.missed + 1} missed deadlines in a row.",

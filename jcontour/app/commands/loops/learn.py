@@ -15,6 +15,7 @@ from jcontour.app.files.results.stored import Weight, write_result
 from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.flags.loops import Learn
 from jcontour.app.jobs.job import Pace
+from jcontour.app.plain_numbers import feed_words
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import learning
 from jcontour.app.reports.figures.png import save_figure
@@ -171,7 +172,7 @@ def loading(result: LearnedResult, file: str) -> list[str]:
         f"{file}: the reference at every sample as lap {one.lap} of the linear model had it "
         f"({digits(one.error_um)} um), shifted by up to {digits(one.largest_um)} um; it begins "
         f"{digits(one.first_um)} um beside the part, a step for the tool that stands there, and "
-        f"then asks an axis for up to {digits(one.speed)} m/s and {digits(one.acceleration)} m/s^2",
+        f"then asks an axis for up to {feed_words(one.speed)} and {digits(one.acceleration)} m/s^2",
         f"it is for {result.controller} with {weights}, and for no other one; on the machine "
         "go on from it lap by lap",
     ]

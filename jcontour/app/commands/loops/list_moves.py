@@ -13,6 +13,7 @@ import numpy as np
 from jcontour.app.catalogue.entries import CONTOURS
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.flags.shared import MachineFlags
+from jcontour.app.plain_numbers import MM_PER_MIN, feed_number
 from jcontour.geometry.gcode.machine_values import warnings_of
 from jcontour.geometry.gcode.modes import read_tool_table
 from jcontour.geometry.gcode.moves import (
@@ -28,7 +29,7 @@ from jcontour.geometry.gcode.programs import files_beside, interpreted
 from jcontour.geometry.toolpath_rules import MM, ToolpathError, lines_of, read_program
 
 USUAL = ("bridgeport", "xy-table", "emps")  # X and Y
-UM, MM_PER_MIN = 1e-6, 1e-3 / 60  # [m], [m/s]
+UM = 1e-6  # [m]
 DRAWINGS = (".dxf", ".svg")
 AXES = "XYZ"
 NAMES = "line", "move"
@@ -174,12 +175,7 @@ def _table(rows: Iterable[_Row], axes: int) -> Iterator[str]:
 
 def _cells(line: int, kind: str, end: Sequence[float], feed: float) -> tuple[str, ...]:
     place = (f"{coordinate / MM + 0.0:.4f}" for coordinate in end)
-    return str(line), kind, *place, "-" if math.isnan(feed) else _pace(feed / MM_PER_MIN)
-
-
-def _pace(feed: float) -> str:
-    """Five digits of a feed [mm/min], or all before the point where it has more."""
-    return f"{feed:.0f}" if feed >= 1e5 else f"{feed:.5g}"
+    return str(line), kind, *place, "-" if math.isnan(feed) else feed_number(feed)
 
 
 def _around(centre: Sequence[float], degrees: float) -> str:

@@ -21,6 +21,7 @@ from jcontour.app.files.results.verdict import Verdict, exceeded, reason, warnin
 from jcontour.app.flags.loops import Precompensate
 from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.sections import sections
+from jcontour.app.plain_numbers import feed_words
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.loops import bent_figure
 from jcontour.app.reports.figures.png import save_figure
@@ -166,7 +167,7 @@ def gain_words(result: BentResult) -> str:
         f"RMS {result.error} error: nominal {_change(*result.nominal)}, "
         f"worst of the family {_change(*result.worst)}. "
         f"The reference moves by up to {tables.digits(1e6 * result.largest)} um; "
-        f"it asks an axis for up to {tables.digits(result.asked[0])} m/s and "
+        f"it asks an axis for up to {feed_words(result.asked[0])} and "
         f"{tables.digits(result.asked[1])} m/s^2."
     )
 

@@ -23,7 +23,7 @@ from jcontour.app.reports.figures.motion import motion_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.rollouts import save_rollouts
 from jcontour.app.reports.run_tables import show_simulated, simulated_answer
-from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.screen import Entry, next_step
 from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.checks.run_checks import (
     NAN,
@@ -144,14 +144,14 @@ def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> 
     """
     if lost and undefined:
         words = "mend what is NaN (not a number), see the warning; other weights do not help"
-        return [Entry("Next", words)]
+        return [next_step(words)]
     if lost:
         words = (
             "other weights, or another controller, with which the nominal plant does not diverge; "
             "tuning begins from there"
         )
-        return [Entry("Next", words)]
+        return [next_step(words)]
     part = [] if flags.contour is None else [flags.contour]
     if flags.controller in CONSTRAINED:
-        return [Entry("Next", "other --weights, --preview or --feed-mm-per-min: none is tuned")]
-    return [Entry("Next", f"jcontour tune{tuning_words(part, vars(flags))}")]
+        return [next_step("other --weights, --preview or --feed-mm-per-min: none is tuned")]
+    return [next_step(f"jcontour tune{tuning_words(part, vars(flags))}")]

@@ -33,6 +33,7 @@ from jcontour.app.machines.machine_behaviour import (
     SHORTEST,
     coarse_counts,
 )
+from jcontour.app.plain_numbers import feed_words
 from jcontour.app.reports import tables
 from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import of_axes
@@ -97,7 +98,7 @@ def command(flags: Identify) -> int:
 
 def axis_words(one: LinearAxisResult, control_unit: str) -> str:
     """Model of an axis in a line, with what is known of its gain and up to which frequency."""
-    gain = f"{1e3 * one.gain:.5g} mm{'/s' * bool(one.integrators)} per {control_unit}"
+    gain = f"{gain_words(one)} per {control_unit}"
     low, high = one.gain_interval
     measured = f", measured to {one.measured_to:.3g} Hz" if one.measured_to else ""
     known = f" +- {50 * (high - low) / abs(one.gain):.2g} %" if one.gain else ""
@@ -173,7 +174,7 @@ def _simulated(seed: int) -> tuple[Log, str]:
             x = A @ x + B[:, 0] * waiting[late]
             command[k, axis], position[k, axis] = u, place
     words = "simulated: " + "; ".join(
-        f"{name} {1e3 * gain:g} mm/s per V, {1e3 * constant:g} ms, {1e3 * delay:g} ms of delay"
+        f"{name} {feed_words(gain)} per V, {1e3 * constant:g} ms, {1e3 * delay:g} ms of delay"
         for name, (gain, constant, delay) in DEMO.items()
     )
     return Log(DEMO_DT, command, position, ()), f"{words}; encoders of 1 um, seed {seed}"
@@ -243,8 +244,8 @@ def _questions(
     for one, speed, moved in zip(axes, largest["speed"], largest["acceleration"], strict=True):
         if speed > FAST or moved > HARD or abs(one.gain) > GAIN_ASKED:
             lines.append(
-                f"{one.name}: {speed:.3g} m/s and {moved / GRAVITY:.3g} g in the record, and "
-                f"{one.gain:.3g} m{'/s' if one.integrators else ''} per {flags.control_unit}, are "
+                f"{one.name}: {feed_words(speed)} and {moved / GRAVITY:.3g} g in the record, and "
+                f"{gain_words(one)} per {flags.control_unit}, are "
                 "more than any drive has; is --length-unit right?"
             )
     return lines
@@ -307,7 +308,7 @@ def show(result: LinearMachineResult, console: Console) -> None:
     columns: dict[str, Callable[[LinearAxisResult], str | float]] = {
         "axis": lambda axis: axis.name,
         "model": words_of,
-        "gain at rest": lambda axis: f"{1e3 * axis.gain:.5g} mm{'/s' * bool(axis.integrators)}",
+        "gain at rest": gain_words,
         "+- %": spread,
         "delay": delay,
         "explains %": lambda axis: f"{100 * axis.explained:.3f}",
@@ -316,17 +317,22 @@ def show(result: LinearMachineResult, console: Console) -> None:
         "family %": lambda axis: f"{100 * axis.uncertainty:.2g}",
     }
     console.print(tables.table_of(title, result.axes, columns, text_columns=2))
-    speeds = ", ".join(f"{1e3 * value:.4g}" for value in result.limits["speed"])
     accelerations = ", ".join(f"{value:.3g}" for value in result.limits["acceleration"])
     commands = ", ".join(f"{value:.4g}" for value in result.limits["control"])
     late = f" and up to {result.delay} sample more of delay" if result.delay else ""
     tables.say(
         console,
         f"Family: every gain to {100 * result.gain:.2g} %{late}",
-        f"Limits in the file, the largest of the record: {speeds} mm/s; {accelerations} m/s^2; "
-        f"{commands} {result.control_unit}. Change them to those of the machine.",
+        f"Limits in the file, the largest of the record: {feed_words(*result.limits['speed'])}; "
+        f"{accelerations} m/s^2; {commands} {result.control_unit}. "
+        "Change them to those of the machine.",
         *(f"NOTE: {note}" for note in result.notes),
     )
+
+
+def gain_words(one: LinearAxisResult) -> str:
+    """Gain of an axis per control unit: a speed, or the position where it settles."""
+    return feed_words(one.gain) if one.integrators else f"{1e3 * one.gain:.5g} mm"
 
 
 def words_of(one: LinearAxisResult) -> str:

@@ -23,6 +23,7 @@ from jcontour.app.machines.machine_behaviour import (
     questions,
     response,
 )
+from jcontour.app.plain_numbers import MM_PER_MIN, feed_words
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.axes import CYCLE, grid, legend_below, plain_ticks
 from jcontour.app.reports.figures.png import save_figure
@@ -30,7 +31,6 @@ from jcontour.app.reports.figures.png import save_figure
 EXAMPLE = Path(jcontour.app.machines.__file__).parent / "example.json"
 OF_NO_MACHINE = ("file", "example", "json")  # flags that do not describe a machine
 SOUND = "The file is sound."
-UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2", "nothing": ""}
 POINTS = 300
 SHOWN = 8.0  # rise times of the step response that are drawn
 
@@ -114,16 +114,17 @@ def _result(
     # Limits of the axes in words, one number where all axes have the same
     limits, unit = machine.limits, machine.control_unit
     stated = [
-        f"{quantity} {_each(scale * limit)} {shown}"
-        for quantity, limit, scale, shown in (
-            ("speed", limits.speed, 1e3, "mm/s"),
-            ("acceleration", limits.acceleration, 1.0, "m/s^2"),
-            ("jerk", limits.jerk, 1.0, "m/s^3"),
-            ("control", limits.control, 1.0, unit),
-            ("control increment", limits.increment, 1.0, f"{unit} per sample"),
+        f"{quantity} {_each(limit)} {shown}"
+        for quantity, limit, shown in (
+            ("acceleration", limits.acceleration, "m/s^2"),
+            ("jerk", limits.jerk, "m/s^3"),
+            ("control", limits.control, unit),
+            ("control increment", limits.increment, f"{unit} per sample"),
         )
         if limit is not None
     ]
+    if limits.speed is not None:
+        stated.insert(0, f"speed {feed_words(*limits.speed)}")
     return MachineResult(
         name=machine.name,
         file=str(path),
@@ -168,12 +169,14 @@ def _draw(machine: Machine, path: Path) -> None:
         rise = one.rise if np.isfinite(one.rise) and one.rise > 0 else 100 * dt
         last = min(int((SHOWN * rise) / dt) + one.delay + 3, len(one.step) - 2)
         speed = np.diff(one.step)[:last] / dt
-        shown = 1e3 * one.step[:last] if one.kind == "position" else 1e3 * speed
+        shown = 1e3 * one.step[:last] if one.kind == "position" else speed / MM_PER_MIN
         step.plot(1e3 * one.time[:last], shown, color=colour, label=one.name)
         values = response(machine.model, k, frequency)
         size.plot(frequency, 1e3 * np.abs(values), color=colour)
         phase.plot(frequency, np.degrees(np.unwrap(np.angle(values))), color=colour)
-    what = "position [mm]" if all(one.kind == "position" for one in behaviours) else "speed [mm/s]"
+    what = (
+        "position [mm]" if all(one.kind == "position" for one in behaviours) else "speed [mm/min]"
+    )
     grid(step, f"{machine.name}: after a step of one {unit}", "time [ms]", what)
     size.set(xscale="log", yscale="log")
     phase.set(xscale="log")
@@ -192,7 +195,7 @@ def show(result: MachineResult, console: Console) -> None:
     columns: dict[str, Callable[[AxisSummary], str | float]] = {
         "axis": lambda axis: axis.name,
         "settles to": lambda axis: axis.kind,
-        "per unit": lambda axis: f"{tables.digits(1e3 * axis.gain)} {UNITS[axis.kind]}".strip(),
+        "per unit": _gain,
         "rise ms": lambda axis: 1e3 * axis.rise,
         "delay": lambda axis: str(axis.delay),
         "most m/s^2": lambda axis: axis.acceleration,
@@ -201,6 +204,18 @@ def show(result: MachineResult, console: Console) -> None:
     title = f"One {result.control_unit} on each axis by itself"
     console.print(tables.table_of(title, result.axes, columns, text_columns=3))
     tables.say(console, *(f"WARNING: {line}" for line in result.warnings))
+
+
+def _gain(axis: AxisSummary) -> str:
+    """Where one unit of the control takes an axis."""
+    match axis.kind:
+        case "speed":
+            return feed_words(axis.gain)
+        case "acceleration":
+            return f"{tables.digits(axis.gain)} m/s^2"
+        case "position":
+            return f"{tables.digits(1e3 * axis.gain)} mm"
+    return "-"
 
 
 def _next(result: MachineResult, path: Path, built: bool) -> list[str]:

@@ -16,7 +16,7 @@ from jcontour.app.reports import tables
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.figures.searches import front
 from jcontour.app.reports.rollouts import save_rollouts
-from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.screen import Entry, next_step
 from jcontour.app.runs.lifecycle import created, finished, opened, tuning_words
 from jcontour.app.runs.tuning.feeds import front_of_feeds
 from jcontour.app.runs.tuning.trade_off import Search, search_of, traced
@@ -138,7 +138,7 @@ def feed_entries(result: FrontResult) -> list[Entry]:
         words = "slower --overrides, or `jcontour tune` for this part and machine first"
         if any(point.feasible for point in result.points):
             words = "--max-peak-contour-error-um, the largest error that the part may have"
-    return [*entries, Entry("Next", words)]
+    return [*entries, next_step(words)]
 
 
 def next_steps(result: FrontResult, task: str) -> list[Entry]:
@@ -159,4 +159,4 @@ def next_steps(result: FrontResult, task: str) -> list[Entry]:
     if tight:
         budget = tables.digits(tight[0].budget)
         words = f"jcontour tune{task} {TUNED_BY[result.against]} {budget}"
-    return [*entries, Entry("Next", words)]
+    return [*entries, next_step(words)]

@@ -12,8 +12,8 @@ from jcontour.app.flags.tuning import Rank
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.figures.searches import ranking_figure
-from jcontour.app.reports.screen import Entry
-from jcontour.app.runs.lifecycle import finished, opened, tuning_words
+from jcontour.app.reports.screen import Entry, next_step
+from jcontour.app.runs.lifecycle import finished, opened, task_words, tuning_words
 from jcontour.app.runs.tuning.ranking import ranked, ranking_of
 
 BEGINS = "*"  # marks the Ms of a controller that learns
@@ -77,11 +77,14 @@ def answer_of(result: RankedResult, task: Mapping[str, Any]) -> list[Entry]:
     """The best controller, how far the others are, and the next step on the same parts."""
     placed = [row for row in result.rows if row.failure is None and row.feasible]
     if not placed and all(row.failure for row in result.rows):
-        return [Entry("Next", "another machine or part: no controller could be tried")]
+        return [next_step("another machine or part: no controller could be tried")]
     if not placed:
-        blind = task.get("nominal_only")
-        other = "leave out --nominal-only" if blind else "allow more, as --max-sensitivity 3"
-        return [Entry("Next", f"no controller keeps every limit; {other}")]
+        looser = {"nominal_only": False} if task.get("nominal_only") else {"max_sensitivity": 3.0}
+        words = task_words(task["parts"], {**task, **looser}, Rank)
+        return [
+            Entry("Best", "no controller keeps every limit"),
+            next_step(f"jcontour rank{words}"),
+        ]
     first = placed[0]
     error = first.held_out if first.held_out is not None else first.training
     unseen = "unseen" if first.held_out is not None else "training"

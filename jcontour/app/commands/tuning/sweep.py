@@ -9,7 +9,7 @@ from jcontour.app.flags.tuning import Sweep
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.png import save_figures
 from jcontour.app.reports.figures.sweeps import sweep_figure, worst_errors
-from jcontour.app.reports.screen import Entry
+from jcontour.app.reports.screen import Entry, next_step
 from jcontour.app.runs.lifecycle import finished, opened
 from jcontour.app.runs.spread.best_designs import ALIKE, judged
 from jcontour.app.runs.spread.sweep_advice import (
@@ -48,7 +48,7 @@ def command(flags: Sweep) -> int:
         Entry("Points", counted_words(result)),
         *(Entry("Note", line) for line in findings[:MOST_SHOWN]),
         *(Entry("Again", line) for line in repeated(asked, result)),
-        *(Entry("Next", line) for line in next_steps(asked, result)),
+        *map(next_step, next_steps(asked, result)),
     ]
 
     def show(result: SweepResult, console: Console) -> None:

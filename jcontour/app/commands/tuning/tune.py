@@ -26,7 +26,7 @@ from jcontour.app.reports.run_tables import limit_words, show_tuned, tuned_answe
 from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.checks.recommendation import lost_at_start
 from jcontour.app.runs.contour_summary import contour_runs, read_of
-from jcontour.app.runs.lifecycle import finished, opened, ranked_words
+from jcontour.app.runs.lifecycle import finished, opened, ranked_words, words_of
 from jcontour.app.runs.tuning.problem import PLENTY, TuningRun, tuning_run
 from jcontour.app.runs.tuning.results import (
     SHOWN,
@@ -233,11 +233,10 @@ def next_steps(result: TunedResult, folder: Path) -> list[Entry]:
     """What to load, and the next step with a tuned run; none where it is not to be used."""
     if not result.verdict.usable:
         return []
-    entries = [Entry("Load", ", ".join(str(folder / name) for name in result.files))]
-    if result.terminal is not None:
-        entries.append(Entry("Next", f"jcontour check {folder} --bound"))
-    elif result.limitable:
-        entries.append(Entry("Next", f"jcontour check {folder}"))
+    entries = [Entry("Load", f"{', '.join(result.files)}, in the folder below")]
+    if result.terminal is not None or result.limitable:
+        bound = " --bound" * (result.terminal is not None)
+        entries.append(Entry("Next", f"jcontour check{words_of([str(folder)])}{bound}"))
     else:
         entries.append(Entry("Next", f"jcontour rank{ranked_words(folder)}"))
     return entries

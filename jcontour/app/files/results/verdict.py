@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from jcontour.app.plain_numbers import MM_PER_MIN, feed_number, feed_words
+
 NOT_TO_USE = 3  # exit code of a command whose verdict is against its values
 ROUNDING = 1e-5  # relative: a search ends at its limits to within rounding
 NEAR = 0.9  # of a limit, from which on there is a warning
-MM_PER_MIN = 60e3  # of a metre per second
 RINGING = 0.1  # of a limit, from which on a part between samples is printed
 
 
@@ -68,13 +69,13 @@ class LimitCheck:
     @property
     def shown(self) -> float:
         """The value as it is printed: a speed in mm/min, as programs have feeds."""
-        return MM_PER_MIN * self.value if self.unit == "m/s" else self.value
+        return self.value / MM_PER_MIN if self.unit == "m/s" else self.value
 
     @property
     def size(self) -> str:
         """Value and limit with their unit, as they are printed."""
         if self.unit == "m/s":
-            return f"{self.shown:.5g} of {MM_PER_MIN * self.allowed:.5g} mm/min"
+            return f"{feed_number(self.value)} of {feed_words(self.allowed)}"
         return f"{self.value:.4g} of {self.allowed:.4g} {self.unit}".rstrip()
 
     @property

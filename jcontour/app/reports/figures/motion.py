@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
 
+from jcontour.app.plain_numbers import MM_PER_MIN
 from jcontour.app.reports.figures.axes import (
     COLUMNS,
     DESIRED,
@@ -23,7 +24,6 @@ from jcontour.app.reports.figures.axes import (
 from jcontour.geometry.contour import unpadded
 from jcontour.motion.cornering import Planned
 
-MM_PER_MIN = 60e3  # of a metre per second
 POINTS = 4000  # evenly in time, beside the ends of smooth parts
 IN_A_COLUMN = 4  # points of every column of the picture: a rapid move takes little time there
 MARGIN = 0.05  # of the feed
@@ -110,7 +110,7 @@ def _curves(planned: Planned, rapid: Bool[np.ndarray, " P"]) -> _Curves:
         rapid[np.clip(np.searchsorted(ends, along + beside, side="right") - 1, 0, rapid.size - 1)]
         for beside in (-1e3 * ON_BORDER, 1e3 * ON_BORDER)
     ]
-    fed = MM_PER_MIN * np.linalg.norm(speed, axis=1)
+    fed = np.linalg.norm(speed, axis=1) / MM_PER_MIN
     return _Curves(along, fed, acceleration, jerk, ~on[0] | ~on[1], on[0] | on[1])
 
 
@@ -118,7 +118,7 @@ def _draw_feed(
     axes: Axes, planned: Planned, curves: _Curves, rapid: Bool[np.ndarray, " P"]
 ) -> None:
     """Feed of the cuts, of the rapid moves, and the one that is asked for."""
-    asked = MM_PER_MIN * planned.motion.feed
+    asked = planned.motion.feed / MM_PER_MIN
     cut_feed = np.where(curves.cut, curves.fed, np.nan)
     most = max(np.nanmax(cut_feed), asked[~rapid].min())
     top = (1 + MARGIN) * most

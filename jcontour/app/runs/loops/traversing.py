@@ -25,7 +25,7 @@ from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.replays import Scenarios, replayed
 from jcontour.app.machines.machine import Machine
-from jcontour.app.plain_numbers import named_numbers
+from jcontour.app.plain_numbers import feed_words, named_numbers
 from jcontour.app.runs.checks.machine_limits import machine_limits
 from jcontour.app.runs.contour_summary import Simulated, machine_summary, peak_place, read_of
 from jcontour.geometry.contour import Contour
@@ -130,7 +130,7 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
         weights={**weights},
         error=machine.error,
         contour=job.name,
-        feed_law=f"at most {60 * design.speed_mm_s:.4g} mm/min",
+        feed_law=f"at most {feed_words(1e-3 * design.speed_mm_s)}",
         samples=len(output),
         preview=design.horizon,
         plants={"nominal": RunMetrics.of(replay.metrics, lambda values: values[0, 0])},

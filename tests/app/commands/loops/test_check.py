@@ -1,16 +1,17 @@
 """`check` under limits from the command line."""
 
+import shlex
 from dataclasses import replace
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from jcontour.app.catalogue.choices import machine_named
-from jcontour.app.cli import main
+from jcontour.app.cli import _chosen, main
 from jcontour.app.commands.loops.check import (
-    AWAY,
     GapRow,
     Verified,
     _answer,
@@ -49,7 +50,7 @@ def test_it_needs_a_run(tmp_path, capsys):
 def test_limits_of_the_machine_and_of_the_flags(machine_file):
     machine = machine_named(str(machine_file))
     own = limits_of(Check(), machine)
-    changed = limits_of(Check(max_control=7.0, max_speed_mm_s=50.0), machine)
+    changed = limits_of(Check(max_control=7.0, max_speed_mm_per_min=3000.0), machine)
     assert own.speed[1].tolist() == [0.2, 0.2]
     assert changed.speed[1] == 0.05 and changed.control[1] == 7.0
     assert changed.increment[1].tolist() == own.increment[1].tolist()
@@ -83,15 +84,34 @@ def test_a_limit_that_a_machine_exceeds_is_told_loudly():
     assert verdict.exit_code == 3
     assert verdict.reasons[0] == "acceleration EXCEEDS its limit: 5 of 2 m/s^2 (circle, late)"
     text = printed(Verified("runs/a", GOOD, {}, "daqp", ASKED, [kept, over], "V", verdict))
-    assert "4.001 of 4" in text and "0.5 of 1" in text
-    *_, (_, line) = _answer([kept, over], verdict, ASKED, AWAY)
-    assert "--acceleration" in line
+    assert "4.001 of 4 m/s^2" in text and "30000 of 60000 mm/min" in text
     within = verdict_on([kept], ASKED, "V")
     assert within.exit_code == 0 and within.reasons == []
     unstable = verdict_on([kept], ASKED, "V", [reason("unstable")])
     assert unstable.exit_code == 3 and unstable.reasons == ["unstable"]
     stopped = verdict_on([replace(kept, failure="step 3: infeasible")], ASKED, "V")
     assert stopped.exit_code == 3 and "step 3: infeasible" in stopped.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("row", "line"),
+    [
+        (row(1e-6, 2e-6, reached={"acceleration": [5.0, 1.0]}), "tune cam --acceleration 1.44"),
+        (
+            row(1e-6, 2e-6, reached={"control": [4.0]}),
+            "tune cam --acceleration 2.0 --max-peak-control 9.0",
+        ),
+        (row(1e-6, None, failure="step 3"), "check 'my runs/a' --max-control 10.0 --fallback soft"),
+        (row(1e-6, 1e-6, active=0.0), "export 'my runs/a'"),
+    ],
+)
+def test_the_next_step_is_a_command(row, line):
+    """2 m/s^2 times 4 / 5, and a tenth less; nine tenths of 10 V; soft limits; the code."""
+    verdict = verdict_on([row], ASKED | {"control": [-10.0, 10.0]}, "V")
+    flags = Check(run=Path("my runs/a"), max_control=10.0)
+    *_, entry = _answer([row], verdict, flags, {"parts": ["cam"], "acceleration": 2.0})
+    assert entry == ("Next", f"jcontour {line}")
+    _chosen(shlex.split(line))
 
 
 def printed(result):

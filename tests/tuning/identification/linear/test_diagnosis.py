@@ -63,7 +63,7 @@ def test_a_drive_that_limits_its_speed_is_told():
         place += float(np.clip(wanted - place, -0.1 * DT, 0.1 * DT))  # [m/s]
         places.append(place)
     said = limits_of(1e3 * SWEEP, np.array(places), DT)
-    assert "no faster than 100 mm/s" in said
+    assert "no faster than 6000 mm/min" in said
     assert limits_of(SWEEP, np.append([0.0, 0.0], SWEEP[:-2]), DT) == ""
     assert limits_of(SWEEP, np.cumsum(np.roll(SWEEP, 700)), DT) == ""
 
