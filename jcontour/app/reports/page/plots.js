@@ -91,7 +91,10 @@ function frame(canvas, xs, ys, options = {}) {
   pen.stroke();
   pen.textAlign = "center";
   pen.textBaseline = "top";
-  for (const x of xticks) pen.fillText(number(options.logx ? 10 ** x : x), px(x), m.top + tall + 5);
+  for (const x of xticks) { // the outermost words stay on the canvas
+    const words = number(options.logx ? 10 ** x : x), half = pen.measureText(words).width / 2;
+    pen.fillText(words, Math.min(Math.max(px(x), half), width - half), m.top + tall + 5);
+  }
   pen.textAlign = "right";
   pen.textBaseline = "middle";
   for (const y of yticks) pen.fillText(number(options.logy ? 10 ** y : y), m.left - 5, py(y));
