@@ -30,10 +30,9 @@ class TooLongError(ValueError):
         )
 
 
-def most_samples(plants: int, there: float | None = None) -> int:
+def most_samples(plants: int) -> int:
     """Samples of a run on some plants that the free memory [bytes] holds, none below zero."""
-    there = free_memory() if there is None else there
-    return max(int((there - BEGUN) // (BYTES * plants)), 0)
+    return max(int((free_memory() - BEGUN) // (BYTES * plants)), 0)
 
 
 def free_memory() -> float:
@@ -52,10 +51,9 @@ def check_duration(
         raise TooLongError(int(np.argmax(lasting)), whole, *resting, dt, most)
 
 
-def check_memory(name: str, samples: int, plants: int, there: float | None = None) -> None:
+def check_memory(name: str, samples: int, plants: int) -> None:
     """Refuse a run that does not fit into the free memory [bytes]."""
-    there = free_memory() if there is None else there
-    takes = BEGUN + BYTES * samples * plants
+    there, takes = free_memory(), BEGUN + BYTES * samples * plants
     if takes > there:
         raise ValueError(
             f"{name}: {samples:,} samples on {plants} plants need about {1e-9 * takes:.0f} GB of "

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jcontour.app.machines.linear import USUAL, LinearMachine
-from jcontour.app.machines.machine import Hosted, MachineLimits, whole_samples
+from jcontour.app.machines.machine import Hosted, MachineLimits
 from jcontour.app.machines.uncertainty import Uncertainty
 from jcontour.plants.emps import LARGEST_VOLTAGE, RESOLUTION, emps_table
 from jcontour.plants.linear_machines import ENCODER_RESOLUTION, exact_bridgeport
@@ -57,11 +57,9 @@ def xy_table_machine() -> LinearMachine:
     )
 
 
-def hosted(period: float | None) -> Hosted:
+def hosted() -> Hosted:
     """The X-Y table with friction at 1 ms, and its model at the controller's period."""
-    period = PERIOD if period is None else period
-    every = whole_samples(period, SAMPLE)
-    return Hosted(FrictionXYTable(SAMPLE), xy_table(period), every)
+    return Hosted(FrictionXYTable(SAMPLE), xy_table(PERIOD), round(PERIOD / SAMPLE))
 
 
 def emps_machine() -> LinearMachine:

@@ -53,9 +53,8 @@ class LinearMachine(GainsAndDelayMachine):
     encoder_noise: float | np.ndarray = 0.0
     # weights of its publication by name; None where nothing is published
     published: Mapping[str, float] | None = None
-    # the machine that a controller of a given period [s] meets on the host, where that is another
-    # than the model
-    with_friction: Callable[[float | None], Hosted] | None = None
+    # the machine that a controller meets on the host, where that is another than the model
+    with_friction: Callable[[], Hosted] | None = None
     contours: Usual = USUAL  # what the commands run on it
     # control that dry friction takes, of all axes or of each (m,): in the runs, not in linear
     # loops; None where it is not known, and nowhere
@@ -215,9 +214,9 @@ class LinearMachine(GainsAndDelayMachine):
         entry = A[:, -self.model.inputs :] if self.known_delay else B
         return with_dry_friction(self.model, entry, np.broadcast_to(self.friction, self.model.axes))
 
-    def hosted(self, period: float | None = None) -> Hosted:
+    def hosted(self) -> Hosted:
         """The machine with friction, or the model itself."""
-        return super().hosted(period) if self.with_friction is None else self.with_friction(period)
+        return super().hosted() if self.with_friction is None else self.with_friction()
 
     def nominal(self, fed: Fed = "outputs") -> Plant:
         """The model, its positions or its state measured."""

@@ -59,17 +59,6 @@ class Hosted(NamedTuple):
     every: int  # samples of the plant in one of these
 
 
-def whole_samples(period: float, sample: float) -> int:
-    """How many samples make a period."""
-    every = round(period / sample)
-    if every < 1 or abs(every * sample - period) > 1e-9:
-        raise ValueError(
-            f"period-ms: needs a whole number of samples of {1e3 * sample:g} ms, "
-            f"received {1e3 * period:g} ms"
-        )
-    return every
-
-
 class Member(Protocol):
     """A plant of the family, by what it differs in."""
 
@@ -189,13 +178,8 @@ class Machine(abc.ABC):
         drawn = [self.true_plant(member, fed) for member in self.drawn(count, seed)]
         return stack_plants(drawn) if drawn else None
 
-    def hosted(self, period: float | None = None) -> Hosted:
-        """Plant and model for a controller of this period [s] on the host, the model's if None."""
-        own = self.model.dt
-        if period is not None and whole_samples(period, own) != 1:
-            raise ValueError(
-                f"period-ms: {self.name} is modelled at {1e3 * own:g} ms; leave the flag out"
-            )
+    def hosted(self) -> Hosted:
+        """Plant and model for a controller on the host: the model itself."""
         return Hosted(self.model, self.model, 1)
 
     @property

@@ -1,7 +1,6 @@
 """The X-Y table as a machine of the catalogue."""
 
 import numpy as np
-import pytest
 
 from jcontour.app.machines.built_in import xy_table_machine
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
@@ -12,12 +11,6 @@ def test_a_controller_on_the_host_meets_friction():
     assert isinstance(hosted.plant, FrictionXYTable) and hosted.plant.dt == 1e-3
     assert hosted.every == 4 and hosted.model.dt == 4e-3
     np.testing.assert_array_equal(hosted.model.A, xy_table(4e-3).A)
-
-
-def test_another_period_is_a_whole_number_of_samples():
-    assert xy_table_machine().hosted(7e-3).every == 7
-    with pytest.raises(ValueError, match="^period-ms: needs a whole number of samples of 1 ms"):
-        xy_table_machine().hosted(2.5e-3)
 
 
 def test_its_current_is_limited():

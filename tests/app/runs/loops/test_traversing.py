@@ -47,7 +47,7 @@ def test_a_tool_that_arrives_is_at_the_end_at_its_last_sample(last_mm, there):
     assert stays(1e-3 * np.array(last_mm), LINE) is there
 
 
-def reversed_drives(period):
+def reversed_drives():
     return Hosted(with_input_gains(xy_table(1e-3), np.array([-1.0, -1.0])), xy_table(4e-3), 4)
 
 
