@@ -24,11 +24,15 @@ STATE = "state.npz"
 TREES = ("history", "descent")  # stored leaf by leaf; every other field is a number or an array
 _DESCENT = begin(np.zeros(1), Model(*(np.zeros((1,) * axes) for axes in (2, 1, 3, 2))))
 _OUTCOME = Outcome(  # the structure of one with everything
-    Metrics(**dict.fromkeys(Metrics.__dataclass_fields__, 0)),
-    LoopPeaks(*[0] * len(LoopPeaks._fields)),
-    LimitUse(*[0] * len(LimitUse._fields)),
-    late=0,
-    count_noise=0,
+    Metrics(
+        **{
+            name: np.zeros((), bool if name == "diverged" else float)
+            for name in Metrics.__dataclass_fields__
+        }
+    ),
+    LoopPeaks(*np.zeros((len(LoopPeaks._fields), 1, 1))),
+    LimitUse(*np.zeros((len(LimitUse._fields), 1, 1))),
+    *np.zeros((2, 1, 1)),
 )
 
 
