@@ -437,7 +437,7 @@ def test_what_lies_beside_the_file_is_imported_first(tmp_path, monkeypatch):
     path = tmp_path / "mine.py"
     path.write_text("from his_helper import TWICE\nimport tuning\nBOTH = tuning, TWICE\n")
     trust(path.read_bytes())
-    own, twice = own_classes._found(own_classes.OwnName(path, "BOTH"))
+    own, twice = own_classes._named(own_classes.OwnName(path, "BOTH"))
     assert (own.GAIN, twice) == (7.0, 14.0)
     assert importlib.import_module("tuning").Problem.__name__ == "Problem"
     assert sys.modules.pop("his_helper") is installed
