@@ -100,12 +100,12 @@ def l1_optimum(
     circle = _upper(on_circle)
     if problem.zeros.size + circle.size == 0:
         return L1Optimum(np.zeros(1), 0.0, 0.0)
-    filter_, bound = (
+    coefficients, bound = (
         _grown(problem, circle) if taps is None else _program(problem, circle, taps)[:2]
     )
-    used = np.flatnonzero(filter_)
-    filter_ = filter_[: used[-1] + 1] if used.size else filter_[:1]
-    return L1Optimum(filter_, float(np.abs(filter_).sum()), bound)
+    used = np.flatnonzero(coefficients)
+    coefficients = coefficients[: used[-1] + 1] if used.size else coefficients[:1]
+    return L1Optimum(coefficients, float(np.abs(coefficients).sum()), bound)
 
 
 def _grown(problem: ModelMatching, circle: Circle) -> tuple[Polynomial, float]:

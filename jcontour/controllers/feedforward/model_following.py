@@ -76,14 +76,14 @@ class ModelFollowing:
         """Conditions on E' at these unstable zeros, the origin once for each sample of delay."""
         return ModelMatching(zeros, self.response, self.weight)
 
-    def error(self, filter_: ErrorFilter) -> tuple[Polynomial, Polynomial]:
+    def error(self, optimum: ErrorFilter) -> tuple[Polynomial, Polynomial]:
         """Model following error E = T E': numerator, denominator."""
-        return np.convolve(self.weight, filter_.numerator), filter_.denominator
+        return np.convolve(self.weight, optimum.numerator), optimum.denominator
 
-    def tracking_error(self, filter_: ErrorFilter) -> tuple[Polynomial, Polynomial]:
+    def tracking_error(self, optimum: ErrorFilter) -> tuple[Polynomial, Polynomial]:
         """Error of the machine against the reference itself, lambda^N_p - R + T E'."""
         delayed = np.eye(1, self.preview + 1, self.preview)[0]
-        top, below = self.error(filter_)
+        top, below = self.error(optimum)
         apart = np.convolve(polynomial.polysub(delayed, self.response), below)
         return polynomial.polyadd(apart, top), below
 
