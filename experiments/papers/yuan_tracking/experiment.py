@@ -60,19 +60,6 @@ class Columns:
 
 
 @dataclass(frozen=True)
-class ControllerRow:
-    """A controller with the thesis's gains, on both tasks."""
-
-    controller: str
-    A: Columns
-    B: Columns
-
-    def on(self, task: str) -> Columns:
-        """Columns of one task."""
-        return getattr(self, task)
-
-
-@dataclass(frozen=True)
 class Signals:
     """Motor, end effector and reference [m], and current [A], of one run."""
 
@@ -108,14 +95,10 @@ class BeamStudy:
 class Result:
     """Controllers on both tasks, signals of some, the gap of the smooth twin, and the beam."""
 
-    rows: tuple[ControllerRow, ...]
+    columns: dict[str, dict[str, Columns]]  # by controller and task
     signals: dict[str, dict[str, Signals]]  # by controller and task, every `KEPT_PERIOD`
     gap: tuple[GapRow, ...]  # sharpness ascending
     beam: BeamStudy
-
-    def row(self, controller: str) -> ControllerRow:
-        """The row of a controller."""
-        return next(row for row in self.rows if row.controller == controller)
 
 
 class Setup:
@@ -153,10 +136,10 @@ def run(quick: bool = False) -> Result:
     whole = {name: setup.signals(setup.controller(name)) for name in CONTROLLERS}
     every = round(KEPT_PERIOD / setup.machine.model.dt)
     return Result(
-        rows=tuple(
-            ControllerRow(name, columns(by_task["A"]), columns(by_task["B"]))
+        columns={
+            name: {task: columns(signals) for task, signals in by_task.items()}
             for name, by_task in whole.items()
-        ),
+        },
         signals={
             name: {
                 task: Signals(*(values[::every] for values in vars(one).values()))

@@ -13,7 +13,6 @@ from experiments.papers.yuan_tracking.experiment import (
     DRAWN,
     TASKS,
     Columns,
-    ControllerRow,
     GapRow,
     Result,
     Setup,
@@ -87,13 +86,13 @@ def made_up(observed=0.95):
         "cascade-notch": 0.85,
         **dict.fromkeys(OURS["Cascaded PI with LESO"], observed),
     }
-    rows = []
+    rows = {}
     for name, scale in scales.items():
         row = Columns(**{**dict.fromkeys(COLUMNS, scale), "ee_max": 1.1 * scale})
-        rows.append(ControllerRow(name, row, row))
+        rows[name] = dict.fromkeys(TASKS, row)
     gap = (GapRow(100.0, 0.05, 0.05), GapRow(1e3, 0.01, 0.01), GapRow(1e4, 1e-3, 1e-3))
     still = {task: Signals(*np.array([[0.1], [0.2], [0.3], [1.0]])) for task in TASKS}
-    return Result(tuple(rows), dict.fromkeys(DRAWN, still), gap, beam_study())
+    return Result(rows, dict.fromkeys(DRAWN, still), gap, beam_study())
 
 
 def printed_as(excess, mean):
@@ -135,15 +134,13 @@ def test_three_statements_on_the_same_tables_have_one_rule():
     opposite = tuple(claims(made_up()))[4]
     assert opposite.verdict is NO and "hardly vibrates" in opposite.finding
     notch = made_up()
-    weak = [
-        replace(row, A=replace(row.A, def_max=0.99), B=replace(row.B, def_max=0.99))
-        if row.controller == "cascade-notch"
-        else row
-        for row in notch.rows
-    ]
-    assert tuple(claims(replace(notch, rows=tuple(weak))))[2].verdict is ORDER
-    none = [row if row.controller != "cascade-notch" else replace(row, A=weak[0].A) for row in weak]
-    assert tuple(claims(replace(notch, rows=tuple(none))))[2].verdict is NO
+    weak = replace(notch.columns["cascade-notch"]["A"], def_max=0.99)
+    for by_task, wanted in (
+        (dict.fromkeys(TASKS, weak), ORDER),
+        ({"A": notch.columns["cascade"]["A"], "B": weak}, NO),
+    ):
+        columns = {**notch.columns, "cascade-notch": by_task}
+        assert tuple(claims(replace(notch, columns=columns)))[2].verdict is wanted
 
 
 def test_verdicts_follow_the_numbers():
