@@ -67,13 +67,12 @@ def claims(result: Result) -> Iterator[Claim]:
         f"to {current:.3g} of 10 A. As printed they constrain the nominal prediction only",
         verdict(False, unsolved == 0 and current <= 10.0),
     )
-    one = result.polygons
     yield Claim(
         "Algorithm 2",
         "10 and 10 sides for R = 80 mm and 4 mm",
-        f"({one.inner}, {one.outer}): a side of the outer polygon with 10 is "
-        f"{one.printed_side_mm:.3f} mm from the centre, inside the circle of {one.radius_mm:g} mm",
-        verdict((one.inner, one.outer) == (10, 10)),
+        f"{result.sides}: a side of the outer polygon with 10 is "
+        f"{result.printed_side_mm:.3f} mm from the centre, inside the circle of 80 mm",
+        verdict(result.sides == (10, 10)),
     )
     yield from _models(result)
     yield Claim(

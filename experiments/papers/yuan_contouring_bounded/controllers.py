@@ -89,30 +89,23 @@ def controller(tube: Tube) -> tuple[Parted, Promise]:
         _part_controller(tube, part, response)
         for part, response in zip(tube.design.parts, tube.responses, strict=True)
     ]
-    whole, bend = Parted(tube.design.parts, tuple(made)), _bend(tube)
+    whole, x, theta = Parted(tube.design.parts, tuple(made)), tube.state[0], tube.state[2]
+    # second order of the tool in the deviation [m]
+    reach = float(np.abs(tube.machine.run.state[:, 0]).max() + thesis_gantry().tool_offset)
+    bend = float(x * theta + reach * theta**2 / 2)  # |dx theta| + (|x_h| + d) theta^2 / 2
     if not tube.design.apart:
         across, along = made[0].kept.limit[0, :2] + bend
         return whole, Promise(float(across + along**2 / (2 * RADIUS)), None, float(tube.state[2]))
     kept = [float(one.kept.limit[0, 0]) for one in made]
+    tools, every = tube.machine.tool.swapaxes(0, 1), np.arange(len(tube.state))
     # what the states of the other part do to the tool along this axis
     axes = [
-        size + bend + float((np.abs(tube.machine.tool[:, axis]) @ _others(tube, part)).max())
-        for axis, (size, part) in enumerate(zip(kept, tube.design.parts, strict=True))
+        size
+        + bend
+        + float((np.abs(tool) @ np.where(np.isin(every, part.states), 0.0, tube.state)).max())
+        for size, part, tool in zip(kept, tube.design.parts, tools, strict=True)
     ]
     return whole, Promise(sum(axes), (axes[0], axes[1]), float(tube.state[2]))
-
-
-def _bend(tube: Tube) -> float:
-    """Second order of the tool in the deviation: |dx theta| + (|x_h| + d) theta^2 / 2 [m]."""
-    x, theta = tube.state[0], tube.state[2]
-    reach = float(np.abs(tube.machine.run.state[:, 0]).max() + thesis_gantry().tool_offset)
-    return float(x * theta + reach * theta**2 / 2)
-
-
-def _others(tube: Tube, part: Part) -> Float[np.ndarray, " n"]:
-    state = tube.state.copy()
-    state[list(part.states)] = 0.0
-    return state
 
 
 def _part_controller(tube: Tube, part: Part, response: VaryingResponse) -> BoundedMPC:

@@ -18,6 +18,7 @@ from experiments.papers.yuan_contouring_bounded.controllers import (
     random_forces,
 )
 from experiments.papers.yuan_contouring_bounded.tubes import (
+    LENGTH,
     MOVING,
     POINTS,
     Design,
@@ -26,6 +27,7 @@ from experiments.papers.yuan_contouring_bounded.tubes import (
     tube_of,
 )
 from experiments.papers.yuan_gantry.experiment import RADIUS, SAMPLE
+from experiments.tables import where
 from jcontour.app.machines.gantry import guide_ways
 from jcontour.host.loop import reported_loop
 from jcontour.plant import Plant
@@ -47,15 +49,14 @@ GANTRY, TWIN, GUIDES = "gantry", "MuJoCo", "guides"  # smooth; smooth; with stic
 EVERY, FOUR, ONE = "every sample", "four places", "one place"  # where models are taken
 TOLERANCE = 4e-3  # [m] of the thesis
 PRINTED_SIDES = 10  # of the outer polygon
-LENGTH = 8  # samples of an answer; 30 promise 1 % less
 # [A] for answers to disturbances, of head and drives: little above what there is an answer with
-TRACKED = Design(CEBC1, FOUR, control_oriented, POINTS, True, (4.0, 2.2), LENGTH)
-LATE_TRACKED = Design(CEBC1, FOUR, control_oriented, POINTS, True, (9.0, 5.0), LENGTH, late=1)
-SWITCHED = Design(CEBC2, FOUR, tangent, POINTS, False, (1.5, 1.5), LENGTH)
-CENTRED = Design(CEBC2, ONE, tangent, (0.0,), False, (1.5, 1.5), LENGTH)
-EXACT = Design(CEBC2, EVERY, None, POINTS, False, (1.5, 1.5), LENGTH)
-LATE_EXACT = Design(CEBC2, EVERY, None, POINTS, False, (3.0, 3.0), LENGTH, late=1)
-RUBBED = Design(CEBC2, EVERY, None, POINTS, False, (2.0, 2.0), LENGTH, turning=0.12)
+TRACKED = Design(CEBC1, FOUR, control_oriented, POINTS, True, (4.0, 2.2))
+LATE_TRACKED = Design(CEBC1, FOUR, control_oriented, POINTS, True, (9.0, 5.0), late=1)
+SWITCHED = Design(CEBC2, FOUR, tangent, POINTS, False, (1.5, 1.5))
+CENTRED = Design(CEBC2, ONE, tangent, (0.0,), False, (1.5, 1.5))
+EXACT = Design(CEBC2, EVERY, None, POINTS, False, (1.5, 1.5))
+LATE_EXACT = Design(CEBC2, EVERY, None, POINTS, False, (3.0, 3.0), late=1)
+RUBBED = Design(CEBC2, EVERY, None, POINTS, False, (2.0, 2.0), turning=0.12)
 ROWS = (
     (TRACKED, GANTRY, ATTACKED),
     (TRACKED, TWIN, ATTACKED),
@@ -70,17 +71,6 @@ ROWS = (
 )
 QUICK = (0, 4, 6, 9)  # rows of a quick run
 QUICK_STEPS = 700  # of 3,384: the first line and a tenth of the circle
-
-
-@dataclass(frozen=True)
-class Polygons:
-    """Algorithm 2 for R = 80 mm and 4 mm."""
-
-    inner: int  # sides n_in
-    outer: int  # sides n_out
-    printed_side_mm: float  # l_side of the outer polygon with the 10 sides that are printed
-    side_mm: float  # l_side of ours
-    radius_mm: float  # of the contour
 
 
 @dataclass(frozen=True)
@@ -134,30 +124,23 @@ class LoopRow:
 class Result:
     """Algorithm 2 and the runs of all controllers."""
 
-    polygons: Polygons
+    sides: tuple[int, int]  # n_in and n_out of Algorithm 2 for R = 80 mm and 4 mm
+    printed_side_mm: float  # l_side of the outer polygon with the 10 sides that are printed
     loops: tuple[LoopRow, ...]
 
     def loop(self, name: str, models: str, late: bool = False) -> LoopRow | None:
         """The run of a controller on the library's gantry; None where a quick run has none."""
-        wanted = (name, models, GANTRY, ATTACKED, late)
-        for row in self.loops:
-            if (row.name, row.models, row.machine, row.acting, row.late) == wanted:
-                return row
-        return None
+        wanted = {"machine": GANTRY, "acting": ATTACKED, "late": late}
+        return next(iter(where(self.loops, name=name, models=models, **wanted)), None)
 
 
 def run(quick: bool = False) -> Result:
     """Compute everything."""
     rows = [ROWS[i] for i in QUICK] if quick else ROWS
     steps = QUICK_STEPS if quick else None
-    return Result(polygons(), tuple(loop_row(*row, steps) for row in rows))
-
-
-def polygons() -> Polygons:
-    """Algorithm 2, and the outer polygon that is printed."""
-    inner, outer, _, side = ring_polygons(RADIUS, TOLERANCE)
-    printed = (RADIUS + TOLERANCE) * np.cos(np.pi / PRINTED_SIDES)
-    return Polygons(inner, outer, *(1e3 * float(one) for one in (printed, side, RADIUS)))
+    printed = 1e3 * (RADIUS + TOLERANCE) * np.cos(np.pi / PRINTED_SIDES)
+    sides = ring_polygons(RADIUS, TOLERANCE)[:2]
+    return Result(sides, float(printed), tuple(loop_row(*row, steps) for row in rows))
 
 
 def ring_polygons(radius: float, tolerance: float) -> tuple[int, int, float, float]:
@@ -171,9 +154,8 @@ def ring_polygons(radius: float, tolerance: float) -> tuple[int, int, float, flo
     while (radius - tolerance) / np.cos(np.pi / inner) > radius:
         inner += 1
     vertex = (radius - tolerance) / np.cos(np.pi / inner)
-    while (radius + tolerance) * np.cos(np.pi / outer) < vertex:  # (5.42)
-        outer += 1
-    while (radius + tolerance) * np.cos(np.pi / outer) < radius:  # line 5: the circle lies inside
+    # (5.42), and line 5: the circle lies inside
+    while (radius + tolerance) * np.cos(np.pi / outer) < max(vertex, radius):
         outer += 1
     return inner, outer, vertex, (radius + tolerance) * np.cos(np.pi / outer)
 
@@ -181,7 +163,7 @@ def ring_polygons(radius: float, tolerance: float) -> tuple[int, int, float, flo
 @cache
 def tube(design: Design) -> Tube:
     """Tube of a design along the whole path."""
-    return tube_of(design, driven(2 * design.length, design.late))
+    return tube_of(design, driven(2 * LENGTH, design.late))
 
 
 def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> LoopRow:
@@ -193,7 +175,15 @@ def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> Lo
     force = None if acting == FRICTION else random_forces(reference.steps)
     if acting == ATTACKED:
         force = attack(kept, whole, reference.steps)
-    plant = _plant(design, machine, force)
+    parameters = thesis_gantry()
+    if machine == GUIDES:
+        plant: Plant = StickSlipGantry(parameters, guide_ways(), SAMPLE)
+    else:
+        plant = {GANTRY: Gantry, TWIN: GantryMuJoCo}[machine](parameters, SAMPLE)
+    if force is not None:
+        plant = Disturbed(plant, force=jnp.asarray(force))
+    if design.late:
+        plant = Delayed(plant, jnp.asarray(design.late), design.late, 3)
     reported_loop(plant, whole, reference.first(1))  # no time of a step is that of the first use
     whole.seconds.clear()
     run = reported_loop(plant, whole, reference, fallback="hold")
@@ -225,17 +215,6 @@ def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> Lo
     )
 
 
-def _plant(design: Design, machine: str, force: np.ndarray | None) -> Plant:
-    parameters = thesis_gantry()
-    if machine == GUIDES:
-        plant: Plant = StickSlipGantry(parameters, guide_ways(), SAMPLE)
-    else:
-        plant = {GANTRY: Gantry, TWIN: GantryMuJoCo}[machine](parameters, SAMPLE)
-    if force is not None:
-        plant = Disturbed(plant, force=jnp.asarray(force))
-    return Delayed(plant, jnp.asarray(design.late), design.late, 3) if design.late else plant
-
-
 def _in_boxes(kept: Tube, states, controls, force: np.ndarray | None) -> tuple[float, float]:
     """Largest disturbance of a motor, and largest model error, over their boxes.
 
@@ -245,29 +224,20 @@ def _in_boxes(kept: Tube, states, controls, force: np.ndarray | None) -> tuple[f
     machine, late, T = kept.machine, kept.design.late, len(u)
     acting = np.concatenate([np.zeros((late, 3)), u])[:T]  # a late drive acts on the one before
     model = kept.model
-    A, B = model.A[: T - 1, :MOVING, :MOVING], _acting_columns(kept)[: T - 1]
+    A, B = model.A[: T - 1, :MOVING, :MOVING], model.B[: T - 1, :MOVING]
+    if late:  # columns of the currents that arrive
+        B = model.A[: T - 1, :MOVING, MOVING : MOVING + 3]
     e, du = x - machine.run.state[:T], acting - machine.run.control[:T]
-    rest = e[1:] - _times(A, e[:-1]) - _times(B, du[:-1])
+    rest = e[1:] - np.einsum("kij,kj->ki", A, e[:-1]) - np.einsum("kij,kj->ki", B, du[:-1])
     E = model.E[: T - 1, :MOVING]
     if force is None:
         units = np.abs(E).max(axis=2, keepdims=True)
-        shares = _times(np.linalg.pinv(E / units), rest / units[..., 0])
+        shares = np.einsum("kij,kj->ki", np.linalg.pinv(E / units), rest / units[..., 0])
     else:
         shares = force[: T - 1] / np.abs(force).max()
     own = np.zeros_like(rest)
     for part in kept.design.parts:  # what a part's motors do to another is its model error
         states, inputs = [i for i in part.states if i < MOVING], list(part.inputs)
-        own[:, states] += _times(E[:, states][:, :, inputs], shares[:, inputs])
+        own[:, states] += np.einsum("kij,kj->ki", E[:, states][:, :, inputs], shares[:, inputs])
     error = np.abs(rest - own) / kept.remainder[:MOVING]
     return float(np.abs(shares).max()), float(error.max())
-
-
-def _acting_columns(kept: Tube) -> Float[np.ndarray, "S n p"]:
-    """Columns of the acting currents: the model's change of the machine's states in a sample."""
-    if kept.design.late:
-        return kept.model.A[:, :MOVING, MOVING : MOVING + 3]
-    return kept.model.B
-
-
-def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    return np.einsum("kij,kj->ki", matrices, vectors)

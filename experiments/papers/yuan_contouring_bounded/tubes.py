@@ -125,6 +125,7 @@ ROUNDS = 5
 # [m, rad, m/s, rad/s], of second order: a first guess
 GUESS = np.array([1e-10] * 3 + [1e-7] * 3)
 ROUNDING = 1e-13  # of a sample in float64, in the same units
+LENGTH = 8  # samples N of an answer; 30 promise 1 % less
 SEEN = 1e-2  # of what the motors do to a state: smaller remainders shape no pattern
 ANGLES = np.pi * np.arange(4) / 4  # directions whose peaks are made small
 
@@ -146,7 +147,6 @@ class Design:
     points: tuple[float, ...]  # head positions of the models
     apart: bool  # one controller for the head and one for the beam
     current: tuple[float, float]  # that answers may take, of head and of each drive [A]
-    length: int  # samples N of an answer
     late: int = 0  # samples by which the drives act late
     # what disturbances that turn within a sample may do to a state, in shares of the motors'
     turning: float = 0.0
@@ -198,7 +198,11 @@ def tube_of(design: Design, machine: Driven) -> Tube:
         responses = tuple(_response(grown, part, which) for part in design.parts)
         state, current = _sizes(grown, responses)
         needed = _needed(grown, state, current)
-        needed[:MOVING] += _second_order(design, curvature, state, current)
+        # those that waited act where the drives are late
+        acting = (state[MOVING : MOVING + 3] if design.late else current) + DISTURBANCE
+        size = np.concatenate([state[:MOVING], acting])
+        second_order = MARGIN * (curvature @ size @ size).max(axis=0) / 2
+        needed[:MOVING] += second_order + ROUNDING
         closed = float((needed[:MOVING] / grown.remainder[:MOVING]).max())
         grown = replace(grown, responses=responses, state=state, current=current, closed=closed)
         if closed <= 1:
@@ -210,15 +214,6 @@ def tube_of(design: Design, machine: Driven) -> Tube:
 def _turning(design: Design, model: VaryingModel) -> np.ndarray:
     """Box of the disturbances that turn within a sample (n,)."""
     return design.turning * np.abs(model.E).sum(axis=2).max(axis=0)
-
-
-def _second_order(
-    design: Design, curvature: np.ndarray, state: np.ndarray, current: np.ndarray
-) -> np.ndarray:
-    """Largest second-order term of a sample's step in a tube, and rounding (6,)."""
-    acting = state[MOVING : MOVING + 3] if design.late else current  # late: those that waited
-    size = np.concatenate([state[:MOVING], acting + DISTURBANCE])
-    return MARGIN * (curvature @ size @ size).max(axis=0) / 2 + ROUNDING
 
 
 def _sizes(tube: Tube, responses: tuple[VaryingResponse, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -246,37 +241,27 @@ def _needed(tube: Tube, state: np.ndarray, current: np.ndarray) -> np.ndarray:
 
 def _response(tube: Tube, part: Part, which: Int[np.ndarray, " S"]) -> VaryingResponse:
     """Responses of one part: a pattern for every head position, fitted to every sample."""
-    model, motors = _of_part(tube.model, part, tube.remainder), len(part.inputs)
+    states, inputs, whole = list(part.states), list(part.inputs), tube.model
+    # its disturbances are its motors and the remainder
+    moving = [place for place, state in enumerate(states) if state < MOVING]
+    beside = np.diag(tube.remainder[states])[:, moving]
+    own = whole.E[:, states][:, :, inputs]
+    E = np.concatenate([own, np.broadcast_to(beside, (len(own), *beside.shape))], axis=2)
+    model = VaryingModel(whole.A[:, states][:, :, states], whole.B[:, states][:, :, inputs], E)
     design, heads = tube.design, tube.machine.run.state[: len(which), 0]
-    samples = [int(np.abs(heads - point).argmin()) for point in design.points]
-    tool = tube.machine.tool[:, :, list(part.states)]
-    current = design.current[0] if part.inputs == (0,) else design.current[1]
-    patterns = []
-    for k in samples:
-        rows = _tool_rows(tool[k], part)
-        patterns.append(_pattern(model, k, motors, rows, current, design.length))
+    current, patterns = design.current[part.inputs != (0,)], []
+    for k in (int(np.abs(heads - point).argmin()) for point in design.points):
+        tool = tube.machine.tool[k, :, states].T
+        if len(inputs) == 3:  # all around is made small; else the part's own axis
+            rows = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1) @ tool
+        else:
+            rows = tool[:1] if part.inputs == (0,) else tool[1:]
+        patterns.append(_pattern(model, k, len(inputs), rows, current))
     return brought_to_rest_along(model, patterns, which)
 
 
-def _of_part(model: VaryingModel, part: Part, remainder: np.ndarray) -> VaryingModel:
-    """Rows and columns of a part; its disturbances are its motors and the remainder."""
-    states, inputs = list(part.states), list(part.inputs)
-    own = [place for place, state in enumerate(states) if state < MOVING]
-    beside = np.diag(remainder[states])[:, own]
-    E = model.E[:, states][:, :, inputs]
-    E = np.concatenate([E, np.broadcast_to(beside, (len(E), *beside.shape))], axis=2)
-    return VaryingModel(model.A[:, states][:, :, states], model.B[:, states][:, :, inputs], E)
-
-
-def _tool_rows(tool: Float[np.ndarray, "m n"], part: Part) -> np.ndarray:
-    """Directions of the tool that a part makes small: its own axis, or all around."""
-    if len(part.inputs) == 3:
-        return np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1) @ tool
-    return tool[:1] if part.inputs == (0,) else tool[1:]
-
-
 def _pattern(
-    model: VaryingModel, k: int, motors: int, rows: np.ndarray, current: float, length: int
+    model: VaryingModel, k: int, motors: int, rows: np.ndarray, current: float
 ) -> FiniteResponse:
     """Least peak of the tool on the model of one sample.
 
@@ -292,7 +277,7 @@ def _pattern(
     one = DisturbedModel.of(A * unit / unit[:, None], B / unit[:, None], E * sizes)
     wanted = rows * unit / np.abs(rows * unit).max()
     small = one.state_signals([f"tool {i + 1}" for i in range(len(rows))], wanted)
-    response = least_peak(one, small, one.control_signals(current), length).response
+    response = least_peak(one, small, one.control_signals(current), LENGTH).response
     return replace(response, control=response.control / sizes)
 
 
