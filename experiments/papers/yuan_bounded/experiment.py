@@ -116,7 +116,6 @@ DT = 1e-3  # [s]
 DISTURBANCE = 5e-3  # [m/s], largest w, section 4.3.1
 ACCELERATION = 4.0  # [m/s^2], of the reference
 FEED, STROKE = 0.1, 0.1  # [m/s], [m], of the reference
-CURRENT = 9.0  # [A]
 PRINTED_SPEED, RELAXED_SPEED = 0.1, 0.25  # [m/s], limit of motor and end effector; ours
 OBSERVER = np.array([[0.0, 1e-3], [0.0, 1e-3]])  # L_r
 PRINTED_CASES = ((5e-3, 0.1), (2.5e-3, 0.1), (5e-3, 0.105))  # w [m/s], speed limit [m/s]
@@ -158,7 +157,6 @@ class LoopRow:
     """Run of the bounded MPC under disturbances in their box, every QP solved."""
 
     reference: str  # what is known of it
-    length: int  # samples N of the plan
     promised_mm: float  # tolerance
     largest_mm: float  # tracking error of the end effector
     largest_current: float  # [A]
@@ -281,16 +279,24 @@ def loop_row(reference: str, length: int, samples: int) -> LoopRow:
     """The bounded MPC under disturbances that change slowly, at random, or to reach most."""
     previewed = reference == PREVIEWED
     model, bounds = disturbed(DISTURBANCE, previewed), limits(previewed)
-    path = _moving(2 * length, samples) if previewed else _still(2 * length, samples)
+    path = _still(2 * length, samples)
+    if previewed:
+        path = thesis_task_a(preview=2 * length)
+        path = path.first(min(samples, path.steps))
     answer = model.control_signals(FOR_DISTURBANCES if previewed else bounds.control)
     tool = model.state_signals(["tool"], np.eye(4)[2])
     pattern = least_peak(model, tool, [*answer, *bounds.signals], length).response
     mpc = _bounded_mpc(model, pattern, bounds, path)
-    states, controls = _driven(mpc, model, path, _disturbances(path.steps, pattern.attack(tool[0])))
+    # thirds of the run: slow square waves, bang-bang at random, attacks from either side
+    attack, third = pattern.attack(tool[0]), path.steps // 3
+    slow = np.where(np.arange(third) // SQUARE % 2 == 0, 1.0, -1.0)[:, None]
+    fast = np.sign(np.random.default_rng(0).normal(size=(third, attack.shape[1])))
+    rest = np.resize(np.concatenate([attack, -attack]), (path.steps - 2 * third, attack.shape[1]))
+    w = np.concatenate([slow * np.ones(attack.shape[1]), fast, rest])
+    states, controls = _driven(mpc, model, path, w)
     error = states[:, 2] - np.asarray(path.position)[: path.steps, 0]
     return LoopRow(
         reference,
-        length,
         1e3 * float(mpc.kept.limit[0, 0]),
         1e3 * float(np.abs(error).max()),
         float(np.abs(controls).max()),
@@ -326,17 +332,6 @@ def _bounded_mpc(
     return BoundedMPC(run.state[:R], run.control[:R], response, kept, left)
 
 
-def _disturbances(steps: int, attack: np.ndarray) -> np.ndarray:
-    """Thirds of the run: slow square waves, bang-bang at random, attacks from either side."""
-    generator, q = np.random.default_rng(0), attack.shape[1]
-    third = steps // 3
-    slow = np.where(np.arange(third) // SQUARE % 2 == 0, 1.0, -1.0)[:, None] * np.ones(q)
-    fast = np.sign(generator.normal(size=(third, q)))
-    both = np.concatenate([attack, -attack])
-    rest = np.resize(both, (steps - 2 * third, q))
-    return np.concatenate([slow, fast, rest])
-
-
 def _driven(mpc: BoundedMPC, model: DisturbedModel, path: Reference, w: np.ndarray):
     """States (T, 4) and controls (T, 1); a QP without an answer raises."""
     plan, memory = mpc.prepare(path), mpc.initial_memory(path)
@@ -349,20 +344,6 @@ def _driven(mpc: BoundedMPC, model: DisturbedModel, path: Reference, w: np.ndarr
         controls.append(u)
         x = model.A @ x + model.B @ u + model.E @ w[k]
     return np.array(states), np.array(controls)
-
-
-def _moving(preview: int, samples: int) -> Reference:
-    """The first samples of the thesis's point-to-point motion, which continues in the preview."""
-    whole = thesis_task_a(preview=preview)
-    last = min(samples, whole.steps) + preview
-    return from_samples(
-        whole.position[:last],
-        whole.tangent[:last],
-        DT,
-        preview,
-        contour=whole.contour,
-        in_motion=False,
-    )
 
 
 def _still(preview: int, samples: int) -> Reference:

@@ -8,7 +8,7 @@ follows from it. A plain follower drives the path; the thesis's set-based contro
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from itertools import product
 
 import equinox as eqx
 import jax
@@ -23,6 +23,7 @@ from experiments.papers.yuan_gantry.motor_bench import (
     delayed_head_model,
     twist_damping,
 )
+from experiments.tables import where
 from jcontour.controller import Controller
 from jcontour.geometry.contours import chain, circle, line
 from jcontour.motion.point_to_point import PointToPoint
@@ -55,7 +56,6 @@ class Response:
     head_m: float  # position of the head on the beam
     coupling: bool  # whether the terms with M_e x_h are kept; (5.12) as printed has none
     antiresonance_hz: float  # of the zeros
-    resonance_hz: float  # of the poles
     frequency_hz: Float[np.ndarray, " F"]
     gain_db: Float[np.ndarray, " F"]  # relative to 1 m/s per ampere
     phase_deg: Float[np.ndarray, " F"]  # without jumps
@@ -91,12 +91,11 @@ class Result:
 
     def response(self, head: float, coupling: bool) -> Response:
         """Response for a position of the head [m]."""
-        wanted = (head, coupling)
-        return next(row for row in self.responses if (row.head_m, row.coupling) == wanted)
+        return where(self.responses, head_m=head, coupling=coupling)[0]
 
     def head(self, name: str) -> HeadRun:
         """Run with this kind of head."""
-        return next(row for row in self.heads if row.name == name)
+        return where(self.heads, name=name)[0]
 
 
 def run(quick: bool = False) -> Result:
@@ -148,31 +147,17 @@ class Follower(Controller):
 
 def responses() -> tuple[Response, ...]:
     """Fig. 5.6: from the current i_1 to the speed y_1', as printed and with the coupling kept."""
-    cases = [(head, coupling) for head in HEADS for coupling in (False, True)]
-    # in the middle of the beam there is no coupling
-    return tuple(_response(head, kept) for head, kept in cases if head != 0 or not kept)
-
-
-def _response(head: float, coupling: bool) -> Response:
-    p = thesis_gantry()
-    numerator, denominator = drive_response(p, head, p.head_mass * head if coupling else 0.0)
-    s = 2j * np.pi * FREQUENCIES
-    response = np.polyval(np.asarray(numerator), s) / np.polyval(np.asarray(denominator), s)
-    return Response(
-        head_m=head,
-        coupling=coupling,
-        antiresonance_hz=_ringing(numerator),
-        resonance_hz=_ringing(denominator),
-        frequency_hz=FREQUENCIES,
-        gain_db=20 * np.log10(np.abs(response)),
-        phase_deg=np.rad2deg(np.unwrap(np.angle(response))),
-    )
-
-
-def _ringing(polynomial: Float[Array, " d"]) -> float:
-    """Frequency of the pair of complex roots [Hz]."""
-    roots = np.roots(np.asarray(polynomial))
-    return float(np.abs(roots[np.abs(roots.imag) > 0][0]) / (2 * np.pi))
+    p, s, rows = thesis_gantry(), 2j * np.pi * FREQUENCIES, []
+    for head, coupling in product(HEADS, (False, True)):
+        if coupling and head == 0:
+            continue  # in the middle of the beam there is none
+        moment = p.head_mass * head if coupling else 0.0
+        above, below = (np.asarray(one) for one in drive_response(p, head, moment))
+        response, zeros = np.polyval(above, s) / np.polyval(below, s), np.roots(above)
+        ringing = np.abs(zeros[np.abs(zeros.imag) > 0][0]) / (2 * np.pi)
+        gain, phase = 20 * np.log10(np.abs(response)), np.rad2deg(np.unwrap(np.angle(response)))
+        rows.append(Response(head, coupling, float(ringing), FREQUENCIES, gain, phase))
+    return tuple(rows)
 
 
 def reference_path(preview: int = 1, dwell: float = 0.0) -> Reference:
@@ -196,23 +181,14 @@ def along_the_path() -> HeadRun:
     return _row("gantry, drives alike", run, run.state, reference, distance=0.0)
 
 
-class Case(NamedTuple):
-    """The bench in one condition."""
-
-    name: str
-    delay: int  # [samples] of its currents
-    dry: bool  # friction on its shaft
-    damped: bool  # the twist, by the drives
-
-
-CASES = (
-    Case("at once, no dry friction", 0, False, True),
-    Case("at once, no dry friction, undamped", 0, False, False),
-    Case("at once, dry friction", 0, True, True),
-    Case("late, no dry friction", 1, False, True),
-    Case("late, dry friction", 1, True, True),
-    Case("late, dry friction, undamped", 1, True, False),
-)
+CASES = {  # delay of its currents [samples], friction on its shaft, twist damped by the drives
+    "at once, no dry friction": (0, False, True),
+    "at once, no dry friction, undamped": (0, False, False),
+    "at once, dry friction": (0, True, True),
+    "late, no dry friction": (1, False, True),
+    "late, dry friction": (1, True, True),
+    "late, dry friction, undamped": (1, True, False),
+}
 
 
 def emulated() -> tuple[HeadRun, ...]:
@@ -221,12 +197,12 @@ def emulated() -> tuple[HeadRun, ...]:
     gantry = Gantry(p, SAMPLE)
     true = simulate(gantry, Follower(parameters=p, damping=DAMPED), reference)
     rows = [_row("gantry", true, true.state, reference, distance=0.0)]
-    for case in CASES:
-        plant = HardwareInLoop(gantry=gantry, bench=MotorBench(case.dry), delay=case.delay)
-        run = simulate(plant, Follower(parameters=p, damping=DAMPED * case.damped), reference)
+    for name, (delay, dry, damped) in CASES.items():
+        plant = HardwareInLoop(gantry=gantry, bench=MotorBench(dry), delay=delay)
+        run = simulate(plant, Follower(parameters=p, damping=DAMPED * damped), reference)
         away = _peak(run.output - true.output)
         row = replace(
-            _row(case.name, run, run.measurement, reference, away),
+            _row(name, run, run.measurement, reference, away),
             twist_damping=float(twist_damping(plant)),
             peak_load_a=_peak(_load(plant, run)),
             # (5.50) is about a bench that is one sample late
@@ -240,19 +216,16 @@ def _row(
     name: str, run: Rollout, state: Float[Array, "T 6"], reference: Reference, distance: float
 ) -> HeadRun:
     """Errors as section 5.6.4 has them: of the tool along X and Y, and from the contour."""
-    metrics = score(run, reference)
-    tracking = np.abs(np.asarray(tracking_error(run.output, reference)))
-    contour = np.asarray(contour_error(run.output, reference))
+    metrics, twist = score(run, reference), np.asarray(state[:, 2])
+    tracking = np.abs(np.asarray(tracking_error(run.output, reference))).max(axis=0)
+    contour = np.linalg.norm(np.asarray(contour_error(run.output, reference)), axis=-1)
     return HeadRun(
-        name=name,
-        peak_x_error_m=float(tracking[:, 0].max()),
-        peak_y_error_m=float(tracking[:, 1].max()),
-        peak_contour_error_m=float(metrics.peak_contour_error),
-        peak_twist_rad=_peak(state[:, 2:3]),
-        twist_rad=np.asarray(state[:, 2]),
+        name,
+        *map(float, (*tracking, metrics.peak_contour_error, np.abs(twist).max())),
+        twist_rad=twist,
         tool_m=np.asarray(run.output),
         diverged=bool(metrics.diverged),
-        contour_error_m=np.linalg.norm(contour, axis=-1),
+        contour_error_m=contour,
         distance_m=distance,
     )
 

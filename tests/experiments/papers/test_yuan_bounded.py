@@ -67,8 +67,8 @@ def made_up():
     """A printed set that is empty, tolerances below 4.5 mm, loops within what they promise."""
     error = np.array([0.5, -1.0])
     loops = (
-        LoopRow(UNKNOWN, 60, 1.4, 1.0, 8.6, 0.1, 0.15, 2, error),
-        LoopRow(PREVIEWED, 40, 0.09, 0.08, 9.0, 0.2, 0.25, 2, error / 20),
+        LoopRow(UNKNOWN, 1.4, 1.0, 8.6, 0.1, 0.15, 2, error),
+        LoopRow(PREVIEWED, 0.09, 0.08, 9.0, 0.2, 0.25, 2, error / 20),
     )
     least = (
         LeastRow(UNKNOWN, 40, None, ("control",)),
