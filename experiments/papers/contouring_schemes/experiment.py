@@ -11,6 +11,7 @@ and slip. Its end effectors are not measured.
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import NamedTuple
 
 import equinox as eqx
@@ -19,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from experiments.tables import where
 from jcontour.app.catalogue.choices import design_for
 from jcontour.app.designs.design import Design
 from jcontour.app.flags.loops import Simulate
@@ -216,14 +218,13 @@ class Setup:
         space = Weights._make([SPACE, positive])  # constraints in the places of the values
         machines = (self.plants, self.references)
         problem = Problem(scheme.build, *machines, mean_contour_error, space, self.limits)
-        history = [row for start in starts for row in self._descent(problem, start)]
+        history: list[Evaluated] = []
+        for start in starts:
+            state = TuneState()
+            while not state.done and len(state.history) < self.budget:
+                state = advance(problem, start, ONE_DESCENT, state)
+            history += state.history[: self.budget]
         return result(problem, starts[0], TuneState(history))
-
-    def _descent(self, problem: Problem, start: Weights) -> list[Evaluated]:
-        state = TuneState()
-        while not state.done and len(state.history) < self.budget:
-            state = advance(problem, start, ONE_DESCENT, state)
-        return state.history[: self.budget]
 
 
 class Scores(NamedTuple):
@@ -325,12 +326,7 @@ class Result:
 
         Infinite when a run diverged or has no such number.
         """
-        wanted = {"scheme": scheme, "plant": plant, **which}
-        rows = [
-            row
-            for row in self.rows
-            if all(getattr(row, name) == value for name, value in wanted.items())
-        ]
+        rows = where(self.rows, scheme=scheme, plant=plant, **which)
         values = np.array([getattr(row, column) for row in rows])
         if any(row.diverged for row in rows) or not np.isfinite(values).all():
             return float("inf")
@@ -338,27 +334,13 @@ class Result:
 
 
 def run(quick: bool = False) -> Result:
-    """Tune and simulate everything."""
-    plants = TUNED_ON if quick else tuple(MODEL_ERRORS)
-    budget = QUICK_EVALUATIONS if quick else EVALUATIONS
-    setup = Setup(TUNED_ON, budget)
-    tuning, runs = compared(setup, plants)
-    bounds = np.asarray(setup.limits.bounds).tolist()
-    return Result(
-        quick=quick,
-        evaluations=budget,
-        limits=dict(zip(setup.limits.names, bounds, strict=True)),
-        tuning=tuple(tuning),
-        rows=tuple(runs),
-    )
-
-
-def compared(setup: Setup, plants: Sequence[str]) -> tuple[list[TunedScheme], list[Row]]:
-    """Tuning of every scheme, and its numbers on the true machines.
+    """Tune and simulate everything.
 
     A scheme is tuned from the tuned cascade and from the thesis's gains.
     """
-    known = schemes()
+    plants = TUNED_ON if quick else tuple(MODEL_ERRORS)
+    budget = QUICK_EVALUATIONS if quick else EVALUATIONS
+    setup, known = Setup(TUNED_ON, budget), schemes()
     cascade = known[CASCADE]
     first = setup.tuned(cascade, [cascade.around(START)])
 
@@ -372,16 +354,13 @@ def compared(setup: Setup, plants: Sequence[str]) -> tuple[list[TunedScheme], li
             1e6 * row.objective if row.violation <= 0 and not row.diverged else np.inf
             for row in (*first.history, *tuned.history)
         ]
-        described = TunedScheme(
-            scheme=name,
-            cascade=gains,
-            gains=list(own),
-            feasible=tuned.feasible,
-            best_um=np.minimum.accumulate(values).tolist(),
-        )
+        best = np.minimum.accumulate(values).tolist()
+        described = TunedScheme(name, gains, list(own), tuned.feasible, best)
         return described, rows(name, scheme.build(tuned.weights), plants)
 
     with ThreadPoolExecutor(2) as pool:  # one compiles while the other descends
-        parts = list(pool.map(one, known.items()))
+        tuning, runs = zip(*pool.map(one, known.items()), strict=True)
     untuned = rows("start", cascade.build(cascade.around(START)), plants)
-    return [tuning for tuning, _ in parts], untuned + [row for _, made in parts for row in made]
+    bounds = np.asarray(setup.limits.bounds).tolist()
+    limits = dict(zip(setup.limits.names, bounds, strict=True))
+    return Result(quick, budget, limits, tuning, (*untuned, *chain.from_iterable(runs)))

@@ -17,7 +17,7 @@ from experiments.papers.lam.experiment import (
 )
 from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.verdicts import Claim, verdict
-from experiments.tables import Table
+from experiments.tables import Table, where
 
 SIMILAR = 1.25  # ratio of errors up to which two controllers perform similarly
 MUCH_BETTER = 2.0  # ratio of errors from which one is much better
@@ -60,7 +60,7 @@ def claims(result: Result) -> Iterator[Claim]:
         f"fails for {'; '.join(broken)}" if broken else "holds for every controller and plant",
         verdict(not broken, len(broken) < FEW),
     )
-    slow, words = _over_mpcc(result, PI_1MS, np.argmax)
+    slow, words = _over_mpcc(result, -1)
     similar = [1 / SIMILAR <= ratio <= SIMILAR for ratio in slow]
     yield Claim(
         "Fig. 13",
@@ -68,7 +68,7 @@ def claims(result: Result) -> Iterator[Claim]:
         words,
         verdict(bool(slow) and all(similar), any(similar)),
     )
-    fast, words = _over_mpcc(result, PI_1MS, np.argmin)
+    fast, words = _over_mpcc(result, 0)
     least = min(fast, default=0.0)
     yield Claim(
         "Fig. 13",
@@ -78,10 +78,11 @@ def claims(result: Result) -> Iterator[Claim]:
     )
     lost, won = [], 0
     for other, plant in product((MPTC_4MS, PI_4MS), result.plants):
-        times, ratios = _against(result, other, plant)
-        won += int(np.sum(ratios > 1))
-        behind = [(t, ratio) for t, ratio in zip(times, ratios, strict=True) if ratio <= 1]
-        lost += [f"{other} on {plant} at {t:.2f} s ({r:.2f} x MPCC's error)" for t, r in behind]
+        for time, ratio in _against(result, other, plant).T:
+            if ratio > 1:
+                won += 1
+            else:
+                lost.append(f"{other} on {plant} at {time:.2f} s ({ratio:.2f} x MPCC's error)")
     words = f"MPCC is ahead in {won} of {won + len(lost)} comparisons"
     yield Claim(
         "Fig. 13",
@@ -91,47 +92,39 @@ def claims(result: Result) -> Iterator[Claim]:
     )
 
 
-def curve(
-    result: Result, controller: str, plant: str
-) -> tuple[Float[np.ndarray, " runs"], Float[np.ndarray, " runs"]]:
+def curve(result: Result, controller: str, plant: str) -> Float[np.ndarray, "two runs"]:
     """Curve of Fig. 13: times [s], from short to long, and RMS errors [% of the largest radius].
 
     Runs that do not reach the end are left out.
     """
-    points = [
-        (point.time_s, point.rms_percent)
-        for point in result.trade_off
-        if (point.controller, point.plant) == (controller, plant) and point.finished
-    ]
-    times, errors = np.reshape(sorted(points, key=lambda point: point[0]), (-1, 2)).T
-    return times, errors
+    runs = where(result.trade_off, controller=controller, plant=plant, finished=True)
+    points = sorted((run.time_s, run.rms_percent) for run in runs)
+    return np.reshape(points, (-1, 2)).T
 
 
-def _against(
-    result: Result, other: str, plant: str
-) -> tuple[Float[np.ndarray, " runs"], Float[np.ndarray, " runs"]]:
+def _against(result: Result, other: str, plant: str) -> Float[np.ndarray, "two runs"]:
     """Times of the other controller within MPCC's range, and its error over MPCC's there."""
     times, errors = curve(result, other, plant)
     mpcc_times, mpcc_errors = curve(result, MPCC_4MS, plant)
     if mpcc_times.size == 0:
-        return np.zeros(0), np.zeros(0)
+        return np.zeros((2, 0))
     inside = (times >= mpcc_times[0]) & (times <= mpcc_times[-1])
     mpcc_there = np.interp(times[inside], mpcc_times, mpcc_errors)
-    return times[inside], errors[inside] / mpcc_there
+    return np.stack([times[inside], errors[inside] / mpcc_there])
 
 
-def _over_mpcc(result: Result, other: str, chosen) -> tuple[list[float], str]:
+def _over_mpcc(result: Result, place: int) -> tuple[list[float], str]:
     """Ratio of the errors at the longest or shortest time in MPCC's range, plant by plant."""
     ratios, words = [], []
     for plant in result.plants:
-        times, there = _against(result, other, plant)
-        if times.size:
-            k = int(chosen(times))
-            ratios.append(float(there[k]))
-            words.append(f"{there[k]:.2f} at {times[k]:.2f} s ({plant})")
+        pairs = _against(result, PI_1MS, plant)
+        if pairs.size:
+            time, ratio = pairs[:, place]
+            ratios.append(float(ratio))
+            words.append(f"{ratio:.2f} at {time:.2f} s ({plant})")
     if not ratios:
-        return [], f"no run of {other} within the range of MPCC's times"
-    return ratios, f"error of {other} over MPCC's: {', '.join(words)}"
+        return [], f"no run of {PI_1MS} within the range of MPCC's times"
+    return ratios, f"error of {PI_1MS} over MPCC's: {', '.join(words)}"
 
 
 def tables(result: Result) -> Iterator[Table]:

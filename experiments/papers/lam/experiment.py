@@ -90,7 +90,6 @@ class Result:
     """Figs 8 to 11 on one machine, Fig. 13 on all."""
 
     plants: tuple[str, ...]
-    length_mm: float  # of the contour
     max_radius_mm: float  # of the contour, from its centre
     points_mm: Float[np.ndarray, "points 2"]  # of the contour
     traces: tuple[Trace, ...]  # q_theta ascending
@@ -124,7 +123,6 @@ def run(quick: bool = False) -> Result:
         points += sorted(several, key=lambda one: (one.controller, one.time_s))
     return Result(
         plants,
-        1e3 * float(contour.length),
         1e3 * radius,
         1e3 * path[::4],
         tuple(traces),
@@ -204,18 +202,10 @@ def _driven(
 
 def point(controller: str, plant: str, setting: str, outcome: Outcome, radius: float) -> Point:
     """One point of Fig. 13; `radius` is the largest of the contour [m]."""
-    score = outcome.score
-    return Point(
-        controller=controller,
-        plant=plant,
-        setting=setting,
-        finished=bool(np.isfinite(score.time)),
-        time_s=float(score.time),
-        rms_um=1e6 * score.rms,
-        peak_um=1e6 * score.peak,
-        rms_percent=100 * score.rms / radius,
-        limited_percent=100 * outcome.limited,
-    )
+    score, limited = outcome.score, 100 * outcome.limited
+    finished, errors = bool(np.isfinite(score.time)), (1e6 * score.rms, 1e6 * score.peak)
+    percent = 100 * score.rms / radius
+    return Point(controller, plant, setting, finished, float(score.time), *errors, percent, limited)
 
 
 def trace_of(contour: Contour, controller: MPCC, outcome: Outcome, progress: float) -> Trace:

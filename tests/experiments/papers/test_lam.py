@@ -66,7 +66,7 @@ def made_up(mpcc, others):
         curvature_per_mm=bend,
     )
     fast = replace(slow, q_theta=5.0, speed_mm_s=200 - 50 * bend, contour_error_um=2 * np.ones(100))
-    return Result(("p",), 100.0, 100.0, line, (slow, fast), tuple(points))
+    return Result(("p",), 100.0, line, (slow, fast), tuple(points))
 
 
 def verdicts(result):
