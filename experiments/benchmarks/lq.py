@@ -17,12 +17,12 @@ import numpy as np
 from experiments.benchmarks.plain_loops import compiled_loop, numpy_loop
 from experiments.benchmarks.timings import seconds, timed
 from experiments.tables import Column, Table
+from jcontour import LinearPlant, Reference, evaluate, stack_plants, stack_references
 from jcontour import _kernels as kernels
 from jcontour._devices import on_gpu
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports.tables import digits
-from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
-from jcontour.controllers.lq.scheduled_lq import BlockwiseLQ
+from jcontour.controllers import BlockwiseLQ, ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line
 from jcontour.linear.continuous_axes import (
     ContinuousAxis,
@@ -30,16 +30,10 @@ from jcontour.linear.continuous_axes import (
     speed_axis,
     with_resonance,
 )
-from jcontour.linear.plant import LinearPlant, Pattern, steady_motion
-from jcontour.motion.references import Reference, along
+from jcontour.linear.plant import Pattern, steady_motion
+from jcontour.motion import along
 from jcontour.plants import bridgeport
-from jcontour.simulation.evaluation import (
-    evaluate,
-    member,
-    platform_batching,
-    stack_plants,
-    stack_references,
-)
+from jcontour.simulation.evaluation import member, platform_batching
 from jcontour.simulation.metrics import Metrics
 
 STEPS, PREVIEW = 500, 10  # a quarter of a second at the paper's 2 kHz, and its usual horizon

@@ -17,29 +17,27 @@ from scipy.optimize import brentq
 from scipy.signal import bilinear, lfilter, ss2tf
 
 from experiments.papers.verdicts import Verdict, rounds_to, verdict
-from jcontour.controllers.feedback.hinf_feedback import (
+from jcontour import LinearPlant
+from jcontour.controllers import (
     MixedWeights,
+    ModelFollowing,
     central_controller,
-    gain_at,
+    hinf_optimum,
     least_gamma,
     mixed_sensitivity,
 )
+from jcontour.controllers.feedback.hinf_feedback import gain_at
 from jcontour.controllers.feedforward.l1 import l1_optimum
-from jcontour.controllers.feedforward.model_following import (
-    ModelFollowing,
-    parallel_feedforward,
-    shortest_error,
-)
+from jcontour.controllers.feedforward.model_following import parallel_feedforward, shortest_error
 from jcontour.controllers.feedforward.model_matching import (
     ModelMatching,
     corollary_1,
-    hinf_optimum,
     l1_norm,
     perturbed_error,
 )
-from jcontour.linear.plant import LinearPlant
-from jcontour.linear.transfer_functions import transfer_function
-from jcontour.plants.linear_machines import PERIOD, ZERO, bandwidth_of_zero, linear_motor_drive
+from jcontour.linear import transfer_function
+from jcontour.plants import linear_motor_drive
+from jcontour.plants.linear_machines import PERIOD, ZERO, bandwidth_of_zero
 
 SOURCE = (
     "D. M. Alter, T.-C. Tsao: Control of Linear Motors for Machine Tool Feed Drives: Experimental "

@@ -21,27 +21,22 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from experiments.tables import where
+from jcontour import Contour, Controller, Plant, Reference, stack_plants, stack_references
 from jcontour.app.catalogue.choices import design_for
 from jcontour.app.designs.design import Design
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.machines.families import LATE, members
 from jcontour.app.machines.flexible_axis import SAMPLE, biaxial_machine, scaled
-from jcontour.controller import Controller
-from jcontour.controllers.feedback.cascade import CascadeGains
-from jcontour.geometry.contour import Contour
+from jcontour.controllers import CascadeGains
 from jcontour.geometry.contours import circle, ellipse, lemniscate, polygon, spline
-from jcontour.motion.feed_laws import trapezoidal
-from jcontour.motion.references import Reference, along
-from jcontour.plant import Plant
-from jcontour.plants.delays import Delayed
-from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis
+from jcontour.motion import along, trapezoidal
+from jcontour.plants import Delayed, FlexibleAxis, SmoothFlexibleAxis
 from jcontour.simulation.closed_loop import follow
-from jcontour.simulation.evaluation import one_by_one, stack_plants, stack_references
+from jcontour.simulation.evaluation import one_by_one
 from jcontour.simulation.metrics import Metrics, score_signals
-from tuning.objectives import AtMost, mean_contour_error
-from tuning.parameters import Fixed, Positive
-from tuning.problem import THOROUGH, Problem
-from tuning.tuner import Evaluated, Tuned, TuneState, advance, result
+from tuning import AtMost, Fixed, Positive, Problem, Tuned, mean_contour_error
+from tuning.problem import THOROUGH
+from tuning.tuner import Evaluated, TuneState, advance, result
 
 FEED = 0.05  # [m/s]; the thesis asks 0.1 of its axis
 ACCELERATION = 1.0  # [m/s^2]; the thesis asks 4 of its axis

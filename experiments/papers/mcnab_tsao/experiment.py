@@ -16,33 +16,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour.controller import Controller
-from jcontour.controllers.lq.contouring_lq import (
-    ContouringLQ,
-    LQWeights,
-    OutputTerminal,
-    RiccatiTerminal,
-    Terminal,
-    contour_weight,
-    control_weight,
-)
-from jcontour.controllers.lq.preview_lq import PreviewLQ
+from jcontour import Controller, LinearPlant, Plant, Reference, stack_plants, stack_references
+from jcontour.controllers import ContouringLQ, LQWeights, OutputTerminal, PreviewLQ, RiccatiTerminal
+from jcontour.controllers.lq.contouring_lq import Terminal, contour_weight, control_weight
 from jcontour.geometry.contours import circle, line
-from jcontour.linear.plant import (
-    AffinePlan,
-    LinearPlant,
-    SteadyMotion,
-    spectral_radius,
-    steady_motion,
-)
-from jcontour.linear.transformations import with_input_delay, with_input_gains
-from jcontour.motion.references import Reference, along
-from jcontour.plant import Plant
-from jcontour.plants.delays import Delayed
-from jcontour.plants.linear_machines import bridgeport
+from jcontour.linear import with_input_gains
+from jcontour.linear.plant import AffinePlan, SteadyMotion, spectral_radius, steady_motion
+from jcontour.linear.transformations import with_input_delay
+from jcontour.motion import along
+from jcontour.plants import Delayed, bridgeport
 from jcontour.riccati.receding_horizon import CostToGo, first_control, one_stage_back
 from jcontour.simulation.closed_loop import follow, prepared
-from jcontour.simulation.evaluation import member, stack_plants, stack_references
+from jcontour.simulation.evaluation import member
 from jcontour.simulation.metrics import Metrics, score_signals
 
 TERMINALS = ("output", "dare")  # C'QC, and H_s(Q_max)

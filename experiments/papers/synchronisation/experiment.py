@@ -14,10 +14,8 @@ from jaxtyping import Float
 
 from experiments.papers.synchronisation.companions import Cycles, Schedule, learned, scheduled
 from experiments.tables import where
-from jcontour.controllers.synchronisation.adaptive import (
-    AdaptiveSynchronisation,
-    SynchronisedGains,
-)
+from jcontour import simulate
+from jcontour.controllers import AdaptiveSynchronisation, SynchronisedGains
 from jcontour.controllers.synchronisation.speed_axes import (
     ContinuousGains,
     Motion,
@@ -29,11 +27,9 @@ from jcontour.controllers.synchronisation.speed_axes import (
     sampled_loop,
     speed_axes,
 )
-from jcontour.motion.references import from_samples
-from jcontour.plants.actuation import Disturbed
-from jcontour.plants.linear_machines import servo_axes
+from jcontour.motion import from_samples
+from jcontour.plants import Disturbed, servo_axes
 from jcontour.sensors import Sensors
-from jcontour.simulation.closed_loop import simulate
 
 SOURCE = (
     "M. Tomizuka, J.-S. Hu, T.-C. Chiu, T. Kamano: Synchronization of Two Motion Control Axes "

@@ -28,16 +28,13 @@ from experiments.papers.yuan_contouring_bounded.tubes import (
 )
 from experiments.papers.yuan_gantry.experiment import RADIUS, SAMPLE
 from experiments.tables import where
+from jcontour import Plant, score
 from jcontour.app.machines.gantry import guide_ways
-from jcontour.host.loop import reported_loop
-from jcontour.plant import Plant
-from jcontour.plants.actuation import Disturbed
-from jcontour.plants.delays import Delayed
-from jcontour.plants.gantry.friction_gantry import StickSlipGantry
-from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
+from jcontour.host import reported_loop
+from jcontour.plants import Delayed, Disturbed, Gantry, StickSlipGantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import control_oriented, tangent
 from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
-from jcontour.simulation.metrics import contour_error, score, tracking_error
+from jcontour.simulation.metrics import contour_error, tracking_error
 
 SOURCE = (
     "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "

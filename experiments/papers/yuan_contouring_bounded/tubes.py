@@ -25,18 +25,12 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from experiments.papers.yuan_gantry.experiment import SAMPLE, reference_path
-from jcontour.motion.references import Reference
-from jcontour.mpc.machine_runs import MachineRun, machine_run
-from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
+from jcontour import Reference
+from jcontour.mpc import MachineRun, machine_run
+from jcontour.plants import Gantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import Linearisation, currents_along, tangent
-from jcontour.sets.least_peaks import least_peak
-from jcontour.sets.responses import (
-    DisturbedModel,
-    FiniteResponse,
-    VaryingModel,
-    VaryingResponse,
-    brought_to_rest_along,
-)
+from jcontour.sets import DisturbedModel, VaryingModel, brought_to_rest_along, least_peak
+from jcontour.sets.responses import FiniteResponse, VaryingResponse
 
 POINTS = (-0.075, -0.025, 0.025, 0.075)  # [m], of linearisation, section 5.5.1
 DISTURBANCE = 0.5  # [A] on every motor: ours, none is printed

@@ -13,17 +13,14 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import brentq
 
+from jcontour import Controller, Plant, Reference, simulate, stack_references
 from jcontour.app.catalogue.choices import design_for, job_named
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.jobs.job import Pace
 from jcontour.app.machines.flexible_axis import FlexibleMachine, thesis_machine
-from jcontour.controller import Controller
-from jcontour.motion.references import Reference
-from jcontour.plant import Plant
-from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
-from jcontour.plants.flexible_axis.cantilever import beam_modes, beam_shapes, thesis_beam
-from jcontour.simulation.closed_loop import Rollout, simulate
-from jcontour.simulation.evaluation import stack_references
+from jcontour.plants import FlexibleAxis, SmoothFlexibleAxis, beam_modes, thesis_axis, thesis_beam
+from jcontour.plants.flexible_axis.cantilever import beam_shapes
+from jcontour.simulation.closed_loop import Rollout
 
 SOURCE = (
     "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "

@@ -18,36 +18,17 @@ from jaxtyping import Array, Float
 from numpy.polynomial import polynomial
 from scipy.signal import lfilter
 
-from jcontour.controller import Controller
-from jcontour.controllers.feedforward.adaptive_zpetc import (
-    AdaptiveZeroPhaseTracking,
-    Estimate,
-    NormalisedLeastSquares,
-)
-from jcontour.controllers.feedforward.zpetc import (
-    ZeroPhaseTracking,
-    gain_error,
-    zero_phase_filter,
-)
-from jcontour.linear.transfer_functions import (
-    TransferFunction,
-    from_polynomials,
-    transfer_function,
-)
-from jcontour.motion.references import Reference, from_samples
-from jcontour.plant import Plant
-from jcontour.plants.arms import (
-    LVDT_QUANTUM,
-    PATH_DURATION,
-    SERVO_GAIN,
-    SERVO_POLE,
-    ThreeLink,
-    manipulator_path,
-)
-from jcontour.plants.encoders import Encoders, Quantised
-from jcontour.plants.linear_machines import servo_axes
+from jcontour import Controller, Plant, Reference, simulate
+from jcontour.controllers import AdaptiveZeroPhaseTracking, ZeroPhaseTracking, zero_phase_filter
+from jcontour.controllers.feedforward.adaptive_zpetc import Estimate, NormalisedLeastSquares
+from jcontour.controllers.feedforward.zpetc import gain_error
+from jcontour.linear import transfer_function
+from jcontour.linear.transfer_functions import TransferFunction, from_polynomials
+from jcontour.motion import from_samples
+from jcontour.plants import Encoders, Quantised, ThreeLink, manipulator_path, servo_axes
+from jcontour.plants.arms import LVDT_QUANTUM, PATH_DURATION, SERVO_GAIN, SERVO_POLE
 from jcontour.sensors import Sensors
-from jcontour.simulation.closed_loop import Rollout, simulate
+from jcontour.simulation.closed_loop import Rollout
 
 SOURCE = (
     "A. Smith, K.-M. Lee: An Experimental Investigation of Two Digital Tracking Controllers: "
