@@ -11,22 +11,22 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jcontour import Contour, Plant, Reference, simulate
 from jcontour.app.designs.predictive import at_speed, late_tracking
-from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.geometry.contour import Contour
-from jcontour.geometry.periodic_splines import polar_lobes
+from jcontour.controllers import Cascade, CascadeGains
+from jcontour.geometry import polar_lobes
+from jcontour.host import reported_loop
 from jcontour.host.controller import HostController
 from jcontour.host.held import Held
-from jcontour.host.loop import Stopped, reported_loop
-from jcontour.motion.references import Reference, along
-from jcontour.mpc.contouring.contouring_qp import ContouringWeights
-from jcontour.mpc.contouring.mpcc import MPCC
-from jcontour.mpc.tracking.tracking_mpc import TrackingWeights
-from jcontour.plant import Plant
-from jcontour.plants.xy_table import X_DRIVE, Y_DRIVE, FrictionXYTable, xy_table
+from jcontour.host.loop import Stopped
+from jcontour.motion import along
+from jcontour.mpc import MPCC, ContouringWeights, TrackingWeights
+from jcontour.plants import FrictionXYTable, xy_table
+from jcontour.plants.xy_table import X_DRIVE, Y_DRIVE
 from jcontour.sensors import Sensors
-from jcontour.simulation.closed_loop import Rollout, simulate
-from jcontour.simulation.traversal import Score, traversal_score
+from jcontour.simulation import traversal_score
+from jcontour.simulation.closed_loop import Rollout
+from jcontour.simulation.traversal import Score
 
 SOURCE = (
     "D. Lam, C. Manzie, M. Good: Application of Model Predictive Contouring Control to an X-Y "

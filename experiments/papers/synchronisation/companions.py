@@ -21,10 +21,11 @@ from jaxtyping import Float
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_lyapunov
 
-from jcontour.controllers.learning.cartesian import CartesianControl, cartesian_cycles
-from jcontour.controllers.learning.laps import PType, learn
-from jcontour.motion.references import from_samples
-from jcontour.plants.arms import TwoLinkArm
+from jcontour import learn
+from jcontour.controllers import CartesianControl, PType
+from jcontour.controllers.learning.cartesian import cartesian_cycles
+from jcontour.motion import from_samples
+from jcontour.plants import TwoLinkArm
 
 GRID = np.linspace(0, 2 * np.pi, 37)  # parameters at which the loop is frozen
 FAST, TIME = 1.0, 20.0  # [rad/s] at which the loop grows as exp(t/2), and how long it is run [s]

@@ -17,34 +17,28 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.spatial import HalfspaceIntersection
 
-from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.lq.contouring_lq import RiccatiTerminal
-from jcontour.controllers.wrappers.filters import Filtered, notch
-from jcontour.geometry import contours
+from jcontour import LinearPlant, Reference, contours, simulate
+from jcontour.controllers import Cascade, CascadeGains, Filtered, RiccatiTerminal, notch
 from jcontour.geometry.contours import line
-from jcontour.host.loop import reported_loop
-from jcontour.linear.plant import LinearPlant, spectral_radius
+from jcontour.host import reported_loop
+from jcontour.linear.plant import spectral_radius
 from jcontour.linear.transformations import zoh
-from jcontour.motion.point_to_point import PointToPoint, thesis_task_a
-from jcontour.motion.references import Reference, from_samples, in_time
-from jcontour.mpc.bounded_mpc import BoundedMPC, KeptRows
-from jcontour.mpc.machine_runs import machine_run
-from jcontour.mpc.tracking.limits import Limits
-from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
-from jcontour.plants import thesis_axis
-from jcontour.plants.flexible_axis.axis import FlexibleAxis, euler_model
+from jcontour.motion import PointToPoint, from_samples, in_time, thesis_task_a
+from jcontour.mpc import BoundedMPC, KeptRows, Limits, TrackingMPC, TrackingWeights, machine_run
+from jcontour.plants import FlexibleAxis, euler_model, thesis_axis
 from jcontour.sensors import motors
-from jcontour.sets.invariant_polytopes import box, control_invariant
-from jcontour.sets.least_peaks import NoResponse, least_peak
-from jcontour.sets.responses import (
+from jcontour.sets import (
     DisturbedModel,
-    FiniteResponse,
     Signal,
     VaryingModel,
     brought_to_rest_along,
+    control_invariant,
+    least_peak,
+    least_tolerance_of_any,
 )
-from jcontour.sets.tolerance_certificates import least_tolerance_of_any
-from jcontour.simulation.closed_loop import simulate
+from jcontour.sets.invariant_polytopes import box
+from jcontour.sets.least_peaks import NoResponse
+from jcontour.sets.responses import FiniteResponse
 from jcontour.wrapper import Wrapper
 
 CASCADE = CascadeGains(30.0, 38.21, 0.04)  # k_pp [1/s], k_pv [As/m], T_iv [s], section 4.3.2

@@ -16,10 +16,10 @@ from jaxtyping import Float
 
 from experiments.papers.yuan_contouring_bounded.tubes import DISTURBANCE, SPARE, Part, Tube
 from experiments.papers.yuan_gantry.experiment import RADIUS
+from jcontour import Reference
 from jcontour.host.controller import HostController, Stepped, StepReport
-from jcontour.motion.references import Reference
-from jcontour.mpc.bounded_mpc import BoundedMPC, KeptRows
-from jcontour.plants.gantry.gantry import thesis_gantry
+from jcontour.mpc import BoundedMPC, KeptRows
+from jcontour.plants import thesis_gantry
 from jcontour.sets.responses import VaryingResponse
 
 CURRENT = 10.0  # [A] limit of every motor: ours, as in the library's gantry

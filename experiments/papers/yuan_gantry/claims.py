@@ -16,7 +16,7 @@ from experiments.papers.yuan_gantry.experiment import (
 )
 from experiments.tables import Table
 from jcontour.app.reports.tables import digits
-from jcontour.plants.gantry.gantry import thesis_gantry
+from jcontour.plants import thesis_gantry
 
 PRINTED_HZ = {0.0: 47.0, -0.66: 45.0}  # section 5.2.2
 NEAR_HZ = 0.5  # to the printed anti-resonances

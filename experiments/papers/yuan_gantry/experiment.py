@@ -24,14 +24,13 @@ from experiments.papers.yuan_gantry.motor_bench import (
     twist_damping,
 )
 from experiments.tables import where
-from jcontour.controller import Controller
+from jcontour import Controller, Reference, score, simulate
 from jcontour.geometry.contours import chain, circle, line
-from jcontour.motion.point_to_point import PointToPoint
-from jcontour.motion.references import Reference, in_time
-from jcontour.plants.gantry.gantry import Gantry, GantryParameters, thesis_gantry
+from jcontour.motion import PointToPoint, in_time
+from jcontour.plants import Gantry, GantryParameters, thesis_gantry
 from jcontour.plants.gantry.linear_models import drive_response
-from jcontour.simulation.closed_loop import Rollout, simulate
-from jcontour.simulation.metrics import contour_error, score, tracking_error
+from jcontour.simulation.closed_loop import Rollout
+from jcontour.simulation.metrics import contour_error, tracking_error
 
 SOURCE = (
     "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "

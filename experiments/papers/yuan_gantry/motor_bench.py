@@ -21,11 +21,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jcontour.linear.plant import LinearPlant
+from jcontour import LinearPlant, Plant
 from jcontour.linear.transformations import with_input_delay, zoh
-from jcontour.plant import Plant
+from jcontour.plants import Gantry, GantryParameters
 from jcontour.plants.friction import Friction, caught, runge_kutta
-from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry, GantryParameters, Scalar
+from jcontour.plants.gantry.gantry import EquationOfMotion, Scalar
 from jcontour.plants.gantry.linear_models import disturbances
 
 
