@@ -125,12 +125,11 @@ def _rate(plant: Plant, batch: int) -> float:
         run = jax.vmap(run, (0, None))
     compiled, steps = jax.jit(run).lower(start, 1).compile(), 1
     share = SECONDS / REPEATS
-    while (spent := _fastest(compiled, start, steps)) < share:
+
+    def fastest() -> float:
+        runs = range(REPEATS)
+        return min(seconds(lambda: jax.block_until_ready(compiled(start, steps))) for _ in runs)
+
+    while (spent := fastest()) < share:
         steps = int(steps * min(100.0, 1.2 * share / max(spent, 1e-6))) + 1
     return batch * steps / spent
-
-
-def _fastest(program: Callable, start, steps: int) -> float:
-    """Wall time of a program, the best of `REPEATS` [s]."""
-    calls = range(REPEATS)
-    return min(seconds(lambda: jax.block_until_ready(program(start, steps))) for _ in calls)

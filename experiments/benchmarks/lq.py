@@ -129,14 +129,6 @@ def paper_case(dtype: np.dtype, steps: int = STEPS, preview: int = PREVIEW) -> C
     return Case.of(bridgeport(), reference, preview, dtype)
 
 
-def sized_case(states: tuple[int, ...]) -> Case:
-    """A machine whose axes have these numbers of states, on a straight line."""
-    plant = machine(states)
-    path = line([0.0] * plant.axes, [1.0] * plant.axes)
-    reference = along(path, ADVANCE * np.arange(STEPS), plant.dt, PREVIEW, at_rest=True)
-    return Case.of(plant, reference, PREVIEW, DOUBLE)
-
-
 def coupled_case() -> Case:
     """The paper's machine and run, where nothing says that its axes are decoupled."""
     case, table = paper_case(DOUBLE), bridgeport()
@@ -175,7 +167,12 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> LQBench:
         for batch in batches
     ]
     few = max(batches) // 16 or 1
-    sizes = {" + ".join(map(str, states)): sized_case(states) for states in SIZES}
+    sizes = {}
+    for states in SIZES:
+        plant = machine(states)
+        path = line([0.0] * plant.axes, [1.0] * plant.axes)
+        reference = along(path, ADVANCE * np.arange(STEPS), plant.dt, PREVIEW, at_rest=True)
+        sizes[" + ".join(map(str, states))] = Case.of(plant, reference, PREVIEW, DOUBLE)
     for name, case in (sizes | {"8 coupled": coupled_case()}).items():
         cases.append((f"{name} states", case, few, False))
     steps, batch = (10_000, 1024) if on_gpu() else (10 * STEPS, 1)

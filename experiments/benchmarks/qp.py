@@ -18,7 +18,7 @@ from experiments.tables import Table
 from jcontour.app.flags.others import Bench
 from jcontour.qp.interior_point import solve
 from jcontour.qp.problem import QP
-from jcontour.qp.solvers import DAQP, ProxQP, Solver
+from jcontour.qp.solvers import DAQP, ProxQP
 from jcontour.qp.staged import StagedQP, rollout, slopes
 
 STAGES, STATES, CONTROLS = 20, 8, 4
@@ -73,12 +73,20 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> QPBench:
     times, active, batches = [], 0.0, flags.batch or (BATCH,)
     for batch in batches:
         qp, active = tight(random_problems(batch))
-        times.append(_together(qp, batch))
+        answer = jax.jit(_solved)(qp)
+        solving, slopes = (1e3 * timed(one, qp).running for one in (_solved, _slopes))
+        worst, unsolved = float(jnp.max(answer.residual)), int(jnp.sum(~answer.solved))
+        times.append(BatchTime("at once", batch, solving, slopes, worst, unsolved))
         tell(f"{batch} problems: {times[-1].solving:.4g} ms")
     few, _ = tight(random_problems(min(max(batches), ONE_BY_ONE)))
+    problems = condensed(few)
     for solver in (DAQP(), ProxQP()):
-        times.append(_one_by_one(solver, few))
-        tell(f"{solver.name}, one by one: {times[-1].solving:.4g} ms")
+        worst = max(solver.solve(one).residual for one in problems)
+        calls = [partial(solver.solve, one) for one in problems]
+        spent = 1e3 * sum(min(seconds(call) for _ in range(ROUNDS)) for call in calls)
+        name = f"{solver.name}, one by one"
+        times.append(BatchTime(name, len(problems), spent, None, worst, 0))
+        tell(f"{name}: {spent:.4g} ms")
     return QPBench(times, active)
 
 
@@ -146,22 +154,6 @@ def _solved(qp: StagedQP):
 
 def _slopes(qp: StagedQP):
     return jax.grad(lambda qp: jnp.sum(_solved(qp).trajectory.stages ** 2))(qp)
-
-
-def _together(qp: StagedQP, batch: int) -> BatchTime:
-    answer = jax.jit(_solved)(qp)
-    solving, slopes = timed(_solved, qp).running, timed(_slopes, qp).running
-    worst, unsolved = float(jnp.max(answer.residual)), int(jnp.sum(~answer.solved))
-    return BatchTime("at once", batch, 1e3 * solving, 1e3 * slopes, worst, unsolved)
-
-
-def _one_by_one(solver: Solver, qp: StagedQP) -> BatchTime:
-    problems = condensed(qp)
-    answers = [solver.solve(one) for one in problems]
-    calls = [partial(solver.solve, one) for one in problems]
-    spent = sum(min(seconds(call) for _ in range(ROUNDS)) for call in calls)
-    worst = max(answer.residual for answer in answers)
-    return BatchTime(f"{solver.name}, one by one", len(problems), 1e3 * spent, None, worst, 0)
 
 
 def condensed(qp: StagedQP) -> list[QP]:

@@ -69,7 +69,16 @@ def kept(
         ValueError: the file cannot be read or written, or holds something else.
     """
     keys = [key if isinstance(key, tuple) else (key,) for key in keys]
-    done = _rows_in(path, kind) if path is not None else {}
+    done: dict[tuple, list[Row]] = {}
+    if path is not None:
+        try:
+            text = path.read_text() if path.exists() else ""
+            whole = text[: text.rfind("\n") + 1]
+            lines = [json.loads(line) for line in whole.splitlines()]
+            done = {tuple(key): [kind(**row) for row in rows] for key, rows in lines}
+            path.write_text(whole)
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            raise ValueError(f"keep: {path} is of no such benchmark: {error}") from None
     for key in keys:
         if key not in done:
             done[key] = run(*key)
@@ -78,15 +87,3 @@ def kept(
                     line = [list(key), [vars(row) for row in done[key]]]
                     file.write(json.dumps(line) + "\n")
     return [row for key in keys for row in done[key]]
-
-
-def _rows_in(path: Path, kind: type[Row]) -> dict[tuple, list[Row]]:
-    try:
-        text = path.read_text() if path.exists() else ""
-        whole = text[: text.rfind("\n") + 1]
-        lines = [json.loads(line) for line in whole.splitlines()]
-        done = {tuple(key): [kind(**row) for row in rows] for key, rows in lines}
-        path.write_text(whole)
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise ValueError(f"keep: {path} is of no such benchmark: {error}") from None
-    return done

@@ -21,14 +21,13 @@ from experiments.benchmarks.stored_results import kept
 from experiments.tables import Column, Table
 from jcontour.app.flags.others import Bench
 from jcontour.app.flags.tuning import Tune
-from jcontour.app.reports.tables import digits
 from jcontour.app.runs.tuning.problem import tuning_run
 from jcontour.controller import Controller
 from jcontour.plant import Plant
 from tuning.loops import Looked, Loops
 from tuning.parameters import Chart, Weights
-from tuning.point import FEASIBLE, Evaluated, evaluate_values
-from tuning.problem import THOROUGH, Effort, Problem
+from tuning.point import FEASIBLE, evaluate_values
+from tuning.problem import THOROUGH, Problem
 from tuning.tuner import TuneState, advance
 
 STATE = "contouring-lq-state"
@@ -107,8 +106,7 @@ class TunerRow:
     method: str
     seeds: int
     reached: int  # seeds that came within 2 % of the best value known
-    # to come there, quartiles and median; None where that many seeds did not
-    evaluations: tuple[float | None, float | None, float | None]
+    evaluations: float | None  # to come there, median; None where fewer than half did
     best: float  # value known [um, or a ratio]
 
 
@@ -248,14 +246,11 @@ def _ours(problem: Problem, start, begin, seed: int, budget: int) -> Search:
         values += [
             np.inf if one.diverged or one.violation > FEASIBLE else one.objective for one in rows
         ]
-        spent += (before + np.cumsum([_cost_of(row, effort) for row in rows])).tolist()
+        # scattered points may need values alone
+        costs = [1 if one.start < 0 and effort.values_alone else WITH_SLOPES for one in rows]
+        spent += (before + np.cumsum(costs)).tolist()
     within = sum(one <= budget for one in spent)
     return values[:within], spent[:within]
-
-
-def _cost_of(row: Evaluated, effort: Effort) -> int:
-    scattered = row.start < 0
-    return 1 if scattered and effort.values_alone else WITH_SLOPES
 
 
 def _better(
@@ -276,11 +271,10 @@ def _summed_up(weights: int, traces: list[Trace]) -> list[TunerRow]:
         until = np.full(len(several), np.inf)  # where no search has come within the limits
         if np.isfinite(best):
             until = np.array([trace.until(CLOSE * best) for trace in several])
-        quartiles = np.quantile(until, [0.25, 0.5, 0.75], method="inverted_cdf")
-        low, middle, high = (float(count) if np.isfinite(count) else None for count in quartiles)
-        reached = int(np.isfinite(until).sum())
-        numbers = len(several), reached, (low, middle, high), best
-        rows.append(TunerRow(several[0].problem, weights, method, *numbers))
+        middle = float(np.quantile(until, 0.5, method="inverted_cdf"))
+        numbers = len(several), int(np.isfinite(until).sum())
+        median = middle if np.isfinite(middle) else None
+        rows.append(TunerRow(several[0].problem, weights, method, *numbers, median, best))
     return rows
 
 
@@ -293,8 +287,7 @@ def tables(result: TunersBench) -> Iterator[Table | str]:
     columns: dict[str, Column] = {
         "search": "method",
         "starts that\narrive": lambda row: f"{row.reached} of {row.seeds}",
-        "evaluations\nmedian": lambda row: digits(row.evaluations[1]),
-        "quartiles": lambda row: f"{digits(row.evaluations[0])} to {digits(row.evaluations[2])}",
+        "evaluations\nmedian": "evaluations:.4g",
     }
     for (problem, weights), rows in groupby(result.rows, lambda row: (row.problem, row.weights)):
         yield Table(f"{problem} ({weights} weights)", list(rows), columns)

@@ -44,13 +44,13 @@ def test_searches_are_compared_with_the_best_of_all():
         *(trace("Sobol", values) for values in ([9.0, 8.0, 2.03], [7.0, 6.0])),
     ]
     ours, theirs = tuners._summed_up(2, traces)
-    assert (ours.best, ours.reached, ours.evaluations) == (2.0, 2, (3.0, 3.0, 6.0))
-    assert (theirs.reached, theirs.evaluations) == (1, (3.0, 3.0, None))
+    assert (ours.best, ours.reached, ours.evaluations) == (2.0, 2, 3.0)
+    assert (theirs.reached, theirs.evaluations) == (1, 3.0)
 
 
 def test_nobody_arrives_where_nothing_is_within_the_limits():
     (row,) = tuners._summed_up(2, [trace("Sobol", [np.inf, np.inf])])
-    assert (row.reached, row.evaluations) == (0, (None, None, None))
+    assert (row.reached, row.evaluations) == (0, None)
 
 
 @pytest.fixture
@@ -72,8 +72,7 @@ def test_a_run_goes_on_from_its_file(small, tmp_path):
     assert all(row.weights == 2 and row.seeds == 1 for row in first.rows)
     ours = first.rows[0]
     assert ours.method == "jcontour" and ours.reached == 1
-    (needed,) = set(ours.evaluations)
-    assert needed % 3 == 0 and needed <= 60
+    assert ours.evaluations % 3 == 0 and ours.evaluations <= 60
     assert measured(flags, lines.append).rows == first.rows and len(lines) == 1 + len(METHODS)
     more = measured(replace(flags, seeds=2, searches=("Sobol",)), lines.append)
     assert lines[1 + len(METHODS) :] == ["start 2 of 2: gains: Sobol"]
@@ -133,7 +132,7 @@ def test_the_table_says_who_arrives(capsys):
     printed = capsys.readouterr().out
     words = printed.split()
     assert "jcontour" in words and "Sobol" in words
-    assert "1 of 1" in printed and "0 of 1" in printed and "3 to 3" in printed
+    assert "1 of 1" in printed and "0 of 1" in printed
 
 
 def test_missing_libraries_are_named_with_what_installs_them(monkeypatch):
