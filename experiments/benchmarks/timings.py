@@ -32,7 +32,10 @@ def timed(function: Callable, *arguments) -> Timing:
     spent: list[float] = []
     while len(spent) < FEWEST or (len(spent) < MOST and sum(spent) < SECONDS):
         spent.append(seconds(call))
-    return Timing(compiling, float(np.median(spent)), _memory(program))
+    analysis: Any = program.memory_analysis()
+    kinds = ("temp", "argument", "output") if analysis else ()
+    memory = sum(getattr(analysis, f"{kind}_size_in_bytes") for kind in kinds)
+    return Timing(compiling, float(np.median(spent)), memory)
 
 
 def seconds(call: Callable[[], Any], clock: Callable[[], float] = time.perf_counter) -> float:
@@ -40,14 +43,3 @@ def seconds(call: Callable[[], Any], clock: Callable[[], float] = time.perf_coun
     begin = clock()
     call()
     return clock() - begin
-
-
-def _memory(program: Any) -> int:
-    analysis = program.memory_analysis()
-    if not analysis:
-        return 0
-    return (
-        analysis.temp_size_in_bytes
-        + analysis.argument_size_in_bytes
-        + analysis.output_size_in_bytes
-    )

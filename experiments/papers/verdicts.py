@@ -49,11 +49,6 @@ def on_all(holds: Iterable[bool]) -> Verdict:
     return verdict(all(cases), any(cases))
 
 
-def as_printed(values: Iterable[float], printed: Iterable[str]) -> Verdict:
-    """Verdict on numbers that should round to the printed digits, all or some of them."""
-    return on_all(rounds_to(value, digits) for value, digits in zip(values, printed, strict=True))
-
-
 def rounds_to(value: float, printed: str) -> bool:
     """Whether a number rounds to the printed digits; not where it is not finite.
 

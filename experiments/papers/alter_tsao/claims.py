@@ -17,7 +17,6 @@ from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.verdicts import (
     Claim,
     Verdict,
-    as_printed,
     falls,
     listed,
     on_all,
@@ -113,7 +112,7 @@ def _sections_3_and_4(result: Result) -> Iterator[Claim]:
         "sec. 4.3",
         "-3 dB at 364 Hz for m = 1, 261 Hz for m = 2",
         f"{listed(hertz, 4)} Hz",
-        as_printed(hertz, BANDWIDTHS_HZ.values()),
+        on_all(map(rounds_to, hertz, BANDWIDTHS_HZ.values())),
     )
     pairs = list(zip(lines[20:23], lines[24:27], strict=True))
     yield Claim(

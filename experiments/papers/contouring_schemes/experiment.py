@@ -191,13 +191,11 @@ def family(names: Sequence[str], smooth: bool) -> Plant:
 class Setup:
     """Conditions of the tuning, the same for every scheme: machines, contours, limits, budget.
 
-    Args:
-        plants: of `MODEL_ERRORS`, as smooth twins.
-        budget: evaluations of objective and gradient in one descent.
+    The budget is of evaluations of objective and gradient in one descent.
     """
 
-    def __init__(self, plants: Sequence[str], budget: int):
-        self.plants, self.budget = family(plants, smooth=True), budget
+    def __init__(self, budget: int):
+        self.plants, self.budget = family(TUNED_ON, smooth=True), budget
         self.references = references(training())
         cascade = schemes()[CASCADE]
         with_feedforward = cascade.build(cascade.around(WITH_FEEDFORWARD))
@@ -257,19 +255,18 @@ def rows(name: str, controller: Controller, plants: Sequence[str]) -> list[Row]:
     seen, new = training(), held_out()
     scores = scored(family(plants, smooth=False), controller, references({**seen, **new}))
     tool = scores.tool
+    columns = {
+        "contour_um": 1e6 * tool.rms_contour_error,
+        "peak_um": 1e6 * tool.peak_contour_error,
+        "tracking_um": 1e6 * tool.rms_tracking_error,
+        "current_a": tool.rms_control,
+        "increment_a": tool.rms_increment,
+        "diverged": tool.diverged,
+        "motor_um": 1e6 * scores.motors.rms_contour_error,
+    }
     return [
         Row(
-            scheme=name,
-            contour=contour,
-            training=contour in seen,
-            plant=plant,
-            contour_um=1e6 * float(tool.rms_contour_error[i, j]),
-            peak_um=1e6 * float(tool.peak_contour_error[i, j]),
-            tracking_um=1e6 * float(tool.rms_tracking_error[i, j]),
-            current_a=float(tool.rms_control[i, j]),
-            increment_a=float(tool.rms_increment[i, j]),
-            diverged=bool(tool.diverged[i, j]),
-            motor_um=1e6 * float(scores.motors.rms_contour_error[i, j]),
+            name, contour, contour in seen, plant, **{c: v[i, j].item() for c, v in columns.items()}
         )
         for i, contour in enumerate((*seen, *new))
         for j, plant in enumerate(plants)
@@ -335,7 +332,7 @@ def run(quick: bool = False) -> Result:
     """
     plants = TUNED_ON if quick else tuple(MODEL_ERRORS)
     budget = QUICK_EVALUATIONS if quick else EVALUATIONS
-    setup, known = Setup(TUNED_ON, budget), schemes()
+    setup, known = Setup(budget), schemes()
     cascade = known[CASCADE]
     first = setup.tuned(cascade, [cascade.around(START)])
 

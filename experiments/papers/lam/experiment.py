@@ -112,7 +112,20 @@ def run(quick: bool = False) -> Result:
             outcome, controller = traced(fine, contour, weight)
             several.append(point(MPCC_4MS, plant, f"q_theta {weight:g}", outcome, radius))
             if weight in TRACE_WEIGHTS and plant == SHOWN_PLANT:
-                traces.append(trace_of(contour, controller, outcome, weight))
+                score, rollout, length = outcome.score, outcome.rollout, float(contour.length)
+                done = int(np.argmax(score.arc >= length - ARRIVED)) or len(score.arc)
+                arc, memory = score.arc[:done], rollout.memory.inner
+                trace = Trace(
+                    q_theta=weight,
+                    theta_mm=1e3 * (arc - length),
+                    tool_mm=1e3 * np.asarray(rollout.output)[:done],
+                    foot_mm=1e3 * np.asarray(contour.position(arc)),
+                    control_a=np.asarray(rollout.control)[:done],
+                    speed_mm_s=1e3 * controller.speed(memory)[:done],
+                    contour_error_um=1e6 * score.error[:done],
+                    curvature_per_mm=1e-3 * np.asarray(contour.curvature(arc)),
+                )
+                traces.append(trace)
         for speed in SPEEDS:
             setting = f"{1e3 * speed:g} mm/s"
             several += [
@@ -206,21 +219,3 @@ def point(controller: str, plant: str, setting: str, outcome: Outcome, radius: f
     finished, errors = bool(np.isfinite(score.time)), (1e6 * score.rms, 1e6 * score.peak)
     percent = 100 * score.rms / radius
     return Point(controller, plant, setting, finished, float(score.time), *errors, percent, limited)
-
-
-def trace_of(contour: Contour, controller: MPCC, outcome: Outcome, progress: float) -> Trace:
-    """Signals of Figs 8 to 11 up to the end of the path."""
-    score, rollout = outcome.score, outcome.rollout
-    length = float(contour.length)
-    done = int(np.argmax(score.arc >= length - ARRIVED)) or len(score.arc)
-    arc = score.arc[:done]
-    return Trace(
-        q_theta=progress,
-        theta_mm=1e3 * (arc - length),
-        tool_mm=1e3 * np.asarray(rollout.output)[:done],
-        foot_mm=1e3 * np.asarray(contour.position(arc)),
-        control_a=np.asarray(rollout.control)[:done],
-        speed_mm_s=1e3 * controller.speed(rollout.memory.inner)[:done],
-        contour_error_um=1e6 * score.error[:done],
-        curvature_per_mm=1e-3 * np.asarray(contour.curvature(arc)),
-    )

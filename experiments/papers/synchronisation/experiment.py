@@ -57,17 +57,11 @@ INSTANTS, QUICK_INSTANTS = 2401, 601  # of a continuous response
 
 @dataclass(frozen=True)
 class Plant:
-    """Two axes and the gains of their law.
+    """Two axes and the gains of their law."""
 
-    Attributes:
-        axes: poles [rad/s] and gains.
-        proportional: k_c of both axes.
-        adaptation: gamma of continuous time [1/s]; sampled it is gamma T.
-    """
-
-    axes: SpeedAxes
-    proportional: tuple[float, float]
-    adaptation: float
+    axes: SpeedAxes  # poles [rad/s] and gains
+    proportional: tuple[float, float]  # k_c of both axes
+    adaptation: float  # gamma of continuous time [1/s]; sampled it is gamma T
 
 
 PLANTS = {

@@ -36,19 +36,11 @@ class Promise(NamedTuple):
 
 
 class Parted(HostController):
-    """Controllers of disjoint parts of the machine.
-
-    Args:
-        parts: states and inputs of each, of the machine's six states and three motors.
-        controllers: of the parts.
-
-    Attributes:
-        seconds: processor time of every step that had an answer [s].
-    """
+    """Controllers of disjoint parts of the machine."""
 
     def __init__(self, parts: tuple[Part, ...], controllers: tuple[BoundedMPC, ...]):
         self.parts, self.controllers = parts, controllers
-        self.seconds: list[float] = []
+        self.seconds: list[float] = []  # processor time of every step that had an answer
         self.preview = max(one.preview for one in controllers)
 
     def prepare(self, reference: Reference) -> Any:
@@ -112,7 +104,12 @@ def _part_controller(tube: Tube, part: Part, response: VaryingResponse) -> Bound
     """Controller of a part: its rows of the tool first, then the tube of its states."""
     R, states, inputs = response.samples, list(part.states), list(part.inputs)
     machine = tube.machine
-    directions, names = _directions(machine.reference, part, R)
+    # unit rows (R, r, 2) of the tool that are kept
+    tangent, names = np.asarray(machine.reference.tangent)[:R], ("across", "along")
+    directions = np.stack([np.stack([-tangent[:, 1], tangent[:, 0]], axis=1), tangent], axis=1)
+    if len(inputs) < 3:
+        axis = int(part.inputs != (0,))
+        directions, names = np.broadcast_to(np.eye(2)[axis], (R, 1, 2)), ("xy"[axis],)
     off = machine.run.output[:R] - np.asarray(machine.reference.position)[:R]
     rows = directions @ machine.tool[:R, :, states]
     value = np.einsum("krm,km->kr", directions, off)
@@ -130,16 +127,6 @@ def _part_controller(tube: Tube, part: Part, response: VaryingResponse) -> Bound
     limit = np.minimum(CURRENT - np.abs(nominal), tube.current[inputs])
     late = tube.design.late
     return BoundedMPC(machine.state[:R, states], nominal, response, kept, limit, late)
-
-
-def _directions(reference: Reference, part: Part, samples: int) -> tuple[np.ndarray, tuple]:
-    """Unit rows (R, r, 2) of the tool that a part keeps, and their names."""
-    tangent = np.asarray(reference.tangent)[:samples]
-    if len(part.inputs) == 3:
-        normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-        return np.stack([normal, tangent], axis=1), ("across", "along")
-    axis = 0 if part.inputs == (0,) else 1
-    return np.broadcast_to(np.eye(2)[axis], (samples, 1, 2)), ("xy"[axis],)
 
 
 def attack(tube: Tube, whole: Parted, steps: int) -> Float[np.ndarray, "T p"]:

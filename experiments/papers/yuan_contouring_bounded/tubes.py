@@ -185,13 +185,21 @@ def tube_of(design: Design, machine: Driven) -> Tube:
         NoResponse: the currents do not suffice against motors and remainder.
     """
     (model, which), curvature = design.modelled(machine), machine.curvature()
-    first = _turning(design, model)
+    # box of the disturbances that turn within a sample
+    turning = design.turning * np.abs(model.E).sum(axis=2).max(axis=0)
+    first = turning.copy()
     first[:MOVING] += GUESS
     grown = Tube(design, machine, model, (), np.zeros_like(first), np.zeros(3), first, np.inf)
     for _ in range(ROUNDS):
         responses = tuple(_response(grown, part, which) for part in design.parts)
         state, current = _sizes(grown, responses)
-        needed = _needed(grown, state, current)
+        exact = machine.exact
+        apart = np.abs(exact.A - model.A) @ state + np.abs(exact.B - model.B) @ current
+        for part in design.parts:  # what the motors of a part do to another
+            others = [i for i in range(3) if i not in part.inputs]
+            strange = np.abs(exact.E[:, list(part.states)][:, :, others]).sum(axis=2)
+            apart[:, list(part.states)] += strange
+        needed = apart.max(axis=0) + turning
         # those that waited act where the drives are late
         acting = (state[MOVING : MOVING + 3] if design.late else current) + DISTURBANCE
         size = np.concatenate([state[:MOVING], acting])
@@ -205,11 +213,6 @@ def tube_of(design: Design, machine: Driven) -> Tube:
     return grown
 
 
-def _turning(design: Design, model: VaryingModel) -> np.ndarray:
-    """Box of the disturbances that turn within a sample (n,)."""
-    return design.turning * np.abs(model.E).sum(axis=2).max(axis=0)
-
-
 def _sizes(tube: Tube, responses: tuple[VaryingResponse, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Z and V of all parts."""
     state, current = np.zeros_like(tube.state), np.zeros(3)
@@ -220,17 +223,6 @@ def _sizes(tube: Tube, responses: tuple[VaryingResponse, ...]) -> tuple[np.ndarr
         state[list(part.states)] = SPARE * of_states.max(axis=0)
         current[list(part.inputs)] = SPARE * of_inputs.max(axis=0)
     return state, current
-
-
-def _needed(tube: Tube, state: np.ndarray, current: np.ndarray) -> np.ndarray:
-    """First order of the model error, what turns, and what motors of a part do to another."""
-    exact = tube.machine.exact
-    apart = np.abs(exact.A - tube.model.A) @ state + np.abs(exact.B - tube.model.B) @ current
-    for part in tube.design.parts:
-        others = [i for i in range(3) if i not in part.inputs]
-        strange = np.abs(exact.E[:, list(part.states)][:, :, others]).sum(axis=2)
-        apart[:, list(part.states)] += strange
-    return apart.max(axis=0) + _turning(tube.design, tube.model)
 
 
 def _response(tube: Tube, part: Part, which: Int[np.ndarray, " S"]) -> VaryingResponse:

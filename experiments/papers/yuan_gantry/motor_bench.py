@@ -62,20 +62,12 @@ class Emulated(NamedTuple):
 
 
 class HardwareInLoop(Plant):
-    """A `Gantry` whose head is a bench, measured like the gantry.
+    """A `Gantry` whose head is a bench, measured like the gantry."""
 
-    Args:
-        gantry: the emulated machine; its sample period is that of the communication.
-        bench: the motors that move as its head.
-        delay: samples after which both currents of the bench act; the thesis found one.
-    """
-
-    gantry: Gantry
+    gantry: Gantry  # its sample period is that of the communication
     bench: MotorBench
-    delay: int = eqx.field(static=True)
-
-    def __init__(self, gantry: Gantry, bench: MotorBench, delay: int = 1):
-        self.gantry, self.bench, self.delay = gantry, bench, delay
+    # samples after which both currents of the bench act; one in the thesis
+    delay: int = eqx.field(static=True, default=1)
 
     @property
     def dt(self) -> float:  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -354,22 +354,13 @@ class LimitedServo(Plant):
     The limit i(t) is printed in section 2; its time counts from the start of the motion. The factor
     h follows from Table 1 (torque constant, lead, inertia). Friction is not printed: f is assumed.
     Without both it is that of `servo_axes` to a trapezoid of the speed over a substep.
-
-    Args:
-        gain: k [m/s^2 per unit of control].
-        pole: p [rad/s], by feedback of the speed to the amplifier.
-        friction: of the motor at any speed [A].
-        dt: sample period [s].
     """
 
-    gain: Float[Array, ""]
-    pole: Float[Array, ""]
-    friction: Float[Array, ""]
-    dt: float = eqx.field(static=True)
-
-    def __init__(self, gain: float, pole: float, friction: float, dt: float):
-        self.gain, self.pole = jnp.asarray(gain), jnp.asarray(pole)
-        self.friction, self.dt = jnp.asarray(friction), dt
+    gain: Float[Array, ""] = eqx.field(converter=jnp.asarray)  # k [m/s^2 per unit of control]
+    # p [rad/s], by feedback of the speed to the amplifier
+    pole: Float[Array, ""] = eqx.field(converter=jnp.asarray)
+    friction: Float[Array, ""] = eqx.field(converter=jnp.asarray)  # of the motor [A]
+    dt: float = eqx.field(static=True)  # sample period [s]
 
     def initial_state(self, position: Float[Array, "1"], increment: Float[Array, "1"]):
         """State at the start of the motion."""
