@@ -159,7 +159,9 @@ def linuxcnc_files(
 
 def _model(machine: Plant, count: Vector) -> dict[str, Any]:
     """Matrices of the machine; friction of zero where it has none."""
-    model = machine.plant if isinstance(machine, WithDryFriction | LostMotion) else machine
+    held = machine if isinstance(machine, LostMotion) else None
+    machine = machine if held is None else held.plant
+    model = machine.plant if isinstance(machine, WithDryFriction) else machine
     if not isinstance(model, LinearPlant):
         raise ValueError(f"linuxcnc: needs a linear machine, received {type(model).__name__}")
     A, B, C = (np.asarray(one, float) for one in (model.A, model.B, model.C))
@@ -170,8 +172,8 @@ def _model(machine: Plant, count: Vector) -> dict[str, Any]:
         parts = machine.entry, machine.speed, machine.sharpness
         entry, speed, sharpness = (np.asarray(one, float) for one in parts)
         friction = np.asarray(machine.friction.dry(jnp.ones(m)), float)
-    if isinstance(machine, LostMotion):
-        play = np.broadcast_to(np.asarray(machine.friction.coulomb, float), play.shape)
+    if held is not None:
+        play = np.broadcast_to(np.asarray(held.friction.coulomb, float), play.shape)
     matrices: list[tuple[str, Matrix | Float[np.ndarray, " m"]]] = [
         ("A", A),
         ("B", B),

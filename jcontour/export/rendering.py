@@ -13,6 +13,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from jcontour.controllers.feedback.cascade import STANDS
 from jcontour.export.code_text import (
     Precision,
     in_c,
@@ -94,8 +95,10 @@ class Code:
             counts["LAW_BEHIND"] = law.behind
         if law.window is not None:
             counts["LAW_MODEL"] = len(law.window.A)
+            counts["LAW_HORIZON"] = len(law.window.stage)
         else:
-            counts["LAW_FILTER"] = law.behind + law.preview + 1
+            assert law.G is not None
+            counts["LAW_FILTER"] = len(law.G)
         counts["LAW_WAIT"] = law.dead_time + self.limits.wait
         counts["LAW_IDLE"] = law.dead_time + self.limits.idle
         counts["LAW_MOST_LOST"] = self.limits.lost
@@ -178,6 +181,8 @@ class Code:
         if self.law.window is not None:
             values.append(("LAW_TOTAL", self.law.window.total, "weight on an error, 1/m2"))
             values.append(("LAW_BETA", self.law.window.beta, "forgiven along the path, 1/m2"))
+        if self.law.dry is not None:
+            values.append(("LAW_STANDS", STANDS, "m in a sample: the reference stands"))
         return values
 
     @cached_property
@@ -201,6 +206,8 @@ class Code:
             ("rate", "", "of reading on: 1, less in a hold"),
             ("phase", "", "between two reference points"),
         ]
+        if self.law.dry is not None and self.law.B is not None:
+            fields.append(("sliding", "LAW_INPUTS", "part of the control, against friction"))
         if self.law.behind:
             fields.append(("past", "LAW_BEHIND * LAW_AXES", "commands of the samples before"))
         return fields

@@ -6,7 +6,8 @@ With x the memory, y the measurement, r_j the reference j samples ahead:
     u   = f - F x - D y                               kept to its limit
     x  <- A x + B u + E y + sum_j W_j r_j             kept to limits of its own
 The control f - F x is that of a receding horizon whose window is swept at every sample (`Window`),
-or f = sum_j G_j r_j + dry sign(r_1 - r_0) with stationary gains. Nothing belongs to one part. All
+or f = sum_j G_j r_j with stationary gains. Beside both may stand dry sign(r_{d+1} - r_d), which
+no memory knows of. Nothing belongs to one part. All
 positions count from a base: the present reference where a law is the same everywhere, so that its
 numbers stay small; the place of the start where a control is needed to stand; else the origin.
 """
@@ -26,6 +27,7 @@ from jcontour.analysis.frozen_loops import linear_law, unlimited
 from jcontour.bounds.affine import NotAffine
 from jcontour.bounds.disturbed_loop import check_linear_controller, check_planless
 from jcontour.controller import Controller
+from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, RiccatiTerminal, control_weight
 from jcontour.controllers.observers.kalman import (
     FilterObserver,
@@ -95,6 +97,7 @@ class StreamingLaw:
         window: swept at every sample; None where gains are stationary.
         G, W: gains of the references from `behind` samples back to `preview` ahead.
         dry: control by the direction of every axis, against its friction.
+        ahead: samples d ahead at which that is taken, of every axis.
         limit: of every control, +-; infinite where there is none.
         kept: limit of every entry of the memory, +-.
         exact: whether that is all that the controller's own limits do to its memory.
@@ -127,6 +130,7 @@ class StreamingLaw:
     G: Float[np.ndarray, "window p m"] | None = None
     W: Float[np.ndarray, "window n m"] | None = None
     dry: Matrix | None = None
+    ahead: tuple[int, ...] = ()
     kept: Vector = field(default_factory=lambda: np.zeros(0))
     exact: bool = True
     drives: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
@@ -180,6 +184,11 @@ def streaming_law(
             the window of `ContouringLQ`, or it has no finite look-ahead; the message says which.
     """
     check_planless(controller)
+    if isinstance(controller, FrictionFeedforward):
+        law = streaming_law(controller.controller, machine, places, limit, precision)
+        dry = np.diag(np.broadcast_to(np.asarray(controller.coulomb, float), law.axes))
+        ahead = controller.ahead or (0,) * law.axes
+        return replace(law, dry=dry, ahead=ahead, preview=controller.preview)
     # Standstill at the origin on a straight line, long enough for every response to end
     axes = places.shape[0]
     ahead = max(controller.preview, 1)
@@ -337,6 +346,7 @@ def _stationary(
         G=G[skipped:],
         W=_some(W[skipped:]),
         dry=_some(np.where(np.abs(dry) > ENDED * largest, dry, 0.0)),
+        ahead=(0,) * axes,
         limit=np.full(p, np.inf),
         kept=np.full(n, np.inf) if kept is None else kept,
         exact=exact,

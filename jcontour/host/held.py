@@ -1,4 +1,4 @@
-"""Controllers that are slower than their loop.
+"""Controllers that are slower than their loop, or have a control beside theirs.
 
 One acts at every n-th sample and holds in between; what another finds acts one sample later.
 """
@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour._arrays import placed
+from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
 from jcontour.host.controller import HostController, HostWrapper, Stepped, StepReport
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
@@ -111,6 +112,34 @@ def thinned(reference: Reference, every: int) -> Reference:
         reference.dt * every,
         steps,
     )
+
+
+class FrictionCompensated(HostController):
+    """A controller, and the control against dry friction beside it.
+
+    Args:
+        controller: on the host.
+        feedforward: what is added, and the limit of the sum.
+    """
+
+    def __init__(self, controller: HostController, feedforward: FrictionFeedforward):
+        self.controller, self.feedforward = controller, feedforward
+        self.preview = max(controller.preview, feedforward.preview)
+        self._limit = np.asarray(feedforward.limit)
+
+    def prepare(self, reference: Reference) -> tuple[Any, Float[np.ndarray, "T p"]]:
+        """Plan of the wrapped controller, and the control against friction."""
+        friction = np.asarray(self.feedforward.against(reference))
+        return self.controller.prepare(reference), friction
+
+    def initial_memory(self, reference: Reference) -> Any:
+        """Memory of the wrapped controller."""
+        return self.controller.initial_memory(reference)
+
+    def step(self, memory: Any, plan: Any, measurement: Any) -> Stepped:
+        """The wrapped controller's step, and the control against friction."""
+        memory, control, report = self.controller.step(memory, plan[0], measurement)
+        return memory, np.clip(control + plan[1], -self._limit, self._limit), report
 
 
 class LateMemory(NamedTuple):

@@ -230,7 +230,8 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
     with one input and one output. An axis with n_i states solves, for x and the constant control u
     that carries it on,
 
-        C A^j x + sum_{i<j} C A^i B u = y + j dy,   j = 0..n_i.
+        C A^j x + sum_{i<j} C A^i B u = y + j dy,   j = 0..n_i,
+    for a standstill as x = A x + B u, C x = y.
     McNab & Tsao, Appendix, with the third row at x_d(k + N_p). We scale every column, as states
     have units of their own: those of a delay line count the control in steps of the position.
 
@@ -272,19 +273,34 @@ def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, 
         rows, output = np.array(axis.states), axis.outputs[0]
         A, B, C = plant.A[np.ix_(rows, rows)], plant.B[rows, axis.inputs[0]], plant.C[output, rows]
         matrix = _steady_equations(A, B, C)
-        size = matrix.shape[0]
-        sample = jnp.arange(size, dtype=matrix.dtype)
-        ramp = jnp.stack([jnp.ones(size, matrix.dtype), sample], axis=1)
+        sample = jnp.arange(matrix.shape[0], dtype=matrix.dtype)
         # powers of two just above the sizes: columns that are divided by them keep their digits
         sizes = jnp.max(jnp.abs(matrix[:, :-1]), axis=0)
         _, exponents = jnp.frexp(jax.lax.stop_gradient(sizes))
         size_of_states = jnp.ldexp(jnp.ones_like(sizes), exponents)
         matrix = matrix.at[:, :-1].divide(size_of_states)
-        maps = jnp.linalg.solve(matrix, ramp)[:-1] / size_of_states[:, None]
-        Sy = Sy.at[rows, output].set(maps[:, 0])
-        Sv = Sv.at[rows, output].set(maps[:, 1])
+        ramp = jnp.linalg.solve(matrix, sample)[:-1] / size_of_states
+        Sy = Sy.at[rows, output].set(_standing(A, B, C, size_of_states))
+        Sv = Sv.at[rows, output].set(ramp)
         conditions.append(jnp.linalg.cond(matrix))
     return SteadyMotion(Sy, Sv), conditions
+
+
+def _standing(
+    A: Float[Array, "n n"], B: Float[Array, " n"], C: Float[Array, " n"], sizes: Float[Array, " n"]
+) -> Float[Array, " n"]:
+    """State x = A x + B u of a standstill at C x = 1.
+
+    Rows over many samples tell it too, but round what a delay line holds of a small control.
+    """
+    entry = B / jax.lax.stop_gradient(jnp.max(jnp.abs(B)))
+    rest = (jnp.eye(B.size, dtype=A.dtype) - A) / sizes[None]
+    matrix = jnp.block([[rest, -entry[:, None]], [(C / sizes)[None], jnp.zeros((1, 1), A.dtype)]])
+    largest = jax.lax.stop_gradient(jnp.max(jnp.abs(matrix), axis=1))
+    _, exponents = jnp.frexp(largest)
+    rows = jnp.ldexp(jnp.ones_like(largest), -exponents)
+    position = jnp.zeros(B.size + 1, A.dtype).at[-1].set(rows[-1])
+    return jnp.linalg.solve(matrix * rows[:, None], position)[:-1] / sizes
 
 
 def _steady_equations(

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jcontour._tracing import is_concrete
 from jcontour.linear.plant import LinearPlant, decoupled_axes, small_product
@@ -171,8 +171,8 @@ class LostMotion(Remembering):
     error, as no friction does that turns smoothly. The plant starts behind the motion.
 
     Args:
-        plant: a machine whose controls are positions.
-        friction: its Coulomb part is F of every control [control unit].
+        plant: a machine, some of whose controls are positions.
+        friction: its Coulomb part is F of every control [control unit], zero of one that is none.
     """
 
     friction: Friction
@@ -190,17 +190,17 @@ class LostMotion(Remembering):
         return self.plant.step(state[0], acts), acts
 
 
-def _integrate(plant: LinearPlant) -> list[bool]:
-    """Whether the parts of a plant that nothing couples have an integrator each: a pole at one.
+def _integrates(plant: LinearPlant) -> Bool[np.ndarray, " m"]:
+    """Axes whose part of the plant has an integrator, a pole at one.
 
-    Where one has none its drive takes a position.
+    The drives of the others take positions.
     """
-    found = []
+    integrates = np.zeros(plant.axes, bool)
     for axis in decoupled_axes(plant.pattern):
         rows = np.array(axis.states)
         poles = np.linalg.eigvals(np.asarray(plant.A)[np.ix_(rows, rows)])
-        found.append(bool(np.abs(poles - 1).min() < INTEGRATOR))
-    return found
+        integrates[list(axis.outputs)] = np.abs(poles - 1).min() < INTEGRATOR
+    return integrates
 
 
 def with_dry_friction(
@@ -208,7 +208,7 @@ def with_dry_friction(
     entry: Float[np.ndarray, "n m"],
     force: Float[np.ndarray, " m"],
 ) -> WithDryFriction | LostMotion:
-    """The plant with friction of every axis; as lost motion where its drives take positions.
+    """The plant with friction of every axis; as lost motion where its drive takes a position.
 
     Args:
         plant: without friction.
@@ -216,15 +216,16 @@ def with_dry_friction(
         force: of each axis [control unit], at least zero.
 
     Raises:
-        ValueError: a force is negative or not finite, or some axes take positions and others none.
+        ValueError: a force is negative or not finite.
     """
     A, C = np.asarray(plant.A), np.asarray(plant.C)
-    friction = Friction(np.asarray(force), 0.0, 1.0, 0.0)
-    integrate = _integrate(plant)
-    if not any(integrate):
-        return LostMotion(plant, friction)
-    if not all(integrate):
-        raise ValueError("friction: some axes take positions and others do not")
+    integrates = _integrates(plant)
+    sliding, held = (
+        Friction(np.where(some, np.asarray(force), 0.0), 0.0, 1.0, 0.0)
+        for some in (integrates, ~integrates)
+    )
+    if not integrates.any():
+        return LostMotion(plant, held)
     speed = (C @ A - C) / plant.dt
     responses, state = [np.zeros(speed.shape[0])], np.asarray(entry)
     for _ in range(RESPONSE):
@@ -233,7 +234,8 @@ def with_dry_friction(
     quickest = np.abs(np.diff(responses, axis=0)).max(axis=0)
     turning = np.maximum(SLOWEST, SAMPLES * np.asarray(force) * quickest)
     parts = (jnp.asarray(part) for part in (entry, speed, 1.0 / turning))
-    return WithDryFriction(plant, *parts, friction)
+    rubbed = WithDryFriction(plant, *parts, sliding)
+    return rubbed if integrates.all() else LostMotion(rubbed, held)
 
 
 class Disturbed(Remembering):

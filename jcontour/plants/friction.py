@@ -95,6 +95,18 @@ def without_dry_friction(plant: Plant) -> Plant:
     return jax.tree.map(rest, plant, is_leaf=lambda part: isinstance(part, Friction))
 
 
+def with_dry_friction_times(plant: Plant, factor: Axes) -> Plant:
+    """The plant with its dry friction so many times as large, by axis."""
+
+    def scaled(part):
+        if not isinstance(part, Friction):
+            return part
+        forces = [force * factor for force in (part.coulomb, part.stribeck)]
+        return eqx.tree_at(lambda one: (one.coulomb, one.stribeck), part, forces)
+
+    return jax.tree.map(scaled, plant, is_leaf=lambda part: isinstance(part, Friction))
+
+
 State = TypeVar("State")  # any pytree of arrays
 
 

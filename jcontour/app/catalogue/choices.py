@@ -2,7 +2,7 @@
 
 import warnings
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -25,10 +25,12 @@ from jcontour.app.catalogue.own_classes import (
     own_name,
 )
 from jcontour.app.designs.design import SETTINGS, Design, Needs, OwnDesign, given, own_design
+from jcontour.app.designs.simple_loops import acting_ahead
 from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.job import Pace, Task, from_file
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import WholePath
+from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
 from jcontour.controllers.wrappers.adapters import BacklashCompensation
 
 Flags = TypeVar("Flags", bound=Controlled)
@@ -110,14 +112,47 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     if unread:
         words = ", ".join(f"--{flag.replace('_', '-')}" for flag in unread)
         warnings.warn(f"{design.name} does not read {words}", UnreadFlagWarning, stacklevel=2)
-    if flags.backlash:
-        linear = machine.linear
-        if linear is None or not np.any(linear.backlash):
-            raise ValueError(f"backlash: {machine.name} states none; a machine file may")
-        build, gaps = design.build, jnp.asarray(linear.gaps)
-        design = design.replaced(build=lambda weights: BacklashCompensation(build(weights), gaps))
-    design.build(design.start)
+    design = _compensated(design, machine, flags.backlash)
+    design.complete(design.start)
     return design
+
+
+def _compensated(design: Design, machine: Machine, backlash: bool) -> Design:
+    """The design with the control against known dry friction, and with motors that lead.
+
+    Friction is left to the feedback where the control may not change by twice of it in a sample.
+    The motors lead by half the backlash, where that is asked for.
+    """
+    linear, change = machine.linear, machine.limits.increment
+    if (
+        linear is not None
+        and linear.largest_friction
+        and (change is None or np.all(2 * np.asarray(linear.friction) <= change))
+    ):
+        limit = linear.limits.control
+        ahead = acting_ahead(linear)
+        coulomb = np.broadcast_to(np.asarray(linear.friction, float), len(linear.axes))
+        friction = partial(
+            FrictionFeedforward,
+            coulomb=coulomb,
+            limit=np.inf if limit is None else limit,
+            ahead=ahead,
+        )
+        each = ", ".join(f"{one:.6g}" for one in coulomb)
+        line = f"friction  {each} {linear.control_unit} in the direction of motion, " + ", ".join(
+            f"{late}" for late in ahead
+        )
+        design = design.replaced(
+            compensation=(friction,),
+            preview=max(design.preview, 1 + max(ahead)),
+            beside=(f"{line} samples ahead",),
+        )
+    if not backlash:
+        return design
+    if linear is None or not np.any(linear.backlash):
+        raise ValueError(f"backlash: {machine.name} states none; a machine file may")
+    leading = partial(BacklashCompensation, gap=jnp.asarray(linear.gaps))
+    return design.replaced(compensation=(*design.compensation, leading))
 
 
 def set_of(flags: Controlled) -> list[str]:

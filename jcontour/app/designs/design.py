@@ -75,6 +75,8 @@ class Design(abc.ABC, Generic[M]):
         first: its weights by name, with start and range on this machine.
         start, space: first value and range of every weight by name.
         preview: samples of the future that it needs.
+        compensation: wrappers that compensate what the machine is known to have, inner ones first.
+        beside: a line for each of them that a drive has to have beside the weights.
     """
 
     line: str = ""
@@ -87,6 +89,8 @@ class Design(abc.ABC, Generic[M]):
     keeps_limits: ClassVar[bool] = False
     lag: ClassVar[float] = 50.0
     groups: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    compensation: tuple[Callable[[Controller], Controller], ...] = ()
+    beside: tuple[str, ...] = ()
 
     def __init__(self, name: str, machine: M, flags: Controlled):
         self.name, self.machine, self.flags = name, machine, flags
@@ -100,6 +104,13 @@ class Design(abc.ABC, Generic[M]):
     @abc.abstractmethod
     def build(self, weights: Weights) -> Controller:
         """The controller; traced, so that gradients flow through it."""
+
+    def complete(self, weights: Weights) -> Controller:
+        """The controller as it runs: around it what compensates dry friction and backlash."""
+        controller = self.build(weights)
+        for around in self.compensation:
+            controller = around(controller)
+        return controller
 
     def starts(self) -> Gains:
         """Where weights begin that do not say it; the machine has no weight without a start."""
@@ -175,6 +186,10 @@ class Design(abc.ABC, Generic[M]):
             f"{name:<{width}}  {_words(value)} {self.first[name].unit}".rstrip()
             for name, value in weights.items()
         ]
+
+    def lines(self, weights: dict[str, Any]) -> list[str]:
+        """Weights, and what stands beside them, one line each."""
+        return [*self.weight_lines(weights), *self.beside]
 
     @property
     def files(self) -> dict[str, str]:

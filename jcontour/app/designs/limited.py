@@ -128,7 +128,7 @@ class ConstrainedLQDesign(LQDesign):
             increment=kept.increment,
         )
         loop = self.loop
-        inner = ConstrainedLQ(model, loop.cost(weights), self.preview, limits, terminal)
+        inner = ConstrainedLQ(model, loop.cost(weights), self.horizon, limits, terminal)
         return OffsetFreeWithLoad(inner, model, loop.gain(weights), model.C)
 
     @property

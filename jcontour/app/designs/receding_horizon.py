@@ -128,6 +128,7 @@ class LQDesign(LinearDesign):
         observer: form of the observer; None where the law is fed the state.
         ends: name of the cost at the end of the horizon; None where the flags choose.
         at_first_loop: it starts at its first loop.
+        horizon: samples that the law looks ahead.
     """
 
     weights = (
@@ -151,6 +152,7 @@ class LQDesign(LinearDesign):
         if flags.preview < 1:
             raise ValueError(f"preview: needs at least one sample, received {flags.preview}")
         super().__init__(name, machine, flags)
+        self.horizon = self.preview
         self.at_first_loop = False
         if machine.published is None:
             self.start, self.at_first_loop = self._first_loop(), True
@@ -187,7 +189,7 @@ class LQDesign(LinearDesign):
             self.machine.measurement_noise,
             jnp.asarray(jnp.inf if limit is None else limit),
             self.law,
-            self.preview,
+            self.horizon,
             self.terminal,
             self.observer,
         )
@@ -215,7 +217,7 @@ class LQDesign(LinearDesign):
 
     def _first_loop(self) -> Gains:
         """Weights of the first loop without limits, but for those that the user has set."""
-        weights = first_loop(self.machine, self.loop, self.start, self.preview, self.fed)
+        weights = first_loop(self.machine, self.loop, self.start, self.horizon, self.fed)
         return changed(weights, given(self.flags))
 
     def constrained(self, weights, limits, solver):
@@ -231,14 +233,14 @@ class LQDesign(LinearDesign):
             offset_free = self.observer == "offset-free"
             observer = OffsetFreeGain(gain, self.model.C) if offset_free else FilterGain(gain)
         return limited_lq(
-            self.model, loop.cost(weights), self.preview, terminal, observer, limits, solver
+            self.model, loop.cost(weights), self.horizon, terminal, observer, limits, solver
         )
 
     def freed(self, names: Sequence[str]) -> "LQDesign":
         """As every design; a stage profile begins even, the observer is free as a whole."""
         if "stage" not in names:
             return super().freed(names)
-        start = self.start | {"stage": jnp.ones(self.preview)}
+        start = self.start | {"stage": jnp.ones(self.horizon)}
         profiled = self.replaced(start=start, space=self.space | {"stage": Positive()})
         return super(LQDesign, profiled).freed(names)
 
@@ -257,14 +259,14 @@ class LQDesign(LinearDesign):
 
     def settings(self) -> dict[str, Any]:
         """Preview, terminal, delay of the model."""
-        return {"preview": self.preview, "terminal": self.terminal, "model_delay": self.late}
+        return {"preview": self.horizon, "terminal": self.terminal, "model_delay": self.late}
 
     def description(self) -> dict[str, str]:
         """Controller, observer, free weights, start."""
         free = ", ".join("stage profile" if name == "stage" else name for name in self.free())
         start = ", ".join(f"{name} {float(self.start[name]):g}" for name in self.units())
         return {
-            "Controller": f"{self.law}, preview {self.preview}, {self.terminal} terminal",
+            "Controller": f"{self.law}, preview {self.horizon}, {self.terminal} terminal",
             "Model": f"predicts over a delay of {self._delay()}",
             "Free": f"{free}; start {start}",
         }
@@ -277,7 +279,7 @@ class LQDesign(LinearDesign):
             f"alpha          {alpha:.6g} 1/m^2      alpha/rho  {alpha / rho:.6g} ({unit})^2/m^2",
             f"beta           {beta:.6g} 1/m^2      beta/rho   {beta / rho:.6g} ({unit})^2/m^2",
             f"rho            {rho:.6g} 1/({unit})^2 (fixed)",
-            f"preview        {self.preview} samples, {self.terminal} terminal",
+            f"preview        {self.horizon} samples, {self.terminal} terminal",
             f"model delay    {self._delay()}",
         ]
         for name, heading, per in (

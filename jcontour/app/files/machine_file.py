@@ -129,8 +129,8 @@ class LinearMachineFile(Schema):
     """[control unit] standard deviation that the Kalman filter assumes on each control; when not
     given, 5 % of the control limit, or 0.1: about what an input gain 10 % off does"""
     friction: OneOrEach[NotNegative] | None = 0.0
-    """[control unit] that dry friction takes, null where it is not known; it is in
-    the runs, and what is proven takes it as a force"""
+    """[control unit] that dry friction takes, null where it is not known; it is in the runs, it is
+    fed forward, and what is proven takes it as a force"""
     backlash: OneOrEach[NotNegative] = 0.0
     """[length] gap between the motor, where the encoders are, and the tool; it is in the runs, and
     --backlash compensates it"""

@@ -86,9 +86,14 @@ class GainsAndDelayMachine(Machine):
         """A member behind its sensors."""
         return self.counted(self.member(member), fed)
 
+    def rubbed(self, gains: np.ndarray) -> Plant:
+        """The nominal plant, with the dry friction of a member with these gains."""
+        return self.mechanics
+
     def member(self, one: GainMember) -> Plant:
         """The machine with other gains behind a delay line, its state measured."""
-        plant = late(self.mechanics, one.late, max(self.unknown_delay, 1), self.model.inputs)
+        nominal, longest = self.rubbed(one.gains), max(self.unknown_delay, 1)
+        plant = late(nominal, one.late, longest, self.model.inputs)
         return Gained(plant, jnp.asarray(one.gains))
 
 

@@ -25,11 +25,14 @@ from jcontour.app.machines.uncertainty import (
 from jcontour.plant import Plant
 from jcontour.plants.actuation import Backlash, Disturbed, with_dry_friction
 from jcontour.plants.encoders import Encoders, Quantised
+from jcontour.plants.friction import with_dry_friction_times
 from jcontour.simulation.limit_use import hidden_acceleration
 
 if TYPE_CHECKING:
     from jcontour.analysis.uncertain_loops import Lines
 
+# of its size: it changes with speed, place, load and temperature, and from day to day
+FRICTION_KNOWN_TO = 0.25
 USUAL = Usual(
     "contouring-lq",
     training=("cam", "circle", "square"),
@@ -214,6 +217,13 @@ class LinearMachine(GainsAndDelayMachine):
         entry = A[:, -self.model.inputs :] if self.known_delay else B
         return with_dry_friction(self.model, entry, np.broadcast_to(self.friction, self.model.axes))
 
+    def rubbed(self, gains: np.ndarray) -> Plant:
+        """With the more friction the smaller the gains are, so that both add up."""
+        known = self.uncertainty.gain
+        if not (known and self.largest_friction):
+            return self.mechanics
+        return with_dry_friction_times(self.mechanics, 1 - FRICTION_KNOWN_TO * (gains - 1) / known)
+
     def hosted(self) -> Hosted:
         """The machine with friction, or the model itself."""
         return super().hosted() if self.with_friction is None else self.with_friction()
@@ -232,7 +242,8 @@ class LinearMachine(GainsAndDelayMachine):
         friction = "not known, neither in the runs nor in what is proven"
         if self.friction is not None:
             each = " ".join(f"{one:.3g}" for one in np.atleast_1d(self.friction))
-            friction = f"{each} {self.control_unit}, in the runs and in what is proven"
+            known = f"known to {100 * FRICTION_KNOWN_TO:g} %"
+            friction = f"{each} {self.control_unit}, {known}, in the runs and in what is proven"
         return {
             "Machine": f"{self.name}: {states}, axes {', '.join(self.axes)}, {time}",
             "Measured": sensors,

@@ -41,7 +41,7 @@ def stored_loop(folder: Path) -> StoredLoop:
         design, jobs = run.design, tuple(run.scenarios.jobs_seen(True))
         controller, pace = run.controller(weights), Pace.of(flags, run.machine)
         parts = flags.parts or run.machine.usual.training
-        lines = tuple(design.weight_lines(plain_weights(weights)))
+        lines = tuple(design.lines(plain_weights(weights)))
         return StoredLoop(
             run.machine, design.name, controller, design.fed, jobs, parts, pace, lines, True
         )
@@ -80,6 +80,6 @@ def loop_of(flags: Controlled, part: str | None) -> StoredLoop:
     part, pace = part or machine.usual.simulated, Pace.of(flags, machine)
     job = job_named(part, pace)
     design = design_for(machine, seeing_all(flags, job))
-    controller = design.build(design.start)
-    lines = tuple(design.weight_lines(plain_weights(design.start)))
+    controller = design.complete(design.start)
+    lines = tuple(design.lines(plain_weights(design.start)))
     return StoredLoop(machine, design.name, controller, design.fed, (job,), (part,), pace, lines)

@@ -147,7 +147,7 @@ class Cascade(Controller):
         control = (
             jnp.atleast_2d(gains.inertia) * motion.acceleration
             + jnp.atleast_2d(gains.viscous) * motion.velocity
-            + jnp.atleast_2d(gains.coulomb) * jnp.sign(motion.velocity)
+            + jnp.atleast_2d(gains.coulomb) * direction(motion.velocity * self.dt)
         )
         return CascadePlan(motion.position, motion.velocity, control)
 
@@ -177,6 +177,14 @@ class Cascade(Controller):
         integral = jnp.clip(memory + share, -self.limit, self.limit)
         control = gains.velocity * error + integral + ahead
         return integral, jnp.clip(control, -self.limit, self.limit)
+
+
+STANDS = 1e-9  # [m] in a sample: less is rounding of the reference
+
+
+def direction(increment: Float[Array, "T m"]) -> Float[Array, "T m"]:
+    """Sign of every increment of a reference [m]; 0 where it stands, up to its rounding."""
+    return jnp.where(jnp.abs(increment) > STANDS, jnp.sign(increment), 0.0)
 
 
 class PositionLoop(Controller):

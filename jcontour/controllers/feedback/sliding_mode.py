@@ -45,7 +45,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jcontour._arrays import check_signs
 from jcontour._tracing import is_concrete
 from jcontour.controller import Controller, numbers
-from jcontour.controllers.feedback.cascade import Cascade, CascadePlan, commanded
+from jcontour.controllers.feedback.cascade import Cascade, CascadePlan, commanded, direction
 from jcontour.controllers.feedback.state_feedback import TargetPlan, moving_target
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
@@ -233,7 +233,9 @@ class DynamicSurface(Controller):
         """Commands of the axes; the control holds no inertia, alpha' has it."""
         plan, gains = self.cascade.prepare(reference), self.cascade.gains
         control = jnp.atleast_2d(gains.viscous) * plan.velocity
-        control = control + jnp.atleast_2d(gains.coulomb) * jnp.sign(plan.velocity)
+        control = control + jnp.atleast_2d(gains.coulomb) * direction(
+            plan.velocity * self.cascade.dt
+        )
         return CascadePlan(plan.position, plan.velocity, control)
 
     def initial_memory(self, reference: Reference) -> Axes:

@@ -11,13 +11,14 @@ not, and the feedback removes the difference.
 
 The dry friction of the planned motion is overcome beside any controller:
 
-    u = u_c + k_c sign(v_r),   v_r(k) = (r(k+1) - r(k)) / T
+    u = u_c + k_c sign(v_r(k + d)),   v_r(k) = (r(k+1) - r(k)) / T
+
+d samples pass until a control moves an axis.
 
 `InverseFeedforward` knows a linear machine: what its feedback feeds forward itself, dry friction
 included, is subtracted along the nominal motion. So dry friction has a term of its own, outside.
 It knows the size of the friction in motion only: no sticking while the reference rests, no fall
-with speed (Stribeck), no cogging, no sample by which the drive is late. That is left to the
-feedback.
+with speed (Stribeck), no cogging. That is left to the feedback.
 """
 
 from typing import Any, NamedTuple
@@ -30,6 +31,7 @@ from jaxtyping import Array, Float
 
 from jcontour._arrays import check_signs
 from jcontour.controller import Controller, Plan, Wrapper, check_limit, check_preview, numbers
+from jcontour.controllers.feedback.cascade import direction
 from jcontour.controllers.feedforward.zpetc import PreviewFilter
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -129,6 +131,7 @@ class FrictionFeedforward(Wrapper):
         controller: the wrapped controller.
         coulomb: k_c, in the unit of the control: one number, or one for each axis.
         limit: of the whole control, +-: one number or one for each; none when infinite.
+        ahead: d of every axis [samples], at least zero; none is late when empty.
 
     Raises:
         ValueError: the gain is negative or not finite, or a limit is not above zero.
@@ -137,6 +140,7 @@ class FrictionFeedforward(Wrapper):
     controller: Controller
     coulomb: Float[Array, "*p"] = eqx.field(converter=numbers)
     limit: Float[Array, "*p"] = eqx.field(converter=numbers, default=np.inf)
+    ahead: tuple[int, ...] = eqx.field(static=True, default=())
 
     def __check_init__(self):
         check_limit(self.limit)
@@ -144,13 +148,22 @@ class FrictionFeedforward(Wrapper):
 
     @property
     def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return max(self.controller.preview, 1)
+        return max(self.controller.preview, 1 + max(self.ahead, default=0))
 
     def prepare(self, reference: Reference) -> FrictionPlan:
-        steps = reference.steps
-        ahead = jnp.diff(reference.position[: steps + 1], axis=0)
-        friction = jnp.atleast_1d(self.coulomb)[None] * jnp.sign(ahead)
-        return FrictionPlan(self.controller.prepare(reference), friction)
+        return FrictionPlan(self.controller.prepare(reference), self.against(reference))
+
+    def against(self, reference: Reference) -> Float[Array, "T p"]:
+        """Control against friction at every sample.
+
+        Raises:
+            ValueError: the reference looks less far ahead than this does.
+        """
+        check_preview(self, reference)
+        late = self.ahead or (0,) * reference.position.shape[1]
+        ways = jnp.diff(reference.position, axis=0).T
+        ahead = [way[d : d + reference.steps] for way, d in zip(ways, late, strict=True)]
+        return jnp.atleast_1d(self.coulomb)[None] * direction(jnp.stack(ahead, axis=1))
 
     def step(
         self, memory: Any, plan: FrictionPlan, measurement: Any

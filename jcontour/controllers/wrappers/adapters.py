@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, Memory, Plan, Wrapper
+from jcontour.controllers.feedback.cascade import STANDS
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 
@@ -101,7 +102,6 @@ class SpeedByDifference(Wrapper):
 
 
 RISE = 8  # samples in which the gap is crossed: a jump would shake the loop
-STILL = 1e-9  # [m] in a sample: no direction below it
 
 
 class BacklashCompensation(Wrapper):
@@ -133,7 +133,7 @@ def directions(reference: Reference) -> Float[Array, "S m"]:
     moved = jnp.diff(reference.position, axis=0)
     moved = jnp.concatenate([moved, moved[-1:]])
     index = jnp.arange(len(moved))[:, None]
-    last = jax.lax.cummax(jnp.where(jnp.abs(moved) > STILL, index, -1), axis=0)
+    last = jax.lax.cummax(jnp.where(jnp.abs(moved) > STANDS, index, -1), axis=0)
     way = jnp.sign(jnp.take_along_axis(moved, jnp.maximum(last, 0), axis=0))
     way = jnp.where(last >= 0, way, 0.0)
     ahead = jnp.concatenate([way, jnp.repeat(way[-1:], RISE - 1, axis=0)])

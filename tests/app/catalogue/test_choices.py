@@ -33,7 +33,8 @@ from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.plain_numbers import WholePath
 from jcontour.controller import Controller
 from jcontour.motion.references import along
-from jcontour.simulation.closed_loop import prepared
+from jcontour.plants import Encoders
+from jcontour.simulation.closed_loop import prepared, simulate
 from tuning.parameters import Weight
 
 THESIS_AXIS = Path(__file__).parents[3] / "jcontour" / "app" / "machines" / "thesis-axis.json"
@@ -210,6 +211,25 @@ def test_a_longer_preview_than_the_whole_path_changes_nothing(controller):
     for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(plan_of(longer)), strict=True):
         scale = float(np.abs(other).max())
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("controller", ["linear-cascade-feedforward", "contouring-lq"])
+def test_known_friction_is_fed_forward(tmp_path, machine_fields, controller):
+    """The machine then runs nearly as one without friction."""
+    (tmp_path / "rough.json").write_text(json.dumps(machine_fields | {"friction": 3.0}))
+    machine, flags = machine_named(str(tmp_path / "rough.json")), Simulate(controller=controller)
+    assert isinstance(machine, LinearMachine)
+    design, job = design_for(machine, flags), job_named("circle", Pace.of(flags, machine))
+    reference = job.reference(machine.model.dt, design.preview)
+
+    def places(plant, build):
+        return np.asarray(simulate(Encoders(plant), build(design.start), reference).output)
+
+    smooth = places(machine.model, design.build)
+    fed = np.abs(places(machine.mechanics, design.complete) - smooth)
+    unfed = np.abs(places(machine.mechanics, design.build) - smooth)
+    assert fed.mean() < 0.3 * unfed.mean()
+    assert "in the direction of motion" in design.lines(design.start)[-1]
 
 
 @pytest.mark.slow

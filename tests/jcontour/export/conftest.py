@@ -11,6 +11,7 @@ import pytest
 
 from jcontour.controllers import ContouringLQ, LQWeights, PreviewLQ, kalman_gain
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
 from jcontour.controllers.lq.contouring_lq import RiccatiTerminal
 from jcontour.controllers.observers.kalman import (
     FilterObserver,
@@ -28,6 +29,7 @@ STRICT = "-std=c99 -Wall -Wextra -pedantic -Werror -O2 -ffp-contract=off".split(
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 LIMIT = 10.0
 FEED = 0.05
+LAGGING = ("cascade", "friction", "sliding cascade", "drives")
 
 needs_compiler = pytest.mark.skipif(not COMPILERS, reason="no C compiler here")
 
@@ -67,6 +69,8 @@ def controllers():
     rubbed = CascadeGains(30.0, 20.0, 0.02, 1.0, coulomb=0.3)
     rubbed = Cascade(rubbed, motors(2), table.dt, np.full(2, LIMIT))
     found["friction"] = SpeedByDifference(rubbed, Sensors([0, 1]), table.dt)
+    found["sliding"] = FrictionFeedforward(found["riccati"], [0.3, 0.2], LIMIT, (2, 12))
+    found["sliding cascade"] = FrictionFeedforward(found["cascade"], 0.3, LIMIT, (3, 0))
     loops = {name: (one, table) for name, one in found.items()}
     held = ContouringLQ(drives, LQWeights(1.0, 10.0, 0.1), 10)
     return loops | {"drives": (observed(held, drives, 1e-6), drives)}
@@ -93,7 +97,7 @@ def code_of(name, precision="double"):
         friction=np.zeros(law.inputs),
         count=np.full(2, 1e-6),
         fastest=np.full(2, FEED),
-        error=np.full(2, 3e-3) if name in ("cascade", "friction", "drives") else np.full(2, 5e-5),
+        error=np.full(2, 3e-3) if name in LAGGING else np.full(2, 5e-5),
         largest=np.full(law.inputs, LIMIT / 4),
     )
     safe = safe_limits(stated, places, law.drives, law.dt)

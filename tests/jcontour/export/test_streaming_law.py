@@ -22,7 +22,7 @@ STATIONARY = ("preview", "cascade", "friction")
 BASES = {"drives": "start", "preview": "origin"}
 
 
-def recorded(name, steps=120, preview=11):
+def recorded(name, steps=120, preview=14):
     """A quarter of a circle from motion, and its run; away from the origin."""
     controller, machine = controllers()[name]
     path = contours.circle(4e-3)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from jcontour import contours, feed_laws, references, simulate
 from jcontour._arrays import placed
@@ -340,6 +341,32 @@ def test_a_position_loop_with_friction_is_the_play_of_its_command():
     assert float(ours[-1]) == pytest.approx(exact[-1], abs=0.15 * friction / (kv * kp))
     off = abs(exact[-1] - command[-1])  # it sticks away from its command
     assert off > 0.5 * friction / (kv * kp)
+
+
+def test_each_axis_has_the_friction_of_its_own_drive():
+    """A force slides and a position sticks, each as it does by itself."""
+    slide, servo = slides(), LinearPlant([[0.9]], [[0.1]], [[1.0]], DT)
+    parts = zip((slide.A, slide.B, slide.C), (servo.A, servo.B, servo.C), strict=True)
+    both = LinearPlant(*(block_diag(*map(np.asarray, pair)) for pair in parts), DT)
+    force = np.array([FORCE, 1e-3])
+    together = with_dry_friction(both, np.asarray(both.B), force)
+    alone = [
+        with_dry_friction(one, np.asarray(one.B), force[k : k + 1])
+        for k, one in enumerate((slide, servo))
+    ]
+    state = together.initial_state(jnp.zeros(2), jnp.array([1e-6, 1e-5]))
+    own = [
+        one.initial_state(jnp.zeros(1), jnp.full(1, way))
+        for one, way in zip(alone, (1e-6, 1e-5), strict=True)
+    ]
+    for k in range(20):
+        push = jnp.array([0.5 * FORCE, 2e-3 * np.sin(0.3 * k)])
+        state = together.step(state, push)
+        own = [
+            one.step(x, push[i : i + 1]) for i, (one, x) in enumerate(zip(alone, own, strict=True))
+        ]
+    places = [float(one.output(x)[0]) for one, x in zip(alone, own, strict=True)]
+    assert np.asarray(together.output(state)).tolist() == pytest.approx(places, rel=1e-12)
 
 
 def test_a_loop_is_looked_at_without_its_play():

@@ -32,6 +32,7 @@ from tuning.identification.linear.identified_axes import (
 )
 from tuning.identification.linear.nonparametric import (
     NO_LINES,
+    averaged,
     measured,
     periodic_lines,
     related,
@@ -129,6 +130,8 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Id
     if why := unusable(found.explained, validation.dispersion(fit), stands, sure is not None):
         shown = limits_of(one.command, one.position, one.dt) or follows(one.command, one.position)
         raise ValueError(f"{name}: {shown or why + beside(simple)}")
+    if len(excited.frequency):
+        lines = excited = averaged(excited, fit.model)
     if len(lines.frequency) >= LINES:
         response = response_of_lines(lines, fit.model)
     else:

@@ -48,10 +48,38 @@ SHARP = 0.05  # damping below which a mode is narrower than the grid
 AROUND = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])  # half widths of a peak
 WINDOW = 1.05  # ratio of frequencies around a place that its interval holds
 GAP, SPACING = 0.2, 5.0  # of a frequency, or [Hz]: between lines no resonance hides
+# of a frequency, or [Hz], on either side of a line: a mode of damping 0.05 is wider
+NEAR, NEAR_HZ = 0.04, 2.5
+DIFFER = 3.0  # deviations of a mean square
 CLEAR = 0.7  # widest interval, relative, of a line that is kept
 
 
 NO_LINES = Response(np.zeros(0), np.zeros(0, complex), np.zeros(0))
+
+
+def averaged(lines: Response, model: AxisModel) -> Response:
+    """Lines averaged with their neighbours, relative to a model.
+
+    Beside a model the true response is smooth. Over `NEAR` of a frequency, or `NEAR_HZ`, on either
+    side
+
+        r = sum_k w_k G_k / G_m(f_k) / sum_k w_k,    w_k = |G_m(f_k) / G_k|^2 / var G_k
+    with the variance max(1, c) / sum_k w_k, c the mean of w_k |G_k / G_m(f_k) - r|^2. Where c tells
+    that the lines differ by more than their errors a line stands for itself: a mode hides there.
+    """
+    own = lines.value / model.response(2 * np.pi * lines.frequency)
+    weight = 1 / np.maximum(np.abs(own) * lines.half_width / FACTOR, 1e-9) ** 2
+    value, half = lines.value.copy(), lines.half_width.copy()
+    for k, hertz in enumerate(lines.frequency):
+        near = np.abs(lines.frequency - hertz) <= max(NEAR * hertz, NEAR_HZ)
+        total, count = weight[near].sum(), np.count_nonzero(near)
+        mean = (weight[near] @ own[near]) / total
+        apart = float(weight[near] @ np.abs(own[near] - mean) ** 2) / max(count - 1, 1)
+        if count < 2 or apart > 1 + DIFFER / np.sqrt(count - 1):
+            continue
+        value[k] *= mean / own[k]
+        half[k] = FACTOR * np.sqrt(max(apart, 1.0) / total) / np.abs(mean)
+    return Response(lines.frequency, value, half)
 
 
 def response_of_lines(lines: Response, model: AxisModel) -> Response:

@@ -24,6 +24,9 @@ from jcontour.app.reports.progress import counted
 from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import created, finished, task_words, words_of
 from jcontour.app.runs.stored_loops import stored_tuning
+from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
+from jcontour.controllers.wrappers.adapters import BacklashCompensation
+from jcontour.host.held import FrictionCompensated
 from jcontour.mpc.tracking.limits import Limits
 from jcontour.qp.solvers import solver_named
 from jcontour.simulation.evaluation import member
@@ -147,6 +150,11 @@ def check_limits(flags: Check) -> int:
             f"check: {run.design.name} has no form that keeps to limits at every sample; "
             "contouring-lq has one"
         )
+    controller = run.controller(weights)
+    if isinstance(controller, BacklashCompensation):
+        controller = controller.controller
+    if isinstance(controller, FrictionFeedforward):
+        constrained = FrictionCompensated(constrained, controller)
     references = {
         job.name: job.reference(machine.model.dt, run.design.preview) for job in scenarios.jobs
     }

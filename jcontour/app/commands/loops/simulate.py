@@ -77,7 +77,7 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path]:
         if isinstance(job, Job) and job.planned:
             figures["motion"] = motion_figure(job.planned, machine.axes, job.rapid)
         scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
-        made = simulated(design, scenarios, replay(design.build(design.start), scenarios))
+        made = simulated(design, scenarios, replay(design.complete(design.start), scenarios))
     result, named = made.result, {made.result.controller: made.replay}
     status.update("writing and drawing")
     folder = created(flags, "simulate")

@@ -36,7 +36,7 @@ from jcontour.app.runs.tuning.results import (
     robust_trial,
     shown_contours,
     start_trial,
-    trial_of,
+    suiting_all,
     tried,
     tuned_result,
 )
@@ -84,8 +84,10 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
         start = start_trial(run, process)
         loops = [] if is_chosen(run.flags) else simple_loops(run)
         chosen = _chosen(run, loops, folder, console)
+        first = start()
+        chosen, last = suiting_all(chosen, first)
         asked, run, tuned = run, chosen.run, chosen.tuned
-        trials = {"start": start(), "tuned": trial_of(run, tuned)}
+        trials = {"start": first, "tuned": last}
         baseline = baseline_trial(asked, trials["start"], loops)
         with drawn_beside(figures(run, trials, folder)):
             # Write the runs of the trials, and the gains
@@ -95,7 +97,7 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
             title = f"jcontour tune: start against tuned weights, machine with {effects}"
             line = save_rollouts(run.flags.rollouts, replays, run.scenarios, machine, title, folder)
             tables.say(console, line)
-            run.design.save(run.controller(tuned.weights), run.scenarios, folder)
+            run.design.save(run.design.build(tuned.weights), run.scenarios, folder)
             curves = {name: trial.curves for name, trial in trials.items()}
             save_sensitivity(curves, run.scenarios.plants, folder)
             robust = robust_trial(run, tuned)

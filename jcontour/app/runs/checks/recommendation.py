@@ -348,7 +348,7 @@ def lost_at_start(run: TuningRun) -> list[str]:
     machine, design = run.machine, run.design
     family = stack_plants(machine.smooth_family(design.fed))
     smooth = run.scenarios._replace(family=family)
-    return lost_numbers(replay(design.build(design.start), smooth), smooth)[:1]
+    return lost_numbers(replay(design.complete(design.start), smooth), smooth)[:1]
 
 
 def search_warnings(tuned: Tuned) -> Iterator[Message]:

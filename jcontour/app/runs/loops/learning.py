@@ -66,7 +66,7 @@ def setting(design: Design, job: Task) -> Setting:
     machine = design.machine
     machine.positions(design.fed)  # raises where laps have nothing to read
     reference = job.reference(machine.model.dt, design.preview)
-    return Setting(machine, design.build(design.start), design.fed, reference)
+    return Setting(machine, design.complete(design.start), design.fed, reference)
 
 
 def linear_nominal(one: Setting) -> Plant:

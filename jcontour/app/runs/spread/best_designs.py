@@ -96,7 +96,7 @@ class DesignLoops:
         self._shape = len(scenarios.jobs), WINDOWS, len(machine.family_names)
 
         def matrices(weights: dict[str, Any]):
-            controller = design.build(with_values(design.start, weights))
+            controller = design.complete(with_values(design.start, weights))
             return frozen_family(family, controller, self._loops.windows)
 
         several, chunks = eqx.filter_jit(jax.vmap(matrices)), []

@@ -147,7 +147,7 @@ def _check(asked: Swept) -> None:
                 f"vary: {design.name} has no weight {unknown[0]!r}; name some of {', '.join(known)}"
             )
         first = {name: column[0] for name, column in asked.values.items()}
-        design.build(with_values(design.start, first))
+        design.complete(with_values(design.start, first))
         for job in asked.jobs:
             job.reference(asked.machine.model.dt, design.preview)
 
@@ -203,7 +203,7 @@ def _sweep_preview(
     at_once = min(count, designs_at_once(steps, batching))
 
     def make(varied):
-        return design.build(with_values(design.start, varied))
+        return design.complete(with_values(design.start, varied))
 
     while (first := chunks.rows - before) < count:
         # always as many, the last one again and again: one program

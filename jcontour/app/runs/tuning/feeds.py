@@ -96,7 +96,7 @@ def _points(loop: StoredLoop, flags: Front, limits: dict[str, float]) -> Iterato
         controller = loop.controller
         if isinstance(flags.preview, WholePath):
             design = design_for(loop.machine, seeing_all(flags, job))
-            controller = design.build(design.start)
+            controller = design.complete(design.start)
         scenarios = Scenarios.of(
             [job], [False], loop.machine, loop.fed, controller.preview, longest
         )

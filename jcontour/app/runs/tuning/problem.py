@@ -111,7 +111,7 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     family = machine.smooth_family(design.fed)
     references = stack_references(runs)
     problem = Problem(
-        design.build,
+        design.complete,
         stack_plants(family[:1] if flags.nominal_only else family),
         references,
         OBJECTIVES[flags.objective, machine.error],
@@ -179,7 +179,7 @@ def _before(flags: Tune, before: Design, problem: Problem) -> Before | None:
     """
     if flags.max_error_ratio is None:
         return None
-    metrics = start_metrics(replace(problem, build=before.build), before.start)
+    metrics = start_metrics(replace(problem, build=before.complete), before.start)
     error = "contour" if problem.references.position.shape[-1] > 1 else "tracking"
     worst = np.max(getattr(metrics, f"rms_{error}_error"), axis=1)
     lost = np.any(metrics.diverged, axis=1)

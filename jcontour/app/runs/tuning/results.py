@@ -24,6 +24,7 @@ from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.reports.figures.searches import FamilyCurves
 from jcontour.app.runs.checks.recommendation import (
+    PAYS,
     Evidence,
     active_limits,
     exceeded_most,
@@ -61,9 +62,11 @@ from jcontour.controller import Controller
 from jcontour.simulation.evaluation import member
 from tuning.objectives import LEAST
 from tuning.parameters import Chart
+from tuning.point import FEASIBLE, evaluate_point
 from tuning.tuner import Tuned
 
 SAFE = BORNE * (1 + ROUNDING)  # of what a response that is not known may take of a loop
+PARTS = (0.8, 0.6, 0.4, 0.2)  # of the way from the start to the end of a search
 SHOWN = 12  # contours: more are too many to look at
 
 
@@ -87,6 +90,58 @@ def trial_of(run: TuningRun, tuned: Tuned) -> Trial:
     return tried(run.controller(tuned.weights), run.machine, run.scenarios, run.design.fed, known)
 
 
+def suiting_all(searched: Searched, start: Trial) -> tuple[Searched, Trial]:
+    """The tuned weights and their trial, some way back to the start where some contour pays.
+
+    A search sees the training contours alone. Where its end makes any contour worse than a usable
+    start by more than `PAYS`, points of the straight line between both, in coordinates, are tried
+    on all of them. Of those within the limits of the search where none is that much worse the one
+    with the least geometric mean error is taken; the end itself where there is none.
+    """
+    run, tuned = searched.run, searched.tuned
+    trial = trial_of(run, tuned)
+    if not (tuned.feasible and keeps_limits(run, start)) or _suits(run, start, trial):
+        return searched, trial
+    chart = Chart(run.problem.space, run.start)
+    first, last = (
+        np.asarray(Chart(run.problem.space, one).coordinates())
+        for one in (run.start, tuned.weights)
+    )
+    best, least = (searched, trial), np.inf
+    for part in PARTS:
+        z = first + part * (last - first)
+        point = evaluate_point(run.problem, run.start, z)
+        violation = float(np.max(point.limits, initial=-np.inf))
+        if point.diverged or violation > FEASIBLE:
+            continue
+        weights = chart.weights(jnp.asarray(z))
+        other = tuned._replace(weights=weights, outcome=point.outcome, violation=violation)
+        there = trial_of(run, other)
+        typical = float(np.mean(np.log(_errors(run, there))))
+        if typical < least and _suits(run, start, there):
+            best, least = (replace(searched, tuned=other, part=part), there), typical
+    return best
+
+
+def _suits(run: TuningRun, start: Trial, trial: Trial) -> bool:
+    """Whether no contour is clearly worse than with the start."""
+    before, after = _errors(run, start), _errors(run, trial)
+    return bool(np.all((after <= PAYS * before) | (after - before <= _finest(run))))
+
+
+def _errors(run: TuningRun, trial: Trial) -> np.ndarray:
+    """RMS error of every contour, the worst of the family; infinite where one diverges."""
+    metrics = trial.replay.metrics
+    worst = np.max(getattr(metrics, f"rms_{run.machine.error}_error"), axis=1)
+    return np.where(np.any(metrics.diverged, axis=1), np.inf, worst)
+
+
+def _finest(run: TuningRun) -> float:
+    """Difference of errors that the encoders can tell: a position's noise, coarsest axis [m]."""
+    counts = 0.0 if run.machine.noisy_count is None else run.machine.noisy_count
+    return float(np.max(counts)) / np.sqrt(12)
+
+
 def robust_trial(run: TuningRun, tuned: Tuned) -> RobustTest | None:
     """Tuned weights tried on random plants of the family."""
     controller, seed = run.controller(tuned.weights), run.flags.seed
@@ -99,7 +154,7 @@ def robust_trial(run: TuningRun, tuned: Tuned) -> RobustTest | None:
 
 def start_trial(run: TuningRun, process: Beside) -> Callable[[], Trial]:
     """The design that the tuned one is compared with, with its own weights, tried meanwhile."""
-    controller = run.before.build(run.before.start)
+    controller = run.before.complete(run.before.start)
     return process.submit(tried, controller, run.machine, run.scenarios, run.design.fed)
 
 
@@ -149,7 +204,6 @@ def tuned_result(
     shown = shown_contours(run, replays)
     contours = [_contour(run, replays, c, c in shown) for c in range(len(run.scenarios.jobs))]
     error = run.machine.error
-    counts = 0.0 if run.machine.noisy_count is None else run.machine.noisy_count
     limit = exceeded_most(run.problem, tuned)
     checks = {name: stated_limits(run, *_tests(trial)) for name, trial in trials.items()}
     verdict = verdict_on(
@@ -165,7 +219,7 @@ def tuned_result(
             baseline="baseline" if "baseline" in trials else "start",
             delay=run.flags.min_delay_margin,
             alone=len(run.machine.family_names) == 1,
-            finest=float(np.max(counts)) / np.sqrt(12),  # a position's noise, coarsest axis
+            finest=_finest(run),
             limit=limit,
             allowing=flag_allowing(limit, tuned.violation, run.flags, run.limits),
             feed_law=run.flags.feed_law,
@@ -175,6 +229,7 @@ def tuned_result(
             warnings=[
                 *run_warnings(run, tuned, margins, replays, searched.idle),
                 *_baseline_words(trials),
+                *_part_words(searched),
             ],
         )
     )
@@ -188,7 +243,7 @@ def tuned_result(
         files=run.design.files,
         start=plain_weights(run.before.start),
         weights=weights,
-        weight_lines=run.design.weight_lines(weights),
+        weight_lines=run.design.lines(weights),
         feasible=bool(tuned.feasible),
         violation=float(tuned.violation) if np.isfinite(tuned.violation) else None,
         verdict=verdict,
@@ -229,6 +284,13 @@ def _baseline_words(trials: Mapping[str, Trial]) -> list[Message]:
     name = trials["baseline"].name
     best = "with its first gains, the best simple loop within every limit"
     return [warning(f"the baseline is {name} {best}")]
+
+
+def _part_words(searched: Searched) -> list[Message]:
+    if searched.part == 1.0:
+        return []
+    way = f"{100 * searched.part:.0f} % of the way from the start to those that the search ended at"
+    return [warning(f"the weights are {way}: farther, some contour becomes worse than the start")]
 
 
 def _offset_lasts(run: TuningRun, tuned: Tuned) -> float:

@@ -40,6 +40,7 @@ class Searched:
     flat: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     # names of the weights without any effect on the runs, which are left at their start
     idle: tuple[str, ...] = ()
+    part: float = 1.0  # of the way from the start to the end of the search, see `suiting_all`
 
 
 def searched(

@@ -101,7 +101,7 @@ def of_design(run: TuningRun, design: Design) -> TuningRun:
 
     But its own limit on the lag.
     """
-    problem = replace(run.problem, build=design.build, space=design.space)
+    problem = replace(run.problem, build=design.complete, space=design.space)
     lag = lag_limit(run.machine, design, problem.references) | named_limits(run.flags)
     limits = run.limits | lag
     before = getattr(problem.limits, "before", None)

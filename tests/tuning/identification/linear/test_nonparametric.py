@@ -7,6 +7,7 @@ from jcontour.linear.continuous_axes import sampled_axis, speed_axis, with_reson
 from tests.tuning.identification.linear.recorded_axes import RecordedAxis, recorded
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.nonparametric import (
+    averaged,
     measured,
     periodic_lines,
     related,
@@ -14,11 +15,12 @@ from tuning.identification.linear.nonparametric import (
 )
 from tuning.identification.linear.output_error import AxisRecord, simulated
 from tuning.identification.linear.rigid_axis import Simple
-from tuning.identification.linear.validation import Estimate
+from tuning.identification.linear.validation import Estimate, Response
 from tuning.identification.linear.vector_fitting import fitted_to
 
 DT, PERIOD, PERIODS, SECTIONS = 1e-3, 1000, 4, 3
 HERTZ, DAMPING, DELAY = 55.0, 0.03, 1.4e-3
+HALF = 0.3  # 95 % interval of a line
 LINES = np.arange(1, 121)
 
 
@@ -81,6 +83,21 @@ def test_a_model_has_the_resonance_and_the_delay_of_a_part_of_a_sample(record):
     above = told.frequency > lines.frequency[-1]
     assert np.all(told.half_width[above] >= 5.0)  # a resonance that answers ten times may hide
     assert np.all(np.diff(told.half_width[above]) > 0)
+
+
+def test_averaged_lines_hold_the_truth_and_keep_a_mode_that_the_model_lacks():
+    random, hertz = np.random.default_rng(3), np.arange(2.0, 110.0)
+    errors = random.standard_normal((2, hertz.size)) * HALF / 2 / np.sqrt(2)
+    truth = true_response(hertz)
+    lines = Response(hertz, truth * (1 + errors[0] + 1j * errors[1]), np.full(hertz.size, HALF))
+    rigid = fitted_to(Response(hertz, truth, np.full(hertz.size, 0.5)), DT, 1, 4, (1,))
+    found = averaged(lines, rigid)
+    off = np.abs(truth / found.value - 1)
+    assert np.mean(off <= found.half_width) > 0.9
+    far = np.abs(hertz - HERTZ) > 20
+    assert np.median(found.half_width[far]) < 0.6 * HALF
+    at = np.abs(hertz - HERTZ) < 2
+    assert np.array_equal(found.value[at], lines.value[at])
 
 
 def test_moves_have_no_periods(record):
