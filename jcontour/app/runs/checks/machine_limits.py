@@ -16,8 +16,9 @@ DRIVES = ("control of", "control increment of")
 MET = 1 - 1e-9  # of a limit: a plant holds its control there
 ASKED = 1 + 1e-6  # of what a reference asks for: rounding
 PLAN_ROUNDING = 1e-4  # of a limit, in differences of a plan's samples
-# of a limit of speed, by which a loop may overshoot a motion that keeps it: drives trip at a tenth
-OVERSHOOT = 0.05
+# of a limit, by which a loop may overshoot a motion that keeps it: drives trip at a tenth of the
+# speed; an acceleration is limited for the motion, and a drive by its control
+OVERSHOOT = {"speed": 0.05, "acceleration": 0.1}
 
 
 class Signals(NamedTuple):
@@ -151,9 +152,11 @@ def _checks(seen: Signals, machine: Machine) -> Iterator[LimitCheck]:
             hidden = largest_counted(np.asarray(unseen), seen.counted)
         peaks += hidden
         overshoot = np.full(len(limit), ROUNDING)
-        if quantity == "speed" and seen.asked is not None:
-            asked = np.abs(measured_speeds(seen.asked, machine.model.dt)[0]).max(axis=(0, 1))
-            overshoot = np.where(asked <= (1 + PLAN_ROUNDING) * limit, OVERSHOOT, ROUNDING)
+        if quantity in OVERSHOOT and seen.asked is not None:
+            motion = measured_speeds(seen.asked, machine.model.dt)[quantity == "acceleration"]
+            asked = np.abs(motion).max(axis=(0, 1))
+            within = asked <= (1 + PLAN_ROUNDING) * limit
+            overshoot = np.where(within, OVERSHOOT[quantity], ROUNDING)
         for k, name in enumerate(names):
             place = np.unravel_index(np.argmax(peaks[:, :, k]), peaks.shape[:2])
             yield LimitCheck(

@@ -41,7 +41,7 @@ def family_limits(robust: RobustTest | None) -> list[LimitCheck]:
             value=used,
             allowed=1.0,
             member=robust.users.get(name, ""),
-            slack=OVERSHOOT if name == "speed" else ROUNDING,
+            slack=OVERSHOOT.get(name, ROUNDING),
         )
         for name, used in robust.uses.items()
     ]

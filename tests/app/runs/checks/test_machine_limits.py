@@ -71,6 +71,14 @@ def test_a_loop_overshoots_the_speed_of_a_motion_that_keeps_the_limit():
     assert len(exceeded(machine_limits(seen, at_limit, MACHINE))) == 1
 
 
+def test_a_loop_overshoots_the_acceleration_of_a_motion_that_keeps_the_limit():
+    seen, machine = run(), small_runs.machine(MachineLimits(acceleration=np.full(2, 3.0)))
+    seen.output[1, 1, :, 0] = 0.5 * 3.2 * (1e-3 * np.arange(SAMPLES)) ** 2
+    assert beyond(seen, machine) == []
+    seen.output[1, 1, :, 0] *= 3.4 / 3.2
+    assert len(beyond(seen, machine)) == 1
+
+
 def test_acceleration_between_samples_counts_beside_that_of_the_samples():
     seen, machine = run(), small_runs.machine(MachineLimits(acceleration=np.full(2, 3.0)))
     swing = 2.0 / machine.hidden_acceleration[0, 0]  # 2 m/s^2 between the samples
