@@ -3,7 +3,6 @@ from .bounded_mpc import KeptRows as KeptRows
 from .contouring.contouring_qp import ContouringWeights as ContouringWeights
 from .contouring.mpcc import MPCC as MPCC
 from .contouring.mpcc import Traversal as Traversal
-from .contouring.mpcc import growing_blocks as growing_blocks
 from .machine_runs import MachineRun as MachineRun
 from .machine_runs import machine_run as machine_run
 from .tracking.constrained_lq import ConstrainedLQ as ConstrainedLQ

@@ -258,24 +258,6 @@ class MPCC(HostController):
         )
 
 
-def growing_blocks(samples: int, count: int) -> tuple[int, ...]:
-    """A horizon of `samples` in `count` blocks, the first of one sample and the others longer.
-
-    Their ends follow a parabola.
-
-    Raises:
-        ValueError: count is below two, or there are too few samples for it.
-    """
-    if not (count >= 2 and samples >= count and samples == int(samples) and count == int(count)):
-        raise ValueError(
-            "count: needs at least two blocks of at least one sample, "
-            f"received {count} blocks of {samples} samples"
-        )
-    ends = np.round(1 + (samples - 1) * (np.arange(count) / (count - 1)) ** 2)
-    ends = np.maximum(ends, np.arange(1, count + 1))
-    return tuple(int(length) for length in np.diff(ends, prepend=0))
-
-
 def _limit(name: str, value: ArrayLike | Sequence[float], inputs: int) -> Float[np.ndarray, " p"]:
     bound = np.asarray(value, float)
     if bound.shape not in ((), (1,), (inputs,)):

@@ -12,7 +12,7 @@ from jcontour.host.loop import reported_loop
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.mpc.contouring.contouring_qp import ContouringWeights
-from jcontour.mpc.contouring.mpcc import MPCC, Traversal, growing_blocks
+from jcontour.mpc.contouring.mpcc import MPCC, Traversal
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 from jcontour.qp.solvers import ProxQP
 from jcontour.simulation.traversal import traversal_score
@@ -170,19 +170,11 @@ def test_another_solver_and_another_unit_give_the_same_run():
 def test_blocks_reach_28_ms_ahead_at_100_us():
     """20,000 steps: the industrial period that the paper names as out of reach."""
     model = xy_table(1e-4)
-    controller = MPCC(model, lobes(), horizon=growing_blocks(280, 9))
+    controller = MPCC(model, lobes(), horizon=(1, 4, 13, 22, 31, 39, 48, 57, 65))
     assert controller.blocks.sum() == 280 and controller.blocks[0] == 1
     run = reported_loop(FrictionXYTable(1e-4), controller, at_start(lobes(), 1e-4, 40000)).rollout
     fine, coarse = traversal_score(lobes(), run.output, 1e-4), DATA["case"]["full_run"]["friction"]
     assert fine.time < 1.02 * coarse["time_s"] and 1e3 * fine.rms < coarse["rms_mm"]
-
-
-def test_growing_blocks_fill_the_horizon():
-    for samples, count in ((280, 9), (28, 9), (7, 7), (100, 2)):
-        blocks = growing_blocks(samples, count)
-        assert (
-            len(blocks) == count and sum(blocks) == samples and blocks[0] == 1 and min(blocks) >= 1
-        )
 
 
 def test_two_runs_of_one_controller_are_two_runs():
@@ -274,7 +266,6 @@ def test_drives_that_take_a_position_are_held_where_the_run_begins():
             lambda: lobe_controller(lower=0.1).initial_memory(at_start(lobes(), 0.004, 5)),
             "held at the start by",
         ),
-        (lambda: growing_blocks(3, 5), "count"),
     ],
 )
 def test_bad_input_is_one_line(make, words):
