@@ -372,12 +372,6 @@ class StateLQ(LQDesign):
     observer, fed = None, "state"
 
 
-class RiccatiStateLQ(RiccatiLQ):
-    """Receding-horizon LQ contouring with the Riccati terminal, fed the true state."""
-
-    observer, fed = None, "state"
-
-
 class ZeroLQ(RiccatiLQ):
     """The same with a zero terminal state: every horizon ends in the motion of the path.
 
@@ -422,9 +416,3 @@ class PreviewLQDesign(LQDesign):
     law = "finite-preview LQ tracking"
     ends = "riccati"
     limitable = False
-
-
-class PreviewStateLQ(PreviewLQDesign):
-    """Finite-preview LQ tracking, fed the true state."""
-
-    observer, fed = None, "state"
