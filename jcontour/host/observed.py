@@ -1,10 +1,6 @@
-"""The observers of `kalman`, in front of a host controller.
+"""The observers of `kalman`, in front of a host controller."""
 
-An observer's numbers are a value, `FilterGain` or `OffsetFreeGain`, which puts its observer
-around a controller.
-"""
-
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
@@ -118,24 +114,3 @@ class OffsetFreeHost(HostWrapper):
         """The predicted estimate A xf + B (u + d), and the control as it is."""
         predicted = self._A @ fed.state + self._B @ (control + fed.disturbance)
         return OffsetFreeMemory(predicted, fed.disturbance, inner), control
-
-
-class FilterGain(NamedTuple):
-    """Numbers of `ObservedHost`: its gain L (n, m)."""
-
-    gain: ArrayLike
-
-    def around(self, controller: HostController, model: LinearPlant) -> HostController:
-        """The controller behind its Kalman filter."""
-        return ObservedHost(controller, model, self.gain)
-
-
-class OffsetFreeGain(NamedTuple):
-    """Numbers of `OffsetFreeHost`: its gain L (n + p, q), and C (q, n) of the measurement."""
-
-    gain: ArrayLike
-    measured: ArrayLike
-
-    def around(self, controller: HostController, model: LinearPlant) -> HostController:
-        """The controller behind its observer of state and load."""
-        return OffsetFreeHost(controller, model, self.gain, self.measured)

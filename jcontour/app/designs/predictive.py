@@ -15,7 +15,7 @@ from jcontour.controllers.lq.contouring_lq import LQWeights, Terminal
 from jcontour.geometry.contour import Contour
 from jcontour.host.controller import HostController
 from jcontour.host.held import Held, OneSampleLate
-from jcontour.host.observed import FilterGain, OffsetFreeGain
+from jcontour.host.observed import ObservedHost, OffsetFreeHost
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.feed_laws import constant_feed
@@ -49,16 +49,21 @@ def limited_lq(
     weights: LQWeights,
     preview: int,
     terminal: Terminal,
-    observer: FilterGain | OffsetFreeGain | None,
     limits: Limits,
     solver: Solver,
+    gain: np.ndarray | None = None,
+    offset_free: bool = False,
 ) -> HostController:
-    """Contouring LQ under limits, behind an observer; without one it is fed the state."""
-    form = OffsetFreeForm() if isinstance(observer, OffsetFreeGain) else AbsoluteForm()
+    """Contouring LQ under limits, behind an observer of a gain; without one it is fed the state."""
+    form = OffsetFreeForm() if offset_free else AbsoluteForm()
     tracking = TrackingMPC(
         model, TrackingWeights.of(weights), preview, limits, terminal, solver, form=form
     )
-    return tracking if observer is None else observer.around(tracking, model)
+    if gain is None:
+        return tracking
+    if offset_free:
+        return OffsetFreeHost(tracking, model, gain, model.C)
+    return ObservedHost(tracking, model, gain)
 
 
 def control_limit(machine: Machine) -> np.ndarray:

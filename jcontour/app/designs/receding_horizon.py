@@ -225,15 +225,12 @@ class LQDesign(LinearDesign):
         if not self.limitable:
             return None
         from jcontour.app.designs.predictive import limited_lq  # the solvers take a second
-        from jcontour.host.observed import FilterGain, OffsetFreeGain
 
-        terminal, observer, loop = TERMINALS[self.terminal], None, self.loop
-        if self.observer is not None:
-            gain = np.asarray(loop.gain(weights))
-            offset_free = self.observer == "offset-free"
-            observer = OffsetFreeGain(gain, self.model.C) if offset_free else FilterGain(gain)
+        loop, offset_free = self.loop, self.observer == "offset-free"
+        cost, terminal = loop.cost(weights), TERMINALS[self.terminal]
+        gain = None if self.observer is None else np.asarray(loop.gain(weights))
         return limited_lq(
-            self.model, loop.cost(weights), self.horizon, terminal, observer, limits, solver
+            self.model, cost, self.horizon, terminal, limits, solver, gain, offset_free
         )
 
     def freed(self, names: Sequence[str]) -> "LQDesign":

@@ -18,7 +18,7 @@ from jcontour.controllers.lq.contouring_lq import LQWeights, OutputTerminal
 from jcontour.controllers.observers.kalman import offset_free_gain
 from jcontour.geometry.contours import circle
 from jcontour.host.held import OneSampleLate
-from jcontour.host.observed import ObservedHost, OffsetFreeGain, OffsetFreeHost
+from jcontour.host.observed import ObservedHost, OffsetFreeHost
 from jcontour.linear.transformations import with_input_delay
 from jcontour.mpc.tracking.forms import OffsetFreeForm
 from jcontour.mpc.tracking.limits import Limits
@@ -43,9 +43,9 @@ def test_what_has_the_cost_and_the_filter_has_a_constrained_form(name):
 
 def test_behind_an_observer_of_the_load_it_is_told_of_the_load(two_axes):
     model = with_input_delay(two_axes, 1)
-    observer = OffsetFreeGain(offset_free_gain(model, model.C, 0.1, 0.1, 1e-6), model.C)
+    gain = np.asarray(offset_free_gain(model, model.C, 0.1, 0.1, 1e-6))
     weights, limits = LQWeights(3.0, 50.0, 2e-8), Limits.within(control=10.0)
-    found = limited_lq(model, weights, 4, OutputTerminal(), observer, limits, DAQP())
+    found = limited_lq(model, weights, 4, OutputTerminal(), limits, DAQP(), gain, True)
     assert isinstance(found, OffsetFreeHost) and isinstance(found.controller, TrackingMPC)
     assert isinstance(found.controller.form, OffsetFreeForm) and found.preview == 4
 

@@ -18,7 +18,7 @@ from jcontour.controllers.observers.kalman import (
 )
 from jcontour.geometry.contours import circle
 from jcontour.host.loop import reported_loop
-from jcontour.host.observed import FilterGain, ObservedHost, OffsetFreeGain, OffsetFreeHost
+from jcontour.host.observed import ObservedHost, OffsetFreeHost
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import along, from_samples
 from jcontour.mpc.tracking.forms import OffsetFreeForm
@@ -37,9 +37,9 @@ OUT_OF_REACH = Limits.within(control=1e3, increment=1e3, speed=10.0, acceleratio
 
 
 def late_table(delay: int):
-    """Model of the Bridgeport table, and its observer's numbers."""
+    """Model of the Bridgeport table, and its observer's gain."""
     model = with_input_delay(exact_bridgeport(), delay)
-    return model, OffsetFreeGain(offset_free_gain(model, model.C, 0.05, 0.01, COUNT), model.C)
+    return model, offset_free_gain(model, model.C, 0.05, 0.01, COUNT)
 
 
 def behind_encoders(model):
@@ -47,7 +47,7 @@ def behind_encoders(model):
     return Encoders(Disturbed(model, force=placed(LOAD[None])))
 
 
-def limited(model, observer, limits, terminal=None, preview=N, penalty=None):
+def limited(model, gain, limits, terminal=None, preview=N, penalty=None):
     """The MPC behind the observer of state and load."""
     mpc = TrackingMPC(
         model,
@@ -58,7 +58,7 @@ def limited(model, observer, limits, terminal=None, preview=N, penalty=None):
         penalty=penalty,
         form=OffsetFreeForm(),
     )
-    return observer.around(mpc, model)
+    return OffsetFreeHost(mpc, model, gain, model.C)
 
 
 def around_a_circle(model, preview=N, steps=100):
@@ -84,7 +84,7 @@ def test_it_is_the_filter_observer(two_axes):
         plant, FilterObserver(ContouringLQ(two_axes, WEIGHTS, N), two_axes, gain), reference, start
     )
     mpc = TrackingMPC(two_axes, TrackingWeights.of(WEIGHTS), N)
-    found = reported_loop(plant, FilterGain(gain).around(mpc, two_axes), reference, start).rollout
+    found = reported_loop(plant, ObservedHost(mpc, two_axes, gain), reference, start).rollout
     np.testing.assert_allclose(
         found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
     )
@@ -106,14 +106,14 @@ def test_the_gain_needs_its_shape(two_axes):
 )
 def test_without_an_active_limit_it_is_the_offset_free_observer(terminal, delay, counting):
     """Counts hide the rounding of the two loops from each other: it adds up on the integrators."""
-    model, observer = late_table(delay)
+    model, gain = late_table(delay)
     plant, tolerance = behind_encoders(model), 1e-12
     if counting:
         plant, tolerance = Quantised(plant, COUNT), 1e-11
     reference = around_a_circle(model)
     inner = ContouringLQ(model, STIFF, N, terminal)
-    wanted = simulate(plant, OffsetFreeObserver(inner, model, *observer), reference)
-    found = reported_loop(plant, limited(model, observer, OUT_OF_REACH, terminal), reference)
+    wanted = simulate(plant, OffsetFreeObserver(inner, model, gain, model.C), reference)
+    found = reported_loop(plant, limited(model, gain, OUT_OF_REACH, terminal), reference)
     assert found.report.active_fraction == 0 and found.report.worst_residual <= 1e-8
     for one, other in (
         (found.rollout.control, wanted.control),
@@ -127,9 +127,9 @@ def test_without_an_active_limit_it_is_the_offset_free_observer(terminal, delay,
 @pytest.mark.parametrize("delay", [0, 1])
 def test_limits_hold_for_the_control_that_acts(delay):
     """The load takes 0.3 of 0.5 V: limits on u + d instead would be passed or not be used."""
-    model, observer = late_table(delay)
+    model, gain = late_table(delay)
     limits = Limits.within(control=0.5, increment=0.2)
-    controller = limited(model, observer, limits, preview=20)
+    controller = limited(model, gain, limits, preview=20)
     reference = step_away(model, 600, 20)
     run = reported_loop(behind_encoders(model), controller, reference)
     control = np.asarray(run.rollout.control)
@@ -148,9 +148,9 @@ def test_limits_hold_for_the_control_that_acts(delay):
 
 @pytest.mark.parametrize("delay", [0, 1])
 def test_a_constant_load_leaves_no_offset_at_rest(delay):
-    model, observer = late_table(delay)
+    model, gain = late_table(delay)
     plant, reference = behind_encoders(model), step_away(model, 600)
-    free = reported_loop(plant, limited(model, observer, OUT_OF_REACH), reference).rollout
+    free = reported_loop(plant, limited(model, gain, OUT_OF_REACH), reference).rollout
     np.testing.assert_allclose(free.output[-1], reference.position[-1], rtol=0, atol=1e-12)
     np.testing.assert_allclose(free.control[-1], -LOAD, rtol=0, atol=1e-9)
     gain = kalman_gain(model, 0.05, COUNT)
@@ -182,9 +182,9 @@ def test_a_held_control_drives_both_estimates(two_axes):
 @pytest.mark.parametrize("fallback", ["hold", "soft"])
 def test_the_offset_free_loop_falls_back(fallback):
     """A speed limit that the load breaks before it is known; the increments are too small."""
-    model, observer = late_table(1)
+    model, gain = late_table(1)
     limits = Limits.within(control=0.5, increment=0.02, speed=1e-3)
-    controller = limited(model, observer, limits)
+    controller = limited(model, gain, limits)
     run = reported_loop(
         behind_encoders(model), controller, step_away(model, 300), fallback=fallback
     )
