@@ -6,9 +6,8 @@ from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
-from jcontour.app.files.netcdf import save_dataset
+from jcontour.app.files.netcdf import Variables, save_variables
 from jcontour.app.files.results.run_metrics import METRICS, MachineSummary
 from jcontour.app.files.run_folder import versions
 from jcontour.app.flags.shared import Rollouts
@@ -24,8 +23,6 @@ LARGE = 100e6  # bytes of signals: `auto` thins beyond them, `thinned` down to t
 FLOAT = 8  # bytes
 ERROR = "vector from the nearest point of the contour to the tool"
 RUN = ("design", "contour", "plant")  # axes of what there is one of for every run
-
-Variables = dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]]
 
 
 def save_rollouts(
@@ -43,8 +40,8 @@ def save_rollouts(
     every = samples_kept(keep, size)
     if every is None:
         return f"Rollouts: not kept ({_megabytes(size)} of signals)"
-    dataset = rollouts(replays, scenarios, machine, {"title": title, **versions()}, every)
-    path = save_dataset(dataset, folder / ROLLOUTS)
+    variables = rollouts(replays, scenarios, machine, every)
+    path = save_variables(variables, {"title": title, **versions()}, folder / ROLLOUTS)
     written = f"Rollouts: {ROLLOUTS}, {_megabytes(path.stat().st_size)}"
     if every == 1:
         return f"{written}, every sample"
@@ -66,9 +63,8 @@ def rollouts(
     replays: Mapping[str, Replay],
     scenarios: Scenarios,
     machine: Machine | MachineSummary,
-    attributes: dict[str, str],
-    every: int = 1,
-) -> xr.Dataset:
+    every: int,
+) -> Variables:
     """Signals and metrics of several designs over the same scenarios, one sample of `every`."""
     runs = list(replays.values())
     kept, unit = slice(None, None, every), machine.control_unit
@@ -100,15 +96,15 @@ def rollouts(
         kind = values.astype("i1") if values.dtype == bool else values
         data[name] = (RUN, kind, {"units": METRICS[name].si(unit)})
     time = np.arange(runs[0].output.shape[2])[kept] * scenarios.references.dt
-    coordinates = {
+    names = {
         "design": list(replays),
         "contour": [job.name for job in scenarios.jobs],
         "plant": list(scenarios.plants),
-        "time": ("time", time, {"units": "s"}),
         "axis": list(machine.axes),
         "input": [f"u{k + 1}" for k in range(runs[0].control.shape[-1])],
     }
-    return xr.Dataset(data, coordinates, attributes)
+    data["time"] = (("time",), time, {"units": "s"})
+    return data | {name: ((name,), words, {}) for name, words in names.items()}
 
 
 def _words(unit: str, name: str) -> dict[str, str]:
@@ -129,11 +125,11 @@ def save_sensitivity(
         "long_name": "largest singular value of S over the probes of the paths",
     }
     values = np.stack([one.sensitivity for one in curves.values()])
-    coordinates = {
-        "design": list(curves),
-        "plant": list(plants),
-        "frequency": ("frequency", first.frequency, {"units": "Hz"}),
+    data: Variables = {
+        "design": (("design",), list(curves), {}),
+        "plant": (("plant",), list(plants), {}),
+        "frequency": (("frequency",), first.frequency, {"units": "Hz"}),
+        "sensitivity": (("design", "plant", "frequency"), values, largest),
     }
-    data = {"sensitivity": (("design", "plant", "frequency"), values, largest)}
     title = {"title": "jcontour tune: sensitivity of the smooth family", **versions()}
-    return save_dataset(xr.Dataset(data, coordinates, title), folder / SENSITIVITY)
+    return save_variables(data, title, folder / SENSITIVITY)

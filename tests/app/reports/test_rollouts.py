@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
-from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.reports.figures.searches import FamilyCurves
 from jcontour.app.reports.rollouts import ROLLOUTS, SENSITIVITY, save_rollouts, save_sensitivity
 from tests.app import small_runs
@@ -26,7 +26,7 @@ def run():
 def test_everything_has_its_dimensions_and_units(run, tmp_path):
     line = save_rollouts("full", {"mine": run}, SCENARIOS, MACHINE, "test", tmp_path)
     assert line.startswith("Rollouts: rollouts.nc, ") and line.endswith("every sample")
-    found = load_dataset(tmp_path / ROLLOUTS)
+    found = xr.load_dataset(tmp_path / ROLLOUTS)
     assert found.attrs["title"] == "test"
     assert found.output.dims == ("design", "contour", "plant", "time", "axis")
     assert found.rms_contour_error.dims == ("design", "contour", "plant")
@@ -39,7 +39,7 @@ def test_everything_has_its_dimensions_and_units(run, tmp_path):
 
 def test_thinned_it_is_one_sample_of_two_and_none_is_not_written(run, tmp_path):
     line = save_rollouts("thinned", {"mine": run}, SCENARIOS, MACHINE, "test", tmp_path)
-    found = load_dataset(tmp_path / ROLLOUTS)
+    found = xr.load_dataset(tmp_path / ROLLOUTS)
     np.testing.assert_array_equal(found.output.values[0], run.output[:, :, ::2])
     np.testing.assert_allclose(
         found.time.values, SCENARIOS.references.dt * np.arange(0, SAMPLES, 2)
@@ -53,7 +53,7 @@ def test_curves_come_back_with_their_names(tmp_path):
     frequency, curve = np.array([1.0, 10.0]), np.array([[0.5, 1.5], [np.nan, np.nan]])
     curves = {"start": FamilyCurves(frequency, curve), "tuned": FamilyCurves(frequency, curve / 2)}
     save_sensitivity(curves, ["nominal", "late"], tmp_path)
-    data = load_dataset(tmp_path / SENSITIVITY)
+    data = xr.load_dataset(tmp_path / SENSITIVITY)
     assert data.frequency.units == "Hz" and list(data.plant.values) == ["nominal", "late"]
     tuned = data.sensitivity.sel(design="tuned").values
     assert np.array_equal(tuned, curve / 2, equal_nan=True)

@@ -7,8 +7,8 @@ from rich.console import Console
 
 from jcontour.app.designs.design import with_values
 from jcontour.app.files import run_folder
-from jcontour.app.files.netcdf import save_dataset
-from jcontour.app.files.results.search_results import BudgetPoint, FrontResult, dataset_of
+from jcontour.app.files.netcdf import save_variables
+from jcontour.app.files.results.search_results import BudgetPoint, FrontResult, variables_of
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.tuning import Front
 from jcontour.app.jobs.replays import replay
@@ -59,7 +59,9 @@ def command(flags: Front) -> int:
 
 
 def _store(result: FrontResult, weight_units: dict[str, str], folder: Path) -> None:
-    save_dataset(dataset_of(result, weight_units), folder / "front.nc")
+    title = {"title": f"jcontour front: error against {result.against}"}
+    variables = variables_of(result, weight_units)
+    save_variables(variables, title | run_folder.versions(), folder / "front.nc")
     save_figure(front(result), folder / "front.png")
     write_result(folder, result)
 

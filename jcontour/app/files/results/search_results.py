@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
-from jcontour.app.files import run_folder
+from jcontour.app.files.netcdf import Variables
 from jcontour.app.files.results.run_metrics import METRICS, MachineSummary
 from jcontour.app.files.results.stored import Weight
 from jcontour.app.files.results.verdict import Verdict
@@ -114,7 +113,7 @@ class FrontResult:
         return [point.budget for point in self.points if point.slack]
 
 
-def dataset_of(result: FrontResult, weight_units: dict[str, str]) -> xr.Dataset:
+def variables_of(result: FrontResult, weight_units: dict[str, str]) -> Variables:
     """The front along its budgets; a weight with a number for each axis has a second dimension."""
     unit = result.machine.control_unit
 
@@ -122,7 +121,7 @@ def dataset_of(result: FrontResult, weight_units: dict[str, str]) -> xr.Dataset:
         column = np.array(values, float)
         return ["budget", second][: column.ndim], column, {"units": of}
 
-    data: dict[str, Any] = {}
+    data: Variables = {}
     for name, of in weight_units.items():
         data[name] = along([point.weights[name] for point in result.points], of, f"entry_of_{name}")
     for name in SHOWN:
@@ -135,9 +134,7 @@ def dataset_of(result: FrontResult, weight_units: dict[str, str]) -> xr.Dataset:
         data["cycle_time"] = along([point.cycle_time for point in result.points], "s")
         data["objective"] = along([point.objective for point in result.points], "m")
     of = {"increment": unit, "sensitivity": "1", "feed": "percent"}[result.against]
-    budgets = along([point.budget for point in result.points], of)
-    attributes = {"title": f"jcontour front: error against {result.against}"}
-    return xr.Dataset(data, {"budget": budgets}, {**attributes, **run_folder.versions()})
+    return data | {"budget": along([point.budget for point in result.points], of)}
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from jaxtyping import Float, Int
 
 from jcontour.app.files import run_folder
-from jcontour.app.files.netcdf import load_dataset
+from jcontour.app.files.netcdf import load_variables
 from jcontour.app.files.results.loop_results import AuditedResult, SimulatedResult
 from jcontour.app.files.results.run_metrics import METRICS
 from jcontour.app.files.results.search_results import BudgetPoint, FrontResult
@@ -251,13 +250,11 @@ def _sensitivity(folder: Path) -> dict[str, Any] | None:
     path = folder / SENSITIVITY
     if not path.exists():
         return None
-    data = load_dataset(path)
+    data = load_variables(path)
+    designs = zip(data["design"], data["sensitivity"], strict=True)
     return {
-        "frequency": data.frequency.values.tolist(),
-        "designs": {
-            str(design): packed(data.sensitivity.sel(design=design).values)
-            for design in data.design.values
-        },
+        "frequency": data["frequency"].tolist(),
+        "designs": {str(design): packed(values) for design, values in designs},
     }
 
 
@@ -309,30 +306,36 @@ def _signals(folder: Path, room: float) -> dict[str, Any]:
     path = folder / ROLLOUTS
     if not path.exists():
         return {"designs": [], "plants": [], "axes": [], "inputs": 0, "contours": []}
-    data = load_dataset(path)
-    names = [str(name) for name in data.contour.values][:MOST_CONTOURS]
-    designs, plants, axes = data.sizes["design"], data.sizes["plant"], data.sizes["axis"]
-    each = designs * plants * (2 * axes + data.sizes["input"] + 1)
+    data = load_variables(path)
+    words = {
+        name: [str(one) for one in data[name]]
+        for name in ("design", "contour", "plant", "axis", "input")
+    }
+    names = words["contour"][:MOST_CONTOURS]
+    signals = 2 * len(words["axis"]) + len(words["input"]) + 1
+    each = len(words["design"]) * len(words["plant"]) * signals
     most = int(room / len(names) / (each * 4 * 4 / 3))
     most = min(max(most, FEWEST), MOST)
     return {
-        "designs": [str(name) for name in data.design.values],
-        "plants": [str(name) for name in data.plant.values],
-        "axes": [str(name) for name in data.axis.values],
-        "inputs": data.sizes["input"],
-        "contours": [_contour(data.sel(contour=name), name, most) for name in names],
+        "designs": words["design"],
+        "plants": words["plant"],
+        "axes": words["axis"],
+        "inputs": len(words["input"]),
+        "contours": [_contour(data, k, name, most) for k, name in enumerate(names)],
     }
 
 
-def _contour(data: xr.Dataset, name: str, most: int) -> dict[str, Any]:
+def _contour(data: dict[str, np.ndarray], number: int, name: str, most: int) -> dict[str, Any]:
     """One contour, thinned alike in every run; lengths in mm, errors in um."""
     # Samples up to the last that counts or moves; runs are padded to the longest
-    moves = np.any(np.diff(data.reference.values, axis=0) != 0, axis=1)
-    ends = np.flatnonzero(np.insert(moves, 0, False) | (data.scored.values == 1))
-    length = int(ends[-1]) + 1 if ends.size else data.sizes["time"]
-    data = data.isel(time=slice(0, length))
-    time, reference = data.time.values, data.reference.values
-    output, error, control = (data[key].values for key in ("output", "contour_error", "control"))
+    reference, scored = data["reference"][number], data["scored"][number]
+    moves = np.any(np.diff(reference, axis=0) != 0, axis=1)
+    ends = np.flatnonzero(np.insert(moves, 0, False) | (scored == 1))
+    length = int(ends[-1]) + 1 if ends.size else len(scored)
+    time, reference = data["time"][:length], reference[:length]
+    output, error, control = (
+        data[key][:, number, :, :length] for key in ("output", "contour_error", "control")
+    )
     period = float(time[1] - time[0]) if length > 1 else 1.0
     feed = np.zeros(output.shape[:-1])
     feed[..., 1:] = np.linalg.norm(np.diff(output, axis=2), axis=-1) / period
@@ -342,7 +345,7 @@ def _contour(data: xr.Dataset, name: str, most: int) -> dict[str, Any]:
     kept = kept_samples(loudest, most)
     return {
         "name": name,
-        "training": bool(data.training.values),
+        "training": bool(data["training"][number]),
         "samples": length,
         "kept": len(kept),
         "time": packed(time[kept]),
@@ -352,8 +355,10 @@ def _contour(data: xr.Dataset, name: str, most: int) -> dict[str, Any]:
         "error": packed(1e6 * error[:, :, kept]),
         "control": packed(control[:, :, kept]),
         "feed": packed(60e3 * feed[:, :, kept]),
-        "metrics": {name: data[name].values.tolist() for name in METRICS if METRICS[name].on_page},
-        "diverged": data.diverged.values.astype(bool).tolist(),
+        "metrics": {
+            name: data[name][:, number].tolist() for name in METRICS if METRICS[name].on_page
+        },
+        "diverged": data["diverged"][:, number].astype(bool).tolist(),
     }
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from rich.console import Console
 
 from jcontour.app.catalogue.choices import machine_named
@@ -19,7 +20,6 @@ from jcontour.app.commands.loops.check import (
     show,
     verdict_on,
 )
-from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.flags.loops import Check
 from jcontour.app.machines.machine import MachineLimits
@@ -39,7 +39,9 @@ def test_what_limits_cost(tour):
     assert all(
         set(gap["reached"]) == {"control", "increment", "speed", "acceleration"} for gap in gaps
     )
-    assert np.abs(np.diff(load_dataset(stored[0]).control.values, axis=0)).max() <= 5 * (1 + 1e-9)
+    assert np.abs(np.diff(xr.load_dataset(stored[0]).control.values, axis=0)).max() <= 5 * (
+        1 + 1e-9
+    )
 
 
 def test_it_needs_a_run(tmp_path, capsys):

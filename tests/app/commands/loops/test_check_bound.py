@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from jcontour.app.cli import main
 from jcontour.app.commands.loops.check_bound import ATTACK, verdict_on
-from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.loop_results import CertifiedResult, CertifiedRow
 from jcontour.app.files.results.run_metrics import PeakPlace
 
@@ -35,7 +35,7 @@ def test_every_plant_of_a_simulated_run_is_certified(tour):
         assert row.nominal < row.reached <= row.bound and row.counted <= row.bound
         assert row.reached > 0.9 * row.bound
         assert max(row.control) < 300.0
-    data = load_dataset(out / ATTACK)
+    data = xr.load_dataset(out / ATTACK)
     assert data.plant == result.worst.plant
     assert np.abs(data.force.values).max() == 0.5 and np.abs(data.noise.values).max() == 0.5e-6
     scored = data.scored.values.astype(bool)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from jcontour.app.catalogue.choices import seeing_all
 from jcontour.app.commands.loops.simulate import _verdict, next_steps
-from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.flags.loops import Simulate
@@ -23,7 +23,7 @@ def run(tour):
 
 def test_the_result_and_its_signals_agree(run):
     result = read_result(run, SimulatedResult)
-    signals = load_dataset(run / "rollouts.nc").isel(design=0, contour=0)
+    signals = xr.load_dataset(run / "rollouts.nc").isel(design=0, contour=0)
     assert list(signals.plant.values) == list(result.plants)
     counted = signals.scored.values.astype(bool)
     for k, metrics in enumerate(result.plants.values()):

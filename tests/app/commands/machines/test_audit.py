@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from jcontour.app.cli import main
-from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.loop_results import AuditedResult, SimulatedResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.reports.rollouts import ROLLOUTS
@@ -18,7 +18,7 @@ MOVED = 0.05  # [m] of the part in the log
 def audited(tour, tmp_path):
     """Log of the nominal plant of a run of `simulate`, and the folder of its audit."""
     run = tour("simulate").folder
-    data = load_dataset(run / ROLLOUTS).isel(design=0, contour=0, plant=0)
+    data = xr.load_dataset(run / ROLLOUTS).isel(design=0, contour=0, plant=0)
     rows = np.column_stack([data.time, data.reference + MOVED, data.output + MOVED])
     names = ["time_s", *(f"{a}_{what}_m" for what in ("command", "position") for a in "xy")]
     log = tmp_path / "log.csv"

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from jcontour.app.commands.tuning.front import next_steps
-from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.search_results import FrontResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.reports.page.page_data import page_data
@@ -37,7 +37,7 @@ def test_every_file_is_there_and_the_page_and_the_netcdf_file_hold_the_points(tr
     wanted = [1e6 * one.rms_contour_error for one in points]
     assert [one["y"] for one in page["points"]["points"]] == wanted
     assert page["contours"] and page["plants"][0] == "nominal"
-    dataset = load_dataset(traced / "front.nc")
+    dataset = xr.load_dataset(traced / "front.nc")
     np.testing.assert_array_equal(dataset.budget, [point.budget for point in points])
     for name in ("rms_contour_error", "rms_increment", "objective"):
         if name in dataset:

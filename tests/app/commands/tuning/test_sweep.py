@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from jcontour.app.cli import main
-from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.search_results import SweepResult
 from jcontour.app.files.results.stored import read_result
 
@@ -19,7 +19,7 @@ def swept(tour):
 
 @pytest.fixture
 def dataset(swept):
-    return load_dataset(swept / "sweep.nc")
+    return xr.load_dataset(swept / "sweep.nc")
 
 
 def test_every_file_is_there(swept):

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from jcontour.app.commands.tuning import tune
 from jcontour.app.commands.tuning.tune import next_steps
-from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.files.results.verdict import Verdict, reason
 from jcontour.app.flags.tuning import Tune
@@ -47,7 +47,7 @@ def test_tuned_weights_are_better_on_what_was_tuned(tuned, result):
     assert [one.training for one in contours.values()] == [True, *4 * [False]]
     before, after = part.metrics["start"].worst, part.metrics["tuned"].worst
     assert after.rms_contour_error < before.rms_contour_error
-    with_signals = load_dataset(tuned / "rollouts.nc").sel(contour="part", design="tuned")
+    with_signals = xr.load_dataset(tuned / "rollouts.nc").sel(contour="part", design="tuned")
     counted = with_signals.scored.values.astype(bool)
     size = np.linalg.norm(with_signals.contour_error.values, axis=-1)[:, counted]
     rms = np.sqrt(np.mean(size**2, axis=-1))

@@ -3,13 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import xarray as xr
 
 from jcontour.app.files.results.run_metrics import MachineSummary
 from jcontour.app.files.results.search_results import (
     BudgetPoint,
     FrontResult,
     Ranked,
-    dataset_of,
+    variables_of,
 )
 from jcontour.app.files.results.stored import to_json
 
@@ -33,6 +34,10 @@ def result(against):
         POINTS,
         against=against,
     )
+
+
+def dataset_of(result, units):
+    return xr.Dataset(variables_of(result, units))
 
 
 def test_budgets_are_the_axis_with_the_unit_of_what_they_limit():

@@ -5,10 +5,10 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.tuned_result import DriveLoop, HistoryPoint, TunedContour
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.files.run_folder import RunError
@@ -56,7 +56,7 @@ def data(run_folder):
 
 
 def test_signals_are_those_of_the_folder(data, run_folder):
-    stored = load_dataset(run_folder / "rollouts.nc")
+    stored = xr.load_dataset(run_folder / "rollouts.nc")
     one = data["contours"][0]
     assert one["samples"] == one["kept"] == 900
     error = numbers(one["error"], 2, 2, 900, 2)

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from jcontour.app.catalogue.choices import job_named, machine_named
 from jcontour.app.cli import main
 from jcontour.app.designs.predictive import PREDICTIVE, PredictiveDesign
-from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.results.loop_results import SimulatedResult
 from jcontour.app.files.results.stored import read_result
 from jcontour.app.flags.shared import MachineFlags
@@ -27,7 +27,7 @@ def test_a_run_of_mpcc_is_stored_like_every_simulation(tour):
     metrics, read = result.plants["nominal"], result.read
     assert tour("traverse").code == 0 and result.verdict.usable
     assert read is not None and read.duration is not None and 0.1 < read.duration < 2
-    signals = load_dataset(tour("traverse").folder / "rollouts.nc").squeeze()
+    signals = xr.load_dataset(tour("traverse").folder / "rollouts.nc").squeeze()
     errors = np.linalg.norm(signals.contour_error.values, axis=-1)
     assert errors.max() == pytest.approx(metrics.peak_contour_error) and errors.max() < 100e-6
     assert np.abs(signals.control.values).max() <= 0.5 + 1e-9
