@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from numpy.polynomial import polynomial
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.signal import bilinear, lfilter, ss2tf
 
@@ -132,13 +133,7 @@ def trajectory() -> Signal:
     return np.cumsum(np.cumsum(SECOND_DIFFERENCE * second))
 
 
-def periodic(taps: Taps, reference: Signal) -> Signal:
-    """Steady response of an FIR filter to a periodic reference."""
-    rolled = [tap * np.roll(reference, k) for k, tap in enumerate(taps)]
-    return np.sum(rolled, axis=0)
-
-
-def periodic_ratio(numerator: Taps, denominator: Taps, reference: Signal) -> Signal:
+def periodic(numerator: Taps, reference: Signal, denominator: ArrayLike = (1.0,)) -> Signal:
     """Steady response of a filter to a periodic reference, harmonic by harmonic."""
     points = np.exp(-2j * np.pi * np.arange(SAMPLES // 2 + 1) / SAMPLES)
     ratio = polynomial.polyval(points, numerator) / polynomial.polyval(points, denominator)
@@ -236,7 +231,7 @@ def line_30(zero: float) -> Line30:
     value = zero ** (row.following.preview - 1)
 
     def error(eps: float) -> Signal:
-        return periodic_ratio(value * np.array([1.0, -1.0]), np.array([1 + eps, -1.0]), reference)
+        return periodic(value * np.array([1.0, -1.0]), reference, [1 + eps, -1.0])
 
     def eps_of(size, printed: str) -> float:
         root = brentq(lambda eps: size(error(eps)) - float(printed), *SEARCHED_EPS, xtol=1e-14)
@@ -422,7 +417,7 @@ def run(quick: bool = False) -> Result:
         trajectory=trajectory(),
         errors={
             "Fig. 3, controller A: (0, 9, 0)": line_error(TABLE_1[9], zero),
-            "Fig. 4, controller B: (0, 9, 0)": periodic_ratio(zero**8 * step, slow, trajectory()),
+            "Fig. 4, controller B: (0, 9, 0)": periodic(zero**8 * step, trajectory(), slow),
         },
         table_1=tuple(line(row, zero) for row in TABLE_1),
         table_2=tuple(costs(row, zero) for row in TABLE_2),

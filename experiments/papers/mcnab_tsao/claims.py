@@ -80,12 +80,10 @@ def claims(result: Result) -> Iterator[Claim]:
         f"(alpha {FIGURE_2_ALPHA:g}, output terminal)",
         verdict(falls(errors)),
     )
-    for (terminal, error), figure in MEASURED.items():
-        yield _measured_figure(result, figure, terminal, error)
+    yield from _measured_figures(result)
     yield from _over_the_weights(result)
     yield from _over_the_preview(result)
-    yield from _theorem_1(result)
-    yield from _rows_of_table_1(result)
+    yield from _theorem_1_and_table_1(result)
     for terminal, scale in product(TERMINALS, LINE_SCALES):
         case = (terminal, scale * LINE_ALPHA)
         runs = [run for run in result.line if (run.case.terminal, run.case.alpha) == case]
@@ -100,26 +98,26 @@ def claims(result: Result) -> Iterator[Claim]:
         )
 
 
-def _measured_figure(result: Result, figure: str, terminal: str, error: str) -> Claim:
+def _measured_figures(result: Result) -> Iterator[Claim]:
     """U-shape over alpha on the machine that is latest."""
     alphas, delay = (*ALPHAS, TOO_HIGH_ALPHA), FAMILY[-1].delay
-    runs = {alpha: result.on_family(terminal, alpha, 0.0) for alpha in alphas}
-    late = {alpha: machines[-1] for alpha, machines in runs.items()}
-    stable = {alpha: getattr(run, error) for alpha, run in late.items() if run.stable}
-    lost = [
-        f"{a:g} (radius {run.spectral_radius:.4f})" for a, run in late.items() if not run.stable
-    ]
-    best = min(stable, key=lambda alpha: stable[alpha], default=alphas[0])
-    least = stable.get(best, float("nan"))
-    finding = f"delay {delay}, beta 0: least {least:.3g} um at alpha {best:g}, "
-    if lost:
-        finding += f"unstable at alpha {' and '.join(lost)}"
-    else:
-        finding += f"{stable[alphas[-1]]:.3g} um at {alphas[-1]:g}"
-    if falls([getattr(machines[0], error) for machines in runs.values()]):
-        finding += "; the nominal machine only improves"
-    claim = "measured errors fall with the weight, then rise"
-    return Claim(figure, claim, finding, in_order(alphas[0] < best < alphas[-1]))
+    for (terminal, error), figure in MEASURED.items():
+        runs = {alpha: result.on_family(terminal, alpha, 0.0) for alpha in alphas}
+        late = {alpha: machines[-1] for alpha, machines in runs.items()}
+        stable = {alpha: getattr(run, error) for alpha, run in late.items() if run.stable}
+        lost = [
+            f"{a:g} (radius {run.spectral_radius:.4f})" for a, run in late.items() if not run.stable
+        ]
+        least, best = min(((value, a) for a, value in stable.items()), default=(np.nan, alphas[0]))
+        finding = f"delay {delay}, beta 0: least {least:.3g} um at alpha {best:g}, "
+        if lost:
+            finding += f"unstable at alpha {' and '.join(lost)}"
+        else:
+            finding += f"{stable[alphas[-1]]:.3g} um at {alphas[-1]:g}"
+        if falls([getattr(machines[0], error) for machines in runs.values()]):
+            finding += "; the nominal machine only improves"
+        claim = "measured errors fall with the weight, then rise"
+        yield Claim(figure, claim, finding, in_order(alphas[0] < best < alphas[-1]))
 
 
 def _over_the_weights(result: Result) -> Iterator[Claim]:
@@ -221,7 +219,8 @@ def _over_the_preview(result: Result) -> Iterator[Claim]:
         yield Claim(f"Fig. 10, {terminal}", claim, finding, in_order(holds))
 
 
-def _theorem_1(result: Result) -> Iterator[Claim]:
+def _theorem_1_and_table_1(result: Result) -> Iterator[Claim]:
+    """Theorem 1, the order of the rows of Table 1, and its last one."""
     largest = max(max(one.dare) for one in result.sets)
     yield Claim(
         "Theorem 1",
@@ -238,20 +237,6 @@ def _theorem_1(result: Result) -> Iterator[Claim]:
         finding += f", horizon {listed(sorted(horizons))}, rho {listed(sorted(rhos))}"
     claim = "the output terminal carries no assurance, yet need not be unstable"
     yield Claim("sec. 3", claim, finding, verdict(len(bad) < cases))
-
-
-def unstable(result: Result) -> list[tuple[str, RadiiOnLines, int]]:
-    """Terminal, weights and horizon for which the loop is unstable in some direction."""
-    return [
-        (terminal, one, horizon)
-        for one, terminal in product(result.sets, TERMINALS)
-        for horizon, radius in enumerate(getattr(one, terminal), 1)
-        if radius >= 1
-    ]
-
-
-def _rows_of_table_1(result: Result) -> Iterator[Claim]:
-    """What the order of its rows says, and the last one."""
     rows = table_1(result)
     for before, after in (rows[:2], rows[2:4]):
         one, other = before.ours, after.ours
@@ -272,6 +257,16 @@ def _rows_of_table_1(result: Result) -> Iterator[Claim]:
         f"a path held at its end gives {held} um in place of {kept}",
         verdict(difference <= EQUAL),
     )
+
+
+def unstable(result: Result) -> list[tuple[str, RadiiOnLines, int]]:
+    """Terminal, weights and horizon for which the loop is unstable in some direction."""
+    return [
+        (terminal, one, horizon)
+        for one, terminal in product(result.sets, TERMINALS)
+        for horizon, radius in enumerate(getattr(one, terminal), 1)
+        if radius >= 1
+    ]
 
 
 def tables(result: Result) -> Iterator[Table]:

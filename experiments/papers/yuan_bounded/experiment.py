@@ -38,7 +38,6 @@ from jcontour.sets import (
 )
 from jcontour.sets.invariant_polytopes import box
 from jcontour.sets.least_peaks import NoResponse
-from jcontour.sets.responses import FiniteResponse
 from jcontour.wrapper import Wrapper
 
 CASCADE = CascadeGains(30.0, 38.21, 0.04)  # k_pp [1/s], k_pv [As/m], T_iv [s], section 4.3.2
@@ -280,7 +279,23 @@ def loop_row(reference: str, length: int, samples: int) -> LoopRow:
     answer = model.control_signals(FOR_DISTURBANCES if previewed else bounds.control)
     tool = model.state_signals(["tool"], np.eye(4)[2])
     pattern = least_peak(model, tool, [*answer, *bounds.signals], length).response
-    mpc = _bounded_mpc(model, pattern, bounds, path)
+    # around the undisturbed run, end effector and speeds are kept
+    count = len(path.position)
+    run = machine_run(axis(), path, np.zeros((count, 1)), NEAR, CURRENT, rounds=1)
+    along = VaryingModel(*(np.broadcast_to(one, (count, *one.shape)) for one in model))
+    response = brought_to_rest_along(along, [pattern], np.zeros(count, int))
+    R = response.samples
+    rows = np.stack([np.eye(4)[2], *(signal.state for signal in bounds.signals)])
+    value = run.state[:R] @ rows.T
+    value[:, 0] -= np.asarray(path.position)[:R, 0]
+    peak = pattern.peak(Signal("tool", rows[0], np.zeros(1)))
+    tolerance = SPARE * (np.abs(value[:, 0]).max() + peak)
+    most = np.array([tolerance, *(signal.limit for signal in bounds.signals)])
+    names = ("tool", *(signal.name for signal in bounds.signals))
+    stacked = np.broadcast_to(rows, (R, *rows.shape))
+    kept = KeptRows(names, stacked, value, np.broadcast_to(most, value.shape))
+    left = bounds.control - np.abs(run.control[:R])
+    mpc = BoundedMPC(run.state[:R], run.control[:R], response, kept, left)
     # thirds of the run: slow square waves, bang-bang at random, attacks from either side
     attack, third = pattern.attack(tool[0]), path.steps // 3
     slow = np.where(np.arange(third) // SQUARE % 2 == 0, 1.0, -1.0)[:, None]
@@ -291,7 +306,7 @@ def loop_row(reference: str, length: int, samples: int) -> LoopRow:
     error = states[:, 2] - np.asarray(path.position)[: path.steps, 0]
     return LoopRow(
         reference,
-        1e3 * float(mpc.kept.limit[0, 0]),
+        1e3 * float(tolerance),
         1e3 * float(np.abs(error).max()),
         float(np.abs(controls).max()),
         float(np.abs(states[:, [1, 3]]).max()),
@@ -299,31 +314,6 @@ def loop_row(reference: str, length: int, samples: int) -> LoopRow:
         path.steps,
         1e3 * error,
     )
-
-
-def _bounded_mpc(
-    model: DisturbedModel, pattern: FiniteResponse, bounds: Bounds, path: Reference
-) -> BoundedMPC:
-    """Bounded MPC that keeps end effector and speeds, around the undisturbed run."""
-    samples = len(path.position)
-    run = machine_run(axis(), path, np.zeros((samples, 1)), NEAR, CURRENT, rounds=1)
-    along = VaryingModel(*(np.broadcast_to(one, (samples, *one.shape)) for one in model))
-    response = brought_to_rest_along(along, [pattern], np.zeros(samples, int))
-    R = response.samples
-    rows = np.stack([np.eye(4)[2], *(signal.state for signal in bounds.signals)])
-    value = run.state[:R] @ rows.T
-    value[:, 0] -= np.asarray(path.position)[:R, 0]
-    peak = pattern.peak(Signal("tool", rows[0], np.zeros(1)))
-    tolerance = SPARE * (np.abs(value[:, 0]).max() + peak)
-    limit = [tolerance, *(signal.limit for signal in bounds.signals)]
-    kept = KeptRows(
-        ("tool", *(signal.name for signal in bounds.signals)),
-        np.broadcast_to(rows, (R, *rows.shape)),
-        value,
-        np.broadcast_to(limit, value.shape),
-    )
-    left = bounds.control - np.abs(run.control[:R])
-    return BoundedMPC(run.state[:R], run.control[:R], response, kept, left)
 
 
 def _driven(mpc: BoundedMPC, model: DisturbedModel, path: Reference, w: np.ndarray):

@@ -39,7 +39,18 @@ def claims(result: Result) -> Iterator[Claim]:
         f"{_words(tracked)}: {PRINTED_MM[CEBC1]} mm there",
         verdict(tracked.kept and tracked.promised_um <= 1e3 * WANTED_MM),
     )
-    yield _axes(tracked)
+    assert tracked.promised_axes_um is not None
+    promised, reached = tracked.promised_axes_um, tracked.reached_axes_um
+    within = all(one <= most for one, most in zip(reached, promised, strict=True))
+    turned = tracked.reached_twist_urad <= tracked.promised_twist_urad <= LARGEST_TWIST
+    yield Claim(
+        "Remark 5.1, Figs 5.12, 5.13",
+        "with |theta| <= 2.5 mrad, X and Y stay within 2 mm each",
+        f"{promised[0]:.3g} and {promised[1]:.3g} um kept, {reached[0]:.3g} and {reached[1]:.3g} um"
+        f" reached; |theta| below {tracked.promised_twist_urad:.3g} urad, "
+        f"{tracked.reached_twist_urad:.3g} reached",
+        verdict(tracked.kept and within and turned),
+    )
     share = exact.reached_um / exact.promised_um
     yield Claim(
         "section 5.4, Fig. 5.16",
@@ -89,21 +100,6 @@ def _words(row: LoopRow) -> str:
     return (
         f"{row.promised_um:.3g} um promised against 0.5 A on every motor, {row.reached_um:.3g} um "
         "reached under attack; the thesis's masses and bounds are not printed"
-    )
-
-
-def _axes(row: LoopRow) -> Claim:
-    assert row.promised_axes_um is not None
-    promised, reached = row.promised_axes_um, row.reached_axes_um
-    within = all(one <= most for one, most in zip(reached, promised, strict=True))
-    turned = row.reached_twist_urad <= row.promised_twist_urad <= LARGEST_TWIST
-    return Claim(
-        "Remark 5.1, Figs 5.12, 5.13",
-        "with |theta| <= 2.5 mrad, X and Y stay within 2 mm each",
-        f"{promised[0]:.3g} and {promised[1]:.3g} um kept, {reached[0]:.3g} and {reached[1]:.3g} um"
-        f" reached; |theta| below {row.promised_twist_urad:.3g} urad, "
-        f"{row.reached_twist_urad:.3g} reached",
-        verdict(row.kept and within and turned),
     )
 
 
