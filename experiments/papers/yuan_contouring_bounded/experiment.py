@@ -6,7 +6,6 @@ every limit is tightened by what disturbances can do, over all switches of the m
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,13 +17,11 @@ from experiments.papers.yuan_contouring_bounded.controllers import (
     random_forces,
 )
 from experiments.papers.yuan_contouring_bounded.tubes import (
-    LENGTH,
     MOVING,
     POINTS,
     Design,
     Tube,
-    driven,
-    tube_of,
+    tube,
 )
 from experiments.papers.yuan_gantry.experiment import RADIUS, SAMPLE
 from experiments.tables import where
@@ -155,12 +152,6 @@ def ring_polygons(radius: float, tolerance: float) -> tuple[int, int, float, flo
     while (radius + tolerance) * np.cos(np.pi / outer) < max(vertex, radius):
         outer += 1
     return inner, outer, vertex, (radius + tolerance) * np.cos(np.pi / outer)
-
-
-@cache
-def tube(design: Design) -> Tube:
-    """Tube of a design along the whole path."""
-    return tube_of(design, driven(2 * LENGTH, design.late))
 
 
 def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> LoopRow:

@@ -70,11 +70,6 @@ class Driven(NamedTuple):
         C = self.run.C
         return np.concatenate([C, np.zeros((*C.shape[:2], 3 * self.late))], axis=2)
 
-    def curvature(self) -> Float[np.ndarray, "S n b b"]:
-        """Second derivatives |H| of a sample's step (S, 6, 9, 9) over state and currents."""
-        both = np.concatenate([self.run.state[: len(self.run.A)], self.run.control], axis=1)
-        return np.abs(_second_derivatives(Gantry(thesis_gantry(), SAMPLE), both))
-
     def switched(
         self, linear: Linearisation, points: tuple[float, ...]
     ) -> tuple[VaryingModel, Int[np.ndarray, " S"]]:
@@ -93,11 +88,6 @@ class Driven(NamedTuple):
         return model
 
 
-def driven(preview: int, late: int) -> Driven:
-    """The machine along the path, with this preview."""
-    return Driven(*_along_the_path(preview), late)
-
-
 @eqx.filter_jit
 def _second_derivatives(gantry: Gantry, both: np.ndarray) -> Array:
     def step(one):
@@ -107,10 +97,13 @@ def _second_derivatives(gantry: Gantry, both: np.ndarray) -> Array:
 
 
 @cache
-def _along_the_path(preview: int) -> tuple[Reference, MachineRun]:
-    gantry, reference = Gantry(thesis_gantry(), SAMPLE), reference_path(preview, DWELL)
+def driven(late: int) -> Driven:
+    """The machine along the path."""
+    if late:  # its own run is the same
+        return driven(0)._replace(late=late)
+    gantry, reference = Gantry(thesis_gantry(), SAMPLE), reference_path(2 * LENGTH, DWELL)
     currents = currents_along(gantry.parameters, reference.position, SAMPLE)
-    return reference, machine_run(gantry, reference, currents, NEAR, 1.0)
+    return Driven(reference, machine_run(gantry, reference, currents, NEAR, 1.0), late)
 
 
 SPARE = 1.02  # of every peak: at the peak itself nothing is left to optimise
@@ -154,11 +147,6 @@ class Design:
             return Part((0, 3, *waiting[0]), (0,)), Part(beam, (1, 2))
         return (Part(tuple(range(MOVING + 3 * self.late)), (0, 1, 2)),)
 
-    def modelled(self, machine: Driven) -> tuple[VaryingModel, Int[np.ndarray, " S"]]:
-        """Models along the run, and the head position that each sample belongs to."""
-        switched, which = machine.switched(self.linear or tangent, self.points)
-        return (machine.exact if self.linear is None else switched), which
-
 
 @dataclass(frozen=True)
 class Tube:
@@ -178,13 +166,21 @@ class Tube:
     closed: float  # share of r that the tube itself needs
 
 
-def tube_of(design: Design, machine: Driven) -> Tube:
-    """The tube of a design, its remainder in balance with it.
+@cache
+def tube(design: Design) -> Tube:
+    """The tube of a design along the whole path, its remainder in balance with it.
 
     Raises:
         NoResponse: the currents do not suffice against motors and remainder.
     """
-    (model, which), curvature = design.modelled(machine), machine.curvature()
+    machine = driven(design.late)
+    model, which = machine.switched(design.linear or tangent, design.points)
+    if design.linear is None:
+        model = machine.exact
+    run = machine.run
+    both = np.concatenate([run.state[: len(run.A)], run.control], axis=1)
+    # |H| (S, 6, 9, 9) of a sample's step over state and currents
+    curvature = np.abs(_second_derivatives(Gantry(thesis_gantry(), SAMPLE), both))
     # box of the disturbances that turn within a sample
     turning = design.turning * np.abs(model.E).sum(axis=2).max(axis=0)
     first = turning.copy()

@@ -32,9 +32,8 @@ from experiments.papers.yuan_contouring_bounded.experiment import (
     loop_row,
     ring_polygons,
     run,
-    tube,
 )
-from experiments.papers.yuan_contouring_bounded.tubes import POINTS, driven
+from experiments.papers.yuan_contouring_bounded.tubes import POINTS, driven, tube
 from experiments.papers.yuan_gantry.experiment import SAMPLE
 from jcontour.plants.gantry.gantry import Gantry, thesis_gantry
 from jcontour.plants.gantry.linear_models import tangent
@@ -172,7 +171,7 @@ def test_random_forces_stay_in_their_box():
 
 @pytest.mark.slow
 def test_models_switch_half_way_between_the_places_of_linearisation():
-    machine = driven(16, 0)
+    machine = driven(0)
     model, which = machine.switched(tangent, POINTS)
     heads = machine.run.state[: len(which), 0]
     assert np.abs(heads - np.asarray(POINTS)[which]).max() <= 0.025 + 1e-9
