@@ -34,14 +34,7 @@ class EngineRate:
     batched: float | None  # steps per second of all together; None where it cannot batch
 
 
-@dataclass(frozen=True)
-class GantryBench:
-    """One row for every engine, our model first."""
-
-    engines: list[EngineRate]
-
-
-def measured(flags: Bench, tell: Callable[[str], None]) -> GantryBench:
+def measured(flags: Bench, tell: Callable[[str], None]) -> list[EngineRate]:
     """Agreement and rates of our model, of MuJoCo, and of MJX; of so many machines at once.
 
     Raises:
@@ -63,12 +56,12 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> GantryBench:
             single, batched = _rate(plant, 1), _rate(plant, batch)
         rows.append(EngineRate(name, differences[name], single, batch, batched))
         tell(f"{name}: {digits(single)} steps per second of one machine")
-    return GantryBench(rows)
+    return rows
 
 
-def tables(result: GantryBench) -> Iterator[Table]:
+def tables(result: list[EngineRate]) -> Iterator[Table]:
     """Agreement and rates of the engines."""
-    ours, *_ = result.engines
+    ours, *_ = result
     columns = {
         "engine": "engine",
         "difference\nof a step": "difference:.1e",
@@ -79,7 +72,7 @@ def tables(result: GantryBench) -> Iterator[Table]:
         ),
         "of ours ": lambda row: f"{row.batched / ours.batched:.2g}" if row.batched else "-",
     }
-    yield Table("Runge-Kutta steps of 0.25 ms in every engine", result.engines, columns)
+    yield Table("Runge-Kutta steps of 0.25 ms in every engine", result, columns)
 
 
 def _engines() -> dict[str, Plant]:

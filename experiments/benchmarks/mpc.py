@@ -39,14 +39,7 @@ class StepTime:
     ratio: float  # step over NumPy's solution of linear equations of that size
 
 
-@dataclass(frozen=True)
-class MPCBench:
-    """One row for every controller and solver."""
-
-    steps: list[StepTime]
-
-
-def tables(result: MPCBench) -> Iterator[Table]:
+def tables(result: list[StepTime]) -> Iterator[Table]:
     """Times of a step and of its parts."""
     columns = {
         "controller": "controller",
@@ -57,10 +50,10 @@ def tables(result: MPCBench) -> Iterator[Table]:
         "99 %\nus": "step_99:.4g",
         "times NumPy's\nlinear solve": "ratio:.4g",
     }
-    yield Table("One step of MPCC on the X-Y table, process time", result.steps, columns, words=2)
+    yield Table("One step of MPCC on the X-Y table, process time", result, columns, words=2)
 
 
-def measured(flags: Bench, tell: Callable[[str], None]) -> MPCBench:
+def measured(flags: Bench, tell: Callable[[str], None]) -> list[StepTime]:
     """Every horizon with DAQP, the paper's with every solver, blocks at the fast period."""
     cases: list[tuple[str, Solver, float, Any]] = [(f"N = {n}", DAQP(), 4e-3, n) for n in HORIZONS]
     cases.append(("N = 7", ProxQP(), 4e-3, 7))
@@ -69,7 +62,7 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> MPCBench:
     for name, solver, period, horizon in cases:
         steps.append(_measured(name, solver, period, horizon))
         tell(f"{name}, {solver.name}: {steps[-1].step:.4g} us per step")
-    return MPCBench(steps)
+    return steps
 
 
 def _measured(name: str, solver: Solver, period: float, horizon: Any) -> StepTime:

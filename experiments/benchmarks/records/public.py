@@ -51,14 +51,7 @@ class Prediction:
     holds: bool  # whether it is as good as was asked for
 
 
-@dataclass(frozen=True)
-class PublicBench:
-    """All predictions, those of records that are not here as they were stored."""
-
-    rows: list[Prediction]
-
-
-def measured(flags: Bench, tell: Callable[[str], None]) -> PublicBench:
+def measured(flags: Bench, tell: Callable[[str], None]) -> list[Prediction]:
     """Predict the records in the folder and store the results.
 
     Raises:
@@ -77,7 +70,7 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> PublicBench:
         rows = [row for row in rows if row.record != title] + new
     rows.sort(key=lambda row: [*TITLES.values()].index(row.record))
     STORED.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n")
-    return PublicBench(rows)
+    return rows
 
 
 def stored() -> list[Prediction]:
@@ -85,7 +78,7 @@ def stored() -> list[Prediction]:
     return [Prediction(**row) for row in json.loads(STORED.read_text())]
 
 
-def tables(result: PublicBench) -> list[Table | str]:
+def tables(result: list[Prediction]) -> list[Table | str]:
     """Measured and predicted."""
     columns: dict[str, Column] = {
         "record": "record",
@@ -94,10 +87,10 @@ def tables(result: PublicBench) -> list[Table | str]:
         "predicted": "predicted",
         "holds": lambda row: "yes" if row.holds else "NO",
     }
-    held = sum(row.holds for row in result.rows)
+    held = sum(row.holds for row in result)
     return [
-        Table("Public records", result.rows, columns, words=5),
-        f"{held} of {len(result.rows)} hold.",
+        Table("Public records", result, columns, words=5),
+        f"{held} of {len(result)} hold.",
     ]
 
 

@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from experiments.papers import THESIS
 from experiments.tables import where
 from jcontour import Contour, Controller, Plant, Reference, stack_plants, stack_references
 from jcontour.app.catalogue.choices import design_for
@@ -274,9 +275,7 @@ def rows(name: str, controller: Controller, plants: Sequence[str]) -> list[Row]:
 
 
 SOURCE = (
-    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
-    "Doctoral thesis, The University of Melbourne (2020), section 2.3, "
-    "after Y. Koren (1980), Y. Koren & C.-C. Lo (1991), "
+    f"{THESIS}, section 2.3, after Y. Koren (1980), Y. Koren & C.-C. Lo (1991), "
     "J.-H. Chin & T.-C. Lin (1997), C.-C. Lo & C. Y. Chung (1999), "
     "G. T.-C. Chiu & M. Tomizuka (2001), C. S. Chen & L. Y. Chen (2011)"
 )

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.spatial import HalfspaceIntersection
 
+from experiments.papers import THESIS
 from jcontour import LinearPlant, Reference, contours, simulate
 from jcontour.controllers import Cascade, CascadeGains, Filtered, RiccatiTerminal, notch
 from jcontour.geometry.contours import line
@@ -100,11 +101,7 @@ def _run(name: str, reference: Reference, output: Float[Array, "T 1"]) -> PointT
     return PointToPointRun(name, reference.dt, float(size.max()), float(size.mean()), error)
 
 
-SOURCE = (
-    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
-    "Doctoral thesis, The University of Melbourne (2020), chapter 4 "
-    "(error-bounded tracking control)"
-)
+SOURCE = f"{THESIS}, chapter 4 (error-bounded tracking control)"
 DT = 1e-3  # [s]
 DISTURBANCE = 5e-3  # [m/s], largest w, section 4.3.1
 ACCELERATION = 4.0  # [m/s^2], of the reference

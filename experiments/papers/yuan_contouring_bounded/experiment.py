@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from experiments.papers import THESIS
 from experiments.papers.yuan_contouring_bounded.controllers import (
     attack,
     controller,
@@ -33,10 +34,7 @@ from jcontour.plants.gantry.linear_models import control_oriented, tangent
 from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
 from jcontour.simulation.metrics import contour_error, tracking_error
 
-SOURCE = (
-    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
-    "Doctoral thesis, The University of Melbourne (2020), sections 5.3 to 5.5"
-)
+SOURCE = f"{THESIS}, sections 5.3 to 5.5"
 CEBC1, CEBC2 = "CEBC-1", "CEBC-2"  # by bounded tracking errors; by the contour error itself
 ATTACKED, RANDOM, FRICTION = "worst", "random", "friction"  # what acts, the first two 0.5 A
 GANTRY, TWIN, GUIDES = "gantry", "MuJoCo", "guides"  # smooth; smooth; with stick and slip

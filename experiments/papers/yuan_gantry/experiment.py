@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from experiments.benchmarks.gantry import engine_differences
+from experiments.papers import THESIS
 from experiments.papers.yuan_gantry.motor_bench import (
     HardwareInLoop,
     MotorBench,
@@ -32,10 +33,7 @@ from jcontour.plants.gantry.linear_models import drive_response
 from jcontour.simulation.closed_loop import Rollout
 from jcontour.simulation.metrics import contour_error, tracking_error
 
-SOURCE = (
-    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
-    "Doctoral thesis, The University of Melbourne (2020), ch. 5"
-)
+SOURCE = f"{THESIS}, ch. 5"
 HEADS = (0.0, -0.66, 0.66)  # [m]; the thesis's two, and the other side of the beam
 FREQUENCIES = np.geomspace(1.0, 200.0, 2001)  # [Hz]
 SAMPLE = 2e-3  # [s] section 5.5, as the three below

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import brentq
 
+from experiments.papers import THESIS
 from jcontour import Controller, Plant, Reference, simulate, stack_references
 from jcontour.app.catalogue.choices import design_for, job_named
 from jcontour.app.flags.loops import Simulate
@@ -22,11 +23,7 @@ from jcontour.plants import FlexibleAxis, SmoothFlexibleAxis, beam_modes, thesis
 from jcontour.plants.flexible_axis.cantilever import beam_shapes
 from jcontour.simulation.closed_loop import Rollout
 
-SOURCE = (
-    "M. Yuan: A Model-based Approach for High Performance Motion Control in Industrial Machines. "
-    "Doctoral thesis, The University of Melbourne (2020), chapter 3 "
-    "(performance of tracking control)"
-)
+SOURCE = f"{THESIS}, chapter 3 (performance of tracking control)"
 JOBS = {"A": "task-a", "B": "task-b"}  # in the catalogue
 BASELINE = "cascade"  # the thesis's P-PI with its gains
 CONTROLLERS = (

@@ -64,7 +64,9 @@ def command(flags: Bench) -> int:
     if flags.keep is not None and rates:
         stored_results.add(flags.keep, flags.what, named, rates)
     if flags.json:
-        print(run_folder.json_text({"machine": to_json(machine), **to_json(result)}))
+        numbers = to_json(result)
+        rows = {"rows": numbers} if isinstance(numbers, list) else numbers
+        print(run_folder.json_text({"machine": named, **rows}))
         return 0
     console = tables.console_of()
     changes = stored_results.changes(flags.what, named, rates)

@@ -16,7 +16,7 @@ ROW = mpc.StepTime("N = 7", "daqp", 12.0, 34.0, 56.0, 78.0, 9.0)
 
 def test_a_row_says_who_was_timed_and_its_numbers():
     page = io.StringIO()
-    show(Console(file=page, width=120), mpc.tables(mpc.MPCBench([ROW])))
+    show(Console(file=page, width=120), mpc.tables([ROW]))
     row = next(line for line in page.getvalue().splitlines() if "N = 7" in line)
     words = [word for word in row.split() if word.isascii()]
     assert words[3:] == ["daqp", "12", "34", "56", "78", "9"]
