@@ -2,7 +2,7 @@
 
 A cascade is u = k_v (k_p e + f v_r - v) + k_v / T_n times the integral of the bracket, plus k_0 r +
 k_1 v_r + k_2 a_r; a loop without a velocity gain is u = k_1 (k_p e + v_r) + k_0 r + k_2 a_r. A PID
-controller on the position error that does the same is found by sorting these terms.
+controller on the position error that does the same has these terms sorted by e, v_r and a_r.
 """
 
 import inspect
@@ -21,7 +21,7 @@ class Parameter(NamedTuple):
     """A parameter of a product; where the gains of its value are missing the next of its name."""
 
     name: str
-    unit: str  # {control}: unit of the machine's commands
+    unit: str  # {control}: unit of the machine's commands; {turn}: see `TURN`
     value: Callable[..., np.ndarray]  # of SI gains by their names
 
 
@@ -38,6 +38,8 @@ GENERAL = (
     Parameter("notch damping", "", lambda notch_damping: notch_damping),
 )
 LINUXCNC = (  # pins of the HAL component `pid`, machine units of 1 mm
+    # the error of the present command: by default it is that of the command before
+    Parameter("error-previous-target", "", lambda position: 0 * position),
     Parameter(
         "Pgain",
         "{control}/mm",
@@ -69,7 +71,11 @@ LINUXCNC = (  # pins of the HAL component `pid`, machine units of 1 mm
 SIEMENS = (  # SINUMERIK machine data, SINAMICS parameters
     Parameter("MD32200 POSCTRL_GAIN", "1000/min", lambda position: 0.06 * position),
     Parameter("MD32610 VELO_FFW_WEIGHT", "", lambda feedforward=FULL: feedforward),
-    Parameter("p1460 speed controller P gain", "{control} s/m", lambda velocity: velocity),
+    Parameter(
+        "p1460 speed controller P gain",
+        "{control} s/m; times {turn}/(2 pi): Nms/rad",
+        lambda velocity: velocity,
+    ),
     Parameter("p1462 integral time", "ms", lambda integral_time: 1e3 * integral_time),
     Parameter("p1658, p1660 filter frequency", "Hz", lambda notch: 0.5 / np.pi * notch),
     Parameter("p1659 denominator damping", "", lambda notch_damping: notch_damping),
@@ -78,18 +84,22 @@ SIEMENS = (  # SINUMERIK machine data, SINAMICS parameters
 BECKHOFF = (  # AX5000
     Parameter("S-0-0104 position loop Kv", "1000/min", lambda position: 0.06 * position),
     Parameter("S-0-0296 velocity feedforward", "%", lambda feedforward=FULL: 100 * feedforward),
-    Parameter("S-0-0100 velocity loop gain", "{control} s/m", lambda velocity: velocity),
+    Parameter(
+        "S-0-0100 velocity loop gain",
+        "{control} s/m; times {turn}/(2 pi): Nm/(rad/s), with bit 15 of P-0-0010",
+        lambda velocity: velocity,
+    ),
     Parameter("S-0-0101 integral time", "ms", lambda integral_time: 1e3 * integral_time),
 )
-ODRIVE = (  # axis.controller.config; a turn travels so many metres
+ODRIVE = (  # axis.controller.config
     Parameter("pos_gain", "(turn/s)/turn", lambda position: position),
-    Parameter("vel_gain", "{control} s/m times m/turn", lambda velocity: velocity),
+    Parameter("vel_gain", "{control} s/m; times {turn}: Nm/(turn/s)", lambda velocity: velocity),
     Parameter(
         "vel_integrator_gain",
-        "{control}/m times m/turn",
+        "{control}/m; times {turn}: Nm/turn",
         lambda velocity, integral_time: velocity / integral_time,
     ),
-    Parameter("inertia", "{control} s^2/m times m/turn", lambda inertia: inertia),
+    Parameter("inertia", "{control} s^2/m; times {turn}: Nm/(turn/s^2)", lambda inertia: inertia),
 )
 PRODUCTS: dict[Drive, tuple[Parameter, ...]] = {
     "general": GENERAL,
@@ -98,6 +108,9 @@ PRODUCTS: dict[Drive, tuple[Parameter, ...]] = {
     "beckhoff": BECKHOFF,
     "odrive": ODRIVE,
 }
+# {turn}, by the unit of the commands: torque per (turn/s) that is one command unit per (m/s)
+TURN = {"N": "lead^2/(2 pi)", "Nm": "lead"}
+LEAD = "lead: travel of the axis in one turn of the motor [m]"
 PER_MINUTE = 60.0  # (mm/min)/mm in 1/s
 TERMS = frozenset(name for one in GENERAL for name in inspect.signature(one.value).parameters)
 
@@ -117,6 +130,7 @@ def drive_gains(
     known = {name: np.ravel(v).astype(float) for name, v in weights.items() if v is not None}
     if drive == "general" and np.all(known.get("feedforward", FULL) == FULL):
         known.pop("feedforward", None)  # the usual one
+    turn = TURN.get(control_unit, f"lead (Nm per {control_unit})")
     lines, used, named = [], set[str](), set[str]()
     for name, unit, value in PRODUCTS[drive]:
         needed = inspect.signature(value).parameters.values()
@@ -126,10 +140,12 @@ def drive_gains(
             continue
         used, named = used | there, named | {name}
         numbers = np.ravel(value(**{one: known[one] for one in there}))
-        line = f"{name} {_each(numbers)} {unit.format(control=control_unit)}".rstrip()
+        line = f"{name} {_each(numbers)} {unit.format(control=control_unit, turn=turn)}".rstrip()
         if name == "position gain":
             line += f" ({_each(PER_MINUTE * numbers)} mm/min per mm)"
         lines.append(line)
+    if any("lead" in line for line in lines):
+        lines.append(LEAD)
     if known.keys() <= used:
         return lines
     left = drive_gains({one: known[one] for one in known if one not in used}, control_unit)

@@ -10,7 +10,9 @@ CASCADE |= {"viscous": 0.4, "inertia": 0.02}
 
 
 def numbers(weights, drive):
-    lines = [line for line in drive_gains(weights, "V", drive) if ":" not in line]
+    lines = [
+        line for line in drive_gains(weights, "V", drive) if not line.startswith(("lead", "with"))
+    ]
     return {line.split()[0]: float(line.split()[1]) for line in lines}
 
 
@@ -28,9 +30,9 @@ def test_general_terms_have_the_units_of_drives():
 
 def test_a_pid_controller_of_the_position_error_does_the_same():
     """Both answer any sines of reference and position alike."""
-    found = numbers(CASCADE, "linuxcnc-pid")
+    gains = numbers(CASCADE, "linuxcnc-pid")
     p, i, d, ff0, ff1, ff2 = (
-        1e3 * found[name] for name in ("Pgain", "Igain", "Dgain", "FF0", "FF1", "FF2")
+        1e3 * gains[name] for name in ("Pgain", "Igain", "Dgain", "FF0", "FF1", "FF2")
     )  # per m
     one = CASCADE
     for w in (3.0, 40.0, 500.0):
@@ -44,17 +46,45 @@ def test_a_pid_controller_of_the_position_error_does_the_same():
 
 def test_a_proportional_loop_as_a_pid_controller():
     """u = k_v (k_p e + v_r) + k_a a_r."""
-    found = numbers({"position": 18.0, "viscous": 50.0, "inertia": 1.5}, "linuxcnc-pid")
-    assert found == pytest.approx({"Pgain": 0.9, "FF1": 0.05, "FF2": 1.5e-3})
+    gains = numbers({"position": 18.0, "viscous": 50.0, "inertia": 1.5}, "linuxcnc-pid")
+    assert gains.pop("error-previous-target") == 0  # e of the present command
+    assert gains == pytest.approx({"Pgain": 0.9, "FF1": 0.05, "FF2": 1.5e-3})
 
 
-def test_units_of_the_products():
-    assert drive_gains(CASCADE, "A", "siemens")[0] == "MD32200 POSCTRL_GAIN 1.2 1000/min"
-    assert drive_gains(CASCADE, "A", "beckhoff")[:2] == [
-        "S-0-0104 position loop Kv 1.2 1000/min",
-        "S-0-0296 velocity feedforward 90 %",
-    ]
-    assert numbers(CASCADE, "odrive")["vel_integrator_gain"] == pytest.approx(240.0)
+def test_a_kv_of_one_lags_by_a_millimetre_at_a_metre_a_minute():
+    """20 1/s lags by v / 20 s."""
+    lag = 1e3 * (1 / 60) / CASCADE["position"]  # [mm] at 1 m/min
+    for drive in ("siemens", "beckhoff"):
+        name, *_, value, unit = drive_gains(CASCADE, "N", drive)[0].split()
+        assert name in ("MD32200", "S-0-0104") and unit == "1000/min"
+        assert float(value) == pytest.approx(1 / lag)
+    assert drive_gains(CASCADE, "N", "beckhoff")[1] == "S-0-0296 velocity feedforward 90 %"
+
+
+@pytest.mark.parametrize(("unit", "torque"), [("N", 5e-3 / (2 * np.pi)), ("Nm", 1.0)])
+def test_a_screw_of_5_mm_takes_the_same_torque(unit, torque):
+    """Of a speed error of 3 turns a second, by the gain per turn/s or per rad/s."""
+    lead, turns = 5e-3, 3.0
+    wanted = torque * CASCADE["velocity"] * lead * turns  # Nm
+
+    def gain(drive, name):
+        line = next(line for line in drive_gains(CASCADE, unit, drive) if line.startswith(name))
+        factor = line.split("times ")[1].split(":")[0].replace("^", "**").replace(" pi", " * pi")
+        value = float(line.removeprefix(name).split()[0])
+        return value * eval(factor, {"lead": lead, "pi": np.pi})
+
+    assert gain("odrive", "vel_gain") * turns == pytest.approx(wanted)
+    radians = 2 * np.pi * turns
+    assert gain("siemens", "p1460 speed controller P gain") * radians == pytest.approx(wanted)
+    assert gain("beckhoff", "S-0-0100 velocity loop gain") * radians == pytest.approx(wanted)
+    integral = gain("odrive", "vel_integrator_gain") * turns
+    assert integral == pytest.approx(wanted / CASCADE["integral_time"])
+
+
+def test_torque_per_unit_of_other_commands_is_asked_for():
+    lines = drive_gains(CASCADE, "A", "odrive")
+    assert lines[1] == "vel_gain 3 A s/m; times lead (Nm per A): Nm/(turn/s)"
+    assert "lead: travel of the axis in one turn of the motor [m]" in lines
 
 
 @pytest.mark.parametrize("drive", PRODUCTS)

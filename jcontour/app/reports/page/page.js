@@ -211,7 +211,7 @@ function tellCursor() {
   const read = signals(contour()), k = state.cursor, names = run().axes;
   const place = names.map((name, axis) => `${name} ${number(read.reference[k * names.length + axis])}`).join(", ");
   $("cursor-value").textContent = `${number(read.time[k])} s, ${number(read.arc[k])} mm along, ${place} mm`;
-  const rows = [["weights", "plant", "error um", "feed mm/min", `control ${run().control_unit}`]];
+  const rows = [["weights", "plant", "error [um]", "feed [mm/min]", `control [${run().control_unit}]`]];
   for (const one of runsShown()) {
     const control = Array.from({ length: run().inputs }, (_, i) => number(column("control", one.design, one.plant, i, run().inputs)[k]));
     rows.push([run().designs[one.design], run().plants[one.plant], errorSize(one.design, one.plant)[k],
@@ -256,8 +256,8 @@ function tellRun() {
   }
   fill($("answer"), one.answer);
   $("alternatives-section").hidden = !one.alternatives.length;
-  const effort = `change of the control ${one.control_unit} per sample`;
-  fill($("alternatives"), [["", "worst RMS error um", "Ms", effort, "cycle time s", ""],
+  const effort = `change of the control per sample [${one.control_unit}]`;
+  fill($("alternatives"), [["", "worst RMS error [um]", "Ms", effort, "cycle time [s]", ""],
     ...one.alternatives.map((row) => [row.name, row.error, row.margin ?? NaN, row.effort ?? NaN, row.time ?? NaN,
       row.note])], true);
   $("lines").textContent = one.lines.join("\n");
@@ -266,7 +266,7 @@ function tellRun() {
   options($("product"), Object.keys(one.drives), 0);
   tellDrive(0);
   fill($("settings"), [...Object.entries(one.settings), ...Object.entries(one.versions)]);
-  if (one.points) $("front-title").textContent = `Points: worst RMS ${one.error} error [um] over ${one.points.x}`;
+  if (one.points) $("front-title").textContent = `Points: worst RMS ${one.error} error [um] over ${one.points.x}; hollow ones exceed a limit`;
 }
 
 function tellDrive(index) {
@@ -307,7 +307,21 @@ function chooseRun(index) {
     options($("point"), one.points.points.map((point) => `${number(point.x)}: ${number(point.y)} um`), 0);
     choosePoint(bestPoint(one.points.points));
   }
-  chooseContour(0);
+  const worst = worstRun();
+  $("contour").value = String(worst.contour);
+  $("plant").value = String(state.plant = worst.plant);
+  chooseContour(worst.contour);
+}
+
+// Contour and plant of the largest error with the last weights: where a user looks first.
+function worstRun() {
+  const worst = { contour: 0, plant: 0, size: -1 }, name = `peak_${run().error}_error`;
+  run().contours.forEach((one, contour) => {
+    (one.metrics[name] || []).slice(-1).flat().forEach((size, plant) => {
+      if (size > worst.size) Object.assign(worst, { contour, plant, size });
+    });
+  });
+  return worst;
 }
 
 // The lowest error within the limits.
@@ -338,7 +352,7 @@ function chooseContour(index) {
 function loudest() {
   let best = 0, most = -1;
   for (const design of state.shown) {
-    errorSize(design, 0).forEach((value, k) => { if (value > most) { most = value; best = k; } });
+    errorSize(design, plantsShown()[0]).forEach((value, k) => { if (value > most) { most = value; best = k; } });
   }
   return best;
 }
@@ -348,7 +362,7 @@ function fittingFactor() {
   const wanted = signals(contour()).reference;
   const size = range([wanted])[1] - range([wanted])[0];
   let most = 0;
-  for (const design of state.shown) for (const value of errorSize(design, 0)) if (value > most) most = value;
+  for (const design of state.shown) for (const value of errorSize(design, plantsShown()[0])) if (value > most) most = value;
   const factor = most > 0 ? 0.1 * size / (1e-3 * most) : 1;
   return 10 ** (Math.round(20 * Math.log10(Math.min(Math.max(factor, 1), 1e5))) / 20);
 }

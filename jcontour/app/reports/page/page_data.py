@@ -100,7 +100,7 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
         return {
             "name": folder.name,
             "command": command,
-            "repeat": shlex.join(settings["command_line"]),
+            "repeat": _repeated(settings["command_line"]),
             "settings": _changed(KINDS[command].flags, settings["flags"]),
             "versions": settings["versions"],
             "machine": result.machine.name,
@@ -128,6 +128,12 @@ def page_data(folder: Path, room: float = BYTES) -> dict[str, Any]:
         raise run_folder.RunError(
             f"{folder}: a run of another version of jcontour ({error} is missing or different)"
         ) from None
+
+
+def _repeated(words: Sequence[str]) -> str:
+    """The command again, in a new folder."""
+    at = words.index("--out") if "--out" in words else len(words)
+    return shlex.join([*words[:at], *words[at + 2 :]])
 
 
 def _changed(kind: type[Any], flags: dict[str, Any]) -> dict[str, str]:

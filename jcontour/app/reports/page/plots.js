@@ -40,7 +40,7 @@ function range(arrays, low = Infinity, high = -Infinity) {
 
 function ticks(low, high, count) {
   const raw = (high - low) / Math.max(count, 1), power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= raw) || power;
+  const step = [1, 2, 2.5, 5, 10].map((one) => one * power).find((one) => one >= raw) || power;
   const places = [];
   for (let k = Math.ceil(low / step); k * step <= high; k++) places.push(k * step);
   return places;
@@ -131,7 +131,7 @@ function mark(plot, x, y, words) {
   pen.fillStyle = ink("--ink");
   pen.textAlign = left ? "right" : "left";
   pen.textBaseline = "bottom";
-  pen.fillText(words, px(x) + (left ? -9 : 9), py(y) - 4);
+  pen.fillText(words, px(x) + (left ? -9 : 9), py(y) - 9);
 }
 
 function dot(plot, x, y, colour, size = 4, hollow = false) {

@@ -55,7 +55,7 @@ def write_run(folder, data=None):
     folder.mkdir(parents=True)
     settings = {
         "command": "tune",
-        "command_line": ["jcontour", "tune", "my part.ngc", NASTY],
+        "command_line": ["jcontour", "tune", "my part.ngc", NASTY, "--out", "runs/a"],
         "flags": {"plant": NASTY, "parts": ["my part.ngc"]},
         "versions": {"python": "3"},
     }

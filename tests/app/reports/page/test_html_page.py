@@ -5,6 +5,7 @@ import re
 import shutil
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 from selenium import webdriver
 from selenium.common.exceptions import TimeoutException
@@ -12,6 +13,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
+from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.run_folder import RunError
 from jcontour.app.reports.page import page_data
 from jcontour.app.reports.page.page_data import MOST_BYTES, write_page
@@ -164,8 +166,13 @@ def test_the_page_works_with_the_mouse(browser, page, size):
     assert browser.get_log("browser") == []
 
 
-def test_the_page_works_with_the_keyboard_alone(browser, page):
+def test_the_page_works_with_the_keyboard_alone(browser, page, run_folder):
+    """It opens on the run of the tuned weights with the largest peak."""
     shown = Shown(browser, page, (1200, 900))
+    peaks = load_dataset(run_folder / "rollouts.nc").peak_contour_error.values[1]
+    contour, plant = np.unravel_index(peaks.argmax(), peaks.shape)
+    opened = [shown.one(name).get_property("value") for name in ("contour", "plant")]
+    assert opened == [str(contour), str(plant)]
 
     def pressed(name, key, *seen):
         chosen = shown.tab_to(name)
@@ -177,7 +184,8 @@ def test_the_page_works_with_the_keyboard_alone(browser, page):
     def picture(name):
         return lambda: shown.picture(name)
 
-    assert pressed("contour", Keys.ARROW_DOWN, text("metrics"))
+    other = Keys.ARROW_UP if contour else Keys.ARROW_DOWN
+    assert pressed("contour", other, text("metrics"))
     assert pressed("plant", Keys.END, text("readout"))
     assert pressed("along", Keys.ARROW_DOWN, text("error-title"))
     assert pressed("factor", Keys.ARROW_LEFT, picture("part"), text("factor-value"))
