@@ -18,8 +18,8 @@ from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import NO_EFFECTS
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.contours import figures_of
-from jcontour.app.reports.figures.png import drawn_beside, save_figure
-from jcontour.app.reports.figures.searches import history_figure, sensitivity_figure
+from jcontour.app.reports.figures.png import drawn_beside
+from jcontour.app.reports.figures.searches import sensitivity_figure
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.reports.rollouts import save_rollouts, save_sensitivity
 from jcontour.app.reports.run_tables import limit_words, show_tuned, tuned_answer
@@ -107,8 +107,6 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     # Write the points that were tried, and at last the result
     points = history_of(run, tuned)
     run_folder.write_json(folder / "history.json", to_json(points))
-    history = history_figure(points, run.flags.objective, run.machine.error)
-    save_figure(history, folder / "history.png")
     write_result(folder, result)
     return result
 

@@ -8,7 +8,6 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from jcontour.app.files.results.search_results import BudgetPoint, FrontResult, RankedResult
-from jcontour.app.files.results.tuned_result import HistoryPoint
 from jcontour.app.reports.figures.axes import (
     COLOURS,
     OTHER,
@@ -19,53 +18,7 @@ from jcontour.app.reports.figures.axes import (
     plain_ticks,
 )
 
-DIVERGED = "diverged: rejected, no objective"
-MEASURES = {  # objective -> what is made small
-    "typical": "geometric mean over contours\nof the worst RMS {error} error [um]",
-    "worst": "worst RMS {error} error [um]",
-    "mean": "mean RMS {error} error [um]",
-}
 ROW = 0.32  # [inch]
-
-
-def history_figure(points: Sequence[HistoryPoint], objective: str, error: str) -> Figure:
-    """Objective of every point tried, and the best feasible one so far.
-
-    Points beyond a limit are hollow. Points that diverged have no objective: they stand above all
-    others.
-
-    Args:
-        points: in their order.
-        objective: its name among the flags.
-        error: that counts, "contour" or "tracking".
-    """
-    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
-    axes = figure.subplots()
-    index = np.arange(1, len(points) + 1)
-    lost = np.array([point.diverged for point in points])
-    height = 1e6 * np.array([point.objective for point in points], float)
-    height = np.where(lost | ~np.isfinite(height), np.nan, height)
-    feasible = np.array([point.feasible for point in points], bool)
-    for number, descent in enumerate(sorted({point.descent for point in points})):
-        chosen = np.array([point.descent == descent for point in points])
-        label = "random points" if descent < 0 else f"descent {descent + 1}"
-        dots = {"color": f"C{number}", "markersize": 4}
-        axes.plot(index[chosen & feasible], height[chosen & feasible], "o", label=label, **dots)
-        axes.plot(index[chosen & ~feasible], height[chosen & ~feasible], "o", mfc="none", **dots)
-    if not (feasible | lost).all():
-        axes.plot([], [], "o", color=OTHER, mfc="none", markersize=4, label="limit exceeded")
-    best = np.fmin.accumulate(np.where(feasible, height, np.nan))
-    axes.plot(index, best, color="0.3", linewidth=1.2, label="best feasible so far")
-    if lost.any():
-        highest = np.nanmax(height) if np.isfinite(height).any() else 1.0
-        above = np.full(lost.sum(), 3 * highest)
-        axes.plot(index[lost], above, "x", color="tab:red", label=DIVERGED)
-    axes.set_yscale("log")
-    plain_ticks(axes.yaxis)
-    measure = MEASURES[objective].format(error=error)
-    grid(axes, "Points tried (smooth machine)", "evaluated point", measure)
-    legend_below(figure)
-    return figure
 
 
 def front(result: FrontResult) -> Figure:

@@ -21,7 +21,7 @@ from tuning.problem import QUICK
 
 FILES = {
     "result.json", "settings.json", "history.json", "state.npz", "rollouts.nc", "gains.csv",
-    "observer.json", "history.png", "contour-part.png", "errors-part.png",
+    "observer.json", "contour-part.png", "errors-part.png",
 }  # fmt: skip
 
 

@@ -1,6 +1,5 @@
 """Figures of searches show their points."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -13,13 +12,10 @@ from jcontour.app.files.results.search_results import (
     Ranked,
     RankedResult,
 )
-from jcontour.app.files.results.tuned_result import HistoryPoint
 from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.reports.figures.searches import (
-    DIVERGED,
     FamilyCurves,
     front,
-    history_figure,
     ranking_figure,
     sensitivity_figure,
 )
@@ -37,39 +33,6 @@ FRONT = FrontResult(
     BUDGETS,
 )
 HERTZ = np.array([1.0, 10.0, 100.0])
-
-
-def point(alpha, objective, increment=1.0, violation=0.0, diverged=False):
-    """Its worst error grows where the objective falls: figures that show it are wrong."""
-    worst = 1e-10 / objective
-    return HistoryPoint(0, {"alpha": alpha}, objective, violation, diverged, worst, increment)
-
-
-POINTS = [
-    point(1.0, 4e-6, 2.0),
-    point(2.0, math.nan, diverged=True, violation=math.inf),
-    point(3.0, 1e-6, 3.0, violation=0.5),
-    point(4.0, 2e-6, 1.0),
-]
-
-
-def lines_of(figure):
-    return {line.get_label(): line.get_xydata() for line in figure.axes[0].get_lines()}
-
-
-def test_points_that_diverged_stand_above_all_others():
-    lines = lines_of(history_figure(POINTS, "typical", "contour"))
-    np.testing.assert_array_equal(lines[DIVERGED][:, 0], [2])
-    assert lines[DIVERGED][0, 1] > np.nanmax(lines["descent 1"][:, 1]) == 4.0
-    np.testing.assert_allclose(lines["best feasible so far"][:, 1], [4.0, 4.0, 4.0, 2.0])
-
-
-def test_points_beyond_a_limit_are_hollow():
-    figure = history_figure(POINTS, "typical", "contour")
-    hollow = [line for line in figure.axes[0].get_lines() if line.get_markerfacecolor() == "none"]
-    drawn = [line.get_xydata() for line in hollow if line.get_xydata().size]
-    np.testing.assert_allclose(drawn[0][~np.isnan(drawn[0][:, 1])], [[3.0, 1.0]])
-    assert "limit exceeded" in [line.get_label() for line in hollow]
 
 
 def shown(result):
