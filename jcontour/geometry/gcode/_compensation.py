@@ -14,7 +14,7 @@ from typing import NamedTuple
 from jcontour.geometry.gcode._expressions import whole
 from jcontour.geometry.gcode._words import CYCLES, LineWords
 from jcontour.geometry.gcode.modes import Modes, Point, Tool, tool_numbered
-from jcontour.geometry.gcode.moves import Tracer, arcs_between
+from jcontour.geometry.gcode.moves import Tracer, angle_between, arcs_between
 from jcontour.geometry.toolpath_rules import FARTHEST, MM, SHORTEST, ToolpathError
 
 SMOOTH = 0.05  # [rad] of turn: a lesser corner is passed as if it were none, as in LinuxCNC
@@ -160,13 +160,9 @@ class Compensation:
         """Let the side passed last end elsewhere; what came behind it stays above that place."""
         moves, stops = self.tracer.moves, self.tracer.stops
         move = moves[self.piece]
-        angle = move.angle
+        angle, centre = move.angle, complex(*move.centre[:2])
         if angle:
-            centre = complex(*move.centre[:2])
-            radii = complex(*move.start[:2]) - centre, place - centre
-            angle = math.copysign(cmath.phase(radii[1] / radii[0]) % math.tau, angle)
-            if move.angle < 0:
-                angle = -(cmath.phase(radii[0] / radii[1]) % math.tau)
+            angle = angle_between(complex(*move.start[:2]) - centre, place - centre, angle > 0)
         moves[self.piece] = move._replace(end=(place.real, place.imag, move.end[2]), angle=angle)
         for k in range(self.piece + 1, len(moves)):
             begin, end = ((place.real, place.imag, p[2]) for p in (moves[k].start, moves[k].end))

@@ -217,7 +217,9 @@ class Machine:
                     self._trace_line(self.offsets.on_machine(self._target(values)), rapid=True)
                     place = self.offsets.in_program(home)
                     by_axis = {AXES[letter]: place[AXES[letter]] for letter in given}
-                    home = self.offsets.on_machine(replaced(self._here(), by_axis))
+                    home = self.offsets.on_machine(
+                        replaced(self.offsets.in_program(self.at), by_axis)
+                    )
                 self._trace_line(home, rapid=True)
             case 281 | 301:
                 self.homes[code - 1] = self.at
@@ -281,18 +283,11 @@ class Machine:
         elif not values.keys().isdisjoint("IJKR"):
             raise ToolpathError(f"I, J, K and R belong to arcs (G2, G3), not to G{motion // 10}")
         else:
-            self._trace_line(self._on_machine(self._target(values)), motion == 0)
-
-    def _here(self) -> Point:
-        """Coordinates in the program of where the machine is."""
-        return self.at if self.offsets.none else self.offsets.in_program(self.at)
-
-    def _on_machine(self, point: Point) -> Point:
-        return point if self.offsets.none else self.offsets.on_machine(point)
+            self._trace_line(self.offsets.on_machine(self._target(values)), motion == 0)
 
     def _target(self, values: dict[str, float]) -> Point:
         """End point in the program that the letters X, Y and Z say [m]."""
-        here, unit = self._here(), self.modes.unit
+        here, unit = self.offsets.in_program(self.at), self.modes.unit
         from_here = here if self.modes.incremental else ZERO
         x, y, z = (
             values[letter] * unit + from_here[axis] if letter in values else here[axis]
@@ -302,7 +297,7 @@ class Machine:
         return x, y, z
 
     def _arc(self, values: dict[str, float]) -> None:
-        here, there = self._here(), self._target(values)
+        here, there = self.offsets.in_program(self.at), self._target(values)
         arcs = arcs_of(values, here, there, self.modes, counter_clockwise=self.motion == 30)
         plane = self.modes.plane
         _, _, normal = PLANES[plane]
@@ -316,9 +311,9 @@ class Machine:
         feed = self._feed()
         level = here[normal]
         for end, centre, angle in arcs:
-            middle = self._on_machine(_in_space(plane, centre, level))
+            middle = self.offsets.on_machine(_in_space(plane, centre, level))
             level += slope * abs(angle)
-            self._trace(self._on_machine(_in_space(plane, end, level)), middle, angle, feed)
+            self._trace(self.offsets.on_machine(_in_space(plane, end, level)), middle, angle, feed)
         self._joint()
 
     def _drill(self, code: int, values: dict[str, float]) -> None:
@@ -340,7 +335,7 @@ class Machine:
         for letter in (axis, "R"):
             if letter not in sticky:
                 raise ToolpathError(f"a canned cycle needs {letter}")
-        here = self._here()
+        here = self.offsets.in_program(self.at)
         if self.level_before_cycles is None:
             self.level_before_cycles = here[normal]
         before = self.level_before_cycles
@@ -358,7 +353,7 @@ class Machine:
         for index in range(holes):
             place = self._target({k: v for k, v in values.items() if k != axis})
             level = here[normal] if above and index == 0 else clear
-            self._trace_line(self._on_machine(replaced(place, {normal: level})), rapid=True)
+            self._trace_line(self.offsets.on_machine(replaced(place, {normal: level})), rapid=True)
             self._go_to_level(retract, rapid=True)
             self._make_hole(code, retract, bottom, clear)
 
@@ -389,8 +384,8 @@ class Machine:
         self._go_to_level(clear, rapid=code not in (740, 840, 890))
 
     def _go_to_level(self, level: float, rapid: bool) -> None:
-        point = replaced(self._here(), {PLANES[self.modes.plane][2]: level})
-        self._trace_line(self._on_machine(point), rapid)
+        point = replaced(self.offsets.in_program(self.at), {PLANES[self.modes.plane][2]: level})
+        self._trace_line(self.offsets.on_machine(point), rapid)
 
     def _feed(self) -> float:
         """Speed of a cutting move [m/s]."""

@@ -89,12 +89,16 @@ class Offsets:
 
     def on_machine(self, point: Point) -> Point:
         """Place of a point of the program on the machine."""
+        if self.none:
+            return point
         x, y, z = _sum(point, self.shift)
         x, y = _turned(x, y, self.angle)
         return _sum(_sum((x, y, z), self.origin), self.tool)
 
     def in_program(self, point: Point) -> Point:
         """Coordinates in the program of a point of the machine."""
+        if self.none:
+            return point
         return _difference(self.in_system(point, self.system), self.shift)
 
     def in_system(self, point: Point, system: int) -> Point:

@@ -153,7 +153,7 @@ def arcs_between(
     if abs(chord) < SHORTEST:
         yield start, centre, math.copysign(math.tau, 1 if counter_clockwise else -1)
         return
-    angle = _angle(start - centre, end - centre, counter_clockwise)
+    angle = angle_between(start - centre, end - centre, counter_clockwise)
     from_middle = (centre - 0.5 * (start + end)) / chord
     if abs(angle) > math.pi and abs(from_middle.real * chord) > SHORTEST:
         middle = centre + (start - centre) * cmath.rect(0.5 * (first + last) / first, 0.5 * angle)
@@ -161,10 +161,10 @@ def arcs_between(
         yield from arcs_between(middle, end, centre, counter_clockwise, slack)
         return
     centre = 0.5 * (start + end) + 1j * from_middle.imag * chord  # on the bisector of the chord
-    yield end, centre, _angle(start - centre, end - centre, counter_clockwise)
+    yield end, centre, angle_between(start - centre, end - centre, counter_clockwise)
 
 
-def _angle(first: complex, last: complex, counter_clockwise: bool) -> float:
+def angle_between(first: complex, last: complex, counter_clockwise: bool) -> float:
     """Signed angle from one radius to the other, a whole turn when they agree."""
     turned = cmath.phase(last / first) * (1 if counter_clockwise else -1) % math.tau
     turned = math.tau if turned * abs(first) < SHORTEST else turned
