@@ -85,16 +85,16 @@ FILTERS = {  # how to make it, the analogue one, the frequency [rad/s] at which 
 @pytest.mark.parametrize(("make", "analogue", "prewarp"), FILTERS.values(), ids=FILTERS)
 def test_filters(make, analogue, prewarp):
     """Frequency response up to Nyquist, poles, step response."""
-    found = jax.jit(make)()
+    actual = jax.jit(make)()
     warped = {} if prewarp is None else {"prewarp_frequency": prewarp}
     wanted = control.c2d(control.tf(*analogue), DT, "tustin", **warped)
-    ours = control.tf(np.asarray(found.numerator), [1.0, *np.asarray(found.denominator)], DT)
+    ours = control.tf(np.asarray(actual.numerator), [1.0, *np.asarray(actual.denominator)], DT)
     z = np.exp(1j * DT * np.geomspace(1.0, 0.999 * np.pi / DT, 50))
     np.testing.assert_allclose(ours(z), wanted(z), rtol=0, atol=1e-9)
     np.testing.assert_allclose(
         np.sort_complex(ours.poles()), np.sort_complex(wanted.poles()), rtol=0, atol=1e-9
     )
-    step = lambda memory, x: found.step(memory, x)  # noqa: E731
+    step = lambda memory, x: actual.step(memory, x)  # noqa: E731
     stepped = jax.jit(lambda x: jax.lax.scan(step, np.zeros(2), x)[1])(STEP)
     np.testing.assert_allclose(
         stepped, control.forced_response(wanted, U=STEP).outputs, rtol=0, atol=1e-9
@@ -175,12 +175,12 @@ def closed(*blocks):
     return control.feedback(around, control.ss([], [], [], np.eye(1), DT)).poles()
 
 
-def same(found, wanted):
+def same(actual, wanted):
     """Equal as sets, zeros of the bookkeeping aside."""
-    found, wanted = (p[np.abs(p) > 1e-6] for p in (found, wanted))
-    assert found.size == wanted.size
+    actual, wanted = (p[np.abs(p) > 1e-6] for p in (actual, wanted))
+    assert actual.size == wanted.size
     for pole in wanted:
-        assert np.abs(found - pole).min() < 1e-9
+        assert np.abs(actual - pole).min() < 1e-9
     return True
 
 
@@ -236,9 +236,9 @@ def test_poles_of_a_disturbance_observer():
     inverse = control.tf2ss(control.tf(D.sum() / (B0 * DT**2) * np.array([1.0, -2.0, 1.0]), D, DT))
     rest = control.tf2ss(control.tf(D, np.polysub(D, low_passed), DT))
     wanted = closed(axis(), PI * SPEED + inverse * control.ss([], [], [], [[1.0, 0.0]], DT), rest)
-    found = poles(DisturbanceObserver(cascade(), motors(1), w, B0, DT))
+    actual = poles(DisturbanceObserver(cascade(), motors(1), w, B0, DT))
     twice = np.roots(D)  # what 1 / (1 - Q) cancels
-    assert same(np.concatenate([found, twice]), wanted)
+    assert same(np.concatenate([actual, twice]), wanted)
 
 
 def test_poles_of_the_reduced_observer():

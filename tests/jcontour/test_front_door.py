@@ -56,6 +56,6 @@ def test_numbers_are_float64_unless_asked_otherwise(monkeypatch, first, asked, d
 def printed(*statements):
     """Output of the statements in a process of its own."""
     command = [sys.executable, "-c", "; ".join(statements)]
-    found = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert found.returncode == 0, found.stderr
-    return found.stdout.strip()
+    actual = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert actual.returncode == 0, actual.stderr
+    return actual.stdout.strip()

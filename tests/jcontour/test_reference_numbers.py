@@ -59,9 +59,9 @@ UM = {
 COLUMNS = {**UM, "u": ("rms_control", 1.0), "du": ("rms_increment", 1.0)}
 
 
-def relative(found, wanted):
+def relative(actual, wanted):
     wanted = np.asarray(wanted, float)
-    return np.max(np.abs(np.asarray(found) - wanted)) / np.max(np.abs(wanted))
+    return np.max(np.abs(np.asarray(actual) - wanted)) / np.max(np.abs(wanted))
 
 
 def weights_of(row):
@@ -126,7 +126,7 @@ def all_of(plant, controller, reference, state, window):
         if isinstance(controller.terminal, RiccatiTerminal)
         else None
     )
-    found = {
+    actual = {
         "y": rollout.output,
         "u": rollout.control,
         "x_end": rollout.final_state,
@@ -142,7 +142,7 @@ def all_of(plant, controller, reference, state, window):
         "rms_u": metrics.rms_control,
         "rms_du": metrics.rms_increment,
     }
-    return {key: value for key, value in found.items() if value is not None}, metrics.diverged
+    return {key: value for key, value in actual.items() if value is not None}, metrics.diverged
 
 
 @pytest.mark.parametrize(
@@ -152,15 +152,15 @@ def test_cases(name, references):
     inputs, outputs = CASES[name]["inputs"], CASES[name]["outputs"]
     plant = plant_of(inputs["plant"])
     controller = ContouringLQ(plant, weights_of(inputs), inputs["Np"], terminal_of(inputs))
-    found, diverged = all_of(
+    actual, diverged = all_of(
         plant, controller, references[name], jnp.asarray(inputs["x0"]), tuple(inputs["window"])
     )
-    assert set(found) == set(outputs)
+    assert set(actual) == set(outputs)
     assert not diverged
     assert not {
-        key: off for key, value in found.items() if (off := relative(value, outputs[key])) > 1e-8
+        key: off for key, value in actual.items() if (off := relative(value, outputs[key])) > 1e-8
     }
-    loops = np.asarray(plant.A) - np.asarray(plant.B) @ np.stack([found["F0"], found["F_last"]])
+    loops = np.asarray(plant.A) - np.asarray(plant.B) @ np.stack([actual["F0"], actual["F_last"]])
     assert relative(spectral_radius(loops), CASES[name]["frozen_spectral_radius_first_last"]) < 1e-8
 
 
@@ -204,8 +204,8 @@ def check_row(row, metrics):
     assert set(COLUMNS) - set(row) <= {"pce"}
     for column, (name, factor) in COLUMNS.items():
         if column in row:
-            found = float(np.ravel(getattr(metrics, name))[0]) * factor
-            assert found == pytest.approx(row[column], rel=1e-6), (row["alpha"], column)
+            actual = float(np.ravel(getattr(metrics, name))[0]) * factor
+            assert actual == pytest.approx(row[column], rel=1e-6), (row["alpha"], column)
 
 
 def check_rows(rows, family, reference):

@@ -24,6 +24,6 @@ def test_one_tracer_is_enough():
 
 
 def is_concrete_inside_grad():
-    found = []
-    jax.grad(lambda x: found.append(is_concrete(x)) or x)(1.0)
-    return found[0]
+    actual = []
+    jax.grad(lambda x: actual.append(is_concrete(x)) or x)(1.0)
+    return actual[0]

@@ -213,8 +213,8 @@ def linuxcnc(tmp_path_factory):
         (folder / "in.json").write_text(json.dumps(programs))
         command = [PYTHON, CANON, folder / "in.json", folder / "out.json"]
         subprocess.run(command, check=True, capture_output=True)
-        found = json.loads((folder / "out.json").read_text())
-        return [(canonical(each["moves"]), each["error"]) for each in found]
+        actual = json.loads((folder / "out.json").read_text())
+        return [(canonical(each["moves"]), each["error"]) for each in actual]
 
     return run
 
@@ -225,25 +225,25 @@ def spelled(construct: str) -> str:
 
 
 def differences(programs: list[str], linuxcnc) -> list[str]:
-    found = []
+    actual = []
     for program, (steps, fault) in zip(programs, linuxcnc(programs), strict=True):
         try:
             unlike = difference(read(program), steps) if fault is None else fault
         except ToolpathError as error:
             unlike = str(error)
-        found += [f"{unlike}\n{program}"] if unlike else []
-    return found
+        actual += [f"{unlike}\n{program}"] if unlike else []
+    return actual
 
 
 def test_random_programs(linuxcnc):
     programs = [Author(seed).program(25) for seed in range(300)]
-    found = differences(programs, linuxcnc)
-    assert not found, f"{len(found)} differ, the first: {found[0]}"
+    actual = differences(programs, linuxcnc)
+    assert not actual, f"{len(actual)} differ, the first: {actual[0]}"
 
 
 def test_constructs(linuxcnc):
-    found = differences([spelled(one) for one in CONSTRUCTS.strip().split("\n")], linuxcnc)
-    assert not found, "\n".join(found)
+    actual = differences([spelled(one) for one in CONSTRUCTS.strip().split("\n")], linuxcnc)
+    assert not actual, "\n".join(actual)
 
 
 def test_cutter_compensation(linuxcnc):
@@ -272,8 +272,8 @@ def test_tools_of_a_table(tmp_path):
     table.write_text("T1 P1 D4 ; an end mill\nT2 P7 D1\n")
     machine = interpreted(spelled(words).split("\n"), 3, None, tools=read_tool_table(table))
     ends = [[length / MM for length in move.end[:2]] for move in machine.moves]
-    found = re.findall(r"(?:TRAVERSE|FEED)\((\S+), (\S+),", printed)
-    np.testing.assert_allclose(ends, [[float(x), float(y)] for x, y in found], atol=1e-4)
+    actual = re.findall(r"(?:TRAVERSE|FEED)\((\S+), (\S+),", printed)
+    np.testing.assert_allclose(ends, [[float(x), float(y)] for x, y in actual], atol=1e-4)
 
 
 def faults_here(constructs) -> list[str]:

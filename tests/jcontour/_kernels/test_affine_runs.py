@@ -52,8 +52,8 @@ def case():
 def numbers(case, law, weights, profile=None):
     """Numbers of all runs, (reference, machine, number)."""
     model, family, references = case
-    found = evaluate(family, law(model, LQWeights(*weights, profile), N), references, (5, 50))
-    return jnp.stack(jax.tree.leaves(found)[:-2], axis=-1)
+    actual = evaluate(family, law(model, LQWeights(*weights, profile), N), references, (5, 50))
+    return jnp.stack(jax.tree.leaves(actual)[:-2], axis=-1)
 
 
 def by(monkeypatch, asked, function, *arguments):
@@ -70,14 +70,14 @@ def test_metrics_are_those_of_plain_jax(monkeypatch, case, law):
         return jax.vmap(lambda scale: numbers(case, law, scale * WEIGHTS, profile))(scales)
 
     scales = np.array([[1.0, 1.0, 1.0], [0.2, 2.0, 0.1]])
-    found, wanted = (by(monkeypatch, asked, many, scales) for asked in "10")
-    assert found.shape == (2, 2, 2, 10)
-    assert np.max(np.abs(found - wanted) / np.maximum(np.abs(wanted), 1e-9)) < 1e-9
+    actual, wanted = (by(monkeypatch, asked, many, scales) for asked in "10")
+    assert actual.shape == (2, 2, 2, 10)
+    assert np.max(np.abs(actual - wanted) / np.maximum(np.abs(wanted), 1e-9)) < 1e-9
 
 
 def test_slopes_are_those_of_plain_jax(monkeypatch, case):
     def error(logarithms):
         return jnp.sum(numbers(case, ContouringLQ, WEIGHTS * jnp.exp(logarithms))[..., 0])
 
-    found, wanted = (by(monkeypatch, asked, jax.grad(error), np.zeros(3)) for asked in "10")
-    np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-8 * np.max(np.abs(wanted)))
+    actual, wanted = (by(monkeypatch, asked, jax.grad(error), np.zeros(3)) for asked in "10")
+    np.testing.assert_allclose(actual, wanted, rtol=1e-8, atol=1e-8 * np.max(np.abs(wanted)))

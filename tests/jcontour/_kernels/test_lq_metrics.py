@@ -55,8 +55,8 @@ def runs(references, window, weights, profile=None):
     """Numbers of all runs on two machines, (reference, machine, number), and who diverged."""
     table, family, _ = machines()
     controller = ContouringLQ(table, LQWeights(*weights, profile), N)
-    found = evaluate(family, controller, references, window)
-    return jnp.stack(jax.tree.leaves(found)[:-2], axis=-1), found.diverged
+    actual = evaluate(family, controller, references, window)
+    return jnp.stack(jax.tree.leaves(actual)[:-2], axis=-1), actual.diverged
 
 
 def by(monkeypatch, asked, function, *arguments):
@@ -65,18 +65,18 @@ def by(monkeypatch, asked, function, *arguments):
     return jax.device_get(jax.jit(function)(*arguments))
 
 
-def close(found, wanted, tolerance):
+def close(actual, wanted, tolerance):
     scale = np.maximum(np.abs(wanted), 1e-9)
-    assert np.max(np.abs(found - wanted) / scale) < tolerance
+    assert np.max(np.abs(actual - wanted) / scale) < tolerance
 
 
 @pytest.mark.parametrize("profile", [None, np.array([0.5, 1.0, 1.5, 2.0])])
 @pytest.mark.parametrize("window", [None, (5, 50)])
 def test_metrics_are_those_of_plain_jax(monkeypatch, references, window, profile):
     many = jax.vmap(partial(runs, references, window, profile=profile))
-    (found, lost), (wanted, _) = (by(monkeypatch, asked, many, WEIGHTS) for asked in "10")
-    close(found, wanted, 1e-9)
-    assert found.shape == (2, 2, 2, 10) and not lost.any()
+    (actual, lost), (wanted, _) = (by(monkeypatch, asked, many, WEIGHTS) for asked in "10")
+    close(actual, wanted, 1e-9)
+    assert actual.shape == (2, 2, 2, 10) and not lost.any()
 
 
 def test_slopes_are_those_of_plain_jax_in_both_modes_and_of_differences(monkeypatch, references):
@@ -84,16 +84,16 @@ def test_slopes_are_those_of_plain_jax_in_both_modes_and_of_differences(monkeypa
         return runs(references, None, weights)[0]
 
     for mode in (jax.jacfwd, jax.jacrev):
-        found, wanted = (by(monkeypatch, asked, mode(numbers), WEIGHTS[0]) for asked in "10")
+        actual, wanted = (by(monkeypatch, asked, mode(numbers), WEIGHTS[0]) for asked in "10")
         scale = np.max(np.abs(wanted * WEIGHTS[0]), axis=-1, keepdims=True)
-        assert np.all(np.abs(found - wanted) * WEIGHTS[0] <= 1e-8 * scale)
+        assert np.all(np.abs(actual - wanted) * WEIGHTS[0] <= 1e-8 * scale)
     monkeypatch.setenv(kernels.ASKED, "1")
     step = 1e-5
     for which in range(3):
         change = step * WEIGHTS[0] * np.eye(3)[which]
         ends = [np.asarray(jax.jit(numbers)(WEIGHTS[0] + sign * change)) for sign in (1, -1)]
         difference = (ends[0] - ends[1]) / (2 * step)
-        error = np.abs(found[..., which] * WEIGHTS[0][which] - difference)
+        error = np.abs(actual[..., which] * WEIGHTS[0][which] - difference)
         assert np.all(error <= 1e-5 * np.abs(ends[0]))
 
 
@@ -105,9 +105,9 @@ def test_slopes_with_a_profile_are_those_of_the_readable_form(monkeypatch, refer
         scaled = jnp.concatenate([WEIGHTS[0], profile]) * jnp.exp(logarithms)
         return runs(references, (5, 50), scaled[:3], scaled[3:])[0]
 
-    found, wanted = (by(monkeypatch, asked, mode(numbers), np.zeros(3 + N)) for asked in "10")
+    actual, wanted = (by(monkeypatch, asked, mode(numbers), np.zeros(3 + N)) for asked in "10")
     scale = np.max(np.abs(wanted), axis=-1, keepdims=True)
-    assert np.all(np.abs(found - wanted) <= 1e-8 * scale)
+    assert np.all(np.abs(actual - wanted) <= 1e-8 * scale)
 
 
 def test_slopes_with_other_numbers_are_those_of_the_readable_form(monkeypatch, references):
@@ -115,8 +115,8 @@ def test_slopes_with_other_numbers_are_those_of_the_readable_form(monkeypatch, r
         moved = eqx.tree_at(lambda one: one.position, references, references.position * scale)
         return jnp.sum(runs(moved, None, WEIGHTS[0])[0][..., 0])
 
-    found, wanted = (by(monkeypatch, asked, jax.grad(error), np.array(1.0)) for asked in "10")
-    np.testing.assert_allclose(found, wanted, rtol=1e-7)
+    actual, wanted = (by(monkeypatch, asked, jax.grad(error), np.array(1.0)) for asked in "10")
+    np.testing.assert_allclose(actual, wanted, rtol=1e-7)
 
 
 def test_a_run_that_diverges_is_told(monkeypatch, references):
@@ -126,6 +126,6 @@ def test_a_run_that_diverges_is_told(monkeypatch, references):
         law = ContouringLQ(mirrored, LQWeights(*weights), N)
         return evaluate(family, law, references).diverged
 
-    found, wanted = (by(monkeypatch, asked, lost, WEIGHTS[0]) for asked in "10")
-    np.testing.assert_array_equal(found, wanted)
-    assert found.any()
+    actual, wanted = (by(monkeypatch, asked, lost, WEIGHTS[0]) for asked in "10")
+    np.testing.assert_array_equal(actual, wanted)
+    assert actual.any()

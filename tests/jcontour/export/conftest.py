@@ -56,7 +56,7 @@ def controllers():
     contouring = ContouringLQ(table, weights, 10)
     gain = kalman_gain(table, control_noise=0.1, measurement_noise=1e-6)
     cascade = Cascade(CascadeGains(30.0, 20.0, 0.02, 1.0), motors(2), table.dt, np.full(2, LIMIT))
-    found = {
+    actual = {
         "contouring": observed(contouring, table),
         "coupled weights": observed(ContouringLQ(table, profiled, 10), table),
         "riccati": observed(ContouringLQ(table, weights, 10, RiccatiTerminal()), table),
@@ -68,10 +68,10 @@ def controllers():
     }
     rubbed = CascadeGains(30.0, 20.0, 0.02, 1.0, coulomb=0.3)
     rubbed = Cascade(rubbed, motors(2), table.dt, np.full(2, LIMIT))
-    found["friction"] = SpeedByDifference(rubbed, Sensors([0, 1]), table.dt)
-    found["sliding"] = FrictionFeedforward(found["riccati"], [0.3, 0.2], LIMIT, (2, 12))
-    found["sliding cascade"] = FrictionFeedforward(found["cascade"], 0.3, LIMIT, (3, 0))
-    loops = {name: (one, table) for name, one in found.items()}
+    actual["friction"] = SpeedByDifference(rubbed, Sensors([0, 1]), table.dt)
+    actual["sliding"] = FrictionFeedforward(actual["riccati"], [0.3, 0.2], LIMIT, (2, 12))
+    actual["sliding cascade"] = FrictionFeedforward(actual["cascade"], 0.3, LIMIT, (3, 0))
+    loops = {name: (one, table) for name, one in actual.items()}
     held = ContouringLQ(drives, LQWeights(1.0, 10.0, 0.1), 10)
     return loops | {"drives": (observed(held, drives, 1e-6), drives)}
 

@@ -85,8 +85,8 @@ def as_python(text):
 
 @pytest.mark.parametrize("name", ["contouring", "riccati", "drives", "cascade"])
 def test_the_block_gives_the_controls_of_the_python_code(name):
-    reference, found = recorded(name, 40)
-    code, y = code_of(name), measurements(found)
+    reference, actual = recorded(name, 40)
+    code, y = code_of(name), measurements(actual)
     block, law = as_python(code.text("law.st.j2")), in_python(code)["Law"]()
     position, tangent = np.asarray(reference.position), np.asarray(reference.tangent)
     y[20] = np.nan

@@ -69,11 +69,11 @@ def distance(path, places):
     """Of every place from the nearest piece of the path."""
     a, along = path[:-1], np.diff(path, axis=0)
     square = np.maximum((along**2).sum(axis=1), 1e-30)
-    found = []
+    actual = []
     for place in np.atleast_2d(places):
         part = np.clip(((place - a) * along).sum(axis=1) / square, 0.0, 1.0)
-        found.append(np.linalg.norm(a + part[:, None] * along - place, axis=1).min())
-    return np.array(found)
+        actual.append(np.linalg.norm(a + part[:, None] * along - place, axis=1).min())
+    return np.array(actual)
 
 
 @pytest.fixture(scope="module")

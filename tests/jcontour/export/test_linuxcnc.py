@@ -24,13 +24,13 @@ def files(code, axes=("X", "Y"), display="axis", **more):
 
 
 def test_every_joint_is_wired_and_has_its_limits():
-    found = files(code_of("contouring"), ("X", "Z"))
-    hal, ini = found["loop.hal"], found["machine.ini"]
+    actual = files(code_of("contouring"), ("X", "Z"))
+    hal, ini = actual["loop.hal"], actual["machine.ini"]
     for joint, axis in enumerate("XZ"):
         assert f"net command-{axis} joint.{joint}.motor-pos-cmd" in hal
         assert f"[AXIS_{axis}]" in ini and f"[JOINT_{joint}]" in ini
     assert "SERVO_PERIOD = 500000\n" in ini and "MAX_ACCELERATION = 3000.0" in ini
-    assert "drive.py" not in found and "sampler" not in hal
+    assert "drive.py" not in actual and "sampler" not in hal
     assert "drive.py" in files(code_of("contouring"), display=DRIVE)
     assert "typedef double real;" in files(code_of("contouring", "single"))["law.h"]
 

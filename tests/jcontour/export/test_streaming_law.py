@@ -31,18 +31,18 @@ def recorded(name, steps=120, preview=14):
     return reference, simulate(seen(name)[0], controller, reference)
 
 
-def measurements(found):
-    return np.array(jax.vmap(row)(found.measurement))
+def measurements(actual):
+    return np.array(jax.vmap(row)(actual.measurement))
 
 
 @needs_compiler
 @pytest.mark.parametrize("name", controllers())
 def test_the_law_gives_the_controls_of_simulate(name, tmp_path):
-    reference, found = recorded(name)
-    code, u = code_of(name), np.asarray(found.control)
+    reference, actual = recorded(name)
+    code, u = code_of(name), np.asarray(actual.control)
     assert code.law.base == BASES.get(name, "reference")
     close = (1e-12 if name in STATIONARY else 1e-9) * np.abs(u).max()
-    y = measurements(found)
+    y = measurements(actual)
     controls = run(InC(code, tmp_path), reference, y, u, code.law.points)
     assert np.abs(controls - u).max() < close
     python = run(in_python(code)["Law"](), reference, y, u, code.law.points)
@@ -51,15 +51,15 @@ def test_the_law_gives_the_controls_of_simulate(name, tmp_path):
 
 @needs_compiler
 def test_single_precision_is_near(tmp_path):
-    reference, found = recorded("contouring")
-    code, u = code_of("contouring", "single"), np.asarray(found.control)
-    controls = run(InC(code, tmp_path), reference, measurements(found), u, code.law.points)
+    reference, actual = recorded("contouring")
+    code, u = code_of("contouring", "single"), np.asarray(actual.control)
+    controls = run(InC(code, tmp_path), reference, measurements(actual), u, code.law.points)
     assert 0.0 < np.abs(controls - u).max() < 1e-2 * np.abs(u).max()
 
 
 def test_a_law_without_tangents_takes_those_of_the_points():
-    reference, found = recorded("contouring", 40)
-    code, y, u = code_of("contouring"), measurements(found), np.asarray(found.control)
+    reference, actual = recorded("contouring", 40)
+    code, y, u = code_of("contouring"), measurements(actual), np.asarray(actual.control)
     along = jnp.zeros_like(reference.tangent)
     unknown = references.Reference(
         **{k: getattr(reference, k) for k in ("position", "arc", "mask", "start_increment")},

@@ -202,18 +202,18 @@ def nearest(contour: Contour, point, at, reach) -> np.ndarray:
     shape = np.broadcast_shapes(point.shape[:-1], np.shape(at), np.shape(reach))
     at, reach = np.broadcast_to(at, shape).ravel(), np.broadcast_to(reach, shape).ravel()
     point = np.broadcast_to(point, shape + point.shape[-1:]).reshape(-1, point.shape[-1])
-    found = contour.nearest(
+    actual = contour.nearest(
         np.resize(point, (400, point.shape[1])), np.resize(at, 400), np.resize(reach, 400)
     )
-    return np.asarray(found)[: at.size].reshape(shape)
+    return np.asarray(actual)[: at.size].reshape(shape)
 
 
 def nearest_anywhere(contour: Contour, point) -> np.ndarray:
     """`contour.nearest_anywhere` for at most 40 points, always 40 at a time."""
     point = np.asarray(point, float)
     rows = point.reshape(-1, point.shape[-1])
-    found = np.asarray(contour.nearest_anywhere(np.resize(rows, (40, rows.shape[1]))))
-    return found[: len(rows)].reshape(point.shape[:-1])
+    actual = np.asarray(contour.nearest_anywhere(np.resize(rows, (40, rows.shape[1]))))
+    return actual[: len(rows)].reshape(point.shape[:-1])
 
 
 def distance(contour: Contour, point, at) -> np.ndarray:

@@ -30,11 +30,11 @@ def test_jets_are_those_of_the_pieces(path, shape):
     s = random.uniform(0, 1, shape) * pieces.extent[piece]
     on = jax.tree.map(lambda rows: rows[piece], pieces)
     place, velocity, bend = on.jet(s)
-    found = jet(pieces, piece, s)
+    actual = jet(pieces, piece, s)
     bends = bend + 0 * velocity
     _, third = jax.jvp(lambda s: on.jet(s)[2] + 0 * velocity, (jnp.array(s),), (jnp.ones(shape),))
     expected = (place, velocity, bends, np.asarray(third))
-    for one, other in zip(found, expected, strict=True):
+    for one, other in zip(actual, expected, strict=True):
         assert one.shape == velocity.shape
         scale = np.abs(other).max(initial=0.0)
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * scale)
@@ -52,6 +52,6 @@ def test_axes_move_as_differences_say():
         moved(pieces, one, np.array([[law.deriv(k)(t)] if k else [law(t)] for k in range(4)]))[:, 0]
         for t in (time - step, time, time + step)
     )
-    for k, found in enumerate((speed, acceleration, jerk)):
-        np.testing.assert_allclose((after[k] - before[k]) / (2 * step), found, rtol=1e-4)
+    for k, actual in enumerate((speed, acceleration, jerk)):
+        np.testing.assert_allclose((after[k] - before[k]) / (2 * step), actual, rtol=1e-4)
     assert np.linalg.norm(at[0]) == pytest.approx(0.02)

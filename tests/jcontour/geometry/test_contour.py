@@ -78,11 +78,11 @@ def test_tangent_and_curvature_are_the_derivatives(name, shapes):
 def test_nearest_anywhere_is_the_nearest_point_of_the_true_curve(name, shapes):
     contour, curve, _ = shapes.cases()[name]
     point = shapes.points_around(shapes.cases()[name], 40, seed=1)
-    found = shapes.distance(contour, point, shapes.nearest_anywhere(contour, point))
+    actual = shapes.distance(contour, point, shapes.nearest_anywhere(contour, point))
     expected = np.array([shapes.brute_distance(curve, y) for y in point])
-    np.testing.assert_allclose(found, expected, atol=float(contour.fit_error) + 2e-12)
+    np.testing.assert_allclose(actual, expected, atol=float(contour.fit_error) + 2e-12)
     for y, least in zip(
-        point[::10], found[::10], strict=True
+        point[::10], actual[::10], strict=True
     ):  # SciPy finds no nearer point either
         start = np.argmin(np.linalg.norm(curve(np.linspace(0, 1, 31)) - y, axis=1)) / 30
         result = minimize(
@@ -101,17 +101,17 @@ def test_nearest_is_the_nearest_point_within_reach(name, shapes):
     point = shapes.points_around(shapes.cases()[name], 400, seed=3)
     at = rng.uniform(-0.2 * total, 1.2 * total, 400)
     reach = total * 10.0 ** rng.uniform(-4, 0.2, 400)
-    found = shapes.nearest(contour, point, at, reach)
+    actual = shapes.nearest(contour, point, at, reach)
     if bool(contour.closed):
-        away = np.abs((found - at + total / 2) % total - total / 2)
+        away = np.abs((actual - at + total / 2) % total - total / 2)
         window = at[:, None] + np.minimum(reach, total / 2)[:, None] * np.linspace(-1, 1, 401)
     else:
-        away = np.abs(found - np.clip(at, 0, total))
+        away = np.abs(actual - np.clip(at, 0, total))
         window = np.clip(
             np.clip(at, 0, total)[:, None] + reach[:, None] * np.linspace(-1, 1, 401), 0, total
         )
-    assert np.all((found >= 0) & (found <= total)) and np.all(away <= reach + 1e-14)
-    least = shapes.distance(contour, point, found)
+    assert np.all((actual >= 0) & (actual <= total)) and np.all(away <= reach + 1e-14)
+    least = shapes.distance(contour, point, actual)
     assert np.all(least <= shapes.distance(contour, point[:, None], window).min(axis=1) + 1e-11)
     wide = np.flatnonzero(reach >= total)[:40]
     np.testing.assert_allclose(
@@ -165,12 +165,12 @@ def test_corners_are_exact_and_belong_to_the_piece_that_begins_there(shapes):
     )
     at = np.array([0.0, 0.125, 0.25, 0.375])
     point = corners + 1e-3 * outward
-    for found in (
+    for actual in (
         shapes.nearest(square, point, at + 0.003, 0.01),
         shapes.nearest(square, point, at - 0.003, 0.01),
         shapes.nearest_anywhere(square, point),
     ):
-        np.testing.assert_array_equal(shapes.along(square.position, found), corners)
+        np.testing.assert_array_equal(shapes.along(square.position, actual), corners)
     np.testing.assert_array_equal(
         shapes.along(square.tangent, at), [(1, 0), (0, 1), (-1, 0), (0, -1)]
     )
@@ -233,9 +233,9 @@ def test_stacked_vmapped_and_mapped_equal_one_by_one(shapes):
     s, reach = np.linspace(-0.1, 0.4, 40), np.geomspace(1e-4, 0.3, 40)
 
     def answers(contour, point):
-        found = contour.nearest(point, s, reach)
+        actual = contour.nearest(point, s, reach)
         return (
-            contour.position(found),
+            contour.position(actual),
             contour.position(s),
             contour.tangent(s),
             contour.curvature(s),
@@ -310,8 +310,8 @@ def test_float32_stays_float32(shapes):
 
     @jax.jit
     def answers(contour, point, s):
-        found = contour.nearest(point, s, jnp.float32(1e-3))
-        return found, contour.position(found), contour.tangent(s), contour.curvature(s)
+        actual = contour.nearest(point, s, jnp.float32(1e-3))
+        return actual, contour.position(actual), contour.tangent(s), contour.curvature(s)
 
     narrow_answers = answers(narrow, jnp.float32(point), jnp.float32(s))
     assert {x.dtype for x in narrow_answers} == {jnp.dtype("float32")}
@@ -329,19 +329,19 @@ def test_the_extremes_of_an_arc_are_found(start, angle):
     quarters = 0.5 * np.pi * np.arange(-4, 6)
     at = np.array([start, *quarters[(low < quarters) & (quarters < high)], start + angle])
     circle = 0.01 * np.stack([np.cos(at), np.sin(at)], axis=1)
-    found = outline(contours.arc(circle[0], [0.0, 0.0], angle))
-    np.testing.assert_allclose(found.min(axis=0), circle.min(axis=0), atol=1e-13)
-    np.testing.assert_allclose(found.max(axis=0), circle.max(axis=0), atol=1e-13)
-    np.testing.assert_allclose(found[[0, -1]], circle[[0, -1]], atol=1e-12)
+    actual = outline(contours.arc(circle[0], [0.0, 0.0], angle))
+    np.testing.assert_allclose(actual.min(axis=0), circle.min(axis=0), atol=1e-13)
+    np.testing.assert_allclose(actual.max(axis=0), circle.max(axis=0), atol=1e-13)
+    np.testing.assert_allclose(actual[[0, -1]], circle[[0, -1]], atol=1e-12)
 
 
 def test_a_polyline_keeps_its_corners_and_ends_where_it_begins():
     points = np.array([[0.0, 0.0], [0.02, 0.0], [0.02, 0.015], [0.0, 0.0]])
-    found = outline(contours.polyline(points))
-    apart = np.linalg.norm(found[:, None] - points, axis=-1).min(axis=0)
-    assert apart.max() < 1e-15 and np.ptp(found, axis=0) == pytest.approx([0.02, 0.015])
-    np.testing.assert_allclose(found[-1], points[-1], atol=1e-12)
-    steps = np.linalg.norm(np.diff(found, axis=0), axis=1)
+    actual = outline(contours.polyline(points))
+    apart = np.linalg.norm(actual[:, None] - points, axis=-1).min(axis=0)
+    assert apart.max() < 1e-15 and np.ptp(actual, axis=0) == pytest.approx([0.02, 0.015])
+    np.testing.assert_allclose(actual[-1], points[-1], atol=1e-12)
+    steps = np.linalg.norm(np.diff(actual, axis=0), axis=1)
     assert steps.sum() == pytest.approx(0.06) and steps.max() < 0.06 / 1000
 
 
@@ -350,6 +350,6 @@ def test_padding_of_a_stack_is_no_part_of_a_contour():
         [contours.line([0.0, 0.0], [1.0, 0.0]), contours.polygon(np.eye(3)[:, :2])]
     )
     first = jax.tree.map(lambda rows: rows[0], pair)
-    found = outline(first)
-    assert found[:, 1].max() == found[:, 1].min() == 0
-    np.testing.assert_allclose([found[:, 0].min(), found[:, 0].max()], [0.0, 1.0], atol=1e-12)
+    actual = outline(first)
+    assert actual[:, 1].max() == actual[:, 1].min() == 0
+    np.testing.assert_allclose([actual[:, 0].min(), actual[:, 0].max()], [0.0, 1.0], atol=1e-12)

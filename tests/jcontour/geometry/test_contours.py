@@ -58,9 +58,9 @@ def test_circle_is_one_exact_piece(shapes):
 def test_several_turns_and_whole_turns_of_an_arc(shapes):
     contour = shapes.cases()["turns"].contour
     total = float(contour.length)
-    found = shapes.nearest(contour, (0.02, 0.001), np.array([0.0, 0.4, 0.8]) * total, 0.2 * total)
+    actual = shapes.nearest(contour, (0.02, 0.001), np.array([0.0, 0.4, 0.8]) * total, 0.2 * total)
     np.testing.assert_allclose(
-        found, 0.01 * (np.arctan2(0.001, 0.02) + 2 * np.pi * np.arange(3)), rtol=1e-12
+        actual, 0.01 * (np.arctan2(0.001, 0.02) + 2 * np.pi * np.arange(3)), rtol=1e-12
     )
     assert bool(arc((0.01, 0.0), (0.0, 0.0), 2 * np.pi).closed) and not bool(contour.closed)
 

@@ -24,8 +24,8 @@ def on_circle(steps=12):
     return along(circle(1e-3), 2.5e-5 * np.arange(steps), DT, PREVIEW, at_rest=False)
 
 
-def same(found, wanted, relative=1e-12):
-    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+def same(actual, wanted, relative=1e-12):
+    for a, b in zip(jax.tree.leaves(actual), jax.tree.leaves(wanted), strict=True):
         a, b = np.asarray(a), np.asarray(b)
         assert a.shape == b.shape and a.dtype == b.dtype
         np.testing.assert_allclose(

@@ -84,11 +84,11 @@ def test_it_is_the_filter_observer(two_axes):
         plant, FilterObserver(ContouringLQ(two_axes, WEIGHTS, N), two_axes, gain), reference, start
     )
     mpc = TrackingMPC(two_axes, TrackingWeights.of(WEIGHTS), N)
-    found = reported_loop(plant, ObservedHost(mpc, two_axes, gain), reference, start).rollout
+    actual = reported_loop(plant, ObservedHost(mpc, two_axes, gain), reference, start).rollout
     np.testing.assert_allclose(
-        found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
+        actual.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
     )
-    np.testing.assert_allclose(found.memory.estimate, wanted.memory.estimate, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(actual.memory.estimate, wanted.memory.estimate, rtol=0, atol=1e-12)
 
 
 def test_the_gain_needs_its_shape(two_axes):
@@ -113,13 +113,13 @@ def test_without_an_active_limit_it_is_the_offset_free_observer(terminal, delay,
     reference = around_a_circle(model)
     inner = ContouringLQ(model, STIFF, N, terminal)
     wanted = simulate(plant, OffsetFreeObserver(inner, model, gain, model.C), reference)
-    found = reported_loop(plant, limited(model, gain, OUT_OF_REACH, terminal), reference)
-    assert found.report.active_fraction == 0 and found.report.worst_residual <= 1e-8
+    actual = reported_loop(plant, limited(model, gain, OUT_OF_REACH, terminal), reference)
+    assert actual.report.active_fraction == 0 and actual.report.worst_residual <= 1e-8
     for one, other in (
-        (found.rollout.control, wanted.control),
-        (found.rollout.output, wanted.output),
-        (found.rollout.memory.estimate, wanted.memory.estimate),
-        (found.rollout.memory.disturbance, wanted.memory.disturbance),
+        (actual.rollout.control, wanted.control),
+        (actual.rollout.output, wanted.output),
+        (actual.rollout.memory.estimate, wanted.memory.estimate),
+        (actual.rollout.memory.disturbance, wanted.memory.disturbance),
     ):
         np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * np.abs(other).max())
 

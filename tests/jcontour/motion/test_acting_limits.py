@@ -45,7 +45,7 @@ def test_chords_beyond_the_tolerance_are_under_its_limit():
     """Of a circle in chords with a sagitta of 2.5 um; within 5 um they are the circle."""
     angle = np.linspace(0.0, 2 * np.pi, 201)
     chords = contours.polyline(20e-3 * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-    found = [cornered(chords, np.full(200, 0.1), LIMITS, um) for um in (1.5e-6, 5e-6)]
-    near, far = (limit_shares(planned) for planned in found)
+    actual = [cornered(chords, np.full(200, 0.1), LIMITS, um) for um in (1.5e-6, 5e-6)]
+    near, far = (limit_shares(planned) for planned in actual)
     assert near["tolerance"] > 0.9 and far["tolerance"] < 0.01
     assert sum(near.values()) == pytest.approx(1.0)

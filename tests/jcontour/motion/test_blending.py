@@ -27,16 +27,16 @@ def farthest(contour, other) -> float:
 
 @pytest.mark.parametrize(("contour", "tolerance"), [(SQUARE, 1e-6), (SLOT, 100e-6)])
 def test_deviation_is_within_the_tolerance_both_ways(contour, tolerance):
-    found = blended(contour, tolerance)
-    there, back = farthest(found.path, contour), farthest(contour, found.path)
-    assert max(there, back) <= found.deviation * (1 + 1e-6) <= tolerance
-    assert found.deviation > 0.9 * tolerance
+    actual = blended(contour, tolerance)
+    there, back = farthest(actual.path, contour), farthest(contour, actual.path)
+    assert max(there, back) <= actual.deviation * (1 + 1e-6) <= tolerance
+    assert actual.deviation > 0.9 * tolerance
 
 
 def test_right_angle_uses_the_whole_tolerance():
     """On a right angle the deviation is d sqrt(2) / 8 at the corner."""
-    found = blended(SQUARE, 10e-6)
-    cut = np.asarray(found.path.extent)[0]
+    actual = blended(SQUARE, 10e-6)
+    cut = np.asarray(actual.path.extent)[0]
     np.testing.assert_allclose(20e-3 - cut, 0.99 * 10e-6 * 8 / np.sqrt(2), rtol=2e-3)
 
 
@@ -48,17 +48,17 @@ def test_direction_and_curvature_are_continuous(contour):
 
 
 def test_true_arc_runs_along_the_contour():
-    found = blended(SLOT, 20e-6)
-    arc = found.true_arc(np.linspace(0.0, float(found.path.length), 2001))
+    actual = blended(SLOT, 20e-6)
+    arc = actual.true_arc(np.linspace(0.0, float(actual.path.length), 2001))
     assert arc[0] == 0.0 and arc[-1] == float(SLOT.length) and (np.diff(arc) > 0).all()
-    apart = found.path.position(np.linspace(0.0, float(found.path.length), 2001))
+    apart = actual.path.position(np.linspace(0.0, float(actual.path.length), 2001))
     assert np.linalg.norm(np.subtract(apart, SLOT.position(arc)), axis=1).max() < 100e-6
 
 
 def test_feed_of_a_blend_is_the_lower_one():
-    found = blended(SQUARE, 10e-6)
-    feed = found.feed(np.array([4.0, 3.0, 2.0, 1.0]))
-    assert feed[found.blend][0] == 3.0 and set(feed[~found.blend]) == {1.0, 2.0, 3.0, 4.0}
+    actual = blended(SQUARE, 10e-6)
+    feed = actual.feed(np.array([4.0, 3.0, 2.0, 1.0]))
+    assert feed[actual.blend][0] == 3.0 and set(feed[~actual.blend]) == {1.0, 2.0, 3.0, 4.0}
 
 
 def test_zero_tolerance_leaves_the_contour():
@@ -66,8 +66,8 @@ def test_zero_tolerance_leaves_the_contour():
 
 
 def test_what_is_not_allowed_stays():
-    found = blended(SQUARE, 10e-6, np.array([True, False, True]))
-    assert np.unique(found.piece[found.blend]).tolist() == [0, 2]
+    actual = blended(SQUARE, 10e-6, np.array([True, False, True]))
+    assert np.unique(actual.piece[actual.blend]).tolist() == [0, 2]
 
 
 def test_reversal_stays_a_corner():
@@ -93,9 +93,9 @@ def test_the_slightest_bend_that_would_stop_a_motion_is_blended():
         ]
     )
     assert not joints(unpadded(path)).smooth(np.full(2, feed), acceleration).any()
-    found = blended(path, 2e-6)
-    feeds = np.full(found.piece.size, feed)
-    assert joints(unpadded(found.path)).smooth(feeds, acceleration).all()
+    actual = blended(path, 2e-6)
+    feeds = np.full(actual.piece.size, feed)
+    assert joints(unpadded(actual.path)).smooth(feeds, acceleration).all()
 
 
 def test_two_blends_leave_no_gap_that_turns():
@@ -105,18 +105,18 @@ def test_two_blends_leave_no_gap_that_turns():
         inward = np.array([-np.sin(heading), np.cos(heading)])
         arcs.append(contours.arc(place, place + radius * inward, along / radius))
         place, heading = np.asarray(arcs[-1].position(along)), heading + along / radius
-    found = blended(contours.chain(arcs), 1e-3)
-    assert found.blend.any()
-    changes = joints(unpadded(found.path))
+    actual = blended(contours.chain(arcs), 1e-3)
+    assert actual.blend.any()
+    changes = joints(unpadded(actual.path))
     assert changes.turn.max() < 1e-12 and changes.bend.max() < 1e-6
 
 
 def test_the_shortest_piece_stays_where_nothing_is_cut_off_it():
     """It is shorter than what has to be left of a piece between two blends."""
     path = contours.polyline(1e-3 * np.array([[0, 0], [10, 0], [10, 10], [10 + 5e-7, 10]]))
-    found = blended(path, 10e-6, np.array([True, False]))
-    assert found.piece.max() == 2 and found.joint(np.array([1])) == found.piece.size - 2
-    np.testing.assert_array_equal(np.asarray(found.path.extent)[-1], np.asarray(path.extent)[2])
+    actual = blended(path, 10e-6, np.array([True, False]))
+    assert actual.piece.max() == 2 and actual.joint(np.array([1])) == actual.piece.size - 2
+    np.testing.assert_array_equal(np.asarray(actual.path.extent)[-1], np.asarray(path.extent)[2])
 
 
 def test_rounding_of_a_curvature_is_no_jump_of_it():
@@ -129,12 +129,12 @@ def test_rounding_of_a_curvature_is_no_jump_of_it():
 
 def test_what_is_used_of_the_tolerance_is_not_used_twice():
     used = np.array([0.0, 4e-6, 9e-6])
-    found = blended(SQUARE, 10e-6, used=used)
-    sides = np.asarray(found.path.extent)[~found.blend]
+    actual = blended(SQUARE, 10e-6, used=used)
+    sides = np.asarray(actual.path.extent)[~actual.blend]
     reach = 8 / np.sqrt(2) * 0.99 * (10e-6 - used)  # d sqrt(2) / 8 at a right angle
     cut = np.convolve(reach, [1.0, 1.0])  # of every side, at one corner or at both
     np.testing.assert_allclose(20e-3 - sides, cut, rtol=2e-3)
-    assert 9.9e-6 < found.deviation <= 10e-6
+    assert 9.9e-6 < actual.deviation <= 10e-6
 
 
 def test_a_piece_of_a_nanometre_is_not_lost_where_one_end_of_it_is_cut_off():
@@ -150,8 +150,8 @@ def test_a_piece_of_a_nanometre_is_not_lost_where_one_end_of_it_is_cut_off():
 
 def test_each_joint_has_the_reach_that_the_slower_side_needs():
     limits, feed = AxisLimits.of(2, acceleration=2.0, jerk=100.0), np.array([0.1, 3e-3, 0.1, 0.1])
-    found = blended(SQUARE, 50e-6, asked=Asked(feed, limits))
-    sides = 20e-3 - np.asarray(found.path.extent)[~found.blend]
+    actual = blended(SQUARE, 50e-6, asked=Asked(feed, limits))
+    sides = 20e-3 - np.asarray(actual.path.extent)[~actual.blend]
     long, short = sides[3], sides[0]
     assert short < 0.5 * long
     np.testing.assert_allclose(sides, [short, 2 * short, short + long, long], rtol=1e-9)

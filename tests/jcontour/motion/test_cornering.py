@@ -105,10 +105,10 @@ def test_a_slow_program_leaves_its_tolerance_and_takes_no_longer():
     feed = np.full(40, 2e-3)
     whole = blended(outline, 5e-6)
     longest = jerk_limited(whole.path, whole.feed(feed), limits)
-    found = cornered(outline, feed, limits, 5e-6)
-    assert found.motion.stops.size == 2
-    assert found.duration < 1.001 * longest.duration
-    assert found.around.deviation < 0.2 * whole.deviation
+    actual = cornered(outline, feed, limits, 5e-6)
+    assert actual.motion.stops.size == 2
+    assert actual.duration < 1.001 * longest.duration
+    assert actual.around.deviation < 0.2 * whole.deviation
 
 
 def arcs(count: int = 72, radius: float = 4.0, begin: str = "") -> contours.Contour:
@@ -139,9 +139,9 @@ def test_a_tolerance_is_used_in_the_corners_that_need_it_alone():
     path = arcs(begin="G1 X-30 Y100\nX4 Y100\nX4 Y0")
     limits = AxisLimits.of(2, acceleration=[1.5, 1.25], jerk=[75.0, 62.5], speed=0.2)
     feed = np.full(path.rate.size, 0.05)
-    whole, found = (plan(path, feed, limits, 100e-6) for plan in (quickest, cornered))
-    assert found.duration < (1 + WORTH) * whole.duration
-    assert found.duration < 0.995 * cornered(path, feed, limits, 2e-6).duration
-    in_corner = found.around.piece <= 2
-    assert found.around.apart[in_corner].max() > 90e-6
-    assert found.around.apart[~in_corner].max() < 0.2 * whole.around.apart[~in_corner].max()
+    whole, actual = (plan(path, feed, limits, 100e-6) for plan in (quickest, cornered))
+    assert actual.duration < (1 + WORTH) * whole.duration
+    assert actual.duration < 0.995 * cornered(path, feed, limits, 2e-6).duration
+    in_corner = actual.around.piece <= 2
+    assert actual.around.apart[in_corner].max() > 90e-6
+    assert actual.around.apart[~in_corner].max() < 0.2 * whole.around.apart[~in_corner].max()

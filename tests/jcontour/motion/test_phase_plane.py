@@ -16,8 +16,8 @@ def test_the_passes_find_the_greatest_squares():
     loss = random.uniform(-0.2, 0.2, (steps, count))
     most = random.uniform(0.2, 2.0, steps + 1)
     most[[0, -1]] = 0.0
-    found = most.copy()
-    sweep(np.stack([per_end, at_rest, gain, loss]), found)
+    actual = most.copy()
+    sweep(np.stack([per_end, at_rest, gain, loss]), actual)
     rows, bounds = [], []
     for i in range(steps):
         for r in range(count):
@@ -32,5 +32,5 @@ def test_the_passes_find_the_greatest_squares():
         np.concatenate(bounds),
         bounds=np.stack([0 * most, most], axis=1),
     )
-    assert best.status == 0 and (found < most - 1e-3).any()
-    np.testing.assert_allclose(found, best.x, atol=1e-9)
+    assert best.status == 0 and (actual < most - 1e-3).any()
+    np.testing.assert_allclose(actual, best.x, atol=1e-9)

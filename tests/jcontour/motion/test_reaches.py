@@ -18,8 +18,8 @@ def at_corner(reach: float, pieces=RIGHT_ANGLE) -> Blends:
 
 
 def test_within_a_tolerance_a_right_angle_has_a_closed_form():
-    found = within(at_corner(10e-3), np.array([10e-6]))
-    np.testing.assert_allclose(found.reach, 10e-6 * 8 / np.sqrt(2), rtol=2e-3)
+    actual = within(at_corner(10e-3), np.array([10e-6]))
+    np.testing.assert_allclose(actual.reach, 10e-6 * 8 / np.sqrt(2), rtol=2e-3)
 
 
 def test_what_is_within_the_tolerance_already_keeps_its_reach():
@@ -36,8 +36,8 @@ def test_a_right_angle_reaches_as_far_as_its_feed_needs(feed):
     third = np.gradient(second, arc, axis=0)
     bend, twist = np.abs(second[5:-5]).max(), np.abs(third[5:-5]).max()
     needed = max(feed**2 * bend / (EASE * 2.0), np.sqrt(feed**3 * twist / (EASE * 100.0)))
-    found = as_needed(at_corner(2e-3), ANY, np.array([feed]), LIMITS)
-    assert needed * 0.99 <= found.reach[0] <= needed * 1.05
+    actual = as_needed(at_corner(2e-3), ANY, np.array([feed]), LIMITS)
+    assert needed * 0.99 <= actual.reach[0] <= needed * 1.05
 
 
 def test_what_cannot_be_passed_at_the_feed_keeps_its_reach():
@@ -45,8 +45,8 @@ def test_what_cannot_be_passed_at_the_feed_keeps_its_reach():
 
 
 def test_the_slowest_feed_leaves_a_hundredth():
-    found = as_needed(at_corner(1e-3), ANY, np.array([1e-9]), LIMITS).reach
-    assert LEAST * 1e-3 <= found[0] <= 1.05 * LEAST * 1e-3
+    actual = as_needed(at_corner(1e-3), ANY, np.array([1e-9]), LIMITS).reach
+    assert LEAST * 1e-3 <= actual[0] <= 1.05 * LEAST * 1e-3
 
 
 def test_a_jump_of_the_curvature_reaches_as_far_as_the_jerk_needs():
@@ -64,9 +64,9 @@ def test_a_jump_of_the_curvature_reaches_as_far_as_the_jerk_needs():
         )
     )
     blends = Blends(pieces, np.array([0]), np.array([False]), np.array([1e-3]))
-    found = as_needed(blends, ANY, np.array([feed]), LIMITS)
+    actual = as_needed(blends, ANY, np.array([feed]), LIMITS)
     needed = 9 / 8 * feed**3 / radius / (EASE * 100.0)
-    assert needed * 0.99 < found.reach[0] < needed * 1.05
+    assert needed * 0.99 < actual.reach[0] < needed * 1.05
 
 
 def test_a_curve_that_limits_the_feed_limits_what_is_needed():
@@ -107,8 +107,8 @@ def test_a_blend_that_deviates_more_where_it_is_shorter_stays():
     whole = within(at_corner(0.5 * length, pieces), np.array([2e-6]))
     limits = AxisLimits.of(2, acceleration=2.0, jerk=100.0)
     for feed in (0.05, 0.08, 0.1, 0.12):
-        found = as_needed(whole, np.array([2e-6]), np.array([feed]), limits)
-        assert found.deviation() <= 2e-6
+        actual = as_needed(whole, np.array([2e-6]), np.array([feed]), limits)
+        assert actual.deviation() <= 2e-6
     unbounded = as_needed(whole, ANY, np.array([0.1]), limits)
     assert unbounded.deviation() > 2.2e-6  # it is the tolerance that keeps it from that
 

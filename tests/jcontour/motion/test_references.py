@@ -262,10 +262,10 @@ def test_one_axis_has_a_contour_error_only_beyond_its_travel():
 def test_the_first_steps_are_those_of_the_shorter_run():
     whole = along(circle(1e-2), 1e-4 * np.arange(9), 1e-3, 3, at_rest=False)
     wanted = along(circle(1e-2), 1e-4 * np.arange(5), 1e-3, 3, at_rest=False)
-    found = whole.first(5)
-    assert (found.steps, found.preview) == (5, 3) and found.contour is whole.contour
+    actual = whole.first(5)
+    assert (actual.steps, actual.preview) == (5, 3) and actual.contour is whole.contour
     for name in ("position", "tangent", "arc"):
-        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), atol=1e-15)
+        np.testing.assert_allclose(getattr(actual, name), getattr(wanted, name), atol=1e-15)
 
 
 @pytest.mark.parametrize("preview", [1.5, -1, float("nan")])

@@ -159,5 +159,5 @@ def test_the_rounding_of_coordinates_is_not_followed():
 def test_a_curve_that_is_close_enough_is_not_brought_closer():
     """The feed would let it be followed to nanometres."""
     runs = runs_of(WAVE)
-    found = followed(runs, 20e-6, asked_of(runs, 1e-9))
-    assert CLOSEST / 8 * 20e-6 < found.deviation <= CLOSEST * 20e-6
+    actual = followed(runs, 20e-6, asked_of(runs, 1e-9))
+    assert CLOSEST / 8 * 20e-6 < actual.deviation <= CLOSEST * 20e-6

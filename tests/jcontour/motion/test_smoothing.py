@@ -35,12 +35,12 @@ def curvature(path) -> np.ndarray:
 
 def test_short_chords_become_the_curve_that_they_stand_for():
     rough = contours.polyline(chords(600, turn=np.pi))
-    found = smooth_path(rough, TOLERANCE)
-    assert max(farthest(found.path, rough), farthest(rough, found.path)) <= found.deviation
-    assert found.deviation <= TOLERANCE
-    assert farthest(found.path, contours.circle(RADIUS)) < TOLERANCE
-    assert found.path.rate.size < 60
-    bends = curvature(found.path)
+    actual = smooth_path(rough, TOLERANCE)
+    assert max(farthest(actual.path, rough), farthest(rough, actual.path)) <= actual.deviation
+    assert actual.deviation <= TOLERANCE
+    assert farthest(actual.path, contours.circle(RADIUS)) < TOLERANCE
+    assert actual.path.rate.size < 60
+    bends = curvature(actual.path)
     np.testing.assert_allclose(bends[5:-5], 1 / RADIUS, rtol=0.2)
     assert bends.max() < 3 / RADIUS  # at the ends, which are kept with their rounding
 
@@ -65,22 +65,22 @@ def test_arcs_of_a_cam_system_are_smoothed_too():
             direction
         )
     rough = contours.chain(parts)
-    found = smooth_path(rough, TOLERANCE)
-    assert found.path.rate.size < 45
-    assert max(farthest(found.path, rough), farthest(rough, found.path)) <= found.deviation
-    bends = curvature(found.path)
+    actual = smooth_path(rough, TOLERANCE)
+    assert actual.path.rate.size < 45
+    assert max(farthest(actual.path, rough), farthest(rough, actual.path)) <= actual.deviation
+    bends = curvature(actual.path)
     assert np.abs(np.diff(bends)).max() < 0.2 * (1 / 5e-3 - 1 / 5.9e-3)  # of the whole change
 
 
 def test_a_longer_line_is_left_tangentially():
     arc = chords(400, turn=np.pi / 2)
     points = np.vstack([[RADIUS, -10e-3], arc, arc[-1] - [10e-3, 0.0]])
-    found = smooth_path(contours.polyline(points), TOLERANCE)
-    inner = joints(unpadded(found.path))
+    actual = smooth_path(contours.polyline(points), TOLERANCE)
+    inner = joints(unpadded(actual.path))
     assert inner.turn.max() < 1e-9
-    lines = np.flatnonzero(np.asarray(found.path.extent) > 5e-3)
-    np.testing.assert_array_equal(found.piece[lines], [0, 401])
-    assert found.deviation <= TOLERANCE
+    lines = np.flatnonzero(np.asarray(actual.path.extent) > 5e-3)
+    np.testing.assert_array_equal(actual.piece[lines], [0, 401])
+    assert actual.deviation <= TOLERANCE
 
 
 def test_corners_stay():
@@ -88,10 +88,10 @@ def test_corners_stay():
     zero, full = 0 * side, 0 * side + 10e-3
     legs = [(side, zero), (full, side), (10e-3 - side, full), (zero, 10e-3 - side)]
     points = np.vstack([np.stack(leg, axis=1) for leg in legs])
-    found = smooth_path(contours.polygon(points), TOLERANCE)
+    actual = smooth_path(contours.polygon(points), TOLERANCE)
     expected = blended(contours.polygon(10e-3 * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])), 2e-6)
-    assert farthest(found.path, expected.path) < TOLERANCE
-    assert found.deviation <= TOLERANCE
+    assert farthest(actual.path, expected.path) < TOLERANCE
+    assert actual.deviation <= TOLERANCE
 
 
 def rounded(radius: float, chord: float, side: float) -> np.ndarray:
@@ -107,51 +107,51 @@ def rounded(radius: float, chord: float, side: float) -> np.ndarray:
 def test_long_and_short_moves_of_one_run_stay_within_the_tolerance(radius, side):
     """Far from the points that it is fitted to, a curve may swing."""
     rough = contours.polyline(rounded(radius, 10.5e-6, side))
-    found = smooth_path(rough, TOLERANCE)
-    assert found.path.rate.size < rough.rate.size / 2  # it is smoothed at all
-    assert max(farthest(found.path, rough), farthest(rough, found.path)) <= found.deviation
-    assert found.deviation <= TOLERANCE
+    actual = smooth_path(rough, TOLERANCE)
+    assert actual.path.rate.size < rough.rate.size / 2  # it is smoothed at all
+    assert max(farthest(actual.path, rough), farthest(rough, actual.path)) <= actual.deviation
+    assert actual.deviation <= TOLERANCE
 
 
 def test_where_the_feed_changes_the_run_ends():
     rough = contours.polyline(chords(800, turn=np.pi))
     feed = np.where(np.arange(800) < 300, 0.05, 0.02)
-    found = smooth_path(rough, TOLERANCE, alike=feed[1:] == feed[:-1])
+    actual = smooth_path(rough, TOLERANCE, alike=feed[1:] == feed[:-1])
     np.testing.assert_allclose(
-        found.place[np.flatnonzero(np.diff(found.feed(feed)))[0] + 1],
+        actual.place[np.flatnonzero(np.diff(actual.feed(feed)))[0] + 1],
         np.sum(np.asarray(rough.extent)[:300]),
         atol=0.5e-3,  # the blend there begins before
     )
-    assert set(np.unique(found.feed(feed))) == {0.02, 0.05}
+    assert set(np.unique(actual.feed(feed))) == {0.02, 0.05}
 
 
 def test_a_stop_that_is_asked_for_stays_a_joint():
     rough = contours.polyline(chords(800, turn=np.pi, rounding=1e-9))
     allowed = np.ones(799, bool)
     allowed[399] = False
-    found = smooth_path(rough, TOLERANCE, allowed)
+    actual = smooth_path(rough, TOLERANCE, allowed)
     stop = float(np.sum(np.asarray(rough.extent)[:400]))
-    at = np.flatnonzero(np.abs(found.place - stop) < 1e-12)
+    at = np.flatnonzero(np.abs(actual.place - stop) < 1e-12)
     assert at.size == 1
-    begin = np.asarray(found.path.start)[at[0]]
-    np.testing.assert_allclose(found.path.position(begin), rough.position(stop), atol=1e-12)
+    begin = np.asarray(actual.path.start)[at[0]]
+    np.testing.assert_allclose(actual.path.position(begin), rough.position(stop), atol=1e-12)
 
 
 def test_true_arc_runs_along_the_moves():
     rough = contours.polyline(chords(800, turn=np.pi))
-    found = smooth_path(rough, TOLERANCE)
-    on_path = np.linspace(0.0, float(found.path.length), 2001)
-    arc = found.true_arc(on_path)
+    actual = smooth_path(rough, TOLERANCE)
+    on_path = np.linspace(0.0, float(actual.path.length), 2001)
+    arc = actual.true_arc(on_path)
     assert arc[0] == 0.0 and arc[-1] == float(rough.length) and (np.diff(arc) > 0).all()
-    apart = np.asarray(found.path.position(on_path)) - np.asarray(rough.position(arc))
+    apart = np.asarray(actual.path.position(on_path)) - np.asarray(rough.position(arc))
     assert np.linalg.norm(apart, axis=1).max() < 2 * TOLERANCE
 
 
 @pytest.mark.parametrize("tolerance", [0.0, TOLERANCE])
 def test_without_short_moves_it_is_the_blended_path(tolerance):
     square = contours.polygon(10e-3 * np.array([[0, 0], [1, 0], [1, 1], [0, 1]]))
-    found, expected = smooth_path(square, tolerance), blended(square, tolerance)
-    np.testing.assert_array_equal(found.path.polynomial, expected.path.polynomial)
+    actual, expected = smooth_path(square, tolerance), blended(square, tolerance)
+    np.testing.assert_array_equal(actual.path.polynomial, expected.path.polynomial)
 
 
 def test_bad_input_is_named():
@@ -172,9 +172,9 @@ def test_a_run_and_a_corner_share_the_tolerance():
     ahead = np.array([-np.sin(turn), np.cos(turn)])
     aside = points[-1] + 5e-3 * ahead
     rough = contours.polyline([*points, aside, aside + 5e-3 * np.array([ahead[1], -ahead[0]])])
-    found = smooth_path(rough, TOLERANCE)
-    assert found.blend.any()
-    assert sagitta / 2 < farthest(found.path, rough) <= found.deviation <= TOLERANCE
+    actual = smooth_path(rough, TOLERANCE)
+    assert actual.blend.any()
+    assert sagitta / 2 < farthest(actual.path, rough) <= actual.deviation <= TOLERANCE
 
 
 @pytest.mark.parametrize("feed", [np.ones(3), np.full(9, np.inf), np.zeros(9), np.ones((9, 1))])

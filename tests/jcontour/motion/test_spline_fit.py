@@ -29,16 +29,16 @@ class Case:
         dense = BSpline.design_matrix(self.arc, self.whole(), DEGREE).toarray()
         begins, ends = ~np.isnan(self.tangents[:, 0])
         free = slice(1 + begins, dense.shape[1] - 1 - ends)
-        found = np.zeros((dense.shape[1], 2))
-        found[[0, -1]] = self.points[[0, -1]]
+        actual = np.zeros((dense.shape[1], 2))
+        actual[[0, -1]] = self.points[[0, -1]]
         if begins:
-            found[1] = found[0] + self.tangents[0] * self.knots[1] / DEGREE
+            actual[1] = actual[0] + self.tangents[0] * self.knots[1] / DEGREE
         if ends:
-            found[-2] = found[-1] - self.tangents[1] * (1 - self.knots[-2]) / DEGREE
+            actual[-2] = actual[-1] - self.tangents[1] * (1 - self.knots[-2]) / DEGREE
         root = np.sqrt(self.weight)[:, None]
-        left = root * (self.points - dense @ found)
-        found[free] = np.linalg.lstsq(root * dense[:, free], left, rcond=None)[0]
-        return found
+        left = root * (self.points - dense @ actual)
+        actual[free] = np.linalg.lstsq(root * dense[:, free], left, rcond=None)[0]
+        return actual
 
 
 def fitted(cases, begins):

@@ -105,8 +105,8 @@ def test_a_plan_can_be_shared(two_axes, controller):
         two_axes, controller, prepared(controller, reference), reference
     )
     wanted = simulate(two_axes, controller, reference)
-    for found, row in zip(jax.tree.leaves(shared), jax.tree.leaves(wanted), strict=True):
-        np.testing.assert_allclose(found, row, rtol=1e-11, atol=1e-15)
+    for actual, row in zip(jax.tree.leaves(shared), jax.tree.leaves(wanted), strict=True):
+        np.testing.assert_allclose(actual, row, rtol=1e-11, atol=1e-15)
 
 
 def test_swapped_arguments_are_told(two_axes, controller):

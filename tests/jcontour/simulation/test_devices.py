@@ -14,11 +14,11 @@ TWO = Spread(device_mesh(2))
 def test_every_member_comes_back_in_its_place(members):
     """Also where the devices do not divide the batch; x + i for a tree of two leaves."""
     batch = np.arange(members * 3.0).reshape(members, 3), np.arange(1.0 * members)
-    found = jax.jit(lambda b: TWO(lambda one: {"sum": one[0].sum() + one[1], "index": one[1]}, b))(
+    actual = jax.jit(lambda b: TWO(lambda one: {"sum": one[0].sum() + one[1], "index": one[1]}, b))(
         batch
     )
-    np.testing.assert_array_equal(found["index"], np.arange(members))
-    np.testing.assert_allclose(found["sum"], 10.0 * np.arange(members) + 3, rtol=1e-15)
+    np.testing.assert_array_equal(actual["index"], np.arange(members))
+    np.testing.assert_allclose(actual["sum"], 10.0 * np.arange(members) + 3, rtol=1e-15)
 
 
 def test_both_devices_work():

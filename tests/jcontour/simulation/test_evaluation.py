@@ -78,8 +78,8 @@ def test_metrics_are_those_of_single_runs(evaluated, controller, plants, referen
     for i, reference in enumerate(references[:2]):
         for j in (0, 2):
             wanted = score(simulate(plants[j], controller, reference), reference, WINDOW)
-            found = jax.tree.map(lambda leaf, i=i, j=j: leaf[i, j], family)
-            for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+            actual = jax.tree.map(lambda leaf, i=i, j=j: leaf[i, j], family)
+            for a, b in zip(jax.tree.leaves(actual), jax.tree.leaves(wanted), strict=True):
                 np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-18)
 
 
@@ -142,10 +142,10 @@ class Follower(Controller):
 @pytest.mark.parametrize(("count", "batching"), [(1, one_by_one), (3, all_at_once)])
 def test_plants_without_arrays_are_as_many_as_were_stacked(count, batching, references):
     runs = stack_references([references[0]])
-    found = evaluate(stack_plants([Drives()] * count), Follower(), runs, batching=batching)
+    actual = evaluate(stack_plants([Drives()] * count), Follower(), runs, batching=batching)
     wanted = score(simulate(Drives(), Follower(), references[0]), references[0])
-    assert found.rms_contour_error.shape == (1, count)
-    np.testing.assert_allclose(found.rms_contour_error, wanted.rms_contour_error, rtol=1e-12)
+    assert actual.rms_contour_error.shape == (1, count)
+    np.testing.assert_allclose(actual.rms_contour_error, wanted.rms_contour_error, rtol=1e-12)
 
 
 def test_plants_without_arrays_that_differ_or_are_not_stacked_are_refused(references):
@@ -239,11 +239,11 @@ def test_the_memory_of_a_derivative_does_not_grow_with_the_batch():
 def test_a_number_changes_nothing(two_axes):
     place, increment = jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0])
     control = jnp.array([0.3, -0.2])
-    found, wanted = [], []
-    for plant, rows in ((Numbered(two_axes, 3), found), (two_axes, wanted)):
+    actual, wanted = [], []
+    for plant, rows in ((Numbered(two_axes, 3), actual), (two_axes, wanted)):
         state = plant.step(plant.initial_state(place, increment), control)
         rows += [state, plant.output(state), plant.measure(state), plant.holding_control(place)]
-    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+    for a, b in zip(jax.tree.leaves(actual), jax.tree.leaves(wanted), strict=True):
         np.testing.assert_array_equal(a, b)
     assert Numbered(two_axes, 3).dt == two_axes.dt
     assert Numbered(two_axes, 3).side_by_side is two_axes.side_by_side

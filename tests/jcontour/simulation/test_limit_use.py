@@ -144,16 +144,16 @@ def test_what_is_hidden_is_the_mean_acceleration_less_what_samples_show(model):
     place, speed = swing(*model)
     within = abs(speed[FINE] - speed[0]) / DT
     shown = abs(place[2 * FINE] - 2 * place[FINE] + place[0]) / DT**2
-    [[found]] = hidden_acceleration(sampled(*model))
-    np.testing.assert_allclose(found, max(within - shown, 0.0), rtol=1e-9)
+    [[actual]] = hidden_acceleration(sampled(*model))
+    np.testing.assert_allclose(actual, max(within - shown, 0.0), rtol=1e-9)
 
 
 def test_a_mass_hides_all_of_it_and_swings_an_eighth_aside():
     place, _ = swing(*MASS)
-    [[found]] = hidden_acceleration(sampled(*MASS))
-    np.testing.assert_allclose(found, 0.8, rtol=1e-12)
+    [[actual]] = hidden_acceleration(sampled(*MASS))
+    np.testing.assert_allclose(actual, 0.8, rtol=1e-12)
     aside = place[FINE // 2] - 0.5 * (place[0] + place[FINE])
-    np.testing.assert_allclose(abs(aside), found * DT**2 / 8, rtol=1e-9)
+    np.testing.assert_allclose(abs(aside), actual * DT**2 / 8, rtol=1e-9)
 
 
 @pytest.mark.parametrize("delay", [1, 4])
@@ -179,8 +179,8 @@ def test_a_control_that_changes_within_the_sample():
     change = round(late * FINE)
     within = abs(speed[change + FINE] - speed[change]) / DT
     shown = abs(place[2 * FINE] - 2 * place[FINE] + place[0]) / DT**2
-    [[found]] = hidden_acceleration(LinearPlant(A, B, np.eye(1, 3), DT))
-    np.testing.assert_allclose(found, within - shown, rtol=1e-9)
+    [[actual]] = hidden_acceleration(LinearPlant(A, B, np.eye(1, 3), DT))
+    np.testing.assert_allclose(actual, within - shown, rtol=1e-9)
 
 
 def test_a_pure_delay_hides_nothing():
@@ -190,8 +190,8 @@ def test_a_pure_delay_hides_nothing():
 
 def test_axes_keep_apart_and_negative_poles_do_not_fail():
     A = np.diag([-0.3, 0.5])
-    found = hidden_acceleration(LinearPlant(A, np.eye(2), np.eye(2), DT))
-    assert np.isfinite(found).all() and found[0, 1] == found[1, 0] == 0
+    actual = hidden_acceleration(LinearPlant(A, np.eye(2), np.eye(2), DT))
+    assert np.isfinite(actual).all() and actual[0, 1] == actual[1, 0] == 0
 
 
 def test_a_straight_control_does_not_alternate():

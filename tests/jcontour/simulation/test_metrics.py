@@ -106,8 +106,8 @@ def test_window_is_a_mask(bent):
         score(output, control, bent, (3, 9)),
         score(output, control, masked(bent, inside)),
     )
-    for found, wanted in zip(jax.tree.leaves(by_window), jax.tree.leaves(by_mask), strict=True):
-        assert float(found) == float(wanted)
+    for actual, wanted in zip(jax.tree.leaves(by_window), jax.tree.leaves(by_mask), strict=True):
+        assert float(actual) == float(wanted)
     for window in ((5, 5), (-1, 4), (0, T + 1), (6, 3)):
         with pytest.raises(ValueError, match="window: needs whole numbers 0 <= a < b <= 12"):
             score_signals(output, control, bent, window)
@@ -128,10 +128,10 @@ def test_padding_changes_no_metric(bent):
     for garbage in (1.0, np.nan, np.inf):
         extra = np.full((5, 2), garbage)
         padded = score(np.concatenate([output, extra]), np.concatenate([control, extra]), longer)
-        for found, wanted in zip(
+        for actual, wanted in zip(
             jax.tree.leaves(padded), jax.tree.leaves(score(output, control, bent)), strict=True
         ):
-            np.testing.assert_allclose(found, wanted, rtol=1e-14)
+            np.testing.assert_allclose(actual, wanted, rtol=1e-14)
 
 
 @pytest.mark.parametrize("what", ["nan", "inf", "far", "control"])
@@ -172,9 +172,9 @@ def test_gradients_are_finite_when_padding_is_not(bent):
         return score_signals(output, jnp.zeros((T + 2, 2)), longer).rms_contour_error
 
     output = np.concatenate([desired(bent) + 1e-6, np.full((2, 2), np.nan)])
-    found = np.asarray(slope(output))
-    assert np.isfinite(found[:T]).all()
-    assert not np.any(np.nan_to_num(found[T:]))
+    actual = np.asarray(slope(output))
+    assert np.isfinite(actual[:T]).all()
+    assert not np.any(np.nan_to_num(actual[T:]))
 
 
 def test_gradient_of_the_contour_error_is_that_of_differences(bent):
@@ -199,8 +199,8 @@ def test_many_runs_at_once_are_each_scored(bent):
     together = score(output, control, bent, (1, 9))
     for k in range(3):
         alone = score(output[:, k], control[:, k], bent, (1, 9))
-        for found, wanted in zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True):
-            np.testing.assert_allclose(found[k], wanted, rtol=1e-14)
+        for actual, wanted in zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True):
+            np.testing.assert_allclose(actual[k], wanted, rtol=1e-14)
 
 
 def test_metrics_are_printed_with_their_units(straight):

@@ -20,8 +20,8 @@ def lines(*corners):
     return strokes(*[Line(MM * a, MM * b) for a, b in corners])
 
 
-def order(found):
-    return [[line for _, line in stroke] for stroke in found]
+def order(actual):
+    return [[line for _, line in stroke] for stroke in actual]
 
 
 def ends(stroke):
@@ -29,32 +29,32 @@ def ends(stroke):
 
 
 def test_a_square_in_no_order():
-    found = joined(lines((0, 1), (0, 1j), (1 + 1j, 1), (1 + 1j, 1j)), GAP)
-    assert order(found) == [[0, 2, 3, 1]]
-    np.testing.assert_array_equal(ends(found[0])[:, 0], [0, 1, 1 + 1j, 1j])
+    actual = joined(lines((0, 1), (0, 1j), (1 + 1j, 1), (1 + 1j, 1j)), GAP)
+    assert order(actual) == [[0, 2, 3, 1]]
+    np.testing.assert_array_equal(ends(actual[0])[:, 0], [0, 1, 1 + 1j, 1j])
 
 
 def test_a_contour_is_carried_on_at_both_ends():
-    found = joined(lines((1, 2), (3, 2), (1, 0)), GAP)
-    assert order(found) == [[2, 0, 1]]
-    np.testing.assert_array_equal(ends(found[0]), [[0, 1], [1, 2], [2, 3]])
+    actual = joined(lines((1, 2), (3, 2), (1, 0)), GAP)
+    assert order(actual) == [[2, 0, 1]]
+    np.testing.assert_array_equal(ends(actual[0]), [[0, 1], [1, 2], [2, 3]])
 
 
 def test_contours_come_in_the_order_of_the_file():
-    found = joined(lines((9, 8), (0, 1), (2, 1), (7, 8)), GAP)
-    assert order(found) == [[0, 3], [1, 2]]
+    actual = joined(lines((9, 8), (0, 1), (2, 1), (7, 8)), GAP)
+    assert order(actual) == [[0, 3], [1, 2]]
 
 
 def test_at_a_branch_it_goes_on_where_it_bends_least():
-    found = joined(lines((0, 1), (1, 1 + 1j), (1, 2 + 0.1j), (1, 1 - 1j)), GAP)
-    assert order(found) == [[0, 2], [3, 1]] or order(found) == [[0, 2], [1, 3]]
+    actual = joined(lines((0, 1), (1, 1 + 1j), (1, 2 + 0.1j), (1, 1 - 1j)), GAP)
+    assert order(actual) == [[0, 2], [3, 1]] or order(actual) == [[0, 2], [1, 3]]
 
 
 def test_gaps_are_closed_by_moving_ends():
     bent = Arc.circular(MM * (1 + 0.004j), MM * (1 + 1j), np.pi / 2)
-    found = joined(strokes(Line(0, MM), bent), GAP)
-    assert len(found) == 1
-    line, arc = (segment for segment, _ in found[0])
+    actual = joined(strokes(Line(0, MM), bent), GAP)
+    assert len(actual) == 1
+    line, arc = (segment for segment, _ in actual[0])
     assert line.end == pytest.approx(MM) and abs(arc.start - line.end) < 1e-15
     assert abs(arc.end - bent.end) < 1e-15 and arc.is_circular()
     assert len(joined(strokes(Line(0, MM), bent), 1e-6)) == 2
@@ -62,15 +62,15 @@ def test_gaps_are_closed_by_moving_ends():
 
 def test_a_gap_beside_a_nearly_whole_circle_is_closed_by_a_line():
     curled = Arc.circular(MM * (1 + 0.004j), MM * (2 + 0.004j), 0.99 * 2 * np.pi)
-    found = joined(strokes(Line(0, MM), curled), GAP)
-    assert [type(segment) for segment, _ in found[0]] == [Line, Line, Arc]
-    assert found[0][2].segment == curled
+    actual = joined(strokes(Line(0, MM), curled), GAP)
+    assert [type(segment) for segment, _ in actual[0]] == [Line, Line, Arc]
+    assert actual[0][2].segment == curled
 
 
 def test_closing_gaps_around_a_contour():
-    found = joined(lines((0, 1), (1.002, 1 + 1j), (1 + 1.003j, 0.004)), GAP)
-    corners = ends(found[0])
-    assert len(found) == 1
+    actual = joined(lines((0, 1), (1.002, 1 + 1j), (1 + 1.003j, 0.004)), GAP)
+    corners = ends(actual[0])
+    assert len(actual) == 1
     np.testing.assert_allclose(corners[:, 1], np.roll(corners[:, 0], -1), atol=1e-12)
     assert abs(corners - [[0, 1], [1, 1 + 1j], [1 + 1j, 0]]).max() <= 0.005
 

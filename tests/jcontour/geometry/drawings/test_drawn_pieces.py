@@ -13,10 +13,10 @@ def bezier(*points):
     return Curve.bezier(*[MM * complex(*point) for point in points])
 
 
-def apart(curve, found):
+def apart(curve, actual):
     """Largest distance [m] between a curve and its pieces, each seen from the other's points."""
     fractions = np.linspace(0, 1, 33)
-    pieces = found.pieces
+    pieces = actual.pieces
     points = np.concatenate(
         [
             pieces._replace(**{name: rows[i] for name, rows in pieces._asdict().items()}).jet(
@@ -49,12 +49,12 @@ def apart(curve, found):
     ],
 )
 def test_bezier_curves(curve):
-    found = drawn_pieces([curve])
-    assert found.fit_error <= FIT_TOLERANCE
-    assert apart(curve, found) < 3 * FIT_TOLERANCE
-    start, tangent, _ = found.pieces.jet(np.zeros(found.pieces.extent.size))
+    actual = drawn_pieces([curve])
+    assert actual.fit_error <= FIT_TOLERANCE
+    assert apart(curve, actual) < 3 * FIT_TOLERANCE
+    start, tangent, _ = actual.pieces.jet(np.zeros(actual.pieces.extent.size))
     np.testing.assert_allclose(np.linalg.norm(tangent, axis=-1), 1, atol=1e-9)
-    end = found.pieces.jet(found.pieces.extent)[0]
+    end = actual.pieces.jet(actual.pieces.extent)[0]
     np.testing.assert_allclose(start[1:], end[:-1], atol=1e-14)
     np.testing.assert_allclose([start[0] @ [1, 1j], end[-1] @ [1, 1j]], [curve.start, curve.end])
 
@@ -62,16 +62,16 @@ def test_bezier_curves(curve):
 def test_kinds_stay_in_their_order():
     line, arc = Line(0, MM), Arc.circular(MM, MM * (1 + 1j), np.pi)
     ellipse = Arc(MM * (1 + 4j), -2j * MM, MM, 0.0, np.pi)
-    found = drawn_pieces([line, ellipse, arc, Line(5 * MM, 5 * MM), line])
-    assert sorted(set(found.owner.tolist())) == [0, 1, 2, 4]
-    assert (np.diff(found.owner) >= 0).all()
-    assert (found.pieces.rate > 0).tolist() == (found.owner == 2).tolist()
+    actual = drawn_pieces([line, ellipse, arc, Line(5 * MM, 5 * MM), line])
+    assert sorted(set(actual.owner.tolist())) == [0, 1, 2, 4]
+    assert (np.diff(actual.owner) >= 0).all()
+    assert (actual.pieces.rate > 0).tolist() == (actual.owner == 2).tolist()
 
 
 def test_a_part_of_an_ellipse_has_pieces_that_meet_where_its_axes_are():
     """Three quarters of it: halves of the whole would meet elsewhere."""
     centre, long, short = MM * (1 + 4j), 20 * MM, -3j * MM
-    found = drawn_pieces([Arc(centre, long, short, 0.0, 1.5 * np.pi)])
-    start = found.pieces.jet(np.zeros(found.pieces.extent.size))[0] @ [1, 1j]
+    actual = drawn_pieces([Arc(centre, long, short, 0.0, 1.5 * np.pi)])
+    start = actual.pieces.jet(np.zeros(actual.pieces.extent.size))[0] @ [1, 1j]
     for vertex in (centre + long, centre + short, centre - long):
         assert np.abs(start - vertex).min() < 1e-15

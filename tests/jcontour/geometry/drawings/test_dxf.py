@@ -53,11 +53,11 @@ def test_a_raised_polyline_that_leans_is_seen_where_its_points_are(drawn):
     lean, raised = np.pi / 3, 5.0
     points = [(0.0, 0.0), (4.0, 0.0), (4.0, 2.0)]
     up = f"38={raised} 210={np.sin(lean)} 220=0 230={np.cos(lean)}"
-    found = drawn.cut(drawn.dxf(f"LWPOLYLINE {up} 10=0 20=0 10=4 20=0 42=1 10=4 20=2"))
+    actual = drawn.cut(drawn.dxf(f"LWPOLYLINE {up} 10=0 20=0 10=4 20=0 42=1 10=4 20=2"))
     seen = [(raised * np.sin(lean) - y * np.cos(lean), x) for x, y in points]
     farthest = (raised * np.sin(lean) - np.cos(lean), 5.0)  # of half a circle
     for point in (*seen, farthest):
-        assert np.linalg.norm(found - point, axis=1).min() < 10 * NM
+        assert np.linalg.norm(actual - point, axis=1).min() < 10 * NM
 
 
 def test_ellipses(drawn):
@@ -85,8 +85,8 @@ def test_bulges(drawn, bulge):
 
 def test_polylines_with_vertices(drawn):
     flat = ["POLYLINE 66=1 70=1", "VERTEX 10=0 20=0", "VERTEX 10=4 20=0 42=1", "VERTEX 10=4 20=4"]
-    found = drawn.dxf(*flat, "SEQEND")
-    assert drawn.length(found) == pytest.approx(4 + 2 * np.pi + 4 * np.sqrt(2))
+    actual = drawn.dxf(*flat, "SEQEND")
+    assert drawn.length(actual) == pytest.approx(4 + 2 * np.pi + 4 * np.sqrt(2))
     frame = ["POLYLINE 66=1 70=4", "VERTEX 10=9 20=9 70=16", *flat[1:], "SEQEND"]
     assert drawn.length(drawn.dxf(*frame)) == pytest.approx(4 + 2 * np.pi)
     space = ["POLYLINE 66=1 70=8", "VERTEX 10=0 20=0 30=7", "VERTEX 10=3 20=4 30=-7", "SEQEND"]
@@ -112,19 +112,19 @@ def test_a_uniform_spline_begins_inside_its_control_points(drawn):
     control = np.array([[0, 0], [3, 6], [9, 0], [12, 6.0], [15, 3]])
     knots = " ".join(f"40={k}" for k in range(9))
     points = " ".join(f"10={x} 20={y}" for x, y in control)
-    found = drawn.cut(drawn.dxf(f"SPLINE 71=3 {knots} {points}"))
+    actual = drawn.cut(drawn.dxf(f"SPLINE 71=3 {knots} {points}"))
     ends = [(control[i] + 4 * control[i + 1] + control[i + 2]) / 6 for i in (0, 2)]
-    np.testing.assert_allclose(found[[0, -1]], ends, atol=1e-9)
+    np.testing.assert_allclose(actual[[0, -1]], ends, atol=1e-9)
 
 
 def test_a_spline_through_fit_points(drawn):
     """Four points of a parabola, which the clamped cubic over the chord stays near."""
     fit = np.array([[0, 0], [1, 2], [3, 3], [6, 0.0]])
     points = " ".join(f"11={x} 21={y}" for x, y in fit)
-    found = drawn.cut(drawn.dxf(f"SPLINE 71=3 74=4 12=0 22=1 {points} 13=0 23=-1"), 33)
+    actual = drawn.cut(drawn.dxf(f"SPLINE 71=3 74=4 12=0 22=1 {points} 13=0 23=-1"), 33)
     for point in fit:
-        assert np.linalg.norm(found - point, axis=1).min() < 10 * NM
-    first, last = found[1] - found[0], found[-1] - found[-2]
+        assert np.linalg.norm(actual - point, axis=1).min() < 10 * NM
+    first, last = actual[1] - actual[0], actual[-1] - actual[-2]
     assert first[1] > 0 > last[1] and abs(first[0] / first[1]) < 0.1 > abs(last[0] / last[1])
 
 
@@ -141,21 +141,21 @@ BLOCK = ["BLOCK 2=part 10=1 20=1 70=0", "CIRCLE 10=3 20=1 40=2", LINE, "ENDBLK"]
 def test_blocks_are_placed_turned_and_scaled(drawn):
     """Scaled by 2 and 3, turned by 30 degrees and shifted: base (1, 1) comes to (10, 20)."""
     insert = "INSERT 2=PART 10=10 20=20 41=2 42=3 50=30"
-    found = drawn.dxf(insert, blocks=BLOCK)
+    actual = drawn.dxf(insert, blocks=BLOCK)
     turned = np.array([[np.cos(TURN), np.sin(TURN)], [-np.sin(TURN), np.cos(TURN)]])
-    points = (drawn.cut(found) - [10, 20]) @ turned.T / [2, 3] + 1
+    points = (drawn.cut(actual) - [10, 20]) @ turned.T / [2, 3] + 1
     on_circle = abs(np.hypot(*(points - [3, 1]).T) - 2) < 10 * NM
     on_line = abs(4 * points[:, 0] - 3 * points[:, 1]) < 1e-9
     assert (on_circle | on_line).all() and on_circle.any() and on_line.any()
-    assert drawn.length(found) == pytest.approx(4 * 6 * ellipe(5 / 9) + np.hypot(6, 12), abs=1e-5)
+    assert drawn.length(actual) == pytest.approx(4 * 6 * ellipe(5 / 9) + np.hypot(6, 12), abs=1e-5)
 
 
 def test_blocks_in_blocks_and_arrays(drawn):
     outer = ["BLOCK 2=outer 10=0 20=0", "INSERT 2=part 10=0 20=0 43=0 42=-1", "ENDBLK"]
     array = "INSERT 2=outer 10=0 20=0 70=3 71=2 44=10 45=20 50=90"
-    found = drawn.dxf(array, blocks=BLOCK + outer)
-    assert drawn.length(found) == pytest.approx(6 * (4 * np.pi + 5))
-    low, high = drawn.cut(found, 33).min(axis=0), drawn.cut(found, 33).max(axis=0)
+    actual = drawn.dxf(array, blocks=BLOCK + outer)
+    assert drawn.length(actual) == pytest.approx(6 * (4 * np.pi + 5))
+    low, high = drawn.cut(actual, 33).min(axis=0), drawn.cut(actual, 33).max(axis=0)
     # a cell: x from -1 to 4, y from -3 to 2 once mirrored; turned: x from -2 to 3, y from -1 to 4
     np.testing.assert_allclose([low, high], [[-22, -1], [3, 24]], atol=0.02)
 
@@ -173,9 +173,9 @@ def test_units(drawn):
 def test_what_is_not_drawn_is_told(drawn):
     layers = ["LAYER 2=off 62=-3 70=0", "LAYER 2=cold 62=7 70=1", "LAYER 2=on 62=7 70=0"]
     unseen = [f"{LINE} 8=OFF", f"{LINE} 8=cold", f"{LINE} 60=1", f"{LINE} 67=1", "POINT 10=1 20=1"]
-    found = drawn.dxf(*unseen, f"{LINE} 8=on", "MTEXT 8=on 1=x", "MTEXT 8=on 1=y", layers=layers)
-    assert drawn.length(found) == pytest.approx(5)
-    assert found.ignored == (
+    actual = drawn.dxf(*unseen, f"{LINE} 8=on", "MTEXT 8=on 1=x", "MTEXT 8=on 1=y", layers=layers)
+    assert drawn.length(actual) == pytest.approx(5)
+    assert actual.ignored == (
         "1 LINE (layer 0, in paper space)",
         "1 LINE (layer 0, invisible)",
         "1 LINE (layer OFF, off)",
@@ -197,14 +197,14 @@ def test_a_layer_that_is_off_hides_less_of_a_block_than_a_frozen_one(drawn, laye
     """The block has a line on layer 0, which is that of its INSERT, and one on its own layer."""
     block = ["BLOCK 2=two", LINE, "LINE 8=seen 10=9 20=0 11=9 21=1", "ENDBLK"]
     layers = ["LAYER 2=off 62=-1", "LAYER 2=cold 62=-1 70=1"]
-    found = drawn.dxf(
+    actual = drawn.dxf(
         "LINE 10=20 20=0 11=20 21=5",
         f"INSERT 2=two 10=0 20=0 8={layer}",
         blocks=block,
         layers=layers,
     )
-    assert drawn.length(found) == pytest.approx(length)
-    assert found.ignored == told
+    assert drawn.length(actual) == pytest.approx(length)
+    assert actual.ignored == told
 
 
 ITSELF = ["BLOCK 2=part", "INSERT 2=part 10=0 20=0", "ENDBLK"]
@@ -303,18 +303,18 @@ def test_a_file_that_states_no_version_keeps_its_layers(drawn):
     stated = "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1015\n0\nENDSEC\n"
     assert text.startswith(stated)
     text = text.removeprefix(stated)
-    found = drawn.read(text, 1e-3)
-    assert found.ignored == ("1 LINE (layer cold, frozen)",)
+    actual = drawn.read(text, 1e-3)
+    assert actual.ignored == ("1 LINE (layer cold, frozen)",)
 
 
 @pytest.mark.parametrize("turns", [0, 3, 10**9])
 def test_an_angle_of_many_turns_is_the_angle(drawn, turns):
     """DXF states no range: the arc from 90 to 180 degrees, begun some turns later."""
-    once, found = (
+    once, actual = (
         drawn.dxf(f"ARC 10=0 20=0 40=5 50={90 + 360 * k} 51={180 + 360 * k}") for k in (0, turns)
     )
-    np.testing.assert_allclose(found.contour.position(0.0), [0.0, 5e-3], atol=1e-9)
-    assert float(found.contour.length) == pytest.approx(float(once.contour.length), rel=1e-9)
+    np.testing.assert_allclose(actual.contour.position(0.0), [0.0, 5e-3], atol=1e-9)
+    assert float(actual.contour.length) == pytest.approx(float(once.contour.length), rel=1e-9)
 
 
 def test_a_clipped_block_is_drawn_whole_and_its_clipping_is_listed(drawn, tmp_path):
@@ -335,9 +335,9 @@ NUMBERS = re.compile(rb'(?<=[\n\s",(])-?[0-9]+\.?[0-9]*(?=[\s,",)])')
 def mutated(content: bytes, draw: random.Random) -> bytes:
     for _ in range(draw.randint(1, 4)):
         if draw.random() < 0.7:
-            found = draw.choice(list(NUMBERS.finditer(content)))
+            actual = draw.choice(list(NUMBERS.finditer(content)))
             content = (
-                content[: found.start()] + draw.choice(WORDS).encode() + content[found.end() :]
+                content[: actual.start()] + draw.choice(WORDS).encode() + content[actual.end() :]
             )
         else:
             at = draw.randrange(len(content))

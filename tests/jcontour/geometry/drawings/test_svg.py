@@ -161,12 +161,12 @@ def test_units(drawn, svg):
 
 
 def test_what_is_not_drawn_is_told(svg):
-    found = svg(
+    actual = svg(
         '<text>a</text><image/><g style="display:none"><line x2="5"/></g><line x2="3"/>'
         '<g clip-path="url(#c)"><rect width="1" height="1"/></g><defs><line x2="9"/></defs>'
         '<flowRoot><flowRegion><rect width="7" height="7"/></flowRegion></flowRoot>'
     )
-    assert found.ignored == ("1 clip-path", "1 flowRoot", "1 hidden g", "1 image", "1 text")
+    assert actual.ignored == ("1 clip-path", "1 flowRoot", "1 hidden g", "1 image", "1 text")
 
 
 def test_a_visible_child_of_a_hidden_group_is_cut(drawn, svg):
@@ -187,9 +187,9 @@ def test_a_visible_child_of_a_hidden_group_is_cut(drawn, svg):
             "1 hidden circle",
         ),
     ):
-        found = svg(body)
-        assert drawn.length(found) == pytest.approx(2 * np.pi * radius, abs=100 * NM)
-        assert found.ignored == (left_out,)
+        actual = svg(body)
+        assert drawn.length(actual) == pytest.approx(2 * np.pi * radius, abs=100 * NM)
+        assert actual.ignored == (left_out,)
     root = svg(f"{small}{large}".format("", seen), size=f'{SIZE} visibility="hidden"')
     assert drawn.length(root) == pytest.approx(20 * np.pi, abs=100 * NM)
 
@@ -214,9 +214,9 @@ def line_of(length, given=""):
 def test_the_first_child_of_a_switch_whose_conditions_hold_is_cut(
     drawn, svg, children, length, left_out
 ):
-    found = svg(f"<switch>{children}</switch>")
-    assert drawn.length(found) == pytest.approx(length)
-    assert found.ignored == (f"{left_out} line not chosen by a switch",)
+    actual = svg(f"<switch>{children}</switch>")
+    assert drawn.length(actual) == pytest.approx(length)
+    assert actual.ignored == (f"{left_out} line not chosen by a switch",)
 
 
 def test_a_hidden_choice_stays_the_choice_and_conditions_hold_without_a_switch(drawn, svg):
@@ -232,9 +232,9 @@ def test_a_hidden_choice_stays_the_choice_and_conditions_hold_without_a_switch(d
 def test_a_program_s_own_copy_in_a_switch_is_left_for_the_drawing(drawn, svg):
     """As Illustrator writes it."""
     own = '<foreignObject requiredExtensions="http://ns.adobe.com/AdobeIllustrator/10.0/"/>'
-    found = svg(f"<switch>{own}<g>{line_of(4)}</g></switch>")
-    assert drawn.length(found) == pytest.approx(4)
-    assert found.ignored == ("1 foreignObject not chosen by a switch",)
+    actual = svg(f"<switch>{own}<g>{line_of(4)}</g></switch>")
+    assert drawn.length(actual) == pytest.approx(4)
+    assert actual.ignored == ("1 foreignObject not chosen by a switch",)
 
 
 EXTERNAL = '<!DOCTYPE svg [<!ENTITY secret SYSTEM "file:///etc/hostname">]>\n'

@@ -214,12 +214,12 @@ def mutated(text, chance):
 def runs(program, axes):
     """Whether a program runs; where it does its moves are sound, else its fault is one line."""
     try:
-        found = interpreted(lines_of(program), axes, None).moves
+        actual = interpreted(lines_of(program), axes, None).moves
     except ToolpathError as error:
         assert len(str(error).splitlines()) == 1 and str(error).startswith("line "), program
         return False
     at = (0.0, 0.0, 0.0)
-    for move in found:
+    for move in actual:
         assert math.dist(at[:axes], move.start[:axes]) < 1e-8, program
         assert all(abs(coordinate) <= FARTHEST for coordinate in (*move.start, *move.end))
         assert math.isnan(move.feed) == move.rapid, program
@@ -306,8 +306,8 @@ def test_two_axes_stand_still_while_z_moves():
 def test_dwells_say_how_long_and_where():
     program = "F600 G1 X1\nG4 P1.5\nG20 G4 X0.5\nG21 X2 G4 P.25\nG4"
     machine = interpreted(program.split("\n"), 3, None)
-    found = [(dwell.line, dwell.after, dwell.lasting) for dwell in machine.tracer.stops]
-    assert found == [(2, 1, 1.5), (3, 1, 0.5), (4, 1, 0.25)]  # before the move of their line
+    actual = [(dwell.line, dwell.after, dwell.lasting) for dwell in machine.tracer.stops]
+    assert actual == [(2, 1, 1.5), (3, 1, 0.5), (4, 1, 0.25)]  # before the move of their line
     assert len(machine.moves) == 2 and machine.ignored == {"G4"}
     with pytest.raises(ToolpathError, match=r"line 2: P-1: a dwell needs seconds"):
         interpreted(["G1 X1 F600", "G4 P-1"], 3, None)

@@ -18,7 +18,7 @@ def test_cells_are_slowed_by_their_greatest_excess():
     quicker = np.random.default_rng(0).uniform(0.5, 4.0, motion.nodes.size - 1)
     square = quicker[:, None] * motion._warp.square
     limits = AxisLimits(*LIMITS)
-    found = slower(motion._pieces, motion.feed, limits, motion._old, motion._cells, square)
+    actual = slower(motion._pieces, motion.feed, limits, motion._old, motion._cells, square)
     fraction = np.linspace(1e-9, 1 - 1e-9, 200)
     times = motion.nodes[:-1, None] + fraction * np.diff(motion.nodes)[:, None]
     rate = np.sqrt(quicker)[:, None, None]
@@ -34,6 +34,6 @@ def test_cells_are_slowed_by_their_greatest_excess():
     most = np.maximum(np.maximum(shares[0], fed) ** 2, np.maximum(shares[1], shares[2] ** (2 / 3)))
     expected = (1 - MARGIN) / np.maximum(most, 1 - MARGIN)
     assert (expected < 0.3).any() and (expected > 0.99).any()
-    assert (found <= expected * (1 + 1e-9)).all()
-    np.testing.assert_allclose(found, expected, rtol=0.05)
-    assert np.median(expected / found) < 1.002
+    assert (actual <= expected * (1 + 1e-9)).all()
+    np.testing.assert_allclose(actual, expected, rtol=0.05)
+    assert np.median(expected / actual) < 1.002

@@ -32,9 +32,9 @@ def spline_from_rest(time: np.ndarray, arc: np.ndarray):
 def test_splines_of_several_motions_are_those_of_each(counts):
     parts = [ramp(count, seed) for seed, count in enumerate(counts)]
     time, arc = (np.concatenate(rows) for rows in zip(*parts, strict=True))
-    found = through(time, arc, np.cumsum([0, *(one[0].size for one in parts)]))
-    assert found is not None and len(found) == len(counts)
-    for motion, part in zip(found, parts, strict=True):
+    actual = through(time, arc, np.cumsum([0, *(one[0].size for one in parts)]))
+    assert actual is not None and len(actual) == len(counts)
+    for motion, part in zip(actual, parts, strict=True):
         expected, nodes = spline_from_rest(*part)
         np.testing.assert_allclose(motion.time, nodes, rtol=1e-15)
         at = np.linspace(nodes[0], nodes[-1], 201)

@@ -19,9 +19,9 @@ TANGENT = contours.chain(
 
 
 def test_a_line_and_an_arc_differ_by_the_curvature_alone():
-    found = joints(unpadded(TANGENT))
-    np.testing.assert_allclose(found.turn, 0.0, atol=TURN / 100)
-    np.testing.assert_allclose(found.bend, 1 / RADIUS, rtol=1e-12)
+    actual = joints(unpadded(TANGENT))
+    np.testing.assert_allclose(actual.turn, 0.0, atol=TURN / 100)
+    np.testing.assert_allclose(actual.bend, 1 / RADIUS, rtol=1e-12)
 
 
 def test_two_lines_differ_by_the_chord_of_their_angle():
@@ -29,10 +29,10 @@ def test_two_lines_differ_by_the_chord_of_their_angle():
     corner = contours.polyline(
         [[0, 0], [1e-2, 0], [1e-2 * (1 + np.cos(turn)), 1e-2 * np.sin(turn)]]
     )
-    found = joints(unpadded(corner))
-    np.testing.assert_allclose(found.turn, 2 * np.sin(turn / 2), rtol=1e-12)
-    np.testing.assert_allclose(found.bend, 0.0, atol=1e-9)
-    assert not found.smooth(np.full(2, 1e-9), 1e9).any()  # it is not passed, however slow
+    actual = joints(unpadded(corner))
+    np.testing.assert_allclose(actual.turn, 2 * np.sin(turn / 2), rtol=1e-12)
+    np.testing.assert_allclose(actual.bend, 0.0, atol=1e-9)
+    assert not actual.smooth(np.full(2, 1e-9), 1e9).any()  # it is not passed, however slow
 
 
 @pytest.mark.parametrize(
@@ -43,8 +43,8 @@ def test_a_joint_is_passed_at_the_lower_feed_of_its_two_pieces(feeds, expected):
     """Feeds in parts of that at which the acceleration jumps by as much as rounding."""
     acceleration = 3.0  # [m/s^2]
     rounding = np.sqrt(BEND * acceleration * RADIUS)  # [m/s]
-    found = joints(unpadded(TANGENT))
-    passed = found.smooth(rounding * np.array(feeds), acceleration)
+    actual = joints(unpadded(TANGENT))
+    passed = actual.smooth(rounding * np.array(feeds), acceleration)
     np.testing.assert_array_equal(passed, expected)
 
 
@@ -59,9 +59,9 @@ def test_a_jump_of_curvature_is_one_where_it_is_more_than_rounding(off, jumps):
     first = contours.arc([1e-7, 0.0], [0.0, 0.0], 1.0)
     start = np.asarray(first.position(first.length))
     second = contours.arc(start, -off * start, 1.0)
-    found = joints(unpadded(contours.chain([first, second])))
-    assert found.smooth(np.ones(2), 1.0).all() != jumps
-    np.testing.assert_allclose(found.bend, 1e7 * off if jumps else 0.0, rtol=1e-5)
+    actual = joints(unpadded(contours.chain([first, second])))
+    assert actual.smooth(np.ones(2), 1.0).all() != jumps
+    np.testing.assert_allclose(actual.bend, 1e7 * off if jumps else 0.0, rtol=1e-5)
 
 
 def test_everywhere_is_nine_places_of_every_piece():

@@ -14,21 +14,21 @@ BUILD_UP = 3.0 / 150.0  # [s]
 def test_a_cell_is_an_eighth_of_the_time_for_which_jerk_lasts():
     """On the diagonal both axes push, and both have their speed."""
     pieces = unpadded(contours.polyline([[0.0, 0.0], [1e-3, 0.0], [2e-3, 1e-3], [2e-3, 2e-3]]))
-    found = mesh.cell_times(pieces, np.array([1e-3, 1e-3, 0.1]), LIMITS)
+    actual = mesh.cell_times(pieces, np.array([1e-3, 1e-3, 0.1]), LIMITS)
     slow = [np.sqrt(1e-3 / 150.0), np.sqrt(1e-3 / (150.0 * np.sqrt(2)))]
-    np.testing.assert_allclose(8 * found, [*slow, BUILD_UP], rtol=1e-12)
+    np.testing.assert_allclose(8 * actual, [*slow, BUILD_UP], rtol=1e-12)
     limits = LIMITS._replace(speed=np.full(2, 1e-3))
-    found = mesh.cell_times(pieces, np.full(3, 0.1), limits)
+    actual = mesh.cell_times(pieces, np.full(3, 0.1), limits)
     diagonal = np.sqrt(np.sqrt(2) * 1e-3 / (np.sqrt(2) * 150.0))
-    np.testing.assert_allclose(8 * found, [slow[0], diagonal, slow[0]], rtol=1e-12)
+    np.testing.assert_allclose(8 * actual, [slow[0], diagonal, slow[0]], rtol=1e-12)
 
 
 def test_a_slow_stretch_is_launched_on_within_a_short_way():
     """The first stretch is fast at both ends, the second at one of them, the third at none."""
     lasting = np.array([1.0, 1.0, 1.0, 1e-4, 1e-4, 2e-4])
-    found = mesh.launch_lengths(lasting / 8, LIMITS, np.array([0, 0, 1, 1, 2, 2]))
+    actual = mesh.launch_lengths(lasting / 8, LIMITS, np.array([0, 0, 1, 1, 2, 2]))
     ramps = 2.0 * np.array([BUILD_UP, 4e-4, 4e-4])
-    np.testing.assert_allclose(found, 150.0 * ramps**3 / 6, rtol=1e-12)
+    np.testing.assert_allclose(actual, 150.0 * ramps**3 / 6, rtol=1e-12)
 
 
 def test_there_are_no_more_cells_than_there_may_be(monkeypatch):

@@ -53,14 +53,14 @@ def with_jerk(path: Contour, limits: AxisLimits) -> float:
         tangent = -0.5 * w**-1.5
         falling = sparse.vstack([sparse.diags_array(tangent)] * (2 * path.axes))
         room = np.tile(w**-0.5 - tangent * w, 2 * path.axes)
-        found = linprog(
+        actual = linprog(
             tangent,
             sparse.vstack([linear, jerk - falling]),
             np.concatenate([np.ones(linear.shape[0]), room]),
             bounds=np.stack([(1 - REGION) * w, (1 + REGION) * w], axis=1),
         )
-        assert found.status == 0, found.message
-        before, w = duration(w, step), found.x
+        assert actual.status == 0, actual.message
+        before, w = duration(w, step), actual.x
         if before - duration(w, step) < 1e-6 * before:
             break
     return duration(w, step)

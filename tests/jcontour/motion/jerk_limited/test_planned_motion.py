@@ -50,13 +50,13 @@ def test_ordinates_make_a_quadratic_spline_that_is_cut_where_the_motion_stops():
     length = np.array([0.2, 0.5, 0.3, 0.4, 0.1, 0.6, 0.2])
     begins = np.array([True, False, False, True, False, False, False])
     unknowns = np.random.default_rng(0).uniform(0.2, 1.0, 7)
-    found = ordinates(length, begins).of(unknowns)
-    np.testing.assert_array_equal(found[:, 1], unknowns)
-    starts, ends = (found[:, 1] - found[:, 0]) / length, (found[:, 2] - found[:, 1]) / length
+    actual = ordinates(length, begins).of(unknowns)
+    np.testing.assert_array_equal(actual[:, 1], unknowns)
+    starts, ends = (actual[:, 1] - actual[:, 0]) / length, (actual[:, 2] - actual[:, 1]) / length
     on = ~begins[1:]
-    np.testing.assert_allclose(found[1:, 0][on], found[:-1, 2][on], rtol=1e-14)
+    np.testing.assert_allclose(actual[1:, 0][on], actual[:-1, 2][on], rtol=1e-14)
     np.testing.assert_allclose(starts[1:][on], ends[:-1][on], rtol=1e-12)
-    np.testing.assert_array_equal(found[[0, 3], 0], unknowns[[0, 3]])
-    np.testing.assert_array_equal(found[[2, 6], 2], unknowns[[2, 6]])
+    np.testing.assert_array_equal(actual[[0, 3], 0], unknowns[[0, 3]])
+    np.testing.assert_array_equal(actual[[2, 6], 2], unknowns[[2, 6]])
     with pytest.raises(ValueError, match="at least three between stops, received 2"):
         ordinates(length[:5], begins[:5])

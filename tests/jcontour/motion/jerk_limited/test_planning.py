@@ -262,11 +262,11 @@ def test_feed_of_every_piece_is_kept():
     path = contours.polyline([[0.0, 0.0], [10e-3, 0.0], [20e-3, 0.0], [30e-3, 0.0]])
     feed = np.array([0.1, 0.02, 0.1])
     motion = jerk_limited(path, feed, LIMITS)
-    found = motion.at(np.linspace(0.0, motion.duration, 5000))
-    piece = np.clip((found.arc / 10e-3).astype(int), 0, 2)
+    actual = motion.at(np.linspace(0.0, motion.duration, 5000))
+    piece = np.clip((actual.arc / 10e-3).astype(int), 0, 2)
     assert motion.stops.size == 2
-    assert (found.speed <= feed[piece] * (1 + 1e-9)).all()
-    assert found.speed[piece == 1].max() > 0.0199
+    assert (actual.speed <= feed[piece] * (1 + 1e-9)).all()
+    assert actual.speed[piece == 1].max() > 0.0199
 
 
 def test_axes_without_a_limit_of_speed():

@@ -38,6 +38,6 @@ def test_an_unknown_that_nothing_holds_stays_where_it_is():
     twice = [0, 0, 1, 2]
     slope = np.array([1.0, -2.0, 0.5])
     for scale in np.random.default_rng(0).uniform(0.1, 1.0, 20):  # what is left differs by rounding
-        found = solved(scale * held[np.ix_(twice, twice)], np.zeros(4), scale * slope[twice], 1.0)
-        assert found[1] == 0.0
-        np.testing.assert_allclose(found[[0, 2, 3]], np.linalg.solve(held, -slope), rtol=1e-12)
+        actual = solved(scale * held[np.ix_(twice, twice)], np.zeros(4), scale * slope[twice], 1.0)
+        assert actual[1] == 0.0
+        np.testing.assert_allclose(actual[[0, 2, 3]], np.linalg.solve(held, -slope), rtol=1e-12)
