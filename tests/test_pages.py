@@ -175,7 +175,7 @@ def test_every_paper_has_its_parts_and_its_page():
     """The recipe of `contributing.md`."""
     parts = {
         "experiment": ("SOURCE", "run"),
-        "claims": ("claims", "tables", "FIGURES"),
+        "claims": ("claims", "FIGURES"),
     }
     for name in experiments_found():
         folder = f"experiments.papers.{name.replace('-', '_')}"

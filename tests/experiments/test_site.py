@@ -26,9 +26,9 @@ def test_a_table_is_that_of_the_run():
     made = site.on_page_markdown("before\n<!-- statements of synchronisation -->\nafter")
     rows = [line.strip("| ").split(" | ") for line in made.splitlines()[3:-1]]
     assert [row[-1] for row in rows] == [claim["verdict"] for claim in run["claims"]]
-    made = site.on_page_markdown("<!-- table 2 of synchronisation -->")
-    assert run["tables"][1]["title"] in made and made.count("\n") == 3 + len(
-        run["tables"][1]["cells"]
+    made = site.on_page_markdown("<!-- table 1 of synchronisation -->")
+    assert run["tables"][0]["title"] in made and made.count("\n") == 3 + len(
+        run["tables"][0]["cells"]
     )
 
 

@@ -229,7 +229,7 @@ def _loops(result: Result) -> Iterator[Claim]:
 
 
 def tables(result: Result) -> Iterator[Table]:
-    """Tables 1 and 2, and the loops."""
+    """Tables 1 and 2."""
     numbers: dict[str, Column] = {
         "m": "following.order",
         "Np": "following.preview",
@@ -267,17 +267,6 @@ def tables(result: Result) -> Iterator[Table]:
             "attained": "attainable:.5g",
         },
         words=0,
-    )
-    yield Table(
-        "Loops with an example drive that has the paper's zero; it is not the authors' motor",
-        result.loops,
-        {
-            "loop": "controller",
-            **numbers,
-            "max error m": "max_error:.4g",
-            "from filter m": "apart:.1e",
-            "slowest pole": "slowest_pole:.4f",
-        },
     )
 
 

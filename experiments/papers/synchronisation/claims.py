@@ -17,10 +17,9 @@ from experiments.papers.synchronisation.experiment import (
     SLOW,
     WEAK,
     Result,
-    Row,
 )
 from experiments.papers.verdicts import Claim, Verdict, verdict
-from experiments.tables import Column, Table, where
+from experiments.tables import Table, where
 from jcontour.app.reports.figures.axes import CYCLE
 from jcontour.app.reports.tables import digits
 
@@ -141,7 +140,7 @@ def _peak(error: Float[np.ndarray, " T"]) -> float:
 
 
 def tables(result: Result) -> Iterator[Table | str]:
-    """What is ours, the responses, and the bounds on beta."""
+    """What is ours, and the bounds on beta."""
     yield "The paper prints no plant and no gains. Ours, per unit of speed and of control:"
     for name, plant in PLANTS.items():
         poles, gains = (", ".join(f"{x:g}" for x in values) for values in plant.axes)
@@ -150,40 +149,18 @@ def tables(result: Result) -> Iterator[Table | str]:
             f"  {name}: a = {poles} 1/s, b = {gains}, k_c = {feedback}, "
             f"gamma = {plant.adaptation:g} 1/s (sampled: gamma T), v_c = 1"
         )
-    columns: dict[str, Column] = {"axes": "plant", "time": _time, "beta": "beta:g"}
-    numbers = {
-        "peak\napart": "peak_sync",
-        "integral\napart s": "iae_sync",
-        "peak\ne1": "peak_e1",
-        "peak\ne2": "peak_e2",
-    }
-    for heading, name in numbers.items():
-        columns[heading] = lambda row, name=name: _number(row, name)
-    yield Table("Step of load on axis 2", result.rows, columns, words=2)
     yield Table(
         "Bounds on beta",
         result.bounds,
         {
             "axes": "plant",
-            "time": _time,
+            "sample period ms": "period_ms:g",
             "K": "adaptation:.4g",
             "(9)": lambda row: "none" if row.continuous is None else digits(row.continuous),
             "(17)": "proven:.4g",
             "exact loop": "exact:.4g",
         },
-        words=2,
     )
-
-
-def _number(row: Row, name: str) -> str:
-    value = getattr(row, name)
-    if row.diverged:
-        return "diverged"
-    return "0" if value < ZERO else digits(value)
-
-
-def _time(row) -> str:
-    return "continuous" if row.period_ms == CONTINUOUS else f"{row.period_ms:g} ms"
 
 
 SHOWN = 0.4  # [s] after the load

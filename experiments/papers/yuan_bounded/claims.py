@@ -19,7 +19,6 @@ from experiments.papers.yuan_bounded.experiment import (
     UNKNOWN,
     Result,
 )
-from experiments.tables import Table
 from jcontour.app.reports.figures.axes import CYCLE, OTHER
 
 WANTED = 4.5  # [mm], the tolerance of the printed data
@@ -38,7 +37,7 @@ def claims(result: Result) -> Iterator[Claim]:
         f"spectral radius {result.observer_radius:.5f} on the printed Euler model",
         verdict(result.observer_radius < 1),
     )
-    bound = result.certificates[0].bound_mm
+    bound = result.bound_mm
     yield Claim(
         "section 4.3.2",
         "with the printed data a robust invariant set for 4.5 mm is found",
@@ -145,42 +144,6 @@ def _point_to_point(result: Result) -> Iterator[Claim]:
         "errors up to 4.27 mm (estimated) and 4.88 mm on the test bench",
         "of the printed controller, measured",
         Verdict.EXPERIMENTAL,
-    )
-
-
-def tables(result: Result) -> Iterator[Table]:
-    """Certificates, least tolerances, closed loops."""
-    yield Table(
-        "Printed data: the thesis wants 4.5 mm",
-        result.certificates,
-        {
-            "w mm/s": "disturbance_mm_s:g",
-            "speed limit m/s": "speed_limit:g",
-            "any controller needs mm": "bound_mm:.4f",
-        },
-        words=0,
-    )
-    yield Table(
-        "Least tolerance of finite responses, speeds relaxed to 0.25 m/s; - where there is none",
-        result.least,
-        {
-            "reference": "reference",
-            "samples": "length",
-            "tolerance mm": "tolerance_mm:.4g",
-            "limited by": lambda row: ", ".join(row.limiting),
-        },
-    )
-    yield Table(
-        "Bounded MPC under disturbances",
-        result.loops,
-        {
-            "reference": "reference",
-            "samples": "samples",
-            "promised mm": "promised_mm:.4g",
-            "largest mm": "largest_mm:.4g",
-            "current A": "largest_current:.4g",
-            "speed m/s": "largest_speed:.4g",
-        },
     )
 
 

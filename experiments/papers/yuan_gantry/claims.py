@@ -10,12 +10,9 @@ from experiments.papers.verdicts import Claim, Verdict, verdict
 from experiments.papers.yuan_gantry.experiment import (
     DAMPED,
     SAMPLE,
-    HeadRun,
     Result,
     reference_path,
 )
-from experiments.tables import Table
-from jcontour.app.reports.tables import digits
 from jcontour.plants import thesis_gantry
 
 PRINTED_HZ = {0.0: 47.0, -0.66: 45.0}  # section 5.2.2
@@ -121,35 +118,6 @@ def _heads(result: Result) -> Iterator[Claim]:
         "of ours: of the thesis's no number is printed",
         Verdict.EXPERIMENTAL,
     )
-
-
-def tables(result: Result) -> Iterator[Table]:
-    """The emulated head."""
-    numbers = {
-        "X\num": (1e6, "peak_x_error_m"),
-        "Y\num": (1e6, "peak_y_error_m"),
-        "contour\num": (1e6, "peak_contour_error_m"),
-        "from the\ngantry um": (1e6, "distance_m"),
-        "twist\nurad": (1e6, "peak_twist_rad"),
-        "load\nA": (1.0, "peak_load_a"),
-        "F_Nx\nmm/s": (1e3, "peak_remainder_m_per_s"),
-    }
-    yield Table(
-        "Section 5.6: a motor bench for the head, at once or one sample late, along Fig. 5.11; "
-        "largest errors of the tool; - where it is lost",
-        result.heads,
-        {
-            "head": "name",
-            **{
-                heading: lambda row, one=one: _number(row, *one) for heading, one in numbers.items()
-            },
-        },
-    )
-
-
-def _number(row: HeadRun, factor: float, name: str) -> str:
-    value = getattr(row, name)
-    return "-" if row.diverged or value is None else digits(factor * value)
 
 
 STYLES = {  # (head [m], coupling kept) -> colour, line

@@ -73,7 +73,6 @@ class HeadRun:
     contour_error_m: Float[np.ndarray, " T"]
     distance_m: float  # largest, of the tool from that of the gantry
     twist_damping: float | None = None  # of a bench, without a controller [N m s/rad]
-    peak_load_a: float | None = None  # current of the load motor
     peak_remainder_m_per_s: float | None = None  # F_Nx of (5.50), of a bench one sample late
 
 
@@ -201,7 +200,6 @@ def emulated() -> tuple[HeadRun, ...]:
         row = replace(
             _row(name, run, run.measurement, reference, away),
             twist_damping=float(twist_damping(plant)),
-            peak_load_a=_peak(_load(plant, run)),
             # (5.50) is about a bench that is one sample late
             peak_remainder_m_per_s=_peak(_remainder(plant, run)) if plant.delay == 1 else None,
         )
@@ -225,11 +223,6 @@ def _row(
         contour_error_m=contour,
         distance_m=distance,
     )
-
-
-@eqx.filter_jit
-def _load(plant: HardwareInLoop, run: Rollout) -> Float[Array, "T 1"]:
-    return jax.vmap(plant.load_current)(run.measurement, run.control)[:, None]
 
 
 @eqx.filter_jit

@@ -20,7 +20,6 @@ from experiments.papers.zpetc.experiment import (
     Model,
     Result,
 )
-from experiments.tables import Column, Table
 from jcontour.plants.arms import PATH_DURATION
 
 KEPT = 0.5  # share of the trace that counts as kept
@@ -222,38 +221,6 @@ def _adaptation(result: Result) -> Iterator[Claim]:
         f"{'; '.join(fares)}; at 16.8 and 3 ms, all at their best: better for {sum(better)} of "
         f"{len(better)} servos",
         verdict(all(better), sum(better) > len(better) / 2),
-    )
-
-
-def tables(result: Result) -> Iterator[Table]:
-    """The sweep of the integral time, and adaptive runs."""
-    for friction in (None, *FRICTIONS):
-        runs = _by_servo(result, friction)
-        means = {(name, row.integral_time): row.mean_um for name in runs for row in runs[name]}
-        columns: dict[str, Column] = {"T_i": lambda time: "none" if time is None else f"{time:g}"}
-        for name in runs:
-            columns[name] = lambda time, name=name, means=means: f"{means[name, time]:.1f}"
-        title = "exact and wrong models"
-        if friction is not None:
-            title = f"current limited as printed, {friction:g} A of friction assumed"
-        times = dict.fromkeys(row.integral_time for row in result.integral)
-        yield Table(f"Mean error in um over the integral time in s: {title}", [*times], columns)
-    yield Table(
-        "Adaptive runs at 16.8 ms: forgetting factor corrected, as printed, no adaptation",
-        result.adaptive,
-        {
-            "servo": "truth",
-            "start\na_1, b_0": lambda row: f"{row.theta[0]:g}, {row.theta[1]:g}",
-            "rule": "rule",
-            "tr F(0)": "trace:g",
-            "mean\num": "mean_um:.1f",
-            "peak\num": "peak_um:.1f",
-            "second\nhalf um": "second_half_um:.1f",
-            "end\na_1": lambda row: f"{row.final_theta[0]:.4f}",
-            "end\nb_0": lambda row: f"{row.final_theta[1]:.4f}",
-            "end\ntr F": "final_trace:.4g",
-        },
-        words=3,
     )
 
 

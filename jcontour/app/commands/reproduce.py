@@ -3,8 +3,8 @@
 A paper is a folder `experiments/papers/NAME` with two modules:
 
     experiment: SOURCE, run(quick) -> result, a frozen dataclass
-    claims: claims(result) -> statements with their verdicts, tables(result) -> tables and lines,
-        FIGURES, name of a file -> function that draws it from the result
+    claims: claims(result) -> statements with their verdicts; FIGURES, name of a file -> function
+        that draws it from the result; tables(result) -> tables and lines, where it has some
 """
 
 import ast
@@ -66,7 +66,8 @@ def _run(module: Any, name: str, flags: Flags) -> int:
     verdicts = in_checkout("reproduce", "experiments.papers.verdicts")
     said = import_module(f"{module.__package__}.claims")
     result = module.run(flags.quick)
-    claims, parts = tuple(said.claims(result)), tuple(said.tables(result))
+    claims = tuple(said.claims(result))
+    parts = tuple(said.tables(result)) if hasattr(said, "tables") else ()
     save_figures(said.FIGURES, result, folder)
     stored = {
         "source": module.SOURCE,

@@ -12,7 +12,6 @@ from experiments.papers.yuan_bounded.claims import claims, errors
 from experiments.papers.yuan_bounded.experiment import (
     PREVIEWED,
     UNKNOWN,
-    CertificateRow,
     LeastRow,
     LoopRow,
     PointToPointRun,
@@ -60,7 +59,7 @@ def test_the_certificate_is_the_reference():
     wanted = json.loads((DATA / "single_axis.json").read_text())["eps_min_m"]
     for (size, speed), value in zip(((0.005, 0.1), (0.0025, 0.1)), wanted.values(), strict=False):
         row = certificate(size, speed)
-        assert row.bound_mm == pytest.approx(1e3 * value, rel=1e-6)
+        assert row == pytest.approx(1e3 * value, rel=1e-6)
 
 
 def made_up():
@@ -77,7 +76,7 @@ def made_up():
     )
     runs = (("1 kHz", 3.9, 1.7), ("4 kHz", 3.8, 1.7), ("standard", 7.7, 5.3), ("tuned", 2.2, 1.4))
     motions = tuple(PointToPointRun(name, 1e-3, most, mean, error) for name, most, mean in runs)
-    return Result(1.001, (CertificateRow(5.0, 0.1, 4.856),), least, loops, motions, algorithm_1())
+    return Result(1.001, 4.856, least, loops, motions, algorithm_1())
 
 
 def test_verdicts_follow_the_numbers():
@@ -94,8 +93,7 @@ def test_verdicts_follow_the_numbers():
     printed = tuple(replace(row, speed_limit=0.1) for row in whole.loops)
     assert verdicts(replace(whole, loops=printed))[3] == YES
     assert verdicts(replace(whole, observer_radius=0.99))[0] == YES
-    possible = (CertificateRow(5.0, 0.1, 4.4),)
-    assert verdicts(replace(whole, certificates=possible))[1] == YES
+    assert verdicts(replace(whole, bound_mm=4.4))[1] == YES
     wide = (*whole.least[:2], LeastRow(PREVIEWED, 40, 5.0, ()))
     assert verdicts(replace(whole, least=wide))[2] == NO
     out = (whole.loops[0], replace(whole.loops[1], largest_mm=0.1))
