@@ -1,6 +1,13 @@
 """`jcontour list`: everything that has a name."""
 
-from jcontour.app.catalogue.entries import CONSTRAINED, CONTOURS, CONTROLLERS, MACHINES, line_of
+from jcontour.app.catalogue.entries import (
+    CONSTRAINED,
+    CONTOURS,
+    CONTROLLERS,
+    MACHINES,
+    PREFIXES,
+    line_of,
+)
 from jcontour.app.commands.reproduce import experiments_found
 from jcontour.app.files import run_folder
 from jcontour.app.files.checks import EXAMPLE
@@ -48,5 +55,7 @@ def command(flags: Listing) -> int:
         console,
         f"--plant also takes a machine file (JSON, npz; {EXAMPLE}), "
         "contours and parts a toolpath file (.ngc, .dxf, .svg, .csv).",
+        f"--controller needs no {', '.join(PREFIXES)} in front: `cascade` is the cascade for "
+        "the machine, `linear-cascade` on a linear one.",
     )
     return 0

@@ -112,7 +112,7 @@ class AdaptiveZeroPhase(LinearDesign):
     It begins as the fastest position loop of a series that keeps the margin.
     """
 
-    weights = (Weight("position_gain", "{control}/m"), Weight("trace", start=TRACE))
+    weights = (Weight("position_gain", "{control} per m"), Weight("trace", start=TRACE))
     learns = True
 
     @cached_property

@@ -71,7 +71,7 @@ class LinearCascade(LinearDesign):
 
     weights = (
         Weight("position", "1/s"),
-        Weight("velocity", "{control} s/m"),
+        Weight("velocity", "{control} per m/s"),
         Weight("integral_time", "s"),
     )
 
@@ -151,8 +151,8 @@ def axes_of(model: LinearPlant) -> list[TransferFunction]:
 
 
 MOTION = (  # what the motion needs
-    Weight("inertia", "{control} s^2/m"),
-    Weight("viscous", "{control} s/m"),
+    Weight("inertia", "{control} per m/s^2"),
+    Weight("viscous", "{control} per m/s"),
 )
 
 
@@ -194,7 +194,7 @@ class ProportionalLoop(SimpleLoop):
     weights = (
         Weight("position", "1/s"),
         *MOTION,
-        Weight("level", "{control}/m", Fixed()),
+        Weight("level", "{control} per m", Fixed()),
     )
 
     def series(self) -> list[Gains]:

@@ -9,7 +9,7 @@ from rich.console import Console
 from jcontour.app.files.results.loop_results import AuditedResult, CauseShare
 from jcontour.app.plain_numbers import feed_words
 from jcontour.app.reports.screen import Entry
-from jcontour.app.reports.tables import digits, position, say, table_of
+from jcontour.app.reports.tables import digits, placed, position, say, table_of
 
 if TYPE_CHECKING:  # signal processing takes a second to import
     from tuning.identification.error_causes import Cause, Shares
@@ -103,7 +103,7 @@ def audit_answer(result: AuditedResult) -> list[Entry]:
     if result.peak is not None:
         place = position(result.machine.axes, result.peak.position)
         line = "" if result.peak.line is None else f", line {result.peak.line} of the part"
-        entries.append(Entry("Largest", f"at {place}, t {result.peak.time:.4g} s{line}"))
+        entries.append(Entry("Largest", f"at {place}, t {placed(result.peak.time)} s{line}"))
     known = [one for one in result.causes if one.kind != "unexplained"]
     shown = [one for one in known if abs(one.rms) > SMALL * rms][:LISTED]
     heading = "Causes"

@@ -27,12 +27,12 @@ class Parameter(NamedTuple):
 
 GENERAL = (
     Parameter("position gain", "1/s", lambda position: position),
-    Parameter("velocity gain", "{control} s/m", lambda velocity: velocity),
+    Parameter("velocity gain", "{control} per m/s", lambda velocity: velocity),
     Parameter("integral time", "ms", lambda integral_time: 1e3 * integral_time),
     Parameter("velocity feedforward", "%", lambda feedforward: 100.0 * feedforward),
-    Parameter("acceleration feedforward", "{control} s^2/m", lambda inertia: inertia),
-    Parameter("speed feedforward", "{control} s/m", lambda viscous: viscous),
-    Parameter("position feedforward", "{control}/m", lambda level: level),
+    Parameter("acceleration feedforward", "{control} per m/s^2", lambda inertia: inertia),
+    Parameter("speed feedforward", "{control} per m/s", lambda viscous: viscous),
+    Parameter("position feedforward", "{control} per m", lambda level: level),
     Parameter("notch", "Hz", lambda notch: 0.5 / np.pi * notch),
     Parameter("notch depth", "", lambda depth: depth),
     Parameter("notch damping", "", lambda notch_damping: notch_damping),
@@ -42,38 +42,38 @@ LINUXCNC = (  # pins of the HAL component `pid`, machine units of 1 mm
     Parameter("error-previous-target", "", lambda position: 0 * position),
     Parameter(
         "Pgain",
-        "{control}/mm",
+        "{control} per mm",
         lambda velocity, position, integral_time: 1e-3 * velocity * (position + 1 / integral_time),
     ),
-    Parameter("Pgain", "{control}/mm", lambda viscous, position: 1e-3 * viscous * position),
+    Parameter("Pgain", "{control} per mm", lambda viscous, position: 1e-3 * viscous * position),
     Parameter(
         "Igain",
-        "{control}/(mm s)",
+        "{control} per mm s",
         lambda velocity, position, integral_time: 1e-3 * velocity * position / integral_time,
     ),
-    Parameter("Dgain", "{control} s/mm", lambda velocity: 1e-3 * velocity),
+    Parameter("Dgain", "{control} per mm/s", lambda velocity: 1e-3 * velocity),
     Parameter(
         "FF0",
-        "{control}/mm",
+        "{control} per mm",
         lambda velocity, integral_time, feedforward: (
             1e-3 * (feedforward - 1) * velocity / integral_time
         ),
     ),
-    Parameter("FF0", "{control}/mm", lambda level: 1e-3 * level),
+    Parameter("FF0", "{control} per mm", lambda level: 1e-3 * level),
     Parameter(
         "FF1",
-        "{control} s/mm",
+        "{control} per mm/s",
         lambda viscous, velocity, feedforward: 1e-3 * (viscous + (feedforward - 1) * velocity),
     ),
-    Parameter("FF1", "{control} s/mm", lambda viscous: 1e-3 * viscous),
-    Parameter("FF2", "{control} s^2/mm", lambda inertia: 1e-3 * inertia),
+    Parameter("FF1", "{control} per mm/s", lambda viscous: 1e-3 * viscous),
+    Parameter("FF2", "{control} per mm/s^2", lambda inertia: 1e-3 * inertia),
 )
 SIEMENS = (  # SINUMERIK machine data, SINAMICS parameters
     Parameter("MD32200 POSCTRL_GAIN", "1000/min", lambda position: 0.06 * position),
     Parameter("MD32610 VELO_FFW_WEIGHT", "", lambda feedforward=FULL: feedforward),
     Parameter(
         "p1460 speed controller P gain",
-        "{control} s/m; times {turn}/(2 pi): Nms/rad",
+        "{control} per m/s; times {turn}/(2 pi): Nms/rad",
         lambda velocity: velocity,
     ),
     Parameter("p1462 integral time", "ms", lambda integral_time: 1e3 * integral_time),
@@ -86,20 +86,20 @@ BECKHOFF = (  # AX5000
     Parameter("S-0-0296 velocity feedforward", "%", lambda feedforward=FULL: 100 * feedforward),
     Parameter(
         "S-0-0100 velocity loop gain",
-        "{control} s/m; times {turn}/(2 pi): Nm/(rad/s), with bit 15 of P-0-0010",
+        "{control} per m/s; times {turn}/(2 pi): Nm/(rad/s), with bit 15 of P-0-0010",
         lambda velocity: velocity,
     ),
     Parameter("S-0-0101 integral time", "ms", lambda integral_time: 1e3 * integral_time),
 )
 ODRIVE = (  # axis.controller.config
     Parameter("pos_gain", "(turn/s)/turn", lambda position: position),
-    Parameter("vel_gain", "{control} s/m; times {turn}: Nm/(turn/s)", lambda velocity: velocity),
+    Parameter("vel_gain", "{control} per m/s; times {turn}: Nm/(turn/s)", lambda velocity: velocity),
     Parameter(
         "vel_integrator_gain",
-        "{control}/m; times {turn}: Nm/turn",
+        "{control} per m; times {turn}: Nm/turn",
         lambda velocity, integral_time: velocity / integral_time,
     ),
-    Parameter("inertia", "{control} s^2/m; times {turn}: Nm/(turn/s^2)", lambda inertia: inertia),
+    Parameter("inertia", "{control} per m/s^2; times {turn}: Nm/(turn/s^2)", lambda inertia: inertia),
 )
 PRODUCTS: dict[Drive, tuple[Parameter, ...]] = {
     "general": GENERAL,

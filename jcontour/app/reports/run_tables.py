@@ -14,7 +14,7 @@ from jcontour.app.files.results.tuned_result import (
     TunedResult,
 )
 from jcontour.app.reports.drives import drive_gains
-from jcontour.app.reports.screen import Entry, read_notes
+from jcontour.app.reports.screen import INDENT, WIDTH, Entry, read_notes
 from jcontour.app.reports.tables import (
     columns_of,
     digits,
@@ -29,6 +29,7 @@ from jcontour.app.reports.tables import (
 from tuning.objectives import COUNT_NOISE, LATE, RATIO
 
 SEEN, HELD_OUT = "training", "held out"
+LOOSE = 20  # columns that breaking between words may leave empty
 STEP = 1.1  # of a limit, whose worth is shown
 EFFORT = ("peak_{error}_error", "rms_tracking_error", "rms_control", "rms_increment")
 
@@ -59,20 +60,28 @@ def show_tuned(result: TunedResult, console: Console) -> None:
     )
 
 
-def tuned_answer(result: TunedResult) -> list[Entry]:
-    """What changes, where the worst is, what it costs, the margins, the limit and the drive."""
+def tuned_answer(result: TunedResult, run: str = "RUN") -> list[Entry]:
+    """What changes, where the worst is, what it costs, the margins, the limit and the drive.
+
+    `run` is the folder in commands.
+    """
     if not result.contours:
         return []
     changes = [change_words(result, True), change_words(result, False)]
-    compared = f"RMS, worst plant, {result.contours[0].compared} -> tuned"
+    against = f"{result.contours[0].compared} -> tuned"
+    compared = f"RMS {result.error}, worst case, {against}"
     entries = [Entry("Error", f"{compared}: {'; '.join(filter(None, changes))}")]
-    peaks = [one for one in result.contours if one.peak is not None]
-    if peaks:
-        worst = max(peaks, key=lambda one: one.peak.error if one.peak else 0.0)
-        assert worst.peak is not None
-        size = f"{worst.name}, {digits(1e6 * worst.peak.error)} um"
-        place = place_words(worst.peak, result.machine.axes)
-        entries.append(Entry("Worst", f"{size} {place} ({worst.peak.plant})"))
+    places = []
+    for training in (True, False):  # the user's parts before contours that are not his
+        peaks = [(one.name, one.peak) for one in result.contours if one.training is training]
+        known = [(name, peak) for name, peak in peaks if peak is not None]
+        if known:
+            name, peak = max(known, key=lambda pair: pair[1].error)
+            size = f"{name} {digits(1e6 * peak.error)} um"
+            where = f"{place_words(peak, result.machine.axes)} ({peak.plant})"
+            places.append(f"{size} {where}" if training else f"held out {size}")
+    if places:
+        entries.append(Entry("Worst", f"largest {result.error} error: {'; '.join(places)}"))
     # Controls, and the margins of the tuned loops beside the peak sensitivity of the start
     sizes = []
     for name in ("rms_control", "rms_increment"):
@@ -81,7 +90,8 @@ def tuned_answer(result: TunedResult) -> list[Entry]:
             max(getattr(run.worst, name) for run in runs) for runs in zip(*pairs, strict=True)
         )
         sizes.append(" -> ".join(map(digits, largest)))
-    effort = f"RMS {sizes[0]} {result.machine.control_unit}, change per sample {sizes[1]}"
+    unit = result.machine.control_unit
+    effort = f"RMS control, {against}: {sizes[0]} {unit}, its change per sample {sizes[1]}"
     margin, start = "none: a loop is open or unstable", result.start_margins.sensitivity
     if (tuned := result.margins).stable:
         low, high = zip(*tuned.gain_range, strict=True)
@@ -94,7 +104,7 @@ def tuned_answer(result: TunedResult) -> list[Entry]:
         Entry("Effort", effort),
         Entry("Margin", margin),
         Entry("Limit", "; ".join(limit_lines(result)[:1]) or "none is reached"),
-        *([] if result.drive is None else [Entry("Drive", drive_words(result.drive, result))]),
+        *([] if result.drive is None else [Entry("Drive", drive_words(result, result.drive, run))]),
         *(note for one in result.contours for note in read_notes(one.name, one.read)),
     ]
 
@@ -118,14 +128,19 @@ def change_words(result: TunedResult, training: bool) -> str:
     return f"{len(pairs)} {words} contours {sizes} ({change} in the mean)"
 
 
-def drive_words(drive: DriveLoop, result: TunedResult) -> str:
-    """Gains of the simple loop in general terms, and its error beside the tuned one's."""
+def drive_words(result: TunedResult, drive: DriveLoop, run: str) -> str:
+    """The simple loop, its error beside the tuned one's, and all of its gains.
+
+    Gains that take more than two lines are those of a command.
+    """
+    words = drive.controller
+    if drive.controller != result.controller:
+        beyond = "" if drive.kept else ", beyond a limit"
+        words += f", {drive.error / drive.tuned_error:.2g} times the tuned error{beyond}"
     gains = ", ".join(drive_gains(drive.weights, result.machine.control_unit))
-    if drive.controller == result.controller:
-        return gains
-    beyond = "" if drive.kept else ", beyond a limit"
-    times = f"{drive.error / drive.tuned_error:.2g} times the error{beyond}"
-    return f"{drive.controller}, {times}: {gains}"
+    if len(words) + len(gains) < 2 * (WIDTH - INDENT) - LOOSE:
+        return f"{words}: {gains}"
+    return f"{words}; its gains: jcontour report {run} --drive general --no-page"
 
 
 def _compared_table(

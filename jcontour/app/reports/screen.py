@@ -1,6 +1,7 @@
 """The screen that a command ends in: at most 15 lines of 80 columns."""
 
 import textwrap
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -11,7 +12,8 @@ from jcontour.app.reports.tables import broken
 WIDTH, LINES = 80, 15
 INDENT = 9  # columns of the headings
 FINDINGS = ("Warning", "Note")  # headings of entries that are left out first
-WHOLE = ("Next", "Load", "Folder")  # headings of entries that are never cut
+LEVELS = {"Because": "reason", "Warning": "warning", "Note": "note"}  # of findings, as counted
+WHOLE = ("Next", "Drive", "To load", "Folder")  # headings of entries that are never cut
 EACH = 3  # lines of any other entry; what is cut off is in the tables
 COMMAND = "jcontour "
 
@@ -75,7 +77,8 @@ def screen(verdict: Verdict | None, entries: Sequence[Entry]) -> list[str]:
     for count, one in enumerate(findings[1:], 1):
         more = _lines(one)
         if len(more) + (count + 1 < len(findings)) > room:
-            words = f"{len(findings) - count} more finding{'s' * (len(findings) - count > 1)}"
+            levels = Counter(LEVELS[one.heading] for one in findings[count:])
+            words = ", ".join(f"{n} more {level}{'s' * (n > 1)}" for level, n in levels.items())
             top += _lines(Entry("", f"{words}: --details"))
             break
         top, room = [*top, *more], room - len(more)

@@ -158,7 +158,7 @@ def metric_cells(metrics: RunMetrics, error: str) -> list[str]:
 def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
     """Summary of a contour in one line, then its stops and what may be meant otherwise."""
     box = ", ".join(
-        f"{axis} {_millimetres(low)} ... {_millimetres(high)}"
+        f"{axis} {placed(1e3 * low)} ... {placed(1e3 * high)}"
         for axis, low, high in zip(axes, read.low, read.high, strict=True)
     )
     pieces = f"{read.pieces} move{'s' if read.pieces > 1 else ''}"
@@ -189,10 +189,6 @@ def _laps(read: ContourRead) -> str:
     return f"; {several}{entry}" if entry else ""
 
 
-def _millimetres(value: float) -> str:
-    return f"{round(1e3 * value, 4) + 0.0:.5g}"  # to 0.1 um; what is less is rounding
-
-
 def peak_line(peak: PeakPlace, error: str, axes: Sequence[str]) -> str:
     """Where the largest error is, in one line."""
     size = f"largest {error} error {1e6 * peak.error:.4g} um"
@@ -202,10 +198,20 @@ def peak_line(peak: PeakPlace, error: str, axes: Sequence[str]) -> str:
 def place_words(peak: PeakPlace, axes: Sequence[str]) -> str:
     """Place and time of the largest error, and the line of the program."""
     line = "" if peak.line is None else f", line {peak.line} of the file"
-    return f"at {position(axes, peak.position)}, t {peak.time:.4g} s{line}"
+    return f"at {position(axes, peak.position)}, t {placed(peak.time)} s{line}"
 
 
 def position(axes: Sequence[str], values: Sequence[float]) -> str:
     """A position [m] in mm, axis by axis."""
     named = zip(axes, values, strict=True)
-    return ", ".join(f"{axis} {1e3 * value:.4g}" for axis, value in named) + " mm"
+    return ", ".join(f"{axis} {placed(1e3 * value)}" for axis, value in named) + " mm"
+
+
+def placed(value: float) -> str:
+    """A place or a time, far from the origin too: three decimals, below 1 four digits.
+
+    >>> placed(10004.98), placed(0.00125), placed(-1e-15)
+    ('10004.98', '0.0013', '0')
+    """
+    value = round(value, 4) + 0.0  # mm to 0.1 um; what is less is rounding
+    return f"{value:.4g}" if abs(value) < 1 else f"{value:.3f}".rstrip("0").rstrip(".")

@@ -22,7 +22,7 @@ def test_general_terms_have_the_units_of_drives():
     weights |= {"velocity": np.array([3.0, 4.0]), "notch": np.full(2, 2 * np.pi * 45)}
     assert drive_gains(weights, "V") == [
         "position gain 20 1/s (1200 mm/min per mm)",
-        "velocity gain 3, 4 V s/m",
+        "velocity gain 3, 4 V per m/s",
         "integral time 12.5 ms",
         "notch 45 Hz",
     ]
@@ -93,4 +93,4 @@ def test_no_gain_is_lost_in_silence(drive):
     weights = CASCADE | {"notch": 300.0, "depth": 0.2, "notch_damping": 0.3}
     printed = " ".join(drive_gains(weights, "V", drive))
     assert printed.count("notch") + printed.count("filter") + printed.count("p16") >= 3
-    assert "0.02 V s^2/m" in printed or drive == "linuxcnc-pid"
+    assert "0.02 V per m/s^2" in printed or drive == "linuxcnc-pid"

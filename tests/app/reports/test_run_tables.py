@@ -4,10 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from jcontour.app.files.results.tuned_result import TunedContour
-from jcontour.app.reports.run_tables import change_words, limit_words
+from jcontour.app.files.results.run_metrics import PeakPlace
+from jcontour.app.files.results.tuned_result import DriveLoop, TunedContour
+from jcontour.app.reports.run_tables import change_words, limit_words, tuned_answer
+from jcontour.app.reports.screen import screen
 from tests.app import small_runs
 
+GAINS = ("position", "velocity", "integral_time", "inertia", "viscous", "level")
 LOST = small_runs.family_metrics(9e-6, diverged=True)
 
 
@@ -43,3 +46,44 @@ def test_the_change_of_a_set_is_its_worst_error_and_the_mean_of_its_ratios():
     lost = replace(contours[2], metrics=contours[2].metrics | {"tuned": LOST})
     found = change_words(small_runs.tuned_result(contours=[*contours[:2], lost]), False)
     assert found == "a 8 -> 4 um (-50 %)"
+
+
+def test_the_part_stands_before_held_out_contours_and_its_place_is_exact_far_away():
+    """A millimetre is seen at 10 m, though the held-out contour has the larger error."""
+    places = {
+        "bracket": PeakPlace("late", 2.58e-6, 0.1, (10.00498, -0.0035), line=12),
+        "ellipse": PeakPlace("nominal", 6.987e-6, 0.2, (3e-3, 4e-3)),
+    }
+    contours = [
+        TunedContour(
+            name=name,
+            training=name == "bracket",
+            samples=9,
+            metrics=dict.fromkeys(("start", "tuned"), small_runs.family_metrics(1e-6)),
+            peak=peak,
+        )
+        for name, peak in places.items()
+    ]
+    answer = dict(tuned_answer(small_runs.tuned_result(contours=contours)))
+    assert answer["Worst"] == (
+        "largest contour error: bracket 2.58 um at X 10004.98, Y -3.5 mm, t 0.1 s, line 12 of the "
+        "file (late); held out ellipse 6.987 um"
+    )
+
+
+@pytest.mark.parametrize("few", [True, False])
+def test_a_drive_gets_all_gains_or_the_command_that_prints_them(few):
+    gains = {"position": 44.93} if few else dict.fromkeys(GAINS, [1057.0, 956.5])
+    drive = DriveLoop(controller="p", weights=gains, error=3e-6, tuned_error=1e-6, kept=True)
+    contour = TunedContour(
+        name="part",
+        training=True,
+        samples=9,
+        metrics=dict.fromkeys(("start", "tuned"), small_runs.family_metrics(1e-6)),
+    )
+    result = small_runs.tuned_result(contours=[contour], drive=drive)
+    lines = screen(result.verdict, tuned_answer(result, "runs/a"))
+    text = " ".join(" ".join(lines).replace("\\", "").split())
+    assert "p, 3 times the tuned error" in text
+    assert ("position gain 44.93 1/s (2696 mm/min per mm)" in text) is few
+    assert ("jcontour report runs/a --drive general --no-page" in text) is not few

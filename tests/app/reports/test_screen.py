@@ -17,8 +17,8 @@ def test_findings_that_do_not_fit_are_counted(count):
     assert len(lines) <= LINES and max(map(len, lines)) <= WIDTH
     assert lines[0] == "DO NOT USE THESE VALUES" and lines[-1] == "Folder   runs/tune"
     shown = sum(line.startswith(("Because", "Warning", "Note")) for line in lines)
-    left = re.search(r"(\d+) more finding", "\n".join(lines))
-    assert shown + int(left[1] if left else 0) == count + 2
+    left = re.findall(r"(\d+) more (?:reason|warning|note)", "\n".join(lines))
+    assert shown + sum(map(int, left)) == count + 2
 
 
 def test_the_remedy_of_the_gravest_reason_is_the_next_step():
@@ -38,7 +38,7 @@ def test_the_gravest_finding_and_every_entry_stand_on_a_full_screen():
     assert [line[:7] for line in lines if line.startswith("Entry")] == [
         f"Entry {k}" for k in range(7)
     ]
-    assert "6 more findings" in "".join(lines) and lines[-2:] == [
+    assert "6 more warnings" in "".join(lines) and lines[-2:] == [
         "Next     jcontour list",
         "Folder   runs/tune",
     ]

@@ -72,7 +72,7 @@ def command(flags: Export) -> int:
         *_measured(result),
         *(Entry("Limits", line) for line in result.limits),
         *(Entry("Warning", line) for line in result.warnings),
-        Entry("Load", then),
+        Entry("To load", then),
     ]
     return finished(folder, result, flags, show_exported, answer)
 

@@ -43,7 +43,7 @@ def command(flags: Learn) -> int:
     worst = sorted(family, key=lambda one: -(one.best_um or 0.0))[:1]
     shown = [result.machines[0], *worst]
     answer = [Entry("Laps", f"{one.name}: {_outcome(one)}") for one in shown]
-    answer += [Entry("Load", line) for line in loading(result, SAMPLES)]
+    answer += [Entry("To load", line) for line in loading(result, SAMPLES)]
     if result.ratio >= 1:
         ratio = f"ratio from lap to lap {result.ratio:.3g}, not below one"
         answer.append(Entry("Warning", f"it is not sure that the laps converge: {ratio}"))

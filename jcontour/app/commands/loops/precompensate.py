@@ -81,7 +81,7 @@ def command(flags: Precompensate) -> int:
     write_result(folder, result)
     answer = [Entry("Error", gain_words(result))]
     answer += [Entry("Note", words) for words in (*ending(result), *result.warnings)]
-    answer += [Entry("Load", line) for line in _loading(result)] if verdict.usable else []
+    answer += [Entry("To load", line) for line in _loading(result)] if verdict.usable else []
     return finished(folder, result, flags, show, answer, verdict)
 
 

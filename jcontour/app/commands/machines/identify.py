@@ -92,7 +92,7 @@ def command(flags: Identify) -> int:
     if any(one.friction is not None for one in result.axes):
         acts = "the tables of tune have this friction in their runs; what it proves is for such a"
         answer.append(Entry("Friction", f"{acts} force"))
-    answer += [Entry("Load", str(path)), Entry("Next", f"jcontour machine {quoted}")]
+    answer += [Entry("To load", str(path)), Entry("Next", f"jcontour machine {quoted}")]
     return finished(folder, result, flags, show, answer)
 
 

@@ -56,7 +56,7 @@ def answer_of(result: ResponseResult) -> list[Entry]:
         Entry("Margin", f"{worst}; {result.deviated:.4g} within one deviation of the lines"),
         Entry("Lines", f"{result.lines} of {result.measured} are coherent enough to judge by"),
         Entry(
-            "Load",
+            "To load",
             "these numbers into the drive; no machine file, since lines state neither the length "
             "and period of its model nor limits. For tune record a log: jcontour identify LOG",
         ),

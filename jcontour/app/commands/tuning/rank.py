@@ -88,7 +88,7 @@ def answer_of(result: RankedResult, task: Mapping[str, Any]) -> list[Entry]:
     first = placed[0]
     error = first.held_out if first.held_out is not None else first.training
     unseen = "unseen" if first.held_out is not None else "training"
-    size = f"{tables.digits(error and 1e6 * error)} um RMS {result.error}, worst plant"
+    size = f"{tables.digits(error and 1e6 * error)} um RMS {result.error}, worst case"
     margin = f"Ms {tables.digits(first.peak_sensitivity)}"
     entries = [Entry("Best", f"{first.label}: {size}, {unseen} contours; {margin}")]
     others = [

@@ -41,7 +41,7 @@ def command(flags: Sweep) -> int:
     best = []
     for row in sorted(picks, key=lambda row: (bool(row.beyond), row.worst_um))[:MOST_SHOWN]:
         weights = ", ".join(f"{name} {value:.4g}" for name, value in row.weights.items())
-        worst = f"{row.worst_um:.4g} um RMS on the worst plant, Ms {tables.digits(row.sensitivity)}"
+        worst = f"{row.worst_um:.4g} um RMS, worst case, Ms {tables.digits(row.sensitivity)}"
         best.append(Entry("Best", f"{worst}: preview {row.preview}, {weights}"))
     answer = [
         *best,

@@ -61,7 +61,8 @@ def command(flags: Tune) -> int:
     except RuntimeError as error:
         print(f"jcontour: {error}", file=sys.stderr)
         return 1
-    answer = [*tuned_answer(result), *next_steps(result, folder)]
+    named = words_of([str(folder)]).strip()
+    answer = [*tuned_answer(result, named), *next_steps(result, folder)]
     return finished(folder, result, flags, show_tuned, answer, result.verdict)
 
 
@@ -233,7 +234,7 @@ def next_steps(result: TunedResult, folder: Path) -> list[Entry]:
     """What to load, and the next step with a tuned run; none where it is not to be used."""
     if not result.verdict.usable:
         return []
-    entries = [Entry("Load", f"{', '.join(result.files)}, in the folder below")]
+    entries = [Entry("To load", f"{', '.join(result.files)}, in the folder below")]
     if result.terminal is not None or result.limitable:
         bound = " --bound" * (result.terminal is not None)
         entries.append(Entry("Next", f"jcontour check{words_of([str(folder)])}{bound}"))

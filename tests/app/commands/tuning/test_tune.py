@@ -94,7 +94,7 @@ def test_files_that_a_drive_loads_are_there_and_named(tuned, result):
     for pattern in result.files:
         assert list(tuned.glob(pattern)), pattern
     load, then = next_steps(replace(result, verdict=Verdict.of([])), tuned)
-    assert load == ("Load", "gains*.csv, observer.json, in the folder below")
+    assert load == ("To load", "gains*.csv, observer.json, in the folder below")
     assert then == ("Next", f"jcontour check {tuned} --bound")
     assert next_steps(replace(result, verdict=Verdict.of([], [reason("late")])), tuned) == []
 
