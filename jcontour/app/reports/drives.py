@@ -93,13 +93,17 @@ BECKHOFF = (  # AX5000
 )
 ODRIVE = (  # axis.controller.config
     Parameter("pos_gain", "(turn/s)/turn", lambda position: position),
-    Parameter("vel_gain", "{control} per m/s; times {turn}: Nm/(turn/s)", lambda velocity: velocity),
+    Parameter(
+        "vel_gain", "{control} per m/s; times {turn}: Nm/(turn/s)", lambda velocity: velocity
+    ),
     Parameter(
         "vel_integrator_gain",
         "{control} per m; times {turn}: Nm/turn",
         lambda velocity, integral_time: velocity / integral_time,
     ),
-    Parameter("inertia", "{control} per m/s^2; times {turn}: Nm/(turn/s^2)", lambda inertia: inertia),
+    Parameter(
+        "inertia", "{control} per m/s^2; times {turn}: Nm/(turn/s^2)", lambda inertia: inertia
+    ),
 )
 PRODUCTS: dict[Drive, tuple[Parameter, ...]] = {
     "general": GENERAL,

@@ -83,7 +83,7 @@ def test_a_screw_of_5_mm_takes_the_same_torque(unit, torque):
 
 def test_torque_per_unit_of_other_commands_is_asked_for():
     lines = drive_gains(CASCADE, "A", "odrive")
-    assert lines[1] == "vel_gain 3 A s/m; times lead (Nm per A): Nm/(turn/s)"
+    assert lines[1] == "vel_gain 3 A per m/s; times lead (Nm per A): Nm/(turn/s)"
     assert "lead: travel of the axis in one turn of the motor [m]" in lines
 
 
