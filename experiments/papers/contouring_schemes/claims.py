@@ -9,12 +9,9 @@ from matplotlib.figure import Figure
 from experiments.papers.contouring_schemes.experiment import (
     CASCADE,
     CONSTANT,
-    CURRENT,
-    INCREMENT,
     PRECOMPENSATION,
     SHAPING,
     TASK_FRAME,
-    TUNED_ON,
     VARIABLE,
     Result,
 )
@@ -106,19 +103,7 @@ def _decided(result: Result) -> Iterator[Claim]:
 
 
 def tables(result: Result) -> Iterator[Table | str]:
-    """The rules, held-out and training contours, and the outcome."""
-    count, limits = result.evaluations, result.limits
-    seen = dict.fromkeys(row.contour for row in result.rows if row.training)
-    yield (
-        f"Tuned on the smooth twin ({', '.join(TUNED_ON)}) along {', '.join(seen)}: "
-        "the mean RMS contour error of the end effector.\n"
-        f"{count} evaluations for the cascade, then {count} from it and {count} from the thesis's "
-        "gains for every scheme.\n"
-        "Gains: any above zero. "
-        f"Limits: RMS current {limits['rms_control']:.4g} A, RMS increment\n"
-        f"{limits['rms_increment']:.4g} A ({CURRENT:g} x and {INCREMENT:g} x "
-        "what the thesis's gains with feedforward need).\n"
-    )
+    """Held-out and training contours, and the outcome."""
     for title, training in (("Held-out", False), ("Training", True)):
         columns: dict[str, Column] = {"scheme": str}
         for heading, column in COLUMNS.items():
@@ -136,10 +121,6 @@ def tables(result: Result) -> Iterator[Table | str]:
         f"Held out: {best} has {errors[best][0] / errors[CASCADE][0]:.2f} x the error "
         f"of the plain cascade tuned as much; on the worst machine {max(errors[best]):.1f} "
         f"against {max(errors[CASCADE]):.1f} um"
-    )
-    yield (
-        "The descents end with the budget: smaller differences than a tenth may turn round with a "
-        "larger one."
     )
     if result.quick:
         yield "A quick run decides no statement: its budget is a fifth of the full one."

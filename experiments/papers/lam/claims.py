@@ -17,7 +17,7 @@ from experiments.papers.lam.experiment import (
 )
 from experiments.papers.panels import Curve, Panel, drawn
 from experiments.papers.verdicts import Claim, verdict
-from experiments.tables import Table, where
+from experiments.tables import where
 
 SIMILAR = 1.25  # ratio of errors up to which two controllers perform similarly
 MUCH_BETTER = 2.0  # ratio of errors from which one is much better
@@ -125,25 +125,6 @@ def _over_mpcc(result: Result, place: int) -> tuple[list[float], str]:
     if not ratios:
         return [], f"no run of {PI_1MS} within the range of MPCC's times"
     return ratios, f"error of {PI_1MS} over MPCC's: {', '.join(words)}"
-
-
-def tables(result: Result) -> Iterator[Table]:
-    """Fig. 13 in numbers."""
-    yield Table(
-        f"Fig. 13: errors are in % of the largest radius, {result.max_radius_mm:g} mm",
-        result.trade_off,
-        {
-            "controller": "controller",
-            "plant": "plant",
-            "setting": "setting",
-            "time s": lambda row: f"{row.time_s:.4g}" if row.finished else "did not arrive",
-            "RMS contour\nerror %": "rms_percent:.4g",
-            "RMS\num": "rms_um:.4g",
-            "peak\num": "peak_um:.4g",
-            "at a limit\n% of steps": "limited_percent:.4g",
-        },
-        words=3,
-    )
 
 
 COLOURS = dict(zip(CONTROLLERS, ("tab:blue", "tab:green", "tab:orange", "tab:red"), strict=True))

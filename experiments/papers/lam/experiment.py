@@ -79,10 +79,7 @@ class Point:
     setting: str
     finished: bool
     time_s: float  # not finite when the tool does not arrive
-    rms_um: float
-    peak_um: float
     rms_percent: float  # of the largest radius
-    limited_percent: float  # of the steps have a limit active
 
 
 @dataclass(frozen=True)
@@ -90,7 +87,6 @@ class Result:
     """Figs 8 to 11 on one machine, Fig. 13 on all."""
 
     plants: tuple[str, ...]
-    max_radius_mm: float  # of the contour, from its centre
     points_mm: Float[np.ndarray, "points 2"]  # of the contour
     traces: tuple[Trace, ...]  # q_theta ascending
     trade_off: tuple[Point, ...]
@@ -136,7 +132,6 @@ def run(quick: bool = False) -> Result:
         points += sorted(several, key=lambda one: (one.controller, one.time_s))
     return Result(
         plants,
-        1e3 * radius,
         1e3 * path[::4],
         tuple(traces),
         tuple(points),
@@ -148,7 +143,6 @@ class Outcome(NamedTuple):
 
     rollout: Rollout
     score: Score
-    limited: float  # fraction of the steps with a limit active
 
 
 def lobes() -> Contour:
@@ -198,8 +192,7 @@ def cascaded(machine: Plant, contour: Contour, speed: float) -> Outcome:
     """
     controller = Cascade(CASCADE[machine.dt], SENSORS, machine.dt, LARGEST_CURRENT)
     rollout = simulate(machine, controller, at_speed(contour, speed, machine.dt, 1))
-    limited = np.mean(np.any(np.abs(rollout.control) >= LARGEST_CURRENT, axis=1))
-    return Outcome(rollout, traversal_score(contour, rollout.output, machine.dt), float(limited))
+    return Outcome(rollout, traversal_score(contour, rollout.output, machine.dt))
 
 
 def _driven(
@@ -209,13 +202,11 @@ def _driven(
         run = reported_loop(machine, Held(controller, round(PERIOD / SAMPLE), 2), reference)
     except Stopped as stopped:  # scored as far as it came: its time says that it did not arrive
         run = stopped.run
-    score = traversal_score(contour, run.rollout.output, SAMPLE)
-    return Outcome(run.rollout, score, run.report.active_fraction)
+    return Outcome(run.rollout, traversal_score(contour, run.rollout.output, SAMPLE))
 
 
 def point(controller: str, plant: str, setting: str, outcome: Outcome, radius: float) -> Point:
     """One point of Fig. 13; `radius` is the largest of the contour [m]."""
-    score, limited = outcome.score, 100 * outcome.limited
-    finished, errors = bool(np.isfinite(score.time)), (1e6 * score.rms, 1e6 * score.peak)
-    percent = 100 * score.rms / radius
-    return Point(controller, plant, setting, finished, float(score.time), *errors, percent, limited)
+    score = outcome.score
+    arrived = bool(np.isfinite(score.time))
+    return Point(controller, plant, setting, arrived, float(score.time), 100 * score.rms / radius)

@@ -13,15 +13,13 @@ from experiments.papers.synchronisation.experiment import (
     CONTINUOUS,
     FAST,
     NOMINAL,
-    PLANTS,
     SLOW,
     WEAK,
     Result,
 )
 from experiments.papers.verdicts import Claim, Verdict, verdict
-from experiments.tables import Table, where
+from experiments.tables import where
 from jcontour.app.reports.figures.axes import CYCLE
-from jcontour.app.reports.tables import digits
 
 AT_LEAST, AROUND, EDGE = 10.0, 3.0, 4.0  # what the paper says of beta
 ZERO = 1e-12  # an error below is rounding
@@ -137,30 +135,6 @@ def _stronger(result: Result, period_ms: float, item: str) -> Claim:
 
 def _peak(error: Float[np.ndarray, " T"]) -> float:
     return float(error[np.argmax(np.abs(error))])
-
-
-def tables(result: Result) -> Iterator[Table | str]:
-    """What is ours, and the bounds on beta."""
-    yield "The paper prints no plant and no gains. Ours, per unit of speed and of control:"
-    for name, plant in PLANTS.items():
-        poles, gains = (", ".join(f"{x:g}" for x in values) for values in plant.axes)
-        feedback = ", ".join(f"{x:g}" for x in plant.proportional)
-        yield (
-            f"  {name}: a = {poles} 1/s, b = {gains}, k_c = {feedback}, "
-            f"gamma = {plant.adaptation:g} 1/s (sampled: gamma T), v_c = 1"
-        )
-    yield Table(
-        "Bounds on beta",
-        result.bounds,
-        {
-            "axes": "plant",
-            "sample period ms": "period_ms:g",
-            "K": "adaptation:.4g",
-            "(9)": lambda row: "none" if row.continuous is None else digits(row.continuous),
-            "(17)": "proven:.4g",
-            "exact loop": "exact:.4g",
-        },
-    )
 
 
 SHOWN = 0.4  # [s] after the load

@@ -95,7 +95,6 @@ class Bounds:
 
     plant: str
     period_ms: float
-    adaptation: float  # K of (18)
     continuous: float | None  # largest beta with (9) positive definite; None where any is
     proven: float  # smallest beta at which (17) is no longer strictly positive real
     exact: float  # smallest beta at which the loop is no longer stable
@@ -184,4 +183,4 @@ def bounds(name: str, period_ms: float) -> Bounds:
     largest = continuous_bound(plant.axes, plant.proportional)
     continuous = largest if np.isfinite(largest) else None
     limits = positive_real_bound(loop), exact_bound(loop)
-    return Bounds(name, period_ms, loop.adaptation, continuous, *limits)
+    return Bounds(name, period_ms, continuous, *limits)

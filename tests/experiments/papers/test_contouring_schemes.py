@@ -95,7 +95,7 @@ def test_shown_with_its_rules_and_its_outcome():
     lost = replace(first, current_a=np.inf)
     parts = list(tables(replace(result, rows=(lost, *others))))
     text = "\n".join(part for part in parts if not isinstance(part, Table))
-    assert "7 evaluations" in text and "0.67 x the error of the plain cascade" in text
+    assert "0.67 x the error of the plain cascade" in text
     assert "no gains within the limits were found for task frame" in text
     rows = {one["title"]: one["cells"] for one in stored(parts)}
     assert rows["Held-out contours, nominal, stick and slip"][1][:2] == [
