@@ -298,8 +298,6 @@ class Result:
     """How all schemes were tuned, and their runs on the true machines."""
 
     quick: bool  # too few evaluations for a verdict
-    evaluations: int  # of one descent
-    limits: dict[str, float]
     tuning: tuple[TunedScheme, ...]
     rows: tuple[Row, ...]
 
@@ -352,6 +350,4 @@ def run(quick: bool = False) -> Result:
     with ThreadPoolExecutor(2) as pool:  # one compiles while the other descends
         tuning, runs = zip(*pool.map(one, known.items()), strict=True)
     untuned = rows("start", cascade.build(cascade.around(START)), plants)
-    bounds = np.asarray(setup.limits.bounds).tolist()
-    limits = dict(zip(setup.limits.names, bounds, strict=True))
-    return Result(quick, budget, limits, tuning, (*untuned, *chain.from_iterable(runs)))
+    return Result(quick, tuning, (*untuned, *chain.from_iterable(runs)))

@@ -6,7 +6,6 @@ behaves otherwise than their simulation. We look for the reason in a family of m
 input delay and input gains that the controller does not know.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -255,23 +254,12 @@ FIGURE_9, FIGURE_10 = (4.0, 0.0), (0.25, 15.0)  # the paper's alpha, beta
 LINE_ALPHA, LINE_BETAS = 3.0, (0.0, 1.0, 5.0, 20.0)  # 3/0 -> 3/5
 LINE_SCALES = (1.0, 10.0)  # and the same at ten times the weights
 POINTS = slice(591, 602)  # samples near the circle's upper left, in the scored lap
-THEOREM_ALPHAS = (0.25, 3.0, 8.0)
-THEOREM_BETAS = (0.0, 5.0, 15.0, 20.0)
-THEOREM_RHOS = (RHO, RHO * 1e-2, RHO * 1e-4)
+THEOREM_WEIGHTS = tuple(  # alpha, beta, rho
+    product((0.25, 3.0, 8.0), (0.0, 5.0, 15.0, 20.0), (RHO, RHO * 1e-2, RHO * 1e-4))
+)
 THEOREM_HORIZON = 50
 # over half a turn: the weight is that of the opposite direction
 THEOREM_DIRECTIONS, QUICK_DIRECTIONS = 72, 18
-
-
-@dataclass(frozen=True)
-class RadiiOnLines:
-    """Largest spectral radius over all directions, horizon by horizon, for one set of weights."""
-
-    alpha: float
-    beta: float
-    rho: float
-    output: Sequence[float]
-    dare: Sequence[float]
 
 
 @dataclass(frozen=True)
@@ -285,7 +273,8 @@ class Result:
     finite_preview: dict[str, MachineRun]  # beside case III, with and without the Appendix
     largest_gain_difference: float  # between the first two of them, relative
     directions: int  # of the straight lines
-    sets: tuple[RadiiOnLines, ...]
+    # largest spectral radius over all directions, for the sets of weights of Theorem 1
+    radii: Float[np.ndarray, "sets terminals horizons"]
 
     def on_family(self, *case) -> tuple[MachineRun, ...]:
         """Runs of one controller on the circle: terminal, alpha, beta and maybe preview."""
@@ -334,10 +323,11 @@ def run(quick: bool = False) -> Result:
     }
     ours, theirs, _ = plans.values()
     directions = QUICK_DIRECTIONS if quick else THEOREM_DIRECTIONS
-    angles, sets = np.deg2rad(np.arange(directions) * 180.0 / directions), []
-    for weights in product(THEOREM_ALPHAS, THEOREM_BETAS, THEOREM_RHOS):
-        radii = radii_on_lines(setup.model, LQWeights(*weights), angles, THEOREM_HORIZON)
-        sets.append(RadiiOnLines(*weights, *radii.max(axis=2).T.tolist()))
+    angles = np.deg2rad(np.arange(directions) * 180.0 / directions)
+    radii = [
+        radii_on_lines(setup.model, LQWeights(*weights), angles, THEOREM_HORIZON).max(axis=2).T
+        for weights in THEOREM_WEIGHTS
+    ]
     return Result(
         circle=tuple(circle),
         line=tuple(line),
@@ -346,7 +336,7 @@ def run(quick: bool = False) -> Result:
         finite_preview={name: setup.run(plan, setup.circle)[0][0] for name, plan in plans.items()},
         largest_gain_difference=max(_difference(ours.F, theirs.F), _difference(ours.f, theirs.f)),
         directions=directions,
-        sets=tuple(sets),
+        radii=np.array(radii),
     )
 
 

@@ -94,7 +94,6 @@ class AdaptiveRun:
     trace: float
     rule: str  # of the forgetting factor: ours, as printed, or none
     mean_um: float
-    peak_um: float
     second_half_um: float
     final_theta: tuple[float, float]
     fitted_theta: tuple[float, float]  # of the servo's loop, by least squares along the path
@@ -425,7 +424,7 @@ def adaptive_runs(truths: Iterable[Truth] = TRUTHS[:3]) -> tuple[AdaptiveRun, ..
         error, run = errors(adaptive(theta, estimator), truth.axis(SLOW))
         end, size = run.final_memory.estimate, np.abs(error)
         a, b = map(float, end.theta[0])
-        sizes = float(size.mean()), float(size.max()), float(size[size.size // 2 :].mean())
+        sizes = float(size.mean()), float(size[size.size // 2 :].mean())
         trace = float(np.trace(end.gain[0]))
         start = truth.name, theta, float(estimator.trace), rule
         rows.append(AdaptiveRun(*start, *sizes, (a, b), one_pole_fit(truth), trace))

@@ -66,8 +66,7 @@ def made_up(errors, tracking=None):
         for name in errors
         if name != "start"
     )
-    limits = {"rms_control": 1.5, "rms_increment": 0.1}
-    return Result(False, 7, limits, tuned, rows)
+    return Result(False, tuned, rows)
 
 
 def verdicts(result):
