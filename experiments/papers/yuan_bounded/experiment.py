@@ -123,16 +123,6 @@ MARGIN = 1e-2  # rho, over the tolerance and the speed
 
 
 @dataclass(frozen=True)
-class LeastRow:
-    """Least tolerance of finite responses; None where none respects the limits."""
-
-    reference: str  # what is known of it
-    length: int  # samples N
-    tolerance_mm: float | None
-    limiting: tuple[str, ...]  # limits that keep it from being smaller, or that none respects
-
-
-@dataclass(frozen=True)
 class LoopRow:
     """Run of the bounded MPC under disturbances in their box, every QP solved."""
 
@@ -162,7 +152,7 @@ class Result:
     observer_radius: float  # spectral radius of the printed observer on the printed model
     # least tolerance that any controller at all needs, by the linear program's multipliers
     bound_mm: float
-    least: tuple[LeastRow, ...]
+    least_mm: dict[str, float]  # of finite responses, by what is known of the reference
     loops: tuple[LoopRow, ...]
     motions: tuple[PointToPointRun, ...]  # Figs 4.3 and 4.5
     invariant: InvariantSetRun | None
@@ -175,7 +165,7 @@ def run(quick: bool = False) -> Result:
     return Result(
         observer_radius(),
         certificate(DISTURBANCE, PRINTED_SPEED),
-        tuple(least_row(kind, N) for kind, row in lengths.items() for N in row),
+        {kind: min(least_tolerance(kind, N) for N in row) for kind, row in lengths.items()},
         (
             loop_row(UNKNOWN, lengths[UNKNOWN][-1], samples),
             loop_row(PREVIEWED, lengths[PREVIEWED][0], samples),
@@ -245,17 +235,18 @@ def certificate(size: float, speed: float) -> float:
     return 1e3 * least.bound
 
 
-def least_row(reference: str, length: int) -> LeastRow:
-    """Least tolerance of finite responses; even a previewed reference takes its share of limits."""
-    previewed = reference == PREVIEWED
-    model, bounds = disturbed(DISTURBANCE, previewed), limits(False)
+def least_tolerance(reference: str, length: int) -> float:
+    """Least tolerance of finite responses [mm]; infinite where none respects the limits.
+
+    Even a previewed reference takes its share of the limits.
+    """
+    model, bounds = disturbed(DISTURBANCE, reference == PREVIEWED), limits(False)
     small = model.state_signals(["tool"], np.eye(4)[2])
     limited = [*bounds.signals, *model.control_signals(bounds.control)]
     try:
-        least = least_peak(model, small, limited, length)
-    except NoResponse as none:
-        return LeastRow(reference, length, None, none.limiting)
-    return LeastRow(reference, length, 1e3 * least.tolerance, least.limiting)
+        return 1e3 * least_peak(model, small, limited, length).tolerance
+    except NoResponse:
+        return np.inf
 
 
 def loop_row(reference: str, length: int, samples: int) -> LoopRow:

@@ -12,7 +12,6 @@ from experiments.papers.yuan_bounded.claims import claims, errors
 from experiments.papers.yuan_bounded.experiment import (
     PREVIEWED,
     UNKNOWN,
-    LeastRow,
     LoopRow,
     PointToPointRun,
     Result,
@@ -20,7 +19,7 @@ from experiments.papers.yuan_bounded.experiment import (
     axis,
     certificate,
     disturbed,
-    least_row,
+    least_tolerance,
     limits,
     motion,
     run,
@@ -47,11 +46,11 @@ def test_the_axis_is_that_of_the_reference(numbers):
 
 
 def test_forty_samples_are_too_few_against_an_unknown_reference(numbers):
-    row = least_row(UNKNOWN, 40)
-    assert row.tolerance_mm is None and "control" in row.limiting
+    assert least_tolerance(UNKNOWN, 40) == np.inf
     wanted = [case for case in numbers["cases"] if case["N"] == 40 and case["previewed"]]
-    previewed = least_row(PREVIEWED, 40)
-    assert previewed.tolerance_mm == pytest.approx(1e3 * wanted[0]["least_tolerance_m"], rel=1e-4)
+    assert least_tolerance(PREVIEWED, 40) == pytest.approx(
+        1e3 * wanted[0]["least_tolerance_m"], rel=1e-4
+    )
 
 
 @pytest.mark.slow
@@ -69,11 +68,7 @@ def made_up():
         LoopRow(UNKNOWN, 1.4, 1.0, 8.6, 0.1, 0.15, 2, error),
         LoopRow(PREVIEWED, 0.09, 0.08, 9.0, 0.2, 0.25, 2, error / 20),
     )
-    least = (
-        LeastRow(UNKNOWN, 40, None, ("control",)),
-        LeastRow(UNKNOWN, 60, 1.39, ("control",)),
-        LeastRow(PREVIEWED, 40, 0.058, ("control",)),
-    )
+    least = {UNKNOWN: 1.39, PREVIEWED: 0.058}
     runs = (("1 kHz", 3.9, 1.7), ("4 kHz", 3.8, 1.7), ("standard", 7.7, 5.3), ("tuned", 2.2, 1.4))
     motions = tuple(PointToPointRun(name, 1e-3, most, mean, error) for name, most, mean in runs)
     return Result(1.001, 4.856, least, loops, motions, algorithm_1())
@@ -94,8 +89,8 @@ def test_verdicts_follow_the_numbers():
     assert verdicts(replace(whole, loops=printed))[3] == YES
     assert verdicts(replace(whole, observer_radius=0.99))[0] == YES
     assert verdicts(replace(whole, bound_mm=4.4))[1] == YES
-    wide = (*whole.least[:2], LeastRow(PREVIEWED, 40, 5.0, ()))
-    assert verdicts(replace(whole, least=wide))[2] == NO
+    wide = {UNKNOWN: 1.39, PREVIEWED: 5.0}
+    assert verdicts(replace(whole, least_mm=wide))[2] == NO
     out = (whole.loops[0], replace(whole.loops[1], largest_mm=0.1))
     assert verdicts(replace(whole, loops=out))[3] == NO
     strong = (replace(whole.loops[0], largest_current=9.1), whole.loops[1])
