@@ -18,7 +18,7 @@ END_MARGIN = 0.5e-3  # [m] before the end of the path: there the run counts as d
 
 
 class Score(NamedTuple):
-    """A run up to where its tool has passed the end of the path less the margin.
+    """A run up to where its tool has passed the end of the path less `END_MARGIN`.
 
     The first sample, t = 0, does not count, the last one does.
     """
@@ -36,7 +36,6 @@ def traversal_score(
     output: Float[ArrayLike, "T m"],
     dt: float,
     start: float = 0.0,
-    margin: float = END_MARGIN,
 ) -> Score:
     """Time and contour error of a tool path.
 
@@ -47,7 +46,6 @@ def traversal_score(
         output: tool points [m].
         dt: sample period [s].
         start: arc length at which it begins [m].
-        margin: before the end of the path [m]: there the run counts as done.
     """
     steps = np.shape(output)[0]
     times = jnp.asarray(_times(contour))
@@ -56,28 +54,22 @@ def traversal_score(
     index = np.minimum(np.arange(-(-len(rows) // BLOCK) * BLOCK), len(rows) - 1)
     nearest = _followed(contour, jnp.asarray(rows[index]), jnp.asarray(float(start)), times)
     arc, error = (np.asarray(values)[:steps] for values in nearest)
-    there = np.flatnonzero(arc >= float(contour.length) - margin)
+    there = np.flatnonzero(arc >= float(contour.length) - END_MARGIN)
     last = int(there[0]) if there.size else len(arc) - 1
     counted = error[1 : last + 1]
     time = last * dt if there.size else np.nan
     return Score(time, float(np.sqrt(np.mean(counted**2))), float(counted.max()), arc, error)
 
 
-def outrun(
-    contour: Contour,
-    score: Score,
-    progress: Float[ArrayLike, " T"],
-    margin: float = END_MARGIN,
-) -> bool:
+def outrun(contour: Contour, score: Score, progress: Float[ArrayLike, " T"]) -> bool:
     """Whether the controller's progress came to the end of a path whose end its tool never reached.
 
     Args:
         contour: the path.
-        score: of the run, found with this margin.
+        score: of the run.
         progress: arc length at which the controller holds the tool to be [m].
-        margin: before the end of the path [m].
     """
-    there = float(np.max(np.asarray(progress))) >= float(contour.length) - margin
+    there = float(np.max(np.asarray(progress))) >= float(contour.length) - END_MARGIN
     return there and not np.isfinite(score.time)
 
 
