@@ -271,7 +271,7 @@ def test_a_bomb_of_blocks_is_refused(drawn, monkeypatch):
         (b"0\nSECTION\n2\nENTITIES\nzero\nLINE\n0\nEOF\n", "Invalid group code .* line 5"),
         (
             b"0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n20\n0\nENDSEC\n0\nEOF\n",
-            "a drawing in unit 20",
+            "the drawing is in unit 20",
         ),
     ],
 )
