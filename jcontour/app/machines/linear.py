@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from jcontour.analysis.uncertain_loops import Lines
 
 # of its size: it changes with speed, place, load and temperature, and from day to day
-FRICTION_KNOWN_TO = 0.25
+FRICTION_KNOWN_TO = 0.1
 USUAL = Usual(
     "contouring-lq",
     training=("cam", "circle", "square"),
