@@ -30,8 +30,8 @@ from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.plants.actuation import (
     Backlash,
     Disturbed,
+    ElastoplasticFriction,
     Gained,
-    LostMotion,
     Saturated,
     WithDryFriction,
     with_dry_friction,
@@ -163,7 +163,9 @@ WRAPPED = {
     PartlyDelayed: lambda: PartlyDelayed(lags(), 0.5, 1, 2),
     Disturbed: lambda: Disturbed(lags(), noise=jnp.ones((1, 2))),
     WithDryFriction: rubbed,
-    LostMotion: lambda: LostMotion(lags(), Friction(np.full(2, 1e-6), 0.0, 1.0, 0.0)),
+    ElastoplasticFriction: lambda: ElastoplasticFriction(
+        lags(), np.asarray(lags().B), np.ones(2), Friction(np.full(2, 1e-6), 0.0, 1.0, 0.0)
+    ),
     Encoders: lambda: Encoders(lags()),
     Sensed: lambda: Sensed(lags(), Sensors([0, 1]).positions),
     Quantised: lambda: Quantised(lags(), 1e-6),

@@ -16,7 +16,7 @@ from jcontour.export.rendering import Code
 from jcontour.export.streaming_law import Matrix, Vector
 from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.plant import Plant
-from jcontour.plants.actuation import LostMotion, WithDryFriction
+from jcontour.plants.actuation import ElastoplasticFriction, WithDryFriction
 
 LETTERS = "XYZABCUVW"
 TOOLS = 99  # without length or diameter: programs that change tools run
@@ -159,28 +159,30 @@ def linuxcnc_files(
 
 def _model(machine: Plant, count: Vector) -> dict[str, Any]:
     """Matrices of the machine; friction of zero where it has none."""
-    held = machine if isinstance(machine, LostMotion) else None
+    held = machine if isinstance(machine, ElastoplasticFriction) else None
     machine = machine if held is None else held.plant
     model = machine.plant if isinstance(machine, WithDryFriction) else machine
     if not isinstance(model, LinearPlant):
         raise ValueError(f"linuxcnc: needs a linear machine, received {type(model).__name__}")
     A, B, C = (np.asarray(one, float) for one in (model.A, model.B, model.C))
     m, n = C.shape
-    entry, speed, play = np.zeros((n, m)), np.zeros((m, n)), np.zeros(B.shape[1])
-    sharpness, friction = np.zeros(m), np.zeros(m)
+    entry, speed = np.zeros((n, m)), np.zeros((m, n))
+    sharpness, friction, sticking, stiffness = np.zeros((4, m))
     if isinstance(machine, WithDryFriction):
         parts = machine.entry, machine.speed, machine.sharpness
         entry, speed, sharpness = (np.asarray(one, float) for one in parts)
         friction = np.asarray(machine.friction.dry(jnp.ones(m)), float)
     if held is not None:
-        play = np.broadcast_to(np.asarray(held.friction.coulomb, float), play.shape)
+        entry, stiffness = (np.asarray(one, float) for one in (held.entry, held.stiffness))
+        sticking = np.broadcast_to(np.asarray(held.friction.coulomb, float), m)
     matrices: list[tuple[str, Matrix | Float[np.ndarray, " m"]]] = [
         ("A", A),
         ("B", B),
         ("C", C),
         ("ENTRY", entry),
         ("SPEED", speed),
-        ("PLAY", play),
+        ("STICKING", sticking),
+        ("STIFFNESS", stiffness),
         ("SHARPNESS", sharpness),
         ("FRICTION", friction),
         ("COUNT", count),

@@ -97,7 +97,7 @@ class StreamingLaw:
         window: swept at every sample; None where gains are stationary.
         G, W: gains of the references from `behind` samples back to `preview` ahead.
         dry: control by the direction of every axis, against its friction.
-        ahead: samples d ahead at which that is taken, of every axis.
+        ahead: samples d ahead at which that is taken.
         limit: of every control, +-; infinite where there is none.
         kept: limit of every entry of the memory, +-.
         exact: whether that is all that the controller's own limits do to its memory.
@@ -130,7 +130,7 @@ class StreamingLaw:
     G: Float[np.ndarray, "window p m"] | None = None
     W: Float[np.ndarray, "window n m"] | None = None
     dry: Matrix | None = None
-    ahead: tuple[int, ...] = ()
+    ahead: int = 0
     kept: Vector = field(default_factory=lambda: np.zeros(0))
     exact: bool = True
     drives: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
@@ -187,8 +187,7 @@ def streaming_law(
     if isinstance(controller, FrictionFeedforward):
         law = streaming_law(controller.controller, machine, places, limit, precision)
         dry = np.diag(np.broadcast_to(np.asarray(controller.coulomb, float), law.axes))
-        ahead = controller.ahead or (0,) * law.axes
-        return replace(law, dry=dry, ahead=ahead, preview=controller.preview)
+        return replace(law, dry=dry, ahead=controller.ahead, preview=controller.preview)
     # Standstill at the origin on a straight line, long enough for every response to end
     axes = places.shape[0]
     ahead = max(controller.preview, 1)
@@ -346,7 +345,6 @@ def _stationary(
         G=G[skipped:],
         W=_some(W[skipped:]),
         dry=_some(np.where(np.abs(dry) > ENDED * largest, dry, 0.0)),
-        ahead=(0,) * axes,
         limit=np.full(p, np.inf),
         kept=np.full(n, np.inf) if kept is None else kept,
         exact=exact,

@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
 from jcontour._tracing import is_concrete
-from jcontour.linear.plant import LinearPlant, decoupled_axes, small_product
+from jcontour.linear.plant import LinearPlant, decoupled_axes, small_product, spectral_radius
 from jcontour.plant import State
 from jcontour.plants.friction import Friction
 from jcontour.wrapper import Remembering, Wrapper
@@ -128,6 +128,7 @@ class Backlash(Remembering):
 SLOWEST = 2e-4  # [m/s] within which friction turns, at least
 SAMPLES = 4.0  # times what it changes the speed in a sample
 INTEGRATOR = 3e-5  # distance of its pole from one: printed matrices are rounded
+STIFFNESSES = np.geomspace(0.1, 1e3, 81)  # over the inverse gain of a drive
 RESPONSE = 20  # samples of which the quickest counts
 
 
@@ -162,32 +163,55 @@ class WithDryFriction(Wrapper):
         return self.plant.step(state, control) - small_product(self.entry, force)
 
 
-class LostMotion(Remembering):
-    """A plant whose drives hold their place against dry friction: commands act through a play.
+class ElastoplasticFriction(Remembering):
+    """A plant whose drives hold their place against dry friction, which sticks.
 
-        w(k) = clip(w(k-1), u(k) - F, u(k) + F)
-    A proportional position loop moves while its command is more than F ahead, F being the friction
-    over the gains of its loops, and sticks where it is less. The place at rest keeps the reversal
-    error, as no friction does that turns smoothly. The plant starts behind the motion.
+        x(k+1) = A x + B u - E f,    f(k+1) = clip(f + s (y(k+1) - y(k)), -F, F)
+    with the outputs y: Prandtl's operator. Friction turns within a travel of 2 F / s, and stays
+    where the axis stands: a position loop rests up to F away from its command, F being the
+    friction over the gains of its loops, as with no friction that turns with the speed. The plant
+    starts behind the motion.
 
     Args:
         plant: a machine, some of whose controls are positions.
+        entry: E, how a force on each axis enters.
+        stiffness: s [control unit/m].
         friction: its Coulomb part is F of every control [control unit], zero of one that is none.
     """
 
+    entry: Float[Array, "n m"]
+    stiffness: Float[Array, " m"]
     friction: Friction
 
     def initial_state(self, position, increment) -> tuple:
-        """Command that held the plant, behind by the friction where it moves."""
-        held = self.plant.holding_control(position) - self.friction.coulomb * jnp.sign(increment)
-        return self.plant.initial_state(position, increment), held
+        """Steady motion of the plant, under the friction where it moves."""
+        force = self.friction.coulomb * jnp.sign(jnp.asarray(increment, float))
+        return self.plant.initial_state(position, increment), force
 
     def step(self, state, control) -> tuple:
-        """Step of the plant under what comes through the play."""
-        force = self.friction.coulomb
-        behind = jnp.clip(state[1] - control, -force, force)
-        acts = control + jnp.where(force > 0, behind, 0.0)  # a play of zero has a slope
-        return self.plant.step(state[0], acts), acts
+        """Step of the plant under the force, and the next one."""
+        before, limit = state[0], self.friction.coulomb
+        force = jnp.where(limit > 0, state[1], 0.0)  # nothing is remembered without friction
+        after = self.plant.step(before, control) - small_product(self.entry, force)
+        way = self.plant.output(after) - self.plant.output(before)
+        stuck = jnp.clip(force + self.stiffness * way, -limit, limit)
+        return after, jnp.where(limit > 0, stuck, 0.0)
+
+
+def _holding_stiffness(plant: LinearPlant, entry: Float[np.ndarray, "n m"]) -> np.ndarray:
+    """Half of the stiffness at which a drive is at the limit of stability, by axis.
+
+    Under f = s y the loop has the matrix A - s E C; s is looked for over its inverse gain.
+    """
+    A, C = np.asarray(plant.A), np.asarray(plant.C)
+    stiffness = np.zeros(len(C))
+    for k, (column, row) in enumerate(zip(entry.T, C, strict=True)):
+        gain = np.linalg.norm(row @ np.linalg.pinv(np.eye(len(A)) - A) @ column)
+        series = STIFFNESSES / max(float(gain), 1e-300)
+        loops = A - series[:, None, None] * np.outer(column, row)
+        lost = np.flatnonzero(spectral_radius(loops) > max(float(spectral_radius(A)), 1.0))
+        stiffness[k] = series[lost[0] if lost.size else -1] / 2
+    return stiffness
 
 
 def _integrates(plant: LinearPlant) -> Bool[np.ndarray, " m"]:
@@ -207,8 +231,8 @@ def with_dry_friction(
     plant: LinearPlant,
     entry: Float[np.ndarray, "n m"],
     force: Float[np.ndarray, " m"],
-) -> WithDryFriction | LostMotion:
-    """The plant with friction of every axis; as lost motion where its drive takes a position.
+) -> WithDryFriction | ElastoplasticFriction:
+    """The plant with friction of every axis; it sticks where its drive takes a position.
 
     Args:
         plant: without friction.
@@ -224,8 +248,9 @@ def with_dry_friction(
         Friction(np.where(some, np.asarray(force), 0.0), 0.0, 1.0, 0.0)
         for some in (integrates, ~integrates)
     )
+    holding = jnp.asarray(entry), jnp.asarray(_holding_stiffness(plant, np.asarray(entry)))
     if not integrates.any():
-        return LostMotion(plant, held)
+        return ElastoplasticFriction(plant, *holding, held)
     speed = (C @ A - C) / plant.dt
     responses, state = [np.zeros(speed.shape[0])], np.asarray(entry)
     for _ in range(RESPONSE):
@@ -235,7 +260,7 @@ def with_dry_friction(
     turning = np.maximum(SLOWEST, SAMPLES * np.asarray(force) * quickest)
     parts = (jnp.asarray(part) for part in (entry, speed, 1.0 / turning))
     rubbed = WithDryFriction(plant, *parts, sliding)
-    return rubbed if integrates.all() else LostMotion(rubbed, held)
+    return rubbed if integrates.all() else ElastoplasticFriction(rubbed, *holding, held)
 
 
 class Disturbed(Remembering):

@@ -25,7 +25,6 @@ from jcontour.app.catalogue.own_classes import (
     own_name,
 )
 from jcontour.app.designs.design import SETTINGS, Design, Needs, OwnDesign, given, own_design
-from jcontour.app.designs.simple_loops import acting_ahead
 from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.job import Pace, Task, from_file
 from jcontour.app.machines.machine import Machine
@@ -130,22 +129,20 @@ def _compensated(design: Design, machine: Machine, backlash: bool) -> Design:
         and (change is None or np.all(2 * np.asarray(linear.friction) <= change))
     ):
         limit = linear.limits.control
-        ahead = acting_ahead(linear)
+        late = linear.known_delay + linear.middle_delay
         coulomb = np.broadcast_to(np.asarray(linear.friction, float), len(linear.axes))
         friction = partial(
             FrictionFeedforward,
             coulomb=coulomb,
             limit=np.inf if limit is None else limit,
-            ahead=ahead,
+            ahead=late,
         )
         each = ", ".join(f"{one:.6g}" for one in coulomb)
-        line = f"friction  {each} {linear.control_unit} in the direction of motion, " + ", ".join(
-            f"{late}" for late in ahead
-        )
+        line = f"friction  {each} {linear.control_unit} in the direction {late} samples ahead"
         design = design.replaced(
             compensation=(friction,),
-            preview=max(design.preview, 1 + max(ahead)),
-            beside=(f"{line} samples ahead",),
+            preview=max(design.preview, 1 + late),
+            beside=(line,),
         )
     if not backlash:
         return design

@@ -113,19 +113,6 @@ def level_gains(machine: LinearMachine) -> np.ndarray:
     return np.array([1 / one.gain if one.kind == "position" else 0.0 for one in steady])
 
 
-def acting_ahead(machine: LinearMachine) -> tuple[int, ...]:
-    """Samples from a control of every axis to the motion that it makes.
-
-    A drive that takes a position follows by its lag; a force acts after the delay, the middle of
-    what is not known of it included.
-    """
-    late, ahead = machine.known_delay + machine.middle_delay, []
-    for axis, level in zip(axes_of(machine.model), level_gains(machine), strict=True):
-        lag = _steady_control(axis, level)[0] / level / axis.dt if level > 0 else 0.0
-        ahead.append(max(late, round(lag)))
-    return tuple(ahead)
-
-
 def _steady_control(axis: TransferFunction, level: float) -> tuple[float, float]:
     """Control per speed and per acceleration of a slow motion: P^-1 = k_0 + k_v s + k_a s^2 + ...
 

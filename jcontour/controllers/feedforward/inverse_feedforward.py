@@ -131,7 +131,7 @@ class FrictionFeedforward(Wrapper):
         controller: the wrapped controller.
         coulomb: k_c, in the unit of the control: one number, or one for each axis.
         limit: of the whole control, +-: one number or one for each; none when infinite.
-        ahead: d of every axis [samples], at least zero; none is late when empty.
+        ahead: d [samples], at least zero.
 
     Raises:
         ValueError: the gain is negative or not finite, or a limit is not above zero.
@@ -140,7 +140,7 @@ class FrictionFeedforward(Wrapper):
     controller: Controller
     coulomb: Float[Array, "*p"] = eqx.field(converter=numbers)
     limit: Float[Array, "*p"] = eqx.field(converter=numbers, default=np.inf)
-    ahead: tuple[int, ...] = eqx.field(static=True, default=())
+    ahead: int = eqx.field(static=True, default=0)
 
     def __check_init__(self):
         check_limit(self.limit)
@@ -148,7 +148,7 @@ class FrictionFeedforward(Wrapper):
 
     @property
     def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return max(self.controller.preview, 1 + max(self.ahead, default=0))
+        return max(self.controller.preview, 1 + self.ahead)
 
     def prepare(self, reference: Reference) -> FrictionPlan:
         return FrictionPlan(self.controller.prepare(reference), self.against(reference))
@@ -160,10 +160,8 @@ class FrictionFeedforward(Wrapper):
             ValueError: the reference looks less far ahead than this does.
         """
         check_preview(self, reference)
-        late = self.ahead or (0,) * reference.position.shape[1]
-        ways = jnp.diff(reference.position, axis=0).T
-        ahead = [way[d : d + reference.steps] for way, d in zip(ways, late, strict=True)]
-        return jnp.atleast_1d(self.coulomb)[None] * direction(jnp.stack(ahead, axis=1))
+        rows = reference.position[self.ahead : self.ahead + reference.steps + 1]
+        return jnp.atleast_1d(self.coulomb)[None] * direction(jnp.diff(rows, axis=0))
 
     def step(
         self, memory: Any, plan: FrictionPlan, measurement: Any

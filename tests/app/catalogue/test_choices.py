@@ -229,7 +229,7 @@ def test_known_friction_is_fed_forward(tmp_path, machine_fields, controller):
     fed = np.abs(places(machine.mechanics, design.complete) - smooth)
     unfed = np.abs(places(machine.mechanics, design.build) - smooth)
     assert fed.mean() < 0.3 * unfed.mean()
-    assert "in the direction of motion" in design.lines(design.start)[-1]
+    assert "in the direction 0 samples ahead" in design.lines(design.start)[-1]
 
 
 @pytest.mark.slow

@@ -24,8 +24,8 @@ from jcontour.plants.actuation import (
     SLOWEST,
     Backlash,
     Disturbed,
+    ElastoplasticFriction,
     Gained,
-    LostMotion,
     Saturated,
     WithDryFriction,
     with_dry_friction,
@@ -330,7 +330,7 @@ def test_a_position_loop_with_friction_is_the_play_of_its_command():
     pole = np.exp(-kp * DT)
     servo = LinearPlant([[pole]], [[1 - pole]], [[1.0]], DT)
     stuck = with_dry_friction(servo, np.asarray(servo.B), np.array([friction / (kv * kp)]))
-    assert isinstance(stuck, LostMotion)
+    assert isinstance(stuck, ElastoplasticFriction)
 
     def one(state, control):
         return stuck.step(state, control[None]), stuck.output(state)[0]
@@ -369,8 +369,8 @@ def test_each_axis_has_the_friction_of_its_own_drive():
     assert np.asarray(together.output(state)).tolist() == pytest.approx(places, rel=1e-12)
 
 
-def test_a_loop_is_looked_at_without_its_play():
-    """Its slope is that of the drive alone: no command is held back, none is remembered."""
+def test_a_loop_is_looked_at_without_what_sticks():
+    """Its slope is that of the drive alone: no force acts, none is remembered."""
     servo = LinearPlant([[0.9]], [[0.1]], [[1.0]], DT)
     free = without_dry_friction(with_dry_friction(servo, np.asarray(servo.B), np.array([1e-3])))
     start = free.initial_state(jnp.zeros(1), jnp.zeros(1))
