@@ -16,6 +16,31 @@ def test_help_imports_nothing_heavy():
     assert done.returncode == 0, done.stderr
 
 
+def test_a_run_loads_neither_data_frames_nor_signal_processing_nor_the_schema():
+    script = (
+        "import sys, jcontour.app.commands.loops.simulate\n"
+        "no = {'xarray', 'pandas', 'pydantic', 'scipy.signal', 'scipy.stats', 'jcontour.bounds'}\n"
+        "assert not no & set(sys.modules), no & set(sys.modules)\n"
+        "ours = [name for name in sys.modules if name.startswith(('jcontour', 'tuning'))]\n"
+        "assert len(ours) <= 200, len(ours)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_program_that_excites_is_written_without_jax(tmp_path):
+    limits = tmp_path / "limits.json"
+    limits.write_text('{"travel": 200, "speed": 100, "acceleration": 2000, "dt": 0.01}')
+    words = ["identify", "--excite", str(limits), "--json", "--out", str(tmp_path / "run")]
+    script = (
+        "import sys\nfrom jcontour.app.cli import main\n"
+        f"assert main({words}) == 0\n"
+        "assert not {'jax', 'matplotlib', 'xarray', 'scipy'} & set(sys.modules), sys.modules.keys()"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_environment_is_set_before_jax_and_what_is_there_stays(tmp_path):
     """In a process of its own: this one has loaded JAX, and then nothing changes."""
     program = (
