@@ -18,12 +18,10 @@ from jcontour.app.jobs.pace import Pace
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import feed_words
 from jcontour.geometry.contour import Contour, unpadded
-from jcontour.geometry.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.reading import read
 from jcontour.geometry.toolpaths import Toolpath, ToolpathError
-from jcontour.motion.cornering import Planned
-from jcontour.motion.feed_laws import SharpTurnError, constant_feed
-from jcontour.motion.references import Reference, TimeLaw, along, in_time
+from jcontour.motion import Planned, Reference, SharpTurnError, along, constant_feed, in_time
+from jcontour.motion.references import TimeLaw
 
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
 RAPID = 3.0

@@ -9,8 +9,7 @@ from jcontour.app.jobs.pace import Pace
 from jcontour.app.plain_numbers import feed_words
 from jcontour.geometry.contour import Contour, unpadded
 from jcontour.geometry.toolpath_rules import INCH, MM
-from jcontour.motion.cornering import Planned, cornered
-from jcontour.motion.feed_laws import trapezoidal
+from jcontour.motion import Planned, cornered, trapezoidal
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.other_controls import as_planned_by
 from jcontour.motion.smoothing import SHARPEST

@@ -15,16 +15,11 @@ from jaxtyping import Array
 from jcontour.app.jobs.job import Task
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.controller import Controller, Plan
-from jcontour.motion.references import Reference, pad
+from jcontour.motion import Reference, pad
 from jcontour.plant import Plant
+from jcontour.simulation import stack_plants, stack_references
 from jcontour.simulation.closed_loop import check_run, follow, prepared
-from jcontour.simulation.evaluation import (
-    family_batching,
-    member,
-    platform_batching,
-    stack_plants,
-    stack_references,
-)
+from jcontour.simulation.evaluation import family_batching, member, platform_batching
 from jcontour.simulation.metrics import Metrics, contour_error, score_signals
 
 

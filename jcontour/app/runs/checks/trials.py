@@ -16,16 +16,11 @@ from jcontour.app.runs.tuning.limits import measured_peak
 from jcontour.app.runs.tuning.problem import stated_axis_limits
 from jcontour.controller import Controller, Plan
 from jcontour.geometry.contours import line
-from jcontour.motion.references import Reference, along
+from jcontour.motion import Reference, along
 from jcontour.plant import Plant
+from jcontour.simulation import evaluate, stack_plants, stack_references
 from jcontour.simulation.closed_loop import follow, prepared
-from jcontour.simulation.evaluation import (
-    evaluate,
-    member,
-    platform_batching,
-    stack_plants,
-    stack_references,
-)
+from jcontour.simulation.evaluation import member, platform_batching
 from jcontour.simulation.limit_use import AxisLimits, LimitUse, limit_use
 from jcontour.simulation.metrics import Metrics, score_signals
 
