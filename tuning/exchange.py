@@ -112,8 +112,8 @@ def _look(
         block = jax.tree.map(lambda leaf, rows=rows: leaf[np.ravel(rows)], windows)
         one = eqx.tree_at(lambda problem: problem.loops.windows, problem, block)
         looked, _ = looked_at(one, start, z)
-        assert looked.peaks is not None
-        lost = ~np.all(looked.peaks.spectral_radius < 1, axis=1)
+        assert looked.loops is not None
+        lost = ~np.all(looked.loops.spectral_radius < 1, axis=1)
         unstable[:, k : k + few] = np.reshape(lost, rows.shape)
         excess[:, k : k + few] = np.reshape(_excess(problem.limits, looked), rows.shape)
     return unstable, excess
@@ -121,15 +121,15 @@ def _look(
 
 def _excess(limits: Limits, looked: Looked) -> Float[np.ndarray, " K"]:
     """Largest ln(value / limit) of every probe over the plants; -inf where nothing is limited."""
-    if looked.peaks is None:
+    if looked.loops is None:
         return np.zeros(0)
-    largest = np.full(looked.peaks.sensitivity.shape[0], -np.inf)
+    largest = np.full(looked.loops.sensitivity.shape[0], -np.inf)
     if not isinstance(limits, AtMost):
         return largest
     for name, bound in zip(limits.names, np.asarray(limits.bounds), strict=True):
         values = {LATE: looked.late, COUNT_NOISE: looked.count_noise}.get(name)
         if name in LOOP_LIMITS:
-            values = getattr(looked.peaks, LOOP_LIMITS[name])
+            values = getattr(looked.loops, LOOP_LIMITS[name])
         if values is not None:
             largest = np.maximum(largest, np.log(np.max(values, axis=1) / bound))
     return largest

@@ -24,7 +24,7 @@ from jcontour.plant import Plant
 class Looked(NamedTuple):
     """Peaks and radii of frozen loops, or their derivatives in the coordinates, which come last."""
 
-    peaks: LoopPeaks | None = None  # of the sensitivities; None where the loops are not looked at
+    loops: LoopPeaks | None = None  # of the sensitivities; None where the loops are not looked at
     late: Any = None  # spectral radius with more delay; None where it is not looked at
     count_noise: Any = None  # RMS of the control by the counts of encoders; likewise
 

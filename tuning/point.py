@@ -71,14 +71,8 @@ def evaluate_point(problem: Problem, start: Weights, z: Float[np.ndarray, " d"])
     runs = _runs(replace(problem, loops=None), start, jnp.asarray(z))
     (metrics, use), (metric_slopes, use_slopes) = jax.device_get(runs)
     looked, loop_slopes = looked_at(problem, start, z)
-    outcome = Outcome(metrics, looked.peaks, use, looked.late, looked.count_noise)
-    slopes = Outcome(
-        metric_slopes,
-        loop_slopes.peaks,
-        use_slopes,
-        loop_slopes.late,
-        loop_slopes.count_noise,
-    )
+    outcome = Outcome(metrics, use=use, **looked._asdict())
+    slopes = Outcome(metric_slopes, use=use_slopes, **loop_slopes._asdict())
     judged, judged_slopes = jax.device_get(_judged(problem, outcome, slopes))
     numbers = [*judged[:2], *judged_slopes[:2]]
     finite = all(np.isfinite(number).all() for number in numbers)
@@ -96,7 +90,7 @@ def evaluate_values(problem: Problem, start: Weights, z: Float[np.ndarray, " d"]
     if problem.loops is not None:
         none = jax.tree.map(lambda matrix: np.zeros((*matrix.shape, 0)), matrices)
         looked = problem.loops.look(matrices, none)[0]
-    outcome = Outcome(metrics, looked.peaks, use, looked.late, looked.count_noise)
+    outcome = Outcome(metrics, use=use, **looked._asdict())
     judged = jax.device_get(_judged_alone(problem, outcome))
     finite = all(np.isfinite(number).all() for number in judged[:2])
     none = Judged(*(np.zeros((*number.shape, 0)) for number in judged))

@@ -53,7 +53,7 @@ def check_slopes(build, start, family, windows):
 
     def looked(z):
         seen, moved = loops.look(*jax.device_get(moving(z)))
-        peaks = zip((*seen.peaks[:3], seen.late), (*moved.peaks[:3], moved.late), strict=True)
+        peaks = zip((*seen.loops[:3], seen.late), (*moved.loops[:3], moved.late), strict=True)
         sums = [(np.sum(value), slope.sum(axis=(0, 1))) for value, slope in peaks]
         return tuple(map(np.stack, zip(*sums, strict=True)))
 

@@ -150,7 +150,7 @@ def loop_radii(
         ValueError: the problem does not look at its loops.
     """
     looked, moved = looked_at(problem, start, z)
-    peaks, slopes = looked.peaks, moved.peaks
+    peaks, slopes = looked.loops, moved.loops
     if peaks is None or slopes is None:
         raise ValueError("loops: this problem does not look at its frozen loops")
     radii = np.maximum(np.ravel(peaks.spectral_radius), LEAST)

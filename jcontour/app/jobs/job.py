@@ -18,6 +18,7 @@ from jcontour.app.jobs.pace import Pace
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import feed_words
 from jcontour.geometry.contour import Contour, unpadded
+from jcontour.geometry.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.reading import read
 from jcontour.geometry.toolpaths import Toolpath, ToolpathError
 from jcontour.motion import Planned, Reference, SharpTurnError, along, constant_feed, in_time

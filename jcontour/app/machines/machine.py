@@ -19,7 +19,6 @@ from jcontour.simulation.limit_use import hidden_acceleration
 
 if TYPE_CHECKING:
     from jcontour.analysis.uncertain_loops import Lines, ResponseUncertainty
-    from jcontour.app.machines.linear import LinearMachine
 
 Fed = Literal["outputs", "state"]  # the controller is fed the machine's sensors, or the state
 NO_EFFECTS = "no further effects"  # of a machine whose true family is the smooth one
@@ -79,8 +78,8 @@ class Machine(abc.ABC):
     limits: MachineLimits  # greatest magnitudes
 
     @property
-    def linear(self) -> "LinearMachine | None":
-        """The machine as one given by A, B, C; None where it is none."""
+    def linear(self) -> Any:
+        """The machine as a `LinearMachine`, one given by A, B, C; None where it is none."""
         return None
 
     @property

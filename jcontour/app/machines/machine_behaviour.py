@@ -1,6 +1,6 @@
 """What a machine's model does: speeds that it reaches, how fast it settles, where it rings."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -126,7 +126,18 @@ def axis_behaviours(machine: Machine) -> list[AxisBehaviour]:
 
 def questions(machine: Machine, behaviours: list[AxisBehaviour]) -> list[str]:
     """What cannot be true of a machine, most likely a wrong unit."""
-    lines = [*_doubtful_period(machine.model.dt), *_doubtful_limits(machine)]
+    dt, lines = machine.model.dt, []
+    if not SHORTEST <= dt <= LONGEST:
+        lines.append(
+            f"a sample period of {1e3 * dt:g} ms is unusual, most are of {1e3 * SHORTEST:g} to "
+            f"{1e3 * LONGEST:g} ms; is its unit right?"
+        )
+    stated = machine.limits.acceleration
+    for name, limit in zip(machine.axes, () if stated is None else stated, strict=False):
+        if not SLOW <= limit <= HARD:
+            lines.append(
+                f"{name}: its limit on the acceleration is {limit:.3g} m/s^2; is length_unit right?"
+            )
     if machine.resolution is not None:
         lines += coarse_counts(machine.axes, machine.resolution)
     largest = machine.limits.control
@@ -165,27 +176,6 @@ def coarse_counts(axes: Sequence[str], resolution: float | np.ndarray) -> list[s
         for name, count in zip(axes, each, strict=True)
         if count > COARSE
     ]
-
-
-def _doubtful_period(dt: float) -> Iterator[str]:
-    """A sample period that controllers of machines seldom have."""
-    if not SHORTEST <= dt <= LONGEST:
-        yield (
-            f"a sample period of {1e3 * dt:g} ms is unusual, most are of {1e3 * SHORTEST:g} to "
-            f"{1e3 * LONGEST:g} ms; is its unit right?"
-        )
-
-
-def _doubtful_limits(machine: Machine) -> Iterator[str]:
-    """Stated accelerations that no axis has."""
-    stated = machine.limits.acceleration
-    if stated is None:
-        return
-    for name, limit in zip(machine.axes, np.broadcast_to(stated, len(machine.axes)), strict=True):
-        if not SLOW <= limit <= HARD:
-            yield (
-                f"{name}: its limit on the acceleration is {limit:.3g} m/s^2; is length_unit right?"
-            )
 
 
 def response(model: LinearPlant, axis: int, frequency: np.ndarray) -> np.ndarray:

@@ -118,13 +118,9 @@ def inputs(flags: Any) -> list[Path]:
     """Files that the flags name as machine, controller, contour, parts or tool table."""
     names = [getattr(flags, name, None) for name in FILES]
     names += getattr(flags, "parts", ())
-    paths = [_file_of(name) for name in names if name]
+    named = [(name, own_name(name)) for name in names if name]
+    paths = [Path(name) if own is None else own.path for name, own in named]
     return list(dict.fromkeys(path for path in paths if path.suffix))
-
-
-def _file_of(name: str) -> Path:
-    own = own_name(name)
-    return Path(name) if own is None else own.path
 
 
 def resumed(flags: F, command: str) -> tuple[Path, F]:

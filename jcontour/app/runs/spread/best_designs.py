@@ -145,8 +145,8 @@ def _looked(loops: ProbedLoops, matrices: Any) -> tuple[Looked, LoopPeaks]:
     """Frozen loops as the tuner sees them, without slopes, and their peaks."""
     still = jax.tree.map(lambda leaf: np.zeros((*leaf.shape, 0)), matrices)
     looked = loops.look(matrices, still)[0]
-    assert looked.peaks is not None  # they always are
-    return looked, looked.peaks
+    assert looked.loops is not None  # they always are
+    return looked, looked.loops
 
 
 def judged(asked: Swept, dataset: xr.Dataset) -> tuple[xr.Dataset, list[BestDesign]]:

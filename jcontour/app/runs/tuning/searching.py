@@ -17,7 +17,7 @@ from jcontour.app.files.checkpoints import load_state, save_state
 from jcontour.app.reports.tables import say
 from jcontour.app.runs.tuning.limits import WINDOWS
 from jcontour.app.runs.tuning.problem import TuningRun
-from tuning.exchange import STABLE, Exchanged, exchanged, put_back, without_slope
+from tuning.exchange import STABLE, exchanged, put_back, without_slope
 from tuning.parameters import Chart
 from tuning.tuner import Tuned, TuneState, advance, result
 
@@ -85,8 +85,13 @@ def _rounds(
         place = folder / ROUND.format(number)
         place.mkdir(exist_ok=True)
         begin = Chart(more.problem.space, end.tuned.weights).coordinates()
+        limits = end.run.limits  # the run goes on with more loops, and one descent
+        if end.run.problem.loops is None:
+            limits = {**limits, "spectral_radius": STABLE}
+        settings = replace(end.run.settings, starts=1, scatter=0)
+        wider = replace(end.run, problem=more.problem, settings=settings, limits=limits)
         try:
-            later = _round(_going_on(end, more), place, show, TuneState(begin=np.asarray(begin)))
+            later = _round(wider, place, show, TuneState(begin=np.asarray(begin)))
         except NothingSound:  # the checks that follow tell of the loop
             return end
         # The later round, with the points of those before
@@ -118,16 +123,3 @@ def _round(
         return Searched(run, tuned, state.start + 1, without_slope(state.descent))
     except ValueError as error:
         raise NothingSound(str(error)) from None
-
-
-def _going_on(end: Searched, more: Exchanged) -> TuningRun:
-    """The run with more loops, and one descent."""
-    run, limits = end.run, end.run.limits
-    if run.problem.loops is None:
-        limits = {**limits, "spectral_radius": STABLE}
-    return replace(
-        run,
-        problem=more.problem,
-        settings=replace(run.settings, starts=1, scatter=0),
-        limits=limits,
-    )
