@@ -4,8 +4,10 @@ import math
 from collections.abc import Mapping
 from operator import attrgetter
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from jcontour.app.files.netcdf import Variables, save_variables
 from jcontour.app.files.results.run_metrics import METRICS, MachineSummary
@@ -13,11 +15,8 @@ from jcontour.app.files.run_folder import versions
 from jcontour.app.flags.shared import Rollouts
 from jcontour.app.jobs.replays import Replay, Scenarios, desired, scored
 from jcontour.app.machines.machine import Machine
-from jcontour.app.reports.figures.searches import FamilyCurves
 
 SENSITIVITY = "sensitivity.nc"
-
-
 ROLLOUTS = "rollouts.nc"
 LARGE = 100e6  # bytes of signals: `auto` thins beyond them, `thinned` down to them
 FLOAT = 8  # bytes
@@ -113,6 +112,14 @@ def _words(unit: str, name: str) -> dict[str, str]:
 
 def _megabytes(size: float) -> str:
     return f"{1e-6 * size:.3g} MB"
+
+
+class FamilyCurves(NamedTuple):
+    """Sensitivity over frequency."""
+
+    frequency: Float[np.ndarray, " F"]  # [Hz]
+    # of every plant, the largest of all probes; NaN for a plant with a loop that is not stable
+    sensitivity: Float[np.ndarray, "P F"]
 
 
 def save_sensitivity(

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jcontour.app.reports.figures.searches import FamilyCurves
-from jcontour.app.reports.rollouts import ROLLOUTS, SENSITIVITY, save_rollouts, save_sensitivity
+from jcontour.app.reports.rollouts import (
+    ROLLOUTS,
+    SENSITIVITY,
+    FamilyCurves,
+    save_rollouts,
+    save_sensitivity,
+)
 from tests.app import small_runs
 
 SAMPLES = 6

@@ -13,8 +13,6 @@ from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.tuning import Front
 from jcontour.app.jobs.replays import replay
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.png import save_figure
-from jcontour.app.reports.figures.searches import front
 from jcontour.app.reports.rollouts import save_rollouts
 from jcontour.app.reports.screen import Entry, next_step
 from jcontour.app.runs.lifecycle import created, finished, opened, tuning_words
@@ -62,7 +60,6 @@ def _store(result: FrontResult, weight_units: dict[str, str], folder: Path) -> N
     title = {"title": f"jcontour front: error against {result.against}"}
     variables = variables_of(result, weight_units)
     save_variables(variables, title | run_folder.versions(), folder / "front.nc")
-    save_figure(front(result), folder / "front.png")
     write_result(folder, result)
 
 

@@ -10,8 +10,6 @@ from jcontour.app.files.results.search_results import Ranked, RankedResult
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.tuning import Rank
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.png import save_figure
-from jcontour.app.reports.figures.searches import ranking_figure
 from jcontour.app.reports.screen import Entry, next_step
 from jcontour.app.runs.lifecycle import finished, opened, task_words, tuning_words
 from jcontour.app.runs.tuning.ranking import ranked, ranking_of
@@ -23,7 +21,6 @@ def command(flags: Rank) -> int:
     """Tune, rank, store and print; exit code."""
     with opened(flags, "rank", ranking_of) as (folder, ranking):
         result = ranked(ranking, folder, tables.console_of(stderr=True, quiet=flags.json))
-        save_figure(ranking_figure(result), folder / "ranking.png")
         write_result(folder, result)
     answer = answer_of(result, run_folder.opened(folder, "rank")["flags"])
     return finished(folder, result, flags, show, answer, result.verdict)

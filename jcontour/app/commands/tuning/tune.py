@@ -19,7 +19,6 @@ from jcontour.app.machines.machine import NO_EFFECTS
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.contours import figures_of
 from jcontour.app.reports.figures.png import drawn_beside
-from jcontour.app.reports.figures.searches import sensitivity_figure
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.reports.rollouts import save_rollouts, save_sensitivity
 from jcontour.app.reports.run_tables import limit_words, show_tuned, tuned_answer
@@ -221,10 +220,8 @@ def _named(jobs: list[str]) -> str:
 
 
 def figures(run: TuningRun, trials: Mapping[str, Trial], folder: Path) -> dict[Path, Figure]:
-    """Figures of every contour that is shown and of the sensitivity, by their files."""
-    replays = {name: trial.replay for name, trial in trials.items()}
-    curves = {name: trial.curves for name, trial in trials.items()}
-    made = {"sensitivity": sensitivity_figure(curves, run.limits.get("peak_sensitivity"))}
+    """Figures of every contour that is shown, by their files."""
+    replays, made = {name: trial.replay for name, trial in trials.items()}, {}
     for k in shown_contours(run, replays):
         made |= figures_of(contour_runs(replays, run.scenarios, k, run.machine))
     return {folder / f"{name}.png": figure for name, figure in made.items()}

@@ -38,13 +38,6 @@ def grid(axes: Axes, title: str = "", x: str = "", y: str = "") -> None:
     axes.grid(color="0.9", which="both")
 
 
-def logarithmic(axes: Axes) -> None:
-    """Both scales logarithmic, with numbers that are read at once."""
-    axes.set(xscale="log", yscale="log")
-    plain_ticks(axes.xaxis)
-    plain_ticks(axes.yaxis)
-
-
 def plain_ticks(axis: Axis) -> None:
     """Plain numbers instead of powers, as few as can be read."""
     low, high = axis.get_view_interval()

@@ -26,7 +26,7 @@ from jcontour.app.flags.shared import Aimed, Limited
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import Fed, Machine, Usual
-from jcontour.app.reports.figures.searches import FamilyCurves
+from jcontour.app.reports.rollouts import FamilyCurves
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant

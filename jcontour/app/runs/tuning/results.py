@@ -22,7 +22,7 @@ from jcontour.app.files.results.tuned_result import (
 from jcontour.app.files.results.verdict import ROUNDING, Message, warning
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.machines.machine import Fed, Machine
-from jcontour.app.reports.figures.searches import FamilyCurves
+from jcontour.app.reports.rollouts import FamilyCurves
 from jcontour.app.runs.checks.recommendation import (
     PAYS,
     Evidence,

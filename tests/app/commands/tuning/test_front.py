@@ -27,7 +27,6 @@ def test_every_file_is_there_and_the_page_and_the_netcdf_file_hold_the_points(tr
         "budget-0",
         "budget-1",
         "front.nc",
-        "front.png",
         "report.html",
         "rollouts.nc",
         "result.json",

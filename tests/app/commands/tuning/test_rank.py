@@ -61,7 +61,6 @@ def test_each_has_the_same_evaluations_and_the_best_comes_first(folder):
         assert row.failure is None and 3 <= row.evaluations <= 4
     keys = [(not row.feasible, row.held_out) for row in rows]
     assert keys == sorted(keys)
-    assert (folder / "ranking.png").exists()
 
 
 def test_errors_are_those_of_the_true_family_on_contours_that_were_not_trained_on(

@@ -7,13 +7,13 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+import xarray as xr
 from selenium import webdriver
 from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
-from jcontour.app.files.netcdf import load_dataset
 from jcontour.app.files.run_folder import RunError
 from jcontour.app.reports.page import page_data
 from jcontour.app.reports.page.page_data import MOST_BYTES, write_page
@@ -169,7 +169,7 @@ def test_the_page_works_with_the_mouse(browser, page, size):
 def test_the_page_works_with_the_keyboard_alone(browser, page, run_folder):
     """It opens on the run of the tuned weights with the largest peak."""
     shown = Shown(browser, page, (1200, 900))
-    peaks = load_dataset(run_folder / "rollouts.nc").peak_contour_error.values[1]
+    peaks = xr.load_dataset(run_folder / "rollouts.nc").peak_contour_error.values[1]
     contour, plant = np.unravel_index(peaks.argmax(), peaks.shape)
     opened = [shown.one(name).get_property("value") for name in ("contour", "plant")]
     assert opened == [str(contour), str(plant)]
