@@ -13,7 +13,7 @@ import pytest
 from jcontour.app import cli
 from jcontour.app.catalogue.entries import MACHINES
 from jcontour.app.catalogue.known_names import FIRST_LINES, check_plant
-from jcontour.app.cli import RENAMED, main
+from jcontour.app.cli import main
 
 # command -> module that reads its parts
 PARTS_READ = {"tune": "runs.tuning.problem", "simulate": "commands.loops.simulate"}
@@ -191,11 +191,6 @@ def test_a_missing_run_folder_is_told_with_what_makes_one(capsys, tmp_path, monk
     monkeypatch.chdir(tmp_path)
     told = f"{name}: needs a run folder; `jcontour tune PART` makes one and prints its name\n"
     refused(capsys, tmp_path, [name], told)
-
-
-@pytest.mark.parametrize("name", ["verify", "certify", "compare"])
-def test_the_name_of_a_version_before_says_the_new_one(capsys, tmp_path, name):
-    refused(capsys, tmp_path, [name, "runs/first"], f"{name}: it is `jcontour {RENAMED[name]}` now")
 
 
 def test_this_folder_may_be_the_run(capsys, tmp_path, monkeypatch):

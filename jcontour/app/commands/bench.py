@@ -91,20 +91,15 @@ def hardware() -> Hardware:
     devices = jax.devices()
     versions = {name: run_folder.version_of(name) for name in PACKAGES}
     named = [f"{name} {version}" for name, version in versions.items() if version]
+    model = platform.processor() or platform.machine()
+    if (processors := Path("/proc/cpuinfo")).exists():
+        lines = processors.read_text().splitlines()
+        models = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
+        model = next(iter(models), model)
     return Hardware(
-        cpu=f"{_processor()}, {os.cpu_count()} cores",
+        cpu=f"{model}, {os.cpu_count()} cores",
         devices=f"{len(devices)} x {devices[0].device_kind} ({devices[0].platform})",
         load=f"{load} (one minute average, before)",
         versions=", ".join([*named, f"Python {platform.python_version()}"]),
         date=time.strftime("%Y-%m-%d"),
     )
-
-
-def _processor() -> str:
-    """Model name of the processor."""
-    try:
-        with open("/proc/cpuinfo") as file:
-            names = [line.split(":")[1].strip() for line in file if line.startswith("model name")]
-    except OSError:
-        return platform.processor() or platform.machine()
-    return names[0] if names else platform.processor()

@@ -65,32 +65,24 @@ def command(flags: Export) -> int:
         then = "load law.st, and hand it the next reference points every sample."
     if flags.linuxcnc is not None:
         then = f"{flags.linuxcnc / 'README.md'} says how to load it."
+    off = f"within {result.difference:.1e} {result.control_unit} of `simulate` on {result.contour}"
+    compilers = ", ".join(one.compiler.split()[0] for one in result.compiled)
+    sizes = []
+    if result.compiled:
+        one = max(result.compiled, key=lambda one: one.nanoseconds)
+        time = f"{1e-3 * one.nanoseconds:.2g} us a sample, 99.9 % within {1e-3 * one.slow:.2g} us"
+        words = f"{time}; code {one.code_bytes} bytes, memory {one.memory_bytes}"
+        sizes.append(Entry("Size", words))
     answer = [
         Entry("Code", f"{result.controller} on {result.machine}, {result.preview} samples ahead"),
         Entry("Files", ", ".join(result.files)),
-        Entry("Checked", _checked(result)),
-        *_measured(result),
+        Entry("Checked", f"{off}{'; ' if compilers else ''}{compilers}"),
+        *sizes,
         *(Entry("Limits", line) for line in result.limits),
         *(Entry("Warning", line) for line in result.warnings),
         Entry("To load", then),
     ]
     return finished(folder, result, flags, show_exported, answer)
-
-
-def _checked(result: ExportedResult) -> str:
-    """How far the code is off the controls of `simulate`, and what has compiled it."""
-    off = f"within {result.difference:.1e} {result.control_unit} of `simulate` on {result.contour}"
-    compilers = ", ".join(one.compiler.split()[0] for one in result.compiled)
-    return f"{off}{'; ' if compilers else ''}{compilers}"
-
-
-def _measured(result: ExportedResult) -> list[Entry]:
-    """Time and size of the compiled code."""
-    if not result.compiled:
-        return []
-    one = max(result.compiled, key=lambda one: one.nanoseconds)
-    time = f"{1e-3 * one.nanoseconds:.2g} us a sample, 99.9 % within {1e-3 * one.slow:.2g} us"
-    return [Entry("Size", f"{time}; code {one.code_bytes} bytes, memory {one.memory_bytes}")]
 
 
 def run(flags: Export) -> tuple[ExportedResult, Path]:
@@ -111,7 +103,17 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
             "over the points, as BACKLASH of a joint of LinuxCNC"
         )
     limits = limit_lines(code.limits, loop)
-    notes = [*_notes(flags, loop), *limits, *margins, *warnings]
+    machine, version = loop.machine, run_folder.version_of("jcontour") or "unknown"
+    seen = "positions" if loop.fed == "outputs" else "the state"
+    notes = [
+        f"{loop.name} on {machine.name}, written by jcontour {version} from {flags.run.name}",
+        f"Axes: {', '.join(machine.axes)}. Measured: {seen} as `simulate` does, SI units.",
+        f"Control: {unit}.",
+        f"Family: {'; '.join(machine.family_names)}.",
+        *limits,
+        *margins,
+        *warnings,
+    ]
     code = Code(law, code.limits, notes, unit, code.precision)
     increment = [repr(float(one)) for one in np.asarray(recorded.reference.start_increment)]
     python = code.text("law.py.j2", increment=increment)
@@ -306,19 +308,6 @@ def _check_file(recorded: Recorded, unit: str) -> str:
     return "\n".join([",".join(names), *lines]) + "\n"
 
 
-def _notes(flags: Export, loop: StoredLoop) -> list[str]:
-    """What the code is, for its head."""
-    machine = loop.machine
-    version = run_folder.version_of("jcontour") or "unknown"
-    measured = "positions" if loop.fed == "outputs" else "the state"
-    return [
-        f"{loop.name} on {machine.name}, written by jcontour {version} from {flags.run.name}",
-        f"Axes: {', '.join(machine.axes)}. Measured: {measured} as `simulate` does, SI units.",
-        f"Control: {machine.control_unit}.",
-        f"Family: {'; '.join(machine.family_names)}.",
-    ]
-
-
 def _margins(folder: Path) -> tuple[list[str], list[str]]:
     """Margins of a tuned run in words, and what speaks against loading its weights."""
     if run_folder.read_json(folder, run_folder.SETTINGS).get("command") != "tune":
@@ -333,29 +322,18 @@ def _margins(folder: Path) -> tuple[list[str], list[str]]:
 
 
 def show_exported(result: ExportedResult, console: Console) -> None:
-    """Files, what they hold, and how they were checked."""
-    title = (
-        f"{result.controller} on {result.machine}: a law that sees {result.preview} samples ahead"
-    )
+    """Files, what they hold, and how the code was compiled."""
     rows = [[name, words] for name, words in result.files.items()]
-    console.print(tables.plain_table(title, ("file", "what it is"), rows, text_columns=2))
-    unit = result.control_unit
+    console.print(tables.plain_table("Files", ("file", "what it is"), rows, text_columns=2))
     tables.say(
         console,
-        f"On {result.contour} it gives the controls of `simulate` within {result.difference:.1e} "
-        f"{unit}; the largest is {result.largest_control:.3g}.",
         *(
             f"Checked: {one.compiler}: no warning, {result.samples} samples within "
-            f"{one.difference:.1e} {unit}; {1e-3 * one.nanoseconds:.2g} us a sample, "
-            f"{1e-3 * one.slow:.2g} us in the slowest of a thousand, at most "
-            f"{1e-3 * one.slowest:.2g} us; {one.code_bytes} bytes of code, {one.memory_bytes} of "
-            "memory"
+            f"{one.difference:.1e} {result.control_unit}, at most {1e-3 * one.slowest:.2g} us"
             for one in result.compiled
         ),
-        *result.limits,
     )
     if "law.c" in result.files and not result.compiled:
         tables.say(console, "Not checked: there is no C compiler here.")
     if "law.st" in result.files:
         tables.say(console, "Not checked: the structured text, which needs a PLC's compiler.")
-    tables.say(console, *(f"WARNING: {line}" for line in result.warnings))

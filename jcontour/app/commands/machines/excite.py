@@ -8,7 +8,7 @@ from jcontour._regular_files import content_of
 from jcontour.app.files import run_folder
 from jcontour.app.files.checks import json_value
 from jcontour.app.flags.machines import Identify
-from jcontour.app.jobs.excitation import PART, Excited, gcode, letters, program, read_limits
+from jcontour.app.jobs.excitation import PART, gcode, letters, program, read_limits
 from jcontour.app.reports import tables
 
 MOST_BYTES = 2**20  # of the limits
@@ -24,7 +24,13 @@ def command(flags: Identify) -> int:
         flags.out or run_folder.default_folder("excite"), "identify", flags, [path]
     )
     positions = program(limits)
-    _write_csv(limits, positions, folder / CSV)
+    time = limits.dt * np.arange(len(positions))
+    head = ",".join(["time_s", *(f"{name.lower()}_mm" for name in limits.axes)])
+    rows = np.column_stack([time, 1e3 * positions])
+    run_folder.write(
+        folder / CSV,
+        lambda temporary: np.savetxt(temporary, rows, "%.9g", ",", header=head, comments=""),
+    )
     text = gcode(limits)
     run_folder.write(folder / GCODE, lambda temporary: temporary.write_text(text))
     if flags.json:
@@ -35,6 +41,11 @@ def command(flags: Identify) -> int:
         f"{name} +-{1e3 * float(np.abs(column).max()):.3g} mm"
         for name, column in zip(limits.axes, positions.T, strict=True)
     )
+    moved = "".join(
+        f"; {letter} moves {name}"
+        for letter, name in zip(letters(limits), limits.axes, strict=True)
+        if letter != name
+    )
     names = " ".join(f"{name.lower()}_command" for name in limits.axes)
     columns = f"time {names} {names.replace('command', 'position')}"
     tables.say(
@@ -42,23 +53,13 @@ def command(flags: Identify) -> int:
         f"{folder / CSV}: multisines and moves, set-points [mm] every {1e3 * limits.dt:g} ms, "
         f"{used}",
         f"{folder / GCODE}: moves to and fro within {100 * PART:g} % of the travel either way"
-        f"{_who_moves(limits)}",
+        f"{moved}",
         "Start in the middle of the travel, with nothing in the way and a hand on the stop button.",
         f"Run the first on the machine as it is, the other where it takes G-code alone. Record: "
         f"{columns}",
         "Then: jcontour identify LOG.csv",
     )
     return 0
-
-
-def _who_moves(limits: Excited) -> str:
-    """Letters of the program, where they are not the names of the axes."""
-    moved = letters(limits)
-    if moved == limits.axes:
-        return ""
-    return "; " + ", ".join(
-        f"{letter} moves {name}" for letter, name in zip(moved, limits.axes, strict=True)
-    )
 
 
 def _read(path: Path) -> object:
@@ -68,13 +69,3 @@ def _read(path: Path) -> object:
         raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-
-
-def _write_csv(limits: Excited, positions: np.ndarray, path: Path) -> None:
-    time = limits.dt * np.arange(len(positions))
-    head = ",".join(["time_s", *(f"{name.lower()}_mm" for name in limits.axes)])
-    rows = np.column_stack([time, 1e3 * positions])
-    run_folder.write(
-        path,
-        lambda temporary: np.savetxt(temporary, rows, "%.9g", ",", header=head, comments=""),
-    )

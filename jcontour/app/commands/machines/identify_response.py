@@ -93,22 +93,6 @@ def result_of(
 
 
 def show(result: ResponseResult, console: Console) -> None:
-    """Print the parameters of the drive and the margins."""
-    loop = result.loop
-    rows = [
-        ["gain K_p", f"{loop.gain:.5g}", "input per output"],
-        ["reset time T_n", f"{1e3 * loop.reset_time:.4g}", "ms"],
-        ["low-pass PT2, damping 0.7071", f"{loop.lowpass:.5g}", "Hz"],
-        ["notch", f"{loop.notch:.5g}", "Hz"],
-        ["its damping, numerator / denominator", f"{loop.depth:.3g} / {loop.width:.3g}", ""],
-        ["crossover", f"{result.crossover:.4g}", "Hz"],
-        ["phase margin", f"{result.phase_margin:.3g}", "degrees"],
-        ["Ms on the lines", f"{result.sensitivity:.4g}", f"at {result.sensitive_at:.4g} Hz"],
-        ["Ms within one deviation of them", f"{result.deviated:.4g}", ""],
-    ]
+    """Print what was read; the screen has every parameter."""
     span = f"{result.lowest:.4g} to {result.highest:.4g} Hz"
-    tables.say(
-        console,
-        f"Data: {result.data}, {result.lines} of {result.measured} lines, {span}",
-    )
-    console.print(tables.plain_table("PI control on the measured response", ["", "", ""], rows))
+    tables.say(console, f"Data: {result.data}, {result.lines} of {result.measured} lines, {span}")

@@ -37,47 +37,37 @@ SHOWN = 8.0  # rise times of the step response that are drawn
 
 def command(flags: Flags) -> int:
     """The whole command: build or read, check, draw, print, exit code."""
+    words, warnings, text = [], [], ""
     if flags.example is not None:
-        result, machine, path = _example(flags, flags.example)
+        _check_alone(flags, "write the example")
+        if flags.file is not None:
+            raise ValueError("file: is to be checked; leave it out to write the example")
+        path, text = _new("example", flags.example), EXAMPLE.read_text()
+        machine = machine_from(text.encode(), EXAMPLE.stem)
     elif flags.file is None:
-        result, machine, path = _built(flags)
-    else:
-        result, machine, path = _read(flags)
+        path = _new("out", flags.out or Path(flags.name))
+        built = built_machine(flags)
+        text, words, warnings = (
+            run_folder.json_text(built.fields) + "\n",
+            built.words,
+            built.warnings,
+        )
+        machine = machine_from(text.encode(), flags.name)
+    else:  # a file, or a machine of the catalogue
+        _check_alone(flags, "check a file")
+        machine, path = machine_named(str(flags.file)), Path(str(flags.file))
+    picture = path.with_suffix(".png") if path.suffix else Path(f"{machine.name}.png")
+    result = _result(machine, path, picture, words, warnings)
+    if text:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        run_folder.write(path, lambda temporary: temporary.write_text(text))
+    _draw(machine, picture)
     if flags.json:
         print(run_folder.json_text(to_json(result)))
         return 0
     show(result, tables.console_of())
     tables.say(tables.console_of(), *_next(result, path, built=flags.file is None))
     return 0
-
-
-def _built(flags: Flags) -> tuple[MachineResult, Machine, Path]:
-    """Write the file that the flags describe, and draw it."""
-    path = _new("out", flags.out or Path(flags.name))
-    built = built_machine(flags)
-    text = run_folder.json_text(built.fields) + "\n"
-    machine = machine_from(text.encode(), flags.name)
-    return _written(machine, text, path, built.words, built.warnings)
-
-
-def _example(flags: Flags, given: Path) -> tuple[MachineResult, Machine, Path]:
-    """Write the example, and draw it."""
-    _check_alone(flags, "write the example")
-    if flags.file is not None:
-        raise ValueError("file: is to be checked; leave it out to write the example")
-    path, text = _new("example", given), EXAMPLE.read_text()
-    return _written(machine_from(text.encode(), EXAMPLE.stem), text, path, [], [])
-
-
-def _written(
-    machine: Machine, text: str, path: Path, words: list[str], warnings: list[str]
-) -> tuple[MachineResult, Machine, Path]:
-    picture = path.with_suffix(".png")
-    result = _result(machine, path, picture, words, warnings)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    run_folder.write(path, lambda temporary: temporary.write_text(text))
-    _draw(machine, picture)
-    return result, machine, path
 
 
 def _new(flag: str, given: Path) -> Path:
@@ -94,17 +84,6 @@ def _check_alone(flags: Flags, purpose: str) -> None:
         if one.name not in OF_NO_MACHINE and getattr(flags, one.name) != one.default:
             name = one.name.replace("_", "-")
             raise ValueError(f"{name}: describes a new machine; leave it out to {purpose}")
-
-
-def _read(flags: Flags) -> tuple[MachineResult, Machine, Path]:
-    """Check an existing file, or a machine of the catalogue, and draw it."""
-    _check_alone(flags, "check a file")
-    machine = machine_named(str(flags.file))
-    path = Path(str(flags.file))
-    picture = path.with_suffix(".png") if path.suffix else Path(f"{machine.name}.png")
-    result = _result(machine, path, picture, [], [])
-    _draw(machine, picture)
-    return result, machine, path
 
 
 def _result(
@@ -135,15 +114,7 @@ def _result(
         family=list(machine.family_names),
         words=words,
         axes=[
-            AxisSummary(
-                name=one.name,
-                kind=one.kind,
-                gain=one.gain,
-                rise=one.rise,
-                delay=one.delay,
-                acceleration=one.acceleration,
-                resonance=one.resonance,
-            )
+            AxisSummary(**{name: getattr(one, name) for name in AxisSummary.__dataclass_fields__})
             for one in axes
         ],
         warnings=[*warnings, *questions(machine, axes)],

@@ -31,36 +31,27 @@ TUNED_BY = {"increment": "--max-rms-increment", "sensitivity": "--max-sensitivit
 def command(flags: Front) -> int:
     """Trace, store and print a front; exit code."""
     if flags.against == "feed":
-        result = front_of_feeds(flags)
-        folder = created(flags, "front")
-        _store(result, {}, folder)
-        answer = feed_entries(result)
+        result, units = front_of_feeds(flags), {}
+        folder, answer = created(flags, "front"), feed_entries(result)
     else:
         with opened(flags, "front", search_of) as (folder, search):
             result = traced(search, folder, tables.console_of(stderr=True, quiet=flags.json))
             _store_runs(result, search, folder)
-            _store(result, search.run.design.units(), folder)
+            units = search.run.design.units()
         stored = run_folder.opened(folder, "front")["flags"]
         # The error within every budget, as many as a screen takes
         spent, answer = NAMES[result.against].removeprefix("the "), []
         for point in result.points[:MOST_SHOWN]:
-            budget, error = (
-                tables.digits(point.budget),
-                tables.digits(1e6 * point.error(result.error)),
-            )
+            budget, error = map(tables.digits, (point.budget, 1e6 * point.error(result.error)))
             margin = tables.digits(point.peak_sensitivity)
             margin += "" if point.feasible else ", NOT KEPT"
             words = f"{spent} {budget}: RMS {result.error} error {error} um, Ms {margin}"
             answer.append(Entry("Budget", words))
         answer += next_steps(result, tuning_words(stored["parts"], stored))
-    return finished(folder, result, flags, show, answer, result.verdict)
-
-
-def _store(result: FrontResult, weight_units: dict[str, str], folder: Path) -> None:
-    title = {"title": f"jcontour front: error against {result.against}"}
-    variables = variables_of(result, weight_units)
-    save_variables(variables, title | run_folder.versions(), folder / "front.nc")
+    title = {"title": f"jcontour front: error against {result.against}", **run_folder.versions()}
+    save_variables(variables_of(result, units), title, folder / "front.nc")
     write_result(folder, result)
+    return finished(folder, result, flags, show, answer, result.verdict)
 
 
 def _store_runs(result: FrontResult, search: Search, folder: Path) -> None:
