@@ -8,6 +8,7 @@ import platform
 import time
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 
 from jcontour.app.commands.reproduce import in_checkout
 from jcontour.app.files import run_folder
