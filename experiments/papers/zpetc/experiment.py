@@ -146,10 +146,6 @@ class Truth(NamedTuple):
         """One leg."""
         return servo_axes([self.gain * SERVO_GAIN], self.pole, dt)
 
-    def model(self, dt: float) -> TransferFunction:
-        """The same from control to length [m]."""
-        return servo(dt, self.gain * SERVO_GAIN, self.pole)
-
 
 TRUTHS = (
     Truth("exact", 1.0, SERVO_POLE),
@@ -162,15 +158,8 @@ TRUTHS = (
 def run(quick: bool = False) -> Result:
     """Simulate everything."""
     times = QUICK_TIMES if quick else INTEGRAL_TIMES
-    poor = TRUTHS[2]
-    drawn = {
-        "Fig. 8: no integrator, gain x1.5": (tracking(None), FAST),
-        f"Fig. 9: T_i = {BEST_TIME:g} s, gain x1.5": (tracking(BEST_TIME), FAST),
-        "adaptive, gain x1.5": (
-            adaptive(STARTS[0], NormalisedLeastSquares(TRACES[0], FLOOR)),
-            SLOW,
-        ),
-    }
+    fast, slow = (TRUTHS[2].axis(dt) for dt in (FAST, SLOW))
+    adapting = adaptive(STARTS[0], NormalisedLeastSquares(TRACES[0], FLOOR))
     corrected, printed = equation_5()
     return Result(
         models=models(),
@@ -184,7 +173,9 @@ def run(quick: bool = False) -> Result:
         units=units(),
         gain_error=gain_left(),
         errors_um={
-            name: errors(controller, poor.axis(dt))[0] for name, (controller, dt) in drawn.items()
+            "Fig. 8: no integrator, gain x1.5": errors(tracking(None), fast)[0],
+            f"Fig. 9: T_i = {BEST_TIME:g} s, gain x1.5": errors(tracking(BEST_TIME), fast)[0],
+            "adaptive, gain x1.5": errors(adapting, slow)[0],
         },
         integral=tuple(
             row for one in (None, *FRICTIONS) for row in integral_runs(times=times, friction=one)
@@ -433,7 +424,8 @@ def adaptive_runs(truths: Iterable[Truth] = TRUTHS[:3]) -> tuple[AdaptiveRun, ..
 
 def one_pole_fit(truth: Truth) -> tuple[float, float]:
     """a_1 and b_0 that fit a servo's position loop along the path, by least squares."""
-    loop = closed(truth.model(SLOW), placing_gain(servo(SLOW)))
+    plant = servo(SLOW, truth.gain * SERVO_GAIN, truth.pole)
+    loop = closed(plant, placing_gain(servo(SLOW)))
     wanted = 1e3 * legs(SLOW)[:, 0]
     output = np.asarray(lfilter(loop.numerator, loop.denominator, wanted))
     phi = np.stack([-output[:-1], wanted[:-1]], axis=1)
