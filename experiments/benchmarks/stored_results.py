@@ -34,24 +34,20 @@ def add(path: Path, part: str, machine: dict[str, str], rates: dict[str, float])
 def changes(part: str, machine: dict[str, str], rates: dict[str, float]) -> Table | None:
     """Rates beside those stored last for the device; None where there are none.
 
-    A row that is slower is red, and says so.
+    A row that is slower says so.
     """
     alike = [one for one in read().get(part, []) if one["devices"] == machine["devices"]]
     if not alike:
         return None
-    last, lines, slower = alike[-1], [], []
+    last, lines = alike[-1], []
     for name, before in last["rates"].items():
         if name in rates:
             ratio = rates[name] / before
-            slower.append(ratio < SLOWER)
             numbers = f"{before:,.4g}", f"{rates[name]:,.4g}", f"{ratio:.2f}"
-            lines.append([name, *numbers, "slower" if slower[-1] else ""])
+            lines.append([name, *numbers, "slower" if ratio < SLOWER else ""])
     title = f"Since {last['date']}, {last['devices']}, {last['versions']}"
     columns = ["per second", "stored", "now", "ratio", ""]
-    table = tables.plain_table(title, columns, lines, text_columns=1)
-    for row, is_slower in zip(table.rows, slower, strict=True):
-        row.style = "red" if is_slower else None
-    return table
+    return tables.plain_table(title, columns, lines, text_columns=1)
 
 
 def kept(

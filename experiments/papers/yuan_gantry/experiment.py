@@ -157,12 +157,7 @@ def responses() -> tuple[Response, ...]:
 
 
 def reference_path(preview: int = 1, dwell: float = 0.0) -> Reference:
-    """Fig. 5.11: line, full circle, line, with a trapezoid of speed over the whole.
-
-    Args:
-        preview: samples of future to append.
-        dwell: rest before and after [s].
-    """
+    """Fig. 5.11: line, full circle, line, with a trapezoid of speed; rest [s] before and after."""
     start, corner, end = [RADIUS, -RADIUS], [RADIUS, 0.0], [RADIUS, RADIUS]
     contour = chain([line(start, corner), circle(RADIUS), line(corner, end)])
     law = PointToPoint(float(contour.length), FEED, ACCELERATION)
