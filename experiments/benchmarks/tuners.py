@@ -110,15 +110,7 @@ class TunerRow:
     best: float  # value known [um, or a ratio]
 
 
-@dataclass(frozen=True)
-class TunersBench:
-    """One row for every search and problem."""
-
-    budget: int
-    rows: list[TunerRow]
-
-
-def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
+def measured(flags: Bench, tell: Callable[[str], None]) -> list[TunerRow]:
     """Every search on every problem, from as many starts as are asked for.
 
     Raises:
@@ -150,7 +142,7 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
     for name, (problem, start) in problems.items():
         some = [trace for trace in traces if trace.problem == name]
         rows += _summed_up(Chart(problem.space, start).coordinates().size, some)
-    return TunersBench(flags.evaluations, rows)
+    return rows
 
 
 class CountedLoops(Loops):
@@ -278,10 +270,10 @@ def _summed_up(weights: int, traces: list[Trace]) -> list[TunerRow]:
     return rows
 
 
-def tables(result: TunersBench) -> Iterator[Table | str]:
+def tables(result: list[TunerRow]) -> Iterator[Table | str]:
     """A table for every problem."""
     yield (
-        f"Evaluations to come within 2 % of the best value known, at most {result.budget}; "
+        "Evaluations to come within 2 % of the best value known; "
         f"one with slopes counts {WITH_SLOPES}\n"
     )
     columns: dict[str, Column] = {
@@ -289,5 +281,5 @@ def tables(result: TunersBench) -> Iterator[Table | str]:
         "starts that\narrive": lambda row: f"{row.reached} of {row.seeds}",
         "evaluations\nmedian": "evaluations:.4g",
     }
-    for (problem, weights), rows in groupby(result.rows, lambda row: (row.problem, row.weights)):
+    for (problem, weights), rows in groupby(result, lambda row: (row.problem, row.weights)):
         yield Table(f"{problem} ({weights} weights)", list(rows), columns)

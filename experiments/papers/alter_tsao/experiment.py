@@ -118,15 +118,6 @@ class Costs(PublishedCosts):
     attainable: float  # smaller where T and G share lambda = 1
 
 
-@dataclass(frozen=True)
-class Line30:
-    """Table 3, line 30: the eps that its printed numbers imply, and what other filters give."""
-
-    eps_from_max: float
-    eps_from_rms: float
-    optimal_max: float  # of the l1-optimal FIR filter [m]
-
-
 def trajectory() -> Signal:
     """One period of Fig. 2 [m]: out along parabolas, and back."""
     second = np.concatenate([np.full(count, float(sign)) for count, sign in PHASES])
@@ -225,8 +216,8 @@ def costs(row: PublishedCosts, zero: float) -> Costs:
     )
 
 
-def line_30(zero: float) -> Line30:
-    """The eps of the authors' filter, from their maximum and from their RMS error."""
+def line_30(zero: float) -> tuple[float, float, float]:
+    """The eps of the authors' filter, from their maximum and their RMS error; the optimum [m]."""
     reference, row = trajectory(), LINE_30
     value = zero ** (row.following.preview - 1)
 
@@ -238,11 +229,7 @@ def line_30(zero: float) -> Line30:
         return float(np.asarray(root))
 
     step = value / (1 - zero) * (np.roll(reference, -1) - reference)
-    return Line30(
-        eps_from_max=eps_of(peak, row.printed_max),
-        eps_from_rms=eps_of(rms, row.printed_rms),
-        optimal_max=peak(step),
-    )
+    return eps_of(peak, row.printed_max), eps_of(rms, row.printed_rms), peak(step)
 
 
 def zpetc_apart(zero: float) -> float:
@@ -396,7 +383,9 @@ class Result:
     errors: dict[str, Float[np.ndarray, " T"]]  # of Figs 3 and 4 [m]
     table_1: tuple[Line, ...]
     table_2: tuple[Costs, ...]
-    line_30: Line30
+    eps_from_max: float  # that Table 3, line 30, implies
+    eps_from_rms: float
+    optimal_max: float  # of the l1-optimal FIR filter there [m]
     loops: tuple[LoopRun, ...]
     alone: dict[str, tuple[float, float]]  # largest and RMS error of a feedback [m]
     perturbed: tuple[float, ...]  # costs over `SWEEP`
@@ -406,7 +395,7 @@ def run(quick: bool = False) -> Result:
     """Simulate everything."""
     zero = FITTED
     thirty = line_30(zero)
-    step, slow = np.array([1.0, -1.0]), np.array([1 + thirty.eps_from_max, -1.0])
+    step, slow = np.array([1.0, -1.0]), np.array([1 + thirty[0], -1.0])
     return Result(
         zero=zero,
         zero_interval=zero_interval(),
@@ -421,7 +410,9 @@ def run(quick: bool = False) -> Result:
         },
         table_1=tuple(line(row, zero) for row in TABLE_1),
         table_2=tuple(costs(row, zero) for row in TABLE_2),
-        line_30=thirty,
+        eps_from_max=thirty[0],
+        eps_from_rms=thirty[1],
+        optimal_max=thirty[2],
         loops=loop_runs(zero),
         alone=alone(zero),
         perturbed=perturbed_costs(zero),

@@ -200,7 +200,7 @@ class Setup:
         self.references = references(training())
         cascade = schemes()[CASCADE]
         with_feedforward = cascade.build(cascade.around(WITH_FEEDFORWARD))
-        start = scored(self.plants, with_feedforward, self.references).tool
+        start, _ = scored(self.plants, with_feedforward, self.references)
         self.limits = AtMost(
             rms_control=CURRENT * float(jnp.max(start.rms_control)),
             rms_increment=INCREMENT * float(jnp.max(start.rms_increment)),
@@ -221,30 +221,20 @@ class Setup:
         return result(problem, starts[0], TuneState(history))
 
 
-class Scores(NamedTuple):
-    """Metrics at the end effectors and at the motors, where the schemes measure.
+@eqx.filter_jit
+def scored(plants: Plant, controller: Controller, references: Reference) -> list[Metrics]:
+    """Metrics at the end effectors, and at the motors, where the schemes measure.
 
     Axes (contour, plant).
     """
-
-    tool: Metrics
-    motors: Metrics
-
-
-@eqx.filter_jit
-def scored(plants: Plant, controller: Controller, references: Reference) -> Scores:
-    """The controller on all machines along all contours."""
 
     def on_contour(reference: Reference):
         plan = controller.prepare(reference)
 
         def on_plant(plant: Plant):
             run = follow(plant, controller, plan, reference)
-            tool, motor = (
-                score_signals(signal, run.control, reference)
-                for signal in (run.output, run.measurement[0])
-            )
-            return Scores(tool, motor)
+            signals = run.output, run.measurement[0]
+            return [score_signals(one, run.control, reference) for one in signals]
 
         return one_by_one(on_plant, plants)
 
@@ -254,8 +244,8 @@ def scored(plants: Plant, controller: Controller, references: Reference) -> Scor
 def rows(name: str, controller: Controller, plants: Sequence[str]) -> list[Row]:
     """The controller on these true machines along every contour."""
     seen, new = training(), held_out()
-    scores = scored(family(plants, smooth=False), controller, references({**seen, **new}))
-    tool = scores.tool
+    true, runs = family(plants, smooth=False), references({**seen, **new})
+    tool, motors = scored(true, controller, runs)
     columns = {
         "contour_um": 1e6 * tool.rms_contour_error,
         "peak_um": 1e6 * tool.peak_contour_error,
@@ -263,7 +253,7 @@ def rows(name: str, controller: Controller, plants: Sequence[str]) -> list[Row]:
         "current_a": tool.rms_control,
         "increment_a": tool.rms_increment,
         "diverged": tool.diverged,
-        "motor_um": 1e6 * scores.motors.rms_contour_error,
+        "motor_um": 1e6 * motors.rms_contour_error,
     }
     return [
         Row(

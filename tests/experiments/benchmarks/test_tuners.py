@@ -11,7 +11,6 @@ from experiments.benchmarks.search_methods import METHODS, Spent
 from experiments.benchmarks.tuners import (
     LOST,
     PROBLEMS,
-    TunersBench,
     looks_at,
     measure_of,
     measured,
@@ -68,15 +67,15 @@ def test_a_run_goes_on_from_its_file(small, tmp_path):
     lines = []
     first = measured(flags, lines.append)
     assert lines == [f"start 1 of 1: gains: {name}" for name in ("jcontour", *METHODS)]
-    assert {row.method for row in first.rows} == {"jcontour", *METHODS}
-    assert all(row.weights == 2 and row.seeds == 1 for row in first.rows)
-    ours = first.rows[0]
+    assert {row.method for row in first} == {"jcontour", *METHODS}
+    assert all(row.weights == 2 and row.seeds == 1 for row in first)
+    ours = first[0]
     assert ours.method == "jcontour" and ours.reached == 1
     assert ours.evaluations % 3 == 0 and ours.evaluations <= 60
-    assert measured(flags, lines.append).rows == first.rows and len(lines) == 1 + len(METHODS)
+    assert measured(flags, lines.append) == first and len(lines) == 1 + len(METHODS)
     more = measured(replace(flags, seeds=2, searches=("Sobol",)), lines.append)
     assert lines[1 + len(METHODS) :] == ["start 2 of 2: gains: Sobol"]
-    assert {row.method: row.seeds for row in more.rows} == {"Sobol": 2}
+    assert {row.method: row.seeds for row in more} == {"Sobol": 2}
 
 
 def test_looks_without_a_run_count_too(monkeypatch):
@@ -128,7 +127,7 @@ class Posed:
 def test_the_table_says_who_arrives(capsys):
     traces = [trace("jcontour", [2.0], each=3), trace("Sobol", [9.0])]
     rows = tuners._summed_up(2, traces)
-    show(console_of(), tuners.tables(TunersBench(10, rows)))
+    show(console_of(), tuners.tables(rows))
     printed = capsys.readouterr().out
     words = printed.split()
     assert "jcontour" in words and "Sobol" in words
