@@ -36,6 +36,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     others.Reproduce: ("reproduce", "jcontour.app.commands.reproduce"),
 }
 BY_FLAG = {  # flag of a command -> module that runs in its place, which loads less
+    "list_moves": "jcontour.app.commands.loops.list_moves",
     "excite": "jcontour.app.commands.machines.excite",
     "response": "jcontour.app.commands.machines.identify_response",
 }

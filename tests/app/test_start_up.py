@@ -41,6 +41,29 @@ def test_a_program_that_excites_is_written_without_jax(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
+def test_the_moves_of_a_program_are_listed_without_jax(tmp_path):
+    (tmp_path / "part.ngc").write_text("G21 F600 G1 X10\nM2\n")
+    (tmp_path / "mill.json").write_text('{"axes": ["X", "Y", "Z"]}')
+    script = (
+        "import sys\nfrom jcontour.app.cli import main\n"
+        "code = main(['simulate', 'part.ngc', '--plant', 'mill.json', '--list-moves'])\n"
+        "assert not {'jax', 'matplotlib', 'xarray', 'scipy'} & set(sys.modules), sys.modules.keys()"
+        "\nsys.exit(code)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1].split() == [
+        "1",
+        "line",
+        "10.0000",
+        "0.0000",
+        "0.0000",
+        "600",
+    ]
+
+
 def test_the_environment_is_set_before_jax_and_what_is_there_stays(tmp_path):
     """In a process of its own: this one has loaded JAX, and then nothing changes."""
     program = (

@@ -34,6 +34,8 @@ class Simulate(Controlled):
     rollouts: Rollouts = ROLLOUTS
     """Samples kept in rollouts.nc: all, some, or no file; `auto` thins what is large.
     Figures are drawn from all."""
+    list_moves: bool = False  # a long program fills the screen
+    """Print the moves of a program or a drawing as they were understood, and simulate nothing."""
     out: Path | None = None
     """Run folder; runs/simulate-<time> when not given. It must not hold another run."""
 
