@@ -162,3 +162,15 @@ def test_notebook_my_machine(run, tmp_path, monkeypatch):
     result, _ = run("notebook_my_machine")
     plants = result["part"].result.plants
     assert len(plants) >= 3 and not any(one.diverged for one in plants.values())
+
+
+def test_notebook_my_controller(run):
+    """The slope is that of central differences; the figure has the contour's axes."""
+    result, _ = run("notebook_my_controller")
+    error, weights = result["contour_error"], np.array([4000.0, 20.0])
+    for k, step in enumerate((1.0, 1e-2)):
+        moved = step * np.eye(2)[k]
+        difference = (error(weights + moved) - error(weights - moved)) / (2 * step)
+        assert float(result["slope"][k]) == pytest.approx(float(difference), rel=1e-4)
+    assert result["figure"].axes[0].get_xlabel() == "X [mm]"
+    assert "um" in score(result["rollout"], result["reference"])._repr_html_()
