@@ -97,7 +97,7 @@ def read_dxf(path: str | PathLike[str], unit: float | None = None) -> Drawing:
     unit = unit or UNITS.get(code)
     if unit is None:
         stated = f"is in unit {code} of {UNIT}" if code else f"does not say its unit ({UNIT})"
-        raise ToolpathError(f"the drawing {stated}: give one, as --drawing-unit mm")
+        raise ToolpathError(f"the drawing {stated}: give it, as --drawing-unit mm")
     from ezdxf.math import Matrix44
 
     # Lines of a text file at which entities begin, by their handles
