@@ -1,4 +1,4 @@
-"""Values as arrays of JAX, their largest, and arrays as short words."""
+"""Values as arrays of JAX, traced or not, their largest, and arrays as short words."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,9 +11,12 @@ from jax import dtypes
 from jax.core import Tracer
 from jaxtyping import Array, Float, Shaped
 
-from jcontour._tracing import is_concrete
-
 WHOLE = (np.ndarray, np.generic, jax.Array, float, int)
+
+
+def is_concrete(*values) -> bool:
+    """Whether every value is a number that the host can look at, none a tracer of JAX."""
+    return not any(isinstance(value, Tracer) for value in values)
 
 
 def placed(values: Shaped[np.ndarray, "..."]) -> Shaped[Array, "..."]:

@@ -57,7 +57,6 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("linear", "motion"),
         ("geometry", "_native", "plant", "sensors"),
         (
-            "_tracing",
             "_devices",
             "_compiled",
             "_arrays",

@@ -19,10 +19,10 @@ from jax.custom_batching import custom_vmap
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
+from jcontour._arrays import is_concrete
 from jcontour._devices import on_gpu
 from jcontour._kernels.lq_kernels import LEAST, LONGEST_WINDOW, SPAN, TILE, kernels
 from jcontour._kernels.parts import BLOCK, ROWS
-from jcontour._tracing import is_concrete
 from jcontour.geometry.contours import Contour
 from jcontour.linear.plant import LinearPlant, decoupled_axes, operating_point
 from jcontour.motion.references import Reference

@@ -23,7 +23,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.controller import Controller, Memory, Plan
 from jcontour.plant import Plant, State
 

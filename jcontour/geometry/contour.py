@@ -9,8 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jcontour._arrays import in_words, placed
-from jcontour._tracing import is_concrete
+from jcontour._arrays import in_words, is_concrete, placed
 from jcontour.geometry.pieces import Piece
 
 

@@ -13,8 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._arrays import floating
-from jcontour._tracing import is_concrete
+from jcontour._arrays import floating, is_concrete
 from jcontour.plant import Plant
 
 ROUNDED = 3e-5  # drift of a standstill, over its state; 1.2e-5 as McNab and Tsao print their table

@@ -7,8 +7,7 @@ import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._arrays import floating
-from jcontour._tracing import is_concrete
+from jcontour._arrays import floating, is_concrete
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 
 

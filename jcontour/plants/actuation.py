@@ -9,7 +9,7 @@ from jax import lax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.linear.plant import LinearPlant, decoupled_axes, small_product, spectral_radius
 from jcontour.plant import State
 from jcontour.plants.friction import Friction

@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.plant import Plant
 from jcontour.plants.friction import runge_kutta
 

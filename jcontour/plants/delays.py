@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.plant import State
 from jcontour.wrapper import Remembering
 

@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import block_diag
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.linear.plant import LinearPlant, Pattern
 from jcontour.linear.transfer_functions import transfer_function
 from jcontour.linear.transformations import zoh

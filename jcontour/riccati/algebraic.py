@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.linear.plant import spectral_radius
 
 # 2^20 Riccati steps: converged to rounding for closed loops slower than any machine's

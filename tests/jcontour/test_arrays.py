@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour._arrays import floating, in_words, largest, placed, ranked, shape
+from jcontour._arrays import floating, in_words, is_concrete, largest, placed, ranked, shape
 
 
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, bool])
@@ -117,3 +117,27 @@ def test_what_has_no_value_is_told_by_its_kind():
     jax.jit(lambda x: seen.append((in_words(x, "um"), shape(x))))(np.ones(3))
     assert seen == [("f64[3]", "(3,)")]
     assert in_words(None) == shape(None) == "None"
+
+
+def test_numbers_and_arrays_are_concrete():
+    assert is_concrete() and is_concrete(1.0, np.ones(2), jnp.ones(2), None)
+
+
+def test_one_tracer_is_enough():
+    seen = []
+
+    @jax.jit
+    def look(x):
+        seen.append((is_concrete(x), is_concrete(1.0, x), is_concrete(1.0)))
+        return x
+
+    look(1.0)
+    jax.vmap(look)(jnp.ones(2))
+    assert seen[0] == (False, False, True)
+    assert not is_concrete_inside_grad()
+
+
+def is_concrete_inside_grad():
+    actual = []
+    jax.grad(lambda x: actual.append(is_concrete(x)) or x)(1.0)
+    return actual[0]

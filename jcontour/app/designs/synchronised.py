@@ -9,7 +9,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.app.designs.contouring_schemes import ContouringScheme
 from jcontour.app.designs.design import Design, Gains
 from jcontour.app.designs.gantry import GANTRY, MOTORS, GantryCascade

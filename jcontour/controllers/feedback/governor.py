@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 from scipy.optimize import linprog
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.controller import Controller, check_preview
 from jcontour.controllers.feedback.state_feedback import moving_target
 from jcontour.linear.plant import LinearPlant

@@ -32,8 +32,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float, Int, Num
 
-from jcontour._arrays import check_signs, ranked
-from jcontour._tracing import is_concrete
+from jcontour._arrays import check_signs, is_concrete, ranked
 from jcontour.controller import Controller, check_axes, numbers
 from jcontour.linear.plant import Axis, LinearPlant, decoupled_axes
 from jcontour.motion.references import Reference

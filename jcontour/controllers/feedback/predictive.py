@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.controller import Controller, check_preview, whole_preview
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.controllers.feedback.state_feedback import TargetPlan, accelerated_targets

@@ -42,8 +42,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour._arrays import check_signs
-from jcontour._tracing import is_concrete
+from jcontour._arrays import check_signs, is_concrete
 from jcontour.controller import Controller, numbers
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan, commanded, direction
 from jcontour.controllers.feedback.state_feedback import TargetPlan, moving_target

@@ -34,7 +34,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.controller import Controller, check_limit, check_period
 from jcontour.controllers.observers.kalman import check_gain
 from jcontour.linear.plant import LinearPlant, check_stable

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.controllers.feedforward.l1 import l1_optimum
 from jcontour.controllers.feedforward.model_following import ModelFollowing
 from jcontour.controllers.feedforward.model_matching import ModelMatching, Polynomial

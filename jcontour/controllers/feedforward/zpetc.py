@@ -34,8 +34,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import polynomial
 
-from jcontour._arrays import check_signs
-from jcontour._tracing import is_concrete
+from jcontour._arrays import check_signs, is_concrete
 from jcontour.controller import Controller, check_axes, check_period, checked_period, numbers
 from jcontour.linear.transfer_functions import TransferFunction, polynomial_from_zeros, sorted_zeros
 from jcontour.motion.references import Reference

@@ -24,7 +24,7 @@ from jax.scipy.linalg import cho_solve
 from jax.scipy.sparse.linalg import cg
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.controller import checked_gain
 from jcontour.controllers.learning.laps import LearningLaw, RunLap, smoothed
 from jcontour.motion.references import Reference

@@ -28,8 +28,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from jcontour._arrays import ranked
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete, ranked
 from jcontour.controller import Controller, Wrapper, check_axes, checked_gain
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors

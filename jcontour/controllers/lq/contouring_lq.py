@@ -26,8 +26,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jcontour import _kernels as kernels
-from jcontour._arrays import floating
-from jcontour._tracing import is_concrete
+from jcontour._arrays import floating, is_concrete
 from jcontour.controller import Controller, check_preview, whole_preview
 from jcontour.linear.plant import (
     AffinePlan,

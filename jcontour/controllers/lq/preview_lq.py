@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.controller import check_preview, whole_preview
 from jcontour.controllers.feedback.state_feedback import accelerated_targets
 from jcontour.controllers.lq.contouring_lq import (

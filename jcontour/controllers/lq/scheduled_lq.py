@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.controller import check_preview, whole_preview
 from jcontour.controllers.lq.contouring_lq import (
     LQWeights,

@@ -23,8 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour._arrays import check_signs
-from jcontour._tracing import is_concrete
+from jcontour._arrays import check_signs, is_concrete
 from jcontour.controller import Controller, Wrapper, check_axes, check_period, numbers
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors

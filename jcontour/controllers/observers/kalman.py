@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.controller import Controller, Wrapper, check_limit, check_period
 from jcontour.linear.plant import LinearPlant, check_stable
 from jcontour.motion.references import Reference

@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.controller import Controller, Memory, Plan, Wrapper
 from jcontour.motion.input_shaping import Shaper
 from jcontour.motion.references import Reference

@@ -19,8 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour._arrays import check_signs, ranked
-from jcontour._tracing import is_concrete
+from jcontour._arrays import check_signs, is_concrete, ranked
 from jcontour.linear.plant import LinearPlant, Pattern
 from jcontour.linear.transformations import zoh
 from jcontour.plant import Plant

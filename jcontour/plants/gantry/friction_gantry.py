@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jcontour._tracing import is_concrete
+from jcontour._arrays import is_concrete
 from jcontour.plants.friction import Friction, caught, runge_kutta
 from jcontour.plants.gantry.gantry import (
     EquationOfMotion,
