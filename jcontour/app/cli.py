@@ -91,14 +91,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     choose_compiler()
     keep_compiled()
     with warnings.catch_warnings():
-        warnings.showwarning = _told
+        warnings.showwarning = _print_warning
         code = _answered(list(sys.argv[1:] if arguments is None else arguments))
     if code == INTERRUPTED and arguments is None:  # a second Ctrl-C does not disturb the end
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     return code
 
 
-def _told(message, category, filename, lineno, file=None, line=None) -> None:
+def _print_warning(message, category, filename, lineno, file=None, line=None) -> None:
     """Print a warning of the program as a message; those of others stay as they are."""
     if category is UserWarning:
         said = " ".join(str(message).split())

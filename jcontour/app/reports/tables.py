@@ -87,17 +87,6 @@ def of_axes(lengths: float | Sequence[float], axes: Sequence[str]) -> str:
     )
 
 
-def of_inputs(values: Mapping[int, float], unit: str) -> str:
-    """Controls in words; one value where it is that of every input.
-
-    >>> of_inputs({0: 2.673, 1: 1.67}, "A"), of_inputs({0: 10.0, 1: 10.0}, "A")
-    ('2.673 A on input 1, 1.67 A on input 2', '10 A')
-    """
-    if len(values) > 1 and len(set(values.values())) == 1:
-        return f"{digits(next(iter(values.values())))} {unit}"
-    return ", ".join(f"{digits(value)} {unit} on input {k + 1}" for k, value in values.items())
-
-
 def plain_table(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1
 ) -> Table:

@@ -29,7 +29,7 @@ from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
 from jcontour.app.reports.screen import Entry
-from jcontour.app.reports.tables import digits, of_axes, of_inputs, peak_line, say, table_of
+from jcontour.app.reports.tables import digits, of_axes, peak_line, say, table_of
 from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.lifecycle import created, finished, words_of
 from jcontour.app.runs.stored_loops import StoredLoop, stored_loop
@@ -232,7 +232,7 @@ def _save(one: CertifiedRun, loop: StoredLoop, folder: Path) -> None:
 
 
 def show_certified(result: CertifiedResult, console: Console) -> None:
-    """The table, what it is proven for, and where the largest bound is."""
+    """The table, and what it is proven for."""
     title = f"Largest {result.error} error of {result.controller} on {result.machine.name}"
     columns: dict[str, Callable[[CertifiedRow], str | float | None]] = {
         "contour": lambda row: row.contour,
@@ -244,25 +244,12 @@ def show_certified(result: CertifiedResult, console: Console) -> None:
         "largest\ncontrols": lambda row: ", ".join(map(digits, row.control)),
     }
     console.print(table_of(title, result.rows, columns, text_columns=2))
-    say(console, *sentences(result))
-
-
-def sentences(result: CertifiedResult) -> list[str]:
-    """Assumptions, then the worst row in words."""
-    worst = result.worst
-    place = peak_line(worst.place, result.error, result.machine.axes)
-    # Largest control of every input
-    inputs = zip(*(row.control for row in result.rows), strict=True)
-    largest = {k: max(one) for k, one in enumerate(inputs)}
-    return [
-        f"Proven {_proven(result)}, at each sample,",
-        "and for each plant of the table, started on the path. Not for plants between them.",
+    say(
+        console,
+        "Proven for each plant of the table, started on the path. Not for plants between them.",
         BOUNDS,
-        f"An attack reaches {digits(100 * worst.reached / worst.bound)} % of the largest bound; "
-        f"{place}.",
-        f"No control exceeds {of_inputs(largest, result.machine.control_unit)}.",
         f"The attack, the bound and both errors at every sample: {ATTACK}",
-    ]
+    )
 
 
 def _proven(result: CertifiedResult) -> str:

@@ -21,7 +21,7 @@ from jcontour.app.reports.figures.loops import learning
 from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
 from jcontour.app.reports.screen import Entry
-from jcontour.app.reports.tables import digits, plain_table, say
+from jcontour.app.reports.tables import digits, say
 from jcontour.app.runs.contour_summary import machine_summary, run_outline
 from jcontour.app.runs.lifecycle import created, finished
 from jcontour.app.runs.loops.learning import (
@@ -31,8 +31,6 @@ from jcontour.app.runs.loops.learning import (
     shifted,
     stored_lap,
 )
-
-SHOWN = (1, 2, 3, 4, 6, 8, 12, 20, 40, 80)  # laps that have a column
 
 
 @on_cpu()  # the laws take both modes of the laps
@@ -122,15 +120,11 @@ def _check(flags: Learn) -> None:
 
 
 def show_learned(result: LearnedResult, console: Console) -> None:
-    """What was known before, the errors lap by lap, when it stops paying."""
-    say(console, *before(result), "")
-    console.print(_table(result, "at the tool", [one.tool_um for one in result.machines]))
-    linear = result.machines[0]  # encoder noise apart
-    laps = zip(linear.tool_um, linear.measured_um, strict=True)
-    if any(abs(tool - seen) > 1e-3 * max(tool, seen) for tool, seen in laps):
-        console.print(_table(result, "as measured", [one.measured_um for one in result.machines]))
+    """What was known before, and when it stops paying; learning.png has the errors lap by lap."""
     say(
         console,
+        *before(result),
+        "",
         f"Encoder noise alone makes {digits(result.noise_um)} um, without learning.",
         *(f"{one.name}: {_outcome(one)}" for one in result.machines),
     )
@@ -167,7 +161,7 @@ def loading(result: LearnedResult, file: str) -> list[str]:
         return ["nothing: no lap of the linear model is better than the first"]
     if not result.verdict.usable:
         return [f"nothing: {file} is not written, as lap {one.lap} of the linear model had it"]
-    weights = ", ".join(f"{name} {_told(value)}" for name, value in result.weights.items())
+    weights = ", ".join(f"{name} {_digits(value)}" for name, value in result.weights.items())
     return [
         f"{file}: the reference at every sample as lap {one.lap} of the linear model had it "
         f"({digits(one.error_um)} um), shifted by up to {digits(one.largest_um)} um; it begins "
@@ -178,7 +172,7 @@ def loading(result: LearnedResult, file: str) -> list[str]:
     ]
 
 
-def _told(value: Weight) -> str:
+def _digits(value: Weight) -> str:
     each = value if isinstance(value, list) else [value]
     return " ".join("none" if one is None else f"{one:.6g}" for one in each)
 
@@ -200,17 +194,3 @@ def _outcome(one: LearnedMachine) -> str:
         else (f"after lap {one.pays_until} it no longer pays")
     )
     return f"{digits(first)} to {digits(best)} um; {pays}"
-
-
-def _table(result: LearnedResult, where: str, rows: Sequence[Sequence[float]]):
-    count = max(len(row) for row in rows)
-    laps = sorted({lap for lap in SHOWN if lap <= count} | {count})
-    cells = [
-        [one.name, *(digits(row[lap - 1]) if lap <= len(row) else "-" for lap in laps)]
-        for one, row in zip(result.machines, rows, strict=True)
-    ]
-    title = (
-        f"{result.controller} on {result.contour}, {result.feed_law}: "
-        f"RMS {result.error} error {where} by lap [um]"
-    )
-    return plain_table(title, ["machine", *(f"lap {lap}" for lap in laps)], cells)

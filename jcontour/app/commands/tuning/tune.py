@@ -124,20 +124,16 @@ def _chosen(
     best = best_simple(loops)
     if best is None:
         return _descended(run, folder, console)
-    try:
-        descended = _descended(run, folder, console)
-    except RuntimeError:
-        descended = None
 
-    def search(simple: TuningRun) -> Searched | None:
-        place = folder / SIMPLE
+    def search(tried: TuningRun) -> Searched | None:
+        place = folder if tried is run else folder / SIMPLE
         place.mkdir(exist_ok=True)
         try:
-            return _descended(simple, place, console)
+            return _descended(tried, place, console)
         except RuntimeError:
             return None
 
-    chosen = simplest(best, descended, search)
+    chosen = simplest(best, search(run), search)
     if chosen is None:
         return _descended(run, folder, console)  # tells why
     if (name := chosen.run.design.name) != run.design.name:

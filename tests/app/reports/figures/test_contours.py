@@ -61,21 +61,6 @@ def test_moves_between_cuts_are_rapid(runs):
     assert np.flatnonzero(shown).tolist() == [*range(11), 29, 30, 31, 32, 33]  # up to the cuts
 
 
-def test_arrows_show_which_way_the_contour_goes(runs):
-    for arrow in drawn_way(runs).texts:
-        tail, tip = np.array(arrow.xyann), np.array(arrow.xy)
-        assert tail[0] * tip[1] > tail[1] * tip[0]  # round the origin, to the left
-
-
-@pytest.mark.parametrize("gap", [(20, 50), (15, 27), (22, 23), (40, 58)])
-def test_no_arrow_lies_across_a_rapid_move(runs, gap):
-    """Each is as long as a step of a cut, 1.065 mm."""
-    scored = runs.scored & ~np.isin(np.arange(STEPS), np.arange(*gap))
-    for arrow in drawn_way(replace(runs, scored=scored)).texts:
-        length = np.linalg.norm(np.array(arrow.xyann) - np.array(arrow.xy))
-        assert 0.9 < length < 1.1
-
-
 @pytest.mark.parametrize(
     ("largest", "factor"), [(1e-3, 500.0), (0.1, 5.0), (0.5, 1.0), (20.0, 1.0), (0.0, 1.0)]
 )
