@@ -100,11 +100,23 @@ def compared(loop: StoredLoop, job: Task, program: str) -> tuple[InLinuxcncRow, 
         loop.controller,
         loop.machine.model.dt,
     )
-    reference = sampled_reference(
-        real.command, job.reference(dt, controller.preview), controller.preview
+    own = job.reference(dt, controller.preview)
+    # From samples, from rest to rest; tangents by differences, as the law takes them
+    held = np.concatenate([real.command, np.repeat(real.command[-1:], controller.preview, axis=0)])
+    chord = np.gradient(held, axis=0)
+    length = np.linalg.norm(chord, axis=1, keepdims=True)
+    tangent = np.where(length > 0.0, chord / np.maximum(length, 1e-300), 0.0)
+    reference = Reference(
+        position=jnp.asarray(held),
+        tangent=jnp.asarray(tangent),
+        arc=jnp.zeros(len(held)),
+        mask=jnp.ones(len(held), bool),
+        start_increment=jnp.zeros(held.shape[1]),
+        contour=own.contour,
+        dt=own.dt,
+        steps=len(real.command),
     )
     same = np.asarray(simulate(plant, controller, reference).output)
-    own = job.reference(dt, controller.preview)
     planned = np.asarray(simulate(plant, controller, own).output)
     errors = {
         "real": distance_to_path(real.command, real.tool),
@@ -131,24 +143,6 @@ def compared(loop: StoredLoop, job: Task, program: str) -> tuple[InLinuxcncRow, 
         ErrorCurve("difference", np.abs(errors["real"] - errors["simulated"]), START),
     ]
     return row, errors_figure(f"{job.name} in LinuxCNC", "contour", reference, curves)
-
-
-def sampled_reference(position: np.ndarray, like: Reference, preview: int) -> Reference:
-    """Reference from samples, from rest to rest; tangents by differences, as the law takes them."""
-    held = np.concatenate([position, np.repeat(position[-1:], preview, axis=0)])
-    chord = np.gradient(held, axis=0)
-    length = np.linalg.norm(chord, axis=1, keepdims=True)
-    tangent = np.where(length > 0.0, chord / np.maximum(length, 1e-300), 0.0)
-    return Reference(
-        position=jnp.asarray(held),
-        tangent=jnp.asarray(tangent),
-        arc=jnp.zeros(len(held)),
-        mask=jnp.ones(len(held), bool),
-        start_increment=jnp.zeros(held.shape[1]),
-        contour=like.contour,
-        dt=like.dt,
-        steps=len(position),
-    )
 
 
 def show(result: InLinuxcncResult, console: Console) -> None:

@@ -120,7 +120,7 @@ def _read(job: Task) -> Toolpath | None:
 
 
 def show(result: BentResult, console: Console) -> None:
-    """The table, and a sentence."""
+    """The table, and the gains that the bend is for; the screen has the rest."""
     title = f"{result.contour} on {result.machine.name}, {result.controller}, "
     title += f"machine with {result.machine.nonsmooth_effects}"
     before, after, error = result.before, result.after, result.error
@@ -134,7 +134,6 @@ def show(result: BentResult, console: Console) -> None:
         "peak control\nafter": lambda plant: after[plant].peak_control,
     }
     console.print(tables.table_of(title, before, columns))
-    tables.say(console, *ending(result), gain_words(result))
     if result.weights:
         tables.say(console, f"Bent for {result.controller} with these gains, and for no others:")
         tables.say(console, *(f"  {line}" for line in result.weights))

@@ -14,7 +14,6 @@ from jcontour.app.files.results.stored import to_json, write_result
 from jcontour.app.files.results.tuned_result import TunedResult
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.job import Job
-from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.machines.machine import NO_EFFECTS
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.contours import figures_of
@@ -163,10 +162,13 @@ def describe(run: TuningRun, console: Console) -> None:
     training = [
         f"{job.name} ({job.samples} samples, {job.feed_law})" for job in scenarios.jobs_seen(True)
     ]
+    held_out = _named([f"{job.name} ({job.samples} samples)" for job in scenarios.jobs_seen(False)])
+    if flags.parts and any(isinstance(job, Job) for job in scenarios.jobs_seen(True)):
+        held_out += "; made in the size, place and feed of the parts, not as `jcontour list` says"
     headings = machine.description() | {
         "Family": "; ".join(scenarios.plants) + alone,
         "Training": _named(training),
-        "Held out": held_out_words(flags, scenarios),
+        "Held out": held_out,
         **run.design.description(),
         "Objective": f"{objective}; limits: {', '.join(bounds) or 'none'}",
     }
@@ -195,17 +197,6 @@ def describe(run: TuningRun, console: Console) -> None:
     if run.training_samples > PLENTY:
         lines.append(f"{run.training_samples} training samples: this takes longer than a minute.")
     tables.say(console, *lines)
-
-
-def held_out_words(flags: Tune, scenarios: Scenarios) -> str:
-    """Contours that the tuner never sees, and whether they are sized like the parts."""
-    named = _named([f"{job.name} ({job.samples} samples)" for job in scenarios.jobs_seen(False)])
-    own = bool(flags.parts)
-    if own and any(isinstance(job, Job) for job in scenarios.jobs_seen(True)):
-        return (
-            f"{named}; made in the size, place and feed of the parts, not as `jcontour list` says"
-        )
-    return named
 
 
 def _named(jobs: list[str]) -> str:
