@@ -126,24 +126,6 @@ def box_of(plant: Plant, bounds: Bounds, machine: LinearMachine, fed: Fed) -> Bo
 
 def command(flags: Check) -> int:
     """The whole command: prove, attack, print, exit code."""
-    result, folder = run(flags)
-    worst = result.worst
-    shares = f"an attack reaches {100 * worst.reached / worst.bound:.0f} % of it"
-    answer = [
-        Entry("Bound", f"{digits(1e6 * worst.bound)} um, {worst.contour}, {worst.plant}; {shares}"),
-        Entry("Worst", peak_line(worst.place, result.error, result.machine.axes)),
-        Entry("Proven", _proven(result)),
-        Entry("Assumed", "--force and --encoder-um say what acts on your machine"),
-    ]
-    if result.verdict.usable:
-        answer.append(Entry("Next", f"jcontour export{words_of([str(flags.run)])}"))
-    else:
-        answer.append(Entry("Advice", "tune again with a lower --max-peak-control"))
-    return finished(folder, result, flags, show_certified, answer, result.verdict)
-
-
-def run(flags: Check) -> tuple[CertifiedResult, Path]:
-    """Certify all contours and plants of a stored run; the result and the run folder."""
     loop = stored_loop(flags.run)
     machine = promised(loop.machine)
     bounds = bounds_of(machine, flags.force, flags.encoder_um)
@@ -180,7 +162,19 @@ def run(flags: Check) -> tuple[CertifiedResult, Path]:
     figure = errors_figure(title, machine.error, worst.reference, curves)
     save_figure(figure, folder / "certificate.png")
     write_result(folder, result)
-    return result, folder
+    row = result.worst
+    shares = f"an attack reaches {100 * row.reached / row.bound:.0f} % of it"
+    answer = [
+        Entry("Bound", f"{digits(1e6 * row.bound)} um, {row.contour}, {row.plant}; {shares}"),
+        Entry("Worst", peak_line(row.place, result.error, result.machine.axes)),
+        Entry("Proven", _proven(result)),
+        Entry("Assumed", "--force and --encoder-um say what acts on your machine"),
+    ]
+    if result.verdict.usable:
+        answer.append(Entry("Next", f"jcontour export{words_of([str(flags.run)])}"))
+    else:
+        answer.append(Entry("Advice", "tune again with a lower --max-peak-control"))
+    return finished(folder, result, flags, show_certified, answer, result.verdict)
 
 
 def verdict_on(

@@ -34,28 +34,6 @@ LEAST = 20.0  # [s]
 
 def command(flags: Check) -> int:
     """The whole command: run, compare, print, exit code."""
-    result, folder = run(flags)
-    worst = max(result.rows, key=lambda row: abs(row.real_rms / row.simulated_rms - 1))
-    answer = [
-        Entry(
-            "Real", f"{result.controller} on {result.machine}, {1e3 * result.period:g} ms, LinuxCNC"
-        ),
-        *(
-            Entry(
-                row.contour,
-                f"RMS contour error {1e6 * row.real_rms:.3g} um, simulate on the same samples "
-                f"{1e6 * row.simulated_rms:.3g} um; {row.real_time:.3f} s, "
-                f"planned {row.planned_time:.3f} s",
-            )
-            for row in result.rows
-        ),
-        Entry("Apart", f"at most {100 * abs(worst.real_rms / worst.simulated_rms - 1):.2g} %"),
-    ]
-    return finished(folder, result, flags, show, answer)
-
-
-def run(flags: Check) -> tuple[InLinuxcncResult, Path]:
-    """Run every program of a stored run in LinuxCNC; the result and the run folder."""
     if lacking := missing():
         raise ValueError(f"in-linuxcnc: {lacking}")
     loop = stored_loop(flags.run)
@@ -79,7 +57,23 @@ def run(flags: Check) -> tuple[InLinuxcncResult, Path]:
         rows=rows,
     )
     write_result(folder, result)
-    return result, folder
+    worst = max(result.rows, key=lambda row: abs(row.real_rms / row.simulated_rms - 1))
+    answer = [
+        Entry(
+            "Real", f"{result.controller} on {result.machine}, {1e3 * result.period:g} ms, LinuxCNC"
+        ),
+        *(
+            Entry(
+                row.contour,
+                f"RMS contour error {1e6 * row.real_rms:.3g} um, simulate on the same samples "
+                f"{1e6 * row.simulated_rms:.3g} um; {row.real_time:.3f} s, "
+                f"planned {row.planned_time:.3f} s",
+            )
+            for row in result.rows
+        ),
+        Entry("Apart", f"at most {100 * abs(worst.real_rms / worst.simulated_rms - 1):.2g} %"),
+    ]
+    return finished(folder, result, flags, show, answer)
 
 
 def compared(loop: StoredLoop, job: Task, program: str) -> tuple[InLinuxcncRow, Figure]:

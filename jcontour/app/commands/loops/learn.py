@@ -1,7 +1,6 @@
 """`jcontour learn`: laps of a part, each with what was learned from the last."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -36,20 +35,6 @@ from jcontour.app.runs.loops.learning import (
 @on_cpu()  # the laws take both modes of the laps
 def command(flags: Learn) -> int:
     """The whole command: learn, print, exit code."""
-    result, folder = run(flags)
-    family = [one for one in result.machines[1:] if one.best_um is not None]
-    worst = sorted(family, key=lambda one: -(one.best_um or 0.0))[:1]
-    shown = [result.machines[0], *worst]
-    answer = [Entry("Laps", f"{one.name}: {_outcome(one)}") for one in shown]
-    answer += [Entry("To load", line) for line in loading(result, SAMPLES)]
-    if result.ratio >= 1:
-        ratio = f"ratio from lap to lap {result.ratio:.3g}, not below one"
-        answer.append(Entry("Warning", f"it is not sure that the laps converge: {ratio}"))
-    return finished(folder, result, flags, show_learned, answer, result.verdict)
-
-
-def run(flags: Learn) -> tuple[LearnedResult, Path]:
-    """Run all laps and store them; the result and the run folder."""
     _check(flags)
     machine = machine_named(flags.plant)
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
@@ -94,7 +79,15 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
     )
     save_figure(learning(result), folder / "learning.png")
     write_result(folder, result)
-    return result, folder
+    family = [one for one in result.machines[1:] if one.best_um is not None]
+    worst = sorted(family, key=lambda one: -(one.best_um or 0.0))[:1]
+    shown = [result.machines[0], *worst]
+    answer = [Entry("Laps", f"{one.name}: {_outcome(one)}") for one in shown]
+    answer += [Entry("To load", line) for line in loading(result, SAMPLES)]
+    if result.ratio >= 1:
+        ratio = f"ratio from lap to lap {result.ratio:.3g}, not below one"
+        answer.append(Entry("Warning", f"it is not sure that the laps converge: {ratio}"))
+    return finished(folder, result, flags, show_learned, answer, result.verdict)
 
 
 def verdict_on(machines: Sequence[LearnedMachine], stored: StoredLap | None) -> Verdict:
