@@ -67,6 +67,10 @@ class Controller(eqx.Module):
     ) -> tuple[Memory, Float[Array, " p"]]:
         """Next memory and the control, from one row of the plan and the present measurement."""
 
+    def with_integrals_held(self, before: Memory, after: Memory, holds: Any) -> Memory:
+        """Next memory, its integral parts those of before where a number is true."""
+        return after
+
     def without_planned_limits(self) -> "Controller":
         """The controller without limits that it plans for, if it has any: margins are of that."""
         return self
@@ -98,6 +102,10 @@ class Wrapper(Controller):
     ) -> tuple[Memory, Float[Array, " p"]]:
         """Step of the wrapped controller."""
         return self.controller.step(memory, plan, measurement)
+
+    def with_integrals_held(self, before: Memory, after: Memory, holds: Any) -> Memory:
+        """Memory of the wrapped controller."""
+        return self.controller.with_integrals_held(before, after, holds)
 
     def without_planned_limits(self) -> Controller:
         """Wrapper around the controller without them."""

@@ -99,6 +99,8 @@ class Code:
         else:
             assert law.G is not None
             counts["LAW_FILTER"] = len(law.G)
+        if self._holds:
+            counts["LAW_STOOD"] = law.hold_after
         counts["LAW_WAIT"] = law.dead_time + self.limits.wait
         counts["LAW_IDLE"] = law.dead_time + self.limits.idle
         counts["LAW_MOST_LOST"] = self.limits.lost
@@ -143,6 +145,7 @@ class Code:
             ("LAW_C", law.C, "measured part of the memory"),
             ("LAW_F", law.F, "gain: controls x memory"),
             ("LAW_D", law.D, "gain: controls x measured"),
+            ("LAW_INTEGRAL", law.integral, "1 for integrals in the memory"),
             ("LAW_DRY", law.dry, "against friction: controls x axes"),
             ("LAW_G", law.G, "references, controls x axes for each"),
         ]
@@ -226,7 +229,13 @@ class Code:
             ("losses", "", "measurements that were not believed"),
             ("missed", "", "samples without a call"),
             ("breaks", "", "samples at which the reference was not the one announced"),
+            *([("stood", "", "samples for which the reference stands")] if self._holds else []),
         ]
+
+    @property
+    def _holds(self) -> bool:
+        """Whether integrals are held at standstill."""
+        return self.law.integral is not None
 
     @cached_property
     def arrays(self) -> list[tuple[str, str]]:
@@ -241,6 +250,8 @@ class Code:
             buffers.append(("acting", "LAW_INPUTS"))
         if law.L is not None:
             buffers.append(("miss", "LAW_MEASURED"))
+        if self._holds:
+            buffers.append(("held", "LAW_STATES"))
         if law.window is None:
             return [*buffers, ("filtered", "LAW_FILTER * LAW_AXES")]
         square = "LAW_MODEL * LAW_MODEL"

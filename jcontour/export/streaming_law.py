@@ -98,6 +98,8 @@ class StreamingLaw:
         G, W: gains of the references from `behind` samples back to `preview` ahead.
         dry: control by the direction of every axis, against its friction.
         ahead: samples d ahead at which that is taken.
+        integral: 1 for entries of the memory that are held where the reference has stood for
+            `hold_after` samples, 0 for the others; None where none is.
         limit: of every control, +-; infinite where there is none.
         kept: limit of every entry of the memory, +-.
         exact: whether that is all that the controller's own limits do to its memory.
@@ -131,6 +133,8 @@ class StreamingLaw:
     W: Float[np.ndarray, "window n m"] | None = None
     dry: Matrix | None = None
     ahead: int = 0
+    integral: Vector | None = None
+    hold_after: int = 0
     kept: Vector = field(default_factory=lambda: np.zeros(0))
     exact: bool = True
     drives: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
@@ -187,15 +191,19 @@ def streaming_law(
     if isinstance(controller, FrictionFeedforward):
         law = streaming_law(controller.controller, machine, places, limit, precision)
         dry = np.diag(np.broadcast_to(np.asarray(controller.coulomb, float), law.axes))
-        return replace(law, dry=dry, ahead=controller.ahead, preview=controller.preview)
-    # Standstill at the origin on a straight line, long enough for every response to end
-    axes = places.shape[0]
-    ahead = max(controller.preview, 1)
-    path = polyline(np.stack([np.zeros(axes), np.ones(axes)]))
-    steps = 2 * (ahead + BEHIND + TAIL)
-    arc = np.linspace(0.0, 1e-3, steps)
-    moving = along(path, arc, machine.dt, ahead, at_rest=True)
-    line = replace(moving, position=jnp.zeros_like(moving.position))
+        memory = controller.initial_memory(_standstill(controller, machine, law.axes))
+        none, ones = (jax.tree.map(like, memory) for like in (jnp.zeros_like, jnp.ones_like))
+        integral = 1.0 - _numbers(controller.with_integrals_held(none, ones, True))
+        held = _some(integral) if controller.hold_after else None
+        return replace(
+            law,
+            dry=dry,
+            ahead=controller.ahead,
+            preview=controller.preview,
+            integral=held,
+            hold_after=controller.hold_after,
+        )
+    line = _standstill(controller, machine, places.shape[0])
     standing = machine.measure(machine.initial_state(line.position[0], line.start_increment))
     seen = np.stack([_seen(machine, one) for one in np.eye(places.shape[0])], axis=1)
     inner, known = controller, seen
@@ -213,6 +221,15 @@ def streaming_law(
     drives, dead_time = _drives(machine, line, law.inputs)
     law = replace(law, drives=drives, dead_time=dead_time)
     return replace(law, base=_base(law, BALANCED[precision]))
+
+
+def _standstill(controller: Controller, machine: Plant, axes: int) -> Reference:
+    """At the origin on a straight line, long enough for every response to end."""
+    ahead = max(controller.preview, 1)
+    path = polyline(np.stack([np.zeros(axes), np.ones(axes)]))
+    arc = np.linspace(0.0, 1e-3, 2 * (ahead + BEHIND + TAIL))
+    moving = along(path, arc, machine.dt, ahead, at_rest=True)
+    return replace(moving, position=jnp.zeros_like(moving.position))
 
 
 def _seen(machine: Plant, position: Any) -> Float[np.ndarray, " q"]:

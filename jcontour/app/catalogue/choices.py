@@ -32,6 +32,7 @@ from jcontour.app.plain_numbers import WholePath
 from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
 from jcontour.controllers.wrappers.adapters import BacklashCompensation
 
+SETTLING = 0.5  # [s] that integrals have to settle where a reference stands
 Flags = TypeVar("Flags", bound=Controlled)
 
 
@@ -136,6 +137,7 @@ def _compensated(design: Design, machine: Machine, backlash: bool) -> Design:
             coulomb=coulomb,
             limit=np.inf if limit is None else limit,
             ahead=late,
+            hold_after=round(SETTLING / linear.model.dt),
         )
         each = ", ".join(f"{one:.6g}" for one in coulomb)
         line = f"friction  {each} {linear.control_unit} in the direction {late} samples ahead"

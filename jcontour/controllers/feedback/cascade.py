@@ -23,6 +23,8 @@ the reference. k_v is the control per velocity of a drive that takes a speed, so
 K_v of a position loop in 1/s. A drive that takes a position needs the control k_0 per position.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -158,6 +160,10 @@ class Cascade(Controller):
     def step(self, memory: Axes, plan: CascadePlan, measurement) -> tuple[Axes, Axes]:
         position, velocity = self.sensors.read(measurement)
         return self.drive(memory, self.speed_command(plan, position) - velocity, plan.control)
+
+    def with_integrals_held(self, before: Axes, after: Axes, holds: Any) -> Axes:
+        """The memory is all integrators."""
+        return jnp.where(holds, before, after)
 
     def speed_command(self, plan: CascadePlan, position: Axes) -> Axes:
         """Output v_ref of the position loop [m/s]."""

@@ -27,7 +27,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jcontour._arrays import check_signs
 from jcontour.controller import Controller, Plan, Wrapper, check_limit, check_preview, numbers
@@ -113,6 +113,7 @@ class FrictionPlan(NamedTuple):
 
     inner: Any
     friction: Float[Array, "*T p"]
+    stands: Bool[Array, "*T"]  # whether the reference has stood for long
 
 
 class FrictionFeedforward(Wrapper):
@@ -132,6 +133,8 @@ class FrictionFeedforward(Wrapper):
         coulomb: k_c, in the unit of the control: one number, or one for each axis.
         limit: of the whole control, +-: one number or one for each; none when infinite.
         ahead: d [samples], at least zero.
+        hold_after: samples for which the reference has to stand until integrals are held: dry
+            friction would make them break loose again and again. None are when zero.
 
     Raises:
         ValueError: the gain is negative or not finite, or a limit is not above zero.
@@ -141,6 +144,7 @@ class FrictionFeedforward(Wrapper):
     coulomb: Float[Array, "*p"] = eqx.field(converter=numbers)
     limit: Float[Array, "*p"] = eqx.field(converter=numbers, default=np.inf)
     ahead: int = eqx.field(static=True, default=0)
+    hold_after: int = eqx.field(static=True, default=0)
 
     def __check_init__(self):
         check_limit(self.limit)
@@ -151,7 +155,12 @@ class FrictionFeedforward(Wrapper):
         return max(self.controller.preview, 1 + self.ahead)
 
     def prepare(self, reference: Reference) -> FrictionPlan:
-        return FrictionPlan(self.controller.prepare(reference), self.against(reference))
+        friction = self.against(reference)
+        sample = jnp.arange(len(friction))
+        moves = jnp.any(friction != 0, axis=1)
+        last = jax.lax.cummax(jnp.where(moves, sample, -1))
+        stands = (sample - last >= self.hold_after) & (self.hold_after > 0)
+        return FrictionPlan(self.controller.prepare(reference), friction, stands)
 
     def against(self, reference: Reference) -> Float[Array, "T p"]:
         """Control against friction at every sample.
@@ -166,5 +175,6 @@ class FrictionFeedforward(Wrapper):
     def step(
         self, memory: Any, plan: FrictionPlan, measurement: Any
     ) -> tuple[Any, Float[Array, " p"]]:
-        memory, control = self.controller.step(memory, plan.inner, measurement)
+        after, control = self.controller.step(memory, plan.inner, measurement)
+        memory = self.controller.with_integrals_held(memory, after, plan.stands)
         return memory, jnp.clip(control + plan.friction, -self.limit, self.limit)

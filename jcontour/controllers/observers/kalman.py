@@ -174,6 +174,12 @@ class _LoadObserver(Wrapper):
         predicted = self.model.step(filtered, control + disturbance)
         return OffsetFreeMemory(predicted, disturbance, inner), control
 
+    def with_integrals_held(
+        self, before: OffsetFreeMemory, after: OffsetFreeMemory, holds: Any
+    ) -> OffsetFreeMemory:
+        """The load that is found is an integral."""
+        return after._replace(disturbance=jnp.where(holds, before.disturbance, after.disturbance))
+
     @abc.abstractmethod
     def answer(
         self, inner: Any, plan: Any, known: DisturbedState

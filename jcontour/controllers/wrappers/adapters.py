@@ -100,6 +100,12 @@ class SpeedByDifference(Wrapper):
         )
         return DifferenceMemory(position, inner), control
 
+    def with_integrals_held(
+        self, before: DifferenceMemory, after: DifferenceMemory, holds: Any
+    ) -> DifferenceMemory:
+        inner = self.controller.with_integrals_held(before.inner, after.inner, holds)
+        return after._replace(inner=inner)
+
 
 RISE = 8  # samples in which the gap is crossed: a jump would shake the loop
 

@@ -169,6 +169,12 @@ class Filtered(Wrapper):
         filtered, control = self.filter.step(memory.filter, control)
         return FilterMemory(filtered, inner), control
 
+    def with_integrals_held(
+        self, before: FilterMemory, after: FilterMemory, holds: Any
+    ) -> FilterMemory:
+        inner = self.controller.with_integrals_held(before.inner, after.inner, holds)
+        return after._replace(inner=inner)
+
 
 class Shaped(Wrapper):
     """A controller behind an input shaper.

@@ -1,5 +1,7 @@
 """The streaming law against `simulate`, in C and in Python."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +16,7 @@ from jcontour.controllers.lq.scheduled_lq import BlockwiseLQ
 from jcontour.controllers.wrappers.adapters import SpeedByDifference
 from jcontour.export import streaming_law
 from jcontour.plants import Encoders, exact_bridgeport
+from jcontour.plants.actuation import Disturbed
 from jcontour.sensors import Sensors, motors, row
 
 from .conftest import FEED, InC, code_of, controllers, in_python, needs_compiler, run, seen
@@ -47,6 +50,23 @@ def test_the_law_gives_the_controls_of_simulate(name, tmp_path):
     assert np.abs(controls - u).max() < close
     python = run(in_python(code)["Law"](), reference, y, u, code.law.points)
     assert np.array_equal(python, controls)  # the same sums in the same order
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["sliding", "sliding cascade"])
+def test_integrals_are_held_where_the_reference_has_stood(name, tmp_path):
+    """Beside a load that the run has not seen, so that they would go on."""
+    controller, machine = controllers()[name]
+    path = contours.line(np.zeros(2), np.ones(2))
+    arc = 1e-3 * np.minimum(np.arange(80) / 40, 1.0) ** 2
+    reference = references.along(path, arc, machine.dt, preview=14, at_rest=True)
+    loaded = Disturbed(seen(name)[0], force=jnp.array([[0.2, -0.1]]))
+    found = simulate(loaded, controller, reference)
+    u, y = np.asarray(found.control), np.array(jax.vmap(row)(found.measurement))
+    controls = run(InC(code_of(name), tmp_path), reference, y, u, code_of(name).law.points)
+    assert np.abs(controls - u).max() < 1e-9 * np.abs(u).max()
+    free = simulate(loaded, replace(controller, hold_after=0), reference).control
+    assert np.abs(u - np.asarray(free))[-1].max() > 1e-6 * np.abs(u).max()
 
 
 @needs_compiler
