@@ -12,8 +12,11 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import redirect_stdout
 from importlib import import_module
+from queue import SimpleQueue
+from threading import Thread
 from typing import Any, BinaryIO, NamedTuple, Self, TypeVar
 
+SIZE = 8  # bytes before a task that say how many it has
 Result = TypeVar("Result")
 
 
@@ -27,8 +30,8 @@ class _Answer(NamedTuple):
 class Beside:
     """A process that does one thing after another while the block runs, on the CPU.
 
-    It knows no Ctrl-C of its own: it is stopped with the block, and ends where the program is
-    killed. Where it fails, or where a task cannot be handed over, the task is done here when its
+    It knows no Ctrl-C of its own: it is stopped with the block, and ends at once where the program
+    is killed, also in the middle of a task. Where it fails, or where a task cannot be handed over, the task is done here when its
     result is asked for, and what is wrong is raised here.
 
     Args:
@@ -77,22 +80,28 @@ class Beside:
         sent, answers = self._process.stdin, self._process.stdout
         assert sent is not None and answers is not None
         try:
-            sent.write(task)
+            sent.write(len(task).to_bytes(SIZE) + task)
             sent.flush()
             return _Answer(*pickle.load(answers))
         except (OSError, ValueError, EOFError, pickle.UnpicklingError):
             return None
 
 
+def _read(tasks: BinaryIO, waiting: SimpleQueue[bytes]) -> None:
+    """Read tasks, and end the process where their pipe ends: whoever asks is gone."""
+    while size := tasks.read(SIZE):
+        waiting.put(tasks.read(int.from_bytes(size)))
+    os._exit(0)
+
+
 def _work(modules: list[str], tasks: BinaryIO, answers: BinaryIO) -> None:
-    """Do what comes until nothing more can come."""
+    """Do what comes, task by task."""
+    waiting: SimpleQueue[bytes] = SimpleQueue()
+    Thread(target=_read, args=(tasks, waiting), daemon=True).start()
     for module in modules:
         import_module(module)
     while True:
-        try:
-            function, arguments = pickle.load(tasks)
-        except EOFError:
-            return
+        function, arguments = pickle.loads(waiting.get())
         with warnings.catch_warnings(record=True) as warned:
             result = function(*arguments)
         warnings_raised = [str(one.message) for one in warned if one.category is UserWarning]

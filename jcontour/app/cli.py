@@ -90,11 +90,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     keep_to_one_thread()
     choose_compiler()
     keep_compiled()
+    if arguments is None:  # what ends a command from outside ends it as Ctrl-C does
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     with warnings.catch_warnings():
         warnings.showwarning = _print_warning
         code = _answered(list(sys.argv[1:] if arguments is None else arguments))
-    if code == INTERRUPTED and arguments is None:  # a second Ctrl-C does not disturb the end
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if code == INTERRUPTED and arguments is None:  # a second one does not disturb the end
+        for one in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(one, signal.SIG_IGN)
     return code
 
 

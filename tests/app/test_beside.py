@@ -79,6 +79,7 @@ def test_the_process_ends_where_the_program_is_killed():
         "from jcontour.app.beside import Beside\n"
         "with Beside() as process:\n"
         "    print(process.submit(os.getpid)(), flush=True)\n"
+        "    process.submit(time.sleep, 60)\n"
         "    time.sleep(60)\n"
     )
     killed = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)

@@ -67,3 +67,20 @@ def test_a_sweep_stopped_with_ctrl_c_and_resumed(tmp_path, machine_file):
     assert resumed.returncode == 0, resumed.stderr
     results = [(tmp_path / name / "result.json").read_bytes() for name in ("alone", "stopped")]
     assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_command_that_is_ended_from_outside_says_so_in_one_line(number):
+    program = (
+        "import sys, time\n"
+        "from jcontour.app import cli\n"
+        "cli._chosen = lambda _: (print('begun', flush=True), time.sleep(60))\n"
+        "sys.exit(cli.main())"
+    )
+    ended = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert ended.stdout is not None and ended.stdout.readline() == "begun\n"
+    ended.send_signal(number)
+    assert ended.communicate() == ("", "jcontour: interrupted\n")
+    assert ended.returncode == 130
