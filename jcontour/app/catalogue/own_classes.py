@@ -4,8 +4,9 @@
                     or a class method that takes the machine's model, a `LinearPlant`, and, where it
                     has an argument `preview`, that of the flags; or a class without arguments
     --plant         a `Plant`, or a class or function without arguments that makes one; a
-                    `LinearPlant` becomes the same machine as from a machine file. UNCERTAINTY in
-                    the file, as in a machine file, says what is not known of it
+                    `LinearPlant` becomes the same machine as from a machine file. UNCERTAINTY,
+                    LIMITS and CONTROL_UNIT in the file state what a machine file states under
+                    these names
 
 NAME may be dotted: `mine.py:PD.for_model`. The file is run as it is; it is one file by itself, as
 a resumed run reads its own copy. What it prints goes to stderr.
@@ -36,7 +37,7 @@ if TYPE_CHECKING:  # a question about a name imports none of these
 FILE = "FILE.py:NAME"
 COPIES = "inputs/*/*.py"  # in a run folder
 MOST_BYTES = 16 * 2**20
-FAMILY = "UNCERTAINTY"  # name in the file for what is not known of its plants
+STATED = ("UNCERTAINTY", "LIMITS", "CONTROL_UNIT")  # names in a file with plants
 REMEDIES = {  # error of JAX -> what to write in the place of what caused it
     "TracerBoolConversionError": "if, while, and, or, not, min and max of Python cannot decide on "
     "numbers of the run; jnp.where(condition, a, b) and jnp.maximum can",
@@ -141,6 +142,8 @@ def own_controller(own: OwnName, machine: "Machine", flags: "Controlled") -> "De
 def own_machine(own: OwnName) -> "Machine":
     """Machine around a plant from a file."""
     from jcontour.app.catalogue.own_contracts import ContractError, check_plant
+    from jcontour.app.files.machine_file import StatedFields
+    from jcontour.app.files.schema import read
     from jcontour.app.machines.from_file import linear_machine
     from jcontour.app.machines.own_plant import axes_of, machine_of
     from jcontour.linear.plant import LinearPlant
@@ -153,8 +156,9 @@ def own_machine(own: OwnName) -> "Machine":
     try:
         if not linear:
             check_plant(plant, axes_of(plant))
-        module = _module(own.path, content_of(own.path, MOST_BYTES))
-        return make(plant, name, vars(module).get(FAMILY))
+        known = vars(_module(own.path, content_of(own.path, MOST_BYTES)))
+        stated = {one.lower(): known[one] for one in STATED if one in known}
+        return make(plant, name, read(StatedFields, stated))
     except (ContractError, checks.MachineError) as error:
         raise _broken(own, error) from None
     except Exception as error:  # the file's code runs in it: any failure is reported with its line

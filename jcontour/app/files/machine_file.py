@@ -138,6 +138,18 @@ class LinearMachineFile(Schema):
     """repeated by `simulate`, `tune` and `machine`"""
 
 
+class StatedFields(Schema):
+    """What a Python file states beside its plant, as a machine file does; lengths in metres."""
+
+    uncertainty: UncertaintyFields | None = None
+    """what is not known"""
+    limits: LimitFields = LimitFields()
+    """greatest magnitudes"""
+    control_unit: Text = "control unit"
+    """for tables and figures"""
+
+
+NOTHING_STATED = StatedFields()
 KIND = "flexible-axis"
 ENCODER_RESOLUTION = 1e-6  # [m] usual for a linear encoder on a direct drive
 MOST_AXES, MOST_HARMONICS, MOST_NOTES = 3, 64, 100

@@ -15,10 +15,12 @@ from jcontour.app.files import checks
 from jcontour.app.files.checks import METRES, MachineError
 from jcontour.app.files.machine_file import (
     KIND,
+    NOTHING_STATED,
     FlexibleAxisFile,
     LimitFields,
     LinearMachineFile,
     MeasuredFields,
+    StatedFields,
     UncertaintyFields,
 )
 from jcontour.app.files.schema import axis_names, one_or_each, per_axis, read
@@ -100,9 +102,8 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
     _check_modes(A, B, C)
     model = with_input_delay(plant, file.known_delay)
     _check_motion(model)
-    limits = _limits(file.limits, metre, plant)
+    limits = stated_limits(file.limits, metre, plant)
     count = file.encoder_resolution or ENCODER_RESOLUTION / metre
-    assumed = CONTROL_NOISE if limits.control is None else 0.05 * float(limits.control.min())
     return LinearMachine(
         file.name or name,
         model,
@@ -112,7 +113,7 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         stated_uncertainty(file.uncertainty, model),
         file.known_delay,
         one_or_each("encoder_resolution", count, plant.axes) * metre,
-        file.control_noise or assumed,
+        file.control_noise or _assumed_noise(limits),
         encoder_noise=one_or_each("encoder_noise", file.encoder_noise, plant.axes) * metre,
         friction=None
         if file.friction is None
@@ -122,31 +123,38 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
     )
 
 
-def linear_machine(plant: LinearPlant, name: str, uncertainty: Any = None) -> LinearMachine:
-    """Machine of a linear plant of the user's, as from a file that gives no more than A, B, C, dt.
+def _assumed_noise(limits: MachineLimits) -> float:
+    return CONTROL_NOISE if limits.control is None else 0.05 * float(limits.control.min())
+
+
+def linear_machine(
+    plant: LinearPlant, name: str, stated: StatedFields = NOTHING_STATED
+) -> LinearMachine:
+    """Machine of a linear plant of the user's, as from a file that gives A, B, C, dt.
 
     Args:
         plant: with two or three axes.
         name: of the machine.
-        uncertainty: as in a machine file; the usual where it is None.
+        stated: what is stated of it.
 
     Raises:
-        MachineError: it has not two or three axes, one of them cannot be controlled, or a field
-            of the uncertainty is wrong.
+        MachineError: it has not two or three axes, one of them cannot be controlled, or what
+            is stated is not of its axes.
     """
     _check_axes(plant)
     _check_modes(*(np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C)))
     _check_motion(plant)
+    limits = stated_limits(stated.limits, 1.0, plant)
     return LinearMachine(
         name,
         plant,
         axis_names(None, plant.axes),
-        "control unit",
-        MachineLimits(),
-        stated_uncertainty(uncertainty, plant, IN_PYTHON),
+        stated.control_unit,
+        limits,
+        stated_uncertainty(stated.uncertainty, plant, IN_PYTHON),
         known_delay=0,
         encoder_resolution=ENCODER_RESOLUTION,
-        control_noise=CONTROL_NOISE,
+        control_noise=_assumed_noise(limits),
     )
 
 
@@ -154,7 +162,7 @@ def stated_uncertainty(given: Any, model: LinearPlant, statement: str = IN_FILE)
     """What a file states, the usual where it states nothing at all (None).
 
     Raises:
-        MachineError: a field is wrong.
+        MachineError: limits, or an uncertain response, are not of its axes.
     """
     if given is None:
         # Gains known to 10 %, those of a drive that takes a position exactly; a sample late
@@ -213,7 +221,13 @@ def _check_motion(plant: LinearPlant) -> None:
         raise MachineError(f"A, B, C: {error}") from None
 
 
-def _limits(given: LimitFields, metre: float, plant: LinearPlant) -> MachineLimits:
+def stated_limits(given: LimitFields, metre: float, plant: LinearPlant) -> MachineLimits:
+    """Limits of a file in SI units, its length unit being `metre` [m].
+
+    Raises:
+        MachineError: there are more or fewer numbers than axes or inputs.
+    """
+
     def each(name: str, count: int, unit: float) -> np.ndarray | None:
         value = getattr(given, name)
         return None if value is None else per_axis(f"limits.{name}", value, count) * unit

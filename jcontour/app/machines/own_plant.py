@@ -2,16 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
+from jcontour.app.files.machine_file import NOTHING_STATED, StatedFields
 from jcontour.app.machines.families import GainsAndDelayMachine
-from jcontour.app.machines.from_file import stated_uncertainty
+from jcontour.app.machines.from_file import stated_limits, stated_uncertainty
 from jcontour.app.machines.linear import USUAL
-from jcontour.app.machines.machine import NO_EFFECTS, Fed, MachineLimits, Usual
+from jcontour.app.machines.machine import NO_EFFECTS, Fed, Usual
 from jcontour.app.machines.uncertainty import IN_PYTHON
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.plant import Plant
@@ -65,22 +65,23 @@ def axes_of(plant: Plant) -> int:
     return int(getattr(plant, "axes", AXES))
 
 
-def machine_of(plant: Plant, name: str, uncertainty: Any = None) -> PlantMachine:
+def machine_of(plant: Plant, name: str, stated: StatedFields = NOTHING_STATED) -> PlantMachine:
     """Machine of a plant with two axes, or as many as its `axes` says; one input each.
 
     Args:
         plant: the nominal one.
         name: of the machine.
-        uncertainty: as in a machine file; the usual where it is None.
+        stated: what is stated of it; what a limit of the control does is up to the plant.
 
     Raises:
-        MachineError: a field of the uncertainty is wrong.
+        MachineError: limits, or an uncertain response, are not of its axes.
     """
     axes = axes_of(plant)
     names = ("X", "Y", "Z")[:axes]
     model = _linearised(plant, axes)
-    unsure = stated_uncertainty(uncertainty, model, IN_PYTHON)
-    return PlantMachine(name, model, names, "control unit", MachineLimits(), unsure, plant)
+    limits = stated_limits(stated.limits, 1.0, model)
+    unsure = stated_uncertainty(stated.uncertainty, model, IN_PYTHON)
+    return PlantMachine(name, model, names, stated.control_unit, limits, unsure, plant)
 
 
 def _linearised(plant: Plant, axes: int) -> LinearPlant:

@@ -346,6 +346,22 @@ def test_a_file_states_what_is_not_known_of_its_plants(files, tmp_path):
         machine_named(f"{stated}:Sliding")
 
 
+def test_a_file_states_limits_and_the_unit_of_the_control_as_a_machine_file(files, tmp_path):
+    stated = tmp_path / "stated.py"
+    words = 'LIMITS = {"control": [3.0, 4.0], "speed": 0.2}\nCONTROL_UNIT = "A"\n'
+    for name in ("linear", "Sliding"):
+        stated.write_text(words + PLANTS)
+        trust(stated.read_bytes())
+        machine = machine_named(f"{stated}:{name}")
+        assert machine.control_unit == "A"
+        limits = [None if one is None else one.tolist() for one in machine.limits]
+        assert limits == [[0.2, 0.2], None, [3.0, 4.0], None, None]
+        stated.write_text(words.replace("3.0, 4.0", "3.0") + PLANTS)
+        trust(stated.read_bytes())
+        with pytest.raises(ValueError, match=f"{name}: limits.control: needs one number or 2"):
+            machine_named(f"{stated}:{name}")
+
+
 @pytest.mark.slow
 def test_simulate_with_controller_and_plant_of_files(capsys, files, tmp_path):
     flags = ["--controller", f"{files}/mine.py:PD", "--plant", f"{files}/plants.py:Sliding"]

@@ -4,6 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.app.files.machine_file import StatedFields
+from jcontour.app.files.schema import read
 from jcontour.app.machines.own_plant import axes_of, machine_of
 from jcontour.plant import Plant
 
@@ -60,7 +62,9 @@ def test_a_family_has_other_gains_and_a_late_plant():
 
 
 def test_random_plants_lie_within_the_stated_uncertainty():
-    machine = machine_of(Sliding(), "slide", {"gain": 0.2, "delay": 2})
+    machine = machine_of(
+        Sliding(), "slide", read(StatedFields, {"uncertainty": {"gain": 0.2, "delay": 2}})
+    )
     family = machine.random_family(50, seed=1)
     gains, delays = np.asarray(family.gains), np.asarray(family.plant.samples)
     assert 0.15 < np.abs(gains - 1).max() <= 0.2 and gains.shape == (50, 2)
@@ -70,12 +74,15 @@ def test_random_plants_lie_within_the_stated_uncertainty():
 def test_what_is_assumed_is_said_and_may_be_stated():
     (line,) = machine_of(Sliding(), "slide").remarks
     assert "slide" in line and "10 %" in line and "UNCERTAINTY =" in line
-    alone = machine_of(Sliding(), "slide", {})
+    alone = machine_of(Sliding(), "slide", read(StatedFields, {"uncertainty": {}}))
     assert alone.remarks == [] and alone.family_names == ["nominal"]
     assert alone.random_family(5, 0) is None and alone.unknown_delay == 0
     response = {"hertz": [1.0, 100.0], "relative": [[0.1, 0.2]] * 2}
     assert alone.response_uncertainty is None
-    assert machine_of(Sliding(), "slide", {"response": response}).response_uncertainty is not None
+    machine = machine_of(
+        Sliding(), "slide", read(StatedFields, {"uncertainty": {"response": response}})
+    )
+    assert machine.response_uncertainty is not None
 
 
 def test_a_plant_that_says_nothing_has_two_axes():
