@@ -31,8 +31,8 @@ class Beside:
     """A process that does one thing after another while the block runs, on the CPU.
 
     It knows no Ctrl-C of its own: it is stopped with the block, and ends at once where the program
-    is killed, also in the middle of a task. Where it fails, or where a task cannot be handed over, the task is done here when its
-    result is asked for, and what is wrong is raised here.
+    is killed, also in the middle of a task. Where it fails, or where a task cannot be handed over,
+    the task is done here when its result is asked for, and what is wrong is raised here.
 
     Args:
         modules: that it loads while it waits for its first task.
