@@ -66,6 +66,19 @@ class Reference(eqx.Module):
         """Number of samples beyond the last control step."""
         return self.position.shape[-2] - self.steps
 
+    @property
+    def unpadded(self) -> Bool[Array, "*stack T"]:
+        """Which control steps belong to the run: limits hold there, whether scored or not.
+
+        A run that rests holds its end when it is padded, and all steps count. One in motion would
+        stop at once there: its steps end `preview` samples before the last arc length is reached.
+        """
+        in_motion = jnp.any(self.start_increment != 0, axis=-1, keepdims=True)
+        at_end = jnp.argmax(self.arc == self.arc[..., -1:], axis=-1, keepdims=True)
+        scored = jnp.asarray(self.mask[..., : self.steps])
+        index = jnp.cumsum(jnp.ones_like(scored, int), axis=-1) - 1
+        return ~in_motion | (index <= at_end - self.preview) | scored
+
     def first(self, steps: int) -> "Reference":
         """The first control steps alone, with the same preview beyond them.
 

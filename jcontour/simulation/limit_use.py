@@ -39,7 +39,7 @@ class AxisLimits(NamedTuple):
 
 
 class LimitUse(NamedTuple):
-    """Largest |value| / limit over scored samples and axes; 1 is at the limit, 0 without a limit.
+    """Largest |value| / limit over samples and axes; 1 is at the limit, 0 without a limit.
 
     Attributes:
         speed: of the tool.
@@ -74,10 +74,10 @@ def limit_use(
     Args:
         output: y [m].
         control: u.
-        reference: whose scored samples count; a difference counts where all its samples do.
+        reference: of the run; all its samples count, scored or not, those of padding do not.
         limits: those of the machine.
     """
-    mask = reference.mask[: reference.steps]
+    mask = reference.unpadded
     pairs = mask[1:] & mask[:-1]
     speed = jnp.diff(output, axis=0) / reference.dt
     triples = pairs[1:] & pairs[:-1]

@@ -133,6 +133,11 @@ def scored(scenarios: Scenarios) -> np.ndarray:
     return np.asarray(scenarios.references.mask)[:, : scenarios.references.steps]
 
 
+def unpadded(scenarios: Scenarios) -> np.ndarray:
+    """(contour, time) which samples belong to the runs, scored or not."""
+    return np.asarray(scenarios.references.unpadded)
+
+
 def desired(scenarios: Scenarios) -> np.ndarray:
     """(contour, time, axis) where the tool should be [m]."""
     return np.asarray(jnp.asarray(scenarios.references.position)[:, : scenarios.references.steps])

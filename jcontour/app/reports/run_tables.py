@@ -340,8 +340,11 @@ def simulated_answer(result: SimulatedResult) -> list[Entry]:
         size = f"{digits(1e6 * result.peak.error)} um"
         place = place_words(result.peak, result.machine.axes)
         entries.append(Entry("Worst", f"{size} {place} ({result.peak.plant})"))
-    peak, unit = max(one.peak_control for one in runs), result.machine.control_unit
-    entries.append(Entry("Effort", f"peak control {digits(peak)} {unit}"))
+    if result.peak_controls:
+        peaks = ", ".join(map(digits, result.peak_controls))
+        of_each = " of the inputs" if len(result.peak_controls) > 1 else ""
+        effort = f"peak control{of_each} {peaks} {result.machine.control_unit}, all samples"
+        entries.append(Entry("Effort", effort))
     if result.motion is not None:
         motion = result.motion
         limit = max(motion.shares, key=lambda name: motion.shares[name])

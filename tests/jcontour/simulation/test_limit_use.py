@@ -18,12 +18,11 @@ from jcontour.simulation.limit_use import (
 )
 
 
-def test_only_scored_samples_count_and_the_worst_axis_does():
+def test_all_samples_count_scored_or_not_and_the_worst_axis_does():
     random = np.random.default_rng(0)
     output, control = random.normal(size=(12, 2)), random.normal(size=(12, 2))
     scored = np.ones(12, bool)
     scored[[0, 5]] = False
-    output[5], control[5] = 1e3, 1e3  # not scored: nothing that touches it counts
     dt = 0.5
     path = line([0.0, 0.0], [1.0, 0.0])
     reference = along(path, np.linspace(0, 1, 12), dt, 0, at_rest=False, scored=scored)
@@ -32,16 +31,15 @@ def test_only_scored_samples_count_and_the_worst_axis_does():
     wanted = dict.fromkeys(LimitUse._fields, 0.0)
     for k in range(12):
         for axis in range(2):
-            if scored[k]:
-                value = abs(control[k, axis]) / limits.control[axis]
-                wanted["control"] = max(wanted["control"], value)
-            if scored[k : k + 2].all() and k + 1 < 12:
+            value = abs(control[k, axis]) / limits.control[axis]
+            wanted["control"] = max(wanted["control"], value)
+            if k + 1 < 12:
                 change = control[k + 1, axis] - control[k, axis]
                 speed = (output[k + 1, axis] - output[k, axis]) / dt
                 for name, value in (("increment", change), ("speed", speed)):
                     share = abs(value) / getattr(limits, name)[axis]
                     wanted[name] = max(wanted[name], share)
-            if scored[k : k + 3].all() and k + 2 < 12:
+            if k + 2 < 12:
                 bend = (output[k + 2] - 2 * output[k + 1] + output[k])[axis] / dt**2
                 share = abs(bend) / limits.acceleration[axis]
                 wanted["acceleration"] = max(wanted["acceleration"], share)
@@ -54,10 +52,8 @@ def test_what_the_samples_hide_is_added_to_what_they_show():
     dt, push, hidden = 0.1, 3.0, 0.5
     force = push * (-1.0) ** np.arange(9)[:, None] * np.array([1.0, 0.0]) + [0.0, 2.0]
     still = np.zeros((9, 1))
-    scored = np.arange(9) < 6
     path = line([0.0], [1.0])
-    reference = along(path, np.linspace(0, 1, 9), dt, 0, at_rest=False, scored=scored)
-    force[7:] *= 100  # where nothing is scored
+    reference = along(path, np.linspace(0, 1, 9), dt, 0, at_rest=False)
     limits = AxisLimits(acceleration=np.array([4.0]), hidden=np.array([[hidden, 0.2]]))
     use = limit_use(still, force, reference, limits)
     np.testing.assert_allclose(use.acceleration, hidden * push / 4.0, rtol=1e-12)

@@ -1,5 +1,6 @@
 """`jcontour simulate`: one controller on one contour, on every plant of the machine's family."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.rollouts import save_rollouts
 from jcontour.app.reports.run_tables import show_simulated, simulated_answer
 from jcontour.app.reports.screen import Entry, next_step
-from jcontour.app.runs.checks.machine_limits import machine_limits
+from jcontour.app.runs.checks.machine_limits import machine_limits, peak_controls
 from jcontour.app.runs.checks.run_checks import (
     NAN,
     lost_numbers,
@@ -41,6 +42,8 @@ from jcontour.app.runs.contour_summary import (
 )
 from jcontour.app.runs.lifecycle import created, finished, tuning_words
 
+SATURATED = 0.1  # share of the samples: starts and corners saturate for less
+
 
 def command(flags: Simulate) -> int:
     """The whole command: simulate, print, exit code."""
@@ -48,7 +51,8 @@ def command(flags: Simulate) -> int:
         result, folder = run(flags, status)
     nominal = next(iter(result.plants.values()))
     undefined = any(NAN in one for one in result.verdict.warnings)
-    then = next_steps(flags, nominal.diverged, undefined)
+    saturated = max((one.saturated for one in result.verdict.limits), default=0.0)
+    then = next_steps(flags, nominal.diverged, undefined, saturated)
     if flags.controller in CONSTRAINED and not result.verdict.usable:
         then = []  # the verdict says it
     answer = [*simulated_answer(result), *then]
@@ -109,6 +113,7 @@ def simulated(design: Design, scenarios: Scenarios, replayed: Replay) -> Simulat
         plants=dict(zip(scenarios.plants, metrics, strict=True)),
         read=read_of(scenarios.jobs[0], scenarios.references.dt),
         peak=peak_place(scenarios, replayed, 0, machine.error),
+        peak_controls=peak_controls(replayed, scenarios),
         motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
         verdict=_verdict(scenarios, replayed, machine),
         sample_period=float(machine.model.dt),
@@ -134,13 +139,17 @@ def _verdict(scenarios: Scenarios, replayed: Replay, machine: Machine) -> Verdic
     )
 
 
-def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> list[Entry]:
+def next_steps(
+    flags: Simulate, lost: bool = False, undefined: bool = False, saturated: float = 0.0
+) -> list[Entry]:
     """What to do after a simulation, or after one that is lost on the nominal plant.
 
     Args:
         flags: of the simulation.
         lost: whether the nominal plant diverges.
         undefined: whether it meets NaN: no weights help then.
+        saturated: largest share of the samples at which a control saturates; weights that were
+            given are no start then.
     """
     if lost and undefined:
         words = "mend what is NaN (not a number), see the warning; other weights do not help"
@@ -154,4 +163,6 @@ def next_steps(flags: Simulate, lost: bool = False, undefined: bool = False) -> 
     part = [] if flags.contour is None else [flags.contour]
     if flags.controller in CONSTRAINED:
         return [next_step("other --weights, --preview or --feed-mm-per-min: none is tuned")]
+    if saturated > SATURATED:
+        flags = replace(flags, weights=(), alpha=None, beta=None, rho=None)
     return [next_step(f"jcontour tune{tuning_words(part, vars(flags))}")]

@@ -31,6 +31,8 @@ class SimulatedResult:
     plants: dict[str, RunMetrics]  # metrics by plant, the nominal one first
     read: ContourRead | None = None  # what the contour is
     peak: PeakPlace | None = None  # where the largest error is
+    # largest control of each input over every plant and sample, scored or not, by `peak_controls`
+    peak_controls: tuple[float, ...] = ()
     motion: MotionSummary | None = None  # what is asked of the machine, where it is limited in jerk
     verdict: Verdict  # every stated limit of the machine, and plants that diverge
     sample_period: float  # of machine and controller [s]

@@ -55,6 +55,7 @@ class LimitCheck:
     # relative; a value beyond the limit by no more counts as kept: rounding, counts, or a loop's
     # overshoot of a motion that keeps the limit
     slack: float = ROUNDING
+    saturated: float = 0.0  # share of the samples at which a control is at this limit
 
     @property
     def kept(self) -> bool:
@@ -82,6 +83,8 @@ class LimitCheck:
     def line(self) -> str:
         """The limit in words, where it is near or exceeded."""
         how = "is near its limit" if self.kept else "EXCEEDS its limit"
+        if self.kept and self.saturated:
+            how = f"SATURATES at {100 * self.saturated:.2g} % of the samples"
         if self.kept and self.value > (1 + ROUNDING) * self.allowed:
             how = f"overshoots its limit, by less than {100 * self.slack:g} %"
         line = f"{self.name} {how}: {self.size}"
@@ -97,7 +100,10 @@ def exceeded(limits: Sequence[LimitCheck]) -> list[str]:
 
 def kept_words(limits: Sequence[LimitCheck]) -> str:
     """Heading of a verdict that tests a loop and does not recommend it."""
-    return "Every stated limit is kept." if limits else "The machine states no limit."
+    if not limits:
+        return "The machine states no limit."
+    saturated = any(one.saturated for one in limits)
+    return f"Every stated limit is kept{'; a control SATURATES' if saturated else ''}."
 
 
 @dataclass(frozen=True, kw_only=True)

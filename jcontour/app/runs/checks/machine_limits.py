@@ -1,18 +1,15 @@
-"""Limits of a machine that a run comes near or exceeds, in cuts and in rapid moves."""
+"""Limits of a machine at every sample of its runs, in cuts and in rapid moves."""
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from jcontour.app.files.results.verdict import ROUNDING, LimitCheck
-from jcontour.app.jobs.job import Job
-from jcontour.app.jobs.replays import Replay, Scenarios, desired, measured_speeds, scored
+from jcontour.app.jobs.replays import Replay, Scenarios, desired, measured_speeds, unpadded
 from jcontour.app.machines.machine import Machine, MachineLimits
 from jcontour.simulation.limit_use import alternating
 
-DRIVES = ("control of", "control increment of")
 MET = 1 - 1e-9  # of a limit: a plant holds its control there
 ASKED = 1 + 1e-6  # of what a reference asks for: rounding
 PLAN_ROUNDING = 1e-4  # of a limit, in differences of a plan's samples
@@ -21,21 +18,69 @@ PLAN_ROUNDING = 1e-4  # of a limit, in differences of a plan's samples
 OVERSHOOT = {"speed": 0.05, "acceleration": 0.1}
 
 
-class Signals(NamedTuple):
-    """Signals of runs on every plant along every contour, and the names of both."""
-
-    output: Float[np.ndarray, "contours plants steps axes"]  # tool [m]
-    control: Float[np.ndarray, "contours plants steps inputs"]  # of every input
-    counted: Bool[np.ndarray, "contours steps"]  # samples whose peaks count
-    contours: Sequence[str]  # names
-    plants: Sequence[str]  # names
-    # motion that is followed [m], where its speed is compared with its limit
-    asked: Float[np.ndarray, "contours steps axes"] | None = None
-
-
 def machine_limits(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[LimitCheck]:
-    """Every limit of the machine with the largest value of the runs where they are scored."""
-    return list(_checks(_replayed(replay, scenarios, scored(scenarios)), machine))
+    """Every limit of the machine, the largest value of the runs at any sample, and where.
+
+    What is not scored, as an entry or a rapid move, counts too. A run that diverged is left out:
+    its numbers mean nothing. To the largest acceleration that the samples show is added the largest
+    that they hide.
+    """
+    counted, dt = unpadded(scenarios), machine.model.dt
+    whole = _finite(replay.output) & _finite(replay.control) & ~np.asarray(replay.metrics.diverged)
+    output, control = (
+        np.where(whole[..., None, None], rows, 0.0) for rows in (replay.output, replay.control)
+    )
+    increment = np.diff(control, axis=-2)
+    speed, acceleration = measured_speeds(output, dt)
+    unit, limits = machine.control_unit, machine.limits
+    inputs = [f"input {k + 1}" for k in range(machine.model.inputs)]
+    checks = []
+    for limit, quantity, values, names, shown in (
+        (limits.speed, "speed", speed, machine.axes, "m/s"),
+        (limits.acceleration, "acceleration", acceleration, machine.axes, "m/s^2"),
+        (limits.control, "control", control, inputs, unit),
+        (limits.increment, "control increment", increment, inputs, f"{unit} per sample"),
+    ):
+        if limit is None:
+            continue
+        peaks = largest_counted(values, counted)
+        hidden, met = 0.0 * peaks, 0.0 * peaks
+        overshoot = np.full(len(limit), ROUNDING)
+        if quantity == "acceleration":
+            unseen = alternating(control) @ machine.hidden_acceleration.T
+            hidden = largest_counted(np.asarray(unseen), counted)
+        if quantity in OVERSHOOT:
+            motion = measured_speeds(desired(scenarios), dt)[quantity == "acceleration"]
+            asked = largest_counted(motion[:, None], counted).max(axis=(0, 1))
+            within = asked <= (1 + PLAN_ROUNDING) * limit
+            overshoot = np.where(within, OVERSHOOT[quantity], ROUNDING)
+        if quantity == "control":
+            at_limit = counted[:, None, :, None] & (np.abs(values) >= MET * limit)
+            met = at_limit.sum(axis=2) / counted.sum(axis=1)[:, None, None]
+        peaks += hidden
+        for k, name in enumerate(names):
+            # of runs that reach the same peak, as at a limit, the one that is longest there
+            place = max(np.ndindex(peaks.shape[:2]), key=lambda at: (peaks[*at, k], met[*at, k]))
+            checks.append(
+                LimitCheck(
+                    name=f"{quantity} of {name}",
+                    value=float(peaks[*place, k]),
+                    allowed=float(limit[k]),
+                    unit=shown,
+                    member=f"{scenarios.jobs[place[0]].name}, {scenarios.plants[place[1]]}",
+                    between=float(hidden[*place, k]),
+                    slack=float(overshoot[k]),
+                    saturated=float(met[*place, k]),
+                )
+            )
+    return checks
+
+
+def peak_controls(replay: Replay, scenarios: Scenarios) -> tuple[float, ...]:
+    """Largest control of each input over every sample of the runs that did not diverge."""
+    lost = np.asarray(replay.metrics.diverged)[..., None, None]
+    control = np.where(lost, 0.0, replay.control)
+    return tuple(largest_counted(control, unpadded(scenarios)).max(axis=(0, 1)).tolist())
 
 
 def beyond_limits_asked(
@@ -92,82 +137,6 @@ def largest_asked(
         position = np.concatenate([position[:1], position, position[-1:]])
     speed, acceleration = measured_speeds(position, dt)
     return np.abs(speed).max(axis=0), np.abs(acceleration).max(axis=0)
-
-
-def drives_at_limits_in_rapids(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
-    """One line for every limit of a drive that is met in rapid moves of programs.
-
-    They are not scored, but a tool that falls behind there is late in the next cut. Speed and
-    acceleration, which the motion itself takes to their limits, say nothing of this.
-    """
-    # Which samples are of rapid moves: those of whole programs that do not count
-    rapid = np.zeros((len(scenarios.jobs), scenarios.references.steps), bool)
-    for row, job in zip(rapid, scenarios.jobs, strict=True):
-        if isinstance(job, Job) and job.program is not None:
-            row[: job.steps] = ~job.counted
-    if not rapid.any():
-        return []
-    return [
-        f"{one.name} is at its limit in a rapid move: {one.size} ({one.member}); a lower "
-        "speed or acceleration in the limits of the machine keeps it below"
-        for one in _checks(_replayed(replay, scenarios, rapid), machine)
-        if one.name.startswith(DRIVES) and one.value >= MET * one.allowed
-    ]
-
-
-def _replayed(
-    replay: Replay, scenarios: Scenarios, counted: Bool[np.ndarray, "contours steps"]
-) -> Signals:
-    """The signals of a replay; a run that diverged is not finite."""
-    lost = np.asarray(replay.metrics.diverged)[..., None, None]
-    output, control = (np.where(lost, np.nan, rows) for rows in (replay.output, replay.control))
-    names = [job.name for job in scenarios.jobs]
-    return Signals(output, control, counted, names, scenarios.plants, desired(scenarios))
-
-
-def _checks(seen: Signals, machine: Machine) -> Iterator[LimitCheck]:
-    """Peak of every limited quantity of every axis in the samples that are counted, and where.
-
-    A run that is not finite is left out: its numbers mean nothing. To the largest acceleration that
-    the samples show is added the largest that they hide.
-    """
-    lost = ~(_finite(seen.output) & _finite(seen.control))[..., None, None]
-    output, control = (np.where(lost, 0.0, rows) for rows in (seen.output, seen.control))
-    increment = np.diff(control, axis=-2)
-    speed, acceleration = measured_speeds(output, machine.model.dt)
-    unit, limits = machine.control_unit, machine.limits
-    inputs = [f"input {k + 1}" for k in range(machine.model.inputs)]
-    for limit, quantity, values, names, shown in (
-        (limits.speed, "speed", speed, machine.axes, "m/s"),
-        (limits.acceleration, "acceleration", acceleration, machine.axes, "m/s^2"),
-        (limits.control, "control", control, inputs, unit),
-        (limits.increment, "control increment", increment, inputs, f"{unit} per sample"),
-    ):
-        if limit is None:
-            continue
-        peaks = largest_counted(values, seen.counted)
-        hidden = 0.0 * peaks
-        if quantity == "acceleration":
-            unseen = alternating(control) @ machine.hidden_acceleration.T
-            hidden = largest_counted(np.asarray(unseen), seen.counted)
-        peaks += hidden
-        overshoot = np.full(len(limit), ROUNDING)
-        if quantity in OVERSHOOT and seen.asked is not None:
-            motion = measured_speeds(seen.asked, machine.model.dt)[quantity == "acceleration"]
-            asked = np.abs(motion).max(axis=(0, 1))
-            within = asked <= (1 + PLAN_ROUNDING) * limit
-            overshoot = np.where(within, OVERSHOOT[quantity], ROUNDING)
-        for k, name in enumerate(names):
-            place = np.unravel_index(np.argmax(peaks[:, :, k]), peaks.shape[:2])
-            yield LimitCheck(
-                name=f"{quantity} of {name}",
-                value=float(peaks[*place, k]),
-                allowed=float(limit[k]),
-                unit=shown,
-                member=f"{seen.contours[int(place[0])]}, {seen.plants[int(place[1])]}",
-                between=float(hidden[*place, k]),
-                slack=float(overshoot[k]),
-            )
 
 
 def largest_counted(

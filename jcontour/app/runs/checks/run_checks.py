@@ -9,7 +9,7 @@ from jcontour.app.files.results.verdict import Message, warning
 from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.replays import Replay, Scenarios, desired, measured_speeds, scored
 from jcontour.app.machines.machine import Machine
-from jcontour.app.runs.checks.machine_limits import between_counted, drives_at_limits_in_rapids
+from jcontour.app.runs.checks.machine_limits import between_counted
 from jcontour.simulation.limit_use import alternating
 
 RESTS = 0.05  # of the largest step of a motion: the last one, where it ends at rest
@@ -202,11 +202,10 @@ def _help(job: Task, quantity: str) -> str:
 
 
 def machine_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> Iterator[Message]:
-    """What to know of a machine and of its runs: the plan, rapid moves, swings, arrival."""
+    """What to know of a machine and of its runs: the plan, swings, arrival."""
     for line in (
         *machine.remarks,
         *limits_exceeded_by_plan(scenarios, machine),
-        *drives_at_limits_in_rapids(replay, scenarios, machine),
         *swing_warnings(replay, scenarios, machine),
         *arrival_warnings(replay, scenarios),
     ):

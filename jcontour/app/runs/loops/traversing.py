@@ -26,7 +26,7 @@ from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.replays import Scenarios, replayed
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import feed_words, named_numbers
-from jcontour.app.runs.checks.machine_limits import machine_limits
+from jcontour.app.runs.checks.machine_limits import machine_limits, peak_controls
 from jcontour.app.runs.contour_summary import Simulated, machine_summary, peak_place, read_of
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.reading import SUFFIXES as DRAWINGS
@@ -136,6 +136,7 @@ def traversed(flags: Simulate, machine: Machine, job: Task) -> Simulated:
         plants={"nominal": RunMetrics.of(replay.metrics, lambda values: values[0, 0])},
         read=replace(read, duration=time),  # that of the run, not of the motion as programmed
         peak=peak_place(scenarios, replay, 0, machine.error),
+        peak_controls=peak_controls(replay, scenarios),
         verdict=Verdict.of(limits, messages, passed=kept_words(limits)),
         sample_period=float(hosted.plant.dt),
     )

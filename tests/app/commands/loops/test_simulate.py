@@ -43,6 +43,9 @@ def test_what_comes_next_has_the_part_the_machine_and_the_pace():
     assert next_steps(Simulate()) == [("Next", "jcontour tune")]
     [(_, line)] = next_steps(Simulate(), lost=True)
     assert "jcontour tune" not in line and "nominal plant does not diverge" in line
+    heavy = Simulate(contour="circle", alpha=1e30, weights=("beta=1e30",))
+    assert next_steps(heavy, saturated=0.9) == [("Next", "jcontour tune circle")]
+    assert "--alpha" in next_steps(heavy, saturated=0.02)[0].text
     assert next_steps(Simulate(), lost=False, undefined=True) == [("Next", "jcontour tune")]
 
 
@@ -74,6 +77,6 @@ def test_every_fault_of_a_run_is_in_its_verdict():
         "moves 0 of 1.9 mm (part, nominal)",
         "the control is NaN (not a number) from sample 15 (part, nominal)",
         "acceleration that the motion itself asks for EXCEEDS the limit: X 100 of 5",
-        "control of input 1 is at its limit in a rapid move: 10 of 10 A (part, light)",
+        "control of input 1 SATURATES at 5 % of the samples: 10 of 10 A (part, light)",
     ):
         assert any(words in line for line in said), (words, said)

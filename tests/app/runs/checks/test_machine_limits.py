@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from jcontour.app.files.results.verdict import exceeded
-from jcontour.app.jobs.job import Program
+from jcontour.app.files.results.verdict import exceeded, kept_words
 from jcontour.app.machines.machine import MachineLimits
 from jcontour.app.runs.checks.machine_limits import (
     beyond_limits_asked,
-    drives_at_limits_in_rapids,
     machine_limits,
+    peak_controls,
 )
+from jcontour.motion.references import along, pad
+from jcontour.simulation.evaluation import stack_references
 from tests.app import small_runs
 from tests.canonical import DT
 
@@ -30,11 +31,11 @@ MACHINE = small_runs.machine(LIMITS)
 SCORED = np.arange(SAMPLES) >= 5  # the approach, or a rapid move, comes before
 
 
-def scenarios(program=None, speed=0.0):
+def scenarios(speed=0.0):
     """Two contours, along which X moves at a speed [m/s]."""
     position = np.zeros((2, SAMPLES, 2))
     position[..., 0] = DT * speed * np.arange(SAMPLES)
-    jobs = small_runs.job("ring", SCORED), small_runs.job("eight", SCORED, program=program)
+    jobs = small_runs.job("ring", SCORED), small_runs.job("eight", SCORED)
     return small_runs.scenarios(jobs, position, np.stack([SCORED, SCORED]))
 
 
@@ -43,9 +44,8 @@ def run():
     return small_runs.replay(SAMPLES, (2, 2))
 
 
-def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
+def test_limits_that_are_near_or_exceeded_are_named():
     seen = run()
-    seen.control[0, 1, 2, 0] = 50.0  # before the first scored sample
     seen.control[1, 0, 7, 1] = -9.1
     seen.output[0, 1, 10:, 0] = 3e-4  # [m] in one sample
     assert beyond(seen, MACHINE) == [
@@ -83,7 +83,6 @@ def test_acceleration_between_samples_counts_beside_that_of_the_samples():
     seen, machine = run(), small_runs.machine(MachineLimits(acceleration=np.full(2, 3.0)))
     swing = 2.0 / machine.hidden_acceleration[0, 0]  # 2 m/s^2 between the samples
     seen.control[1, 1, 5:, 0] = swing * (-1.0) ** np.arange(SAMPLES - 5)
-    seen.control[0, 0, :5, 0] = 100.0 * swing * (-1.0) ** np.arange(5)  # not scored
     assert beyond(seen, machine) == []  # 2 of 3 m/s^2
     seen.output[1, 1, :, 0] = 0.5 * 1.5 * (1e-3 * np.arange(SAMPLES)) ** 2
     assert beyond(seen, machine) == [
@@ -104,27 +103,42 @@ def test_a_run_that_diverged_has_no_peaks_and_hides_none():
     ]
 
 
-def test_a_drive_at_its_limit_in_rapid_moves_of_programs_is_told():
+def test_limits_hold_at_every_sample_scored_or_not():
     seen = run()
-    seen.control[:, 1, 2, 0] = -10.0
-    seen.output[:, :, :5, 1] = np.arange(5) * 3e-4  # [m] faster than the limit of the axis
-    seen.output[:, :, 5:, 1] = 1.2e-3
-    assert beyond(seen, MACHINE) == near(seen) == []
-    program = Program(np.ones(1, int), (), (), "", np.zeros(1, bool))
-    [lines] = drives_at_limits_in_rapids(seen, scenarios(program), MACHINE)
-    assert lines.startswith(
-        "control of input 1 is at its limit in a rapid move: 10 of 10 A (eight, late); a lower"
-    )
-    seen.control[1, 0, 5, 1] = -9.5  # in the first scored sample
-    assert near(seen) == ["control of input 2 is near its limit: 9.5 of 10 A (eight, nominal)"]
-    seen.control[:, 1, 2, 0] = -9.99
-    assert drives_at_limits_in_rapids(seen, scenarios(program), MACHINE) == []
-
-
-def test_a_step_from_a_rapid_move_to_a_cut_is_neither():
-    seen = run()
+    seen.control[0, 1, 2, 0] = -50.0  # before the first scored sample
     seen.output[1, 0, 5:, 0] = 3e-4  # [m] between the last rapid and the first scored sample
-    assert beyond(seen, MACHINE) == near(seen) == []
+    assert beyond(seen, MACHINE) == [
+        "speed of X EXCEEDS its limit: 18000 of 12000 mm/min (eight, nominal)",
+        "control of input 1 EXCEEDS its limit: 50 of 10 A (ring, late)",
+    ]
+    assert peak_controls(seen, scenarios()) == (50.0, 0.0)
+
+
+def test_a_control_that_is_held_at_its_limit_saturates():
+    """By the run that is there longest."""
+    seen = run()
+    seen.control[0, 0, 2, 0], seen.control[1, 1, 3:9, 0] = -10.0, 10.0
+    assert near(seen) == [
+        "control of input 1 SATURATES at 30 % of the samples: 10 of 10 A (eight, late)"
+    ]
+    assert "SATURATES" in kept_words(machine_limits(seen, scenarios(), MACHINE))
+
+
+def test_the_stop_of_a_padded_run_in_motion_is_none_of_its_own():
+    """Its loop is asked to stop at once, `preview` samples before the last arc length at first."""
+    path, preview, steps = small_runs.LINE, 3, 12
+    job = small_runs.job("ring", np.arange(steps) >= 5, at_rest=False)
+    longer = pad(job.reference(DT, preview), SAMPLES)
+    assert np.flatnonzero(longer.unpadded).tolist() == list(range(steps))
+    at_rest = pad(along(path, job.arc, DT, preview, at_rest=True), SAMPLES)
+    assert np.all(at_rest.unpadded)
+    family = small_runs.scenarios([job], np.zeros((1, SAMPLES, 2)), np.ones((1, SAMPLES), bool))
+    padded = family._replace(references=stack_references([longer]))
+    seen = small_runs.replay(SAMPLES, (1, 2))
+    seen.control[0, 0, steps, 0] = 20.0
+    assert exceeded(machine_limits(seen, padded, MACHINE)) == []
+    seen.control[0, 0, steps - 1, 0] = 20.0
+    assert len(exceeded(machine_limits(seen, padded, MACHINE))) == 1
 
 
 def motion(steps, acceleration, dt=1e-3):
