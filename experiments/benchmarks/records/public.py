@@ -60,15 +60,16 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> list[Prediction]:
     if flags.records is None:
         raise ValueError("bench public: needs --records, the folder of the public records")
     rows = stored()
-    here = {name: title for name, title in TITLES.items() if (flags.records / name).exists()}
+    here = {name: one for name, one in RECORDS.items() if (flags.records / name).exists()}
     if not here:
-        raise ValueError(f"{flags.records}: holds none of {', '.join(TITLES)}")
-    for name, title in here.items():
-        new = [Prediction(title, *one) for one in PREDICTED[name](flags.records / name)]
+        raise ValueError(f"{flags.records}: holds none of {', '.join(RECORDS)}")
+    for name, (title, predicted) in here.items():
+        new = [Prediction(title, *one) for one in predicted(flags.records / name)]
         for row in new:
             tell(f"{name}: {row.quantity}: {row.predicted} ({row.wanted})")
         rows = [row for row in rows if row.record != title] + new
-    rows.sort(key=lambda row: [*TITLES.values()].index(row.record))
+    order = [title for title, _ in RECORDS.values()]
+    rows.sort(key=lambda row: order.index(row.record))
     STORED.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n")
     return rows
 
@@ -285,27 +286,25 @@ _JOINTS = (
     LogColumns("rec.time_cont", (f"ref_pos_deg_{joint}",), (f"act_pos_se_deg_{joint}",))
     for joint in (1, 2, 3)
 )
-TITLES = {
-    "emps": "EMPS, ball-screw axis (Janot, Gautier, Brunot 2019)",
-    "sinumerik_ast": "Spindle axis with a SINUMERIK (eliasrhoden/Sinumerik-Ctrl)",
-    "motor_bench": "Two-inertia motor bench (FdiTools, University of Tokyo)",
-    "kuka": "KUKA KR300 R2500 (Weigand)",
-    "lorenz_servo": "Small AC servo (TeacherRock/Lorenz_Friction)",
-    "ruler_robot": "DC motor with a flexible ruler (ryanGT/systemid)",
-    "camber": "Linear actuators (nicolazande/camber-control)",
-    "umich_cnc": "CNC mill (University of Michigan)",
-}
-PREDICTED: dict[str, Callable[[Path], Iterator[Row]]] = {
-    "emps": _emps,
-    "sinumerik_ast": _sinumerik,
-    "motor_bench": _motor_bench,
-    "kuka": _logs(0.995, *((f"joint {n}", "rec_A.mat", one) for n, one in enumerate(_JOINTS, 1))),
-    "lorenz_servo": _logs(
-        0.95, *((file, file, _SERVO) for file in ("data_5.txt", "Lorenz_Fc_1.txt"))
+RECORDS: dict[str, tuple[str, Callable[[Path], Iterator[Row]]]] = {  # by folder
+    "emps": ("EMPS, ball-screw axis (Janot, Gautier, Brunot 2019)", _emps),
+    "sinumerik_ast": ("Spindle axis with a SINUMERIK (eliasrhoden/Sinumerik-Ctrl)", _sinumerik),
+    "motor_bench": ("Two-inertia motor bench (FdiTools, University of Tokyo)", _motor_bench),
+    "kuka": (
+        "KUKA KR300 R2500 (Weigand)",
+        _logs(0.995, *((f"joint {n}", "rec_A.mat", one) for n, one in enumerate(_JOINTS, 1))),
     ),
-    "ruler_robot": _logs(
-        0.95, *((file, file, _RULER) for file in ("swept1-0-10hz.txt", "step1.txt"))
+    "lorenz_servo": (
+        "Small AC servo (TeacherRock/Lorenz_Friction)",
+        _logs(0.95, *((file, file, _SERVO) for file in ("data_5.txt", "Lorenz_Fc_1.txt"))),
     ),
-    "camber": _logs(0.95, ("", "*.txt", LogColumns("1", ("3",), ("4",)))),
-    "umich_cnc": _umich,
+    "ruler_robot": (
+        "DC motor with a flexible ruler (ryanGT/systemid)",
+        _logs(0.95, *((file, file, _RULER) for file in ("swept1-0-10hz.txt", "step1.txt"))),
+    ),
+    "camber": (
+        "Linear actuators (nicolazande/camber-control)",
+        _logs(0.95, ("", "*.txt", LogColumns("1", ("3",), ("4",)))),
+    ),
+    "umich_cnc": ("CNC mill (University of Michigan)", _umich),
 }

@@ -48,7 +48,7 @@ def result():
 
 def test_family_of_the_reference_numbers():
     wanted = [(m["gx"], m["gy"], m["delay"]) for m in load("tuning")["robust"]["family"]]
-    assert [pytest.approx(astuple(member)) for member in FAMILY] == wanted
+    assert [pytest.approx(astuple(member)[1:]) for member in FAMILY] == wanted
 
 
 @pytest.mark.parametrize(
