@@ -105,8 +105,6 @@ def blockwise_plan(
         terminal: cost to go at the samples of `block_ends`, blocks in front.
         preview: samples N_p of a block.
     """
-    if model.states > MOST_STATES:
-        return readable_blockwise_plan(preview, model, Q, y_d, R, terminal)
     steps, pack = Q.shape[0] - preview, packing(model.pattern)
     maps = stage_maps(model.pattern, model.A, model.B, model.C)
     rows = jnp.moveaxis(cost_entries(Q, y_d)[:, _seen(steps, preview)], 1, 0)
@@ -125,25 +123,6 @@ def blockwise_plan(
     K = jnp.moveaxis(K, -1, 1)
     F = K[..., np.argsort(pack.order)]
     return AffinePlan(_in_time(F, steps), _in_time(-K[..., -1], steps))
-
-
-def readable_blockwise_plan(
-    preview: int, model: LinearPlant, Q, y_d, R, terminal: CostToGo
-) -> AffinePlan:
-    """Plan of `blockwise_plan` as the equations say it; the faster forms are tested equal to it."""
-    steps = Q.shape[0] - preview
-    seen = _seen(steps, preview)
-
-    def back(cost: CostToGo, sample: Int[Array, " blocks"]):
-        plan = first_control(model, R, cost)
-        return one_stage_back(model, R, cost, Q[sample], y_d[sample]), plan
-
-    def ahead(cost: CostToGo, sample: Int[Array, " blocks"]):
-        return one_stage_back(model, R, cost, Q[sample], y_d[sample]), None
-
-    first, _ = jax.lax.scan(ahead, terminal, seen[preview:], reverse=True)
-    _, plan = jax.lax.scan(back, first, seen[:preview], reverse=True)
-    return jax.tree.map(lambda rows: _in_time(rows, steps), plan)
 
 
 def _seen(steps: int, preview: int) -> Int[Array, "seen blocks"]:

@@ -13,8 +13,9 @@ from jcontour.riccati.decoupled import ContouringProblem, decoupled_plan, suits_
 from jcontour.riccati.receding_horizon import (
     CostToGo,
     blockwise_plan,
+    first_control,
+    one_stage_back,
     output_cost,
-    readable_blockwise_plan,
     readable_plan,
     receding_horizon_plan,
 )
@@ -145,6 +146,21 @@ def test_the_model_may_move_under_the_packed_sweep(problems):
     judged(problems, plan(receding_horizon_plan), plan(readable_plan), matrices)
 
 
+def block_by_block(preview, model, Q, y_d, R, terminal):
+    """Plan of `blockwise_plan` as the equations say it: every block back from its end."""
+    steps, plan = Q.shape[0] - preview, {}
+    for block, begin in enumerate(range(steps - preview * len(terminal.H), steps, preview)):
+        cost = jax.tree.map(lambda rows, block=block: rows[block : block + 1], terminal)
+        for j in reversed(range(2 * preview - 1)):
+            k = begin + j
+            if j < preview and k >= 0:
+                plan[k] = first_control(model, R, cost)
+            sample = slice(max(k, 0), max(k, 0) + 1)
+            cost = one_stage_back(model, R, cost, Q[sample], y_d[sample])
+    rows = [plan[k] for k in range(steps)]
+    return jax.tree.map(lambda *each: jnp.concatenate(each), *rows)
+
+
 @pytest.mark.parametrize(("steps", "preview"), [(7, 3), pytest.param(4, 4, marks=pytest.mark.slow)])
 def test_blocks_are_the_readable_ones(problems, steps, preview):
     plant = problems.machine((2, 1), 2, 2)
@@ -157,7 +173,7 @@ def test_blocks_are_the_readable_ones(problems, steps, preview):
             end = CostToGo(H, g)
             if form == "packed":
                 return blockwise_plan(plant, Q, y_d, R, end, preview)
-            return readable_blockwise_plan(preview, plant, Q, y_d, R, end)
+            return block_by_block(preview, plant, Q, y_d, R, end)
 
         return of
 
