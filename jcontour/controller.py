@@ -72,7 +72,7 @@ class Controller(eqx.Module):
         return after
 
     def without_planned_limits(self) -> "Controller":
-        """The controller without limits that it plans for, if it has any: margins are of that."""
+        """The controller where it is linear: it plans no limits and learns nothing."""
         return self
 
 

@@ -157,8 +157,7 @@ def check_planless(controller: Controller) -> None:
     free = controller.without_planned_limits()
     if free is not controller and not eqx.tree_equal(*jax.device_get((controller, free))):
         raise NotAffine(
-            f"{type(controller).__name__}: it plans for limits, with a quadratic program at every "
-            "sample"
+            f"{type(controller).__name__}: it plans for limits, or is linear near its surface alone"
         )
 
 

@@ -196,8 +196,17 @@ class Governor(Controller):
         return wanted + ahead @ self.loop.lag.T
 
     def initial_memory(self, reference: Reference) -> Place:
-        """Command: the place where the run begins [m]."""
-        return reference.position[0]
+        """Command of the steady motion in which the run begins [m]."""
+        return reference.position[0] + self.loop.lag @ reference.start_increment
+
+    def without_planned_limits(self) -> "ScalarGovernor":
+        """The loop whose command is the wanted one."""
+        free = eqx.tree_at(
+            lambda loop: (loop.state, loop.command, loop.centre),
+            self.loop,
+            replace_fn=jnp.zeros_like,
+        )
+        return ScalarGovernor(free)
 
     def step(
         self, memory: Place, plan: Place, measurement: Float[Array, " n"]

@@ -46,11 +46,13 @@ from jcontour._arrays import check_signs, is_concrete
 from jcontour.controller import Controller, numbers
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan, commanded, direction
 from jcontour.controllers.feedback.state_feedback import TargetPlan, moving_target
+from jcontour.controllers.wrappers.adapters import WithoutLearning
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare, lqr_gain
 
 Controls = Float[Array, " p"]
+LARGE = 1e30  # beyond any surface, in the unit of the control
 
 
 class Reaching(eqx.Module):
@@ -59,6 +61,10 @@ class Reaching(eqx.Module):
     @abc.abstractmethod
     def next(self, integral: Controls, surface: Controls) -> tuple[Controls, Controls]:
         """Integral of the law and n(s), from those of now."""
+
+    def sliding(self) -> "Reaching":
+        """The law near the surface, where margins are looked at; itself if it is linear there."""
+        return self
 
 
 class BoundaryLayer(Reaching):
@@ -105,6 +111,10 @@ class SuperTwisting(Reaching):
 
     def __check_init__(self):
         check_signs(self, not_negative=("root", "twist"))
+
+    def sliding(self) -> "SuperTwisting":
+        """On the surface, |s + w| <= k_2, what is left of s is zero in a sample."""
+        return SuperTwisting(self.root, LARGE)
 
     def next(self, integral: Controls, surface: Controls) -> tuple[Controls, Controls]:
         """Solution of the quadratic equation for |n|^(1/2)."""
@@ -176,6 +186,10 @@ class SlidingMode(Controller):
         """On the surface: the machine starts as the reference says."""
         nothing = jnp.zeros(self.model.inputs, self.surface.dtype)
         return SlidingMemory(nothing, nothing)
+
+    def without_planned_limits(self) -> "SlidingMode":
+        """The same near its surface: what reaches it from afar is no linear loop."""
+        return eqx.tree_at(lambda one: one.reaching, self, self.reaching.sliding())
 
     def step(
         self, memory: SlidingMemory, plan: TargetPlan, measurement: Float[Array, " n"]
@@ -309,6 +323,9 @@ class AdaptiveRobust(Controller):
         """First estimates; a load that holds the axes where the reference begins."""
         held = self.cascade.holding * reference.position[0]
         return self._first().at[:, 3].add(held)
+
+    def without_planned_limits(self) -> WithoutLearning:
+        return WithoutLearning(self)
 
     def step(
         self, memory: Float[Array, "m 4"], plan: RobustPlan, measurement

@@ -28,6 +28,7 @@ from jaxtyping import Array, Float
 
 from jcontour._arrays import check_signs, is_concrete
 from jcontour.controller import Controller, check_axes, check_period, checked_period, numbers
+from jcontour.controllers.wrappers.adapters import WithoutLearning
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 
@@ -158,6 +159,9 @@ class AdaptiveZeroPhaseTracking(Controller):
         axes = reference.position.shape[1]
         theta = jnp.broadcast_to(self.theta, (axes, 2))
         return AdaptiveMemory(self.estimator.start(theta), jnp.zeros_like(theta))
+
+    def without_planned_limits(self) -> WithoutLearning:
+        return WithoutLearning(self)
 
     def step(
         self, memory: AdaptiveMemory, plan: _Plan, measurement

@@ -28,6 +28,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jcontour._arrays import check_signs
 from jcontour.controller import Controller, check_axes, check_period, checked_period, numbers
 from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
+from jcontour.controllers.wrappers.adapters import WithoutLearning
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 
@@ -135,6 +136,9 @@ class AdaptiveSynchronisation(Controller):
 
     def initial_memory(self, reference: Reference) -> Adaptation:
         return Adaptation(self.start, jnp.zeros_like(self.start))
+
+    def without_planned_limits(self) -> WithoutLearning:
+        return WithoutLearning(self)
 
     def step(
         self, memory: Adaptation, plan: SynchronisedPlan, measurement

@@ -61,6 +61,17 @@ class SharedControls(Wrapper):
         return memory, self.shares @ control
 
 
+class WithoutLearning(Wrapper):
+    """A controller as it begins, whose memory is what it learns: margins are those of this loop."""
+
+    controller: Controller
+
+    def step(self, memory: Memory, plan: Plan, measurement) -> tuple[Memory, Float[Array, " p"]]:
+        """The control with what is known; nothing is learned."""
+        known = jax.lax.stop_gradient(memory)
+        return known, self.controller.step(known, plan, measurement)[1]
+
+
 class DifferenceMemory(NamedTuple):
     """Last positions [m], and the memory of the wrapped controller."""
 

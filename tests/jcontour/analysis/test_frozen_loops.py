@@ -2,8 +2,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.analysis.frozen_loops import dominant, frozen_loop, real_outer, unlimited
-from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.analysis.frozen_loops import dominant, frozen_loop, linear_law, real_outer, unlimited
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains, CascadePlan
+from jcontour.controllers.feedback.sliding_mode import AdaptiveRobust, RobustPlan
 from jcontour.controllers.lq.contouring_lq import LQWeights
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
 from jcontour.mpc.tracking.limits import Limits
@@ -98,3 +99,16 @@ def test_a_double_eigenvalue_has_the_slope_of_one_of_them():
 def test_a_nilpotent_matrix_has_no_radius_and_a_finite_slope(M):
     radius, slope = radius_and_slope(M)
     assert radius < 1e-7 and np.isfinite(slope).all()
+
+
+def test_what_is_learned_is_no_part_of_a_loop():
+    """Else the estimates of what the motion does not excite were modes that never decay."""
+    gains = CascadeGains(30.0, 5.0, 0.05, inertia=0.1, viscous=0.2)
+    law = AdaptiveRobust(Cascade(gains, motors(1), 1e-3), adaptation=5.0, share=0.3, load=1.0)
+    command = CascadePlan(jnp.ones(1), 0.1 * jnp.ones(1), jnp.zeros(1))
+    plan = RobustPlan(command, jnp.array([[1.0, 0.1, 1.0, 1.0]]))
+    memory = jnp.array([[0.1, 0.2, 0.0, 0.0]])
+    frozen, _ = linear_law(law, plan, memory, (jnp.ones(1), 0.1 * jnp.ones(1)))
+    assert not np.any(frozen.W) and not np.any(frozen.E)
+    k_1, k_2, k_a = 30.0, 5.0, 0.1
+    np.testing.assert_allclose(frozen.D, [[-k_1 * k_2, -k_2 - k_1 * k_a]], rtol=1e-12)

@@ -16,7 +16,9 @@ from jcontour.controllers.feedback.governor import (
     governed_loop,
 )
 from jcontour.controllers.feedback.state_feedback import lq_gain
-from tests.canonical import plant, reference, round_path
+from jcontour.geometry.contours import line
+from jcontour.motion.references import along
+from tests.canonical import DT, plant, reference, round_path
 
 CONTROL, OUTPUT, CENTRE = 0.3, 6e-3, 1e-3
 STEPS = 40
@@ -89,6 +91,24 @@ def test_the_vector_governor_is_nearest():
     assert part[0] == pytest.approx(part[1], rel=1e-9) and 0 < part[0] < 1
     edge = np.abs(here + G @ scalar).max()
     assert edge == pytest.approx(1.0, rel=1e-9)  # the farthest on its line
+
+
+def test_a_run_begins_in_steady_motion_and_margins_are_those_of_the_loop():
+    """No error from the first sample on; without limits the command is the wanted one."""
+    machine, governor = plant(2), ScalarGovernor(loop())
+    increment = jnp.array([1e-5, -5e-6])
+    way = line(np.zeros(2), np.asarray(400 * increment))
+    path = along(way, np.linalg.norm(increment) * np.arange(4), DT, 1, at_rest=False)
+    ahead = governor.prepare(path)
+    command, state = governor.initial_memory(path), machine.initial_state(jnp.zeros(2), increment)
+    np.testing.assert_allclose(command, ahead[0], rtol=1e-9)
+    for k in range(3):
+        command, control = governor.step(command, ahead[k], state)
+        state = machine.step(state, control)
+        np.testing.assert_allclose(machine.output(state), (k + 1) * increment, rtol=1e-6)
+    far = jnp.array([1.0, 1.0])
+    free = governor.without_planned_limits()
+    np.testing.assert_array_equal(free.step(command, far, state)[0], far)
 
 
 def test_what_cannot_be_governed_is_told():
