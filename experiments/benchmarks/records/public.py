@@ -22,8 +22,8 @@ from jcontour.app.files.response_file import MeasuredResponse, read_response
 from jcontour.app.files.results.machine_results import LinearAxisResult
 from jcontour.app.flags.others import Bench
 from jcontour.app.machines.identified import axis_result
+from jcontour.app.reports.figures.axes import save_figure
 from jcontour.app.reports.figures.identification import response_figure
-from jcontour.app.reports.figures.png import save_figure
 from jcontour.plants import emps
 from tuning.identification.linear.identified_axes import MachineRecord
 from tuning.identification.linear.machine import identify_machine

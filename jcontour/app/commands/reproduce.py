@@ -55,7 +55,7 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Flags, Callable[[Flags]
 def _run(module: Any, name: str, flags: Flags) -> int:
     from jcontour.app.files import run_folder
     from jcontour.app.files.results.stored import to_json, write_result
-    from jcontour.app.reports.figures.png import save_figures
+    from jcontour.app.reports.figures.axes import save_figures
     from jcontour.app.reports.screen import Entry
     from jcontour.app.reports.tables import say
     from jcontour.app.runs.lifecycle import finished

@@ -24,9 +24,8 @@ from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.machines.uncertainty import FARTHEST, in_words
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.axes import DESIRED, START, TUNED
+from jcontour.app.reports.figures.axes import DESIRED, START, TUNED, save_figure
 from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
-from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
 from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import digits, of_axes, peak_line, say, table_of

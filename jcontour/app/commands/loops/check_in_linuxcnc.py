@@ -13,9 +13,8 @@ from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.loops import Check
 from jcontour.app.jobs.job import Task
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.axes import DESIRED, START, TUNED
+from jcontour.app.reports.figures.axes import DESIRED, START, TUNED, save_figure
 from jcontour.app.reports.figures.loops import ErrorCurve, errors_figure
-from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.checks.exported_code import (
     distance_to_path,

@@ -16,8 +16,8 @@ from jcontour.app.flags.loops import Learn
 from jcontour.app.jobs.job import Pace
 from jcontour.app.plain_numbers import feed_words
 from jcontour.app.reports import tables
+from jcontour.app.reports.figures.axes import save_figure
 from jcontour.app.reports.figures.loops import learning
-from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.progress import counted
 from jcontour.app.reports.screen import Entry
 from jcontour.app.reports.tables import digits, say

@@ -23,8 +23,8 @@ from jcontour.app.jobs.job import Job, Task
 from jcontour.app.jobs.sections import sections
 from jcontour.app.plain_numbers import feed_words
 from jcontour.app.reports import tables
+from jcontour.app.reports.figures.axes import save_figure
 from jcontour.app.reports.figures.loops import bent_figure
-from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.contour_summary import machine_summary
 from jcontour.app.runs.lifecycle import created, finished

@@ -19,9 +19,9 @@ from jcontour.app.jobs.memory import check_memory
 from jcontour.app.jobs.replays import Replay, Scenarios, replay
 from jcontour.app.machines.machine import Machine
 from jcontour.app.reports import tables
+from jcontour.app.reports.figures.axes import save_figure
 from jcontour.app.reports.figures.contours import figures_of
 from jcontour.app.reports.figures.motion import motion_figure
-from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.rollouts import save_rollouts
 from jcontour.app.reports.run_tables import show_simulated, simulated_answer
 from jcontour.app.reports.screen import Entry, next_step

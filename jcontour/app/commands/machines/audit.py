@@ -15,9 +15,9 @@ from jcontour.app.files.results.verdict import Verdict
 from jcontour.app.flags.machines import Audit
 from jcontour.app.jobs.replays import Replay, Scenarios
 from jcontour.app.reports.causes import audit_answer, cause_shares, show_causes
+from jcontour.app.reports.figures.axes import save_figure
 from jcontour.app.reports.figures.contours import ContourRuns, DrawnRun, figures_of
 from jcontour.app.reports.figures.loops import causes_figure
-from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.rollouts import save_rollouts
 from jcontour.app.runs.contour_summary import peak_place, read_of
 from jcontour.app.runs.lifecycle import finished

@@ -264,8 +264,8 @@ def _tiny(flags: Identify, machine: IdentifiedMachine) -> list[str]:
 
 
 def _store(flags: Identify, log: Log, machine: IdentifiedMachine, text: str, folder: Path) -> None:
+    from jcontour.app.reports.figures.axes import save_figures
     from jcontour.app.reports.figures.identification import figures
-    from jcontour.app.reports.figures.png import save_figures
 
     run_folder.write(folder / MODEL, lambda temporary: temporary.write_text(text))
     if flags.demo:

@@ -9,8 +9,8 @@ from jcontour.app.files.results.machine_results import ResponseResult
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.machines import Identify
 from jcontour.app.reports import tables
+from jcontour.app.reports.figures.axes import save_figure
 from jcontour.app.reports.figures.identification import response_figure
-from jcontour.app.reports.figures.png import save_figure
 from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import finished
 from tuning.response_loop import ResponseLoop, crossover, quickest, sensitivity, tuned

@@ -25,8 +25,7 @@ from jcontour.app.machines.machine_behaviour import (
 )
 from jcontour.app.plain_numbers import MM_PER_MIN, feed_words
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.axes import CYCLE, grid, legend_below, plain_ticks
-from jcontour.app.reports.figures.png import save_figure
+from jcontour.app.reports.figures.axes import CYCLE, grid, legend_below, plain_ticks, save_figure
 
 EXAMPLE = Path(jcontour.app.machines.__file__).parent / "example.json"
 OF_NO_MACHINE = ("file", "example", "json")  # flags that do not describe a machine

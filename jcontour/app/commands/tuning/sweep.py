@@ -7,7 +7,7 @@ from jcontour.app.files.results.search_results import SweepResult
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.flags.tuning import Sweep
 from jcontour.app.reports import tables
-from jcontour.app.reports.figures.png import save_figures
+from jcontour.app.reports.figures.axes import save_figures
 from jcontour.app.reports.figures.sweeps import sweep_figure, worst_errors
 from jcontour.app.reports.screen import Entry, next_step
 from jcontour.app.runs.lifecycle import finished, opened

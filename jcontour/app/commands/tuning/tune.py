@@ -16,8 +16,8 @@ from jcontour.app.flags.tuning import Tune
 from jcontour.app.jobs.job import Job
 from jcontour.app.machines.machine import NO_EFFECTS
 from jcontour.app.reports import tables
+from jcontour.app.reports.figures.axes import drawn_beside
 from jcontour.app.reports.figures.contours import figures_of
-from jcontour.app.reports.figures.png import drawn_beside
 from jcontour.app.reports.progress import progress_of
 from jcontour.app.reports.rollouts import save_rollouts, save_sensitivity
 from jcontour.app.reports.run_tables import limit_words, show_tuned, tuned_answer

@@ -1,14 +1,22 @@
 """Colours, axes, legends and long curves that all figures share."""
 
-from collections.abc import Sequence
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
+
+from jcontour.app.beside import Beside
+from jcontour.app.files.run_folder import write
 
 START, TUNED, DESIRED, OTHER = "tab:orange", "tab:blue", "0.25", "0.7"
 COLOURS = {"start": START, "tuned": TUNED}
@@ -108,3 +116,49 @@ def _columns(
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(np.isfinite(high), area / length, np.nan)
     return low, high, np.clip(mean, low, high)  # a difference of sums is rounded
+
+
+DOTS = 150  # per inch
+PACKED = {"compress_level": 1}  # a quarter larger than the smallest file, in half the time
+Data = TypeVar("Data")
+
+
+def save_figures(
+    figures: Mapping[str, Callable[[Data], Figure]], data: Data, folder: Path
+) -> list[Path]:
+    """Draw every figure from the same data; the names are those of the files."""
+    return [save_figure(make(data), folder / f"{name}.png") for name, make in figures.items()]
+
+
+def save_figure(figure: Figure, path: Path) -> Path:
+    """Write one figure; the file appears whole."""
+    return _save(image(figure), path)
+
+
+def _save(content: bytes, path: Path) -> Path:
+    return write(path, lambda temporary: temporary.write_bytes(content))
+
+
+def image(figure: Figure) -> bytes:
+    """Content of a figure's PNG file.
+
+    It is drawn once; `savefig` lays it out in a drawing of its own before.
+    """
+    figure.set_dpi(DOTS)
+    content = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(content, pil_kwargs=PACKED)
+    return content.getvalue()
+
+
+@contextmanager
+def drawn_beside(figures: Mapping[Path, Figure]) -> Iterator[None]:
+    """Write figures while the block runs; they are written when it ends.
+
+    Args:
+        figures: by their files.
+    """
+    with Beside() as process:
+        drawn = {path: process.submit(image, figure) for path, figure in figures.items()}
+        yield
+        for path, content in drawn.items():
+            _save(content(), path)

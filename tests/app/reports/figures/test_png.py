@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from jcontour.app.reports.figures.png import DOTS, drawn_beside, save_figure
+from jcontour.app.reports.figures.axes import DOTS, drawn_beside, save_figure
 
 
 def made(title="a curve"):
