@@ -10,8 +10,7 @@ Draw your own runs with them:
     contour_figure(runs).savefig("contour.png")
     error_figure(runs).savefig("errors.png")
 
-Signals are in SI units, figures in mm and um. Contours with many details, as letters or pockets,
-and passes side by side have no room for a magnified error: there the tool is coloured by it.
+Signals are in SI units, figures in mm and um.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +19,6 @@ from itertools import chain
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from jcontour.app.reports.figures.axes import (
@@ -42,13 +40,7 @@ NOMINAL = "nominal plant"
 MAGNIFIED = 0.06  # of the contour's size: how large the largest error is drawn
 ROUNDING = 1e-12  # of the largest coordinate: an error below it is none
 TRUE = "error true to scale"
-DETAILED = 0.35  # mean diameter of the curves, of the contour's size: below it there are many
-CROWDED = 10.0  # length, of the contour's size: beyond it passes lie side by side
-STANDSTILL = 1e-9  # m in a sample: no direction below it
-MOST = 20_000  # pieces of a colour, beside those that end where a rapid move begins or ends
-COLOURS = "viridis_r"  # dark where the error is large
 PANEL = 4.2  # inches: width of one contour
-BAR = 0.9  # inches: width of a scale of colours
 TITLE = 0.5  # inches: height of a panel's title
 TITLES = 0.9  # inches: height of the figure's title and legend
 DIVERGED = "diverged"
@@ -168,57 +160,6 @@ def magnification(desired: np.ndarray, error: np.ndarray) -> float:
     return float(decade * max(step for step in (1, 2, 5) if step <= factor / decade))
 
 
-def detailed(runs: ContourRuns) -> bool:
-    """Whether passes lie side by side, or curves are tight: the length over the angle turned.
-
-    That is the mean radius of the curves.
-    """
-    place = runs.reference[:, :2]
-    step = np.diff(place, axis=0)[runs.scored[1:] & runs.scored[:-1]]
-    length = np.linalg.norm(step, axis=1)
-    step, length = step[length > STANDSTILL], length[length > STANDSTILL]
-    heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-    turned = np.abs(np.diff(heading)).sum()
-    size, whole = np.ptp(place[runs.scored], axis=0).max(), length.sum()
-    return bool(whole > CROWDED * size or 2 * whole < DETAILED * size * turned)
-
-
-def draw_coloured(
-    axes: Axes, runs: ContourRuns, run: DrawnRun, row: Sequence[DrawnRun], colour: str
-) -> str:
-    """Draw the tool; the largest error in words, ringed in `colour`. A row has one scale."""
-    place, error = 1e3 * runs.shown(run.output)[:, :2], _error(runs, run)
-    # Samples where pieces begin: at equal distances, and on both sides of every border of a cut
-    count = len(runs.scored)
-    before = np.flatnonzero(np.diff(runs.scored))
-    even = np.arange(0, count, -(-count // MOST))
-    starts = np.unique(np.concatenate([even, before, before + 1, [count - 1]]))
-    place, largest = place[starts], np.fmax.reduceat(error, starts)
-    pieces = np.stack([place[:-1], place[1:]], axis=1)
-    drawn = np.isfinite(pieces).all(axis=(1, 2))
-    order = np.argsort(largest[:-1][drawn])  # large errors lie on top
-    top = max(np.nanmax(_error(runs, one)) for one in row if not one.diverged)
-    lines = LineCollection(
-        list(pieces[drawn][order]),
-        array=largest[:-1][drawn][order],
-        cmap=COLOURS,
-        clim=(0.0, top),
-        linewidths=1.2,
-        capstyle="round",
-    )
-    axes.add_collection(lines)
-    axes.figure.colorbar(lines, ax=axes, label="error [um]")
-    worst = int(np.nanargmax(error))
-    ring = {"markersize": 9, "mfc": "none", "mec": colour, "linestyle": "none"}
-    axes.plot(*1e3 * run.output[worst, :2], "o", label=f"largest, {run.label}", **ring)
-    return f"largest error {error[worst]:.3g} um"
-
-
-def _error(runs: ContourRuns, run: DrawnRun) -> np.ndarray:
-    """Contour error (T,) [um]; NaN where samples do not count."""
-    return 1e6 * np.linalg.norm(runs.shown(run.contour_error), axis=-1)
-
-
 def error_figure(runs: ContourRuns) -> Figure:
     """Contour error (of a single axis: its tool), tracking error and control increment over time.
 
@@ -274,8 +215,7 @@ def contour_figure(runs: ContourRuns) -> Figure:
     """The contour in the plane of its first two axes, with the error drawn larger than it is.
 
     Every run has a panel. Runs of one plant have one magnification, so that they compare; the title
-    says how large it is. Where there are many details or passes, colours of the tool's line tell
-    its error instead.
+    says how large it is.
     """
     panels = [[(run, row) for run in row] for row in runs.rows]
     # Height to width of a panel: that of the contour, within what a page can show
@@ -287,16 +227,15 @@ def contour_figure(runs: ContourRuns) -> Figure:
     elif all(len(row) == 1 for row in panels):
         panels = [[one for row in panels for one in row]]
     height, width = len(panels), len(panels[0])
-    coloured = detailed(runs)
-    size = ((wide + BAR * coloured) * width, (wide * shape + TITLE) * height + TITLES)
+    size = (wide * width, (wide * shape + TITLE) * height + TITLES)
     figure = Figure(figsize=size, layout="compressed")
     places = figure.subplots(height, width, sharex=True, sharey=True, squeeze=False)
     colours = colours_of([run.label for run in runs.rows[0]])
     words = []
-    draw = draw_coloured if coloured else draw_magnified
     for place, (run, row) in zip(places.ravel(), chain.from_iterable(panels), strict=True):
         draw_way(place, runs)
-        how = DIVERGED if run.diverged else draw(place, runs, run, row, colours[run.label])
+        colour = colours[run.label]
+        how = DIVERGED if run.diverged else draw_magnified(place, runs, run, row, colour)
         words.append(how)
         x, y = runs.axes[:2]
         grid(place, f"{run.label}, {run.plant}\n{how}", f"{x} [mm]", f"{y} [mm]")
@@ -312,7 +251,6 @@ def contour_figure(runs: ContourRuns) -> Figure:
     if missing > 0:
         axes.set_ylim(low - missing / 2, high + missing / 2)
     how = ", contour error magnified" if {*words} - {TRUE, DIVERGED} else ""
-    how = ", coloured by its error" if coloured else how
     figure.suptitle(f"{short(runs.name)}: contour and tool{how}")
     legend_below(figure, columns=4)
     return figure
