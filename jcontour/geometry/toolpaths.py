@@ -60,7 +60,7 @@ from jcontour.geometry.gcode.moves import (
     stop_summary,
     stops_in_cuts,
 )
-from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
+from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import (
     FASTEST,
@@ -132,7 +132,7 @@ def parse_gcode(
     text: str,
     axes: Axes = "XY",
     feed: float | None = None,
-    files: ProgramFiles = no_files,
+    files: ProgramFiles | None = None,
     tools: dict[int, Tool] | None = None,
 ) -> Toolpath:
     """Toolpath of a G-code program; the module's docstring says what it may contain.

@@ -23,13 +23,8 @@ MOST_ARGUMENTS = 30
 FILE_NAME = re.compile(r"[a-z0-9_-]+")
 MOST_REPEATS = 1_000_000
 
-ProgramFiles = Callable[
-    [str], Sequence[str] | None
-]  # lines of a subprogram's file, None without one
-
-
-def no_files(name: str) -> None:
-    """No files of subprograms."""
+# lines of a subprogram's file by its name, None without one
+ProgramFiles = Callable[[str], Sequence[str] | None]
 
 
 def files_beside(program: Path) -> ProgramFiles:
@@ -81,7 +76,7 @@ class Program:
     """A program under way on a machine."""
 
     machine: Machine  # what carries out its words
-    files: ProgramFiles  # files of subprograms
+    files: ProgramFiles | None  # of subprograms
     parameters: Parameters  # of the program
     frames: list[Frame]  # the program, and the subprograms it is in
     repeated: int = 0  # lines that were carried out again
@@ -262,7 +257,7 @@ class Program:
         called = (frame.source for frame in self.frames if frame.source.name == f"{name}.ngc")
         source = next(called, None)
         if source is None:
-            lines = self.files(name)
+            lines = None if self.files is None else self.files(name)
             if lines is None:
                 raise ToolpathError(f"there is no subprogram {label_text(label)}")
             source = Source(lines, name=f"{name}.ngc")
@@ -280,7 +275,7 @@ def interpreted(
     lines: Sequence[str],
     axes: int,
     feed: float | None,
-    files: ProgramFiles = no_files,
+    files: ProgramFiles | None = None,
     most_lines: int | None = None,
     tools: dict[int, Tool] | None = None,
 ) -> Machine:
