@@ -103,10 +103,9 @@ def run(quick: bool = False) -> Result:
     points: list[Point] = []
     for plant in plants:
         fine, coarse = machines(SAMPLE)[plant], machines(PERIOD)[plant]
-        several = []
         for weight in WEIGHTS:
             outcome, controller = traced(fine, contour, weight)
-            several.append(point(MPCC_4MS, plant, f"q_theta {weight:g}", outcome, radius))
+            points.append(point(MPCC_4MS, plant, f"q_theta {weight:g}", outcome, radius))
             if weight in TRACE_WEIGHTS and plant == SHOWN_PLANT:
                 score, rollout, length = outcome.score, outcome.rollout, float(contour.length)
                 done = int(np.argmax(score.arc >= length - ARRIVED)) or len(score.arc)
@@ -124,18 +123,12 @@ def run(quick: bool = False) -> Result:
                 traces.append(trace)
         for speed in SPEEDS:
             setting = f"{1e3 * speed:g} mm/s"
-            several += [
+            points += [
                 point(MPTC_4MS, plant, setting, tracked(fine, contour, speed), radius),
                 point(PI_4MS, plant, setting, cascaded(coarse, contour, speed), radius),
                 point(PI_1MS, plant, setting, cascaded(fine, contour, speed), radius),
             ]
-        points += sorted(several, key=lambda one: (one.controller, one.time_s))
-    return Result(
-        plants,
-        1e3 * path[::4],
-        tuple(traces),
-        tuple(points),
-    )
+    return Result(plants, 1e3 * path[::4], tuple(traces), tuple(points))
 
 
 class Outcome(NamedTuple):

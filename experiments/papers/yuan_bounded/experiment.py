@@ -253,18 +253,20 @@ def loop_row(reference: str, length: int, samples: int) -> LoopRow:
     """The bounded MPC under disturbances that change slowly, at random, or to reach most."""
     previewed = reference == PREVIEWED
     model, bounds = disturbed(DISTURBANCE, previewed), limits(previewed)
-    path = _still(2 * length, samples)
     if previewed:
         path = thesis_task_a(preview=2 * length)
         path = path.first(min(samples, path.steps))
+    else:  # error coordinates: the reference is zero, its motion is a disturbance
+        still, along = np.zeros((samples + 2 * length, 1)), contours.polyline([[-1.0], [1.0]])
+        path = from_samples(still, still + 1, DT, 2 * length, contour=along, in_motion=False)
     answer = model.control_signals(FOR_DISTURBANCES if previewed else bounds.control)
     tool = model.state_signals(["tool"], np.eye(4)[2])
     pattern = least_peak(model, tool, [*answer, *bounds.signals], length).response
     # around the undisturbed run, end effector and speeds are kept
     count = len(path.position)
     run = machine_run(axis(), path, np.zeros((count, 1)), NEAR, CURRENT, rounds=1)
-    along = VaryingModel(*(np.broadcast_to(one, (count, *one.shape)) for one in model))
-    response = brought_to_rest_along(along, [pattern], np.zeros(count, int))
+    same = VaryingModel(*(np.broadcast_to(one, (count, *one.shape)) for one in model))
+    response = brought_to_rest_along(same, [pattern], np.zeros(count, int))
     R = response.samples
     rows = np.stack([np.eye(4)[2], *(signal.state for signal in bounds.signals)])
     value = run.state[:R] @ rows.T
@@ -309,13 +311,6 @@ def _driven(mpc: BoundedMPC, model: DisturbedModel, path: Reference, w: np.ndarr
         controls.append(u)
         x = model.A @ x + model.B @ u + model.E @ w[k]
     return np.array(states), np.array(controls)
-
-
-def _still(preview: int, samples: int) -> Reference:
-    """Error coordinates: the reference is zero, its motion is a disturbance."""
-    zeros = np.zeros((samples + preview, 1))
-    path = contours.polyline([[-1.0], [1.0]])
-    return from_samples(zeros, zeros + 1.0, DT, preview, contour=path, in_motion=False)
 
 
 def algorithm_1() -> InvariantSetRun | None:
