@@ -1,4 +1,7 @@
-"""Progress bars: of a tuning run, with the best that was found so far, and of a count."""
+"""Progress: of a tuning run, with the best error so far, of a count, and of a stage.
+
+A terminal shows a bar, of which nothing stays; a file or a pipe gets a line for each stage.
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,6 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from jcontour.app.reports.tables import say
 from tuning.point import FEASIBLE, rank, sound
 from tuning.problem import Effort
 from tuning.tuner import TuneState
@@ -26,15 +30,33 @@ PACE = 0.85  # part of a descent that is left after a step: nobody knows how man
 def progress_of(
     console: Console, settings: Effort, error: str
 ) -> Iterator[Callable[[TuneState], None]]:
-    """A bar to tell the state of a run to, step by step; nothing stays of it."""
+    """A bar to tell the state of a run to, step by step."""
     with _bar(console, "{task.percentage:>3.0f} %") as bar:
-        task = bar.add_task(COMPILING, total=1.0)
+        task, stage = bar.add_task(COMPILING, total=1.0), COMPILING
 
         def show(state: TuneState) -> None:
+            nonlocal stage
             words = progress_words(state, settings, error)
             bar.update(task, completed=progress(state, settings), description=words)
+            if stage != (stage := words.partition(":")[0]):
+                announce(console, words)
 
         yield show
+
+
+@contextmanager
+def working(console: Console, words: str) -> Iterator[None]:
+    """A stage that has no steps to count."""
+    announce(console, words)
+    with _bar(console, "") as bar:
+        bar.add_task(words, total=None)
+        yield
+
+
+def announce(console: Console, words: str) -> None:
+    """Say what begins where no bar shows it."""
+    if not console.is_terminal:
+        say(console, f"jcontour: {words}")
 
 
 @contextmanager
@@ -47,7 +69,12 @@ def counted(console: Console, total: int, what: str = "runs") -> Iterator[Callab
 
 def _bar(console: Console, words: str, *more: ProgressColumn) -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(words))
-    return Progress(*columns, TimeElapsedColumn(), *more, console=console, transient=True)
+    return Progress(
+        *(*columns, TimeElapsedColumn(), *more),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,  # it would leave an empty line
+    )
 
 
 def progress(state: TuneState, settings: Effort) -> float:

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -18,7 +18,7 @@ from jcontour.app.machines.machine import NO_EFFECTS
 from jcontour.app.reports import tables
 from jcontour.app.reports.figures.axes import drawn_beside
 from jcontour.app.reports.figures.contours import figures_of
-from jcontour.app.reports.progress import progress_of
+from jcontour.app.reports.progress import announce, progress_of, working
 from jcontour.app.reports.rollouts import save_rollouts, save_sensitivity
 from jcontour.app.reports.run_tables import limit_words, show_tuned, tuned_answer
 from jcontour.app.reports.screen import Entry
@@ -78,16 +78,19 @@ def run(flags: Tune, console: Console) -> tuple[TunedResult, Path]:
 
 def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     began = time.perf_counter()
+    size = f"{run.training_samples} samples on {len(run.scenarios.plants)} plants"
+    words = f"tuning {run.design.name}, {size}: compiling; points tried are kept in {folder}"
+    announce(bar_of(run), words)
     # the start is tried meanwhile
     with Beside(tried.__module__) as process:
         start = start_trial(run, process)
-        loops = [] if is_chosen(run.flags) else simple_loops(run)
-        chosen = _chosen(run, loops, folder, console)
-        first = start()
-        chosen, last = suiting_all(chosen, first)
-        asked, run, tuned = run, chosen.run, chosen.tuned
-        trials = {"start": first, "tuned": last}
-        baseline = baseline_trial(asked, trials["start"], loops)
+        chosen, loops = _chosen(run, folder, console)
+        with working(bar_of(run), "trying start and tuned weights on every contour and plant"):
+            first = start()
+            chosen, last = suiting_all(chosen, first)
+            trials = {"start": first, "tuned": last}
+            baseline = baseline_trial(run, first, loops)
+        run, tuned = chosen.run, chosen.tuned
         with drawn_beside(figures(run, trials, folder)):
             # Write the runs of the trials, and the gains
             machine = run.machine
@@ -99,7 +102,8 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
             run.design.save(run.design.build(tuned.weights), run.scenarios, folder)
             curves = {name: trial.curves for name, trial in trials.items()}
             save_sensitivity(curves, run.scenarios.plants, folder)
-            robust = robust_trial(run, tuned)
+            with working(bar_of(run), "trying more plants of the family at random"):
+                robust = robust_trial(run, tuned)
     if baseline is not None:
         trials["baseline"] = baseline
     result = tuned_result(chosen, trials, robust, loops, time.perf_counter() - began)
@@ -110,39 +114,52 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     return result
 
 
-def _chosen(
-    run: TuningRun, loops: Sequence[SimpleLoop], folder: Path, console: Console
-) -> Searched:
-    """The search of the controller, or that of one of the simple loops where it is as good.
+def bar_of(run: TuningRun) -> Console:
+    """Where progress is shown."""
+    return tables.console_of(stderr=True, quiet=run.flags.json)
+
+
+def _chosen(run: TuningRun, folder: Path, console: Console) -> tuple[Searched, list[SimpleLoop]]:
+    """The search of the controller, or of a simple loop where it is as good; the simple loops.
+
+    The search comes first: from its first point on the folder holds something to go on with.
 
     Raises:
         RuntimeError: no point could be evaluated without a diverging plant.
     """
+    if is_chosen(run.flags):
+        return _descended(run, folder, console), []
+    descended, failure = None, None
+    try:
+        descended = _descended(run, folder, console)
+    except RuntimeError as error:
+        failure = error
+    with working(bar_of(run), "trying simple loops"):
+        loops = simple_loops(run)
     if loops:
         tables.say(console, f"Simple loops, where they begin: {simple_words(loops)}")
-    best = best_simple(loops)
-    if best is None:
-        return _descended(run, folder, console)
 
-    def search(tried: TuningRun) -> Searched | None:
-        place = folder if tried is run else folder / SIMPLE
+    def search(simple: TuningRun) -> Searched | None:
+        place = folder / SIMPLE
         place.mkdir(exist_ok=True)
+        announce(bar_of(run), f"tuning {simple.design.name} likewise")
         try:
-            return _descended(tried, place, console)
+            return _descended(simple, place, console)
         except RuntimeError:
             return None
 
-    chosen = simplest(best, search(run), search)
+    best = best_simple(loops)
+    chosen = descended if best is None else simplest(best, descended, search)
     if chosen is None:
-        return _descended(run, folder, console)  # tells why
+        assert failure is not None
+        raise failure
     if (name := chosen.run.design.name) != run.design.name:
         tables.say(console, f"Recommended: {name}, no other is better by more than 10 %.")
-    return chosen
+    return chosen, loops
 
 
 def _descended(run: TuningRun, folder: Path, console: Console) -> Searched:
-    bar = tables.console_of(stderr=True, quiet=run.flags.json)
-    with progress_of(bar, run.settings, run.machine.error) as show:
+    with progress_of(bar_of(run), run.settings, run.machine.error) as show:
         try:
             return searched(run, folder, show, console)
         except NothingSound as error:
