@@ -98,6 +98,7 @@ class DriveLoop:
     error: float  # objective of the search with these gains [m]
     tuned_error: float  # that of the tuned controller [m]
     kept: bool  # whether it is within every limit of the search
+    sensitivity: float | None = None  # peak Ms of its loops; None where no loop was looked at
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,6 +158,7 @@ class TunedResult:
     # margins, start_margins: of the tuned weights and of the start
     margins: PathMargins
     start_margins: PathMargins
+    baseline_margins: PathMargins | None = None  # of a baseline, where there is one
     contours: list[TunedContour]
     training_samples: int
     seconds: float  # that the run took
@@ -175,6 +177,7 @@ class HistoryPoint:
     diverged: bool  # a plant diverged on a contour; the point was rejected
     rms_error: float  # the worst of training contours and plants [m]
     rms_increment: float  # likewise, of the control increment
+    sensitivity: float | None = None  # peak Ms of its loops; None where no loop was looked at
 
     @property
     def feasible(self) -> bool:

@@ -5,6 +5,7 @@ const RUNS = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
 const AXES = ["#0072b2", "#d55e00", "#009e73"]; // of controls, by axis
 const START = { start: COLOURS[0], tuned: COLOURS[1] };
+const FACTORS = Array.from({ length: 16 }, (_, k) => [1, 2, 5][k % 3] * 10 ** Math.floor(k / 3));
 const state = { run: 0, contour: 0, plant: 0, along: "time", factor: 1, zoom: 1, cursor: 0,
   shown: new Set(), point: 0 };
 let views = {}; // id -> the frame drawn last, to find what is under the pointer
@@ -135,6 +136,12 @@ function drawPart() {
     if (one.thick) dot(plot, one.where[0][state.cursor], one.where[1][state.cursor], one.colour);
   }
   dot(plot, wanted[0][state.cursor], wanted[1][state.cursor], ink("--ink"), 6, true);
+  if (!flat) { // pixels of a micrometre of error, and a round number of them
+    const each = 1e-3 * state.factor * plot.wide / (plot.x1 - plot.x0);
+    const [power, part] = [10 ** Math.floor(Math.log10(120 / each)), 120 / each];
+    const size = power * [5, 2, 1].find((one) => one * power <= part);
+    scaleBar(plot, size * each, `error of ${number(size)} um`);
+  }
   plot.end();
 }
 
@@ -181,7 +188,7 @@ function choosePoint(index) {
   state.point = index;
   $("point").value = String(index);
   const one = run().points.points[index];
-  const weights = Object.entries(one.weights).map(([name, value]) => `${name}  ${[value].flat().map(number).join(" ")}`);
+  const weights = Object.entries(one.weights).map(([name, value]) => `${name}  ${[value].flat().map((part) => number(part)).join(" ")}`);
   const lines = [`error ${number(one.y)} um, ${run().points.x.split(" [")[0]} ${number(one.x)}${one.feasible ? "" : ", beyond a limit"}`];
   $("point-weights").textContent = [...lines, ...weights].join("\n");
   const design = run().designs.indexOf(one.design);
@@ -209,8 +216,8 @@ function fill(table, rows, head) {
 
 function tellCursor() {
   const read = signals(contour()), k = state.cursor, names = run().axes;
-  const place = names.map((name, axis) => `${name} ${number(read.reference[k * names.length + axis])}`).join(", ");
-  $("cursor-value").textContent = `${number(read.time[k])} s, ${number(read.arc[k])} mm along, ${place} mm`;
+  const place = names.map((name, axis) => `${name} ${placed(read.reference[k * names.length + axis])}`).join(", ");
+  $("cursor-value").textContent = `${placed(read.time[k])} s, ${placed(read.arc[k])} mm along, ${place} mm`;
   const rows = [["weights", "plant", "error [um]", "feed [mm/min]", `control [${run().control_unit}]`]];
   for (const one of runsShown()) {
     const control = Array.from({ length: run().inputs }, (_, i) => number(column("control", one.design, one.plant, i, run().inputs)[k]));
@@ -247,7 +254,7 @@ function tellAxes() {
 
 function tellRun() {
   const one = run();
-  $("title").textContent = `${one.controller}${one.machine ? ` on ${one.machine}` : ""}: ${one.command}, ${one.name}`;
+  $("title").textContent = `${one.command}: ${one.controller}${one.machine ? ` on ${one.machine}` : ""}, folder ${one.name}`;
   $("repeat").textContent = one.repeat;
   $("verdict").hidden = !one.verdict;
   if (one.verdict) {
@@ -256,8 +263,8 @@ function tellRun() {
   }
   fill($("answer"), one.answer);
   $("alternatives-section").hidden = !one.alternatives.length;
-  const effort = `change of the control per sample [${one.control_unit}]`;
-  fill($("alternatives"), [["", "worst RMS error [um]", "Ms", effort, "cycle time [s]", ""],
+  const effort = `RMS change of the control per sample [${one.control_unit}]`;
+  fill($("alternatives"), [["", `worst RMS ${one.error} error of all contours and plants [um]`, "Ms", effort, "cycle time [s]", ""],
     ...one.alternatives.map((row) => [row.name, row.error, row.margin ?? NaN, row.effort ?? NaN, row.time ?? NaN,
       row.note])], true);
   $("lines").textContent = one.lines.join("\n");
@@ -265,8 +272,10 @@ function tellRun() {
   $("drives-section").hidden = !Object.keys(one.drives).length;
   options($("product"), Object.keys(one.drives), 0);
   tellDrive(0);
-  fill($("settings"), [...Object.entries(one.settings), ...Object.entries(one.versions)]);
-  if (one.points) $("front-title").textContent = `Points: worst RMS ${one.error} error [um] over ${one.points.x}; hollow ones exceed a limit`;
+  fill($("settings"), Object.entries(one.settings));
+  fill($("versions"), Object.entries(one.versions));
+  const where = one.command === "tune" ? " of the training contours, smooth machine" : "";
+  if (one.points) $("front-title").textContent = `Points: worst RMS ${one.error} error [um]${where} over ${one.points.x}; hollow ones exceed a limit`;
 }
 
 function tellDrive(index) {
@@ -313,11 +322,12 @@ function chooseRun(index) {
   chooseContour(worst.contour);
 }
 
-// Contour and plant of the largest error with the last weights: where a user looks first.
+// Contour and plant of the largest error with the last weights, on the user's parts if there are any.
 function worstRun() {
   const worst = { contour: 0, plant: 0, size: -1 }, name = `peak_${run().error}_error`;
+  const own = run().contours.some((one) => one.training);
   run().contours.forEach((one, contour) => {
-    (one.metrics[name] || []).slice(-1).flat().forEach((size, plant) => {
+    if (one.training === own) (one.metrics[name] || []).slice(-1).flat().forEach((size, plant) => {
       if (size > worst.size) Object.assign(worst, { contour, plant, size });
     });
   });
@@ -339,7 +349,7 @@ function chooseContour(index) {
   if (run().contours.length) {
     $("cursor").max = String(contour().kept - 1);
     state.factor = fittingFactor();
-    $("factor").value = String(Math.round(20 * Math.log10(state.factor)));
+    $("factor").value = String(FACTORS.indexOf(state.factor));
     moveCursor(loudest());
     tellMetrics();
     $("samples-drawn").textContent = `${contour().samples} samples, ${contour().kept} of them drawn: no peak is left out.`;
@@ -357,14 +367,13 @@ function loudest() {
   return best;
 }
 
-// A factor that draws the largest error a tenth as long as the part, as the slider has it.
+// The largest of the slider's factors that draws no error longer than a twentieth of the part.
 function fittingFactor() {
   const wanted = signals(contour()).reference;
   const size = range([wanted])[1] - range([wanted])[0];
   let most = 0;
   for (const design of state.shown) for (const value of errorSize(design, plantsShown()[0])) if (value > most) most = value;
-  const factor = most > 0 ? 0.1 * size / (1e-3 * most) : 1;
-  return 10 ** (Math.round(20 * Math.log10(Math.min(Math.max(factor, 1), 1e5))) / 20);
+  return FACTORS.findLast((one) => 1e-3 * one * most <= 0.05 * size) || 1;
 }
 
 function moveCursor(index) {
@@ -435,7 +444,7 @@ whole("point", choosePoint);
 whole("product", tellDrive);
 whole("plant", (index) => { state.plant = index; draw(); });
 $("along").addEventListener("change", () => { state.along = $("along").value; draw(); });
-$("factor").addEventListener("input", () => { state.factor = 10 ** (Number($("factor").value) / 20); draw(); });
+$("factor").addEventListener("input", () => { state.factor = FACTORS[Number($("factor").value)]; draw(); });
 $("zoom").addEventListener("input", () => { state.zoom = 10 ** (Number($("zoom").value) / 40); draw(); });
 $("cursor").addEventListener("input", () => { moveCursor(Number($("cursor").value)); draw(); });
 $("choices").addEventListener("submit", (event) => event.preventDefault());

@@ -46,6 +46,7 @@ KINDS = {
     "audit": Kind(AuditedResult, Audit, audit_answer),
     "front": Kind(FrontResult, Front, lambda _: []),
 }
+BEST = "recommended: the least error within every limit"
 BYTES = 3e6  # of the signals of a run on its page
 MOST_CONTOURS = 12
 FEWEST, MOST = 300, 3000  # samples of a contour: more do not fit on a screen
@@ -193,20 +194,29 @@ def _alternatives(result: TunedResult, tried: Sequence[HistoryPoint]) -> list[di
     """
     times = [one.read.duration for one in result.contours if one.read and one.read.duration]
     cycle, rows = max(times, default=None), []
-    for name in ("start", "baseline", "tuned"):
+    compared = {one.compared for one in result.contours}
+    margins = {
+        "start": result.start_margins,
+        "baseline": result.baseline_margins,
+        "tuned": result.margins,
+    }
+    notes = {
+        "start": "beyond a limit, or unstable" if "baseline" in compared else "",
+        "baseline": "the best simple loop within every limit, with its first gains",
+        "tuned": BEST if result.verdict.usable else "",
+    }
+    for name, of_loops in margins.items():
         runs = [one.metrics[name].worst for one in result.contours if name in one.metrics]
         if not runs or any(one.diverged for one in runs):
             continue
-        margins = {"start": result.start_margins, "tuned": result.margins}.get(name)
-        usable = name == "tuned" and result.verdict.usable
         rows.append(
             {
                 "name": name,
                 "error": 1e6 * max(one.rms(result.error) for one in runs),
-                "margin": None if margins is None else margins.sensitivity,
+                "margin": None if of_loops is None else of_loops.sensitivity,
                 "effort": max(one.rms_increment for one in runs),
                 "time": cycle,
-                "note": "recommended: the least error within every limit" if usable else "",
+                "note": notes[name],
             }
         )
     if not rows or rows[-1]["name"] != "tuned":
@@ -221,6 +231,7 @@ def _alternatives(result: TunedResult, tried: Sequence[HistoryPoint]) -> list[di
             {
                 "name": f"calmer: 1/{part} of the control's change or less",
                 "error": best["error"] * point.rms_error / chosen.rms_error,
+                "margin": point.sensitivity,
                 "effort": best["effort"] * point.rms_increment / chosen.rms_increment,
                 "time": cycle,
                 "note": f"about, within every limit; --weights {weights}",
@@ -229,7 +240,8 @@ def _alternatives(result: TunedResult, tried: Sequence[HistoryPoint]) -> list[di
     if (drive := result.drive) is not None and drive.controller != result.controller:
         error = best["error"] * drive.error / drive.tuned_error
         note = "about; gains of a drive" + ("" if drive.kept else ", beyond a limit")
-        rows.append({"name": drive.controller, "error": error, "time": cycle, "note": note})
+        row = {"name": drive.controller, "error": error, "margin": drive.sensitivity}
+        rows.append({**row, "time": cycle, "note": note})
     return rows
 
 

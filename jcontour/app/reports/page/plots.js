@@ -59,11 +59,21 @@ function decades(low, high) {
   return places;
 }
 
-function number(value) {
+function number(value, digits = 4) {
   if (!Number.isFinite(value)) return "-";
   const size = Math.abs(value);
   if (size !== 0 && (size >= 1e6 || size < 1e-3)) return value.toExponential(2);
-  return String(Number(value.toPrecision(4)));
+  return String(Number(value.toPrecision(digits)));
+}
+
+// A place or a time, far from the origin too.
+const placed = (value) => String(Number(value.toFixed(3)));
+
+// Words of ticks: as many digits as tell one from the next.
+function tickWords(places, log) {
+  const most = Math.max(...places.map(Math.abs)), step = places[1] - places[0];
+  const digits = log || places.length < 2 ? 4 : Math.min(Math.max(4, Math.ceil(Math.log10(most / step)) + 2), 15);
+  return places.map((one) => number(log ? 10 ** one : one, digits));
 }
 
 // Frame with ticks; returns how numbers become pixels. Log scales take logarithms.
@@ -91,13 +101,13 @@ function frame(canvas, xs, ys, options = {}) {
   pen.stroke();
   pen.textAlign = "center";
   pen.textBaseline = "top";
-  for (const x of xticks) { // the outermost words stay on the canvas
-    const words = number(options.logx ? 10 ** x : x), half = pen.measureText(words).width / 2;
-    pen.fillText(words, Math.min(Math.max(px(x), half), width - half), m.top + tall + 5);
-  }
+  tickWords(xticks, options.logx).forEach((words, k) => { // the outermost words stay on the canvas
+    const half = pen.measureText(words).width / 2;
+    pen.fillText(words, Math.min(Math.max(px(xticks[k]), half), width - half), m.top + tall + 5);
+  });
   pen.textAlign = "right";
   pen.textBaseline = "middle";
-  for (const y of yticks) pen.fillText(number(options.logy ? 10 ** y : y), m.left - 5, py(y));
+  tickWords(yticks, options.logy).forEach((words, k) => pen.fillText(words, m.left - 5, py(yticks[k])));
   pen.save();
   pen.beginPath();
   pen.rect(m.left, m.top, wide, tall);
@@ -122,6 +132,20 @@ function line(plot, xs, ys, colour, width = 1.3, alpha = 1, dash = []) {
   pen.stroke();
   pen.setLineDash([]);
   pen.globalAlpha = 1;
+}
+
+// A bar of so many pixels in the lower right corner, with what it stands for.
+function scaleBar(plot, length, words) {
+  const { pen, wide, tall } = plot, right = MARGIN.left + wide - 10, y = MARGIN.top + tall - 10;
+  pen.strokeStyle = pen.fillStyle = ink("--ink");
+  pen.lineWidth = 3;
+  pen.beginPath();
+  pen.moveTo(right - length, y);
+  pen.lineTo(right, y);
+  pen.stroke();
+  pen.textAlign = "right";
+  pen.textBaseline = "bottom";
+  pen.fillText(words, right, y - 4);
 }
 
 // A point with its name beside it, within the frame.

@@ -56,6 +56,7 @@ from jcontour.app.runs.tuning.simple_loops import (
     SimpleLoop,
     best_simple,
     drive_loop,
+    peak_sensitivity,
     simple_loops,
 )
 from jcontour.controller import Controller
@@ -258,6 +259,7 @@ def tuned_result(
         plants=list(run.scenarios.plants),
         margins=margins,
         start_margins=trials["start"].margins,
+        baseline_margins=trials["baseline"].margins if "baseline" in trials else None,
         contours=contours,
         training_samples=run.training_samples,
         seconds=seconds,
@@ -361,6 +363,7 @@ def history_of(run: TuningRun, tuned: Tuned) -> list[HistoryPoint]:
             diverged=row.diverged,
             rms_error=float(np.max(getattr(row.outcome.metrics, error))),
             rms_increment=float(np.max(row.outcome.metrics.rms_increment)),
+            sensitivity=peak_sensitivity(row.outcome),
         )
         for row in tuned.history
     ]

@@ -22,7 +22,7 @@ from jcontour.app.reports.drives import TERMS
 from jcontour.app.runs.tuning.limits import lag_limit, named_limits
 from jcontour.app.runs.tuning.problem import TuningRun
 from jcontour.app.runs.tuning.searching import Searched
-from tuning.objectives import AtMost
+from tuning.objectives import AtMost, Outcome
 from tuning.parameters import Chart
 from tuning.point import FEASIBLE, evaluate_values, objective_value
 
@@ -40,6 +40,7 @@ class SimpleLoop(NamedTuple):
     run: TuningRun  # the tuning run with it in place of the controller
     error: float  # objective; infinite where a run or a loop is unstable
     violation: float  # largest ln(value / limit)
+    sensitivity: float | None = None  # peak Ms of its loops, where they were looked at
 
     @property
     def kept(self) -> bool:
@@ -131,7 +132,13 @@ def _evaluated(run: TuningRun) -> SimpleLoop:
     point = evaluate_values(run.problem, run.start, z)
     if point.diverged:
         return SimpleLoop(run, np.inf, np.inf)
-    return SimpleLoop(run, point.objective, float(np.max(point.limits, initial=-np.inf)))
+    violation = float(np.max(point.limits, initial=-np.inf))
+    return SimpleLoop(run, point.objective, violation, peak_sensitivity(point.outcome))
+
+
+def peak_sensitivity(outcome: Outcome) -> float | None:
+    """Peak Ms of the loops of a point; None where none was looked at."""
+    return None if outcome.loops is None else float(np.max(outcome.loops.sensitivity))
 
 
 def simplest(simple: SimpleLoop, searched: Searched | None, search: Search) -> Searched | None:
@@ -160,6 +167,7 @@ def drive_loop(searched: Searched, loops: Sequence[SimpleLoop]) -> DriveLoop | N
     """The controller itself where a drive has it, else the best of the simple loops."""
     design, best = searched.run.design, best_simple(loops)
     if TERMS.issuperset(design.start):
+        peak = peak_sensitivity(searched.tuned.outcome)
         weights, error, kept = (
             searched.tuned.weights,
             _error(searched),
@@ -167,7 +175,7 @@ def drive_loop(searched: Searched, loops: Sequence[SimpleLoop]) -> DriveLoop | N
         )
     elif best is not None:
         design, error, kept = best.run.design, best.error, best.kept
-        weights = design.start
+        weights, peak = design.start, best.sensitivity
     else:
         return None
     return DriveLoop(
@@ -176,6 +184,7 @@ def drive_loop(searched: Searched, loops: Sequence[SimpleLoop]) -> DriveLoop | N
         error=error,
         tuned_error=_error(searched),
         kept=kept,
+        sensitivity=peak,
     )
 
 

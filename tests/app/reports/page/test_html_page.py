@@ -5,7 +5,6 @@ import re
 import shutil
 from html.parser import HTMLParser
 
-import numpy as np
 import pytest
 import xarray as xr
 from selenium import webdriver
@@ -170,7 +169,7 @@ def test_the_page_works_with_the_keyboard_alone(browser, page, run_folder):
     """It opens on the run of the tuned weights with the largest peak."""
     shown = Shown(browser, page, (1200, 900))
     peaks = xr.load_dataset(run_folder / "rollouts.nc").peak_contour_error.values[1]
-    contour, plant = np.unravel_index(peaks.argmax(), peaks.shape)
+    contour, plant = 0, peaks[0].argmax()  # the part; the other contour is held out
     opened = [shown.one(name).get_property("value") for name in ("contour", "plant")]
     assert opened == [str(contour), str(plant)]
 
@@ -184,8 +183,7 @@ def test_the_page_works_with_the_keyboard_alone(browser, page, run_folder):
     def picture(name):
         return lambda: shown.picture(name)
 
-    other = Keys.ARROW_UP if contour else Keys.ARROW_DOWN
-    assert pressed("contour", other, text("metrics"))
+    assert pressed("contour", Keys.ARROW_DOWN, text("metrics"))
     assert pressed("plant", Keys.END, text("readout"))
     assert pressed("along", Keys.ARROW_DOWN, text("error-title"))
     assert pressed("factor", Keys.ARROW_LEFT, picture("part"), text("factor-value"))

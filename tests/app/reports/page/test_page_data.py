@@ -102,12 +102,14 @@ def test_settings_are_those_that_differ_from_their_defaults():
 def test_alternatives_stand_side_by_side_and_one_is_recommended():
     metrics = {"start": small_runs.family_metrics(4e-6), "tuned": small_runs.family_metrics(1e-6)}
     one = TunedContour(name="part", training=True, samples=9, metrics=metrics)
-    drive = DriveLoop(controller="p", weights={}, error=3e-6, tuned_error=1e-6, kept=True)
+    drive = DriveLoop(
+        controller="p", weights={}, error=3e-6, tuned_error=1e-6, kept=True, sensitivity=1.9
+    )
     given = {"contours": [one], "drive": drive, "margins": small_runs.margins(sensitivity=1.6)}
     tried = [  # weights, objective, increment: less error with more change of the control
         HistoryPoint(0, {"rho": 1.0}, 1e-6, 0.0, False, 1e-6, 8.0),
         HistoryPoint(0, {"rho": 2.0}, 3e-6, 0.0, False, 3e-6, 3.0),
-        HistoryPoint(0, {"rho": 3.0}, 2e-6, 0.0, False, 2e-6, 4.0),
+        HistoryPoint(0, {"rho": 3.0}, 2e-6, 0.0, False, 2e-6, 4.0, 1.3),
         HistoryPoint(0, {"rho": 4.0}, 1e-6, 1.0, False, 1e-6, 4.0),  # beyond a limit
         HistoryPoint(0, {"rho": 5.0}, 5e-6, 0.0, False, 5e-6, 1.0),
     ]
@@ -118,7 +120,8 @@ def test_alternatives_stand_side_by_side_and_one_is_recommended():
     assert [half["effort"], quarter["effort"]] == pytest.approx(
         [tuned["effort"] / 2, tuned["effort"] / 8]
     )
-    assert "recommended" in tuned["note"] and not start["note"] and tuned["margin"] == 1.6
+    assert [row["margin"] for row in (tuned, half, simple)] == [1.6, 1.3, 1.9]
+    assert "recommended" in tuned["note"] and not start["note"]
     assert "--weights rho=3" in half["note"]
 
 
