@@ -23,6 +23,7 @@ right b the poles are the roots of
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -162,6 +163,7 @@ class SelfTuning(Controller):
         forgetting: factor by which old samples count less.
         least: b_min over the first estimate of b.
         growth: P_max over the first P.
+        learning: whether b is estimated; margins are those of the loop without.
 
     Raises:
         ValueError: a gain is negative or not finite, the first estimate or `least` is not above
@@ -180,6 +182,7 @@ class SelfTuning(Controller):
     least: Float[Array, ""] = eqx.field(converter=numbers, default=0.1)
     # without excitation P would grow for ever
     growth: Float[Array, ""] = eqx.field(converter=numbers, default=100.0)
+    learning: bool = eqx.field(static=True, default=True)
     preview: int = eqx.field(static=True, init=False, default=0)
 
     def __check_init__(self):
@@ -201,13 +204,16 @@ class SelfTuning(Controller):
         known = (jnp.full(axes, self.gain), jnp.full(axes, self.variance))
         return Estimate(past, past, *known, jnp.zeros((), int))
 
+    def without_planned_limits(self) -> "SelfTuning":
+        return replace(self, learning=False)
+
     def step(self, memory: Estimate, plan, measurement) -> tuple[Estimate, Float[Array, " m"]]:
         """Next estimate and the control.
 
         The first sample is taken at rest; b is learned from the third on.
         """
         y = self.sensors.positions(measurement)
-        before = jnp.where(memory.sample == 0, y, memory.position[0])
+        before = jnp.where((memory.sample == 0) & self.learning, y, memory.position[0])
         earlier = memory.position[1]
         f = memory.control[0] + memory.control[1]
         D = self.forgetting + memory.variance * f**2
@@ -217,6 +223,8 @@ class SelfTuning(Controller):
         seen, largest = memory.sample >= 2, self.growth * self.variance
         gain = jnp.where(seen, gain, memory.gain)
         variance = jnp.where(seen, jnp.minimum(variance, largest), memory.variance)
+        if not self.learning:
+            gain, variance = jax.lax.stop_gradient((memory.gain, memory.variance))
         wanted = self.position * (plan - y) - self.rate * (y - before)
         control = wanted / (2 * jnp.maximum(gain, self.least * self.gain))
         positions = jnp.stack([y, before])

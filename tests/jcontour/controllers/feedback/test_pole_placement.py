@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.analysis.frozen_loops import frozen_loop
 from jcontour.controllers.feedback.pole_placement import (
     Estimate,
     SelfTuning,
@@ -22,6 +23,7 @@ from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import from_samples
 from jcontour.plant import Plant
+from jcontour.plants.encoders import Encoders
 from jcontour.plants.flexible_axis.axis import zoh_model
 from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
@@ -228,6 +230,19 @@ def test_poles_that_cannot_be_placed(pair):
 def test_poles_without_stable_gains_are_refused(pair, says):
     with pytest.raises(ValueError, match=says):
         placed_gains(*pair)
+
+
+def test_the_loop_that_margins_are_of_has_the_poles_and_does_not_learn():
+    arm = Encoders(LinearPlant([[1.0, DT], [0.0, 1.0]], [[DT**2 / 2], [DT]], [[1.0, 0.0]], DT))
+    law = SelfTuning(*placed_gains(0.9, 0.8), Sensors([0]), gain=DT**2 / 2)
+    memory = Estimate(np.zeros((2, 1)), np.zeros((2, 1)), np.full(1, DT**2 / 2), np.ones(1), 0)
+    start = arm.initial_state(jnp.zeros(1), jnp.zeros(1))
+    memory = jax.tree.map(jnp.asarray, memory)
+    loop = frozen_loop(arm, law, jnp.zeros(1), start, memory).cut().closed()
+    poles = np.linalg.eigvals(np.asarray(loop))
+    for wanted in (0.9, 0.8):
+        assert np.abs(poles - wanted).min() < 1e-6
+    assert np.abs(poles).max() < 0.9 + 1e-6
 
 
 def test_bad_input():
