@@ -222,7 +222,8 @@ class LinearMachine(GainsAndDelayMachine):
         known = self.uncertainty.gain
         if not (known and self.largest_friction):
             return self.mechanics
-        return with_dry_friction_times(self.mechanics, 1 - FRICTION_KNOWN_TO * (gains - 1) / known)
+        factor = jnp.asarray(1 - FRICTION_KNOWN_TO * (gains - 1) / known)
+        return with_dry_friction_times(self.mechanics, factor)
 
     def hosted(self) -> Hosted:
         """The machine with friction, or the model itself."""
