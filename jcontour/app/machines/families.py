@@ -21,14 +21,15 @@ from jcontour.app.machines.uncertainty import (
     assumed,
     family_members,
     random_members,
+    rounding_noise,
     with_corners,
 )
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 from jcontour.plants.actuation import Disturbed, Gained
 from jcontour.plants.delays import Delayed, PartlyDelayed
-from jcontour.plants.encoders import FineEncoders
-from jcontour.sensors import Sensors
+from jcontour.plants.encoders import CountingEncoders, FineEncoders
+from jcontour.sensors import Sensors, motors
 
 if TYPE_CHECKING:
     from jcontour.analysis.uncertain_loops import ResponseUncertainty
@@ -123,16 +124,44 @@ class MotorMeasuredMachine(Machine):
     @property
     def sensed(self) -> tuple[str, ...]:
         """Positions of the motors, then their speeds."""
-        motors = self.model.inputs
-        return ("m",) * motors + ("m/s",) * motors
+        return ("m",) * self.model.inputs + ("m/s",) * self.model.inputs
 
     @abc.abstractmethod
     def _model(self, member: Member, path: Float[Array, "T m"]) -> LinearPlant:
         """Linear model of a member along a path [m], its delay left out."""
 
+    @abc.abstractmethod
+    def driven(self, member: Member, smooth: bool) -> Plant:
+        """A member behind its drives: with stick and slip, or a smooth twin of these."""
+
+    def read(self, encoders: Plant) -> Plant:
+        """A plant behind encoders as controllers read it."""
+        return encoders
+
+    def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+        """Smooth twins, their encoders read with the noise that counts make.
+
+        Dry friction turns within a millimetre per second. Without noise a loop that rings as soon
+        as something excites it would pass for a good one. Speeds are made of the positions.
+        """
+        self.check_fed(fed)
+        assert self.resolution is not None
+        sensors = motors(self.model.inputs)
+        positions = rounding_noise(self.model.inputs, self.resolution)
+        noise = jnp.concatenate([positions, jnp.zeros_like(positions)], axis=1)
+        plants = [self.driven(one, smooth=True) for one in self.members]
+        return [self.read(FineEncoders(Disturbed(one, noise=noise), sensors)) for one in plants]
+
+    def true_plant(self, member: Member, fed: Fed = "outputs") -> Plant:
+        """A member behind encoders that count; the drives take speeds from their difference."""
+        self.check_fed(fed)
+        assert self.resolution is not None
+        plant, sensors = self.driven(member, smooth=False), motors(self.model.inputs)
+        return self.read(CountingEncoders(plant, sensors, self.resolution))
+
     def _measured(self, plant: Plant) -> Plant:
         """A linear plant behind its motors' encoders."""
-        return FineEncoders(plant, Sensors(range(self.model.inputs)))
+        return self.read(FineEncoders(plant, Sensors(range(self.model.inputs))))
 
     def _linear(self, member: Member, path: Float[Array, "T m"]) -> Plant:
         model = self._model(member, path)

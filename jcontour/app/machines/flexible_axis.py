@@ -4,7 +4,7 @@ Motor positions and speeds are measured; stiffness and masses are known to a fif
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,11 +18,10 @@ from jcontour.app.files.machine_file import ENCODER_RESOLUTION, KIND, FlexibleAx
 from jcontour.app.files.schema import axis_names, one_or_each, per_axis
 from jcontour.app.machines.families import LATE, Member, MotorMeasuredMachine, late
 from jcontour.app.machines.machine import Fed, MachineLimits, Usual
-from jcontour.app.machines.uncertainty import in_words, rounding_noise
+from jcontour.app.machines.uncertainty import in_words
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
-from jcontour.plants.actuation import Disturbed
-from jcontour.plants.encoders import CountingEncoders, FineEncoders
+from jcontour.plants.encoders import FineEncoders
 from jcontour.plants.flexible_axis.axis import (
     AxisParameters,
     FlexibleAxis,
@@ -92,31 +91,14 @@ class FlexibleMachine(MotorMeasuredMachine):
         """Motions of a single axis, contours of several."""
         return ALONE if len(self.axes) == 1 else SIDE_BY_SIDE
 
-    def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """Smooth twins, their encoders read with the noise that counts make.
-
-        Dry friction turns within a millimetre per second. Without noise a loop that amplifies it
-        would pass for a good one.
-        """
-        substeps = math.ceil(self.model.dt / TWIN_SUBSTEP - 1e-9)
-        family = [
-            self._late(
-                SmoothFlexibleAxis(self._varied(one), self.model.dt, substeps=substeps), one, fed
-            )
-            for one in self.members
-        ]
-        noise = self._rounding_noise()
-        return [
-            FineEncoders(Disturbed(plant, noise=noise), motors(len(self.axes))) for plant in family
-        ]
-
-    def true_plant(self, member: Member, fed: Fed = "outputs") -> Plant:
-        """Axes with stick and slip, behind encoders that count.
-
-        The drives take speeds from the difference of counts.
-        """
-        plant = self._late(FlexibleAxis(self._varied(member), self.model.dt), member, fed)
-        return CountingEncoders(plant, motors(len(self.axes)), self.encoder_resolution)
+    def driven(self, member: Member, smooth: bool) -> Plant:
+        """Axes behind drives that are late."""
+        varied, dt = self._varied(member), self.model.dt
+        plant: Plant = FlexibleAxis(varied, dt)
+        if smooth:
+            substeps = math.ceil(dt / TWIN_SUBSTEP - 1e-9)
+            plant = SmoothFlexibleAxis(varied, dt, substeps=substeps)
+        return late(plant, member.late, LATE, len(self.axes))
 
     def nominal(self, fed: Fed = "outputs") -> Plant:
         """Linear model of the axis.
@@ -140,17 +122,8 @@ class FlexibleMachine(MotorMeasuredMachine):
             "Measured": f"motors' positions by {encoders}, speeds by difference; no end effector",
         }
 
-    def _rounding_noise(self) -> Float[Array, "T q"]:
-        """Noise of the motors' positions; speeds are made of the positions."""
-        positions = rounding_noise(len(self.axes), self.encoder_resolution)
-        return jnp.concatenate([positions, jnp.zeros_like(positions)], axis=1)
-
     def _varied(self, member: Member) -> AxisParameters:
         return scaled(self.parameters, member.stiffness, member.mass)
-
-    def _late(self, plant: Plant, member: Member, fed: Fed) -> Plant:
-        self.check_fed(fed)
-        return late(plant, member.late, LATE, len(self.axes))
 
 
 def flexible_machine(file: FlexibleAxisFile) -> FlexibleMachine:

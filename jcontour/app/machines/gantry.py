@@ -16,12 +16,11 @@ from jaxtyping import Array, Float
 
 from jcontour.app.machines.families import LATE, Member, MotorMeasuredMachine, late
 from jcontour.app.machines.machine import Fed, MachineLimits, Usual
-from jcontour.app.machines.uncertainty import rounding_noise
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
-from jcontour.plants.actuation import Disturbed, Saturated
-from jcontour.plants.encoders import CountingEncoders, FineEncoders, Sensed
+from jcontour.plants.actuation import Saturated
+from jcontour.plants.encoders import FineEncoders, Sensed
 from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry.gantry import Gantry, GantryParameters, thesis_gantry
@@ -68,8 +67,9 @@ class GantryMachine(MotorMeasuredMachine):
         x = path[:, 0]
         return motor_model(parameters, (jnp.min(x) + jnp.max(x)) / 2, self.model.dt)
 
-    def _measured(self, plant: Plant) -> Plant:
-        return _flat(super()._measured(plant))
+    def read(self, encoders: Plant) -> Plant:
+        """Positions and speeds in one row."""
+        return Sensed(encoders, Partial(row))
 
     @property
     def nonsmooth_effects(self) -> str:
@@ -112,24 +112,15 @@ class GantryMachine(MotorMeasuredMachine):
         """Nominal gantry, corners of the joints' stiffness and of all masses, late gantries."""
         return [*super().members, LATE_AND_LIGHT]
 
-    def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """Smooth plants, their encoders read with the noise that counts make.
-
-        Dry friction turns within a millimetre per second. Without noise a loop that rings as soon
-        as something excites it would pass for a good one.
-        """
-        self.check_fed(fed)
-        noise = _rounding_noise()
-        return [
-            _flat(FineEncoders(Disturbed(plant, noise=noise), motors(3)))
-            for plant in (self._driven(one, SmoothFrictionGantry) for one in self.members)
-        ]
-
-    def true_plant(self, member: Member, fed: Fed = "outputs") -> Plant:
-        """Gantry behind encoders that count; the drives take speeds from their difference."""
-        self.check_fed(fed)
-        plant = self._driven(member, StickSlipGantry)
-        return _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
+    def driven(self, member: Member, smooth: bool) -> Plant:
+        """Gantry with its currents limited and late, behind its motors' encoders."""
+        parameters = scaled_gantry(self.parameters, member.stiffness, member.mass)
+        if self.friction is None:
+            plant: Plant = Gantry(parameters, self.model.dt)
+        else:
+            kind = SmoothFrictionGantry if smooth else StickSlipGantry
+            plant = kind(parameters, self.friction, self.model.dt)
+        return self._limited(plant, member.late)
 
     def nominal(self, fed: Fed = "outputs") -> Plant:
         """Plant with its limits, without dry friction.
@@ -138,7 +129,7 @@ class GantryMachine(MotorMeasuredMachine):
         """
         self.check_fed(fed)
         plant = self._limited(Gantry(self.parameters, self.model.dt), 0)
-        return _flat(FineEncoders(plant, motors(3)))
+        return self.read(FineEncoders(plant, motors(3)))
 
     def description(self) -> dict[str, str]:
         """Masses, beam, sensors."""
@@ -162,22 +153,6 @@ class GantryMachine(MotorMeasuredMachine):
         return motor_schedule(
             self.parameters, np.linspace(-span, span, SCHEDULED), self.model.dt, linear
         )
-
-    def _driven(
-        self, member: Member, with_friction: type[SmoothFrictionGantry | StickSlipGantry]
-    ) -> Plant:
-        parameters = scaled_gantry(self.parameters, member.stiffness, member.mass)
-        return self._limited(self._gantry(parameters, with_friction), member.late)
-
-    def _gantry(
-        self,
-        parameters: GantryParameters,
-        with_friction: type[SmoothFrictionGantry | StickSlipGantry],
-    ) -> Plant:
-        dt = self.model.dt
-        if self.friction is None:
-            return Gantry(parameters, dt)
-        return with_friction(parameters, self.friction, dt)
 
     def _limited(self, plant: Plant, samples: float) -> Plant:
         """Plant with its currents limited and late, behind its motors' encoders."""
@@ -208,20 +183,6 @@ def guide_ways() -> Friction:
     return Friction(
         coulomb=[10.0, 14.0, 18.0], stribeck=[4.0, 6.0, 6.0], stribeck_speed=0.02, viscous=0.0
     )
-
-
-def _rounding_noise() -> Float[Array, "T 6"]:
-    """Noise of the motors' positions up to half a count, the same in every run.
-
-    Speeds are made of the positions.
-    """
-    positions = rounding_noise(3, ENCODER_RESOLUTION)
-    return jnp.concatenate([positions, jnp.zeros_like(positions)], axis=1)
-
-
-def _flat(plant: Plant) -> Plant:
-    """Positions and speeds in one row."""
-    return Sensed(plant, Partial(row))
 
 
 def _words(friction: Friction) -> str:
