@@ -140,14 +140,13 @@ def scale_of(jobs: Sequence[Job], dt: float) -> Scale:
     The feed is the speed that half of the way is made at or above: the programmed one, where moves
     are long enough to reach it.
     """
-    runs = [_Run.of(job, dt) for job in jobs]
-    middles = np.array([run.middle for run in runs])
+    runs = [_scale_of(job, dt) for job in jobs]
     return Scale(
         radius=float(np.median([run.radius for run in runs])),
         half_diagonal=float(np.median([run.half_diagonal for run in runs])),
         feed=float(np.median([run.feed for run in runs])),
-        low=middles.min(axis=0),
-        high=middles.max(axis=0),
+        low=np.min([run.low for run in runs], axis=0),
+        high=np.max([run.high for run in runs], axis=0),
     )
 
 
@@ -161,32 +160,24 @@ def sharpest_corner(job: Job) -> float:
     return float(np.max(turned, initial=0.0))
 
 
-class _Run(NamedTuple):
-    """The same of a single run."""
-
-    radius: float
-    half_diagonal: float
-    feed: float
-    middle: Float[np.ndarray, " m"]
-
-    @classmethod
-    def of(cls, job: Job, dt: float) -> "_Run":
-        feed = _feed(job, dt)
-        way = job.arc[job.scored]
-        chord = min(CHORD_SAMPLES * feed * dt, float(np.ptp(way)) / LEAST_CHORDS)
-        arc = np.arange(way[0], way[-1], chord)
-        # Whether the run is scored where it comes to every arc length [m]
-        sample = np.searchsorted(job.arc, arc)
-        counts = job.scored[np.minimum(sample, job.samples - 1)]
-        points = np.asarray(along(job.contour, arc, dt, 0, at_rest=True).position)
-        chords, both = np.diff(points, axis=0), counts[:-1] & counts[1:]
-        between = both[:-1] & both[1:]
-        turned = np.sum(angle_between(chords[:-1], chords[1:])[between])
-        low, high = points[counts].min(axis=0), points[counts].max(axis=0)
-        half_diagonal = 0.5 * float(np.linalg.norm(high - low))
-        length = chord * np.count_nonzero(between)
-        radius = min(half_diagonal, length / turned) if turned > 0 else half_diagonal
-        return cls(float(radius), half_diagonal, feed, 0.5 * (low + high))
+def _scale_of(job: Job, dt: float) -> Scale:
+    feed = _feed(job, dt)
+    way = job.arc[job.scored]
+    chord = min(CHORD_SAMPLES * feed * dt, float(np.ptp(way)) / LEAST_CHORDS)
+    arc = np.arange(way[0], way[-1], chord)
+    # Whether the run is scored where it comes to every arc length [m]
+    sample = np.searchsorted(job.arc, arc)
+    counts = job.scored[np.minimum(sample, job.samples - 1)]
+    points = np.asarray(along(job.contour, arc, dt, 0, at_rest=True).position)
+    chords, both = np.diff(points, axis=0), counts[:-1] & counts[1:]
+    between = both[:-1] & both[1:]
+    turned = np.sum(angle_between(chords[:-1], chords[1:])[between])
+    low, high = points[counts].min(axis=0), points[counts].max(axis=0)
+    half_diagonal = 0.5 * float(np.linalg.norm(high - low))
+    length = chord * np.count_nonzero(between)
+    radius = min(half_diagonal, length / turned) if turned > 0 else half_diagonal
+    middle = 0.5 * (low + high)
+    return Scale(float(radius), half_diagonal, feed, middle, middle)
 
 
 def _feed(job: Job, dt: float) -> float:
