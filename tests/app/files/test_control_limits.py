@@ -51,7 +51,7 @@ def test_linuxcnc(tmp_path):
     assert warnings == ()
     inches, warnings = limits(tmp_path, INI.replace("= mm", "= inch"))
     np.testing.assert_allclose(inches.speed, [5.08, 2.54])
-    assert "[AXIS_X] MAX_VELOCITY = 200 is read as inches a second, 305 m/min" in warnings[0]
+    assert "[AXIS_X] MAX_VELOCITY = 200 is read as inches a second, 304800 mm/min" in warnings[0]
 
 
 def test_grbl(tmp_path):
