@@ -324,7 +324,8 @@ def _nothing_stable(problem: Problem, start: Weights, state: TuneState) -> str:
             "every start diverges: begin with a stabilising controller (see frozen_spectral_radius)"
         )
     weights = Chart(problem.space, start).weights(jnp.asarray(state.least_z))
-    place = f"found at {jax.tree.map(lambda w: f'{w:.4g}', weights)}"
+    numbers = jax.tree.map(lambda w: np.array2string(np.asarray(w), precision=4), weights)
+    place = f"found at {numbers}"
     if abs(state.least_radius - 1) < STILL:
         return (
             "no start is stable: the frozen loops keep a mode that neither decays nor grows, as a "
