@@ -4,11 +4,10 @@ All begin at the same random points. An evaluation with slopes counts as three. 
 many evaluations a search needs to come within 2 % of the best value that anything has found.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from itertools import groupby, product
-from types import MappingProxyType
 from typing import Any
 
 import equinox as eqx
@@ -32,33 +31,31 @@ from tuning.tuner import TuneState, advance
 
 STATE = "contouring-lq-state"
 ALONE = {"nominal_only": True, "max_sensitivity": None}
-PROBLEMS: Mapping[str, Tune] = MappingProxyType(  # from cheap to dear
-    {
-        "square, increment limited": Tune(
-            parts=("square",), controller=STATE, max_rms_increment=0.18, **ALONE
-        ),
-        "circle, RMS control limited": Tune(
-            parts=("circle",), controller=STATE, max_rms_control=2.224, **ALONE
-        ),
-        "square, stage profile, increment limited": Tune(
-            parts=("square",),
-            controller=STATE,
-            free="alpha,beta,stage",
-            max_rms_increment=0.18,
-            **ALONE,
-        ),
-        "flexible axis, cascade": Tune(
-            parts=("task-a",),
-            plant="flexible-axis",
-            controller="cascade-feedforward",
-            **ALONE,
-        ),
-        "circle, stage profile, Ms limited": Tune(
-            parts=("circle",), free="alpha,beta,observer,stage", nominal_only=True
-        ),
-        "circle, family, Ms limited": Tune(parts=("circle",)),
-    }
-)
+PROBLEMS: dict[str, Tune] = {  # from cheap to dear
+    "square, increment limited": Tune(
+        parts=("square",), controller=STATE, max_rms_increment=0.18, **ALONE
+    ),
+    "circle, RMS control limited": Tune(
+        parts=("circle",), controller=STATE, max_rms_control=2.224, **ALONE
+    ),
+    "square, stage profile, increment limited": Tune(
+        parts=("square",),
+        controller=STATE,
+        free="alpha,beta,stage",
+        max_rms_increment=0.18,
+        **ALONE,
+    ),
+    "flexible axis, cascade": Tune(
+        parts=("task-a",),
+        plant="flexible-axis",
+        controller="cascade-feedforward",
+        **ALONE,
+    ),
+    "circle, stage profile, Ms limited": Tune(
+        parts=("circle",), free="alpha,beta,observer,stage", nominal_only=True
+    ),
+    "circle, family, Ms limited": Tune(parts=("circle",)),
+}
 OURS = "jcontour"
 WITH_SLOPES = 3  # evaluations that one with slopes counts as
 REACH = 7.0  # half width in ln(weight) of the box that others search: three decades up and down

@@ -35,7 +35,7 @@ from tuning.response_loop import ResponseLoop, crossover, sensitivity, tuned
 STORED = Path(__file__).with_name("public.json")
 PICTURE = Path(__file__).parents[2] / "docs" / "pictures" / "measured-response.png"
 MOST_POLES, MOST_DELAY = 3, 10
-MOST_WORDS = 240  # letters of a refusal
+MOST_WORDS = 249  # letters of a refusal
 PULSES = "pulses_n"  # [V], despite its name
 Row = tuple[str, str, str, bool]  # a prediction without its record
 
@@ -96,25 +96,10 @@ def tables(result: list[Prediction]) -> list[Table | str]:
 
 
 def axis_of(path: Path, columns: LogColumns) -> LinearAxisResult:
-    """The axis that is identified from a log.
-
-    Raises:
-        ValueError: the record shows none.
-    """
+    """The axis that is identified from a log; one that shows none is a ValueError."""
     log = read_log(path, ("X",), columns)
     record = MachineRecord(log.dt, ("X",), log.command, log.position)
     return axis_result(identify_machine(record, MOST_POLES, MOST_DELAY).axes[0])
-
-
-def explained(what: str, path: Path, columns: LogColumns, least: float) -> Row:
-    """How much of the held-out speed is explained, at least `least`."""
-    quantity, asked = f"held-out speed, {what}", f"at least {100 * least:g} %"
-    try:
-        one = axis_of(path, columns)
-    except ValueError as error:
-        said = textwrap.shorten(str(error), MOST_WORDS, placeholder=" ...")
-        return quantity, asked, f"refused: {said}", False
-    return quantity, asked, f"{100 * one.explained:.2f} %", one.explained >= least
 
 
 def cascade_factors(table: LogTable) -> Float[np.ndarray, " 2"]:
@@ -275,7 +260,14 @@ def _logs(least: float, *logs: tuple[str, str, LogColumns]) -> Callable[[Path], 
     def predicted(folder: Path) -> Iterator[Row]:
         for what, pattern, columns in logs:
             for path in sorted(folder.glob(pattern)):
-                yield explained(what or path.stem, path, columns, least)
+                try:
+                    part = axis_of(path, columns).explained
+                    said = f"{100 * part:.2f} %"
+                except ValueError as error:
+                    part = 0.0
+                    said = textwrap.shorten(f"refused: {error}", MOST_WORDS, placeholder=" ...")
+                quantity = f"held-out speed, {what or path.stem}"
+                yield quantity, f"at least {100 * least:g} %", said, part >= least
 
     return predicted
 

@@ -64,15 +64,6 @@ class Signals:
 
 
 @dataclass(frozen=True)
-class GapRow:
-    """Relative gap of the smooth twin in RMS end-effector error, at one sharpness [s/m]."""
-
-    sharpness: float
-    A: float
-    B: float
-
-
-@dataclass(frozen=True)
 class BeamStudy:
     """Frequencies of the beam [Hz], and the load at its tip that gives the identified one."""
 
@@ -91,7 +82,8 @@ class Result:
 
     columns: dict[str, dict[str, Columns]]  # by controller and task
     signals: dict[str, dict[str, Signals]]  # by controller and task, every `KEPT_PERIOD`
-    gap: tuple[GapRow, ...]  # sharpness ascending
+    # of the smooth twin in RMS end-effector error, relative, over `SHARPNESSES`
+    gap: Float[np.ndarray, "sharpnesses tasks"]
     beam: BeamStudy
 
 
@@ -160,21 +152,18 @@ def columns(signals: Signals) -> Columns:
     )
 
 
-def gap_curve(setup: Setup) -> tuple[GapRow, ...]:
+def gap_curve(setup: Setup) -> Float[np.ndarray, "sharpnesses tasks"]:
     """Smooth twin against the true axis under the thesis's cascade, over the sharpness."""
     controller = setup.controller(BASELINE)
     parameters, dt = setup.machine.parameters, setup.machine.model.dt
-
-    def rms(plant: Plant | None) -> Float[np.ndarray, " tasks"]:
+    twins = [SmoothFlexibleAxis(parameters, dt, sharpness) for sharpness in SHARPNESSES]
+    sizes = []
+    for plant in (setup.true, *twins):
         by_task = setup.signals(controller, plant)
         errors = [by_task[task].tool - by_task[task].wanted for task in TASKS]
-        return np.array([np.sqrt(np.mean(error**2)) for error in errors])
-
-    true, rows = rms(None), []
-    for sharpness in SHARPNESSES:
-        twin = rms(SmoothFlexibleAxis(parameters, dt, sharpness))
-        rows.append(GapRow(sharpness, *np.abs(twin / true - 1).tolist()))
-    return tuple(rows)
+        sizes.append([np.sqrt(np.mean(error**2)) for error in errors])
+    true, *others = np.array(sizes)
+    return np.abs(np.array(others) / true - 1)
 
 
 @eqx.filter_jit
