@@ -87,12 +87,6 @@ class Moving:
         self.line = np.zeros(max(round(self.axis.delay * self.steps / self.dt), 0) + 1)
         self.numbers = self.axis.numbers
 
-    def place_at(self, position: float) -> None:
-        """Rest at a position."""
-        self.state[:] = 0.0
-        self.state[:3] = position
-        self.line[:] = position if self.axis.takes == "position" else 0.0
-
     @property
     def tool(self) -> float:
         """Position of the last mass [m]."""
@@ -168,7 +162,8 @@ def stepped(axes: list[TrueAxis], dt: float, law: Law, rows: int, start=(0.0, 0.
     """Axes under a law that is asked once a sample with the counted positions."""
     moving = [Moving(one, dt) for one in axes]
     for one, place in zip(moving, start, strict=False):
-        one.place_at(float(place))
+        one.state[:3] = place
+        one.line[:] = place if one.axis.takes == "position" else 0.0
     commands, places, tools = [], [], []
     for _ in range(rows):
         measured = np.array([one.read() for one in moving])
@@ -182,12 +177,9 @@ def stepped(axes: list[TrueAxis], dt: float, law: Law, rows: int, start=(0.0, 0.
 
 
 def response(axis: TrueAxis, dt: float, w: Float[np.ndarray, " F"]) -> Complex[np.ndarray, " F"]:
-    """From a held command to the position, without what is not linear; by its answer to a pulse.
+    """From a held command to the position at frequencies w [rad per sample], by a pulse's answer.
 
-    Args:
-        axis: whose response it is.
-        dt: sample period [s].
-        w: frequencies [rad per sample].
+    What is not linear is left out.
     """
     one = Moving(replace(axis.linear, count=0.0), dt)
     places = []

@@ -1,4 +1,4 @@
-"""Statements of Lam, Manzie & Good about the X-Y table: verdicts, Fig. 13 in numbers, figures."""
+"""Statements of Lam, Manzie & Good about the X-Y table: verdicts and figures."""
 
 from collections.abc import Iterator
 from itertools import product

@@ -1,4 +1,4 @@
-"""Statements of Tomizuka, Hu, Chiu & Kamano: findings, verdicts, tables and figures."""
+"""Statements of Tomizuka, Hu, Chiu & Kamano: findings, verdicts and figures."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial

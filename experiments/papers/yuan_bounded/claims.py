@@ -1,4 +1,4 @@
-"""Statements of Yuan's chapter 4: findings, verdicts, tables and figures."""
+"""Statements of Yuan's chapter 4: findings, verdicts and figures."""
 
 from collections.abc import Iterator
 

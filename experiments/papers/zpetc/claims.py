@@ -1,4 +1,4 @@
-"""Statements of Smith & Lee with our findings and verdicts, tables and figures."""
+"""Statements of Smith & Lee with our findings and verdicts and figures."""
 
 from collections.abc import Iterator, Sequence
 
