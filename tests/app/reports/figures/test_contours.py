@@ -11,7 +11,6 @@ from jcontour.app.reports.figures.contours import (
     TITLE,
     TITLES,
     ContourRuns,
-    DrawnRun,
     contour_figure,
     draw_way,
     error_figure,
@@ -69,17 +68,6 @@ def test_rounding_is_no_error_to_magnify():
     """On a line along an axis the tool is off by what coordinates are rounded to."""
     desired = np.array([[1.0, 900.0], [3.0, 900.0]])
     assert magnification(desired, np.array([[0.0, np.spacing(900.0)], [0.0, 0.0]])) == 1.0
-
-
-def runs_along(place, error, scored=None):
-    """One run, `error` [m] beside its contour `place` (T, 2) [m], along Y."""
-    place = np.asarray(place, float)
-    beside = np.zeros_like(place)
-    beside[:, 1] = error
-    run = DrawnRun("mine", "nominal plant", place + beside, np.zeros_like(place), beside)
-    scored = np.ones(len(place), bool) if scored is None else scored
-    time = 1e-3 * np.arange(len(place))
-    return ContourRuns("part", time, scored, place, ("X", "Y"), "A", ((run,),))
 
 
 def test_errors_over_time_are_in_micrometres(runs):
