@@ -162,11 +162,15 @@ def command(flags: Check) -> int:
     save_figure(figure, folder / "certificate.png")
     write_result(folder, result)
     row = result.worst
+    force = f"{digits(result.force)} {result.machine.control_unit}"
+    off = f"up to {of_axes(result.encoder, result.machine.axes)}"
     shares = f"an attack reaches {100 * row.reached / row.bound:.0f} % of it"
     answer = [
         Entry("Bound", f"{digits(1e6 * row.bound)} um, {row.contour}, {row.plant}; {shares}"),
         Entry("Worst", peak_line(row.place, result.error, result.machine.axes)),
-        Entry("Proven", _proven(result)),
+        Entry(
+            "Proven", f"for every force of up to {force} on each control and encoder error of {off}"
+        ),
         Entry("Assumed", "--force and --encoder-um say what acts on your machine"),
     ]
     if result.verdict.usable:
@@ -243,13 +247,6 @@ def show_certified(result: CertifiedResult, console: Console) -> None:
         BOUNDS,
         f"The attack, the bound and both errors at every sample: {ATTACK}",
     )
-
-
-def _proven(result: CertifiedResult) -> str:
-    """Disturbances that the proof is for."""
-    encoder = of_axes(result.encoder, result.machine.axes)
-    force = f"{digits(result.force)} {result.machine.control_unit}"
-    return f"for every force of up to {force} on each control and encoder error of up to {encoder}"
 
 
 def certified_runs(

@@ -13,7 +13,7 @@ from jcontour.app.reports.figures.axes import save_figure
 from jcontour.app.reports.figures.identification import response_figure
 from jcontour.app.reports.screen import Entry
 from jcontour.app.runs.lifecycle import finished
-from tuning.response_loop import ResponseLoop, crossover, quickest, sensitivity, tuned
+from tuning.response_loop import crossover, quickest, sensitivity, tuned
 
 MOST = 1.5  # Ms of a loop inside others
 CALM = 0.8  # coherence of a line that the loop is judged by
@@ -35,7 +35,22 @@ def command(flags: Identify) -> int:
         loop = quickest(*given, MOST)
     else:
         loop = tuned(*given, flags.crossover_hz)
-    result = result_of(str(flags.response), lines, loop, len(measured.frequency))
+    L = loop.response(lines.frequency) * lines.value
+    at, S = crossover(lines.frequency, L), sensitivity(L)
+    phase = np.interp(at, lines.frequency, np.unwrap(np.angle(-L)))
+    result = ResponseResult(
+        data=str(flags.response),
+        lines=len(lines.frequency),
+        measured=len(measured.frequency),
+        lowest=float(lines.frequency[0]),
+        highest=float(lines.frequency[-1]),
+        loop=loop,
+        crossover=at,
+        phase_margin=float(np.degrees((phase + np.pi) % (2 * np.pi) - np.pi)),
+        sensitivity=float(S.max()),
+        sensitive_at=float(lines.frequency[np.argmax(S)]),
+        deviated=float(sensitivity(L, lines.deviation).max()),
+    )
     folder = run_folder.create(
         flags.out or run_folder.default_folder("identify"), "identify", flags, [flags.response]
     )
@@ -67,29 +82,6 @@ def calm(measured: MeasuredResponse) -> MeasuredResponse:
     """The lines of a coherence that a loop can be judged by."""
     kept = measured.coherence >= CALM
     return MeasuredResponse(*(one[kept] for one in vars(measured).values()))
-
-
-def result_of(
-    data: str, lines: MeasuredResponse, loop: ResponseLoop, measured: int
-) -> ResponseResult:
-    """Parameters and margins of a control on these lines."""
-    L = loop.response(lines.frequency) * lines.value
-    at = crossover(lines.frequency, L)
-    S = sensitivity(L)
-    phase = np.interp(at, lines.frequency, np.unwrap(np.angle(-L)))
-    return ResponseResult(
-        data=data,
-        lines=len(lines.frequency),
-        measured=measured,
-        lowest=float(lines.frequency[0]),
-        highest=float(lines.frequency[-1]),
-        loop=loop,
-        crossover=at,
-        phase_margin=float(np.degrees((phase + np.pi) % (2 * np.pi) - np.pi)),
-        sensitivity=float(S.max()),
-        sensitive_at=float(lines.frequency[np.argmax(S)]),
-        deviated=float(sensitivity(L, lines.deviation).max()),
-    )
 
 
 def show(result: ResponseResult, console: Console) -> None:
