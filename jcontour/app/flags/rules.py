@@ -82,7 +82,8 @@ def read(kind: Any, arguments: Sequence[str], prog: str, description: str) -> An
         SystemExit: help was asked for, or a flag is wrong.
     """
     asked = ["--help" if word == ALL else word for word in _files_first(kind, arguments)]
-    registry = rules(everything=ALL in arguments or not HELP & set(arguments))
+    helped = bool(HELP & set(asked))
+    registry = rules(everything=ALL in arguments or not helped, helped=helped)
     return tyro.cli(kind, prog=prog, description=description, args=asked, registry=registry)
 
 
@@ -109,8 +110,11 @@ def described(kind: type) -> str:
     return " ".join((kind.__doc__ or "").split()) + more
 
 
-def rules(everything: bool = True) -> ConstructorRegistry:
-    """Rules for tyro; without everything, the flags that a class calls `RARE` are left out."""
+def rules(everything: bool = True, helped: bool = False) -> ConstructorRegistry:
+    """Rules for tyro; without everything, the flags that a class calls `RARE` are left out.
+
+    Help says nothing of its `REFUSED` ones, which it inherits and answers with what to give.
+    """
     registry = ConstructorRegistry()
     registry.primitive_rule(_one_value)
 
@@ -127,6 +131,11 @@ def rules(everything: bool = True) -> ConstructorRegistry:
             shown: Any = types[field.name]
             if default is None or default is False or default in ((), "", Path()):
                 shown = Annotated[shown, NOTHING_SAID]
+            if default == () and tyro.conf.Positional in get_args(shown):
+                several = f"[{field.name.removesuffix('s').upper()} ...]"
+                shown = Annotated[shown, tyro.conf.arg(metavar=several)]
+            if helped and field.name in getattr(kind.type, "REFUSED", ()):
+                shown = tyro.conf.Suppress[shown]
             if field.name in rare and not everything:
                 shown = tyro.conf.Suppress[shown]
             specs.append(StructFieldSpec(field.name, shown, default, texts.get(field.name)))

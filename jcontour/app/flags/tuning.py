@@ -82,6 +82,8 @@ class Rank(Aimed):
     Alike: sensors, family, margin, other limits and evaluations.
     """
 
+    REFUSED = ("controller", "weights")  # it takes several, and each begins at its own weights
+
     parts: Positional[tuple[str, ...]] = ()
     """Training set: toolpaths (.ngc, .dxf, .svg, .csv) or names from `jcontour list`.
     The machine's usual one when none is given."""

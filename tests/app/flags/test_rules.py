@@ -11,7 +11,7 @@ import tyro
 from jcontour.app.cli import COMMANDS, main
 from jcontour.app.flags.rules import flowing, rules, texts_of
 from jcontour.app.flags.rules import read as rules_read
-from jcontour.app.flags.tuning import Tune
+from jcontour.app.flags.tuning import Rank, Tune
 
 
 @dataclass
@@ -149,3 +149,14 @@ def test_a_file_behind_a_list_of_names_is_no_name(tmp_path, monkeypatch):
         assert (read[-1].data, read[-1].axes, read[-1].seed) == (Path("log.csv"), ("X",), 3)
     main("identify log.csv --axes X own.py".split())
     assert read[-1].axes == ("X", "own.py")
+
+
+def test_help_of_rank_says_nothing_of_what_a_ranking_refuses(capsys):
+    """What it refuses it still reads, to say what to give."""
+    with pytest.raises(SystemExit):
+        main(["rank", "--help-all"])
+    text = capsys.readouterr().out
+    assert "[RANK OPTIONS] [PART ...]" in text
+    assert re.findall(r"(?m)^[^\w-]*--(controller|weights)\w*", text) == ["controller"]
+    asked = rules_read(Rank, ["--controller", "a"], "jcontour rank", "")
+    assert asked.controller == "a"
