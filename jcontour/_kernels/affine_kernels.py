@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import warp as wp
 
-from jcontour._kernels.parts import IN_SHARED, ROWS, at, contour_scores, fence, inverse_root
+from jcontour._kernels.parts import IN_SHARED, NORMS, at, contour_scores, fence, inverse_root
 
 
 class AffineKernels(NamedTuple):
@@ -38,7 +38,7 @@ def affine_kernels(n: int, p: int, m: int, real) -> AffineKernels:
     Triangle = wp.types.vector(length=n * (n + 1) // 2, dtype=real)
     Square = wp.types.vector(length=p * (p + 1) // 2, dtype=real)
     Gain = wp.types.vector(length=p * (n + 1), dtype=real)
-    Sums = wp.types.vector(length=ROWS, dtype=real)
+    Sums = wp.types.vector(length=NORMS, dtype=real)
     Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
     scores = contour_scores(m, real)
 
@@ -172,7 +172,7 @@ def affine_kernels(n: int, p: int, m: int, real) -> AffineKernels:
     def run(
         A: Row, B: Row, C: Row, r: Row, y_d: Row, arc: Row, scored: wp.array(dtype=int),
         start: Row, pieces: Rows, whole: Row, K: Rows,
-        out: Rows,  # (2 ROWS + 1, runs): sums, peaks, whether it diverged
+        out: Rows,  # (2 NORMS + 1, runs): sums, peaks, whether it diverged
     ):  # fmt: skip
         own = wp.tid()
         x, last, before = State(), Input(), int(0)
@@ -215,9 +215,9 @@ def affine_kernels(n: int, p: int, m: int, real) -> AffineKernels:
                 for q in range(n):
                     new[i] += number(A, i * n + q) * x[q]
             x = new
-        for i in range(ROWS):
+        for i in range(NORMS):
             out[i, own] = sums[i]
-            out[ROWS + i, own] = peaks[i]
-        out[2 * ROWS, own] = lost
+            out[NORMS + i, own] = peaks[i]
+        out[2 * NORMS, own] = lost
 
     return AffineKernels(gains, run)

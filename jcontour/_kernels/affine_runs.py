@@ -13,8 +13,8 @@ import warp as wp
 from jaxtyping import Array, Float
 
 from jcontour._kernels.affine_kernels import affine_kernels
-from jcontour._kernels.lq_metrics import REAL, contour_rows, finished, over_runs
-from jcontour._kernels.parts import BLOCK, ROWS
+from jcontour._kernels.lq_metrics import REAL, computes_all, contour_rows, finished, over_runs
+from jcontour._kernels.parts import BLOCK, NORMS
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import start_state
@@ -37,7 +37,7 @@ def swept_plan(
     y_d: Float[Array, "S m"],
     stage: Float[Array | np.ndarray, " N_p"],
     R: Float[Array, "p p"],
-    readable: Callable[..., AffinePlan],
+    in_jax: Callable[..., AffinePlan],
 ) -> AffinePlan:
     """Plan of `riccati.receding_horizon_plan` with the output terminal.
 
@@ -45,9 +45,9 @@ def swept_plan(
         model: A, B, C.
         Q: output weight at every sample, S = T + N_p.
         y_d: desired output at every sample [m].
-        stage: profile over the horizon.
+        stage: stage profile, weights over the horizon.
         R: control weight.
-        readable: the same plan of the same arguments in plain JAX, for derivatives.
+        in_jax: the same plan of the same arguments in plain JAX, for derivatives.
     """
     dtype, (p, n) = model.A.dtype, (model.inputs, model.states)
     steps = Q.shape[0] - stage.shape[0]
@@ -63,7 +63,7 @@ def swept_plan(
 
     @plan.defjvp
     def _(primals, tangents):
-        return jax.jvp(readable, primals, tangents)
+        return jax.jvp(in_jax, primals, tangents)
 
     return plan(model, Q, y_d, stage, R)
 
@@ -84,7 +84,8 @@ def _gains(size: tuple[int, int, int], dtype: str, steps: int):
 def suits_run(plant: LinearPlant, reference: Reference) -> bool:
     """Whether the kernel of a run takes a machine and a contour: one of lines and arcs."""
     small = plant.states <= 2 * MOST_STATES and plant.inputs <= MOST_INPUTS
-    return small and not reference.contour.newton_steps and str(plant.A.dtype) in REAL
+    lines_and_arcs = not reference.contour.newton_steps
+    return computes_all() and small and lines_and_arcs and str(plant.A.dtype) in REAL
 
 
 def metrics(
@@ -92,7 +93,7 @@ def metrics(
     plant: LinearPlant,
     reference: Reference,
     window: tuple[int, int] | None,
-    readable: Callable[[AffinePlan, LinearPlant, Reference], Metrics],
+    in_jax: Callable[[AffinePlan, LinearPlant, Reference], Metrics],
 ) -> Metrics:
     """Metrics of a run of `plant` under u = f - F x.
 
@@ -101,7 +102,7 @@ def metrics(
         plant: the machine, whose state is measured.
         reference: of the run.
         window: samples a..b-1 that are scored; all when not given.
-        readable: the same metrics in plain JAX, for derivatives.
+        in_jax: the same metrics in plain JAX, for derivatives.
     """
     dtype = plant.A.dtype
 
@@ -121,7 +122,7 @@ def metrics(
 
     @of.defjvp
     def _(primals, tangents):
-        return jax.jvp(readable, primals, tangents)
+        return jax.jvp(in_jax, primals, tangents)
 
     return of(plan, plant, reference)
 
@@ -132,7 +133,7 @@ def _run(size: tuple[int, int, int], dtype: str):
 
     def call(own, *shared):
         runs = own[0].shape[1]
-        placed = {"launch_dims": runs, "output_dims": {"out": (2 * ROWS + 1, runs)}}
+        placed = {"launch_dims": runs, "output_dims": {"out": (2 * NORMS + 1, runs)}}
         return tuple(launch(*shared, *own, **placed))
 
     return over_runs(call)

@@ -1,7 +1,7 @@
 """The receding-horizon LQ run and its slopes in Warp: one thread a run, gains never formed.
 
 The algebra is that of `riccati.decoupled`. With f = beta / (alpha + beta), w = f v, and the errors
-of the window scaled by the root of the stage profile, a step solves
+over the horizon scaled by the root of the stage profile, a step solves
 
     S w = sum_a r_a (f M_a e_a),   S_ij = 1_ij (1 - f |r_i|^2) + sum_a r_ai (f M_aij) r_aj
     eta_a = e_a - r_a w,           u_a = -(kappa M_a h_a)' eta_a
@@ -10,11 +10,11 @@ z_a = M_a eta_a, e' = O x' the slope of the free error, and kappa dM/dkappa = M 
 
     kappa d/dkappa: S w' = sum_a r_a (f M (e' + z) - f z),  u' = -(kappa M h)' (e' + z - r w')
           d/df:     S w' = sum_a r_a f M e' + v,            u' = -(kappa M h)' (e' - r w')
-f is at least `LEAST`, so that v = w / f.
+f is at least `LEAST_RATIO`, so that v = w / f.
 
 In reverse, from the cotangents u_bar of the controls, a step solves S p = sum_a r_a g_a u_bar_a,
 with g = kappa M h. The free error has the cotangent e_bar_a = f M_a r_a p - g_a u_bar_a. The slopes
-with log kappa, f, and half of the logarithm of entry j of the profile are
+with log kappa, f, and half of the logarithm of entry j of the stage profile are
 
     sum_a (e_bar_a' z_a - f p' r_a z_a),   p' w / f,
     sum_a (e_bar_aj (2 z_aj + r_aj w_j) - f p_j r_aj z_aj)
@@ -34,12 +34,12 @@ from typing import NamedTuple
 
 import warp as wp
 
-from jcontour._kernels.parts import IN_SHARED, ROWS, at, contour_scores, fence, inverse_root
+from jcontour._kernels.parts import IN_SHARED, NORMS, at, contour_scores, fence, inverse_root
 
-LONGEST_WINDOW = 16  # samples: loops over more are not unrolled
-SPAN = 25  # samples of a run whose states are found again in reverse
+LONGEST_PREVIEW = 16  # samples: loops over more are not unrolled
+SEGMENT = 25  # samples between stored states; in reverse those between are computed again
 TILE = 32  # runs side by side in memory
-LEAST = 1e-20  # of f
+LEAST_RATIO = 1e-20  # of beta / (alpha + beta)
 
 
 class Kernels(NamedTuple):
@@ -52,11 +52,11 @@ class Kernels(NamedTuple):
 
 
 @lru_cache
-def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> Kernels:
-    """Kernels for m axes of at most n states and a window of N samples.
+def kernels(m: int, n: int, N: int, real=wp.float64, staged: bool = False) -> Kernels:
+    """Kernels for m axes of at most n states and a horizon of N samples.
 
     Arrays of a run: f (1, runs), and in tiles of `TILE` runs (tiles, rows, TILE) the lower
-    triangles of f M (m T rows) and kappa M h (m N rows); the roots of the profile (N, runs). What
+    triangles of f M (m T rows) and kappa M h (m N rows); roots of the stage profile (N, runs). What
     all runs share: A (m n n), B, C (m n), O (m N n), tangents and desired positions (m S), what the
     model's response at rest is above its position (m N), the control there, arc lengths, what is
     scored (steps,), the first state (m, n), the pieces of the contour, and its length, size,
@@ -65,7 +65,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
     T = N * (N + 1) // 2  # numbers of a symmetric matrix, its lower triangle row by row
     Point, Window = (wp.types.vector(length=k, dtype=real) for k in (m, N))
     Triangle, States = (wp.types.vector(length=k, dtype=real) for k in (T, m * n))
-    Sums, Slope = wp.types.vector(length=ROWS, dtype=real), wp.types.matrix((2, ROWS), real)
+    Sums, Slope = wp.types.vector(length=NORMS, dtype=real), wp.types.matrix((2, NORMS), real)
     Slopes = wp.types.vector(length=2 + N, dtype=real)
     Row, Rows, Cube = (wp.array(dtype=real, ndim=k) for k in (1, 2, 3))
     scores = contour_scores(m, real)
@@ -90,7 +90,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         for i in range(N):
             for q in range(n):
                 e[i] += at(observed, wp.int64(0), (a * N + i) * n + q) * x[a * n + q]
-            if wp.static(profiled):
+            if wp.static(staged):
                 e[i] *= scale[i, tid]
         return e
 
@@ -99,7 +99,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         w = ahead_of(y_d, stride, a, k)
         for i in range(N):
             w[i] += at(rest, wp.int64(0), a * N + i)
-            if wp.static(profiled):
+            if wp.static(staged):
                 w[i] *= scale[i, tid]
         return w
 
@@ -244,18 +244,18 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
             f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
             r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
             scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
-            out: Rows,  # (3 ROWS + 1, runs): sums, peaks, whether it diverged, samples of the peaks
-            kept: Rows,  # (m steps + m n spans, runs): controls, and the states in front of spans
+            out: Rows,  # (3 NORMS + 1, runs): sums, peaks, diverged, samples of the peaks
+            kept: Rows,  # (m steps + m n segments, runs): controls, states before segments
         ):  # fmt: skip
             own = wp.tid()
-            forgiven = f[0, own]
+            ratio = f[0, own]
             stride = scored.shape[0] + N
             own_M, own_Mh = tile(m * T, own), tile(m * N, own)
             x, last, before = begun(start), Point(), int(0)
             sums, peaks, when, lost = Sums(), Sums(), Sums(), real(0.0)
             for k in range(scored.shape[0]):
                 S, c, u = system(
-                    forgiven, M, own_M, Mh, own_Mh, scale, observed,
+                    ratio, M, own_M, Mh, own_Mh, scale, observed,
                     r, y_d, rest, hold, x, stride, k, own,
                 )  # fmt: skip
                 fence()
@@ -267,9 +267,9 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
                 if wp.static(keeps):
                     for a in range(m):
                         kept[k * m + a, own] = u[a]
-                    if k % SPAN == 0:
+                    if k % SEGMENT == 0:
                         for i in range(m * n):
-                            kept[scored.shape[0] * m + k // SPAN * m * n + i, own] = x[i]
+                            kept[scored.shape[0] * m + k // SEGMENT * m * n + i, own] = x[i]
                 y, tangent = output(C, x), sample(r, stride, k)
                 error = y - sample(y_d, stride, k)
                 if scored[k] != 0:
@@ -283,7 +283,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
                         squares[4] = wp.length_sq(u - last)
                     sums += squares
                     if wp.static(keeps):
-                        for i in range(ROWS):
+                        for i in range(NORMS):
                             if squares[i] > peaks[i]:
                                 when[i] = real(k)
                     peaks = wp.max(peaks, squares)
@@ -292,11 +292,11 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
                 last = u
                 before = int(scored[k])
                 x = moved(A, B, x, u)
-            for i in range(ROWS):
+            for i in range(NORMS):
                 out[i, own] = sums[i]
-                out[ROWS + i, own] = peaks[i]
-                out[2 * ROWS + 1 + i, own] = when[i]
-            out[2 * ROWS, own] = lost
+                out[NORMS + i, own] = peaks[i]
+                out[2 * NORMS + 1 + i, own] = when[i]
+            out[2 * NORMS, own] = lost
 
         return run
 
@@ -305,11 +305,11 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
         r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
         scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
-        out: Rows, slope: Cube,  # (2, 2 ROWS, runs): of half of the sums and peaks
+        out: Rows, slope: Cube,  # (2, 2 NORMS, runs): of half of the sums and peaks
     ):  # fmt: skip
         """Both slopes of a run by one thread: with log kappa, and with f."""
         own = wp.tid()
-        forgiven = f[0, own]
+        ratio = f[0, own]
         stride = scored.shape[0] + N
         own_M, own_Mh = tile(m * T, own), tile(m * N, own)
         x, x1, x2, before = begun(start), States(), States(), int(0)
@@ -318,14 +318,14 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
         for k in range(scored.shape[0]):
             fence()
             S, c, u = system(
-                forgiven, M, own_M, Mh, own_Mh, scale, observed,
+                ratio, M, own_M, Mh, own_Mh, scale, observed,
                 r, y_d, rest, hold, x, stride, k, own,
             )  # fmt: skip
             fence()
             L = cholesky(S)
             fence()
             w = solved(L, c)
-            c1, c2, u1, u2 = Window(), w / forgiven, Point(), Point()
+            c1, c2, u1, u2 = Window(), w / ratio, Point(), Point()
             for a in range(m):
                 R = ahead_of(r, stride, a, k)
                 lag = wp.cw_mul(R, w)
@@ -337,7 +337,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
                 fence()
                 z = times(M, own_M, a, eta)
                 fence()
-                e1 = free(observed, scale, x1, a, own) + z / forgiven
+                e1 = free(observed, scale, x1, a, own) + z / ratio
                 e2 = free(observed, scale, x2, a, own)
                 u[a] += paired(Mh, own_Mh, a, lag)
                 u1[a] -= paired(Mh, own_Mh, a, e1)
@@ -379,7 +379,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
                     ds[1, 4] = wp.dot(u - last, u2 - last2)
                 sums += squares
                 sum_slopes += ds
-                for i in range(ROWS):
+                for i in range(NORMS):
                     if squares[i] > peaks[i]:
                         peaks[i] = squares[i]
                         peak_slopes[0, i] = ds[0, i]
@@ -390,37 +390,37 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
             before = int(scored[k])
             fence()
             x, x1, x2 = moved(A, B, x, u), moved(A, B, x1, u1), moved(A, B, x2, u2)
-        for i in range(ROWS):
+        for i in range(NORMS):
             out[i, own] = sums[i]
-            out[ROWS + i, own] = peaks[i]
+            out[NORMS + i, own] = peaks[i]
             for t in range(2):
                 slope[t, i, own] = sum_slopes[t, i]
-                slope[t, ROWS + i, own] = peak_slopes[t, i]
-        out[2 * ROWS, own] = lost
+                slope[t, NORMS + i, own] = peak_slopes[t, i]
+        out[2 * NORMS, own] = lost
 
     @wp.kernel(**IN_SHARED)
     def adjoint(
         f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
         r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
         scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
-        bars: Rows,  # (2 ROWS, runs): cotangents of half of the sums and peaks
+        bars: Rows,  # (2 NORMS, runs): cotangents of half of the sums and peaks
         metrics: Rows, kept: Rows,  # of `run`
-        slope: Rows,  # (2 + N, runs): with log kappa, f, and half of the logarithm of the profile
-        states: Rows,  # (m n SPAN, runs): of a span
+        slope: Rows,  # (2 + N, runs): with log kappa, f, the logarithms of the roots of the profile
+        states: Rows,  # (m n SEGMENT, runs): of a segment
     ):  # fmt: skip
         """Slopes of a run with everything that its gains are made from, in reverse."""
         own = wp.tid()
-        forgiven = f[0, own]
+        ratio = f[0, own]
         stride = scored.shape[0] + N
         own_M, own_Mh = tile(m * T, own), tile(m * N, own)
         x_bar, pull, total = States(), Point(), Slopes()
         for back in range(scored.shape[0]):
             k = scored.shape[0] - 1 - back
-            place = k % SPAN
+            place = k % SEGMENT
             x, u, last = States(), Point(), Point()
-            if back == 0 or place == SPAN - 1:
+            if back == 0 or place == SEGMENT - 1:
                 for i in range(m * n):
-                    x[i] = kept[scored.shape[0] * m + k // SPAN * m * n + i, own]
+                    x[i] = kept[scored.shape[0] * m + k // SEGMENT * m * n + i, own]
                 for j in range(place + 1):
                     for i in range(m * n):
                         states[j * m * n + i, own] = x[i]
@@ -437,10 +437,10 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
             pull = Point()
             if scored[k] != 0:
                 bar = Sums()
-                for i in range(ROWS):
+                for i in range(NORMS):
                     bar[i] = bars[i, own]
-                    if metrics[2 * ROWS + 1 + i, own] == real(k):
-                        bar[i] += bars[ROWS + i, own]
+                    if metrics[2 * NORMS + 1 + i, own] == real(k):
+                        bar[i] += bars[NORMS + i, own]
                 y, tangent = output(C, x), sample(r, stride, k)
                 error = y - sample(y_d, stride, k)
                 offset, across = scores(pieces, whole, y, error, tangent, arc[k])
@@ -458,7 +458,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
                         next_bar[a * n + q] += entry * x_bar[a * n + i]
             fence()
             S, c, _ = system(
-                forgiven, M, own_M, Mh, own_Mh, scale, observed,
+                ratio, M, own_M, Mh, own_Mh, scale, observed,
                 r, y_d, rest, hold, x, stride, k, own,
             )  # fmt: skip
             fence()
@@ -472,7 +472,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
             fence()
             p = solved(L, w_bar)
             fence()
-            total[1] += wp.dot(p, w) / forgiven
+            total[1] += wp.dot(p, w) / ratio
             for a in range(m):
                 R = ahead_of(r, stride, a, k)
                 lag, turned = wp.cw_mul(R, w), wp.cw_mul(R, p)
@@ -484,11 +484,11 @@ def kernels(m: int, n: int, N: int, real=wp.float64, profiled: bool = False) -> 
                 fence()
                 fz, e_bar = both(M, own_M, a, eta, turned)
                 fence()
-                z = fz / forgiven
+                z = fz / ratio
                 for i in range(N):
                     e_bar[i] -= at(Mh, own_Mh, (a * N + i) * TILE) * u_bar[a]
                     total[0] += e_bar[i] * z[i] - turned[i] * fz[i]
-                    if wp.static(profiled):
+                    if wp.static(staged):
                         total[2 + i] += e_bar[i] * (real(2.0) * z[i] + lag[i]) - turned[i] * fz[i]
                         e_bar[i] *= scale[i, own]
                     for s in range(n):

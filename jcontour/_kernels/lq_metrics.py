@@ -1,9 +1,12 @@
 """Metrics of an LQ contouring run by the kernels of `lq_kernels`, as a function of JAX.
 
 It works under `jit`, `vmap` (any depth) and `shard_map`, and has first derivatives in both modes.
-Slopes with the weights and the profile come from kernels; with anything else from the readable
-form. The kernel of `slopes` makes two in one run. With a profile there are more, and in float64 a
-GPU has no registers for two: there they are found in reverse.
+Those with respect to alpha, beta, rho and the stage profile come from kernels, any others from the
+same metrics in plain JAX. A run depends on the three weights by two numbers only,
+
+    kappa = (alpha + beta) / rho,   f = beta / (alpha + beta)
+and the kernel `slopes` carries the tangents of both along with the run. A stage profile has N more,
+and in float64 a GPU has no registers for two: there the kernel `adjoint` goes back along the run.
 """
 
 from collections.abc import Callable
@@ -21,8 +24,8 @@ from jaxtyping import Array, Float
 
 from jcontour._arrays import is_concrete
 from jcontour._devices import on_gpu
-from jcontour._kernels.lq_kernels import LEAST, LONGEST_WINDOW, SPAN, TILE, kernels
-from jcontour._kernels.parts import BLOCK, ROWS
+from jcontour._kernels.lq_kernels import LEAST_RATIO, LONGEST_PREVIEW, SEGMENT, TILE, kernels
+from jcontour._kernels.parts import BLOCK, NORMS, VECTORS
 from jcontour.geometry.contours import Contour
 from jcontour.linear.plant import LinearPlant, decoupled_axes, operating_point
 from jcontour.motion.references import Reference
@@ -34,17 +37,25 @@ from jcontour.simulation.metrics import Metrics, scored_samples
 wp.config.quiet = True  # pyright: ignore[reportAttributeAccessIssue]
 REAL = {"float32": wp.float32, "float64": wp.float64}
 MOST_STATES = 16  # of an axis: loops over more are not unrolled
+# metrics in the order of the kernels' rows; `duration` and `diverged` come beside them
+COMPUTED = [f"{size}_{name}" for size in ("rms", "peak") for name in VECTORS]
+
+
+def computes_all() -> bool:
+    """Whether the kernels compute every metric; where not, runs are left to plain JAX."""
+    return Metrics.__dataclass_fields__.keys() <= {*COMPUTED, "duration", "diverged"}
 
 
 def suits(problem: ContouringProblem, plant: LinearPlant, reference: Reference) -> bool:
-    """Whether the kernels take a run: lines and arcs, a short window, axes that nothing couples."""
+    """Whether the kernels take a run: lines and arcs, a short preview, uncoupled axes."""
     axes = decoupled_axes(plant.pattern)
     types = {str(leaf.dtype) for leaf in (problem.y_d, plant.A, problem.model.A, problem.alpha)}
     return (
-        problem.preview <= LONGEST_WINDOW
+        computes_all()
+        and problem.preview <= LONGEST_PREVIEW
         and axes == decoupled_axes(problem.model.pattern)
         and max(len(axis.states) for axis in axes) <= MOST_STATES
-        and not reference.contour.newton_steps
+        and not reference.contour.newton_steps  # lines and arcs need none
         and len(types) == 1
         and types <= REAL.keys()
     )
@@ -55,7 +66,7 @@ def metrics(
     plant: LinearPlant,
     reference: Reference,
     window: tuple[int, int] | None,
-    readable: Callable[[ContouringProblem, LinearPlant, Reference], Metrics],
+    in_jax: Callable[[ContouringProblem, LinearPlant, Reference], Metrics],
 ) -> Metrics:
     """Metrics of a run of `plant` under the receding-horizon law of `problem`.
 
@@ -64,7 +75,7 @@ def metrics(
         plant: the machine, with the axes of the model.
         reference: of the run.
         window: samples a..b-1 that are scored; all when not given.
-        readable: the same metrics in plain JAX, for slopes with other numbers than the weights.
+        in_jax: the same metrics in plain JAX, for derivatives with respect to anything else.
     """
     weights = problem.alpha, problem.beta, problem.rho
     stage = problem.stage
@@ -85,30 +96,32 @@ def metrics(
     def _(primals, tangents):
         if not all(isinstance(leaf, SymbolicZero) for leaf in tangents[2]):
             dense = jax.tree.map(_dense, primals, tangents, is_leaf=_is_leaf)
-            return jax.jvp(lambda *some: readable(*rebuilt(*some)), primals, dense)
+            return jax.jvp(lambda *some: in_jax(*rebuilt(*some)), primals, dense)
         run = rebuilt(*primals)
         N, moved = problem.preview, _moved(primals[0], map(_dense, primals[0], tangents[0]))
-        still = stage is None or isinstance(tangents[1], SymbolicZero)
-        if still and not (on_gpu() and plant.A.dtype == jnp.float64):
+        constant_stage = stage is None or isinstance(tangents[1], SymbolicZero)
+        if constant_stage and not (on_gpu() and plant.A.dtype == jnp.float64):
             out, slope = _launched(*run, window, "slopes")
             value, half = finished(out, run[2], window)
             change = (slope[0] * moved[0] + slope[1] * moved[1]) * half
         else:
             out, states = _launched(*run, window, "keeping_run")
             value, half = finished(out, run[2], window)
-            profile = jnp.zeros(N, moved.dtype) if still else 0.5 * tangents[1] / primals[1]
-            moved = jnp.concatenate([moved, profile])
+            roots = jnp.zeros(N) if constant_stage else 0.5 * tangents[1] / primals[1]
+            moved = jnp.concatenate([moved, roots.astype(moved.dtype)])  # of their logarithms
 
             def back(bar: Float[Array, " rows"]) -> Float[Array, " slopes"]:
                 return _launched(*run, window, "adjoint", (bar * half, out, states))[0]
 
             def ahead(moved: Float[Array, " slopes"]) -> Float[Array, " rows"]:
-                return jax.lax.map(back, jnp.eye(2 * ROWS, dtype=out.dtype)) @ moved
+                return jax.lax.map(back, jnp.eye(2 * NORMS, dtype=out.dtype)) @ moved
 
             change = linear_map(ahead, back, moved, half)
-        numbers = [change[place] for row in range(ROWS) for place in (row, ROWS + row)]
-        still = jnp.zeros_like(value.duration), np.zeros((), jax.dtypes.float0)
-        return value, Metrics(*numbers, *still)
+        return value, Metrics(
+            **dict(zip(COMPUTED, change, strict=True)),
+            duration=jnp.zeros_like(value.duration),
+            diverged=np.zeros((), jax.dtypes.float0),
+        )
 
     return of(weights, stage, others)
 
@@ -118,7 +131,7 @@ def _weights_of(problem: ContouringProblem) -> tuple:
 
 
 def _moved(weights, tangents) -> Float[Array, "2"]:
-    """Changes of log kappa and of f."""
+    """Tangents of log kappa and of f."""
     alpha, beta, rho = weights
     d_alpha, d_beta, d_rho = tangents
     q = alpha + beta
@@ -160,12 +173,12 @@ def finished(
     mask = scored_samples(reference, window)
     count = jnp.maximum(jnp.sum(mask), 1).astype(out.dtype)
     pairs = jnp.maximum(jnp.sum(mask[1:] & mask[:-1]), 1).astype(out.dtype)
-    means = jnp.stack([count] * (ROWS - 1) + [pairs] + [jnp.ones_like(count)] * ROWS)
-    root = jnp.sqrt(out[: 2 * ROWS] / means)
+    means = jnp.stack([count] * (NORMS - 1) + [pairs] + [jnp.ones_like(count)] * NORMS)
+    root = jnp.sqrt(out[: 2 * NORMS] / means)
     half = jnp.where(root > 0, 1 / (means * jnp.where(root > 0, root, 1)), 0)
-    numbers = [root[place] for row in range(ROWS) for place in (row, ROWS + row)]
     duration = jnp.sum(mask).astype(out.dtype) * reference.dt
-    return Metrics(*numbers, duration=duration, diverged=out[2 * ROWS] != 0), half
+    numbers = dict(zip(COMPUTED, root, strict=True))
+    return Metrics(**numbers, duration=duration, diverged=out[2 * NORMS] != 0), half
 
 
 def _launched(
@@ -176,13 +189,13 @@ def _launched(
     kernel: str,
     rows: tuple[Array, ...] = (),
 ) -> tuple[Array, ...]:
-    """What a kernel finds of one run, from rows of its own; a `vmap` of it is one launch."""
+    """Outputs of a kernel for one run, from rows of its own; a `vmap` of it is one launch."""
     N, dtype, double = problem.preview, plant.A.dtype, jnp.result_type(float)
     axes = decoupled_axes(plant.pattern)
     n, steps = max(len(axis.states) for axis in axes), reference.steps
-    windows = axis_windows(problem.model, N)
+    horizons = axis_windows(problem.model, N)  # of each axis: y = O x + G U
     q = problem.alpha + problem.beta
-    own = [q / problem.rho, jnp.maximum(problem.beta / q, LEAST)]
+    own = [q / problem.rho, jnp.maximum(problem.beta / q, LEAST_RATIO)]
     own += [] if problem.stage is None else list(problem.stage)
     own = jnp.stack(own).astype(double)[:, None]
     state = start_state(plant, reference)
@@ -195,10 +208,10 @@ def _launched(
     )
     B = jnp.stack([padded(a, plant.B[:, axis.inputs[0]]) for a, axis in enumerate(axes)])
     C = jnp.stack([padded(a, plant.C[axis.outputs[0]]) for a, axis in enumerate(axes)])
-    ahead = jnp.stack([jnp.pad(one.O, ((0, 0), (0, n - one.O.shape[1]))) for one in windows])
+    ahead = jnp.stack([jnp.pad(one.O, ((0, 0), (0, n - one.O.shape[1]))) for one in horizons])
     at = operating_point(problem.model, reference.position[0])
     inputs = np.array([axis.inputs[0] for axis in axes])
-    held = [one.O @ at.state[np.array(a.states)] for one, a in zip(windows, axes, strict=True)]
+    held = [one.O @ at.state[np.array(a.states)] for one, a in zip(horizons, axes, strict=True)]
     rest = jnp.stack(held) - at.position[:, None]
     shared = [
         A.ravel(), B.ravel(), C.ravel(), ahead.ravel(),
@@ -210,7 +223,7 @@ def _launched(
     ]  # fmt: skip
     shared = [one if one.dtype == "int32" else one.astype(dtype) for one in shared]
     call = _caller((len(axes), n, N), str(dtype), kernel, problem.stage is not None)
-    G = jnp.stack([one.G for one in windows]).astype(double)
+    G = jnp.stack([one.G for one in horizons]).astype(double)
     own = own, *(one[..., None] for one in rows)
     return tuple(one[..., 0] for one in call(own, *_responses(G, problem.stage), *shared))
 
@@ -222,7 +235,7 @@ def _padded(states, n: int, a: int, row):
 
 
 def _responses(G: Float[Array, "m N N"], stage) -> tuple[Array, ...]:
-    """The forced responses; without a profile by their singular values, once a machine."""
+    """Forced responses G; without a stage profile their singular values, once a machine."""
     if stage is not None:
         return (G,)
     if is_concrete(G):
@@ -233,8 +246,11 @@ def _responses(G: Float[Array, "m N N"], stage) -> tuple[Array, ...]:
 
 
 def _designed(own: Float[Array, "rows runs"], responses, dtype) -> list[Array]:
-    """Numbers that each run's kernel reads for itself: f, triangles of f M, kappa M h, profile."""
-    kappa, forgiven, *stage = own
+    """Numbers of each run: f, lower triangles of f M, kappa M h, roots of the stage profile.
+
+    M = (I + kappa G G')^-1 and h, the first column of G, are those of `lq_kernels`.
+    """
+    kappa, ratio, *stage = own
     i, j = np.tril_indices(responses[0].shape[1])
     if stage:
         (G,), scale = responses, jnp.sqrt(own[2:])
@@ -250,7 +266,7 @@ def _designed(own: Float[Array, "rows runs"], responses, dtype) -> list[Array]:
         column = h[..., None] / (1 / kappa[None, None] + square[..., None])
         M = jnp.einsum("apq,aqb->apb", U[:, i] * U[:, j], values)
         Mh = jnp.einsum("aiq,aqb->aib", U, column)
-    rows = forgiven[None], _tiled(forgiven[None, None] * M), _tiled(Mh), scale
+    rows = ratio[None], _tiled(ratio[None, None] * M), _tiled(Mh), scale
     return [one.astype(dtype) for one in rows]
 
 
@@ -262,20 +278,20 @@ def _tiled(rows: Float[Array, "*rows runs"]) -> Float[Array, " numbers"]:
 
 
 @lru_cache
-def _caller(size: tuple[int, int, int], dtype: str, kernel: str, profiled: bool):
+def _caller(size: tuple[int, int, int], dtype: str, kernel: str, staged: bool):
     """Function of a run's rows (rows, runs) and the shared arrays; see `kernels`."""
-    (m, n, N), parts = size, 1 if profiled else 3
-    chosen = getattr(kernels(*size, REAL[dtype], profiled), kernel)
+    (m, n, N), parts = size, 1 if staged else 3
+    chosen = getattr(kernels(*size, REAL[dtype], staged), kernel)
     launch = wp.jax_kernel(chosen, num_outputs=2, block_dim=BLOCK)
 
     def shapes(runs: int, steps: int) -> dict[str, tuple[int, ...]]:
         """Shapes of the kernel's outputs."""
-        kept = m * steps + m * n * -(-steps // SPAN)
+        kept = m * steps + m * n * -(-steps // SEGMENT)
         return {
-            "run": {"out": (3 * ROWS + 1, runs), "kept": (1, 1)},
-            "keeping_run": {"out": (3 * ROWS + 1, runs), "kept": (kept, runs)},
-            "slopes": {"out": (2 * ROWS + 1, runs), "slope": (2, 2 * ROWS, runs)},
-            "adjoint": {"slope": (2 + N, runs), "states": (m * n * SPAN, runs)},
+            "run": {"out": (3 * NORMS + 1, runs), "kept": (1, 1)},
+            "keeping_run": {"out": (3 * NORMS + 1, runs), "kept": (kept, runs)},
+            "slopes": {"out": (2 * NORMS + 1, runs), "slope": (2, 2 * NORMS, runs)},
+            "adjoint": {"slope": (2 + N, runs), "states": (m * n * SEGMENT, runs)},
         }[kernel]
 
     def call(own, *shared):

@@ -12,7 +12,9 @@ from typing import Any
 import warp as wp
 
 BLOCK = 64  # threads; a kernel is compiled anew for every other number
-ROWS = 5  # squares: contour, projected, tracking, control, increment
+# vectors of which a run sums the squares of the norms and keeps the largest, in their order
+VECTORS = ("contour_error", "projected_error", "tracking_error", "control", "increment")
+NORMS = len(VECTORS)
 # options of a kernel whose registers are spilled to memory that the threads of a block share
 IN_SHARED: dict[str, Any] = {
     "enable_backward": False,

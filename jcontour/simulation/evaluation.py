@@ -129,15 +129,15 @@ def evaluate(
         if score is score_signals and (run := _without_gains(plants, controller, reference)):
             return each(lambda plant: run(plant, window), plants)
         plan = controller.prepare(reference)
-        readable = partial(_followed, controller=controller, window=window, score=score)
+        in_jax = partial(_followed, controller=controller, window=window, score=score)
         follows = isinstance(controller, AffineLaw) and isinstance(plan, AffinePlan)
         if score is score_signals and follows and _by_kernels(plants):
             from jcontour._kernels import affine_runs  # loads Warp
 
             if affine_runs.suits_run(plants, reference):
-                run = partial(affine_runs.metrics, readable=readable, window=window)
+                run = partial(affine_runs.metrics, in_jax=in_jax, window=window)
                 return each(lambda plant: run(plan, plant, reference), plants)
-        return each(lambda plant: readable(plan, plant, reference), plants)
+        return each(lambda plant: in_jax(plan, plant, reference), plants)
 
     return batching(on_contour, references)
 
@@ -159,14 +159,14 @@ def _without_gains(plants: Plant, controller: Controller, reference: Reference) 
     if not lq_metrics.suits(problem, plants, reference):
         return None
 
-    def readable(problem, plant, reference, window):
+    def in_jax(problem, plant, reference, window):
         at = operating_point(problem.model, reference.position[0])
         moved = eqx.tree_at(lambda one: one.y_d, problem, problem.y_d - at.position[None])
         plan = decoupled_plan(moved).at(at)
         return _followed(plan, plant, reference, controller, window, score_signals)
 
     return lambda plant, window: lq_metrics.metrics(
-        problem, plant, reference, window, partial(readable, window=window)
+        problem, plant, reference, window, partial(in_jax, window=window)
     )
 
 

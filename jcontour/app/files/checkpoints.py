@@ -76,7 +76,10 @@ def load_state(folder: Path) -> TuneState:
                 jax.tree.map(lambda leaf, k=k: _plain(leaf[k]), whole) for k in range(count)
             ]
     except KeyError as error:
-        raise RunError(f"{folder / STATE}: cannot be read ({error} is missing)") from None
+        raise RunError(
+            f"{folder / STATE}: cannot be read, {error} is missing: it is damaged, or of another "
+            "version of jcontour; run it again"
+        ) from None
     return TuneState(**plain)
 
 

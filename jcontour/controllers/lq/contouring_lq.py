@@ -237,9 +237,9 @@ class ContouringLQ(ModelFeedback):
             from jcontour._kernels import affine_runs  # loads Warp
 
             if affine_runs.suits_sweep(model, self.preview):
-                readable = partial(receding_horizon_plan, terminal=None)
+                in_jax = partial(receding_horizon_plan, terminal=None)
                 y_d = reference.position[:seen]
-                return affine_runs.swept_plan(model, Q, y_d, stage, R, readable)
+                return affine_runs.swept_plan(model, Q, y_d, stage, R, in_jax)
         return receding_horizon_plan(model, Q, reference.position[:seen], stage, R, terminal)
 
     def decoupled_problem(self, reference: Reference) -> ContouringProblem | None:

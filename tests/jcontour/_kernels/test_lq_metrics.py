@@ -65,6 +65,17 @@ def by(monkeypatch, asked, function, *arguments):
     return jax.device_get(jax.jit(function)(*arguments))
 
 
+def test_runs_are_left_to_plain_jax_where_a_kernel_lacks_a_metric(monkeypatch, references):
+    from jcontour._kernels import lq_metrics
+
+    monkeypatch.setenv(kernels.ASKED, "1")
+    assert lq_metrics.computes_all()
+    monkeypatch.setattr(lq_metrics, "COMPUTED", lq_metrics.COMPUTED[:-1])
+    monkeypatch.setattr(lq_metrics, "metrics", None)  # not called
+    numbers, diverged = runs(references, None, WEIGHTS[0])
+    assert np.all(np.isfinite(numbers)) and not np.any(diverged)
+
+
 def close(actual, wanted, tolerance):
     scale = np.maximum(np.abs(wanted), 1e-9)
     assert np.max(np.abs(actual - wanted) / scale) < tolerance

@@ -41,14 +41,15 @@ class Metric(NamedTuple):
 
 
 def _shown(words: str, unit: str, **where: bool) -> Any:
-    return field(metadata={Metric: Metric(words, unit, **where)})
+    return field(default=float("nan"), metadata={Metric: Metric(words, unit, **where)})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunMetrics:
     """Metrics of one run in SI units, as `jcontour.simulation.metrics.Metrics` computes them.
 
-    This is the list that limits, tables, the page and the files read.
+    This is the list that limits, tables, the page and the files read. A stored run that is older
+    than a metric has NaN there.
     """
 
     rms_contour_error: float = _shown("RMS contour error", "m", in_tables=True, on_page=True)
@@ -62,7 +63,7 @@ class RunMetrics:
     rms_increment: float = _shown("RMS control increment", INCREMENT, in_tables=True)
     peak_increment: float = _shown("peak control increment", INCREMENT)
     duration: float = _shown("duration", "s")
-    diverged: bool = _shown("diverged", "1")
+    diverged: bool = field(metadata={Metric: Metric("diverged", "1")})
 
     @classmethod
     def of(cls, metrics: Any, pick: Callable[[np.ndarray], Any]) -> "RunMetrics":

@@ -57,7 +57,8 @@ def read_result(folder: Path, kind: type[T]) -> T:
     except ValueError as error:
         reason = str(error).split(";")[0]
         raise RunError(
-            f"{folder}: its result is not of this version's {kind.__name__} ({reason})"
+            f"{folder}: its result is not of this version's {kind.__name__} ({reason}); run it "
+            "again"
         ) from None
 
 

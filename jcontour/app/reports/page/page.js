@@ -231,7 +231,7 @@ function tellMetrics() {
   const one = contour(), shown = Object.entries(run().shown);
   const rows = [["weights", "plant", ...shown.map(([, [heading]]) => heading)]];
   run().designs.forEach((design, d) => run().plants.forEach((plant, p) => {
-    const values = shown.map(([name, [, factor]]) => factor * (one.metrics[name][d][p] ?? NaN));
+    const values = shown.map(([name, [, factor]]) => factor * (one.metrics[name]?.[d][p] ?? NaN));
     rows.push([design, one.diverged[d][p] ? `${plant} (diverged)` : plant, ...values]);
   }));
   fill($("metrics"), rows, true);

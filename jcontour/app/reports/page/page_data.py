@@ -374,7 +374,9 @@ def _contour(data: dict[str, np.ndarray], number: int, name: str, most: int) -> 
         "control": packed(control[:, :, kept]),
         "feed": packed(60e3 * feed[:, :, kept]),
         "metrics": {
-            name: data[name][:, number].tolist() for name in METRICS if METRICS[name].on_page
+            name: data[name][:, number].tolist()
+            for name in METRICS
+            if METRICS[name].on_page and name in data  # a run may be older than a metric
         },
         "diverged": data["diverged"][:, number].astype(bool).tolist(),
     }

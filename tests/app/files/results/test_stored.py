@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from jcontour.app.files.results.run_metrics import METRICS, RunMetrics
 from jcontour.app.files.results.stored import (
     VERSION,
     Weight,
@@ -14,6 +15,8 @@ from jcontour.app.files.results.stored import (
     write_result,
 )
 from jcontour.app.files.run_folder import RunError
+from jcontour.simulation.metrics import Metrics
+from tests.app import small_runs
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,20 @@ def test_a_result_of_an_older_version_is_told(tmp_path):
     (tmp_path / "result.json").write_text(json.dumps(to_json(made())))
     with pytest.raises(RunError, match="of another version of jcontour; run it again"):
         read_result(tmp_path, Result)
+
+
+def test_a_run_that_is_older_than_a_metric_has_nan_there():
+    stored = to_json(small_runs.run_metrics(1.0))
+    del stored["peak_increment"]
+    known = from_json(stored, RunMetrics)
+    assert math.isnan(known.peak_increment) and known.rms_increment == 1.0
+    del stored["diverged"]
+    with pytest.raises(ValueError, match="diverged"):
+        from_json(stored, RunMetrics)
+
+
+def test_metrics_of_the_library_and_of_the_files_are_the_same():
+    assert list(METRICS) == list(Metrics.__dataclass_fields__)
 
 
 def test_a_missing_field_is_named():
