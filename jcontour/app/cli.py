@@ -8,6 +8,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -94,6 +95,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     with warnings.catch_warnings():
         warnings.showwarning = _print_warning
+        # numbers of a loop that diverges: its result says so
+        overflow = r"(overflow|invalid value|divide by zero) encountered"
+        warnings.filterwarnings("ignore", overflow, RuntimeWarning)
         code = _answered(list(sys.argv[1:] if arguments is None else arguments))
     if code == INTERRUPTED and arguments is None:  # a second one does not disturb the end
         for one in (signal.SIGINT, signal.SIGTERM):
@@ -116,6 +120,7 @@ def _print_warning(message, category, filename, lineno, file=None, line=None) ->
 
 
 def _answered(arguments: list[str]) -> int:
+    flags = None
     try:
         flags, run = _chosen(arguments)
         _check_precision()
@@ -148,8 +153,21 @@ def _answered(arguments: list[str]) -> int:
     ) as error:
         if os.environ.get(TRACEBACK):  # a ValueError may be a fault too: NumPy and JAX raise them
             raise
-        print(f"jcontour: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"jcontour: {_as_typed(' '.join(str(error).split()), flags)}", file=sys.stderr)
         return BAD_INPUT
+
+
+def _as_typed(said: str, flags: Any) -> str:
+    """A message that begins with names of flags, as `mass-kg: ...`, with the flags as typed."""
+    names, colon, fault = said.partition(": ")
+    known = {
+        one.name.replace("_", "-")
+        for one in (fields(flags) if is_dataclass(flags) else ())
+        if tyro.conf.Positional not in getattr(one.type, "__metadata__", ())
+    }
+    if colon and known.issuperset(names.split(", ")):
+        names = ", ".join(f"--{one}" for one in names.split(", "))
+    return names + colon + fault
 
 
 def _check_precision() -> None:
@@ -197,7 +215,7 @@ def _check_folders(flags: Any) -> None:
         named = flags.runs if isinstance(flags, others.Report) else (flags.run,)
         run_folder.check_named(COMMANDS[type(flags)][0], named)
     if flags.out is not None and not isinstance(flags, (machines.Machine, others.Report)):  # files
-        run_folder.check_free(flags.out, resumable=isinstance(flags, shared.Storage))
+        run_folder.check_free(flags.out)
 
 
 def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:

@@ -8,12 +8,15 @@ import warnings
 from importlib import import_module
 
 import jax
+import numpy as np
 import pytest
 
 from jcontour.app import cli
 from jcontour.app.catalogue.entries import MACHINES
 from jcontour.app.catalogue.known_names import FIRST_LINES, check_plant
 from jcontour.app.cli import main
+from jcontour.app.flags.loops import Simulate
+from jcontour.app.flags.tuning import Tune
 
 # command -> module that reads its parts
 PARTS_READ = {"tune": "runs.tuning.problem", "simulate": "commands.loops.simulate"}
@@ -63,7 +66,7 @@ def test_missing_part(capsys, tmp_path):
     ("flags", "says"),
     [
         (["--alpha", "-1"], "alpha"),
-        (["--alpha", "0", "--beta", "0"], "alpha, beta"),
+        (["--alpha", "0", "--beta", "0"], "--alpha, --beta: "),
         (["--alpha", "nan"], "alpha: needs a finite number"),
         (["--weights", "alpha=1_0"], "received 'alpha=1_0'"),
         (["--rho", "0"], "rho"),
@@ -156,6 +159,39 @@ def test_no_stabilising_solution(capsys, tmp_path, part_file, machine_fields):
     )
 
 
+@pytest.mark.parametrize(
+    ("said", "typed"),
+    [
+        ("max-effort: needs more", "--max-effort: needs more"),
+        ("alpha, beta: both are zero", "--alpha, --beta: both are zero"),
+        ("contour: there is none", "contour: there is none"),  # it is typed without a flag
+        ("alpha.json: dt: missing", "alpha.json: dt: missing"),
+        ("alpha", "alpha"),
+    ],
+)
+def test_a_message_begins_with_flags_as_they_are_typed(capsys, monkeypatch, said, typed):
+    def fail(flags):
+        raise ValueError(said)
+
+    flags = Simulate() if said.startswith("contour") else Tune()
+    monkeypatch.setattr(cli, "_chosen", lambda _: (flags, fail))
+    monkeypatch.setattr(cli, "_check_folders", lambda _: None)
+    assert cli.main([]) == 2
+    assert capsys.readouterr().err.endswith(f"jcontour: {typed}\n")
+
+
+def test_numbers_of_a_lost_loop_overflow_without_a_word(capsys, monkeypatch):
+    def overflow(_):
+        size = np.array([1e300, np.inf])
+        assert np.isnan(size * size - np.inf).all()
+        assert np.isinf(size.astype("f4")).all() and np.isinf(size / np.zeros(2)).all()
+        return 0
+
+    monkeypatch.setattr(cli, "_answered", overflow)
+    assert cli.main([]) == 0
+    assert capsys.readouterr().err == ""
+
+
 def test_a_taken_run_folder_is_told_before_the_work(capsys, tmp_path, monkeypatch):
     """No command is loaded: it would begin its work."""
     taken, file = tmp_path / "run", tmp_path / "file"
@@ -169,8 +205,8 @@ def test_a_taken_run_folder_is_told_before_the_work(capsys, tmp_path, monkeypatc
 
     monkeypatch.setattr(cli, "import_module", loaded)
     for command, folder, words in (
-        ("tune", taken, "already holds something; give another --out, or --resume it\n"),
-        ("simulate", taken, "already holds something; give another --out\n"),
+        ("tune", taken, "already holds something; give another --out"),
+        ("simulate", taken, "already holds something; give another --out"),
         ("simulate", file, "is a file; a run needs a folder"),
     ):
         assert cli.main([command, "circle", "--out", str(folder)]) == 2

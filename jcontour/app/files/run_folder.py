@@ -41,7 +41,7 @@ def default_folder(command: str) -> Path:
     )
 
 
-def check_free(folder: Path, resumable: bool) -> None:
+def check_free(folder: Path) -> None:
     """Tell a folder that cannot become a run's before the work is done.
 
     Raises:
@@ -51,8 +51,10 @@ def check_free(folder: Path, resumable: bool) -> None:
         if not folder.is_dir():
             raise RunError(f"{folder}: is a file; a run needs a folder; give another --out")
         if any(folder.iterdir()):
-            more = ", or --resume it" if resumable else ""
-            raise RunError(f"{folder}: already holds something; give another --out{more}")
+            raise RunError(
+                f"{folder}: already holds something; give another --out (an interrupted tune, "
+                "front, rank or sweep goes on with --resume)"
+            )
 
 
 def check_named(command: str, folders: Sequence[Path]) -> None:
@@ -91,7 +93,7 @@ def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
         made.rename(folder)
     except OSError as error:
         shutil.rmtree(made, ignore_errors=True)
-        check_free(folder, resumable=False)
+        check_free(folder)
         raise RunError(f"{folder}: cannot be made ({error.strerror})") from None
     return folder
 

@@ -165,7 +165,7 @@ class Aimed(Storage):
     """What is made small, on which plants, by which weights."""
 
     objective: Objective = "typical"  # a per cent of any contour counts alike
-    """Objective, of RMS contour errors; on a single axis, of tracking errors.
+    """Objective, of RMS contour errors; on a machine of one axis, of tracking errors.
     typical: the geometric mean over contours of the family's worst.
     worst: the largest error of all. mean: the mean over contours and plants."""
     max_effort: float | None = None

@@ -25,6 +25,7 @@ from jcontour.app.reports.tables import (
     position,
     read_line,
     say,
+    scored_words,
 )
 from tuning.objectives import COUNT_NOISE, LATE, RATIO
 
@@ -285,11 +286,6 @@ def show_simulated(result: SimulatedResult, console: Console) -> None:
         say(console, f"Read {read_line(result.contour, result.read, result.machine.axes)}")
     if result.motion is not None:
         console.print(motion_table(result.motion, result.machine.axes))
-    if result.peak is not None:
-        line = peak_line(result.peak, result.error, result.machine.axes)
-        say(console, f"{line[0].upper()}{line[1:]}.")
-    else:
-        say(console, "")
 
 
 def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
@@ -333,7 +329,8 @@ def simulated_answer(result: SimulatedResult) -> list[Entry]:
         Entry(
             "Error",
             f"RMS {result.error} {digits(sizes[0])} um with {result.controller}"
-            f"{of_all if len(runs) > 1 else ''}",
+            f"{of_all if len(runs) > 1 else ''}"
+            f"{'' if result.read is None else scored_words(result.read)}",
         )
     ]
     if result.peak is not None:
@@ -349,7 +346,7 @@ def simulated_answer(result: SimulatedResult) -> list[Entry]:
         motion = result.motion
         limit = max(motion.shares, key=lambda name: motion.shares[name])
         share = f"{100 * motion.shares[limit]:.0f} % of it at the limit of {limit}"
-        entries.append(Entry("Time", f"{motion.cycle_time:.3f} s, {share}"))
+        entries.append(Entry("Time", f"{motion.cycle_time:.3f} s, {share}; {result.feed_law}"))
     elif result.read is not None and result.read.duration is not None:
-        entries.append(Entry("Time", f"{result.read.duration:.3f} s"))
+        entries.append(Entry("Time", f"{result.read.duration:.3f} s; {result.feed_law}"))
     return [*entries, *notes]

@@ -152,7 +152,7 @@ def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
     )
     pieces = f"{read.pieces} move{'s' if read.pieces > 1 else ''}"
     lasting = "" if read.duration is None else f" in {read.duration / read.laps:.3f} s"
-    line = f"{name}: {pieces}, {_length(read)}{lasting}, {box} mm{_laps(read)}"
+    line = f"{name}: {pieces}, {_length(read)}{lasting}, {box} mm{scored_words(read)}"
     if read.ignored:
         line += f"; ignored: {', '.join(read.ignored)}"
     return "\n".join([line, *filter(None, [read.stops]), *read.warnings])
@@ -169,7 +169,7 @@ def _length(read: ContourRead) -> str:
     return f"{1e3 * cut:.5g} mm cut, {1e3 * read.rapid_length:.5g} mm rapid"
 
 
-def _laps(read: ContourRead) -> str:
+def scored_words(read: ContourRead) -> str:
     """How often a run at constant feed goes around its path, and where its scoring begins."""
     if read.laps == 2.0 and read.entry == read.length:
         return "; 2 laps, the second is scored"

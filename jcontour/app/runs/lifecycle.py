@@ -193,8 +193,8 @@ def finished(
 ) -> int:
     """Print a result that is stored; the exit code of its verdict, 0 where there is none.
 
-    With `--json` one JSON object; else a screen. With `--details` what `show` prints, the whole
-    verdict and the figures in the folder stand before it.
+    With `--json` one JSON object; else a screen, which begins with the verdict. With `--details`
+    what `show` prints, every finding of the verdict and the figures in the folder stand before it.
     """
     page, code = _page(folder), 0 if verdict is None else verdict.exit_code
     if flags.json:
@@ -204,7 +204,7 @@ def finished(
     if flags.details:
         show(result, console)
         drawn = sorted(path.name for path in folder.glob("*.png"))
-        lines = [] if verdict is None else ["", *verdict.lines]
+        lines = [] if verdict is None else ["", *verdict.lines[1:]]
         tables.say(console, *lines, *([f"Drawn: {', '.join(drawn)}"] if drawn else []), "")
     place = Entry("Folder", f"{folder}{page}; --details prints every table")
     tables.say(console, *screen(verdict, [*answer, place]))
