@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
-from jcontour.geometry.coordinates import Numbers
+from jcontour.geometry.coordinates import Numbers, finite, positive
 from jcontour.geometry.pieces import Piece
 
 LEAST_POINTS = 6  # a periodic quintic needs as many
@@ -43,8 +43,8 @@ def periodic_spline(points: Numbers, length: float | None = None) -> Contour:
     from scipy.interpolate import make_interp_spline
 
     points = _knots(points)
-    if length is not None and not (np.isfinite(length) and length > 0):
-        raise ValueError(f"length: needs to be above zero, received {length}")
+    if length is not None:
+        length = positive("length", length)
     count = len(points)
     # scipy fits t = 0..n: the fit is the same for every length, and its cardinal scale keeps it
     # well conditioned
@@ -109,14 +109,12 @@ def _integral(function, low, high) -> Float[np.ndarray, " n"]:
 
 
 def _knots(points: Numbers) -> Float[np.ndarray, "n m"]:
-    points = np.asarray(points, float)
+    points = finite("points", points)
     if points.ndim != 2 or points.shape[1] not in (2, 3) or len(points) < LEAST_POINTS:
         raise ValueError(
             f"points: needs shape (n, 2) or (n, 3) with n at least {LEAST_POINTS}, "
             f"received {points.shape}"
         )
-    if not np.isfinite(points).all():
-        raise ValueError("points: every entry needs to be finite, received NaN or inf")
     gaps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     if not gaps.min() > 0:
         raise ValueError(

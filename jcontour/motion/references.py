@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float
 from jcontour._arrays import in_words, placed, shape
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import polyline
+from jcontour.geometry.coordinates import finite, positive
 
 __all__ = [
     "Reference",
@@ -155,7 +156,8 @@ def from_samples(
             f"contour: needs as many axes as the samples, {position.shape[1]}, "
             f"received {contour.axes}"
         )
-    _check_finite(position=position, tangent=tangent)
+    finite("position", position)
+    finite("tangent", tangent)
     worst = np.max(np.abs(np.linalg.norm(tangent, axis=1) - 1), initial=0.0)
     if worst > 1e-6:
         raise ValueError(
@@ -205,8 +207,7 @@ def in_time(
         )
     preview = _whole(preview)
     time = np.arange(round(steps) + 1 + preview) * dt
-    arc = np.asarray(law(np.maximum(time - dwell, 0.0)), float)
-    _check_finite(arc=arc)
+    arc = finite("arc", law(np.maximum(time - dwell, 0.0)))
     position, tangent = _sampled(contour, arc)
     samples = _Samples(position, tangent, arc, np.ones(arc.size, bool))
     return _reference(samples, contour, dt, preview, np.zeros(position.shape[1]))
@@ -245,7 +246,7 @@ def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=
     arc, preview = np.asarray(arc, float), _whole(preview)
     if arc.ndim != 1 or arc.size < 2:
         raise ValueError(f"arc: needs shape (T,) with at least two samples, received {arc.shape}")
-    _check_finite(arc=arc)
+    finite("arc", arc)
     moves = np.diff(arc)
     back = int(np.argmin(moves))
     if moves[back] < -1e-9 * float(contour.size):
@@ -415,13 +416,9 @@ def _reference(samples: _Samples, contour: Contour, dt: float, preview: int, inc
         raise ValueError(
             f"preview: {count} samples leave no control step for a preview of {preview}"
         )
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(
-            f"dt: the sample period needs to be a positive number of seconds, received {dt}"
-        )
     samples = samples._replace(mask=samples.mask & (np.arange(count) < steps))
     arrays = jax.device_put((*samples, np.asarray(increment)))
-    return Reference(*arrays, contour, float(dt), steps)
+    return Reference(*arrays, contour, positive("dt", dt), steps)
 
 
 def _whole(preview: float | int) -> int:
@@ -431,12 +428,6 @@ def _whole(preview: float | int) -> int:
             f"preview: needs a whole number of samples, at least zero, received {preview}"
         )
     return int(preview)
-
-
-def _check_finite(**named) -> None:
-    for name, values in named.items():
-        if not np.isfinite(values).all():
-            raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")
 
 
 def __dir__() -> list[str]:
