@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.geometry.contours import line
+from jcontour.geometry.coordinates import positive
 from jcontour.motion.references import Reference, in_time
 
 
@@ -51,17 +52,11 @@ class PointToPoint:
     """
 
     def __init__(self, distance: float, feed: float, acceleration: float, jerk: float = np.inf):
-        for name, value in (
-            ("distance", distance),
-            ("feed", feed),
-            ("acceleration", acceleration),
-            ("jerk", jerk),
-        ):
-            if not (value > 0 and (np.isfinite(value) or name == "jerk")):
-                finite = "" if name == "jerk" else "finite and "
-                raise ValueError(f"{name}: needs to be {finite}above zero, received {value}")
-        self.distance = float(distance)
-        jerk_time, rise, cruise, peak = _times(distance, feed, acceleration, jerk)
+        self.distance, feed = positive("distance", distance), positive("feed", feed)
+        acceleration = positive("acceleration", acceleration)
+        if not jerk > 0:
+            raise ValueError(f"jerk: needs to be above zero, received {jerk}")
+        jerk_time, rise, cruise, peak = _times(self.distance, feed, acceleration, jerk)
         j = peak / jerk_time if jerk_time > 0 else 0.0
         stretches = (  # duration, acceleration at its beginning, jerk
             (jerk_time, 0.0, j),
@@ -96,10 +91,8 @@ class ToAndFro:
     """
 
     def __init__(self, distance: float, frequency: float):
-        for name, value in (("distance", distance), ("frequency", frequency)):
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
-        self.distance, self.frequency = float(distance), float(frequency)
+        self.distance = positive("distance", distance)
+        self.frequency = positive("frequency", frequency)
 
     def __call__(self, time: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
         """Arc length [m] at times [s]."""
