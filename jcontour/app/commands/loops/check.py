@@ -256,9 +256,9 @@ def show(result: Verified, console: Console) -> None:
                 errors.append("-" if run is None else tables.digits(1e6 * getattr(run, name)))
         return [*(tables.digits(100 * share) for share in limited), *errors]
 
-    def largest(gap: GapRow) -> list[str]:
+    def largest(gap: GapRow) -> list[list[str]]:  # value, "of", limit, unit
         checks = (_limit_check(gap, name, result.limits, result.control_unit) for name in names)
-        return [one.size for one in checks]
+        return [one.size.split(" ", 3) for one in checks]
 
     title = f"Tuned weights under limits on {', '.join(names)} ({result.solver})"
     console.print(tables.plain_table(title, HEADINGS, _by_contour(result.gaps, costs)))
@@ -268,8 +268,10 @@ def show(result: Verified, console: Console) -> None:
         "limit acts: steps whose own control is kept by one, of the control, its change,",
         "or the next speed or acceleration of the model",
     )
-    rows = _by_contour(result.gaps, largest)
-    console.print(tables.plain_table(REACHED, [HEADINGS[0], *names], rows))
+    units = [(*words, "")[3] for words in largest(result.gaps[0])]
+    headings = [f"{name}\n{unit}" for name, unit in zip(names, units, strict=True)]
+    rows = _by_contour(result.gaps, lambda gap: [" ".join(one[:3]) for one in largest(gap)])
+    console.print(tables.plain_table(REACHED, [HEADINGS[0], *headings], rows))
     residuals = [gap.residual for gap in result.gaps if np.isfinite(gap.residual)]
     if residuals:
         tables.say(console, f"Largest scaled residual of a QP: {max(residuals):.1e}")
