@@ -123,14 +123,15 @@ def _answered(arguments: list[str]) -> int:
     flags = None
     try:
         flags, run = _chosen(arguments)
+        if isinstance(flags, shared.Storage) and sys.stderr.isatty() and not flags.json:
+            # what follows stands in its place
+            print("loading ...", end="\r", file=sys.stderr, flush=True)
         _check_precision()
         _choose_platform(flags)
         import_module("jcontour.app.catalogue.known_names").check_flags(flags)
         import_module("jcontour.app.catalogue.own_classes").trust_named(flags)
         _check_folders(flags)
         if isinstance(flags, shared.Storage):
-            if sys.stderr.isatty() and not flags.json:  # what follows stands in its place
-                print("loading ...", end="\r", file=sys.stderr, flush=True)
             import_module("jcontour.app.runs.spread.devices").set_up(flags)
         return run(flags)
     except KeyboardInterrupt as interruption:
