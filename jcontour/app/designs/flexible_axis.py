@@ -252,7 +252,7 @@ class AxisFlatShaped(AxisShaped):
 
 
 class AxisInsensitiveShaped(AxisShaped):
-    """The same behind an extra-insensitive shaper, 5 % left at the mode."""
+    """The same behind an extra-insensitive shaper."""
 
     shaper = staticmethod(ei)
 
