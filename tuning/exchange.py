@@ -67,7 +67,11 @@ def exchanged(
     """
     if few < 1 or many % few:
         raise ValueError(f"many: needs a multiple of {few} probes, received {many}")
-    probed = _probed(problem, few)
+    probed = problem.loops
+    if probed is None:
+        probed = ProbedLoops.of(problem.plants, problem.references, few)
+    if not isinstance(probed, ProbedLoops):
+        raise ValueError(f"loops: only probed ones can be exchanged, received {probed}")
     windows = probe_windows(problem.references, many)
     z = np.asarray(Chart(problem.space, tuned.weights).coordinates())
     unstable, excess = _look(replace(problem, loops=probed), start, z, windows, few, many)
@@ -78,19 +82,11 @@ def exchanged(
     rows = [c * many + k for c, k in enumerate(worst) if badness[c, k] > most + WORSE]
     if not rows:
         return None
-    more = jax.tree.map(lambda old, new: _joined(old, new[np.array(rows)]), probed.windows, windows)
+    worse = jax.tree.map(lambda leaf: leaf[np.array(rows)], windows)
+    more = jax.tree.map(lambda *both: jnp.concatenate(both), probed.windows, worse)
     loops = eqx.tree_at(lambda one: one.windows, probed, more)
     extended = replace(problem, loops=loops, limits=_limits(problem))
     return Exchanged(extended, len(rows), bool(unstable.any()))
-
-
-def _probed(problem: Problem, few: int) -> ProbedLoops:
-    """Loops that the problem looks at; the first ones of every contour where it looks at none."""
-    if problem.loops is None:
-        return ProbedLoops.of(problem.plants, problem.references, few)
-    if not isinstance(problem.loops, ProbedLoops):
-        raise ValueError(f"loops: only probed ones can be exchanged, received {problem.loops}")
-    return problem.loops
 
 
 def _look(
@@ -144,10 +140,6 @@ def _limits(problem: Problem) -> Limits:
     known = {name: float(bound) for name, bound in named}
     before = limits.before if isinstance(limits, AtMost) else None
     return AtMost(before, **known, spectral_radius=STABLE)
-
-
-def _joined(old: Array, new: Array) -> Array:
-    return jnp.concatenate([old, new])
 
 
 def without_slope(descent: Descent | None) -> Bool[np.ndarray, " d"]:
