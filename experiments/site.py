@@ -6,7 +6,9 @@ A line of a page becomes a table:
     <!-- table 2 of NAME -->      the second table of its run
     <!-- rates of NAME -->        rates of a benchmark
     <!-- predictions of public --> what is predicted of public records
-`uv run python -m experiments.site RUN_FOLDER` stores statements and tables of a paper's run.
+    <!-- ranking of NAME -->      controllers of a machine, by `jcontour rank`
+`uv run python -m experiments.site RUN_FOLDER` stores statements and tables of a paper's run, and
+the rows of a ranking beside those of other controllers on the same machine.
 """
 
 import json
@@ -17,8 +19,9 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
+RANKINGS = HERE / "benchmarks" / "rankings.json"
 PLACE = re.compile(
-    r"^<!-- (statements|rates|predictions|table (\d+)) of ([\w-]+) -->$", re.MULTILINE
+    r"^<!-- (statements|rates|predictions|ranking|table (\d+)) of ([\w-]+) -->$", re.MULTILINE
 )
 
 
@@ -47,6 +50,13 @@ def store(run: Path) -> Path:
         json.loads((run / name).read_text(encoding="utf-8"))
         for name in ("result.json", "settings.json")
     )
+    if settings["command"] == "rank":
+        rankings = json.loads(RANKINGS.read_text(encoding="utf-8")) if RANKINGS.exists() else {}
+        rows = rankings.setdefault(values["machine"]["name"], {})
+        kept = ("held_out", "peak_sensitivity", "evaluations", "stationary", "feasible", "failure")
+        rows |= {row["label"]: [row[name] for name in kept] for row in values["rows"]}
+        RANKINGS.write_text(json.dumps(rankings, indent=1) + "\n", encoding="utf-8")
+        return RANKINGS
     if values["quick"]:
         raise ValueError(f"{run}: the pages need a whole run, this one is quick")
     path = stored(settings["command"].removeprefix("reproduce "))
@@ -69,6 +79,29 @@ def _made(place: re.Match[str]) -> str:
             for row in json.loads(records.read_text(encoding="utf-8"))
         ]
         return _table(["record", "quantity", "measured", "predicted", "holds"], rows)
+    if what == "ranking":
+        ranked = json.loads(RANKINGS.read_text(encoding="utf-8"))[name].items()
+        placed = sorted((row for row in ranked if row[1][0]), key=lambda row: row[1][0])
+        best = placed[0][1][0]
+        rows = [
+            [
+                label,
+                f"{1e6 * error:.3g}",
+                f"{error / best:.2f}",
+                f"{Ms:.3g}",
+                str(points),
+                ("ended" if ended else "not ended") if kept else "beyond a limit",
+            ]
+            for label, (error, Ms, points, ended, kept, _) in placed
+        ]
+        rows += [
+            [label, "", "", "", "", row[-1].partition(":")[0]]
+            for label, row in ranked
+            if not row[0]
+        ]
+        return _table(
+            ["controller", "held out, um", "over the best", "Ms", "points", "search"], rows
+        )
     run = json.loads(stored(name).read_text(encoding="utf-8"))
     if what == "statements":
         keys = ("item", "claim", "finding", "verdict")
