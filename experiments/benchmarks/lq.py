@@ -41,8 +41,10 @@ RADIUS, ADVANCE = 0.02, 4e-5  # [m], [m per sample]: 80 mm/s
 RESONANCES, DAMPING = (250.0, 500.0, 900.0), 0.05  # [rad/s], of the structures of larger machines
 SIZES = ((2, 2), (4, 4), (3, 3, 3), (4, 4, 4), (8, 8), (5, 5, 6))  # states of every axis
 DOUBLE, SINGLE = np.dtype("float64"), np.dtype("float32")
-PREVIEWS = (10, 25, 200)
-BLOCKS = (200, 1000)  # previews of horizons that move on by blocks
+HORIZONS = (  # how they move on, and previews
+    ("by samples", ContouringLQ, (10, 25, 200)),
+    ("by blocks", BlockwiseLQ, (200, 1000)),
+)
 
 
 @dataclass(frozen=True)
@@ -176,10 +178,7 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> LQBench:
     for name, case in (sizes | {"8 coupled": coupled_case()}).items():
         cases.append((f"{name} states", case, few, False))
     steps, batch = (10_000, 1024) if on_gpu() else (10 * STEPS, 1)
-    for horizon, law, previews in (
-        ("by samples", ContouringLQ, PREVIEWS),
-        ("by blocks", BlockwiseLQ, BLOCKS),
-    ):
+    for horizon, law, previews in HORIZONS:
         for preview in previews:
             case = paper_case(DOUBLE, steps, preview)._replace(law=law)
             cases.append((f"preview {preview} {horizon}, {steps} steps", case, batch, False))

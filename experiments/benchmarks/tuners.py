@@ -70,12 +70,7 @@ Tried = tuple[float, float]  # merit, and objective: infinite beyond a limit
 
 @dataclass(frozen=True)
 class Trace:
-    """Every better feasible value that one search found, in the order of its evaluations.
-
-    >>> one = Trace("p", "Sobol", 0, [3.0, 9.0], [5.0, 2.0])
-    >>> one.until(2.5), one.until(1.0)
-    (9.0, inf)
-    """
+    """Every better feasible value of one search, in the order of its evaluations."""
 
     problem: str
     method: str

@@ -42,15 +42,9 @@ def drawn(
     legend: int = 3,
     **shared: Any,
 ) -> Figure:
-    """Panels row by row, and below them one legend of all labels.
+    """Panels row by row in a figure of this size [inch], and below them one legend of all labels.
 
-    Args:
-        panels: at least one.
-        size: width and height [inch].
-        title: of the figure.
-        columns: panels in a row.
-        legend: names in a row of the legend.
-        shared: `sharex` or `sharey`, as `Figure.subplots` has them; such axes have one label.
+    The legend has so many names in a row; axes that are shared, by `sharex`, have one label.
     """
     figure = Figure(figsize=size, layout="constrained")
     rows = -(-len(panels) // columns)

@@ -111,7 +111,6 @@ class Line(PublishedLine):
 class Costs(PublishedCosts):
     """Row of Table 2."""
 
-    value: float  # |M(b)|
     limit: float
     optimal: float  # 2 |M(b)| / (1 - b), Corollary 1
     by_program: float  # the same by linear programming
@@ -208,7 +207,6 @@ def costs(row: PublishedCosts, zero: float) -> Costs:
     program = l1_optimum(ModelMatching([zero], through), on_circle=[1.0], taps=PROGRAM_TAPS)
     return Costs(
         **vars(row),
-        value=abs(value),
         limit=proven.limit,
         optimal=proven.attainable,
         by_program=program.cost,

@@ -130,10 +130,7 @@ def tables(result: Result) -> Iterator[Table | str]:
 
 
 def tuning(result: Result) -> Figure:
-    """Best feasible objective over the evaluations.
-
-    First those of the cascade, then every scheme from there, then from the start again.
-    """
+    """Best feasible objective over the evaluations, those of the cascade first."""
     curves = [
         Curve(np.arange(1, len(row.best_um) + 1), row.best_um, row.scheme, {"linewidth": 1.0})
         for row in result.tuning

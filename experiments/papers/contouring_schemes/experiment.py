@@ -127,10 +127,7 @@ CATALOGUE = {  # name of a scheme here -> in the catalogue
 
 @dataclass(frozen=True)
 class Row:
-    """One scheme on one true machine along one contour.
-
-    Errors are RMS over the run, in um; current and increment are RMS, in A.
-    """
+    """One scheme on one true machine along one contour; RMS over the run."""
 
     scheme: str
     contour: str
@@ -190,10 +187,7 @@ def family(names: Sequence[str], smooth: bool) -> Plant:
 
 
 class Setup:
-    """Conditions of the tuning, the same for every scheme: machines, contours, limits, budget.
-
-    The budget is of evaluations of objective and gradient in one descent.
-    """
+    """Machines, contours, limits and evaluations of a descent, the same for every scheme."""
 
     def __init__(self, budget: int):
         self.plants, self.budget = family(TUNED_ON, smooth=True), budget

@@ -146,20 +146,14 @@ def contour(result: Result) -> Figure:
 
 def along_the_path(result: Result) -> Figure:
     """Figs 9 to 11: currents, path speed and contour error over the path parameter."""
-    curves: dict[str, list[Curve]] = {}
-    for colour, trace in zip(TRACE_COLOURS, result.traces, strict=True):
-        style = {"color": colour, "linewidth": 0.9}
-        signals = {
-            "i_x [A]": trace.control_a[:, 0],
-            "i_y [A]": trace.control_a[:, 1],
-            "path speed [mm/s]": trace.speed_mm_s,
-            "contour error [um]": trace.contour_error_um,
-        }
-        for label, values in signals.items():
-            one = Curve(trace.theta_mm, values, f"q_theta = {trace.q_theta:g}", style)
-            curves.setdefault(label, []).append(one)
     x, margin = "path parameter theta [mm]", {"xmargin": 0.01}
-    panels = [Panel("", x, label, both, margin) for label, both in curves.items()]
+    labels = ("i_x [A]", "i_y [A]", "path speed [mm/s]", "contour error [um]")
+    panels = [Panel("", x, label, [], margin) for label in labels]
+    for colour, trace in zip(TRACE_COLOURS, result.traces, strict=True):
+        name, style = f"q_theta = {trace.q_theta:g}", {"color": colour, "linewidth": 0.9}
+        signals = (*trace.control_a.T, trace.speed_mm_s, trace.contour_error_um)
+        for panel, values in zip(panels, signals, strict=True):
+            panel.curves.append(Curve(trace.theta_mm, values, name, style))
     title = "Figs 9, 10, 11: MPCC on the friction plant"
     return drawn(panels, (8.0, 9.0), title, legend=2, sharex=True)
 

@@ -139,10 +139,7 @@ class Outcome(NamedTuple):
 
 
 def lobes() -> Contour:
-    """Contour of four lobes, 30 +- 10 mm.
-
-    The paper's contour is not printed. This one has its size and its tight curves.
-    """
+    """Contour of four lobes, 30 +- 10 mm, with size and tight curves of the paper's."""
     return polar_lobes(30e-3, 10e-3, 4)
 
 

@@ -329,10 +329,7 @@ def errors_over_the_weights(result: Result) -> Figure:
 
 
 def errors_on_the_family(result: Result) -> Figure:
-    """Figs 3, 5, 7 and 8: errors over alpha on every machine; crosses where a loop is unstable.
-
-    The nominal machine only improves with alpha; a delayed one improves, then loses stability.
-    """
+    """Figs 3, 5, 7 and 8: errors over alpha on every machine; crosses where a loop is unstable."""
     panels, alphas = [], np.array([*ALPHAS, TOO_HIGH_ALPHA])
     for error, terminal in product(ERRORS, NAMES):
         runs = [result.on_family(terminal, alpha, 0.0) for alpha in alphas]

@@ -82,8 +82,6 @@ class MachineRun:
     te_um: float  # tracking error
     ce_um: float  # contour error
     projected_um: float  # contour error by the paper's eq. 3
-    control: float
-    increment: float
 
     @property
     def stable(self) -> bool:
@@ -173,8 +171,7 @@ class Setup:
         radii = self.frozen_radius(np.asarray(plan.F)[slice(*WINDOW, RADIUS_STRIDE)])
         errors = metrics.rms_tracking_error, metrics.rms_contour_error, metrics.rms_projected_error
         lost = np.asarray(metrics.diverged)
-        columns = (*(1e6 * error for error in errors), metrics.rms_control, metrics.rms_increment)
-        rows = np.where(lost, np.inf, columns).T.tolist()
+        rows = np.where(lost, np.inf, 1e6 * np.array(errors)).T.tolist()
         machines = tuple(
             MachineRun(float(radius), bool(diverged), *row)
             for radius, diverged, row in zip(radii, lost, rows, strict=True)

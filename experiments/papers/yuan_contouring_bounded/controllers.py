@@ -52,11 +52,7 @@ class Parted(HostController):
         return tuple(one.initial_memory(reference) for one in self.controllers)
 
     def step(self, memory: Any, plan: Any, measurement: Any) -> Stepped:
-        """Step of each on its own states.
-
-        Raises:
-            Unsolved: a QP has no answer.
-        """
+        """Step of each on its own states; a QP without an answer raises `Unsolved`."""
         began = thread_time()
         control, memories, reports = np.zeros(3), [], []
         each = zip(self.parts, self.controllers, memory, plan, strict=True)
@@ -72,11 +68,7 @@ class Parted(HostController):
 
 
 def controller(tube: Tube) -> tuple[Parted, Promise]:
-    """Controllers of all parts, and what they promise together.
-
-    Raises:
-        ValueError: a limit is too small; it names the signal.
-    """
+    """Controllers of all parts, and what they promise together."""
     made = [
         _part_controller(tube, part, response)
         for part, response in zip(tube.design.parts, tube.responses, strict=True)

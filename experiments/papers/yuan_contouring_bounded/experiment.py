@@ -202,10 +202,7 @@ def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> Lo
 
 
 def _in_boxes(kept: Tube, states, controls, force: np.ndarray | None) -> tuple[float, float]:
-    """Largest disturbance of a motor, and largest model error, over their boxes.
-
-    Under an unknown force the motors explain as much as they can.
-    """
+    """Largest motor disturbance and model error over their boxes; motors explain what they can."""
     x, u = np.asarray(states), np.asarray(controls)
     machine, late, T = kept.machine, kept.design.late, len(u)
     acting = np.concatenate([np.zeros((late, 3)), u])[:T]  # a late drive acts on the one before

@@ -168,11 +168,7 @@ class Tube:
 
 @cache
 def tube(design: Design) -> Tube:
-    """The tube of a design along the whole path, its remainder in balance with it.
-
-    Raises:
-        NoResponse: the currents do not suffice against motors and remainder.
-    """
+    """The tube of a design along the whole path, its remainder in balance with it."""
     machine = driven(design.late)
     model, which = machine.switched(design.linear or tangent, design.points)
     if design.linear is None:

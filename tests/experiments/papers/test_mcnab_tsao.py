@@ -28,7 +28,7 @@ from jcontour.plants.delays import Delayed
 from jcontour.simulation.closed_loop import prepared
 
 DATA = Path(__file__).parents[2] / "data" / "mcnab"
-NUMBERS = {"te": "te_um", "ce": "ce_um", "pce": "projected_um", "u": "control", "du": "increment"}
+NUMBERS = {"te": "te_um", "ce": "ce_um", "pce": "projected_um"}
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODUCED
 
 
