@@ -110,7 +110,7 @@ class FrozenLoop(NamedTuple):
         )
 
     def only(
-        self, kept: Bool[np.ndarray, "*loops"], others: "FrozenLoop | None" = None
+        self, kept: Bool[np.ndarray, "*loops"] | np.bool_, others: "FrozenLoop | None" = None
     ) -> "FrozenLoop":
         """These loops where they are kept, else the others; zeros without others."""
         if kept.all():
