@@ -48,7 +48,8 @@ def command(flags: Report) -> int:
     entries += [Entry("" if k else "Drive", line) for k, line in enumerate(gains)]
     if page is not None:
         size = f"{1e-6 * page.stat().st_size:.2g} MB"
-        entries.append(Entry("Page", f"{page}, {size}, for any browser; it needs no network"))
+        entries.append(Entry("Page", f"{page}, {size}"))
+        entries.append(Entry("Open", "it in any browser; it needs no network, and prints"))
     if several and not flags.details:
         entries.append(Entry("Next", f"jcontour report{words_of(map(str, runs))} --details"))
     say(console, *screen(None, entries))

@@ -68,7 +68,7 @@ def test_wrong_units_are_questioned():
     assert questions(sound, axis_behaviours(sound)) == []
     wrong = loaded(replace(MILL, length_unit="m", time_constant_ms=(15.0,)))
     lines = questions(wrong, axis_behaviours(wrong))  # 200 m/s in 15 ms
-    assert "g; is length_unit right?" in lines[0] and "200 m/s" in lines[1]
+    assert "g; is length_unit right?" in lines[0] and "12000000 mm/min" in lines[1]
     slow = loaded(replace(MILL, max_speed=(500.0,)))
     assert (
         "12000 mm/min, less than its limit of 30000 mm/min"

@@ -83,7 +83,12 @@ def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(monkeypatch, 
     [
         (1e-3, 0.02, 0.1, []),
         (0.05, 0.02, 0.1, ["time: a sample every 50 ms is no usual period of a drive"]),
-        (1e-3, 2.5e7, 1e8, ["X: 1e+08 m/s and 0.102 g in the record, and 2.5e+07 m/s per V"]),
+        (
+            1e-3,
+            2.5e7,
+            1e8,
+            ["X: 6000000000000 mm/min and 0.102 g in the record, and 15"],
+        ),
     ],
 )
 def test_wrong_units_are_questioned(dt, gain, speed, words):
