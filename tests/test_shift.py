@@ -164,7 +164,7 @@ WRAPPED = {
     Disturbed: lambda: Disturbed(lags(), noise=jnp.ones((1, 2))),
     WithDryFriction: rubbed,
     ElastoplasticFriction: lambda: ElastoplasticFriction(
-        lags(), np.asarray(lags().B), np.ones(2), Friction(np.full(2, 1e-6), 0.0, 1.0, 0.0)
+        lags(), lags().B, lags().C, jnp.ones(2), Friction(np.full(2, 1e-6), 0.0, 1.0, 0.0)
     ),
     Encoders: lambda: Encoders(lags()),
     Sensed: lambda: Sensed(lags(), Sensors([0, 1]).positions),

@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.linalg import block_diag
 from jaxtyping import Array, Float
 
 from jcontour._arrays import floating, is_concrete
@@ -266,29 +267,39 @@ def _coupled_axis(pattern: Pattern) -> Axis | None:
 
 @eqx.filter_jit
 def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, ""]]]:
-    Sy = Sv = jnp.zeros((plant.states, plant.axes), plant.A.dtype)
-    conditions = []
-    for axis in decoupled_axes(plant.pattern):
+    matrices, sides, scales, conditions = [], [], [], []
+    axes = decoupled_axes(plant.pattern)
+    for axis in axes:
         rows, output = np.array(axis.states), axis.outputs[0]
         A, B, C = plant.A[np.ix_(rows, rows)], plant.B[rows, axis.inputs[0]], plant.C[output, rows]
-        matrix = _steady_equations(A, B, C)
-        sample = jnp.arange(matrix.shape[0], dtype=matrix.dtype)
+        moving = _steady_equations(A, B, C)
         # powers of two just above the sizes: columns that are divided by them keep their digits
-        sizes = jnp.max(jnp.abs(matrix[:, :-1]), axis=0)
+        sizes = jnp.max(jnp.abs(moving[:, :-1]), axis=0)
         _, exponents = jnp.frexp(jax.lax.stop_gradient(sizes))
         size_of_states = jnp.ldexp(jnp.ones_like(sizes), exponents)
-        matrix = matrix.at[:, :-1].divide(size_of_states)
-        ramp = jnp.linalg.solve(matrix, sample)[:-1] / size_of_states
-        Sy = Sy.at[rows, output].set(_standing(A, B, C, size_of_states))
-        Sv = Sv.at[rows, output].set(ramp)
-        conditions.append(jnp.linalg.cond(matrix))
+        moving = moving.at[:, :-1].divide(size_of_states)
+        standing, position = _standing_equations(A, B, C, size_of_states)
+        matrices += [moving, standing]
+        sides += [jnp.arange(len(moving), dtype=A.dtype), position]
+        scales.append(size_of_states)
+        conditions.append(jnp.linalg.cond(moving))
+    # as one: factors of batches that are computed side by side wait for each other's threads
+    solved = jnp.linalg.solve(block_diag(*matrices), jnp.concatenate(sides))
+    Sy = Sv = jnp.zeros((plant.states, plant.axes), plant.A.dtype)
+    first = 0
+    for axis, scale in zip(axes, scales, strict=True):
+        rows, output, count = np.array(axis.states), axis.outputs[0], len(axis.states) + 1
+        ramp, rest = (solved[first + k : first + k + count - 1] for k in (0, count))
+        Sv = Sv.at[rows, output].set(ramp / scale)
+        Sy = Sy.at[rows, output].set(rest / scale)
+        first += 2 * count
     return SteadyMotion(Sy, Sv), conditions
 
 
-def _standing(
+def _standing_equations(
     A: Float[Array, "n n"], B: Float[Array, " n"], C: Float[Array, " n"], sizes: Float[Array, " n"]
-) -> Float[Array, " n"]:
-    """State x = A x + B u of a standstill at C x = 1.
+) -> tuple[Float[Array, "n+1 n+1"], Float[Array, " n+1"]]:
+    """Rows of x = A x + B u and C x = 1, columns divided by the sizes, and their right side.
 
     Rows over many samples tell it too, but round what a delay line holds of a small control.
     """
@@ -298,8 +309,7 @@ def _standing(
     largest = jax.lax.stop_gradient(jnp.max(jnp.abs(matrix), axis=1))
     _, exponents = jnp.frexp(largest)
     rows = jnp.ldexp(jnp.ones_like(largest), -exponents)
-    position = jnp.zeros(B.size + 1, A.dtype).at[-1].set(rows[-1])
-    return jnp.linalg.solve(matrix * rows[:, None], position)[:-1] / sizes
+    return matrix * rows[:, None], jnp.zeros(B.size + 1, A.dtype).at[-1].set(rows[-1])
 
 
 def _steady_equations(

@@ -175,11 +175,13 @@ class ElastoplasticFriction(Remembering):
     Args:
         plant: a machine, some of whose controls are positions.
         entry: E, how a force on each axis enters.
+        outputs: C of the outputs y = C x.
         stiffness: s [control unit/m].
         friction: its Coulomb part is F of every control [control unit], zero of one that is none.
     """
 
     entry: Float[Array, "n m"]
+    outputs: Float[Array, "m n"]
     stiffness: Float[Array, " m"]
     friction: Friction
 
@@ -192,8 +194,8 @@ class ElastoplasticFriction(Remembering):
         """Step of the plant under the force, and the next one."""
         before, limit = state[0], self.friction.coulomb
         force = jnp.where(limit > 0, state[1], 0.0)  # nothing is remembered without friction
-        after = self.plant.step(before, control) - small_product(self.entry, force)
-        way = self.plant.output(after) - self.plant.output(before)
+        after = self.plant.step(before, control) - jnp.sum(self.entry * force[None], axis=1)
+        way = jnp.sum(self.outputs * (after - before)[None], axis=1)
         stuck = jnp.clip(force + self.stiffness * way, -limit, limit)
         return after, jnp.where(limit > 0, stuck, 0.0)
 
@@ -248,7 +250,8 @@ def with_dry_friction(
         Friction(np.where(some, np.asarray(force), 0.0), 0.0, 1.0, 0.0)
         for some in (integrates, ~integrates)
     )
-    holding = jnp.asarray(entry), jnp.asarray(_holding_stiffness(plant, np.asarray(entry)))
+    stiffness = jnp.asarray(_holding_stiffness(plant, np.asarray(entry)))
+    holding = jnp.asarray(entry), plant.C, stiffness
     if not integrates.any():
         return ElastoplasticFriction(plant, *holding, held)
     speed = (C @ A - C) / plant.dt
