@@ -11,7 +11,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import block_diag
 from jaxtyping import Array, Float
 
 from jcontour._arrays import floating, is_concrete
@@ -230,8 +229,7 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
     with one input and one output. An axis with n_i states solves, for x and the constant control u
     that carries it on,
 
-        C A^j x + sum_{i<j} C A^i B u = y + j dy,   j = 0..n_i,
-    for a standstill as x = A x + B u, C x = y.
+        C A^j x + sum_{i<j} C A^i B u = y + j dy,   j = 0..n_i.
     McNab & Tsao, Appendix, with the third row at x_d(k + N_p). We scale every column, as states
     have units of their own: those of a delay line count the control in steps of the position.
 
@@ -267,49 +265,25 @@ def _coupled_axis(pattern: Pattern) -> Axis | None:
 
 @eqx.filter_jit
 def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, ""]]]:
-    matrices, sides, scales, conditions = [], [], [], []
-    axes = decoupled_axes(plant.pattern)
-    for axis in axes:
+    Sy = Sv = jnp.zeros((plant.states, plant.axes), plant.A.dtype)
+    conditions = []
+    for axis in decoupled_axes(plant.pattern):
         rows, output = np.array(axis.states), axis.outputs[0]
         A, B, C = plant.A[np.ix_(rows, rows)], plant.B[rows, axis.inputs[0]], plant.C[output, rows]
-        moving = _steady_equations(A, B, C)
+        matrix = _steady_equations(A, B, C)
+        size = matrix.shape[0]
+        sample = jnp.arange(size, dtype=matrix.dtype)
+        ramp = jnp.stack([jnp.ones(size, matrix.dtype), sample], axis=1)
         # powers of two just above the sizes: columns that are divided by them keep their digits
-        sizes = jnp.max(jnp.abs(moving[:, :-1]), axis=0)
+        sizes = jnp.max(jnp.abs(matrix[:, :-1]), axis=0)
         _, exponents = jnp.frexp(jax.lax.stop_gradient(sizes))
         size_of_states = jnp.ldexp(jnp.ones_like(sizes), exponents)
-        moving = moving.at[:, :-1].divide(size_of_states)
-        standing, position = _standing_equations(A, B, C, size_of_states)
-        matrices += [moving, standing]
-        sides += [jnp.arange(len(moving), dtype=A.dtype), position]
-        scales.append(size_of_states)
-        conditions.append(jnp.linalg.cond(moving))
-    # as one: factors of batches that are computed side by side wait for each other's threads
-    solved = jnp.linalg.solve(block_diag(*matrices), jnp.concatenate(sides))
-    Sy = Sv = jnp.zeros((plant.states, plant.axes), plant.A.dtype)
-    first = 0
-    for axis, scale in zip(axes, scales, strict=True):
-        rows, output, count = np.array(axis.states), axis.outputs[0], len(axis.states) + 1
-        ramp, rest = (solved[first + k : first + k + count - 1] for k in (0, count))
-        Sv = Sv.at[rows, output].set(ramp / scale)
-        Sy = Sy.at[rows, output].set(rest / scale)
-        first += 2 * count
+        matrix = matrix.at[:, :-1].divide(size_of_states)
+        maps = jnp.linalg.solve(matrix, ramp)[:-1] / size_of_states[:, None]
+        Sy = Sy.at[rows, output].set(maps[:, 0])
+        Sv = Sv.at[rows, output].set(maps[:, 1])
+        conditions.append(jnp.linalg.cond(matrix))
     return SteadyMotion(Sy, Sv), conditions
-
-
-def _standing_equations(
-    A: Float[Array, "n n"], B: Float[Array, " n"], C: Float[Array, " n"], sizes: Float[Array, " n"]
-) -> tuple[Float[Array, "n+1 n+1"], Float[Array, " n+1"]]:
-    """Rows of x = A x + B u and C x = 1, columns divided by the sizes, and their right side.
-
-    Rows over many samples tell it too, but round what a delay line holds of a small control.
-    """
-    entry = B / jax.lax.stop_gradient(jnp.max(jnp.abs(B)))
-    rest = (jnp.eye(B.size, dtype=A.dtype) - A) / sizes[None]
-    matrix = jnp.block([[rest, -entry[:, None]], [(C / sizes)[None], jnp.zeros((1, 1), A.dtype)]])
-    largest = jax.lax.stop_gradient(jnp.max(jnp.abs(matrix), axis=1))
-    _, exponents = jnp.frexp(largest)
-    rows = jnp.ldexp(jnp.ones_like(largest), -exponents)
-    return matrix * rows[:, None], jnp.zeros(B.size + 1, A.dtype).at[-1].set(rows[-1])
 
 
 def _steady_equations(

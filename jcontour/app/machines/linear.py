@@ -22,6 +22,7 @@ from jcontour.app.machines.uncertainty import (
     rounding_noise,
     sensor_noise,
 )
+from jcontour.linear.plant import steady_motion
 from jcontour.plant import Plant
 from jcontour.plants.actuation import Backlash, Disturbed, with_dry_friction
 from jcontour.plants.encoders import Encoders, Quantised
@@ -215,7 +216,10 @@ class LinearMachine(GainsAndDelayMachine):
         A, B = np.asarray(self.model.A), np.asarray(self.model.B)
         # in a model with a delay, the control that acts is the last of those that wait
         entry = A[:, -self.model.inputs :] if self.known_delay else B
-        return with_dry_friction(self.model, entry, np.broadcast_to(self.friction, self.model.axes))
+        with jax.ensure_compile_time_eval():  # not in the programs of families: batches of factors
+            motion = steady_motion(self.model)  # may wait for each other's threads there
+        model = eqx.tree_at(lambda m: m.motion, self.model, motion, is_leaf=lambda m: m is None)
+        return with_dry_friction(model, entry, np.broadcast_to(self.friction, self.model.axes))
 
     def rubbed(self, gains: np.ndarray) -> Plant:
         """With the more friction the smaller the gains are, so that both add up."""

@@ -17,7 +17,6 @@ from jcontour.linear.plant import (
 )
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.linear_machines import bridgeport
-from tuning.identification.linear.axis_model import AxisModel
 
 
 def block(*blocks):
@@ -104,19 +103,6 @@ def test_decoupled_axes_are_found_however_the_plant_is_ordered(sizes, order):
         assert axis.states == tuple(
             k for k, state in enumerate(states) if owner[state] == outputs[i]
         )
-
-
-def test_a_late_force_behind_a_resonance_needs_no_control_to_stand():
-    """As it is identified, of small gain: what its delay line holds at rest is no rounding."""
-    mode = 0.87 + 0.4385j
-    below = np.real(np.poly([0.9905, 0.9946, mode, mode.conjugate()]))[1:]
-    above = np.array([9.9e-7, -2.26e-6, 1.33e-6, 3.0e-7, -2.7e-7, -8.3e-8])
-    A, B, C = AxisModel(below, above, 1, 2, 1e-3).realisation(2)
-    plant = LinearPlant(A, B, C, 1e-3)
-    rest = np.asarray(steady_motion(plant).Sy)[:, 0]
-    assert C[0] @ rest == pytest.approx(1.0, rel=1e-12)
-    assert np.abs(rest[-2:]).max() < 1e-5
-    assert np.asarray(plant.holding_control(jnp.ones(1))).tolist() == [0.0]
 
 
 def test_steady_motion_of_a_permuted_plant(two_axes):
