@@ -18,6 +18,7 @@ from jcontour.app.catalogue.entries import CONTROLLERS, design_class
 from jcontour.app.flags.loops import Simulate
 from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import MachineLimits
+from jcontour.app.machines.uncertainty import Uncertainty
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle
 from jcontour.host.loop import reported_loop
@@ -73,9 +74,8 @@ def drives() -> LinearMachine:
         ("X", "Y"),
         "mm",
         MachineLimits(speed=np.full(2, 0.5), acceleration=np.full(2, 50.0)),
+        Uncertainty(gain=0.0, delay=1),
         known_delay=1,
-        gain=0.0,
-        delay=1,
         encoder_resolution=5e-6,
         control_noise=0.1,
         published=weights,  # the search for a first loop would take most of the time
