@@ -138,11 +138,12 @@ class Limited(Controlled):
     max_rms_control: float | None = None
     """Limit on the RMS of the control vector [control unit]."""
     max_peak_control: float | None = None
-    """Limit on the peak of the control vector [control unit]."""
+    """Limit on the peak of the control vector over the scored samples [control unit].
+    Limits of the machine hold at every sample."""
     max_rms_increment: float | None = None
     """Limit on the RMS of the control increment vector [control unit per sample]."""
     max_peak_increment: float | None = None
-    """Limit on the peak of the control increment vector [control unit per sample]."""
+    """Limit on the peak of its increment over the scored samples [control unit per sample]."""
 
 
 @dataclass(frozen=True)

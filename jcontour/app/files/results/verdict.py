@@ -84,7 +84,7 @@ class LimitCheck:
         """The limit in words, where it is near or exceeded."""
         how = "is near its limit" if self.kept else "EXCEEDS its limit"
         if self.kept and self.saturated:
-            how = f"SATURATES at {100 * self.saturated:.2g} % of the samples"
+            how = f"SATURATES at {100 * self.saturated:.3g} % of the samples"
         if self.kept and self.value > (1 + ROUNDING) * self.allowed:
             how = f"overshoots its limit, by less than {100 * self.slack:g} %"
         line = f"{self.name} {how}: {self.size}"
