@@ -8,7 +8,7 @@ first numbers; their values and the quotient W / (lambda^d B^u) follow from
     lambda^d B^u X + T E' = R
 
 a square system. So E' stays exact while the numbers move, and optimal while its taps stay the same.
-Numbers at which other taps were better, or at which these cannot meet the conditions, are told when
+Numbers at which other taps were better, or at which these cannot meet the conditions, are said when
 a filter is made of them: see `OptimalInverse.check`.
 
 Zeros that would ring, B^r, are not cancelled: as in zero phase tracking the model followed is
