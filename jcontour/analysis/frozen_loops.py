@@ -113,6 +113,7 @@ class FrozenLoop(NamedTuple):
         self, kept: Bool[np.ndarray, "*loops"] | np.bool_, others: "FrozenLoop | None" = None
     ) -> "FrozenLoop":
         """These loops where they are kept, else the others; zeros without others."""
+        kept = np.asarray(kept)
         if kept.all():
             return self
         return jax.tree.map(

@@ -277,8 +277,8 @@ class Code:
         )
         precision = self.precision
         environment.filters |= {
-            "number": lambda value, kind=precision: literal(value, kind),
-            "table": lambda values, kind=precision: table(values, kind),
+            "number": lambda value, kind=None: literal(value, kind or precision),
+            "table": lambda values, kind=None: table(values, kind or precision),
             "code": lambda text: in_c(text, precision),
             "python": in_python,
             "structured": in_structured_text,

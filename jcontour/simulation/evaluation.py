@@ -7,7 +7,7 @@ they are vectorised (`vmap`).
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeGuard, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -142,7 +142,7 @@ def evaluate(
     return batching(on_contour, references)
 
 
-def _by_kernels(plants: Plant) -> bool:
+def _by_kernels(plants: Plant) -> TypeGuard[LinearPlant]:
     """Whether kernels may take runs of the plants: a wrapper may measure less than the state."""
     return kernels.wanted() and type(plants) is LinearPlant
 

@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from numpy.polynomial import polynomial
-from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.signal import bilinear, lfilter, ss2tf
 
@@ -92,6 +91,7 @@ SEARCHED_EPS = (0.05, 1.0)
 
 Signal = Float[np.ndarray, " T"]
 Taps = Float[np.ndarray, " c"]
+ONE = np.ones(1)  # a filter without poles
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def trajectory() -> Signal:
     return np.cumsum(np.cumsum(SECOND_DIFFERENCE * second))
 
 
-def periodic(numerator: Taps, reference: Signal, denominator: ArrayLike = (1.0,)) -> Signal:
+def periodic(numerator: Taps, reference: Signal, denominator: Taps = ONE) -> Signal:
     """Steady response of a filter to a periodic reference, harmonic by harmonic."""
     points = np.exp(-2j * np.pi * np.arange(SAMPLES // 2 + 1) / SAMPLES)
     ratio = polynomial.polyval(points, numerator) / polynomial.polyval(points, denominator)
@@ -220,7 +220,7 @@ def line_30(zero: float) -> tuple[float, float, float]:
     value = zero ** (row.following.preview - 1)
 
     def error(eps: float) -> Signal:
-        return periodic(value * np.array([1.0, -1.0]), reference, [1 + eps, -1.0])
+        return periodic(value * np.array([1.0, -1.0]), reference, np.array([1 + eps, -1.0]))
 
     def eps_of(size, printed: str) -> float:
         root = brentq(lambda eps: size(error(eps)) - float(printed), *SEARCHED_EPS, xtol=1e-14)

@@ -62,7 +62,8 @@ def claims(result: Result, published: Sequence[TableRow] = PUBLISHED) -> Iterato
         for ours in OURS[row.name]
     ]
     lost = [where for where, ours, _ in excess if ours <= 0]
-    worst, printed = (1 + max(row[place] for row in excess) for place in (1, 2))
+    worst = 1 + max(ours for _, ours, _ in excess)
+    printed = 1 + max(theirs for *_, theirs in excess)
     words = f"largest error of the end effector up to {worst:.2f} x the motor's, "
     words += f"in print up to {printed:.2f} x" + (f"; not for {', '.join(lost)}" if lost else "")
     fares = _ordered(not lost, [pair for _, *pair in excess])

@@ -23,6 +23,7 @@ from tuning.tuner import TuneState
 STATE = "state.npz"
 TREES = ("history", "descent")  # stored leaf by leaf; every other field is a number or an array
 _DESCENT = begin(np.zeros(1), Model(*(np.zeros((1,) * axes) for axes in (2, 1, 3, 2))))
+_ZERO: Any = np.zeros((1, 1))
 _OUTCOME = Outcome(  # the structure of one with everything
     Metrics(
         **{
@@ -30,9 +31,10 @@ _OUTCOME = Outcome(  # the structure of one with everything
             for name in Metrics.__dataclass_fields__
         }
     ),
-    LoopPeaks(*np.zeros((len(LoopPeaks._fields), 1, 1))),
-    LimitUse(*np.zeros((len(LimitUse._fields), 1, 1))),
-    *np.zeros((2, 1, 1)),
+    LoopPeaks(*[_ZERO] * len(LoopPeaks._fields)),
+    LimitUse(*[_ZERO] * len(LimitUse._fields)),
+    _ZERO,
+    _ZERO,
 )
 
 
