@@ -15,6 +15,7 @@ from jcontour.app.jobs.job import Job, Pace, Task
 from jcontour.app.jobs.replays import Scenarios
 from jcontour.app.jobs.stretches import representatives
 from jcontour.app.machines.machine import Machine
+from jcontour.app.runs.checks.machine_limits import OVERSHOOT
 from jcontour.app.runs.spread.devices import batching_of
 from jcontour.app.runs.tuning.limits import (
     counted,
@@ -125,7 +126,7 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     if machine.response_uncertainty is not None:
         limits["response_doubt"] = BORNE
     limits |= noise_limit(flags, machine, design)
-    limits |= asked | {f"{name}_use": RESERVED for name in kept}
+    limits |= asked | {f"{name}_use": RESERVED * (1 + OVERSHOOT.get(name, 0.0)) for name in kept}
     problem = replace(
         problem,
         limits=AtMost(_before(flags, before, problem), **limits),
