@@ -40,19 +40,19 @@ def counting(monkeypatch):
 def test_a_batch_of_nothing_is_refused_at_once(part, batch, capsys):
     assert main(["bench", part, "--batch", batch]) == 2
     said = capsys.readouterr()
-    wanted = f"jcontour: batch: needs at least one run at once, received {batch}\n"
+    wanted = f"jcontour: --batch: needs at least one run at once, received {batch}\n"
     assert said.err == wanted and not said.out
 
 
 @pytest.mark.parametrize("flag", ["--seeds", "--evaluations"])
 def test_a_number_of_none_is_refused_at_once(flag, counting, capsys):
     assert main(["bench", "whole_way", flag, "0"]) == 2
-    assert capsys.readouterr().err == f"jcontour: {flag[2:]}: needs at least 1, received 0\n"
+    assert capsys.readouterr().err == f"jcontour: {flag}: needs at least 1, received 0\n"
 
 
 def test_a_seed_below_zero_is_refused_at_once(counting, capsys):
     assert main(["bench", "whole_way", "--first-seed", "-1"]) == 2
-    assert capsys.readouterr().err == "jcontour: first-seed: needs at least 0, received -1\n"
+    assert capsys.readouterr().err == "jcontour: --first-seed: needs at least 0, received -1\n"
 
 
 @pytest.mark.parametrize("part", get_args(get_type_hints(Bench)["what"]))

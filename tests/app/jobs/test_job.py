@@ -170,7 +170,7 @@ def test_drawings_without_a_unit_name_the_flag(tmp_path):
         "0\nSECTION\n2\nENTITIES\n0\nLINE\n10\n0\n20\n0\n11\n1\n21\n0\n0\nENDSEC\n0\nEOF\n"
     )
     machine = machine_named(EXAMPLE)
-    with pytest.raises(ToolpathError, match=r"part\.dxf: .* give one, as --drawing-unit mm"):
+    with pytest.raises(ToolpathError, match=r"part\.dxf: .* give it, as --drawing-unit mm"):
         from_file(path, Pace.of(MachineFlags(), machine))
     inches = from_file(path, Pace.of(MachineFlags(drawing_unit="inch"), machine))
     assert float(inches.contour.length) == pytest.approx(25.4e-3)
