@@ -55,6 +55,7 @@ OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on t
 }
 PLENTY = 10_000  # training samples beyond which a run will not end within a minute
 RESERVED = 0.97  # of a limit that the machine states: contours not trained may need more
+WHOLE = 1.0  # of one that a loop may overshoot on them
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     if machine.response_uncertainty is not None:
         limits["response_doubt"] = BORNE
     limits |= noise_limit(flags, machine, design)
-    limits |= asked | {f"{name}_use": RESERVED * (1 + OVERSHOOT.get(name, 0.0)) for name in kept}
+    limits |= asked | {f"{name}_use": WHOLE if name in OVERSHOOT else RESERVED for name in kept}
     problem = replace(
         problem,
         limits=AtMost(_before(flags, before, problem), **limits),

@@ -78,7 +78,7 @@ def test_where_the_peak_is(tuned, result, part_file):
 def test_the_history_holds_every_point(tuned, result):
     points = json.loads((tuned / "history.json").read_text())
     assert len(points) == result.evaluated_points
-    used = {f"{name}_use": 0.97 for name in ("speed", "acceleration", "control", "increment")}
+    used = {"speed_use": 1.0, "acceleration_use": 1.0, "control_use": 0.97, "increment_use": 0.97}
     lag = result.limits["rms_tracking_error"]  # 5 samples at the highest speed
     limits = {"rms_tracking_error": lag, "peak_sensitivity": 2.0, "count_noise": 0.8 * 3, **used}
     assert result.limits == pytest.approx(limits)
