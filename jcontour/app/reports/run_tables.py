@@ -92,7 +92,7 @@ def tuned_answer(result: TunedResult, run: str = "RUN") -> list[Entry]:
         )
         sizes.append(" -> ".join(map(digits, largest)))
     unit = result.machine.control_unit
-    effort = f"RMS control, {against}: {sizes[0]} {unit}, its change per sample {sizes[1]}"
+    effort = f"RMS control {sizes[0]} {unit}, its change {sizes[1]}"
     margin, start = "none: a loop is open or unstable", result.start_margins.sensitivity
     if (tuned := result.margins).stable:
         low, high = zip(*tuned.gain_range, strict=True)
@@ -126,7 +126,7 @@ def change_words(result: TunedResult, training: bool) -> str:
     if len(pairs) == 1:
         return f"{next(iter(pairs))} {sizes} ({change})"
     words = "training" if training else "held-out"
-    return f"{len(pairs)} {words} contours {sizes} ({change} in the mean)"
+    return f"{len(pairs)} {words} {sizes} (mean {change})"
 
 
 def drive_words(result: TunedResult, drive: DriveLoop, run: str) -> str:

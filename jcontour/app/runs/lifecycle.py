@@ -206,7 +206,7 @@ def finished(
         drawn = sorted(path.name for path in folder.glob("*.png"))
         lines = [] if verdict is None else ["", *verdict.lines[1:]]
         tables.say(console, *lines, *([f"Drawn: {', '.join(drawn)}"] if drawn else []), "")
-    place = Entry("Folder", f"{folder}{page}; --details prints every table")
+    place = Entry("Folder", f"{folder}{page}; --details: every table")
     tables.say(console, *screen(verdict, [*answer, place]))
     return code
 

@@ -42,7 +42,7 @@ def test_the_change_of_a_set_is_its_worst_error_and_the_mean_of_its_ratios():
     ]
     result = small_runs.tuned_result(contours=contours)
     assert change_words(result, True) == "part 4 -> 1 um (-75 %)"
-    assert change_words(result, False) == "2 held-out contours 16 -> 4 um (-75 % in the mean)"
+    assert change_words(result, False) == "2 held-out 16 -> 4 um (mean -75 %)"
     lost = replace(contours[2], metrics=contours[2].metrics | {"tuned": LOST})
     found = change_words(small_runs.tuned_result(contours=[*contours[:2], lost]), False)
     assert found == "a 8 -> 4 um (-50 %)"

@@ -91,7 +91,7 @@ class Evidence:
 
 def verdict_on(seen: Evidence) -> Verdict:
     """Verdict on tuned weights: the gravest reasons first, then the comparison, then the limits."""
-    messages = [*_unsound(seen), *_start(seen), *seen.warnings, *_comparison(seen)]
+    messages = [*_unsound(seen), *seen.warnings, *_comparison(seen), *_start(seen)]
     # What helps where limits are not kept
     beyond = [one.name for one in seen.limits if not one.kept]
     remedies = []
