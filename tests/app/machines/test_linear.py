@@ -46,13 +46,14 @@ def slides(known_delay: int, **more):
 @pytest.mark.slow
 @pytest.mark.parametrize("known_delay", [0, 2])
 def test_friction_stops_every_plant_of_the_family_and_no_linear_one(known_delay):
-    """From 40 mm/s under no control, by v^2 / (2 gain force), whatever gain and delay."""
+    """From 40 mm/s under no control, by v^2 / (2 gain force); the force varies by a tenth."""
     rough, start = slides(known_delay, friction=0.2), np.array([4e-5, -4e-5])
     drawn = rough.random_family(2, 0)
     ways = np.array([1.0, -1.0]) * 0.04**2 / (2 * 0.2 * np.array([2.0, 1.0]))
     plants = [*rough.smooth_family()[1:3], *rough.true_family()[2:], member(drawn, 0)]
-    for plant in plants:
-        np.testing.assert_allclose(coasted(plant, start), ways, rtol=0.05)
+    np.testing.assert_allclose(coasted(rough.true_family()[0], start), ways, rtol=0.05)
+    shares = np.array([coasted(plant, start) for plant in plants]) / ways
+    assert np.all((0.95 / 1.1 < shares) & (shares < 1.05 / 0.9)), shares
     for plant in (rough.exact_family()[-1], rough.nominal(), rough.frictionless.true_family()[1]):
         np.testing.assert_allclose(coasted(plant, start), 500 * start, rtol=1e-9)
 

@@ -185,7 +185,7 @@ def test_a_path_that_is_run_at_the_limit_all_along_has_no_margins(two_axes):
             Machine,
             nominal=lambda fed: plant,
             smooth_family=lambda fed: [plant],
-            uncertainty=None,
+            response_uncertainty=None,
             measured=(),
         ),
         ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3),
