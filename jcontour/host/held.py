@@ -114,8 +114,15 @@ def thinned(reference: Reference, every: int) -> Reference:
     )
 
 
+class FrictionMemory(NamedTuple):
+    """Memory of the wrapped controller, and what was added to its last control."""
+
+    inner: Any
+    friction: Float[np.ndarray, " p"]
+
+
 class FrictionCompensated(HostController):
-    """A controller, and the control against dry friction beside it.
+    """A controller, and the control against dry friction beside it, in every kind of step.
 
     Args:
         controller: on the host.
@@ -132,14 +139,35 @@ class FrictionCompensated(HostController):
         friction = np.asarray(self.feedforward.against(reference))
         return self.controller.prepare(reference), friction
 
-    def initial_memory(self, reference: Reference) -> Any:
-        """Memory of the wrapped controller."""
-        return self.controller.initial_memory(reference)
+    def initial_memory(self, reference: Reference) -> FrictionMemory:
+        """Memory of the wrapped controller, nothing added yet."""
+        none = np.zeros_like(np.asarray(self.feedforward.against(reference))[0])
+        return FrictionMemory(self.controller.initial_memory(reference), none)
 
-    def step(self, memory: Any, plan: Any, measurement: Any) -> Stepped:
+    def step(self, memory: FrictionMemory, plan: Any, measurement: Any) -> Stepped:
         """The wrapped controller's step, and the control against friction."""
-        memory, control, report = self.controller.step(memory, plan[0], measurement)
-        return memory, np.clip(control + plan[1], -self._limit, self._limit), report
+        return self._beside(self.controller.step(memory.inner, plan[0], measurement), plan[1])
+
+    def soft_step(self, memory: FrictionMemory, plan: Any, measurement: Any) -> Stepped | None:
+        """The wrapped controller's softened step likewise; None where it has none."""
+        answer = self.controller.soft_step(memory.inner, plan[0], measurement)
+        return None if answer is None else self._beside(answer, plan[1])
+
+    def held(
+        self, memory: FrictionMemory, measurement: Any, control: Float[np.ndarray, " p"]
+    ) -> FrictionMemory:
+        """Memory after the fallback: the wrapped controller repeats its own part."""
+        own = control - memory.friction
+        return memory._replace(inner=self.controller.held(memory.inner, measurement, own))
+
+    def finished(self, memory: FrictionMemory) -> bool:
+        """Whether the wrapped controller has finished."""
+        return self.controller.finished(memory.inner)
+
+    def _beside(self, answer: Stepped, friction: Float[np.ndarray, " p"]) -> Stepped:
+        inner, own, report = answer
+        control = np.clip(own + friction, -self._limit, self._limit)
+        return FrictionMemory(inner, control - own), control, report
 
 
 class LateMemory(NamedTuple):

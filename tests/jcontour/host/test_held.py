@@ -5,9 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.feedforward.inverse_feedforward import FrictionFeedforward
 from jcontour.geometry import contours
 from jcontour.host.controller import HostController, StepReport
-from jcontour.host.held import Held, OneSampleLate, thinned
+from jcontour.host.held import FrictionCompensated, Held, OneSampleLate, thinned
 from jcontour.host.loop import reported_loop
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
@@ -15,6 +17,7 @@ from jcontour.motion.references import along
 from jcontour.mpc.contouring.mpcc import MPCC
 from jcontour.plants.xy_table import xy_table
 from jcontour.qp.problem import QP, Unsolved
+from jcontour.sensors import motors
 
 
 @cache
@@ -52,6 +55,28 @@ class Counting(HostController):
 
     def held(self, memory, measurement, control):
         return memory + 1
+
+
+@pytest.mark.parametrize(("soft", "third"), [(True, 10.5), (False, 2.5)])
+def test_friction_is_compensated_in_every_kind_of_step(soft, third):
+    """0.5 beside the counts 1, 2, the softened 10 or the repeated 2, and 4; at most 4.2 in all."""
+    repeated = []
+
+    class Noting(Counting):
+        def held(self, memory, measurement, control):
+            repeated.append(control.tolist())
+            return super().held(memory, measurement, control)
+
+    diagonal = contours.line([0.0, 0.0], [1.0, 1.0])
+    path = along(diagonal, 1e-3 * np.arange(6), 1e-3, 1, at_rest=True)
+    cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(2), dt=1e-3)
+    for limit in (np.inf, 4.2):
+        controller = FrictionCompensated(Noting(soft), FrictionFeedforward(cascade, 0.5, limit))
+        run = reported_loop(xy_table(1e-3), controller, path, fallback="soft")
+        wanted = np.minimum([1.5, 2.5, third, 4.5], limit)
+        np.testing.assert_allclose(np.asarray(run.rollout.control)[:4, 0], wanted)
+        assert run.report.fallbacks == 1
+    assert repeated == ([] if soft else [[2.0, 2.0]] * 2)
 
 
 class Pulling(Counting):
