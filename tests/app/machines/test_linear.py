@@ -11,10 +11,30 @@ from jcontour.analysis.uncertain_loops import ResponseUncertainty
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.commands.loops.check_bound import bounds_of, box_of, promised
 from jcontour.app.machines.from_file import linear_machine
-from jcontour.app.machines.uncertainty import Uncertainty
+from jcontour.app.machines.uncertainty import GainMember, Uncertainty
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from jcontour.simulation.evaluation import member
+
+
+def test_the_force_that_is_proven_for_is_no_less_than_the_friction_of_any_member():
+    """Way lost to friction in 20 ms from 40 mm/s, over that lost to the force at the control."""
+    rough = slides(0, friction=0.2)
+    force = bounds_of(rough, None, None).force
+
+    def way(machine, gain, control):
+        plant = machine.member(GainMember("", np.full(2, gain), 0.0))
+        state = plant.initial_state(jnp.zeros(2), jnp.full(2, 4e-5))
+        for _ in range(20):
+            state = plant.step(state, jnp.full(2, control))
+        return np.asarray(plant.output(state))
+
+    shares = []
+    for gain in (0.9, 1.0, 1.1):
+        free, rubbed = way(rough.frictionless, gain, 0.0), way(rough, gain, 0.0)
+        shares.append((free - rubbed) / (free - way(rough.frictionless, gain, -force)))
+    np.testing.assert_allclose(shares[0], 1.0, rtol=1e-6)
+    assert np.all(np.array(shares[1:]) < 0.91)
 
 
 def test_a_drive_that_takes_a_position_stands_still_where_its_part_begins():
@@ -111,7 +131,9 @@ def test_bounds_come_from_the_machine_where_none_is_given():
     table = promised(machine_named("xy-table"))
     assert bounds_of(table, None, None) == pytest.approx((0.005, 0.5e-6), rel=1e-12)
     rough = replace(table, friction=0.02)
-    assert bounds_of(rough, None, None) == pytest.approx((0.02, 0.5e-6), rel=1e-12)
+    # a tenth more friction behind the smallest input gain
+    largest = 0.02 * 1.1 / (1 - rough.uncertainty.gain)
+    assert bounds_of(rough, None, None) == pytest.approx((largest, 0.5e-6), rel=1e-12)
     assert bounds_of(replace(table, friction=0.001), None, None).force == pytest.approx(0.005)
     assert bounds_of(table, 0.0, 2.0) == pytest.approx((0.0, 2e-6), rel=1e-12)
 

@@ -20,7 +20,7 @@ from jcontour.app.files.results.run_metrics import PeakPlace
 from jcontour.app.files.results.stored import write_result
 from jcontour.app.files.results.verdict import LimitCheck, Verdict, kept_words
 from jcontour.app.flags.loops import Check
-from jcontour.app.machines.linear import LinearMachine
+from jcontour.app.machines.linear import FRICTION_KNOWN_TO, LinearMachine
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.machines.uncertainty import FARTHEST, in_words
 from jcontour.app.reports import tables
@@ -91,7 +91,9 @@ def promised(machine: Machine) -> LinearMachine:
 def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | None) -> Bounds:
     """Bounds as given; else the machine's control noise or its friction, and what encoders err.
 
-    That is half a count, and three deviations of their noise.
+    Friction is that of any member of the family: it acts behind the input gain, so that the force
+    at the control is F (1 + 0.1) / (1 - g) with the relative uncertainty g of the gains. Encoders
+    err by half a count, and three deviations of their noise.
     """
     for name, value in (("force", force), ("encoder-um", encoder_um)):
         if value is not None and not (np.isfinite(value) and value >= 0):
@@ -110,7 +112,8 @@ def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | N
             "promised: give --force, or record long moves and identify again",
             stacklevel=2,
         )
-    stated = max(machine.control_noise, machine.largest_friction)
+    friction = machine.largest_friction * (1 + FRICTION_KNOWN_TO) / (1 - machine.uncertainty.gain)
+    stated = max(machine.control_noise, friction)
     return Bounds(stated if force is None else force, encoder)
 
 
