@@ -116,7 +116,10 @@ def suiting_all(searched: Searched, start: Trial) -> tuple[Searched, Trial]:
         if point.diverged or violation > FEASIBLE:
             continue
         weights = chart.weights(jnp.asarray(z))
-        other = tuned._replace(weights=weights, outcome=point.outcome, violation=violation)
+        # no limit of the search stops it there
+        other = tuned._replace(
+            weights=weights, outcome=point.outcome, violation=violation, prices=[]
+        )
         there = trial_of(run, other)
         typical = float(np.mean(np.log(_errors(run, there))))
         if typical < least and _suits(run, start, there):
