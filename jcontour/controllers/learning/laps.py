@@ -399,29 +399,3 @@ def _shortened(kernel: Float[np.ndarray, "K m m"]) -> tuple[Float[np.ndarray, "k
         return kernel, 0.0
     kept = slice(int(np.argmax(needed)), len(kernel) - int(np.argmax(needed[::-1])))
     return kernel[kept], float(size[: kept.start].sum() + size[kept.stop :].sum())
-
-
-def frequency_response(
-    linear: Callable[[Any], Any], shape: tuple[int, ...], place: int, frequency: np.ndarray
-) -> np.ndarray:
-    """Response (W, m, m) of a linear function of signals (T, m) around a sample.
-
-    It is the Fourier transform of what an impulse at that sample does, in either direction of time,
-    at frequencies (W,) [rad per sample].
-
-    >>> late = lambda c: jnp.roll(c, 2, axis=0)
-    >>> response = frequency_response(late, (64, 1), 16, np.array([0.0, np.pi / 2, np.pi]))
-    >>> response[:, 0, 0].round(12).tolist()
-    [(1+0j), (-1-0j), (1+0j)]
-
-    Raises:
-        ValueError: the place is not within the lap.
-    """
-    steps, axes = shape
-    if not 0 <= place < steps:
-        raise ValueError(f"places: need to be from 0 to {steps - 1}, received {place}")
-    impulses = jnp.zeros((axes, steps, axes)).at[jnp.arange(axes), place, jnp.arange(axes)].set(1.0)
-    rows = np.asarray(jax.vmap(linear)(impulses))  # input, time, output
-    time = np.arange(steps) - place
-    turns = np.exp(-1j * np.asarray(frequency)[:, None] * time)
-    return np.einsum("wk,ikj->wji", turns, rows)

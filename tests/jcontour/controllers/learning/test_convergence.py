@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
-from scipy.signal import dfreqresp, dlti, lfilter
+from scipy.signal import lfilter
 
 from jcontour._arrays import placed
 from jcontour.controllers.learning.laps import (
@@ -15,7 +15,6 @@ from jcontour.controllers.learning.laps import (
     PType,
     answers,
     diverged_lap,
-    frequency_response,
     learn,
 )
 from jcontour.controllers.learning.norm_optimal import NormOptimal
@@ -37,13 +36,6 @@ def first_order(pole):
 @jax.jit
 def _response(pole, u):
     return jax.lax.scan(lambda y, u: ((pole * y + (1 - pole) * u),) * 2, jnp.zeros(1), u)[1]
-
-
-def test_the_response_is_that_of_the_transfer_function():
-    w = np.array([0.0, 1e-3, 0.02, 0.7, 2.9, np.pi])
-    actual = frequency_response(first_order(0.7), (STEPS, 1), 100, w)[:, 0, 0]
-    _, wanted = dfreqresp(dlti([0.3, 0.0], [1.0, -0.7], dt=1.0), w)
-    np.testing.assert_allclose(actual, wanted, atol=1e-12)
 
 
 @pytest.mark.parametrize(("gain", "bound"), [(1.0, 2 / 3), (2.0, 1.0), (3.0, 2.0), (4.2, 3.2)])
@@ -192,8 +184,6 @@ def test_a_norm_optimal_law_on_the_opposite_of_its_model_is_not():
 def test_bad_input():
     with pytest.raises(ValueError, match="family: there is no machine in it"):
         convergence(PType(1.0), [], (STEPS, 1))
-    with pytest.raises(ValueError, match="places: need to be from 0 to 399, received 400"):
-        frequency_response(first_order(0.5), (STEPS, 1), 400, np.zeros(1))
     with pytest.raises(ValueError, match="shape: needs a lap of at least eight samples"):
         convergence(PType(1.0), [first_order(0.5)], (7, 1))
 
