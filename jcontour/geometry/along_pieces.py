@@ -46,7 +46,9 @@ def in_lanes(
         piece: number of the piece of every point.
         point: number of the point in every lane; some multiple of eight.
     """
-    rows = np.concatenate([numbers, in_rows(pieces)[piece]], axis=1)[point]
+    low, high = int(piece.min()), int(piece.max()) + 1  # of long paths few pieces at a time
+    own = in_rows(pieces.taken(slice(low, high)))[piece - low]
+    rows = np.concatenate([numbers, own], axis=1)[point]
     return np.ascontiguousarray(rows.reshape(-1, WIDTH, rows.shape[1]).swapaxes(1, 2))
 
 

@@ -38,7 +38,7 @@ class Cells(NamedTuple):
     cell: Int[np.ndarray, " n"]  # number of the old motion's cell
     length: Float[np.ndarray, " n"]  # of the cell in the old motion's time [s]
 
-    def taken(self, some: Bool[np.ndarray, " n"] | slice) -> "Cells":
+    def taken(self, some: Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "Cells":
         """Some of the cells."""
         return Cells(*(values[some] for values in self))
 

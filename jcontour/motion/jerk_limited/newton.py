@@ -9,8 +9,6 @@ tangents stay positive stays within the limits. Unknowns of neighbouring cells a
 the equations have two diagonals beside the main one.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,7 +38,6 @@ TO_THE_BOUND = 0.95  # of the way at which a condition would be met
 FIRST_GAP = 0.1  # of the duration, the sum of g z of the first multipliers
 JAMMED = 0.1  # of a step: less was possible, and the multipliers begin anew
 STEPS = 150  # of Newton's method; forty are usual
-MANY = 10_000  # unknowns: fewer are solved sooner than threads have started
 
 
 class _Arrays(NamedTuple):
@@ -172,17 +169,10 @@ def quickest(
     ends = np.searchsorted(stretch, np.arange(wanted.size + 1))
     gap = np.zeros(wanted.size)
 
-    def improve(k: int) -> None:
+    for k in np.flatnonzero(wanted).tolist():
         of_stretch = parts.blocks[parts.first[k] : parts.first[k + 1]]
         gap[k] = solve(of_stretch, parts.axes, c[ends[k] : ends[k + 1]], STEPS, near, busy[k])
 
-    numbers = np.flatnonzero(wanted).tolist()
-    if c.size < MANY:
-        for k in numbers:
-            improve(k)
-        return c, gap
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
-        list(threads.map(improve, numbers))  # what is wrong is raised here
     return c, gap
 
 

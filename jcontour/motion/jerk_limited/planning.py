@@ -1,5 +1,7 @@
 """Jerk-limited motion along a contour, planned as a whole in two passes; lines in closed form."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -28,6 +30,7 @@ ROUGH, NEAR = 1e-3, 1e-4  # of the duration, what a pass leaves to gain: the fir
 TIGHTENINGS = 1  # of cells that exceed a limit between their points, in the last pass
 TIGHTER = 1.5  # power of the excess
 WORTH = 3e-3  # of the rate's square: what the whole may lose for one cell
+OVERLAP, PER_WINDOW = 512, 8  # cells that windows of a stretch share; overlaps in a window
 EXACT = 1 - 1e-10  # of the rate's square where the old motion is the quickest: limits keep a gap
 
 
@@ -122,16 +125,77 @@ def _quickest(
     begins: Bool[np.ndarray, " n"],
     tightenings: int,
 ) -> tuple[Float[np.ndarray, "n 3"], float]:
-    """Square of the rate in every cell, and about the time that is left to gain [s]."""
-    unknowns = ordinates(cells.length, begins)
-    stretch = np.cumsum(begins) - 1
-    every = np.ones(stretch[-1] + 1, bool)
-    parts = conditions(task.pieces, task.feed, task.limits, old, cells, unknowns, stretch)
+    """Square of the rate in every cell, and about the time that is left to gain [s].
+
+    It is searched window by window, side by side: the conditions of one fit into caches. Where two
+    overlap, the rate goes over from one to the next.
+    """
+    windows = _windows(task, old, cells, begins)
+    begin, size = windows[:, 0], windows[:, 1] - windows[:, 0]
+    first = np.cumsum(size) - size
+
+    def solved(group: Int[np.ndarray, "w 2"]) -> tuple[np.ndarray, float]:
+        inside = np.concatenate([np.arange(*window) for window in group])
+        return _solved(task, old, cells.taken(inside), np.diff(group)[:, 0], tightenings)
+
+    groups = np.split(windows, np.flatnonzero(np.diff(first // (PER_WINDOW * OVERLAP))) + 1)
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        rates, gaps = zip(*threads.map(solved, groups), strict=True)
+    number = np.arange(size.sum()) - np.repeat(first, size)  # of a cell in its window
+    shared = np.append(0, np.maximum(windows[:-1, 1] - begin[1:], 0))  # with the window before
+    ahead = np.append(shared[1:], 0)
+    share = _risen(number, np.repeat(shared, size))
+    share -= _risen(number - np.repeat(size - ahead, size), np.repeat(ahead, size))
+    rate = np.bincount(number + np.repeat(begin, size), share * np.concatenate(rates))
+    square = ordinates(cells.length, begins).of(rate)
+    parts = [slice(k, k + PER_WINDOW * OVERLAP) for k in range(0, rate.size, PER_WINDOW * OVERLAP)]
+    path = task.pieces, task.feed, task.limits, old
+    less = np.concatenate([slower(*path, cells.taken(part), square[part]) for part in parts])
+    most = np.minimum.reduceat(less, np.flatnonzero(begins))
+    return square * most[np.cumsum(begins) - 1, None], sum(gaps)
+
+
+def _risen(cell: Int[np.ndarray, " n"], overlap: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Share of a window in the rate: from 0 to 1 in the middle half of an overlap."""
+    return np.clip(2 * (cell + 0.5) / np.maximum(overlap, 1e-3) - 0.5, 0.0, 1.0)
+
+
+def _windows(
+    task: _Task, old: CubicMotion, cells: Cells, begins: Bool[np.ndarray, " n"]
+) -> Int[np.ndarray, "w 2"]:
+    """First cell and end of windows: stretches, or parts of long ones that overlap.
+
+    An end is felt up to where the motion has stopped, or started, which is a quarter of an overlap.
+    """
+    fastest = min(task.feed.max(), float(np.linalg.norm(task.limits.speed)))
+    braked = fastest / task.limits.acceleration.min()
+    braked += (task.limits.acceleration / task.limits.jerk).max()
+    windows = []
+    for begin, end in pairwise(np.append(np.flatnonzero(begins), begins.size).tolist()):
+        overlap = OVERLAP
+        if end - begin > PER_WINDOW * OVERLAP:
+            arc = old.on_cell(cells.cell[begin:end], cells.elapsed[begin:end]).arc
+            felt = np.searchsorted(arc, arc + fastest * braked) - np.arange(arc.size)
+            overlap = max(OVERLAP, 4 * int(felt.max()))
+        count = max(1, -((overlap + begin - end) // ((PER_WINDOW - 1) * overlap)))
+        cuts = np.linspace(begin, end - overlap, count + 1).astype(int)
+        windows.append(np.stack([cuts[:-1], cuts[1:] + overlap], axis=1))
+    return np.concatenate(windows)
+
+
+def _solved(
+    task: _Task, old: CubicMotion, cells: Cells, sizes: Int[np.ndarray, " w"], tightenings: int
+) -> tuple[Float[np.ndarray, " n"], float]:
+    """Unknowns of windows of so many cells, and about the time that is left to gain [s]."""
+    stretch, every = np.repeat(np.arange(sizes.size), sizes), np.ones(sizes.size, bool)
+    unknowns = ordinates(cells.length, np.diff(stretch, prepend=-1) > 0)
+    path = task.pieces, task.feed, task.limits, old
+    parts = conditions(*path, cells, unknowns, stretch)
     start = _fitted(parts, stretch, np.ones(stretch.size))
     busy = np.bincount(stretch, task.tick[cells.piece])
     rate, gap = quickest(parts, start, stretch, every, NEAR if tightenings else ROUGH, busy)
-    less = slower(task.pieces, task.feed, task.limits, old, cells, unknowns.of(rate))
     for _ in range(tightenings):
+        less = slower(*path, cells, unknowns.of(rate))
         exceeds = np.zeros_like(every)
         exceeds[stretch[less < 1 - WORTH]] = True
         again = exceeds[stretch]
@@ -139,12 +203,7 @@ def _quickest(
         start = np.where(again, _fitted(parts, stretch, rate), rate)
         rate, left = quickest(parts, start, stretch, exceeds, NEAR, busy)
         gap = np.where(exceeds, left, gap)
-        less[again] = slower(
-            task.pieces, task.feed, task.limits, old, cells.taken(again), unknowns.of(rate)[again]
-        )
-    most = np.ones(every.size)
-    np.minimum.at(most, stretch, less)
-    return unknowns.of(rate) * most[stretch, None], float(gap.sum())
+    return rate, float(gap.sum())
 
 
 def _fitted(parts: Conditions, stretch, shape) -> Float[np.ndarray, " n"]:

@@ -8,7 +8,7 @@ import pytest
 from jcontour.geometry import contours
 from jcontour.geometry.contour import unpadded
 from jcontour.motion.blending import blended
-from jcontour.motion.jerk_limited import mesh, newton
+from jcontour.motion.jerk_limited import mesh, newton, planning
 from jcontour.motion.jerk_limited.cubic_motion import ramped
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
@@ -168,7 +168,7 @@ def test_stretches_side_by_side_are_those_one_after_the_other(monkeypatch):
         return solve(*arguments)
 
     monkeypatch.setattr(newton, "solve", watched)
-    monkeypatch.setattr(newton, "MANY", 0)
+    monkeypatch.setattr(planning, "OVERLAP", 1)
     beside = jerk_limited(path, FEED, LIMITS)
     assert beside.stops.size == 3 and threading.current_thread() not in seen
     for name in ("duration", "gap"):
@@ -181,9 +181,28 @@ def test_what_is_wrong_in_a_stretch_is_raised_side_by_side_too(monkeypatch):
         raise ValueError("start: needs to be within every condition")
 
     monkeypatch.setattr(newton, "solve", wrong)
-    monkeypatch.setattr(newton, "MANY", 0)
     with pytest.raises(ValueError, match="within every condition"):
         jerk_limited(contours.circle(10e-3), FEED, LIMITS)
+
+
+def test_windows_of_a_long_stretch_make_the_motion_of_the_whole(monkeypatch):
+    """It speeds up to the feed and brakes for corners on the way."""
+    random, feed = np.random.default_rng(0), 0.04
+    points = np.cumsum(random.uniform([2e-3, -4e-3], [6e-3, 4e-3], (60, 2)), axis=0)
+    path = blended(contours.polyline(points), 0.1e-3).path
+    limits = AxisLimits.of(2, acceleration=6.0, jerk=600.0)
+    solved, solve = [], newton.solve
+    monkeypatch.setattr(newton, "solve", lambda *task: solved.append(task[2].size) or solve(*task))
+    monkeypatch.setattr(planning, "OVERLAP", 1_000_000)
+    whole = jerk_limited(path, feed, limits)
+    monkeypatch.setattr(planning, "OVERLAP", 32)
+    parts = jerk_limited(path, feed, limits)
+    assert whole.stops.size == parts.stops.size == 2
+    assert len(solved) > 10 and max(solved[3:]) < 0.5 * min(solved[:3])
+    assert parts.duration == pytest.approx(whole.duration, rel=3e-4)
+    time = np.linspace(0.0, whole.duration, 500)
+    np.testing.assert_allclose(parts.at(time).arc, whole.at(time).arc, atol=1e-3 * feed)
+    check_limits(parts, feed, seed=0)
 
 
 def test_lines_between_curves_are_as_quick_as_alone():
