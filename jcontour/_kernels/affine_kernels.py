@@ -14,53 +14,19 @@ With Y = L^-1 (B' H A, B' g) and L L' = B' H B + R a stage back is
 # pyright: reportReturnType=false
 
 from functools import lru_cache
-from typing import NamedTuple
 
 import warp as wp
 
-from jcontour._kernels.parts import IN_SHARED, NORMS, at, contour_scores, fence, inverse_root
-
-
-class AffineKernels(NamedTuple):
-    """Gains of every step, and a run under gains."""
-
-    gains: wp.Kernel
-    run: wp.Kernel
+from jcontour._kernels.parts import IN_SHARED, NORMS, at, fence, inverse_root, scoring
 
 
 @lru_cache
-def affine_kernels(n: int, p: int, m: int, real) -> AffineKernels:
-    """Kernels for n states, p inputs and m axes.
-
-    Arrays of a run have the runs behind. K holds rows (F, f) of u = f - F x, step by step.
-    """
-    Point, State, Input = (wp.types.vector(length=k, dtype=real) for k in (m, n, p))
-    Triangle = wp.types.vector(length=n * (n + 1) // 2, dtype=real)
-    Square = wp.types.vector(length=p * (p + 1) // 2, dtype=real)
+def _stage(n: int, p: int, real):
+    """Product H x, and a stage back: factor L, its pivots inverted, and Y."""
+    State, Input = (wp.types.vector(length=k, dtype=real) for k in (n, p))
+    Triangle, Square = (wp.types.vector(length=k * (k + 1) // 2, dtype=real) for k in (n, p))
     Gain = wp.types.vector(length=p * (n + 1), dtype=real)
-    Sums = wp.types.vector(length=NORMS, dtype=real)
     Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
-    scores = contour_scores(m, real)
-
-    @wp.func(inline=True)
-    def number(row: Row, k: int) -> real:
-        return at(row, wp.int64(0), k)
-
-    @wp.func(inline=True)
-    def weighed(
-        H: Triangle, g: State, C: Row, Q: Rows, y_d: Row, scale: real, sample: int, own: int
-    ):
-        """Cost to go with the output error of a sample."""
-        for a in range(m):
-            for b in range(m):
-                weight = scale * Q[(sample * m + a) * m + b, own]
-                aimed = weight * y_d[sample * m + b]
-                for i in range(n):
-                    g[i] -= number(C, a * n + i) * aimed
-                    row = number(C, a * n + i) * weight
-                    for j in range(i + 1):
-                        H[i * (i + 1) // 2 + j] += row * number(C, b * n + j)
-        return H, g
 
     @wp.func(inline=True)
     def times(H: Triangle, x: State) -> State:
@@ -77,7 +43,7 @@ def affine_kernels(n: int, p: int, m: int, real) -> AffineKernels:
     def column(M: Row, columns: int, k: int) -> State:
         x = State()
         for i in range(n):
-            x[i] = number(M, i * columns + k)
+            x[i] = at(M, wp.int64(0), i * columns + k)
         return x
 
     @wp.func(inline=True)
@@ -90,7 +56,7 @@ def affine_kernels(n: int, p: int, m: int, real) -> AffineKernels:
         return y
 
     @wp.func(inline=True)
-    def forced(H: Triangle, g: State, A: Row, B: Row, R: Rows, own: int):
+    def factors(H: Triangle, g: State, A: Row, B: Row, R: Rows, own: int):
         """Factor L, its pivots inverted, and Y."""
         L, Y, now = Square(), Gain(), Input()
         HB = wp.matrix(shape=(p, n), dtype=real)
@@ -118,30 +84,58 @@ def affine_kernels(n: int, p: int, m: int, real) -> AffineKernels:
                 Y[u * (n + 1) + c] = now[u]
         return L, Y
 
+    return times, column, factors
+
+
+@lru_cache
+def gain_kernel(n: int, p: int, m: int, real) -> wp.Kernel:
+    """Kernel of the gains of every step, for n states, p inputs and m axes.
+
+    Arrays of a run have the runs behind. K holds rows (F, f) of u = f - F x, step by step.
+    """
+    State = wp.types.vector(length=n, dtype=real)
+    Triangle = wp.types.vector(length=n * (n + 1) // 2, dtype=real)
+    Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
+    times, column, factors = _stage(n, p, real)
+
+    @wp.func(inline=True)
+    def add_error(H: Triangle, g: State, C: Row, Q: Rows, y_d: Row, scale: real, k: int, run: int):
+        """Cost to go with the output error of a sample."""
+        for a in range(m):
+            for b in range(m):
+                weight = scale * Q[(k * m + a) * m + b, run]
+                aimed = weight * y_d[k * m + b]
+                for i in range(n):
+                    g[i] -= at(C, wp.int64(0), a * n + i) * aimed
+                    row = at(C, wp.int64(0), a * n + i) * weight
+                    for j in range(i + 1):
+                        H[i * (i + 1) // 2 + j] += row * at(C, wp.int64(0), b * n + j)
+        return H, g
+
     @wp.kernel(**IN_SHARED)
     def gains(A: Row, B: Row, C: Row, y_d: Row, Q: Rows, stage: Rows, R: Rows, K: Rows):
-        k, own = wp.tid()
+        k, run = wp.tid()
         N = stage.shape[0]
-        H, g = weighed(Triangle(), State(), C, Q, y_d, stage[N - 1, own], k + N, own)
+        H, g = add_error(Triangle(), State(), C, Q, y_d, stage[N - 1, run], k + N, run)
         for back in range(N - 1):
             fence()
-            _, Y = forced(H, g, A, B, R, own)
+            _, Y = factors(H, g, A, B, R, run)
             fence()
-            new, ahead = Triangle(), State()
+            new, next_g = Triangle(), State()
             for c in range(n):
                 x = column(A, n, c)
-                ahead[c] = wp.dot(x, g)
-                moved = times(H, x)
+                next_g[c] = wp.dot(x, g)
+                HA = times(H, x)
                 for i in range(c + 1):
                     for q in range(n):
-                        new[c * (c + 1) // 2 + i] += number(A, q * n + i) * moved[q]
+                        new[c * (c + 1) // 2 + i] += at(A, wp.int64(0), q * n + i) * HA[q]
                 for u in range(p):
-                    ahead[c] -= Y[u * (n + 1) + c] * Y[u * (n + 1) + n]
+                    next_g[c] -= Y[u * (n + 1) + c] * Y[u * (n + 1) + n]
                     for i in range(c + 1):
                         new[c * (c + 1) // 2 + i] -= Y[u * (n + 1) + c] * Y[u * (n + 1) + i]
             j = N - 1 - back
-            H, g = weighed(new, ahead, C, Q, y_d, stage[j - 1, own], k + j, own)
-        L, Y = forced(H, g, A, B, R, own)
+            H, g = add_error(new, next_g, C, Q, y_d, stage[j - 1, run], k + j, run)
+        L, Y = factors(H, g, A, B, R, run)
         for c in range(n + 1):
             for v in range(p):
                 u = p - 1 - v
@@ -152,72 +146,67 @@ def affine_kernels(n: int, p: int, m: int, real) -> AffineKernels:
         for u in range(p):
             Y[u * (n + 1) + n] = -Y[u * (n + 1) + n]
         for i in range(p * (n + 1)):
-            K[k * wp.static(p * (n + 1)) + i, own] = Y[i]
+            K[k * wp.static(p * (n + 1)) + i, run] = Y[i]
+
+    return gains
+
+
+@lru_cache
+def run_kernel(n: int, p: int, m: int, real) -> wp.Kernel:
+    """Kernel of runs under gains; `path` and `contour` are those of `parts.scoring`.
+
+    A row of its output: sums and peaks of squares, and whether the run diverged.
+    """
+    Point, State, Input = (wp.types.vector(length=k, dtype=real) for k in (m, n, p))
+    Gain, Sums = (wp.types.vector(length=k, dtype=real) for k in (p * (n + 1), NORMS))
+    Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
+    score = scoring(m, p, real)
 
     @wp.func(inline=True)
-    def gain(K: Rows, k: int, own: int) -> Gain:
+    def gain(K: Rows, k: int, run: int) -> Gain:
         from_memory = Gain()
         for i in range(p * (n + 1)):
-            from_memory[i] = K[k * wp.static(p * (n + 1)) + i, own]
+            from_memory[i] = K[k * wp.static(p * (n + 1)) + i, run]
         return from_memory
 
-    @wp.func(inline=True)
-    def sample(rows: Row, k: int) -> Point:
-        point = Point()
-        for a in range(m):
-            point[a] = rows[k * m + a]
-        return point
-
     @wp.kernel(**IN_SHARED)
-    def run(
-        A: Row, B: Row, C: Row, r: Row, y_d: Row, arc: Row, scored: wp.array(dtype=int),
-        start: Row, pieces: Rows, whole: Row, K: Rows,
-        out: Rows,  # (2 NORMS + 1, runs): sums, peaks, whether it diverged
-    ):  # fmt: skip
-        own = wp.tid()
-        x, last, before = State(), Input(), int(0)
+    def run(A: Row, B: Row, C: Row, start: Row, path: Row, contour: Rows, K: Rows, out: Rows):
+        tid = wp.tid()
+        x, last = State(), Input()
         for i in range(n):
             x[i] = start[i]
-        sums, peaks, lost = Sums(), Sums(), real(0.0)
-        ahead = gain(K, 0, own)
-        for k in range(scored.shape[0]):
+        sums, peaks, diverged = Sums(), Sums(), real(0.0)
+        following, steps = gain(K, 0, tid), K.shape[0] // wp.static(p * (n + 1))
+        for k in range(steps):
             fence()
-            now = ahead
-            ahead = gain(K, wp.min(k + 1, scored.shape[0] - 1), own)  # read before it is needed
+            now = following
+            following = gain(K, wp.min(k + 1, steps - 1), tid)  # read before it is needed
             y, u = Point(), Input()
             for a in range(m):
                 for q in range(n):
-                    y[a] += number(C, a * n + q) * x[q]
+                    y[a] += at(C, wp.int64(0), a * n + q) * x[q]
             for v in range(p):
                 u[v] = now[v * (n + 1) + n]
                 for q in range(n):
                     u[v] -= now[v * (n + 1) + q] * x[q]
-            if scored[k] != 0:
-                error = y - sample(y_d, k)
-                offset, across = scores(pieces, whole, y, error, sample(r, k), arc[k])
-                squares = Sums()
-                squares[0] = wp.length_sq(offset)
-                squares[1] = wp.length_sq(across)
-                squares[2] = wp.length_sq(error)
-                squares[3] = wp.length_sq(u)
-                if before != 0:
-                    squares[4] = wp.length_sq(u - last)
+            if score.scored(path, k):
+                vectors = score.vectors(contour, path, k, y, u, last)
+                squares = score.products(vectors, vectors)
                 sums += squares
                 peaks = wp.max(peaks, squares)
-                if not (squares[2] <= whole[1] * whole[1]) or not wp.isfinite(squares[3]):
-                    lost = real(1.0)
+                if score.diverged(contour, squares):
+                    diverged = real(1.0)
             last = u
-            before = int(scored[k])
             new = State()
             for i in range(n):
                 for v in range(p):
-                    new[i] += number(B, i * p + v) * u[v]
+                    new[i] += at(B, wp.int64(0), i * p + v) * u[v]
                 for q in range(n):
-                    new[i] += number(A, i * n + q) * x[q]
+                    new[i] += at(A, wp.int64(0), i * n + q) * x[q]
             x = new
         for i in range(NORMS):
-            out[i, own] = sums[i]
-            out[NORMS + i, own] = peaks[i]
-        out[2 * NORMS, own] = lost
+            out[i, tid] = sums[i]
+            out[NORMS + i, tid] = peaks[i]
+        out[2 * NORMS, tid] = diverged
 
-    return AffineKernels(gains, run)
+    return run

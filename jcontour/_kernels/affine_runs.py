@@ -12,13 +12,19 @@ import numpy as np
 import warp as wp
 from jaxtyping import Array, Float
 
-from jcontour._kernels.affine_kernels import affine_kernels
-from jcontour._kernels.lq_metrics import REAL, computes_all, contour_rows, finished, over_runs
+from jcontour._kernels.affine_kernels import gain_kernel, run_kernel
+from jcontour._kernels.lq_metrics import (
+    REAL,
+    computes_every_metric,
+    metrics_of_rows,
+    over_runs,
+    scoring_rows,
+)
 from jcontour._kernels.parts import BLOCK, NORMS
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import start_state
-from jcontour.simulation.metrics import Metrics, scored_samples
+from jcontour.simulation.metrics import Metrics
 
 MOST_STATES = 8  # more do not fit into the registers of a thread
 MOST_INPUTS = 4
@@ -71,7 +77,7 @@ def swept_plan(
 @lru_cache
 def _gains(size: tuple[int, int, int], dtype: str, steps: int):
     n, p, _ = size
-    launch = wp.jax_kernel(affine_kernels(*size, REAL[dtype]).gains, block_dim=BLOCK)
+    launch = wp.jax_kernel(gain_kernel(*size, REAL[dtype]), block_dim=BLOCK)
 
     def call(own, A, B, C, y_d):
         runs = own[0].shape[1]
@@ -85,7 +91,7 @@ def suits_run(plant: LinearPlant, reference: Reference) -> bool:
     """Whether the kernel of a run takes a machine and a contour: one of lines and arcs."""
     small = plant.states <= 2 * MOST_STATES and plant.inputs <= MOST_INPUTS
     lines_and_arcs = not reference.contour.newton_steps
-    return computes_all() and small and lines_and_arcs and str(plant.A.dtype) in REAL
+    return computes_every_metric() and small and lines_and_arcs and str(plant.A.dtype) in REAL
 
 
 def metrics(
@@ -109,16 +115,12 @@ def metrics(
     @jax.custom_jvp
     def of(plan: AffinePlan, plant: LinearPlant, reference: Reference) -> Metrics:
         K = jnp.concatenate([plan.F, plan.f[..., None]], axis=-1).astype(dtype)
-        steps = reference.steps
-        rows = [plant.A, plant.B, plant.C, reference.tangent, reference.position]
-        rows = [one.astype(dtype).ravel() for one in (*rows, reference.arc[:steps])]
-        scored = scored_samples(reference, window).astype("int32")
-        shared = *rows, scored, start_state(plant, reference).astype(dtype)
-        shared = *shared, *contour_rows(reference.contour, dtype)
-        (out,) = _run((plant.states, plant.inputs, plant.axes), str(dtype))(
-            (K.ravel()[:, None],), *shared
-        )
-        return finished(out[:, 0], reference, window)[0]
+        model = plant.A, plant.B, plant.C, start_state(plant, reference)
+        shared = [matrix.astype(dtype).ravel() for matrix in model]
+        shared += scoring_rows(reference.tangent, reference.position, reference, window, dtype)
+        size = plant.states, plant.inputs, plant.axes
+        (rows,) = _run(size, str(dtype))((K.ravel()[:, None],), *shared)
+        return metrics_of_rows(rows[:, 0], reference, window)[0]
 
     @of.defjvp
     def _(primals, tangents):
@@ -129,7 +131,7 @@ def metrics(
 
 @lru_cache
 def _run(size: tuple[int, int, int], dtype: str):
-    launch = wp.jax_kernel(affine_kernels(*size, REAL[dtype]).run, block_dim=BLOCK)
+    launch = wp.jax_kernel(run_kernel(*size, REAL[dtype]), block_dim=BLOCK)
 
     def call(own, *shared):
         runs = own[0].shape[1]

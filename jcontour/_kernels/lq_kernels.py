@@ -30,11 +30,12 @@ kept from moving readings across the parts of a step (`fence`).
 # pyright: reportReturnType=false
 
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import warp as wp
 
-from jcontour._kernels.parts import IN_SHARED, NORMS, at, contour_scores, fence, inverse_root
+from jcontour._kernels.parts import IN_SHARED, NORMS, at, fence, inverse_root, scoring
 
 LONGEST_PREVIEW = 16  # samples: loops over more are not unrolled
 SEGMENT = 25  # samples between stored states; in reverse those between are computed again
@@ -42,66 +43,58 @@ TILE = 32  # runs side by side in memory
 LEAST_RATIO = 1e-20  # of beta / (alpha + beta)
 
 
-class Kernels(NamedTuple):
-    """Run, run with slopes, run that keeps its states and controls, and slopes in reverse."""
+class Size(NamedTuple):
+    """Size of a run and type of its numbers, for which a kernel is compiled."""
 
-    run: wp.Kernel
-    slopes: wp.Kernel
-    keeping_run: wp.Kernel
-    adjoint: wp.Kernel
+    m: int  # axes
+    n: int  # states of an axis, at most
+    N: int  # preview [samples]
+    real: type = wp.float64
+    staged: bool = False  # whether there is a stage profile
 
 
 @lru_cache
-def kernels(m: int, n: int, N: int, real=wp.float64, staged: bool = False) -> Kernels:
-    """Kernels for m axes of at most n states and a horizon of N samples.
+def lq_kernel(name: str, size: Size) -> wp.Kernel:
+    """Kernel of a run, of one that stores its states, of one with its slopes, or of the adjoint.
 
-    Arrays of a run: f (1, runs), and in tiles of `TILE` runs (tiles, rows, TILE) the lower
-    triangles of f M (m T rows) and kappa M h (m N rows); roots of the stage profile (N, runs). What
-    all runs share: A (m n n), B, C (m n), O (m N n), tangents and desired positions (m S), what the
-    model's response at rest is above its position (m N), the control there, arc lengths, what is
-    scored (steps,), the first state (m, n), the pieces of the contour, and its length, size,
-    closedness and number of pieces.
+    The inputs are flat arrays:
+
+    - `design`, in tiles of `TILE` runs: f, lower triangles of f M (m T), kappa M h (m N), roots of
+      the stage profile (N, if any), with T = N (N + 1) / 2;
+    - `model`, the same for all runs: A (m n n), B, C (m n), O (m N n), the model's response at rest
+      above its position (m N), the control there (m), the first state (m n);
+    - `path` and `contour` as in `parts.scoring`.
+
+    The adjoint has two more: cotangents of half of the sums and peaks (2 NORMS, runs), and the
+    output of `storing_run`. The outputs have the rows of `output_rows`.
     """
-    T = N * (N + 1) // 2  # numbers of a symmetric matrix, its lower triangle row by row
-    Point, Window = (wp.types.vector(length=k, dtype=real) for k in (m, N))
-    Triangle, States = (wp.types.vector(length=k, dtype=real) for k in (T, m * n))
-    Sums, Slope = wp.types.vector(length=NORMS, dtype=real), wp.types.matrix((2, NORMS), real)
-    Slopes = wp.types.vector(length=2 + N, dtype=real)
-    Row, Rows, Cube = (wp.array(dtype=real, ndim=k) for k in (1, 2, 3))
-    scores = contour_scores(m, real)
+    if name == "slopes":
+        return _slopes(size)
+    return _adjoint(size) if name == "adjoint" else _run(size, stores=name == "storing_run")
 
-    @wp.func(inline=True)
-    def tile(rows: int, tid: int) -> wp.int64:
-        """Index of the first of a run's numbers; the next are `TILE` apart."""
-        return wp.int64(tid // TILE) * wp.int64(rows * TILE) + wp.int64(tid % TILE)
 
-    @wp.func(inline=True)
-    def ahead_of(rows: Row, stride: int, a: int, k: int) -> Window:
-        """Samples k + 1 to k + N of an axis."""
-        w, first = Window(), wp.int64(a * stride + k + 1)
-        for i in range(N):
-            w[i] = at(rows, first, i)
-        return w
+def output_rows(name: str, size: Size, steps: int) -> int:
+    """Number of rows of a kernel's output (rows, runs).
 
-    @wp.func(inline=True)
-    def free(observed: Row, scale: Rows, x: States, a: int, tid: int) -> Window:
-        """Free outputs of an axis over the window, scaled."""
-        e = Window()
-        for i in range(N):
-            for q in range(n):
-                e[i] += at(observed, wp.int64(0), (a * N + i) * n + q) * x[a * n + q]
-            if wp.static(staged):
-                e[i] *= scale[i, tid]
-        return e
+    - `run`: sums and peaks of the squares, and whether the run diverged;
+    - `storing_run`: these, the samples of the peaks, the controls, the state before each segment;
+    - `slopes`: those of `run`, and the slopes of half of the sums and peaks with log kappa, with f;
+    - `adjoint`: the slopes with log kappa, f and the logarithms of the roots of the stage profile,
+      then the states of a segment, which are of no use outside.
+    """
+    m, n, N, *_ = size
+    return {
+        "run": 2 * NORMS + 1,
+        "storing_run": 3 * NORMS + 1 + m * steps + m * n * -(-steps // SEGMENT),
+        "slopes": 6 * NORMS + 1,
+        "adjoint": 2 + N + m * n * SEGMENT,
+    }[name]
 
-    @wp.func(inline=True)
-    def desired(y_d: Row, rest: Row, scale: Rows, stride: int, a: int, k: int, tid: int) -> Window:
-        w = ahead_of(y_d, stride, a, k)
-        for i in range(N):
-            w[i] += at(rest, wp.int64(0), a * N + i)
-            if wp.static(staged):
-                w[i] *= scale[i, tid]
-        return w
+
+@lru_cache
+def _factorisation(N: int, real) -> SimpleNamespace:
+    """Functions of symmetric matrices, given by their lower triangles row by row."""
+    Window, Triangle = (wp.types.vector(length=k, dtype=real) for k in (N, N * (N + 1) // 2))
 
     @wp.func(inline=True)
     def cholesky(S: Triangle) -> Triangle:
@@ -119,7 +112,7 @@ def kernels(m: int, n: int, N: int, real=wp.float64, staged: bool = False) -> Ke
         return L
 
     @wp.func(inline=True)
-    def solved(L: Triangle, c: Window) -> Window:
+    def solve(L: Triangle, c: Window) -> Window:
         v = Window()
         for i in range(N):
             z = c[i]
@@ -134,368 +127,419 @@ def kernels(m: int, n: int, N: int, real=wp.float64, staged: bool = False) -> Ke
             v[i] = z * L[i * (i + 1) // 2 + i]
         return v
 
+    return SimpleNamespace(Window=Window, Triangle=Triangle, cholesky=cholesky, solve=solve)
+
+
+@lru_cache
+def _axes(size: Size) -> SimpleNamespace:
+    """Functions of the axes' models and of their windows, samples k + 1 to k + N."""
+    m, n, N, real, staged = size
+    B, C, maps = m * n * n, m * n * (n + 1), m * n * (n + 2)  # places in `model`
+    rest = maps + m * N * n
+    control = rest + m * N
+    first_roots = 1 + m * N * (N + 1) // 2 + m * N  # in `design`
+    columns = 2 * m + 2  # of `path`
+    Row, Window = wp.array(dtype=real, ndim=1), _factorisation(N, real).Window
+    Point, States = (wp.types.vector(length=k, dtype=real) for k in (m, m * n))
+
     @wp.func(inline=True)
-    def times(M: Row, first: wp.int64, a: int, e: Window) -> Window:
+    def window(path: Row, column: int, k: int) -> Window:
+        w, first = Window(), wp.int64((k + 1) * columns)
+        for i in range(N):
+            w[i] = at(path, first, i * columns + column)
+        return w
+
+    @wp.func(inline=True)
+    def weighted(design: Row, start: wp.int64, w: Window) -> Window:
+        """Window times the roots of the stage profile."""
+        if wp.static(staged):
+            for i in range(N):
+                w[i] *= at(design, start, (first_roots + i) * TILE)
+        return w
+
+    @wp.func(inline=True)
+    def free_response(design: Row, start: wp.int64, model: Row, x: States, a: int) -> Window:
+        """Free outputs of an axis, weighted."""
+        e = Window()
+        for i in range(N):
+            for q in range(n):
+                e[i] += at(model, wp.int64(0), maps + (a * N + i) * n + q) * x[a * n + q]
+        return weighted(design, start, e)
+
+    @wp.func(inline=True)
+    def free_error(
+        design: Row, start: wp.int64, model: Row, path: Row, x: States, a: int, k: int
+    ) -> Window:
+        """Free outputs above the desired positions, weighted."""
+        y_d = window(path, m + a, k)
+        for i in range(N):
+            y_d[i] += at(model, wp.int64(0), rest + a * N + i)
+        return free_response(design, start, model, x, a) - weighted(design, start, y_d)
+
+    @wp.func(inline=True)
+    def next_state(model: Row, x: States, u: Point) -> States:
+        new = States()
+        for a in range(m):
+            for i in range(n):
+                new[a * n + i] = at(model, wp.int64(0), B + a * n + i) * u[a]
+                for q in range(n):
+                    new[a * n + i] += at(model, wp.int64(0), (a * n + i) * n + q) * x[a * n + q]
+        return new
+
+    @wp.func(inline=True)
+    def output(model: Row, x: States) -> Point:
+        y = Point()
+        for a in range(m):
+            for q in range(n):
+                y[a] += at(model, wp.int64(0), C + a * n + q) * x[a * n + q]
+        return y
+
+    @wp.func(inline=True)
+    def first_state(model: Row) -> States:
+        x = States()
+        for i in range(m * n):
+            x[i] = at(model, wp.int64(0), control + m + i)
+        return x
+
+    @wp.func(inline=True)
+    def control_at_rest(model: Row) -> Point:
+        u = Point()
+        for a in range(m):
+            u[a] = at(model, wp.int64(0), control + a)
+        return u
+
+    return SimpleNamespace(
+        States=States, window=window, weighted=weighted, free_response=free_response,
+        free_error=free_error, next_state=next_state, output=output, first_state=first_state,
+        control_at_rest=control_at_rest,
+    )  # fmt: skip
+
+
+@lru_cache
+def _law(size: Size) -> SimpleNamespace:
+    """Functions of the design of a run, whose numbers begin at `start`."""
+    m, _, N, real, staged = size
+    T = N * (N + 1) // 2
+    rows = 1 + m * T + m * N + N * int(staged)
+    Row, axes = wp.array(dtype=real, ndim=1), _axes(size)
+    Window, Triangle = (wp.types.vector(length=k, dtype=real) for k in (N, T))
+
+    @wp.func(inline=True)
+    def first_number(run: int) -> wp.int64:
+        """Index of the first number of a run; the next are `TILE` apart."""
+        return wp.int64(run // TILE) * wp.int64(rows * TILE) + wp.int64(run % TILE)
+
+    @wp.func(inline=True)
+    def product(design: Row, start: wp.int64, a: int, e: Window) -> Window:
         """Product f M e of an axis."""
         s = Window()
         for i in range(N):
             for j in range(i):
-                entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * TILE)
+                entry = at(design, start, (1 + a * T + i * (i + 1) // 2 + j) * TILE)
                 s[i] += entry * e[j]
                 s[j] += entry * e[i]
-            s[i] += at(M, first, (a * T + i * (i + 1) // 2 + i) * TILE) * e[i]
+            s[i] += at(design, start, (1 + a * T + i * (i + 1) // 2 + i) * TILE) * e[i]
         return s
 
     @wp.func(inline=True)
-    def both(M: Row, first: wp.int64, a: int, e: Window, d: Window):
+    def products(design: Row, start: wp.int64, a: int, e: Window, d: Window):
         """Products f M e and f M d of an axis, each number of M read once."""
         s, t = Window(), Window()
         for i in range(N):
             for j in range(i):
-                entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * TILE)
+                entry = at(design, start, (1 + a * T + i * (i + 1) // 2 + j) * TILE)
                 s[i] += entry * e[j]
                 s[j] += entry * e[i]
                 t[i] += entry * d[j]
                 t[j] += entry * d[i]
-            entry = at(M, first, (a * T + i * (i + 1) // 2 + i) * TILE)
+            entry = at(design, start, (1 + a * T + i * (i + 1) // 2 + i) * TILE)
             s[i] += entry * e[i]
             t[i] += entry * d[i]
         return s, t
 
     @wp.func(inline=True)
-    def paired(Mh: Row, first: wp.int64, a: int, e: Window) -> real:
+    def gain(design: Row, start: wp.int64, a: int, i: int) -> real:
+        """Entry of kappa M h of an axis."""
+        return at(design, start, (1 + m * T + a * N + i) * TILE)
+
+    @wp.func(inline=True)
+    def control(design: Row, start: wp.int64, a: int, e: Window) -> real:
         """Product (kappa M h)' e of an axis."""
         u = real(0.0)
         for i in range(N):
-            u += at(Mh, first, (a * N + i) * TILE) * e[i]
+            u += gain(design, start, a, i) * e[i]
         return u
 
     @wp.func(inline=True)
-    def moved(A: Row, B: Row, x: States, u: Point) -> States:
-        new = States()
-        for a in range(m):
-            for i in range(n):
-                new[a * n + i] = at(B, wp.int64(0), a * n + i) * u[a]
-                for q in range(n):
-                    new[a * n + i] += at(A, wp.int64(0), (a * n + i) * n + q) * x[a * n + q]
-        return new
-
-    @wp.func(inline=True)
-    def output(C: Row, x: States) -> Point:
-        y = Point()
-        for a in range(m):
-            for q in range(n):
-                y[a] += at(C, wp.int64(0), a * n + q) * x[a * n + q]
-        return y
-
-    @wp.func(inline=True)
-    def sample(rows: Row, stride: int, k: int) -> Point:
-        p = Point()
-        for a in range(m):
-            p[a] = rows[a * stride + k]
-        return p
-
-    @wp.func(inline=True)
-    def sample_of(row: Row) -> Point:
-        p = Point()
-        for a in range(m):
-            p[a] = row[a]
-        return p
-
-    @wp.func(inline=True)
-    def begun(start: Rows) -> States:
-        x = States()
-        for a in range(m):
-            for q in range(n):
-                x[a * n + q] = start[a, q]
-        return x
-
-    @wp.func(inline=True)
-    def system(
-        f: real, M: Row, first: wp.int64, Mh: Row, first_h: wp.int64, scale: Rows, observed: Row,
-        r: Row, y_d: Row, rest: Row, hold: Row, x: States, stride: int, k: int, tid: int,
-    ):  # fmt: skip
+    def step_system(design: Row, start: wp.int64, model: Row, path: Row, x: axes.States, k: int):
         """S, its right-hand side c = sum_a r_a (f M_a e_a), and the control where w is zero."""
-        S, c, u = Triangle(), Window(), sample_of(hold)
+        S, c, u = Triangle(), Window(), axes.control_at_rest(model)
+        f = at(design, start, 0)
         for i in range(N):
             S[i * (i + 1) // 2 + i] = real(1.0)
         for a in range(m):
             fence()
-            R = ahead_of(r, stride, a, k)
-            e = free(observed, scale, x, a, tid) - desired(y_d, rest, scale, stride, a, k, tid)
+            r = axes.window(path, a, k)
+            e = axes.free_error(design, start, model, path, x, a, k)
             s = Window()
             for i in range(N):
                 for j in range(i):
-                    entry = at(M, first, (a * T + i * (i + 1) // 2 + j) * TILE)
+                    entry = at(design, start, (1 + a * T + i * (i + 1) // 2 + j) * TILE)
                     s[i] += entry * e[j]
                     s[j] += entry * e[i]
-                    S[i * (i + 1) // 2 + j] += R[i] * R[j] * entry
-                entry = at(M, first, (a * T + i * (i + 1) // 2 + i) * TILE)
+                    S[i * (i + 1) // 2 + j] += r[i] * r[j] * entry
+                entry = at(design, start, (1 + a * T + i * (i + 1) // 2 + i) * TILE)
                 s[i] += entry * e[i]
-                S[i * (i + 1) // 2 + i] += R[i] * R[i] * (entry - f)
+                S[i * (i + 1) // 2 + i] += r[i] * r[i] * (entry - f)
             for i in range(N):
-                c[i] += R[i] * s[i]
-            u[a] -= paired(Mh, first_h, a, e)
+                c[i] += r[i] * s[i]
+            u[a] -= control(design, start, a, e)
         return S, c, u
 
-    def running(keeps: bool) -> wp.Kernel:
-        @wp.kernel(**IN_SHARED)
-        def run(
-            f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
-            r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
-            scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
-            out: Rows,  # (3 NORMS + 1, runs): sums, peaks, diverged, samples of the peaks
-            kept: Rows,  # (m steps + m n segments, runs): controls, states before segments
-        ):  # fmt: skip
-            own = wp.tid()
-            ratio = f[0, own]
-            stride = scored.shape[0] + N
-            own_M, own_Mh = tile(m * T, own), tile(m * N, own)
-            x, last, before = begun(start), Point(), int(0)
-            sums, peaks, when, lost = Sums(), Sums(), Sums(), real(0.0)
-            for k in range(scored.shape[0]):
-                S, c, u = system(
-                    ratio, M, own_M, Mh, own_Mh, scale, observed,
-                    r, y_d, rest, hold, x, stride, k, own,
-                )  # fmt: skip
-                fence()
-                w = solved(cholesky(S), c)
-                fence()
-                for a in range(m):
-                    lag = wp.cw_mul(ahead_of(r, stride, a, k), w)
-                    u[a] += paired(Mh, own_Mh, a, lag)
-                if wp.static(keeps):
-                    for a in range(m):
-                        kept[k * m + a, own] = u[a]
-                    if k % SEGMENT == 0:
-                        for i in range(m * n):
-                            kept[scored.shape[0] * m + k // SEGMENT * m * n + i, own] = x[i]
-                y, tangent = output(C, x), sample(r, stride, k)
-                error = y - sample(y_d, stride, k)
-                if scored[k] != 0:
-                    offset, across = scores(pieces, whole, y, error, tangent, arc[k])
-                    squares = Sums()
-                    squares[0] = wp.length_sq(offset)
-                    squares[1] = wp.length_sq(across)
-                    squares[2] = wp.length_sq(error)
-                    squares[3] = wp.length_sq(u)
-                    if before != 0:
-                        squares[4] = wp.length_sq(u - last)
-                    sums += squares
-                    if wp.static(keeps):
-                        for i in range(NORMS):
-                            if squares[i] > peaks[i]:
-                                when[i] = real(k)
-                    peaks = wp.max(peaks, squares)
-                    if not (squares[2] <= whole[1] * whole[1]) or not wp.isfinite(squares[3]):
-                        lost = real(1.0)
-                last = u
-                before = int(scored[k])
-                x = moved(A, B, x, u)
-            for i in range(NORMS):
-                out[i, own] = sums[i]
-                out[NORMS + i, own] = peaks[i]
-                out[2 * NORMS + 1 + i, own] = when[i]
-            out[2 * NORMS, own] = lost
+    return SimpleNamespace(
+        first_number=first_number, product=product, products=products, gain=gain,
+        control=control, step_system=step_system,
+    )  # fmt: skip
 
-        return run
+
+def _run(size: Size, stores: bool) -> wp.Kernel:
+    m, n, N, real, _ = size
+    Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
+    Point, Sums = (wp.types.vector(length=k, dtype=real) for k in (m, NORMS))
+    matrix, score = _factorisation(N, real), scoring(m, m, real)
+    axes, law = _axes(size), _law(size)
+
+    @wp.kernel(**IN_SHARED)
+    def run(design: Row, model: Row, path: Row, contour: Rows, out: Rows):
+        tid = wp.tid()
+        start, steps = law.first_number(tid), score.samples(path) - N
+        x, last = axes.first_state(model), Point()
+        sums, peaks, peak_samples, diverged = Sums(), Sums(), Sums(), real(0.0)
+        for k in range(steps):
+            S, c, u = law.step_system(design, start, model, path, x, k)
+            fence()
+            w = matrix.solve(matrix.cholesky(S), c)
+            fence()
+            for a in range(m):
+                u[a] += law.control(design, start, a, wp.cw_mul(axes.window(path, a, k), w))
+            if wp.static(stores):
+                for a in range(m):
+                    out[3 * NORMS + 1 + k * m + a, tid] = u[a]
+                if k % SEGMENT == 0:
+                    first = 3 * NORMS + 1 + steps * m + k // SEGMENT * m * n
+                    for i in range(m * n):
+                        out[first + i, tid] = x[i]
+            if score.scored(path, k):
+                v = score.vectors(contour, path, k, axes.output(model, x), u, last)
+                squares = score.products(v, v)
+                sums += squares
+                if wp.static(stores):
+                    for i in range(NORMS):
+                        if squares[i] > peaks[i]:
+                            peak_samples[i] = real(k)
+                peaks = wp.max(peaks, squares)
+                if score.diverged(contour, squares):
+                    diverged = real(1.0)
+            last = u
+            x = axes.next_state(model, x, u)
+        for i in range(NORMS):
+            out[i, tid] = sums[i]
+            out[NORMS + i, tid] = peaks[i]
+            if wp.static(stores):
+                out[2 * NORMS + 1 + i, tid] = peak_samples[i]
+        out[2 * NORMS, tid] = diverged
+
+    return run
+
+
+def _slopes(size: Size) -> wp.Kernel:
+    m, _, N, real, _ = size
+    Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
+    Point, Window, Sums = (wp.types.vector(length=k, dtype=real) for k in (m, N, NORMS))
+    matrix, score = _factorisation(N, real), scoring(m, m, real)
+    axes, law = _axes(size), _law(size)
 
     @wp.kernel(enable_backward=False, module="unique")
-    def slopes(
-        f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
-        r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
-        scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
-        out: Rows, slope: Cube,  # (2, 2 NORMS, runs): of half of the sums and peaks
-    ):  # fmt: skip
-        """Both slopes of a run by one thread: with log kappa, and with f."""
-        own = wp.tid()
-        ratio = f[0, own]
-        stride = scored.shape[0] + N
-        own_M, own_Mh = tile(m * T, own), tile(m * N, own)
-        x, x1, x2, before = begun(start), States(), States(), int(0)
+    def slopes(design: Row, model: Row, path: Row, contour: Rows, out: Rows):
+        """Both slopes of a run by one thread: with log kappa (1), and with f (2)."""
+        tid = wp.tid()
+        start, steps = law.first_number(tid), score.samples(path) - N
+        f = at(design, start, 0)
+        x, x1, x2 = axes.first_state(model), axes.States(), axes.States()
         last, last1, last2 = Point(), Point(), Point()
-        sums, peaks, lost, sum_slopes, peak_slopes = Sums(), Sums(), real(0.0), Slope(), Slope()
-        for k in range(scored.shape[0]):
+        sums, peaks, diverged = Sums(), Sums(), real(0.0)
+        sums1, sums2, peaks1, peaks2 = Sums(), Sums(), Sums(), Sums()
+        for k in range(steps):
             fence()
-            S, c, u = system(
-                ratio, M, own_M, Mh, own_Mh, scale, observed,
-                r, y_d, rest, hold, x, stride, k, own,
-            )  # fmt: skip
+            S, c, u = law.step_system(design, start, model, path, x, k)
             fence()
-            L = cholesky(S)
+            L = matrix.cholesky(S)
             fence()
-            w = solved(L, c)
-            c1, c2, u1, u2 = Window(), w / ratio, Point(), Point()
+            w = matrix.solve(L, c)
+            c1, c2, u1, u2 = Window(), w / f, Point(), Point()
             for a in range(m):
-                R = ahead_of(r, stride, a, k)
-                lag = wp.cw_mul(R, w)
-                eta = (
-                    free(observed, scale, x, a, own)
-                    - desired(y_d, rest, scale, stride, a, k, own)
-                    - lag
-                )
+                r = axes.window(path, a, k)
+                lag = wp.cw_mul(r, w)
+                eta = axes.free_error(design, start, model, path, x, a, k) - lag
                 fence()
-                z = times(M, own_M, a, eta)
+                z = law.product(design, start, a, eta)
                 fence()
-                e1 = free(observed, scale, x1, a, own) + z / ratio
-                e2 = free(observed, scale, x2, a, own)
-                u[a] += paired(Mh, own_Mh, a, lag)
-                u1[a] -= paired(Mh, own_Mh, a, e1)
-                u2[a] -= paired(Mh, own_Mh, a, e2)
+                e1 = axes.free_response(design, start, model, x1, a) + z / f
+                e2 = axes.free_response(design, start, model, x2, a)
+                u[a] += law.control(design, start, a, lag)
+                u1[a] -= law.control(design, start, a, e1)
+                u2[a] -= law.control(design, start, a, e2)
                 fence()
-                s1, s2 = both(M, own_M, a, e1, e2)
+                s1, s2 = law.products(design, start, a, e1, e2)
                 for i in range(N):
-                    c1[i] += R[i] * (s1[i] - z[i])
-                    c2[i] += R[i] * s2[i]
+                    c1[i] += r[i] * (s1[i] - z[i])
+                    c2[i] += r[i] * s2[i]
             fence()
-            w1, w2 = solved(L, c1), solved(L, c2)
+            w1, w2 = matrix.solve(L, c1), matrix.solve(L, c2)
             fence()
             for a in range(m):
-                R = ahead_of(r, stride, a, k)
-                u1[a] += paired(Mh, own_Mh, a, wp.cw_mul(R, w1))
-                u2[a] += paired(Mh, own_Mh, a, wp.cw_mul(R, w2))
+                r = axes.window(path, a, k)
+                u1[a] += law.control(design, start, a, wp.cw_mul(r, w1))
+                u2[a] += law.control(design, start, a, wp.cw_mul(r, w2))
             fence()
-            y, y1, y2 = output(C, x), output(C, x1), output(C, x2)
-            tangent = sample(r, stride, k)
-            error = y - sample(y_d, stride, k)
-            if scored[k] != 0:
-                offset, across = scores(pieces, whole, y, error, tangent, arc[k])
-                squares, ds = Sums(), Slope()
-                squares[0] = wp.length_sq(offset)
-                squares[1] = wp.length_sq(across)
-                squares[2] = wp.length_sq(error)
-                squares[3] = wp.length_sq(u)
-                ds[0, 0] = wp.dot(offset, y1)
-                ds[1, 0] = wp.dot(offset, y2)
-                ds[0, 1] = wp.dot(across, y1)
-                ds[1, 1] = wp.dot(across, y2)
-                ds[0, 2] = wp.dot(error, y1)
-                ds[1, 2] = wp.dot(error, y2)
-                ds[0, 3] = wp.dot(u, u1)
-                ds[1, 3] = wp.dot(u, u2)
-                if before != 0:
-                    squares[4] = wp.length_sq(u - last)
-                    ds[0, 4] = wp.dot(u - last, u1 - last1)
-                    ds[1, 4] = wp.dot(u - last, u2 - last2)
+            if score.scored(path, k):
+                v = score.vectors(contour, path, k, axes.output(model, x), u, last)
+                v1 = score.tangents(path, k, axes.output(model, x1), u1, last1)
+                v2 = score.tangents(path, k, axes.output(model, x2), u2, last2)
+                squares = score.products(v, v)
+                half1, half2 = score.products(v, v1), score.products(v, v2)
                 sums += squares
-                sum_slopes += ds
+                sums1 += half1
+                sums2 += half2
                 for i in range(NORMS):
                     if squares[i] > peaks[i]:
                         peaks[i] = squares[i]
-                        peak_slopes[0, i] = ds[0, i]
-                        peak_slopes[1, i] = ds[1, i]
-                if not (squares[2] <= whole[1] * whole[1]) or not wp.isfinite(squares[3]):
-                    lost = real(1.0)
+                        peaks1[i] = half1[i]
+                        peaks2[i] = half2[i]
+                if score.diverged(contour, squares):
+                    diverged = real(1.0)
             last, last1, last2 = u, u1, u2
-            before = int(scored[k])
             fence()
-            x, x1, x2 = moved(A, B, x, u), moved(A, B, x1, u1), moved(A, B, x2, u2)
+            x = axes.next_state(model, x, u)
+            x1, x2 = axes.next_state(model, x1, u1), axes.next_state(model, x2, u2)
         for i in range(NORMS):
-            out[i, own] = sums[i]
-            out[NORMS + i, own] = peaks[i]
-            for t in range(2):
-                slope[t, i, own] = sum_slopes[t, i]
-                slope[t, NORMS + i, own] = peak_slopes[t, i]
-        out[2 * NORMS, own] = lost
+            out[i, tid] = sums[i]
+            out[NORMS + i, tid] = peaks[i]
+            out[2 * NORMS + 1 + i, tid] = sums1[i]
+            out[3 * NORMS + 1 + i, tid] = peaks1[i]
+            out[4 * NORMS + 1 + i, tid] = sums2[i]
+            out[5 * NORMS + 1 + i, tid] = peaks2[i]
+        out[2 * NORMS, tid] = diverged
+
+    return slopes
+
+
+def _adjoint(size: Size) -> wp.Kernel:
+    m, n, N, real, staged = size
+    Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
+    Point, Window, Sums = (wp.types.vector(length=k, dtype=real) for k in (m, N, NORMS))
+    matrix, score = _factorisation(N, real), scoring(m, m, real)
+    axes, law = _axes(size), _law(size)
+    B, C, maps = m * n * n, m * n * (n + 1), m * n * (n + 2)  # places in `model`
+    controls = 3 * NORMS + 1  # first row in `stored`
+    States, Total = (wp.types.vector(length=k, dtype=real) for k in (m * n, 2 + N))
+
+    @wp.func(inline=True)
+    def stored_control(stored: Rows, k: int, tid: int) -> Point:
+        u = Point()
+        for a in range(m):
+            u[a] = stored[controls + k * m + a, tid]
+        return u
+
+    @wp.func(inline=True)
+    def compute_segment(model: Row, stored: Rows, out: Rows, steps: int, k: int, tid: int):
+        """States of a segment up to sample k, behind the slopes in `out`."""
+        x, place = States(), k % SEGMENT
+        for i in range(m * n):
+            x[i] = stored[controls + steps * m + k // SEGMENT * m * n + i, tid]
+        for j in range(place + 1):
+            for i in range(m * n):
+                out[2 + N + j * m * n + i, tid] = x[i]
+            x = axes.next_state(model, x, stored_control(stored, k - place + j, tid))
+
+    @wp.func(inline=True)
+    def before_step(model: Row, x_bar: States, y_bar: Point, u_bar: Point):
+        """Cotangents of the state and of the control without the law."""
+        new = States()
+        for a in range(m):
+            for q in range(n):
+                u_bar[a] += at(model, wp.int64(0), B + a * n + q) * x_bar[a * n + q]
+                new[a * n + q] = at(model, wp.int64(0), C + a * n + q) * y_bar[a]
+                for i in range(n):
+                    entry = at(model, wp.int64(0), (a * n + i) * n + q)
+                    new[a * n + q] += entry * x_bar[a * n + i]
+        return new, u_bar
 
     @wp.kernel(**IN_SHARED)
     def adjoint(
-        f: Rows, M: Row, Mh: Row, scale: Rows, A: Row, B: Row, C: Row, observed: Row,
-        r: Row, y_d: Row, rest: Row, hold: Row, arc: Row,
-        scored: wp.array(dtype=int), start: Rows, pieces: Rows, whole: Row,
-        bars: Rows,  # (2 NORMS, runs): cotangents of half of the sums and peaks
-        metrics: Rows, kept: Rows,  # of `run`
-        slope: Rows,  # (2 + N, runs): with log kappa, f, the logarithms of the roots of the profile
-        states: Rows,  # (m n SEGMENT, runs): of a segment
-    ):  # fmt: skip
+        design: Row, model: Row, path: Row, contour: Rows, bars: Rows, stored: Rows, out: Rows
+    ):
         """Slopes of a run with everything that its gains are made from, in reverse."""
-        own = wp.tid()
-        ratio = f[0, own]
-        stride = scored.shape[0] + N
-        own_M, own_Mh = tile(m * T, own), tile(m * N, own)
-        x_bar, pull, total = States(), Point(), Slopes()
-        for back in range(scored.shape[0]):
-            k = scored.shape[0] - 1 - back
-            place = k % SEGMENT
-            x, u, last = States(), Point(), Point()
-            if back == 0 or place == SEGMENT - 1:
-                for i in range(m * n):
-                    x[i] = kept[scored.shape[0] * m + k // SEGMENT * m * n + i, own]
-                for j in range(place + 1):
-                    for i in range(m * n):
-                        states[j * m * n + i, own] = x[i]
-                    for a in range(m):
-                        u[a] = kept[(k - place + j) * m + a, own]
-                    x = moved(A, B, x, u)
+        tid = wp.tid()
+        start, steps = law.first_number(tid), score.samples(path) - N
+        x_bar, increment_bar, total = States(), Point(), Total()
+        for back in range(steps):
+            k = steps - 1 - back
+            if back == 0 or k % SEGMENT == SEGMENT - 1:
+                compute_segment(model, stored, out, steps, k, tid)
+            x = States()
             for i in range(m * n):
-                x[i] = states[place * m * n + i, own]
-            for a in range(m):
-                u[a] = kept[k * m + a, own]
-                if k > 0:
-                    last[a] = kept[k * m - m + a, own]
-            y_bar, u_bar = Point(), -pull
-            pull = Point()
-            if scored[k] != 0:
+                x[i] = out[2 + N + k % SEGMENT * m * n + i, tid]
+            u = stored_control(stored, k, tid)
+            y_bar, u_bar = Point(), -increment_bar
+            increment_bar = Point()
+            if score.scored(path, k):
                 bar = Sums()
                 for i in range(NORMS):
-                    bar[i] = bars[i, own]
-                    if metrics[2 * NORMS + 1 + i, own] == real(k):
-                        bar[i] += bars[NORMS + i, own]
-                y, tangent = output(C, x), sample(r, stride, k)
-                error = y - sample(y_d, stride, k)
-                offset, across = scores(pieces, whole, y, error, tangent, arc[k])
-                y_bar = offset * bar[0] + across * bar[1] + error * bar[2]
-                if k > 0 and scored[wp.max(k - 1, 0)] != 0:
-                    pull = (u - last) * bar[4]
-                u_bar += u * bar[3] + pull
-            next_bar = States()
+                    bar[i] = bars[i, tid]
+                    if stored[2 * NORMS + 1 + i, tid] == real(k):
+                        bar[i] += bars[NORMS + i, tid]
+                last = stored_control(stored, wp.max(k - 1, 0), tid)
+                v = score.vectors(contour, path, k, axes.output(model, x), u, last)
+                y_bar = v.offset * bar[0] + v.across * bar[1] + v.error * bar[2]
+                increment_bar = v.increment * bar[4]
+                u_bar += u * bar[3] + increment_bar
+            new_bar, u_bar = before_step(model, x_bar, y_bar, u_bar)
+            fence()
+            S, c, _ = law.step_system(design, start, model, path, x, k)
+            fence()
+            L = matrix.cholesky(S)
+            fence()
+            w, w_bar = matrix.solve(L, c), Window()
             for a in range(m):
-                for q in range(n):
-                    u_bar[a] += at(B, wp.int64(0), a * n + q) * x_bar[a * n + q]
-                    next_bar[a * n + q] = at(C, wp.int64(0), a * n + q) * y_bar[a]
-                    for i in range(n):
-                        entry = at(A, wp.int64(0), (a * n + i) * n + q)
-                        next_bar[a * n + q] += entry * x_bar[a * n + i]
-            fence()
-            S, c, _ = system(
-                ratio, M, own_M, Mh, own_Mh, scale, observed,
-                r, y_d, rest, hold, x, stride, k, own,
-            )  # fmt: skip
-            fence()
-            L = cholesky(S)
-            fence()
-            w, w_bar = solved(L, c), Window()
-            for a in range(m):
-                R = ahead_of(r, stride, a, k)
+                r = axes.window(path, a, k)
                 for i in range(N):
-                    w_bar[i] += R[i] * at(Mh, own_Mh, (a * N + i) * TILE) * u_bar[a]
+                    w_bar[i] += r[i] * law.gain(design, start, a, i) * u_bar[a]
             fence()
-            p = solved(L, w_bar)
+            p = matrix.solve(L, w_bar)
             fence()
-            total[1] += wp.dot(p, w) / ratio
+            f = at(design, start, 0)
+            total[1] += wp.dot(p, w) / f
             for a in range(m):
-                R = ahead_of(r, stride, a, k)
-                lag, turned = wp.cw_mul(R, w), wp.cw_mul(R, p)
-                eta = (
-                    free(observed, scale, x, a, own)
-                    - desired(y_d, rest, scale, stride, a, k, own)
-                    - lag
-                )
+                r = axes.window(path, a, k)
+                lag, g = wp.cw_mul(r, w), wp.cw_mul(r, p)
+                eta = axes.free_error(design, start, model, path, x, a, k) - lag
                 fence()
-                fz, e_bar = both(M, own_M, a, eta, turned)
+                fz, e_bar = law.products(design, start, a, eta, g)
                 fence()
-                z = fz / ratio
+                z = fz / f
                 for i in range(N):
-                    e_bar[i] -= at(Mh, own_Mh, (a * N + i) * TILE) * u_bar[a]
-                    total[0] += e_bar[i] * z[i] - turned[i] * fz[i]
+                    e_bar[i] -= law.gain(design, start, a, i) * u_bar[a]
+                    total[0] += e_bar[i] * z[i] - g[i] * fz[i]
                     if wp.static(staged):
-                        total[2 + i] += e_bar[i] * (real(2.0) * z[i] + lag[i]) - turned[i] * fz[i]
-                        e_bar[i] *= scale[i, own]
+                        total[2 + i] += e_bar[i] * (real(2.0) * z[i] + lag[i]) - g[i] * fz[i]
+                e_bar = axes.weighted(design, start, e_bar)
+                for i in range(N):
                     for s in range(n):
-                        entry = at(observed, wp.int64(0), (a * N + i) * n + s)
-                        next_bar[a * n + s] += entry * e_bar[i]
-            x_bar = next_bar
+                        entry = at(model, wp.int64(0), maps + (a * N + i) * n + s)
+                        new_bar[a * n + s] += entry * e_bar[i]
+            x_bar = new_bar
         for i in range(2 + N):
-            slope[i, own] = total[i]
+            out[i, tid] = total[i]
 
-    return Kernels(running(False), slopes, running(True), adjoint)
+    return adjoint

@@ -1,4 +1,4 @@
-"""Functions that the kernels share: readings of memory, the inverse root, the nearest point."""
+"""Functions that the kernels share: reads of memory, the inverse root, the scores of a sample."""
 
 # The language of a kernel is not quite Python: a number that changes is made by its type.
 # ruff: noqa: UP018
@@ -7,6 +7,7 @@
 # pyright: reportReturnType=false
 
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
@@ -73,24 +74,24 @@ def at(numbers: wp.array(dtype=wp.float32), first: wp.int64, k: int) -> wp.float
 
 
 @lru_cache
-def contour_scores(m: int, real) -> wp.Function:
-    """Function of m axes: vectors from the contour and from the tangent of a sample."""
+def nearest_point(m: int, real) -> wp.Function:
+    """Function of m axes: vector from the nearest point of a contour of lines and arcs."""
     Point = wp.types.vector(length=m, dtype=real)
-    Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
+    Rows = wp.array(dtype=real, ndim=2)
 
     @wp.func(inline=True)
-    def of_piece(pieces: Rows, k: int, first: int) -> Point:
+    def entries(contour: Rows, k: int, first: int) -> Point:
         p = Point()
         for a in range(m):
-            p[a] = pieces[k, first + a]
+            p[a] = contour[k, first + a]
         return p
 
     @wp.func(inline=True)
-    def from_piece(pieces: Rows, k: int, p: Point, low: real, high: real) -> Point:
+    def from_piece(contour: Rows, k: int, p: Point, low: real, high: real) -> Point:
         """Vector from the nearest point of an interval of a line or an arc."""
-        offset, slope = p - of_piece(pieces, k, 0), of_piece(pieces, k, m)
-        cosine, sine = of_piece(pieces, k, 2 * m), of_piece(pieces, k, 3 * m)
-        rate = pieces[k, 4 * m]
+        offset, slope = p - entries(contour, k, 0), entries(contour, k, m)
+        cosine, sine = entries(contour, k, 2 * m), entries(contour, k, 3 * m)
+        rate = contour[k, 4 * m]
         if rate > real(0.0):
             along, across = wp.dot(offset, cosine), wp.dot(offset, sine)
             radius = real(1.0) / rate
@@ -106,41 +107,117 @@ def contour_scores(m: int, real) -> wp.Function:
         return offset - slope * wp.clamp(wp.dot(offset, slope), low, high)
 
     @wp.func
-    def from_contour(pieces: Rows, whole: Row, p: Point, e: Point, arc: real) -> Point:
+    def from_contour(contour: Rows, p: Point, e: Point, arc: real) -> Point:
         """Vector from the nearest point around an arc length, as `metrics.contour_error` seeks."""
-        distance, length = wp.length(e), whole[0]
+        distance, length = wp.length(e), contour[0, 0]
         reach = real(0.0)  # a diverged sample is not worth a search
-        if distance <= whole[1]:
+        if distance <= contour[0, 1]:
             reach = real(wp.PI) * distance
         begin, end = arc - reach, arc + reach
         lap = real(0.0)  # arc length in front of the piece's lap
-        if whole[2] > real(0.0):
+        if contour[0, 2] > real(0.0):
             reach = wp.min(reach, real(0.5) * length)
             begin, end = arc - reach, arc + reach
             lap = length * wp.floor(begin / length)
         else:
             begin, end = wp.clamp(begin, real(0.0), length), wp.clamp(end, real(0.0), length)
-        count = int(whole[3])
-        k = int(0)
-        while k + 1 < count and pieces[k + 1, 4 * m + 1] + lap <= begin:
+        count = int(contour[0, 3])
+        k = int(1)
+        while k < count and contour[k + 1, 4 * m + 1] + lap <= begin:
             k += 1
-        start, extent = pieces[k, 4 * m + 1] + lap, pieces[k, 4 * m + 2]
+        start, extent = contour[k, 4 * m + 1] + lap, contour[k, 4 * m + 2]
         low = begin - start
-        best = from_piece(pieces, k, p, low, wp.max(low, wp.min(end - start, extent)))
-        while pieces[k, 4 * m + 1] + pieces[k, 4 * m + 2] + lap < end:
+        best = from_piece(contour, k, p, low, wp.max(low, wp.min(end - start, extent)))
+        while contour[k, 4 * m + 1] + contour[k, 4 * m + 2] + lap < end:
             k += 1
-            if k == count:
-                k = int(0)
+            if k > count:
+                k = int(1)
                 lap += length
-            high = wp.min(end - lap - pieces[k, 4 * m + 1], pieces[k, 4 * m + 2])
-            other = from_piece(pieces, k, p, real(0.0), high)
+            high = wp.min(end - lap - contour[k, 4 * m + 1], contour[k, 4 * m + 2])
+            other = from_piece(contour, k, p, real(0.0), high)
             if wp.length_sq(other) < wp.length_sq(best):
                 best = other
         return best
 
-    @wp.func(inline=True)
-    def scores(pieces: Rows, whole: Row, y: Point, error: Point, tangent: Point, arc: real):
-        """Vectors from the nearest point of the contour, and from the tangent."""
-        return from_contour(pieces, whole, y, error, arc), error - tangent * wp.dot(error, tangent)
+    return from_contour
 
-    return scores
+
+@lru_cache
+def scoring(m: int, p: int, real) -> SimpleNamespace:
+    """Functions that score a sample of a run of m axes and p inputs.
+
+    A row of `path` is a sample: tangent (m), desired position (m), arc length, and whether it is
+    scored. The first row of `contour` is its length, its size, whether it is closed, and its number
+    of pieces; the others are the pieces.
+    """
+    Point, Input, Sums = (wp.types.vector(length=k, dtype=real) for k in (m, p, NORMS))
+    Row, Rows = (wp.array(dtype=real, ndim=k) for k in (1, 2))
+    from_contour, columns = nearest_point(m, real), 2 * m + 2
+
+    @wp.struct
+    class Vectors:  # `VECTORS` of a sample, or their derivatives
+        offset: Point
+        across: Point
+        error: Point
+        control: Input
+        increment: Input
+
+    @wp.func(inline=True)
+    def samples(path: Row) -> int:
+        return path.shape[0] // columns
+
+    @wp.func(inline=True)
+    def scored(path: Row, k: int) -> bool:
+        return k >= 0 and path[wp.max(k, 0) * columns + columns - 1] != real(0.0)
+
+    @wp.func(inline=True)
+    def point(path: Row, first: int) -> Point:
+        q = Point()
+        for a in range(m):
+            q[a] = path[first + a]
+        return q
+
+    @wp.func(inline=True)
+    def vectors(contour: Rows, path: Row, k: int, y: Point, u: Input, last: Input) -> Vectors:
+        """Errors of an output, and a control and its increment: 0 where the last is not scored."""
+        v, first = Vectors(), k * columns
+        tangent = point(path, first)
+        v.error = y - point(path, first + m)
+        v.offset = from_contour(contour, y, v.error, path[first + 2 * m])
+        v.across = v.error - tangent * wp.dot(v.error, tangent)
+        v.control = u
+        if scored(path, k - 1):
+            v.increment = u - last
+        return v
+
+    @wp.func(inline=True)
+    def tangents(path: Row, k: int, y: Point, u: Input, last: Input) -> Vectors:
+        """Derivatives of vectors whose scalar products with the vectors are taken."""
+        v = Vectors()
+        v.offset = y
+        v.across = y
+        v.error = y
+        v.control = u
+        if scored(path, k - 1):
+            v.increment = u - last
+        return v
+
+    @wp.func(inline=True)
+    def products(v: Vectors, w: Vectors) -> Sums:
+        s = Sums()
+        s[0] = wp.dot(v.offset, w.offset)
+        s[1] = wp.dot(v.across, w.across)
+        s[2] = wp.dot(v.error, w.error)
+        s[3] = wp.dot(v.control, w.control)
+        s[4] = wp.dot(v.increment, w.increment)
+        return s
+
+    @wp.func(inline=True)
+    def diverged(contour: Rows, squares: Sums) -> bool:
+        largest = contour[0, 1] * contour[0, 1]
+        return not (squares[2] <= largest) or not wp.isfinite(squares[3])
+
+    return SimpleNamespace(
+        samples=samples, scored=scored, vectors=vectors, tangents=tangents, products=products,
+        diverged=diverged,
+    )  # fmt: skip
