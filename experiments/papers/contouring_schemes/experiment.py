@@ -26,8 +26,9 @@ from jcontour import Contour, Controller, Plant, Reference, stack_plants, stack_
 from jcontour.app.catalogue.choices import design_for
 from jcontour.app.designs.design import Design
 from jcontour.app.flags.loops import Simulate
-from jcontour.app.machines.families import LATE, members
+from jcontour.app.machines.families import members
 from jcontour.app.machines.flexible_axis import SAMPLE, biaxial_machine, scaled
+from jcontour.app.machines.uncertainty import LATE
 from jcontour.controllers import CascadeGains
 from jcontour.geometry.contours import circle, ellipse, lemniscate, polygon, spline
 from jcontour.motion import along, trapezoidal

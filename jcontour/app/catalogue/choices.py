@@ -24,7 +24,15 @@ from jcontour.app.catalogue.own_classes import (
     own_machine,
     own_name,
 )
-from jcontour.app.designs.design import SETTINGS, Design, Needs, OwnDesign, given, own_design
+from jcontour.app.designs.design import (
+    SETTINGS,
+    Design,
+    Needs,
+    OwnDesign,
+    first_line,
+    given,
+    made,
+)
 from jcontour.app.flags.shared import Controlled
 from jcontour.app.jobs.job import Pace, Task, from_file
 from jcontour.app.machines.machine import Machine
@@ -105,7 +113,8 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
         if issubclass(described, Design):
             design = described(name, machine, flags)
         else:
-            design = own_design(name, described, machine, flags)
+            controller = made(described, machine.model, flags.preview)
+            design = OwnDesign(name, first_line(described), controller, machine, flags)
     else:
         design = own_controller(own, machine, flags)
     unread = [flag for flag in set_of(flags) if flag not in design.reads]

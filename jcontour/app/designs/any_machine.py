@@ -7,8 +7,8 @@ of the state.
 """
 
 import abc
-from collections.abc import Callable
 from functools import cached_property
+from pkgutil import resolve_name
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -18,14 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.app.designs.design import Design, Gains, Needs, picked
-from jcontour.app.designs.flexible_axis import AxisFeedforward, AxisOffsetFreeLQG, state_weight
-from jcontour.app.designs.gantry import MOTORS, GantryCascade, GantryOffsetFreeLQ
-from jcontour.app.designs.receding_horizon import RiccatiLQ
-from jcontour.app.designs.simple_loops import ProportionalIntegralLoop
 from jcontour.app.flags.shared import Controlled
-from jcontour.app.machines.flexible_axis import FlexibleMachine
-from jcontour.app.machines.gantry import GantryMachine
-from jcontour.app.machines.linear import LinearMachine
 from jcontour.app.machines.machine import Machine
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade
@@ -64,48 +57,10 @@ class Quadratic(NamedTuple):
     R: Matrix
 
 
-class Kind(NamedTuple):
-    """A kind of machine."""
-
-    machine: type[Machine]  # its class
-    observed: type[Design]  # its LQ controller behind an observer
-    loops: type[Design]  # its cascade with feedforward
-    # weight Q on the state, from the model and the weights
-    weight: Callable[[Machine, LinearPlant, Gains], Matrix]
-    shares: np.ndarray | None = None  # controls of the law that its drives share
-
-
-def _of_outputs(machine: Machine, model: LinearPlant, gains: Gains) -> Matrix:
-    return (gains["alpha"] + gains["beta"]) * model.C.T @ model.C
-
-
-def _of_axes(machine: Machine, model: LinearPlant, gains: Gains) -> Matrix:
-    assert isinstance(machine, FlexibleMachine)
-    return state_weight(machine, gains)
-
-
-KINDS = (
-    Kind(LinearMachine, RiccatiLQ, ProportionalIntegralLoop, _of_outputs),
-    Kind(FlexibleMachine, AxisOffsetFreeLQG, AxisFeedforward, _of_axes),
-    Kind(GantryMachine, GantryOffsetFreeLQ, GantryCascade, _of_outputs, np.asarray(MOTORS)),
-)
-
-
-def _kinds(machine: Machine) -> list[Kind]:
-    return [kind for kind in KINDS if isinstance(machine, kind.machine)]
-
-
 ANY = Needs(
     "a machine given by A, B, C, flexible axes or a gantry",
-    Machine,
-    lambda machine: bool(_kinds(machine)),
+    also=lambda machine: bool(machine.observed and machine.cascade),
 )
-
-
-def shares_of(machine: Machine) -> np.ndarray:
-    """D of the controls u = D v of laws with as many controls as the machine has axes."""
-    (kind,) = _kinds(machine)
-    return np.eye(machine.model.inputs) if kind.shares is None else kind.shares
 
 
 def with_shares(model: LinearPlant, shares: np.ndarray) -> LinearPlant:
@@ -126,8 +81,7 @@ class StateDesign(Design[Machine]):
     needs = ANY
 
     def __init__(self, name: str, machine: Machine, flags: Controlled):
-        (self.kind,) = _kinds(machine)
-        self.observed = self.kind.observed(name, machine, flags)
+        self.observed: Design = resolve_name(machine.observed)(name, machine, flags)
         self.weights = (*self.observed.weights, *self.weights)
         late = [flag for flag in self.observed.reads if flag == "model_delay"]
         self.reads = (*self.reads, *late)
@@ -153,9 +107,9 @@ class StateDesign(Design[Machine]):
 
     def quadratic(self, weights: Weights) -> Quadratic:
         """Model of the law and its cost."""
-        shares = shares_of(self.machine)
+        shares = self.machine.shares
         R = weights.get("rho", 1.0) * jnp.asarray(shares.T @ shares)
-        Q = self.kind.weight(self.machine, self.model, weights)
+        Q = self.observed.state_cost(self.model, weights)
         return Quadratic(with_shares(self.model, shares), Q, R)
 
     @property
@@ -164,9 +118,9 @@ class StateDesign(Design[Machine]):
         return getattr(self.observed, "model", self.machine.model)
 
     def build(self, weights: Weights) -> Controller:
-        observer, shares = self.observed.build(weights), shares_of(self.machine)
-        law = self.law(self.quadratic(weights), weights)
-        return eqx.tree_at(lambda one: one.controller, observer, shared_out(law, shares))
+        observer: Any = self.observed.build(weights)
+        law = shared_out(self.law(self.quadratic(weights), weights), self.machine.shares)
+        return eqx.tree_at(lambda one: one.controller, observer, law)
 
 
 class CascadeDesign(Design[Machine]):
@@ -175,8 +129,7 @@ class CascadeDesign(Design[Machine]):
     needs = ANY
 
     def __init__(self, name: str, machine: Machine, flags: Controlled):
-        (kind,) = _kinds(machine)
-        self.loops = kind.loops(name, machine, flags)
+        self.loops: Design = resolve_name(machine.cascade)(name, machine, flags)
         self.weights = (*self.loops.weights, *self.weights)
         super().__init__(name, machine, flags)
 
@@ -348,12 +301,12 @@ class MixedSensitivity(Design[Machine]):
         most = self.machine.unknown_delay
         late = self.model_delay(most, (most + 1) // 2)
         with jax.ensure_compile_time_eval():
-            return with_shares(with_input_delay(self.machine.model, late), shares_of(self.machine))
+            return with_shares(with_input_delay(self.machine.model, late), self.machine.shares)
 
     @cached_property
     def read(self) -> np.ndarray:
         """(q, r) positions in the measurement, of an axis the mean of its drives."""
-        together = np.linalg.pinv(shares_of(self.machine))
+        together = np.linalg.pinv(self.machine.shares)
         return np.pad(together, [(0, 0), (0, len(self.machine.sensed) - together.shape[1])])
 
     @cached_property
@@ -361,7 +314,7 @@ class MixedSensitivity(Design[Machine]):
         """C (q, n) of these positions."""
         if self.machine.linear is not None:
             return np.asarray(self.model.C)
-        together = np.linalg.pinv(shares_of(self.machine))
+        together = np.linalg.pinv(self.machine.shares)
         return together @ np.eye(together.shape[1], self.model.states)
 
     @cached_property
@@ -379,4 +332,4 @@ class MixedSensitivity(Design[Machine]):
         limit = self.machine.limits.control
         bound = np.inf if limit is None else np.min(limit)
         feedback = HInfinityFeedback(self.model, self.read, self.measured, law, self.gain, bound)
-        return shared_out(feedback, shares_of(self.machine))
+        return shared_out(feedback, self.machine.shares)

@@ -6,7 +6,6 @@ import numpy as np
 
 from jcontour.app.designs.design import Gains, Needs, picked
 from jcontour.app.designs.flexible_axis import AxisCascade
-from jcontour.app.machines.flexible_axis import FlexibleMachine
 from jcontour.controller import Controller
 from jcontour.controllers.contouring.schemes import (
     CommandShaped,
@@ -26,7 +25,7 @@ class ContouringScheme(AxisCascade):
     """P-PI cascades of two flexible axes or more, for a contour."""
 
     needs = Needs(
-        "two flexible axes or more, for a contour", FlexibleMachine, lambda axes: len(axes.axes) > 1
+        "two flexible axes or more, for a contour", "flexible axes", lambda axes: len(axes.axes) > 1
     )
 
 

@@ -18,6 +18,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from jcontour.app.files import run_folder
 from jcontour.app.flags.shared import Controlled
@@ -44,12 +45,12 @@ class Needs(NamedTuple):
     """Machines that a controller is for."""
 
     words: str  # what they are
-    kind: type[Machine] = Machine  # class that they are of
+    kind: str = ""  # as `Machine.kind` says it; any where empty
     also: Callable[[Any], bool] = lambda _: True  # what such a machine has to fulfil besides
 
     def met_by(self, machine: Machine) -> bool:
         """Whether the controller suits this machine."""
-        return isinstance(machine, self.kind) and self.also(machine)
+        return self.kind in ("", machine.kind) and self.also(machine)
 
 
 class Design(abc.ABC, Generic[M]):
@@ -95,7 +96,14 @@ class Design(abc.ABC, Generic[M]):
     def __init__(self, name: str, machine: M, flags: Controlled):
         self.name, self.machine, self.flags = name, machine, flags
         self.line = self.line or first_line(type(self))
-        self.first = {one.name: one for one in self._on_machine()}
+        begun, self.first = self.starts(), {}
+        for one in self.weights:  # those that the machine has
+            start = begun.get(one.name, one.start)
+            start = start(machine) if callable(start) else start
+            if start is not None:
+                within = one.range if isinstance(one.range, Parameter) else one.range(machine)
+                unit = one.unit.format(control=machine.control_unit)
+                self.first[one.name] = one._replace(unit=unit, range=within, start=start)
         starts = {name: one.start for name, one in self.first.items()}
         self.start: Gains = changed(starts, given(flags))
         self.space: dict[str, Any] = {name: one.range for name, one in self.first.items()}
@@ -120,16 +128,9 @@ class Design(abc.ABC, Generic[M]):
         """Samples of the future that the controller needs with its own first weights."""
         return self.build(first).preview
 
-    def _on_machine(self) -> list[Weight]:
-        starts, machine, weights = self.starts(), self.machine, []
-        for one in self.weights:
-            start = starts.get(one.name, one.start)
-            start = start(machine) if callable(start) else start
-            if start is not None:
-                within = one.range if isinstance(one.range, Parameter) else one.range(machine)
-                unit = one.unit.format(control=machine.control_unit)
-                weights.append(one._replace(unit=unit, range=within, start=start))
-        return weights
+    def state_cost(self, model: LinearPlant, weights: Weights) -> Float[Array, "n n"]:
+        """Weight Q on the state in the cost that the weights give a law of the model's state."""
+        return (weights["alpha"] + weights["beta"]) * model.C.T @ model.C
 
     def replaced(self: D, **attributes: Any) -> D:
         """The same with other attributes."""
@@ -237,7 +238,7 @@ class Design(abc.ABC, Generic[M]):
 class LinearDesign(Design[LinearMachine]):
     """A controller of a machine given by A, B, C."""
 
-    needs = Needs("a machine given by A, B, C", LinearMachine)
+    needs = Needs("a machine given by A, B, C", "linear")
 
     @cached_property
     def late(self) -> int:
@@ -300,12 +301,6 @@ def with_values(weights: Gains, values: dict[str, Any]) -> Gains:
         name: jnp.broadcast_to(jnp.asarray(value), np.shape(weights[name]))
         for name, value in values.items()
     }
-
-
-def own_design(name: str, thing: Any, machine: Machine, flags: Controlled) -> Design:
-    """Design of a `Controller` class of the catalogue, described by its first line."""
-    controller = made(thing, machine.model, flags.preview)
-    return OwnDesign(name, first_line(thing), controller, machine, flags)
 
 
 def made(thing: Any, model: LinearPlant, preview: int) -> Any:

@@ -56,7 +56,7 @@ CONTROL_NOISE = 0.1  # [A] of what the model does not know, as it changes from s
 class AxisDesign(Design[FlexibleMachine]):
     """A controller of flexible axes; it sees a sample ahead."""
 
-    needs = Needs("a flexible axis", FlexibleMachine)
+    needs = Needs("a flexible axis", "flexible axes")
 
     def first_preview(self, first: Gains) -> int:
         return 1
@@ -318,10 +318,17 @@ class AxisLQ(AxisDesign):
     def build(self, weights: Gains) -> Controller:
         return _observed(self.machine, self.regulator(weights))
 
+    def state_cost(self, model: LinearPlant, weights: Gains) -> Float[Array, "n n"]:
+        """Diagonal weight Q on the positions and speeds of motors and tools."""
+        names = ("motor", "motor_speed", "tool", "tool_speed")
+        axes = len(self.machine.axes)
+        diagonal = [jnp.broadcast_to(weights[name], (axes,)) for name in names]
+        return jnp.diag(jnp.concatenate(diagonal))
+
     def regulator(self, weights: Gains) -> StateFeedback:
         """State feedback by the linear-quadratic regulator."""
         model, m = self.machine.model, len(self.machine.axes)
-        gain = lq_gain(model, state_weight(self.machine, weights), jnp.eye(m))
+        gain = lq_gain(model, self.state_cost(model, weights), jnp.eye(m))
         return StateFeedback(gain, type(self).target(model))
 
 
@@ -361,7 +368,7 @@ class AxisLQG(AxisLQ):
         K, K_i = integral_lq_gains(
             model,
             positions_of(sensors, measured),
-            state_weight(self.machine, weights),
+            self.state_cost(model, weights),
             jnp.diag(jnp.broadcast_to(weights["integral"], (m,))),
             jnp.eye(m),
         )
@@ -383,15 +390,6 @@ def _observed(machine: FlexibleMachine, feedback: StateFeedback) -> ReducedObser
     It is stable; with Euler's model it is not.
     """
     return ReducedObserver(feedback, machine.model, thesis_gain(len(machine.axes)))
-
-
-def state_weight(machine: FlexibleMachine, gains: Gains) -> Float[Array, "n n"]:
-    """Diagonal weight Q on the positions and speeds of motors and tools."""
-    diagonal = [
-        jnp.broadcast_to(gains[name], (len(machine.axes),))
-        for name in ("motor", "motor_speed", "tool", "tool_speed")
-    ]
-    return jnp.diag(jnp.concatenate(diagonal))
 
 
 def _measured(machine: FlexibleMachine) -> tuple[Float[Array, "q n"], Float[np.ndarray, " q"]]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from jcontour.app.designs.design import Design, Gains, Needs, picked
 from jcontour.app.designs.first_loop import STATES, Drift
+from jcontour.app.machines.gantry import MOTORS as SHARES
 from jcontour.app.machines.gantry import GantryMachine
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
@@ -26,12 +27,12 @@ from jcontour.plants.gantry.feedback_linearisation import EncoderLinearisation
 from jcontour.sensors import motors
 from tuning.parameters import Weight
 
-MOTORS = jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])  # both drives follow y
+MOTORS = jnp.asarray(SHARES)  # gains of X and Y to those of the three motors
 POLES = (0.975, 0.97)  # of the self-tuning loop, in z: 25 and 30 rad/s at 1 ms
 VARIANCE = 0.01  # [1/A^2] some tens of amperes teach the gain; a count of the encoder does not
 
 
-GANTRY = Needs("a gantry", GantryMachine)
+GANTRY = Needs("a gantry", "gantry")
 
 
 def _inertia(machine: GantryMachine):
@@ -90,7 +91,7 @@ class GantryFrictionCascade(GantryCascade):
     """P-PI cascade of each motor, fed speed, acceleration and dry friction."""
 
     needs = Needs(
-        "a gantry with dry friction", GantryMachine, lambda gantry: gantry.friction is not None
+        "a gantry with dry friction", "gantry", lambda gantry: gantry.friction is not None
     )
     weights = (*GantryCascade.weights, DRY_FRICTION)
 
@@ -146,9 +147,7 @@ class GantrySelfTuning(Design[GantryMachine]):
     The first input gain is the mean of those of the axes.
     """
 
-    needs = Needs(
-        "a gantry without dry friction", GantryMachine, lambda gantry: gantry.friction is None
-    )
+    needs = Needs("a gantry without dry friction", "gantry", lambda gantry: gantry.friction is None)
     weights = (Weight("position"), Weight("rate"))
     learns = True
 

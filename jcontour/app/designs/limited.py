@@ -11,8 +11,6 @@ from jcontour.app.designs.design import Gains, Needs
 from jcontour.app.designs.receding_horizon import TERMINALS, LQDesign
 from jcontour.app.files import run_folder
 from jcontour.app.jobs.replays import Scenarios
-from jcontour.app.machines.linear import LinearMachine
-from jcontour.app.machines.machine import Machine, MachineLimits
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.governor import (
     LoopLimits,
@@ -39,8 +37,7 @@ class ScalarGoverned(StateDesign):
 
     needs = Needs(
         f"limits of the controls: {ANY.words}",
-        Machine,
-        lambda machine: ANY.also(machine) and machine.limits.control is not None,
+        also=lambda machine: ANY.met_by(machine) and machine.limits.control is not None,
     )
     governor: ClassVar[type[ScalarGovernor | VectorGovernor]] = ScalarGovernor
 
@@ -107,7 +104,7 @@ class ConstrainedLQDesign(LQDesign):
 
     needs = Needs(
         "a machine given by A, B, C that states limits",
-        LinearMachine,
+        "linear",
         lambda machine: any(limit is not None for limit in machine.limits),
     )
     weights = (
@@ -120,12 +117,17 @@ class ConstrainedLQDesign(LQDesign):
 
     def build(self, weights: Gains) -> Controller:
         model, terminal = self.model, TERMINALS[self.terminal]
-        kept = _kept_by_all(self.machine)
+        # A machine with larger gains moves by as much more than the plan of the nominal one says,
+        # and a little is left for what no plan knows: late controls, loads not yet observed
+        stated, most = self.machine.limits, (1.0 + self.machine.uncertainty.gain) * (1.0 + UNKNOWN)
+        speed, acceleration = (
+            None if limit is None else limit / most for limit in (stated.speed, stated.acceleration)
+        )
         limits = Limits.within(
-            speed=kept.speed,
-            acceleration=kept.acceleration,
-            control=kept.control,
-            increment=kept.increment,
+            speed=speed,
+            acceleration=acceleration,
+            control=stated.control,
+            increment=stated.increment,
         )
         loop = self.loop
         inner = ConstrainedLQ(model, loop.cost(weights), self.horizon, limits, terminal)
@@ -140,17 +142,3 @@ class ConstrainedLQDesign(LQDesign):
         """The observer as a drive would load it."""
         assert isinstance(controller, OffsetFreeWithLoad)
         run_folder.write_json(folder / "observer.json", self.observer_file(controller.gain))
-
-
-def _kept_by_all(machine: LinearMachine) -> MachineLimits:
-    """Limits of a plan that all machines of the family keep.
-
-    A machine with larger gains moves by as much more than the plan of the nominal one says, and a
-    little is left for what no plan knows: late controls, and loads that are not observed yet.
-    """
-    most = (1.0 + machine.uncertainty.gain) * (1.0 + UNKNOWN)
-    limits = machine.limits
-    speed, acceleration = (
-        None if limit is None else limit / most for limit in (limits.speed, limits.acceleration)
-    )
-    return limits._replace(speed=speed, acceleration=acceleration)

@@ -19,7 +19,7 @@ from jcontour.linear.continuous_axes import (
     speed_axis,
     with_resonance,
 )
-from tuning.identification.step_response import FittedStep, fit_step
+from tuning.identification.step_response import fit_step
 
 PER_AXIS = ("gain", "time_constant_ms", "delay_ms", "resonance_hz", "mass_kg", "viscous")
 LIMITS = ("control", "speed", "acceleration")
@@ -47,7 +47,15 @@ def built_machine(flags: Machine) -> BuiltMachine:
         raise ValueError(f"axes: needs two or three different names, received {' '.join(names)}")
     warnings: list[str] = []
     axes, words, dt = _stepped(flags, warnings) if flags.steps else _described(flags)
-    _check_period(axes, names, dt)
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"period-ms: needs to be above zero, received {1e3 * dt:g}")
+    for name, axis in zip(names, axes, strict=True):
+        fastest = float(np.abs(np.linalg.eigvals(axis.A).imag).max())
+        if fastest * dt >= np.pi:
+            raise ValueError(
+                f"period-ms: the resonance of {name} at {fastest / (2 * np.pi):.4g} Hz needs more "
+                f"than two samples a period; {1e3 * dt:g} ms is too long"
+            )
     plant, shared = sampled_machine(axes, dt)
     if shared > MOST_DELAY:
         raise ValueError(
@@ -67,6 +75,13 @@ def built_machine(flags: Machine) -> BuiltMachine:
     known_to = GAIN_KNOWN_TO[flags.takes]
     if flags.gain_uncertainty is not None:
         known_to = flags.gain_uncertainty
+    uncertainty: dict[str, Any] = {"gain": known_to, "delay": flags.delay_uncertainty}
+    # How far off the response may be beside resonances
+    part, hertz = flags.resonance_uncertainty, _each("resonance_hz", flags.resonance_hz, len(names))
+    if not 0 <= part < 1:
+        raise ValueError(f"resonance-uncertainty: needs a fraction below 1, received {part:g}")
+    if part > 0 and hertz is not None and any(hertz):
+        uncertainty["response"] = unsure_resonances(hertz, flags.damping, part, dt)
     fields = {
         "name": flags.name,
         "length_unit": flags.length_unit,
@@ -78,26 +93,10 @@ def built_machine(flags: Machine) -> BuiltMachine:
         "C": (np.asarray(plant.C) / metre).tolist(),
         "limits": limits,
         "known_delay": shared,
-        "uncertainty": {
-            "gain": known_to,
-            "delay": flags.delay_uncertainty,
-            **_resonance_uncertainty(flags, dt),
-        },
+        "uncertainty": uncertainty,
         "encoder_resolution": _short([one * METRES["um"] / metre for one in counts]),
     }
     return BuiltMachine(fields, words, warnings)
-
-
-def _resonance_uncertainty(flags: Machine, dt: float) -> dict[str, Any]:
-    """How far off the response may be beside resonances; nothing without one."""
-    part = flags.resonance_uncertainty
-    if not 0 <= part < 1:
-        raise ValueError(f"resonance-uncertainty: needs a fraction below 1, received {part:g}")
-    hertz = _each("resonance_hz", flags.resonance_hz, len(flags.axes))
-    if part == 0 or not any(hertz or ()):
-        return {}
-    assert hertz is not None
-    return {"response": unsure_resonances(hertz, flags.damping, part, dt)}
 
 
 def _short(values: list[float]) -> float | list[float]:
@@ -130,42 +129,28 @@ def _described(flags: Machine) -> tuple[list[ContinuousAxis], list[str], float]:
     axes, words = [], []
     for k, name in enumerate(flags.axes):
         one = {key: 0.0 if values is None else values[k] for key, values in numbers.items()}
-        axis = _axis(flags.takes, per_metre * one["gain"], one)
-        if one["resonance_hz"]:
-            axis = with_resonance(axis, 2 * np.pi * one["resonance_hz"], flags.damping)
+        gain, late, constant = per_metre * one["gain"], one["delay_ms"], one["time_constant_ms"]
+        lag = f"({constant:g} ms s + 1)" if constant else ""
+        if flags.takes == "speed":
+            axis, below = speed_axis(gain, 1e-3 * constant, 1e-3 * late), f"s {lag}".strip()
+        elif flags.takes == "position":
+            axis, below = position_axis(gain, 1e-3 * constant, 1e-3 * late), lag
+        else:
+            axis = force_axis(gain, one["mass_kg"], one["viscous"], 1e-3 * late)
+            below = f"({one['mass_kg']:g} kg s^2 + {one['viscous']:g} N s/m s)"
+        formula = f"{one['gain']:g}{f' exp(-{late:g} ms s)' if late else ''} / {below}"
+        if hertz := one["resonance_hz"]:
+            axis = with_resonance(axis, 2 * np.pi * hertz, flags.damping)
+            part, z = flags.resonance_uncertainty, flags.damping
+            formula += f", resonance at {hertz:g} Hz"
+            if part == 0:
+                formula += f", damping {z:g}"
+            else:
+                unsure = f"+- {100 * part:g} %, damping {LESS_DAMPED * z:g} to {z:g}"
+                formula += f" ({unsure}: tuned loops stay stable)"
         axes.append(axis)
-        words.append(f"{name}: {_formula(flags, one)}")
+        words.append(f"{name}: {formula}")
     return axes, words, 1e-3 * flags.period_ms
-
-
-def _axis(takes: str, gain: float, one: dict[str, float]) -> ContinuousAxis:
-    delay, constant = 1e-3 * one["delay_ms"], 1e-3 * one["time_constant_ms"]
-    if takes == "speed":
-        return speed_axis(gain, constant, delay)
-    if takes == "position":
-        return position_axis(gain, constant, delay)
-    return force_axis(gain, one["mass_kg"], one["viscous"], delay)
-
-
-def _formula(flags: Machine, one: dict[str, float]) -> str:
-    late = f" exp(-{one['delay_ms']:g} ms s)" if one["delay_ms"] else ""
-    constant = f"({one['time_constant_ms']:g} ms s + 1)" if one["time_constant_ms"] else ""
-    below = {
-        "speed": f"s {constant}".strip(),
-        "position": constant,
-        "force": f"({one['mass_kg']:g} kg s^2 + {one['viscous']:g} N s/m s)",
-    }[flags.takes]
-    soft = _soft(flags, one["resonance_hz"]) if one["resonance_hz"] else ""
-    return f"{one['gain']:g}{late} / {below}{soft}"
-
-
-def _soft(flags: Machine, hertz: float) -> str:
-    """A resonance, and what of it is not known."""
-    part, z = flags.resonance_uncertainty, flags.damping
-    if part == 0:
-        return f", resonance at {hertz:g} Hz, damping {z:g}"
-    unsure = f"+- {100 * part:g} %, damping {LESS_DAMPED * z:g} to {z:g}"
-    return f", resonance at {hertz:g} Hz ({unsure}: tuned loops stay stable)"
 
 
 def _stepped(flags: Machine, warnings: list[str]) -> tuple[list[ContinuousAxis], list[str], float]:
@@ -197,7 +182,11 @@ def _stepped(flags: Machine, warnings: list[str]) -> tuple[list[ContinuousAxis],
             raise ValueError(f"{path}: {error}") from None
         make = speed_axis if flags.takes == "speed" else position_axis
         axes.append(make(fit.gain, fit.time_constant, fit.delay))
-        words.append(f"{name}: {_fitted(fit, flags)}")
+        words.append(
+            f"{name}: gain {fit.gain / METRES[flags.length_unit]:.4g}, time constant "
+            f"{1e3 * fit.time_constant:.4g} ms, delay {1e3 * fit.delay:.3g} ms; "
+            f"left unexplained {1e6 * fit.residual:.3g} um RMS"
+        )
         if fit.explained < TRUSTED:
             warnings.append(
                 f"{path}: the model explains {100 * fit.explained:.3g} % of the record; "
@@ -205,14 +194,6 @@ def _stepped(flags: Machine, warnings: list[str]) -> tuple[list[ContinuousAxis],
             )
     # The period without the rounding of printed times: to a nanosecond
     return axes, words, round(dt, 9)
-
-
-def _fitted(fit: FittedStep, flags: Machine) -> str:
-    gain = fit.gain / METRES[flags.length_unit]
-    return (
-        f"gain {gain:.4g}, time constant {1e3 * fit.time_constant:.4g} ms, delay "
-        f"{1e3 * fit.delay:.3g} ms; left unexplained {1e6 * fit.residual:.3g} um RMS"
-    )
 
 
 def _each(name: str, values: Sequence[float], count: int) -> list[float] | None:
@@ -231,19 +212,6 @@ def _above_zero(name: str, values: Sequence[float], count: int) -> list[float] |
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"{_flag(name)}: needs to be above zero, received {value:g}")
     return each
-
-
-def _check_period(axes: Sequence[ContinuousAxis], names: Sequence[str], dt: float) -> None:
-    """Raise ValueError where the fastest mode of an axis is too fast for the sample period."""
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"period-ms: needs to be above zero, received {1e3 * dt:g}")
-    for name, axis in zip(names, axes, strict=True):
-        fastest = float(np.abs(np.linalg.eigvals(axis.A).imag).max())
-        if fastest * dt >= np.pi:
-            raise ValueError(
-                f"period-ms: the resonance of {name} at {fastest / (2 * np.pi):.4g} Hz needs more "
-                f"than two samples a period; {1e3 * dt:g} ms is too long"
-            )
 
 
 def _flag(name: str) -> str:

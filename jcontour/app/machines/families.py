@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 
 from jcontour.app.machines.machine import Fed, Machine
 from jcontour.app.machines.uncertainty import (
+    LATE,
     GainMember,
     Uncertainty,
     assumed,
@@ -33,8 +34,6 @@ from jcontour.sensors import Sensors, motors
 
 if TYPE_CHECKING:
     from jcontour.analysis.uncertain_loops import ResponseUncertainty
-
-LATE = 1  # most samples of delay that a model does not know: a drive's bus
 
 
 def late(plant: Plant, samples: float, most: int, inputs: int) -> Plant:

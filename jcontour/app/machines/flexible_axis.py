@@ -6,7 +6,7 @@ Motor positions and speeds are measured; stiffness and masses are known to a fif
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -16,9 +16,9 @@ from jaxtyping import Array, Float
 
 from jcontour.app.files.machine_file import ENCODER_RESOLUTION, KIND, FlexibleAxisFile
 from jcontour.app.files.schema import axis_names, one_or_each, per_axis
-from jcontour.app.machines.families import LATE, Member, MotorMeasuredMachine, late
+from jcontour.app.machines.families import Member, MotorMeasuredMachine, late
 from jcontour.app.machines.machine import Fed, MachineLimits, Usual
-from jcontour.app.machines.uncertainty import in_words
+from jcontour.app.machines.uncertainty import LATE, in_words
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 from jcontour.plants.encoders import FineEncoders
@@ -64,6 +64,10 @@ SIDE_BY_SIDE = Usual(
 @dataclass(frozen=True)
 class FlexibleMachine(MotorMeasuredMachine):
     """One flexible axis, or several side by side."""
+
+    kind: ClassVar[str] = "flexible axes"
+    observed: ClassVar[str] = "jcontour.app.designs.flexible_axis:AxisOffsetFreeLQG"
+    cascade: ClassVar[str] = "jcontour.app.designs.flexible_axis:AxisFeedforward"
 
     parameters: AxisParameters  # of the axes
     # [m] per count of the motors' encoders, of all axes or of each (m,)

@@ -19,7 +19,6 @@ from jcontour.app.files.machine_file import (
     FlexibleAxisFile,
     LimitFields,
     LinearMachineFile,
-    MeasuredFields,
     StatedFields,
     UncertaintyFields,
 )
@@ -81,10 +80,6 @@ def machine_from(content: bytes, name: str = "machine") -> Machine:
             f"file: needs a JSON object with A, B, C, dt, received {checks.shown(fields)}; "
             f"{checks.EXAMPLE}"
         )
-    return _machine(fields, name)
-
-
-def _machine(fields: dict[str, Any], name: str) -> Machine:
     fields = {"name": name, **fields}
     fields.pop("$schema", None)  # for editors
     if fields.get("kind") == KIND:
@@ -98,10 +93,8 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         plant = LinearPlant(A, B, C * metre, file.dt)
     except ValueError as error:
         raise MachineError(checks.line(error)) from None
-    _check_axes(plant)
-    _check_modes(A, B, C)
     model = with_input_delay(plant, file.known_delay)
-    _check_motion(model)
+    _check(A, B, C, model)
     limits = stated_limits(file.limits, metre, plant)
     count = file.encoder_resolution or ENCODER_RESOLUTION / metre
     return LinearMachine(
@@ -141,9 +134,7 @@ def linear_machine(
         MachineError: it has not two or three axes, one of them cannot be controlled, or what
             is stated is not of its axes.
     """
-    _check_axes(plant)
-    _check_modes(*(np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C)))
-    _check_motion(plant)
+    _check(*(np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C)), plant)
     limits = stated_limits(stated.limits, 1.0, plant)
     return LinearMachine(
         name,
@@ -173,27 +164,24 @@ def stated_uncertainty(given: Any, model: LinearPlant, statement: str = IN_FILE)
     return Uncertainty(fields.gain, fields.delay, _response(fields, model))
 
 
-def _lines(one: MeasuredFields | None, plant: LinearPlant) -> tuple[Lines, ...]:
-    """What a file says was measured behind each control; empty where it says nothing."""
-    if one is None:
-        return ()
-    fields = (one.hertz, one.real, one.imaginary, one.half_width)
-    if any(len(field) != plant.axes for field in fields):
-        raise MachineError(f"uncertainty.measured: needs {plant.axes} lists in every field")
-    lines = []
-    for axis in zip(*fields, strict=True):
-        if len({len(part) for part in axis}) > 1:
-            raise MachineError("uncertainty.measured: its lists need one number per frequency")
-        hertz, real, imaginary, half_width = (np.array(part) for part in axis)
-        if np.any(hertz <= 0) or np.any(hertz * plant.dt > 0.5) or np.any(half_width < 0):
-            raise MachineError("uncertainty.measured: needs frequencies up to half the sample rate")
-        lines.append(Lines(2 * np.pi * plant.dt * hertz, real + 1j * imaginary, half_width))
-    return tuple(lines)
+def _lines(axis: tuple[list[float], ...], dt: float) -> Lines:
+    """Frequencies, real and imaginary parts and half widths that were measured behind a control."""
+    if len({len(part) for part in axis}) > 1:
+        raise MachineError("uncertainty.measured: its lists need one number per frequency")
+    hertz, real, imaginary, half_width = (np.array(part) for part in axis)
+    if np.any(hertz <= 0) or np.any(hertz * dt > 0.5) or np.any(half_width < 0):
+        raise MachineError("uncertainty.measured: needs frequencies up to half the sample rate")
+    return Lines(2 * np.pi * dt * hertz, real + 1j * imaginary, half_width)
 
 
 def _response(fields: UncertaintyFields, plant: LinearPlant) -> ResponseUncertainty | None:
     """What a file says of the response; a frequency in rad per sample."""
-    given, lines = fields.response, _lines(fields.measured, plant)
+    given, one, lines = fields.response, fields.measured, ()
+    if one is not None:
+        columns = (one.hertz, one.real, one.imaginary, one.half_width)
+        if any(len(column) != plant.axes for column in columns):
+            raise MachineError(f"uncertainty.measured: needs {plant.axes} lists in every field")
+        lines = tuple(_lines(axis, plant.dt) for axis in zip(*columns, strict=True))
     if given is None:
         return ResponseUncertainty(np.ones(1), np.zeros((1, plant.axes)), lines) if lines else None
     name, highest = "uncertainty.response", 1 / (2 * plant.dt)
@@ -205,20 +193,6 @@ def _response(fields: UncertaintyFields, plant: LinearPlant) -> ResponseUncertai
             f"{name}.relative: needs {plant.axes} rows of {hertz.size} numbers of at least 0"
         )
     return ResponseUncertainty(2 * np.pi * plant.dt * hertz, relative.T, lines)
-
-
-def _check_axes(plant: LinearPlant) -> None:
-    if plant.axes not in (2, 3):
-        raise MachineError(
-            f"C: needs two or three outputs, the axes of the tool point, received {plant.axes}"
-        )
-
-
-def _check_motion(plant: LinearPlant) -> None:
-    try:
-        steady_motion(plant)
-    except ValueError as error:
-        raise MachineError(f"A, B, C: {error}") from None
 
 
 def stated_limits(given: LimitFields, metre: float, plant: LinearPlant) -> MachineLimits:
@@ -241,12 +215,17 @@ def stated_limits(given: LimitFields, metre: float, plant: LinearPlant) -> Machi
     )
 
 
-def _check_modes(A, B, C) -> None:
-    """Hautus: every mode that does not die out is reached by the input and shown by the output.
+def _check(A: np.ndarray, B: np.ndarray, C: np.ndarray, model: LinearPlant) -> None:
+    """Refuse other than two or three axes, modes out of reach, and a tool without steady motion.
 
-    Whatever the units of states, inputs and outputs: they are balanced.
+    Hautus: every mode that does not die out is reached by the input and shown by the output,
+    whatever the units of states, inputs and outputs: they are balanced.
     """
     n, inputs, outputs = len(A), B.shape[1], len(C)
+    if outputs not in (2, 3):
+        raise MachineError(
+            f"C: needs two or three outputs, the axes of the tool point, received {outputs}"
+        )
     whole = np.zeros((n + inputs + outputs,) * 2)
     whole[:n, :n], whole[:n, n : n + inputs], whole[n + inputs :, :n] = A, B, C
     whole[n : n + inputs, n + inputs :] = 1.0  # a loop: what ends in a dead end is not balanced
@@ -266,3 +245,7 @@ def _check_modes(A, B, C) -> None:
                 raise MachineError(
                     f"{name}: a mode of A that does not die out (eigenvalue {value:.6g}) {missing}"
                 )
+    try:
+        steady_motion(model)
+    except ValueError as error:
+        raise MachineError(f"A, B, C: {error}") from None

@@ -14,8 +14,9 @@ import numpy as np
 from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
-from jcontour.app.machines.families import LATE, Member, MotorMeasuredMachine, late
+from jcontour.app.machines.families import Member, MotorMeasuredMachine, late
 from jcontour.app.machines.machine import Fed, MachineLimits, Usual
+from jcontour.app.machines.uncertainty import LATE
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
@@ -41,11 +42,17 @@ ENCODER_RESOLUTION = 1e-6  # [m] per count
 LATE_AND_LIGHT = Member(f"{LATE} sample late, masses x 0.9", 1.0, 0.9, LATE)
 SCHEDULED = 9  # head positions whose models are interpolated
 MASSES = ("drive_mass_1", "drive_mass_2", "beam_mass", "head_mass")
+MOTORS = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])  # both drives follow y
 
 
 @dataclass(frozen=True)
 class GantryMachine(MotorMeasuredMachine):
     """A dual-drive gantry; contours are in its own coordinates, x = 0 at the centre of the beam."""
+
+    kind: ClassVar[str] = "gantry"
+    observed: ClassVar[str] = "jcontour.app.designs.gantry:GantryOffsetFreeLQ"
+    cascade: ClassVar[str] = "jcontour.app.designs.gantry:GantryCascade"
+    mass_known_to: ClassVar[float] = 0.1
 
     parameters: GantryParameters  # of the machine
     # of the guide ways of the head and of both drives, beside the viscous one; None without dry
@@ -105,7 +112,10 @@ class GantryMachine(MotorMeasuredMachine):
         """Models over the whole beam, the coupling of head and beam cancelled."""
         return self._scheduled(control_oriented)
 
-    mass_known_to: ClassVar[float] = 0.1
+    @property
+    def shares(self) -> np.ndarray:
+        """Both Y drives share the control of Y."""
+        return MOTORS
 
     @property
     def members(self) -> Sequence[Member]:

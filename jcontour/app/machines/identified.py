@@ -38,16 +38,17 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
     )
     edges = np.sqrt(kept[1:] * kept[:-1])
     rows = []
-    for one, each in zip(identified.axes, modes, strict=True):
+    for one, ringing in zip(identified.axes, modes, strict=True):
         width = np.interp(
             np.log(frequency), np.log(one.response.frequency), one.response.half_width
         )
-        for hertz, damping in each:
+        for hertz, damping in ringing:
             floor = moved(hertz, damping, Machine.resonance_uncertainty, frequency)
             width = np.maximum(width, floor)
         parts = np.split(np.minimum(width, UNKNOWN), np.searchsorted(frequency, edges))
         rows.append([float(f"{part.max():.3g}") for part in parts])
-    return {
+    each = [_lines(one) for one in identified.axes]
+    fields = {
         "name": name,
         "length_unit": "m",
         "control_unit": control_unit,
@@ -62,27 +63,23 @@ def machine_fields(identified: IdentifiedMachine, name: str, control_unit: str) 
             "gain": identified.gain,
             "delay": identified.late,
             "response": {"hertz": kept.tolist(), "relative": rows},
-            "measured": _measured(identified),
+            "measured": {field: [one[field] for one in each] for field in each[0]},
         },
         "encoder_resolution": counts(identified),
         "encoder_noise": noises(identified),
         "friction": _friction(identified),
-        **_note(identified),
     }
-
-
-def _note(identified: IdentifiedMachine) -> dict[str, str]:
-    """What moves a drive that takes a position beside its command, where that is much."""
+    # What moves a drive that takes a position beside its command, where that is much
     parts = []
     for one in identified.axes:
         left = float(np.sqrt(np.mean(one.fit.residual**2)))
         noise = np.hypot(one.resolution / np.sqrt(12), one.encoder_noise)
         if one.fit.model.integrators == 0 and left > DISTURBED * noise:
             parts.append(f"{1e6 * left:.3g} um on {one.name}")
-    if not parts:
-        return {}
-    moved = f"the record holds {', '.join(parts)} RMS that the command does not explain"
-    return {"note": f"{moved}: the machine has it beside every error of a run here"}
+    if parts:
+        unexplained = f"the record holds {', '.join(parts)} RMS that the command does not explain"
+        fields["note"] = f"{unexplained}: the machine has it beside every error of a run here"
+    return fields
 
 
 def _friction(identified: IdentifiedMachine) -> float | list[float] | None:
@@ -91,12 +88,6 @@ def _friction(identified: IdentifiedMachine) -> float | list[float] | None:
         return None
     each = [0.0 if one.friction is None else one.friction[0] for one in identified.axes]
     return each if any(each) else 0.0
-
-
-def _measured(identified: IdentifiedMachine) -> dict[str, list]:
-    """What the record shows without the models, by field and axis."""
-    each = [_lines(one) for one in identified.axes]
-    return {name: [one[name] for one in each] for name in each[0]}
 
 
 def _lines(axis: IdentifiedAxis) -> dict[str, list[float]]:

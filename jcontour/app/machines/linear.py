@@ -6,7 +6,7 @@ Their families differ in input gains and delays.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -49,6 +49,10 @@ USUAL = Usual(
 @dataclass(frozen=True)
 class LinearMachine(GainsAndDelayMachine):
     """A linear machine; lengths in metres."""
+
+    kind: ClassVar[str] = "linear"
+    observed: ClassVar[str] = "jcontour.app.designs.receding_horizon:RiccatiLQ"
+    cascade: ClassVar[str] = "jcontour.app.designs.simple_loops:ProportionalIntegralLoop"
 
     known_delay: int  # samples of it in the model
     encoder_resolution: float | np.ndarray  # [m] per count, of all axes or of each (m,)

@@ -6,7 +6,7 @@ A machine has a model that controllers may know, and a family of plants that it 
 import abc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Protocol
 
 import jax
 import numpy as np
@@ -76,6 +76,16 @@ class Machine(abc.ABC):
     axes: tuple[str, ...]  # names, one per output
     control_unit: str  # text for tables and figures
     limits: MachineLimits  # greatest magnitudes
+    kind: ClassVar[str] = ""  # as `Needs` of controllers name it
+    # `module:class` of its LQ controller behind an observer that finds the load, and of its cascade
+    # with feedforward: laws for any machine stand on them; empty without one
+    observed: ClassVar[str] = ""
+    cascade: ClassVar[str] = ""
+
+    @property
+    def shares(self) -> np.ndarray:
+        """(p, m) D of the drives' controls u = D v, where a law has as many as there are axes."""
+        return np.eye(self.model.inputs)
 
     @property
     def linear(self) -> Any:

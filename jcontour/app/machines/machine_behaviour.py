@@ -1,12 +1,12 @@
 """What a machine's model does: speeds that it reaches, how fast it settles, where it rings."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.linalg import matrix_balance, schur, solve_sylvester
 
+from jcontour.app.files.results.run_metrics import AxisSummary
 from jcontour.app.machines.machine import Machine
 from jcontour.app.plain_numbers import feed_words
 from jcontour.linear.plant import LinearPlant
@@ -44,10 +44,15 @@ def steady_response(model: LinearPlant, axis: int) -> Steady:
     N is what the modes at 1 have beside the 1, and R(1) is finite. The first term that is there
     decides: acceleration c N b / dt^2, speed c b / dt, or position R(1).
     """
-    A, b, c = _own_part(model, axis)
+    A, b, c = np.asarray(model.A), np.asarray(model.B)[:, axis], np.asarray(model.C)[axis]
+    linked = A != 0
+    own = _reached(linked, b != 0) & _reached(linked.T, c != 0)
+    A, b, c = A[np.ix_(own, own)], b[own], c[own]
     poles = np.linalg.eigvals(A)
     near = np.abs(poles - 1) < AT_ONE
-    slowest = _slowest(np.abs(poles[~near]))
+    sizes = np.abs(poles[~near])
+    dying = sizes[(sizes > 1e-6) & (sizes < 1 - AT_ONE)]
+    slowest = float(-1 / np.log(dying.max())) if dying.size else 0.0
     if np.any(np.abs(poles[~near]) > 1 + AT_ONE) or near.sum() > 2:
         return Steady("nothing", float("nan"), slowest)
     position, speed, acceleration = _terms(A, b, c)
@@ -61,26 +66,12 @@ def steady_response(model: LinearPlant, axis: int) -> Steady:
     return Steady("position", position, slowest)
 
 
-def _own_part(model: LinearPlant, axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, b, c of the states that the axis's control reaches and its position shows."""
-    A, b, c = np.asarray(model.A), np.asarray(model.B)[:, axis], np.asarray(model.C)[axis]
-    linked = A != 0
-    own = _reached(linked, b != 0) & _reached(linked.T, c != 0)
-    return A[np.ix_(own, own)], b[own], c[own]
-
-
 def _reached(linked: np.ndarray, first: np.ndarray) -> np.ndarray:
     """States that others reach; `linked[i, j]` where state j acts on state i."""
     states = first
     for _ in first:
         states = states | linked @ states
     return states
-
-
-def _slowest(sizes: np.ndarray) -> float:
-    """Time constant of the slowest mode of these magnitudes that dies out [samples]."""
-    dying = sizes[(sizes > 1e-6) & (sizes < 1 - AT_ONE)]
-    return float(-1 / np.log(dying.max())) if dying.size else 0.0
 
 
 def _terms(A: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[float, float, float]:
@@ -99,32 +90,12 @@ def _terms(A: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[float, float, f
     return float(position.real), float((c[:m] @ at_one).real), float((c[:m] @ N @ at_one).real)
 
 
-@dataclass(frozen=True)
-class AxisBehaviour:
-    """One axis of the model under its own control alone."""
-
-    name: str  # of the axis
-    # what lasts under one unit of control, to which the step response tends: speed [m/s per control
-    # unit], position [m per control unit] or acceleration [m/s^2 per control unit]; NaN where the
-    # axis runs away
-    gain: float
-    kind: Kind  # what that is: "speed", "position", "acceleration" or "nothing"
-    # time to 63 % of it, the delay left out [s]; NaN where that is not reached in a hundred
-    # thousand samples
-    rise: float
-    delay: int  # samples before anything moves
-    acceleration: float  # largest, per unit of control [m/s^2]
-    resonance: float  # frequency of the highest peak above a smooth curve [Hz]; NaN without one
-    time: np.ndarray  # of the step response [s]
-    step: np.ndarray  # position after a step of one unit [m]
-
-
-def axis_behaviours(machine: Machine) -> list[AxisBehaviour]:
+def axis_behaviours(machine: Machine) -> list[AxisSummary]:
     """Behaviour of every axis of the nominal model."""
     return [_behaviour(machine.model, k, name) for k, name in enumerate(machine.axes)]
 
 
-def questions(machine: Machine, behaviours: list[AxisBehaviour]) -> list[str]:
+def questions(machine: Machine, behaviours: list[AxisSummary]) -> list[str]:
     """What cannot be true of a machine, most likely a wrong unit."""
     dt, lines = machine.model.dt, []
     if not SHORTEST <= dt <= LONGEST:
@@ -187,15 +158,20 @@ def response(model: LinearPlant, axis: int, frequency: np.ndarray) -> np.ndarray
     )
 
 
-def _behaviour(model: LinearPlant, axis: int, name: str) -> AxisBehaviour:
-    dt = model.dt
-    steady = steady_response(model, axis)
+def step_response(model: LinearPlant, axis: int, steady: Steady) -> np.ndarray:
+    """Position after a step of one unit [m], sample by sample until the slowest mode is settled."""
     steps = int(np.clip(SETTLED * steady.slowest, STEPS, MOST_STEPS))
     A, b, c = np.asarray(model.A), np.asarray(model.B)[:, axis], np.asarray(model.C)[axis]
     x, step = np.zeros(len(A)), np.empty(steps + 1)
     for k in range(steps + 1):
         step[k] = c @ x
         x = A @ x + b
+    return step
+
+
+def _behaviour(model: LinearPlant, axis: int, name: str) -> AxisSummary:
+    dt, steady = model.dt, steady_response(model, axis)
+    step = step_response(model, axis, steady)
     speed = np.diff(step) / dt
     begin = np.abs(step[: STEPS + 1])
     moved = np.flatnonzero(begin > 1e-9 * begin.max())
@@ -204,21 +180,23 @@ def _behaviour(model: LinearPlant, axis: int, name: str) -> AxisBehaviour:
     seen = {"position": step, "speed": speed}.get(steady.kind, changes[1:])
     above = np.flatnonzero(np.abs(seen) >= (1 - np.exp(-1)) * abs(steady.gain))
     rise = dt * max(float(above[0]) - delay, 0.0) if above.size else float("nan")
-    time = dt * np.arange(len(step))
-    most, where = float(np.abs(changes).max()), _resonance(model, axis)
-    return AxisBehaviour(name, steady.gain, steady.kind, rise, delay, most, where, time, step)
-
-
-def _resonance(model: LinearPlant, axis: int) -> float:
-    """Frequency of a lightly damped mode that this control drives [Hz]; NaN without one."""
+    # Lightly damped modes that this control drives: the highest peak above a smooth curve
     poles = np.linalg.eigvals(np.asarray(model.A))
     turning = poles[(np.abs(poles.imag) > 1e-6) & (np.abs(poles) > 1e-6) & (poles.imag > 0)]
-    best, most = float("nan"), PEAK
+    resonance, most = float("nan"), PEAK
     for pole in turning:
-        hertz = float(np.angle(pole)) / (2 * np.pi * model.dt)
+        hertz = float(np.angle(pole)) / (2 * np.pi * dt)
         beside = np.array([0.8, 1.0, 1.25]) * hertz
         low, peak, high = np.abs(response(model, axis, beside))
         rises = peak / np.sqrt(low * high)
         if rises > most:
-            best, most = hertz, float(rises)
-    return best
+            resonance, most = hertz, float(rises)
+    return AxisSummary(
+        name=name,
+        kind=steady.kind,
+        gain=steady.gain,
+        rise=rise,
+        delay=delay,
+        acceleration=float(np.abs(changes).max()),
+        resonance=resonance,
+    )

@@ -12,7 +12,8 @@ from rich.console import Console
 import jcontour.app.machines
 from jcontour.app.catalogue.choices import machine_named
 from jcontour.app.files import run_folder
-from jcontour.app.files.results.machine_results import AxisSummary, MachineResult
+from jcontour.app.files.results.machine_results import MachineResult
+from jcontour.app.files.results.run_metrics import AxisSummary
 from jcontour.app.files.results.stored import to_json
 from jcontour.app.flags.machines import Machine as Flags
 from jcontour.app.machines.built import built_machine
@@ -22,6 +23,8 @@ from jcontour.app.machines.machine_behaviour import (
     axis_behaviours,
     questions,
     response,
+    steady_response,
+    step_response,
 )
 from jcontour.app.plain_numbers import MM_PER_MIN, feed_words
 from jcontour.app.reports import tables
@@ -60,7 +63,7 @@ def command(flags: Flags) -> int:
     if text:
         path.parent.mkdir(parents=True, exist_ok=True)
         run_folder.write(path, lambda temporary: temporary.write_text(text))
-    _draw(machine, picture)
+    _draw(machine, result.axes, picture)
     if flags.json:
         print(run_folder.json_text(to_json(result)))
         return 0
@@ -112,10 +115,7 @@ def _result(
         description=machine.description() | {"Limits": ("; ".join(stated) or "none is stated")},
         family=list(machine.family_names),
         words=words,
-        axes=[
-            AxisSummary(**{name: getattr(one, name) for name in AxisSummary.__dataclass_fields__})
-            for one in axes
-        ],
+        axes=axes,
         warnings=[*warnings, *questions(machine, axes)],
     )
 
@@ -126,9 +126,8 @@ def _each(values: np.ndarray) -> str:
     return ", ".join(texts[:1] if len(set(texts)) == 1 else texts)
 
 
-def _draw(machine: Machine, path: Path) -> None:
-    # Speed after a step of the control; magnitude and phase from control to position
-    behaviours = axis_behaviours(machine)
+def _draw(machine: Machine, behaviours: list[AxisSummary], path: Path) -> None:
+    """Speed after a step of the control; magnitude and phase from control to position."""
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     panels = figure.subplot_mosaic([["step", "size"], ["step", "phase"]])
     step, size, phase = panels["step"], panels["size"], panels["phase"]
@@ -137,10 +136,11 @@ def _draw(machine: Machine, path: Path) -> None:
     for k, one in enumerate(behaviours):
         colour = CYCLE[k % len(CYCLE)]
         rise = one.rise if np.isfinite(one.rise) and one.rise > 0 else 100 * dt
-        last = min(int((SHOWN * rise) / dt) + one.delay + 3, len(one.step) - 2)
-        speed = np.diff(one.step)[:last] / dt
-        shown = 1e3 * one.step[:last] if one.kind == "position" else speed / MM_PER_MIN
-        step.plot(1e3 * one.time[:last], shown, color=colour, label=one.name)
+        moved = step_response(machine.model, k, steady_response(machine.model, k))
+        last = min(int((SHOWN * rise) / dt) + one.delay + 3, len(moved) - 2)
+        speed = np.diff(moved)[:last] / dt
+        shown = 1e3 * moved[:last] if one.kind == "position" else speed / MM_PER_MIN
+        step.plot(1e3 * dt * np.arange(last), shown, color=colour, label=one.name)
         values = response(machine.model, k, frequency)
         size.plot(frequency, 1e3 * np.abs(values), color=colour)
         phase.plot(frequency, np.degrees(np.unwrap(np.angle(values))), color=colour)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from jcontour.app.files.results.run_metrics import AxisSummary
 from tuning.response_loop import ResponseLoop
 
 
@@ -72,22 +73,6 @@ class ResponseResult:
     sensitivity: float  # Ms on the lines, at the frequency `sensitive_at` [Hz]
     sensitive_at: float
     deviated: float  # Ms with one deviation of every line against the loop
-
-
-@dataclass(frozen=True, kw_only=True)
-class AxisSummary:
-    """One axis of the nominal model, under one unit of its own control."""
-
-    name: str
-    # what settles: "speed", "position", "acceleration", or "nothing" of an axis that runs away
-    kind: str
-    gain: float  # the value to which it settles [m/s, m, m/s^2]; NaN of nothing
-    # time to 63 % of it, the delay left out [s]; NaN where it takes longer than a hundred thousand
-    # samples
-    rise: float
-    delay: int  # samples before anything moves
-    acceleration: float  # largest [m/s^2]
-    resonance: float  # of its most ringing mode [Hz]; NaN without one
 
 
 @dataclass(frozen=True, kw_only=True)

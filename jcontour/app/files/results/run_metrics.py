@@ -100,6 +100,22 @@ class MachineSummary:
     nonsmooth_effects: str  # what the simulated machine has and the one that is tuned on has not
 
 
+@dataclass(frozen=True, kw_only=True)
+class AxisSummary:
+    """One axis of the nominal model, under one unit of its own control."""
+
+    name: str
+    # what settles: "speed", "position", "acceleration", or "nothing" of an axis that runs away
+    kind: str
+    gain: float  # the value to which it settles [m/s, m, m/s^2]; NaN of nothing
+    # time to 63 % of it, the delay left out [s]; NaN where it takes longer than a hundred thousand
+    # samples
+    rise: float
+    delay: int  # samples before anything moves
+    acceleration: float  # largest [m/s^2]
+    resonance: float  # of its most ringing mode [Hz]; NaN without one
+
+
 @dataclass(frozen=True)
 class ContourRead:
     """Summary of a contour as it was read, SI units."""
