@@ -56,6 +56,7 @@ class TuneState:
     # smallest spectral radius of the frozen loops on the way
     least_radius: float = np.inf
     least_z: np.ndarray = field(default_factory=lambda: np.zeros(0))  # coordinates of that
+    looks: int = 0  # how often the loops were looked at for that alone, without a run
     done: bool = False  # whether the run has ended
     # coordinates that the first descent begins at; those of the start when empty
     begin: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -269,7 +270,7 @@ def _met(descent: Descent, state: TuneState, tolerance: float) -> int | None:
 def _stabilised(problem, start, state: TuneState, z, point: Point):
     """State, first point of the descent and its outcome, once it is sound; else as they were."""
     history, latest = list(state.history), point
-    least, least_z = state.least_radius, state.least_z
+    least, least_z, looks = state.least_radius, state.least_z, state.looks
 
     def evaluate(there) -> Point:
         point = evaluate_point(problem, start, there)
@@ -277,7 +278,8 @@ def _stabilised(problem, start, state: TuneState, z, point: Point):
         return point
 
     def of_loops(there) -> Measured:
-        nonlocal latest, least, least_z
+        nonlocal latest, least, least_z, looks
+        looks += 1
         radii, slopes = loop_radii(problem, start, there)
         largest = float(radii.max())
         if np.exp(largest) < least:
@@ -298,7 +300,7 @@ def _stabilised(problem, start, state: TuneState, z, point: Point):
             end = stabilised(z, measure)
             z = end.z
     assert end is not None
-    state = replace(state, history=history, least_radius=least, least_z=least_z)
+    state = replace(state, history=history, least_radius=least, least_z=least_z, looks=looks)
     return (replace(state, stabilised=True), z, latest) if end.sound else (state, first, point)
 
 

@@ -219,7 +219,8 @@ def looped(loop: Callable, steps: int) -> float:
     plant, r = (jax.tree.map(np.asarray, part) for part in (case.plant, member(case.references, 0)))
     start = np.asarray(case.plant.initial_state(r.position[0], r.start_increment)).reshape(-1, 1)
     weights = (1.0, 5.0, 1e-10)
-    run = (plant.A, plant.B, plant.C, r.tangent, r.position, weights, steps, PREVIEW, start)
+    machine, path = (plant.A, plant.B, plant.C), (r.tangent, r.position)
+    run = machine, path, weights, steps, PREVIEW, start
     return min(seconds(lambda: loop(*run)) for _ in range(3))
 
 

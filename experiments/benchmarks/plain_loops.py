@@ -15,7 +15,8 @@ def plain_loop(product: Callable, inverse: Callable) -> Callable:
     A Riccati sweep over the horizon comes before every step (McNab & Tsao, eqs. 11-13).
     """
 
-    def run(A, B, C, tangent, y_d, weights, steps, preview, x):
+    def run(machine, path, weights, steps, preview, x):
+        (A, B, C), (tangent, y_d) = machine, path
         n, m = A.shape[0], C.shape[0]
         alpha, beta, rho = weights
         At, Bt, Ct = np.ascontiguousarray(A.T), np.ascontiguousarray(B.T), np.ascontiguousarray(C.T)

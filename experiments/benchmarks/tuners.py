@@ -8,9 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from itertools import groupby, product
-from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -21,9 +19,6 @@ from experiments.tables import Column, Table
 from jcontour.app.flags.others import Bench
 from jcontour.app.flags.tuning import Tune
 from jcontour.app.runs.tuning.problem import tuning_run
-from jcontour.controller import Controller
-from jcontour.plant import Plant
-from tuning.loops import Looked, Loops
 from tuning.parameters import Chart, Weights
 from tuning.point import FEASIBLE, evaluate_values
 from tuning.problem import THOROUGH, Problem
@@ -118,7 +113,8 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> list[TunerRow]:
     for name in flags.searches:
         if name not in known:
             raise ValueError(f"searches: needs names of {', '.join(known)}, received {name}")
-    problems = {name: problem_of(name) for name in PROBLEMS}
+    runs = {name: tuning_run(flags) for name, flags in PROBLEMS.items()}
+    problems = {name: (run.problem, run.start) for name, run in runs.items()}
 
     def run(seed: int, name: str, method: str, budget: int) -> list[Trace]:
         search = _searched(*problems[name], method, seed, budget)
@@ -135,40 +131,6 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> list[TunerRow]:
         some = [trace for trace in traces if trace.problem == name]
         rows += _summed_up(Chart(problem.space, start).coordinates().size, some)
     return rows
-
-
-class CountedLoops(Loops):
-    """Other loops, and a count of looks at them."""
-
-    loops: Loops
-    tally: list[None] = eqx.field(static=True)
-
-    def matrices(self, plants: Plant, controller: Controller) -> Any:
-        """Those of the loops."""
-        return self.loops.matrices(plants, controller)
-
-    def look(self, matrices: Any, slopes: Any) -> tuple[Looked, Looked]:
-        """What the loops show; counted."""
-        self.tally.append(None)
-        return self.loops.look(matrices, slopes)
-
-
-def with_counted_loops(problem: Problem) -> Problem:
-    """The same problem, whose looks at its loops are counted."""
-    if problem.loops is None:
-        return problem
-    return replace(problem, loops=CountedLoops(problem.loops, []))
-
-
-def looks_at(problem: Problem) -> int:
-    """Number of looks at its loops so far; 0 for a problem without."""
-    return len(problem.loops.tally) if isinstance(problem.loops, CountedLoops) else 0
-
-
-def problem_of(name: str) -> tuple[Problem, Weights]:
-    """Problem and start of a name; looks at its loops are counted."""
-    run = tuning_run(PROBLEMS[name])
-    return with_counted_loops(run.problem), run.start
 
 
 def measure_of(problem: Problem, start: Weights) -> Callable[[Float[np.ndarray, " d"]], Tried]:
@@ -222,11 +184,10 @@ def _ours(problem: Problem, start, begin, seed: int, budget: int) -> Search:
     values: list[float] = []
     spent: list[float] = []
     while not state.done and (not spent or spent[-1] < budget):
-        looks = looks_at(problem)
+        looks = state.looks
         state = advance(problem, weights, effort, state)
         rows = state.history[len(values) :]
-        alone = max(0, looks_at(problem) - looks - len(rows))  # at loops without runs
-        before = (spent[-1] if spent else 0.0) + WITH_SLOPES * alone
+        before = (spent[-1] if spent else 0.0) + WITH_SLOPES * (state.looks - looks)
         values += [
             np.inf if one.diverged or one.violation > FEASIBLE else one.objective for one in rows
         ]

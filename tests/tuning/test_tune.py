@@ -16,7 +16,8 @@ from jcontour.motion.references import along, from_samples
 from jcontour.plants.delays import Delayed
 from jcontour.plants.linear_machines import bridgeport
 from jcontour.simulation.evaluation import stack_plants, stack_references
-from tuning.descents.stabilise import TRIES
+from tuning import tuner
+from tuning.descents.stabilise import TRIES, loop_radii
 from tuning.objectives import (
     AtMost,
     Outcome,
@@ -191,11 +192,14 @@ def test_a_descent_that_is_cut_short_outside_ends_inside(limited):
 FEW = replace(THOROUGH, starts=1, scatter=2, spread=0.1, steps=20)
 
 
-def test_an_unstable_start_is_stabilised(proportional_problem, loop_peaks):
+def test_an_unstable_start_is_stabilised(proportional_problem, loop_peaks, monkeypatch):
+    looks = []
+    monkeypatch.setattr(tuner, "loop_radii", lambda *at: looks.append(at) or loop_radii(*at))
     problem = proportional_problem(
         AtMost(peak_sensitivity=1.5), mean_tracking_error, loops=loop_peaks
     )
     states = run(problem, FAR, FEW, save=True)
+    assert states[-1].looks == len(looks) > 0
     tuned = result(problem, FAR, states[-1])
     assert tuned.stabilised and tuned.feasible and tuned.diverged_starts == 0
     assert float(tuned.outcome.loops.spectral_radius.max()) < 1

@@ -6,7 +6,6 @@ Nothing is asserted. Every number has something measured beside it.
 import os
 import platform
 import time
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
@@ -31,17 +30,6 @@ UNKNOWN = "unknown"
 RECORDS = ("whole_way", "public")  # parts in a folder of `experiments/benchmarks`
 
 
-@dataclass(frozen=True)
-class Hardware:
-    """The computer that the numbers belong to, and how busy it was before."""
-
-    cpu: str
-    devices: str
-    load: str
-    versions: str
-    date: str
-
-
 def command(flags: Bench) -> int:
     """Measure and print one part.
 
@@ -61,20 +49,19 @@ def command(flags: Bench) -> int:
     with progress.status("measuring: keep the computer quiet"):
         result = part.measured(flags, lambda line: tables.say(progress, line))
     rates = part.rates(result) if hasattr(part, "rates") else {}
-    named = to_json(machine)
     if flags.keep is not None and rates:
-        stored_results.add(flags.keep, flags.what, named, rates)
+        stored_results.add(flags.keep, flags.what, machine, rates)
     if flags.json:
         numbers = to_json(result)
         rows = {"rows": numbers} if isinstance(numbers, list) else numbers
-        print(run_folder.json_text({"machine": named, **rows}))
+        print(run_folder.json_text({"machine": machine, **rows}))
         return 0
     console = tables.console_of()
-    changes = stored_results.changes(flags.what, named, rates)
+    changes = stored_results.changes(flags.what, machine, rates)
     if changes is not None:
         console.print(changes)
     in_checkout("bench", "experiments.tables").show(console, part.tables(result))
-    rows = [f"{name:<10} {value}" for name, value in vars(machine).items()]
+    rows = [f"{name:<10} {value}" for name, value in machine.items()]
     tables.say(console, *rows, f"All numbers for a program: jcontour bench {flags.what} --json")
     return 0
 
@@ -84,8 +71,8 @@ def place_of(part: str) -> str:
     return f"experiments.benchmarks.{'records.' if part in RECORDS else ''}{part}"
 
 
-def hardware() -> Hardware:
-    """The computer that this process runs on."""
+def hardware() -> dict[str, str]:
+    """The computer that the numbers belong to, and how busy it was before."""
     import jax
 
     load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else UNKNOWN
@@ -97,10 +84,10 @@ def hardware() -> Hardware:
         lines = processors.read_text().splitlines()
         models = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
         model = next(iter(models), model)
-    return Hardware(
-        cpu=f"{model}, {os.cpu_count()} cores",
-        devices=f"{len(devices)} x {devices[0].device_kind} ({devices[0].platform})",
-        load=f"{load} (one minute average, before)",
-        versions=", ".join([*named, f"Python {platform.python_version()}"]),
-        date=time.strftime("%Y-%m-%d"),
-    )
+    return {
+        "cpu": f"{model}, {os.cpu_count()} cores",
+        "devices": f"{len(devices)} x {devices[0].device_kind} ({devices[0].platform})",
+        "load": f"{load} (one minute average, before)",
+        "versions": ", ".join([*named, f"Python {platform.python_version()}"]),
+        "date": time.strftime("%Y-%m-%d"),
+    }

@@ -163,7 +163,7 @@ class Seen(Controller):
     gain: float
     preview: int = eqx.field(static=True)
     weights = (Weight("gain", "A/m"),)
-    needs = Needs("a linear machine of two axes", LinearMachine)
+    needs = Needs("a linear machine of two axes", "linear")
 
     @classmethod
     def for_model(cls, model, preview):

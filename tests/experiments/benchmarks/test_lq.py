@@ -28,7 +28,8 @@ def test_the_loops_make_the_run_that_is_timed():
     start = np.asarray(
         case.plant.initial_state(reference.position[0], reference.start_increment)
     ).reshape(-1, 1)
-    run = plant.A, plant.B, plant.C, reference.tangent, reference.position, WEIGHTS, 20, 4, start
+    machine, path = (plant.A, plant.B, plant.C), (reference.tangent, reference.position)
+    run = machine, path, WEIGHTS, 20, 4, start
     wanted = jax.jit(case.metrics)(np.array(WEIGHTS))
     for loop in (numpy_loop, plain_loop(written_out.py_func, closed_form.py_func)):
         np.testing.assert_allclose(

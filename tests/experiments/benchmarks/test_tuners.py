@@ -1,6 +1,7 @@
 """Best values so far, and what a table says of them."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,16 +12,13 @@ from experiments.benchmarks.search_methods import METHODS, Spent
 from experiments.benchmarks.tuners import (
     LOST,
     PROBLEMS,
-    looks_at,
     measure_of,
     measured,
-    problem_of,
-    with_counted_loops,
 )
 from experiments.tables import show
 from jcontour.app.flags.others import Bench
 from jcontour.app.reports.tables import console_of
-from tuning.loops import Looked, Loops
+from jcontour.app.runs.tuning.problem import tuning_run
 from tuning.objectives import AtMost
 from tuning.parameters import Chart, Positive
 from tuning.point import Evaluated, evaluate_point
@@ -57,8 +55,10 @@ def small(monkeypatch, proportional_problem):
     """Two gains on a circle, the only problem."""
     problem = proportional_problem(AtMost(rms_increment=2e-5, rms_tracking_error=5e-4))
     start = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
-    monkeypatch.setattr(tuners, "PROBLEMS", ("gains",))
-    monkeypatch.setattr(tuners, "problem_of", lambda name: (problem, start))
+    monkeypatch.setattr(tuners, "PROBLEMS", {"gains": None})
+    monkeypatch.setattr(
+        tuners, "tuning_run", lambda flags: SimpleNamespace(problem=problem, start=start)
+    )
 
 
 @pytest.mark.slow
@@ -82,14 +82,12 @@ def test_looks_without_a_run_count_too(monkeypatch):
     """A start that is stabilised looks at its loops before the machine runs."""
 
     def advance(problem, weights, effort, state):
-        for _ in range(3 if not state.history else 1):
-            problem.loops.look(np.zeros(()), np.zeros(()))
+        looks = 0 if state.history else 2
         row = Evaluated(0, np.zeros(1), 5.0 - len(state.history), -1.0, None, False)
-        return replace(state, history=[*state.history, row])
+        return replace(state, history=[*state.history, row], looks=state.looks + looks)
 
     monkeypatch.setattr(tuners, "advance", advance)
-    space, start = {"x": Positive()}, {"x": 1.0}
-    problem = with_counted_loops(Posed(Silent(), space))
+    problem, start = Posed({"x": Positive()}), {"x": 1.0}
     search = tuners._ours(problem, start, np.zeros(1), 0, 16)
     assert search == ([5.0, 4.0, 3.0], [9.0, 12.0, 15.0])
 
@@ -101,26 +99,15 @@ def test_scattered_points_without_slopes_count_once(monkeypatch):
         return replace(state, history=[*state.history, row])
 
     monkeypatch.setattr(tuners, "advance", advance)
-    problem = Posed(None, {"x": Positive()})
+    problem = Posed({"x": Positive()})
     search = tuners._ours(problem, {"x": jnp.asarray(1.0)}, np.zeros(1), 0, 6)
     assert search == ([5.0, 4.0, 3.0, 2.0], [3.0, 4.0, 5.0, 6.0])
 
 
-class Silent(Loops):
-    """Loops that show nothing."""
-
-    def matrices(self, plants, controller):
-        return controller
-
-    def look(self, matrices, slopes):
-        return Looked(), Looked()
-
-
 @dataclass(frozen=True)
 class Posed:
-    """A problem as far as its loops and its space."""
+    """A problem as far as its space."""
 
-    loops: Loops | None
     space: dict
 
 
@@ -169,7 +156,8 @@ def test_a_method_comes_near_the_lowest_point_of_a_bowl_and_stops_when_its_budge
 
 @pytest.mark.slow
 def test_values_are_those_of_the_tuner():
-    problem, start = problem_of("square, increment limited")
+    run = tuning_run(PROBLEMS["square, increment limited"])
+    problem, start = run.problem, run.start
     z = np.asarray(Chart(problem.space, start).coordinates())
     measure = measure_of(problem, start)
     for away in (0.0, 0.5):
@@ -199,22 +187,3 @@ def test_points_that_diverge_are_worse_the_farther_they_leave(monkeypatch, depar
 
 def test_there_are_six_problems_of_2_to_14_weights():
     assert len(PROBLEMS) == 6
-
-
-class Doubled(Silent):
-    """Loops that show twice what they are given."""
-
-    def matrices(self, plants, controller):
-        return controller + plants
-
-    def look(self, matrices, slopes):
-        return 2 * matrices, 2 * slopes
-
-
-def test_every_look_counts_and_shows_the_same():
-    problem = with_counted_loops(Posed(Doubled(), {}))
-    assert looks_at(problem) == 0 and problem.loops.matrices(1, 2) == 3
-    for _ in range(2):
-        assert problem.loops.look(np.array(3.0), np.array(4.0)) == (6.0, 8.0)
-    assert looks_at(problem) == 2 and looks_at(with_counted_loops(Posed(Doubled(), {}))) == 0
-    assert looks_at(with_counted_loops(Posed(None, {}))) == 0

@@ -94,14 +94,7 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
         raise ValueError(f"along: the run has {', '.join(named)}; received {along!r}")
     code, recorded = exported_code(loop, named[along], flags.single)
     law, unit = code.law, loop.machine.control_unit
-    margins, warnings = _margins(flags.run)
-    warnings += [] if law.exact else [LOOSE]
-    if isinstance(loop.controller, BacklashCompensation):
-        gaps = in_words(np.asarray(loop.controller.gap))
-        warnings.append(
-            f"the code does not compensate the backlash, {gaps}: set it in the control that hands "
-            "over the points, as BACKLASH of a joint of LinuxCNC"
-        )
+    margins, warnings = _margins(flags.run, loop, law)
     limits = limit_lines(code.limits, loop)
     machine, version = loop.machine, run_folder.version_of("jcontour") or "unknown"
     seen = "positions" if loop.fed == "outputs" else "the state"
@@ -111,7 +104,7 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
         f"Control: {unit}.",
         f"Family: {'; '.join(machine.family_names)}.",
         *limits,
-        *margins,
+        margins,
         *warnings,
     ]
     code = Code(law, code.limits, notes, unit, code.precision)
@@ -180,7 +173,12 @@ def exported_code(loop: StoredLoop, job: Task, single: bool = False) -> tuple[Co
     y, u = np.asarray(jax.vmap(row)(rollout.measurement)), np.asarray(rollout.control)
     limit = np.inf if machine.limits.control is None else machine.limits.control
     limits = np.broadcast_to(limit, u.shape[1]).astype(float)
-    places = _places(loop, jax.tree.map(lambda leaf: leaf[0], rollout.measurement))
+    # Positions of the axes in a measurement
+    first = jax.tree.map(lambda leaf: leaf[0], rollout.measurement)
+    numbers, unravel = ravel_pytree(first)
+    positions = machine.positions(loop.fed)
+    places = jax.jacobian(lambda flat: positions(unravel(flat)))(jnp.zeros_like(numbers))
+    places = np.asarray(places)
     precision = "single" if single else "double"
     try:
         law = streaming_law(controller, machine.nominal(loop.fed), places, limits, precision)
@@ -220,13 +218,6 @@ def linuxcnc_components(
         display,
         stock_pids(machine.model, np.full(axes, machine.largest_control)) if stock else (),
     )
-
-
-def _places(loop: StoredLoop, measurement: object) -> Float[np.ndarray, "m q"]:
-    """Positions of the axes in a measurement."""
-    numbers, unravel = ravel_pytree(measurement)
-    positions = loop.machine.positions(loop.fed)
-    return np.asarray(jax.jacobian(lambda flat: positions(unravel(flat)))(jnp.zeros_like(numbers)))
 
 
 def _stated(
@@ -308,17 +299,24 @@ def _check_file(recorded: Recorded, unit: str) -> str:
     return "\n".join([",".join(names), *lines]) + "\n"
 
 
-def _margins(folder: Path) -> tuple[list[str], list[str]]:
-    """Margins of a tuned run in words, and what speaks against loading its weights."""
-    if run_folder.read_json(folder, run_folder.SETTINGS).get("command") != "tune":
-        return ["Margins: not known, the run was one of `simulate`."], []
+def _margins(folder: Path, loop: StoredLoop, law: StreamingLaw) -> tuple[str, list[str]]:
+    """Margins of a tuned run in words, and what speaks against loading its weights as code."""
+    against = [] if law.exact else [LOOSE]
+    if isinstance(loop.controller, BacklashCompensation):
+        gaps = in_words(np.asarray(loop.controller.gap))
+        against.append(
+            f"the code does not compensate the backlash, {gaps}: set it in the control that hands "
+            "over the points, as BACKLASH of a joint of LinuxCNC"
+        )
+    if not loop.tuned:
+        return "Margins: not known, the run was one of `simulate`.", against
     tuned = read_result(folder, TunedResult)
+    if not tuned.verdict.usable:
+        against.insert(0, f"the run ended with {tuned.verdict.heading}")
     margins = tuned.margins
     gains = "; ".join(f"{low:.3g} to {high:.3g}" for low, high in margins.gain_range)
     peak = "" if margins.sensitivity is None else f", Ms {margins.sensitivity:.3g} in the family"
-    line = f"Margins: gain {gains}, delay {margins.delay_samples} samples{peak}."
-    against = [] if tuned.verdict.usable else [f"the run ended with {tuned.verdict.heading}"]
-    return [line], against
+    return f"Margins: gain {gains}, delay {margins.delay_samples} samples{peak}.", against
 
 
 def show_exported(result: ExportedResult, console: Console) -> None:
